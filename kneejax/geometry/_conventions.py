@@ -1,0 +1,112 @@
+"""Four ways in which laboratories write down the same pose.
+
+Every convention uses the same six names by meaning (flexion, adduction, internal rotation,
+anterior, superior, lateral), in rad and mm; they differ in the axes along which translations are
+measured and in the order of rotations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import jax.numpy as jnp
+from jax import Array
+from jax.typing import ArrayLike
+
+from kneejax.geometry import _vectors as v
+from kneejax.geometry._pose import Placement, Pose, angles_from_rotation, rotation_from_angles
+
+
+def _from_femoral(c: Array) -> Placement:
+    return Placement(rotation_from_angles(c[0], c[1], c[2]), v.vector(c[3:]))
+
+
+def _to_femoral(place: Placement) -> tuple[Array, ...]:
+    return *angles_from_rotation(place.rotation), *place.translation
+
+
+def _from_grood_suntay(c: Array) -> Placement:
+    flexion, adduction, _, anterior, superior, lateral = c
+    # In axes turned by flexion the floating axis is X and the tibia's long axis (0, cos, sin).
+    floating = (anterior, superior * jnp.cos(adduction), lateral + superior * jnp.sin(adduction))
+    return Placement(
+        rotation_from_angles(c[0], c[1], c[2]), v.rotate(v.rotation_z(-flexion), floating)
+    )
+
+
+def _to_grood_suntay(place: Placement) -> tuple[Array, ...]:
+    flexion, adduction, rotation = angles_from_rotation(place.rotation)
+    x, y, z = v.rotate(v.rotation_z(flexion), place.translation)
+    return flexion, adduction, rotation, x, y / jnp.cos(adduction), z - y * jnp.tan(adduction)
+
+
+def _from_tibial(c: Array) -> Placement:
+    rotation = rotation_from_angles(c[0], c[1], c[2])
+    return Placement(rotation, v.rotate(rotation, v.vector(c[3:])))
+
+
+def _to_tibial(place: Placement) -> tuple[Array, ...]:
+    back = place.turn_back(place.translation)
+    return *angles_from_rotation(place.rotation), *back
+
+
+def _from_femur_in_tibia(c: Array) -> Placement:
+    return Placement(
+        rotation_from_angles(-c[0], -c[1], -c[2]), v.vector(c[3:])
+    ).inverse()
+
+
+def _to_femur_in_tibia(place: Placement) -> tuple[Array, ...]:
+    femur = place.inverse()
+    flexion, adduction, rotation = angles_from_rotation(femur.rotation)
+    return -flexion, -adduction, -rotation, *femur.translation
+
+
+#: Convention name -> (six coordinates to a placement, a placement to six coordinates).
+CONVENTIONS: dict[
+    str, tuple[Callable[[Array], Placement], Callable[[Placement], tuple[Array, ...]]]
+] = {
+    "femoral": (_from_femoral, _to_femoral),
+    "grood-suntay": (_from_grood_suntay, _to_grood_suntay),
+    "tibial": (_from_tibial, _to_tibial),
+    "femur-in-tibia": (_from_femur_in_tibia, _to_femur_in_tibia),
+}
+
+
+def convert(coordinates: ArrayLike, source: str, target: str) -> Array:
+    """Express poses in another convention.
+
+    Args:
+        coordinates: shape `(6, ...)`: flexion, adduction, internal rotation in rad, then
+            anterior, superior, lateral in mm, as `source` defines them.
+        source: one of `CONVENTIONS`: `femoral` (translation of the tibia's origin in femur axes;
+            the package's own), `grood-suntay` (translations along the femoral medial-lateral,
+            the floating and the tibial long axis, which are not orthogonal), `tibial`
+            (translation in tibia axes; paper 3), `femur-in-tibia` (the femur's origin in tibia
+            axes and its own rotation sequence, signs chosen so that flexion, varus and internal
+            rotation stay positive; paper 1).
+        target: likewise.
+
+    Returns:
+        The six coordinates as `target` defines them, shape `(6, ...)`.
+
+    Raises:
+        KeyError: if a convention is unknown.
+
+    Source: Grood and Suntay (1983); paper 1, Eq 1; paper 3, section 3.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> pose = jnp.array([0.5, 0.1, 0.0, 1.0, 2.0, 3.0])
+        >>> gs = convert(pose, "femoral", "grood-suntay")
+        >>> bool(jnp.allclose(convert(gs, "grood-suntay", "femoral"), pose))
+        True
+    """
+    read, _ = CONVENTIONS[source]
+    _, write = CONVENTIONS[target]
+    return jnp.stack(jnp.broadcast_arrays(*write(read(jnp.asarray(coordinates, float)))))
+
+
+def convert_pose(pose: Pose, target: str) -> Array:
+    """The six coordinates of a pose in another convention, shape `(6, ...)`, rad and mm."""
+    return convert(jnp.concatenate([pose.flexion[None], pose.state]), "femoral", target)

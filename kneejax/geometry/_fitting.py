@@ -1,0 +1,296 @@
+"""Least-squares fits of analytic surfaces to points (a mesh's vertices, in its bone's frame).
+
+Polynomials are linear in their coefficients and are fitted by one factorisation; spheres,
+ellipsoids and axes by Levenberg-Marquardt on the distance. Everything is in mm and in the bone's
+frame; the meshes themselves are read in `kneejax.files`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Generic, TypeVar
+
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from jax.typing import ArrayLike
+
+from kneejax.geometry._pose import Frame
+from kneejax.geometry._surfaces import Condyle, Ellipsoid, Plane, Plateau, Sphere, Surface
+
+S = TypeVar("S", bound=Surface)
+
+
+@dataclasses.dataclass(frozen=True)
+class SurfaceFit(Generic[S]):
+    """A fitted surface and what is left over.
+
+    Attributes:
+        surface: the fit.
+        points: the points that were used, shape `(n, 3)`, mm, bone frame.
+        residual: signed distance of each point from the fit, shape `(n,)`, mm.
+        weights: weight of each point.
+    """
+
+    surface: S
+    points: np.ndarray
+    residual: np.ndarray
+    weights: np.ndarray
+
+    @property
+    def rms(self) -> float:
+        """Root of the weighted mean square of the residual, mm."""
+        return float(np.sqrt(np.average(self.residual**2, weights=self.weights)))
+
+    @property
+    def maximum(self) -> float:
+        """Largest distance of a point from the fit, mm."""
+        return float(np.abs(self.residual).max())
+
+
+def fit_plane(points: ArrayLike, weights: ArrayLike | None = None, up: ArrayLike = (0, 1, 0)):
+    """Fit a plane: the smallest principal direction of the points.
+
+    Args:
+        points: shape `(n, 3)`, mm.
+        weights: shape `(n,)`; equal by default.
+        up: side to which the normal points.
+
+    Returns:
+        A `SurfaceFit` of a `Plane`.
+
+    Raises:
+        ValueError: fewer than 3 points.
+    """
+    p, w = _checked(points, weights, 3, "plane")
+    center = np.average(p, axis=0, weights=w)
+    _, _, axes = np.linalg.svd((p - center) * np.sqrt(w)[:, None], full_matrices=False)
+    n = axes[2] * np.sign(axes[2] @ np.asarray(up, float))
+    # Rx(a) Rz(c) takes Y to (-sin c, cos a cos c, sin a cos c).
+    frame = Frame(center, (np.arctan2(n[2], n[1]), 0.0, -np.arcsin(n[0])))
+    local = _local(frame, p)
+    return _finish(Plane(frame, np.abs(local[:, [0, 2]]).max(axis=0)), p, w)
+
+
+def fit_sphere(points: ArrayLike, weights: ArrayLike | None = None):
+    """Fit a sphere by the squared distances of the points.
+
+    Args:
+        points: shape `(n, 3)`, mm.
+        weights: shape `(n,)`; equal by default.
+
+    Returns:
+        A `SurfaceFit` of a `Sphere`.
+
+    Raises:
+        ValueError: fewer than 4 points.
+    """
+    p, w = _checked(points, weights, 4, "sphere")
+    root = np.sqrt(w)
+    # |p - c|^2 = r^2 is linear in c and r^2 - |c|^2: a start for the distance fit.
+    a = np.c_[2 * p, np.ones(len(p))] * root[:, None]
+    start, *_ = np.linalg.lstsq(a, root * (p**2).sum(axis=1), rcond=None)
+    radius = np.sqrt(start[3] + start[:3] @ start[:3])
+
+    def build(y):
+        return Sphere(y[3], Frame(y[:3]))
+
+    return _by_distance(build, np.r_[start[:3], radius], p, w)
+
+
+def fit_ellipsoid(points: ArrayLike, weights: ArrayLike | None = None, turned: bool = True):
+    """Fit an ellipsoid by the squared (first-order) distances of the points.
+
+    Args:
+        points: shape `(n, 3)`, mm.
+        weights: shape `(n,)`; equal by default.
+        turned: whether its axes may turn against the bone's.
+
+    Returns:
+        A `SurfaceFit` of an `Ellipsoid`.
+
+    Raises:
+        ValueError: fewer than 9 points.
+    """
+    p, w = _checked(points, weights, 9, "ellipsoid")
+    sphere = fit_sphere(p, w).surface
+    start = np.r_[np.asarray(sphere.frame.origin), np.log(float(sphere.radius)) * np.ones(3)]
+    start = np.r_[start, np.zeros(3)] if turned else start
+
+    def build(y):
+        return Ellipsoid(jnp.exp(y[3:6]), Frame(y[:3], y[6:9] if turned else None))
+
+    return _by_distance(build, start, p, w)
+
+
+def fit_transverse_axis(points: ArrayLike, weights: ArrayLike | None = None) -> Frame:
+    """Axis of the cylinder, roughly medial-lateral, that lies closest to the points.
+
+    Args:
+        points: shape `(n, 3)`, mm, femur frame, of both condyles.
+        weights: shape `(n,)`; equal by default.
+
+    Returns:
+        A frame on the axis at `z = 0`, whose Z axis is the cylinder's.
+
+    Raises:
+        ValueError: fewer than 6 points.
+    """
+    p, w = _checked(points, weights, 6, "cylinder")
+    sphere = fit_sphere(p * [1, 1, 0] + [0, 0, 1e-9] * np.arange(len(p))[:, None], w).surface
+
+    def residual(y, _):
+        local = _local_traced(Frame(jnp.r_[y[:2], 0.0], jnp.r_[y[2:4], 0.0]), p)
+        return jnp.sqrt(w) * (jnp.hypot(local[0], local[1]) - y[4])
+
+    start = np.r_[np.asarray(sphere.frame.origin)[:2], 0.0, 0.0, float(sphere.radius)]
+    y = _levenberg_marquardt(residual, start)
+    return Frame(np.r_[y[:2], 0.0], np.r_[y[2:4], 0.0])
+
+
+def fit_condyle(
+    points: ArrayLike,
+    angle_deg: tuple[float, float],
+    width_mm: tuple[float, float],
+    degree: tuple[int, int] = (4, 4),
+    frame: Frame | None = None,
+    weights: ArrayLike | None = None,
+    total_degree: int | None = None,
+):
+    """Fit a radius over angle and width about a transverse axis.
+
+    Args:
+        points: shape `(n, 3)`, mm, femur frame; those outside the region are left out.
+        angle_deg: region from anterior (0) through distal (90) to posterior (180).
+        width_mm: region along the axis.
+        degree: highest power of the angle and of the width.
+        frame: the axis (its Z); `fit_transverse_axis` finds one. The femur's Z by default.
+        weights: shape `(n,)`; equal by default.
+        total_degree: limit on the sum of both powers; none by default. `degree=(4, 4)` with
+            `total_degree=4` is the polynomial of paper 3.
+
+    Returns:
+        A `SurfaceFit` of a `Condyle`.
+
+    Raises:
+        ValueError: too few points in the region for the number of coefficients.
+    """
+    frame = Frame() if frame is None else frame
+    p, w = _checked(points, weights, 1, "condyle")
+    x, y, z = _local(frame, p).T
+    angle, limits = 0.5 * np.pi - np.arctan2(x, -y), np.deg2rad(angle_deg)
+    here = (angle > limits[0]) & (angle < limits[1]) & (z > width_mm[0]) & (z < width_mm[1])
+    coefficients = _polynomial_fit(
+        (angle[here], limits), (z[here], width_mm), np.hypot(x, y)[here], w[here], degree,
+        total_degree, "condyle",
+    )
+    return _finish(Condyle(coefficients, limits, width_mm, frame), p[here], w[here])
+
+
+def fit_plateau(
+    points: ArrayLike,
+    x_mm: tuple[float, float],
+    z_mm: tuple[float, float],
+    degree: tuple[int, int] = (4, 4),
+    frame: Frame | None = None,
+    weights: ArrayLike | None = None,
+    total_degree: int | None = 4,
+):
+    """Fit a height over a plane.
+
+    Args:
+        points: shape `(n, 3)`, mm, tibia frame; those outside the elliptical region that touches
+            the limits are left out (a plateau has no corners).
+        x_mm: region, anterior-posterior.
+        z_mm: region, medial-lateral.
+        degree: highest power of x and of z.
+        frame: the plane (its Y is up); the tibia's by default.
+        weights: shape `(n,)`; equal by default.
+        total_degree: limit on the sum of both powers.
+
+    Returns:
+        A `SurfaceFit` of a `Plateau`.
+
+    Raises:
+        ValueError: too few points in the region for the number of coefficients.
+    """
+    frame = Frame() if frame is None else frame
+    p, w = _checked(points, weights, 1, "plateau")
+    x, y, z = _local(frame, p).T
+    s, t = _unit(x, x_mm), _unit(z, z_mm)
+    here = s * s + t * t < 1.0
+    coefficients = _polynomial_fit(
+        (x[here], x_mm), (z[here], z_mm), y[here], w[here], degree, total_degree, "plateau"
+    )
+    return _finish(Plateau(coefficients, x_mm, z_mm, frame), p[here], w[here])
+
+
+def _polynomial_fit(first, second, values, weights, degree, total_degree, what):
+    powers = [
+        (i, j)
+        for i in range(degree[0] + 1)
+        for j in range(degree[1] + 1)
+        if total_degree is None or i + j <= total_degree
+    ]
+    if len(values) < len(powers):
+        raise ValueError(
+            f"{what}: {len(values)} points in the region; "
+            f"degree {degree} has {len(powers)} coefficients and needs at least as many"
+        )
+    s, t = _unit(*first), _unit(*second)
+    # Chebyshev columns keep the factorisation accurate; the result is stored as plain powers.
+    columns = [
+        np.polynomial.chebyshev.chebval(s, np.eye(i + 1)[i])
+        * np.polynomial.chebyshev.chebval(t, np.eye(j + 1)[j])
+        for i, j in powers
+    ]
+    root = np.sqrt(weights)
+    solution, *_ = np.linalg.lstsq(np.stack(columns, 1) * root[:, None], values * root, rcond=None)
+    table = np.zeros((degree[0] + 1, degree[1] + 1))
+    for (i, j), c in zip(powers, solution, strict=True):
+        left = np.polynomial.chebyshev.cheb2poly(np.eye(i + 1)[i])
+        right = np.polynomial.chebyshev.cheb2poly(np.eye(j + 1)[j])
+        table[: i + 1, : j + 1] += c * np.outer(left, right)
+    return table
+
+
+def _unit(value, limits):
+    return 2.0 * (value - limits[0]) / (limits[1] - limits[0]) - 1.0
+
+
+def _local(frame: Frame, points: np.ndarray) -> np.ndarray:
+    return np.stack([np.asarray(c) for c in _local_traced(frame, points)], axis=1)
+
+
+def _local_traced(frame: Frame, points):
+    return frame.placement.apply_inverse((points[:, 0], points[:, 1], points[:, 2]))
+
+
+def _by_distance(build, start, points, weights):
+    def residual(y, _):
+        surface = build(y)
+        return jnp.sqrt(weights) * surface.level(_local_traced(surface.frame, points))
+
+    return _finish(build(_levenberg_marquardt(residual, start)), points, weights)
+
+
+def _levenberg_marquardt(residual, start) -> np.ndarray:
+    solver = optx.LevenbergMarquardt(rtol=1e-12, atol=1e-12)
+    solution = optx.least_squares(residual, solver, jnp.asarray(start), max_steps=500, throw=False)
+    if solution.result != optx.RESULTS.successful:
+        raise ValueError("the surface fit did not settle: do the points lie on such a surface?")
+    return np.asarray(solution.value)
+
+
+def _finish(surface, points, weights):
+    local = _local_traced(surface.frame, points)
+    return SurfaceFit(surface, points, np.asarray(surface.level(local)), weights)
+
+
+def _checked(points, weights, least, what):
+    p = np.asarray(points, float)
+    if p.ndim != 2 or p.shape[1] != 3 or len(p) < least:
+        raise ValueError(f"{what}: expected at least {least} points (n, 3), got shape {p.shape}")
+    if not np.isfinite(p).all():
+        raise ValueError(f"{what}: a point is not finite")
+    return p, np.ones(len(p)) if weights is None else np.asarray(weights, float)

@@ -1,0 +1,87 @@
+"""Polynomials of two variables and all their partial derivatives, elementwise over lanes.
+
+All rows of a coefficient table advance together along the second variable by Horner's rule and
+are then summed along the first. The derivative of a table of partial derivatives is a table of
+one order more: stating that as the rule, instead of letting it be traced through Horner's rule,
+halves the operations of a contact force.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+from jax.custom_derivatives import SymbolicZero
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(3,))
+def partials(coefficients: Array, s: Array, t: Array, order: int) -> tuple[tuple[Array, ...], ...]:
+    """Partial derivatives of `sum_ij c_ij s^i t^j` up to a total order.
+
+    Args:
+        coefficients: shape `(m + 1, n + 1, ...)`.
+        s: first variable, any shape.
+        t: second variable, same shape.
+        order: highest total order.
+
+    Returns:
+        `d` with `d[i][j]` the derivative taken `i` times by `s` and `j` times by `t`,
+        for `i + j <= order`.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> d = partials(jnp.array([[1.0, 2.0], [3.0, 4.0]]), jnp.array(0.5), jnp.array(2.0), 1)
+        >>> float(d[0][0]), float(d[1][0]), float(d[0][1])
+        (10.5, 11.0, 4.0)
+    """
+    table = jnp.swapaxes(coefficients, 0, 1)
+    missing = max(jnp.ndim(s), jnp.ndim(t)) - (table.ndim - 2)
+    table = table.reshape(table.shape[:2] + (1,) * missing + table.shape[2:])
+    by_t = _horner(table, t, order)
+    columns = [_horner(by_t[j], s, order - j) for j in range(order + 1)]
+    return tuple(tuple(columns[j][i] for j in range(order - i + 1)) for i in range(order + 1))
+
+
+@partial(partials.defjvp, symbolic_zeros=True)
+def _partials_jvp(order, primals, tangents):
+    coefficients, s, t = primals
+    more = partials(coefficients, s, t, order + 1)
+    change = [[None] * (order - i + 1) for i in range(order + 1)]
+
+    def add(term) -> None:
+        for i in range(order + 1):
+            for j in range(order - i + 1):
+                change[i][j] = term(i, j) if change[i][j] is None else change[i][j] + term(i, j)
+
+    d_coefficients, d_s, d_t = tangents
+    if not isinstance(d_s, SymbolicZero):
+        add(lambda i, j: more[i + 1][j] * d_s)
+    if not isinstance(d_t, SymbolicZero):
+        add(lambda i, j: more[i][j + 1] * d_t)
+    if not isinstance(d_coefficients, SymbolicZero):
+        linear = partials(d_coefficients, s, t, order)
+        add(lambda i, j: linear[i][j])
+    value = tuple(tuple(more[i][: order - i + 1]) for i in range(order + 1))
+    return value, tuple(
+        tuple(jnp.broadcast_to(c, v.shape) for c, v in zip(row, v_row, strict=True))
+        for row, v_row in zip(change, value, strict=True)
+    )
+
+
+def _horner(table: Array, x: Array, order: int) -> list[Array]:
+    """Polynomial in `x` with coefficients along axis 0, and its derivatives up to `order`."""
+    value = table[-1] + 0.0 * x
+    slopes = [jnp.zeros_like(value) for _ in range(order)]
+    for power in range(table.shape[0] - 2, -1, -1):
+        for k in range(order - 1, -1, -1):
+            # Horner's chains give f'' / 2, f''' / 6, ...; scaled at the end.
+            slopes[k] = slopes[k] * x + (slopes[k - 1] if k else value)
+        value = value * x + table[power]
+    factorial = 1.0
+    scaled = [value]
+    for k, slope in enumerate(slopes):
+        factorial *= k + 1
+        scaled.append(factorial * slope if k else slope)
+    return scaled

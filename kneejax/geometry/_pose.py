@@ -1,0 +1,207 @@
+"""The pose of the tibia in the femur, and rigid placements."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax.numpy as jnp
+from jax import Array
+from jax.typing import ArrayLike
+
+from kneejax.geometry import _vectors as v
+from kneejax.geometry._vectors import Rotation, Vector
+
+#: The six coordinates of a pose, in the order of every array and table.
+COORDINATES = ("flexion", "adduction", "internal_rotation", "anterior", "superior", "lateral")
+#: The five coordinates that are free when flexion is prescribed.
+FREE_COORDINATES = COORDINATES[1:]
+#: Column names at the border, with units.
+COLUMNS = (
+    "flexion_deg",
+    "adduction_deg",
+    "internal_rotation_deg",
+    "anterior_mm",
+    "superior_mm",
+    "lateral_mm",
+)
+
+
+class Placement(eqx.Module):
+    """A rigid motion `x -> rotation x + translation`.
+
+    Attributes:
+        rotation: three rows of a rotation matrix; None where nothing turns.
+        translation: image of the origin, mm.
+    """
+
+    rotation: Rotation | None
+    translation: Vector
+
+    def turn(self, direction: Vector) -> Vector:
+        """Image of a direction."""
+        return direction if self.rotation is None else v.rotate(self.rotation, direction)
+
+    def turn_back(self, direction: Vector) -> Vector:
+        """The direction whose image is `direction`."""
+        if self.rotation is None:
+            return direction
+        return v.rotate(v.transpose(self.rotation), direction)
+
+    def apply(self, point: Vector) -> Vector:
+        """Image of a point."""
+        return v.add(self.turn(point), self.translation)
+
+    def apply_inverse(self, point: Vector) -> Vector:
+        """The point whose image is `point`."""
+        return self.turn_back(v.subtract(point, self.translation))
+
+    def inverse(self) -> Placement:
+        """The motion that undoes this one."""
+        x, y, z = self.turn_back(self.translation)
+        back = None if self.rotation is None else v.transpose(self.rotation)
+        return Placement(back, (-x, -y, -z))
+
+    def after(self, first: Placement) -> Placement:
+        """This motion after `first`."""
+        if self.rotation is None or first.rotation is None:
+            rotation = self.rotation if first.rotation is None else first.rotation
+        else:
+            rotation = v.compose(self.rotation, first.rotation)
+        return Placement(rotation, self.apply(first.translation))
+
+
+class Frame(eqx.Module):
+    """A frame fixed to a body: origin and, if it is turned, rotations about X, Y, Z in turn.
+
+    Attributes:
+        origin: shape `(3, ...)`, mm, in body axes.
+        rotation: shape `(3, ...)`, rad; the frame is `Rx(r0) Ry(r1) Rz(r2)`. None leaves its axes
+            along the body's, which also spares every pose the products.
+    """
+
+    origin: Array
+    rotation: Array | None
+
+    def __init__(self, origin: ArrayLike = (0.0, 0.0, 0.0), rotation: ArrayLike | None = None):
+        self.origin = jnp.asarray(origin, float)
+        self.rotation = None if rotation is None else jnp.asarray(rotation, float)
+
+    @property
+    def placement(self) -> Placement:
+        """The motion from this frame's coordinates to the body's."""
+        if self.rotation is None:
+            return Placement(None, v.vector(self.origin))
+        rx, ry, rz = v.vector(self.rotation)
+        turned = v.compose(v.rotation_x(rx), v.compose(v.rotation_y(ry), v.rotation_z(rz)))
+        return Placement(turned, v.vector(self.origin))
+
+
+class Pose(eqx.Module):
+    """Pose of the tibia in the femur: `R = Rz(-flexion) Rx(adduction) Ry(internal_rotation)`.
+
+    The translation is that of the tibia's origin, in femur axes: X anterior, Y superior,
+    Z lateral on a right knee. Fields may be numbers or arrays of one shape (a batch of poses).
+
+    Attributes:
+        flexion: rad, positive in flexion.
+        adduction: rad, positive in varus.
+        internal_rotation: rad, positive when the tibia turns inwards.
+        anterior: mm.
+        superior: mm.
+        lateral: mm.
+
+    Example:
+        >>> pose = Pose.from_table([[30.0, 0.0, 5.0, 1.0, 0.0, 0.0]])
+        >>> pose.to_table().round(6).tolist()
+        [[30.0, 0.0, 5.0, 1.0, 0.0, 0.0]]
+    """
+
+    flexion: Array
+    adduction: Array
+    internal_rotation: Array
+    anterior: Array
+    superior: Array
+    lateral: Array
+
+    @classmethod
+    def from_table(cls, table: ArrayLike) -> Pose:
+        """Make poses from rows of degrees and mm.
+
+        Args:
+            table: shape `(..., 6)` in the order of `COLUMNS`.
+
+        Returns:
+            A pose whose fields have shape `(...)`.
+        """
+        table = jnp.asarray(table, float)
+        return cls(*jnp.moveaxis(jnp.deg2rad(table[..., :3]), -1, 0), *jnp.moveaxis(table[..., 3:], -1, 0))
+
+    def to_table(self) -> Array:
+        """Rows of degrees and mm, shape `(..., 6)`, in the order of `COLUMNS`."""
+        angles = jnp.stack([self.flexion, self.adduction, self.internal_rotation], -1)
+        shifts = jnp.stack([self.anterior, self.superior, self.lateral], -1)
+        return jnp.concatenate([jnp.rad2deg(angles), shifts], -1)
+
+    @classmethod
+    def from_state(cls, flexion: ArrayLike, free: Array) -> Pose:
+        """Make a pose from the prescribed flexion and the five free coordinates.
+
+        Args:
+            flexion: rad.
+            free: shape `(5, ...)`, rad and mm, in the order of `FREE_COORDINATES`.
+        """
+        adduction, internal_rotation, anterior, superior, lateral = free
+        flexion = jnp.broadcast_to(jnp.asarray(flexion, float), jnp.shape(adduction))
+        return cls(flexion, adduction, internal_rotation, anterior, superior, lateral)
+
+    @property
+    def state(self) -> Array:
+        """The five free coordinates, shape `(5, ...)`, rad and mm."""
+        return jnp.stack(
+            [self.adduction, self.internal_rotation, self.anterior, self.superior, self.lateral]
+        )
+
+    @property
+    def placement(self) -> Placement:
+        """The motion from tibia to femur coordinates."""
+        return Placement(
+            rotation_from_angles(self.flexion, self.adduction, self.internal_rotation),
+            (self.anterior, self.superior, self.lateral),
+        )
+
+
+def rotation_from_angles(flexion: Array, adduction: Array, internal_rotation: Array) -> Rotation:
+    """`Rz(-flexion) Rx(adduction) Ry(internal_rotation)`, written out.
+
+    Args:
+        flexion: rad.
+        adduction: rad.
+        internal_rotation: rad.
+
+    Returns:
+        Rows of the rotation from tibia to femur axes.
+    """
+    cf, sf = jnp.cos(flexion), jnp.sin(flexion)
+    ca, sa = jnp.cos(adduction), jnp.sin(adduction)
+    ci, si = jnp.cos(internal_rotation), jnp.sin(internal_rotation)
+    return (
+        (cf * ci + sf * sa * si, sf * ca, cf * si - sf * sa * ci),
+        (cf * sa * si - sf * ci, cf * ca, -sf * si - cf * sa * ci),
+        (-ca * si, sa, ca * ci),
+    )
+
+
+def angles_from_rotation(rotation: Rotation) -> tuple[Array, Array, Array]:
+    """Flexion, adduction and internal rotation (rad) of a rotation, exact at extension.
+
+    `arctan2` of two entries each: no arccosine whose derivative fails at zero. Singular only at
+    90 degrees of adduction, where flexion and rotation share an axis.
+
+    Args:
+        rotation: rows of a rotation matrix.
+
+    Returns:
+        Flexion, adduction, internal rotation.
+    """
+    (_, r01, _), (_, r11, _), (r20, r21, r22) = rotation
+    cosine = jnp.sqrt(r20 * r20 + r22 * r22)
+    return jnp.arctan2(r01, r11), jnp.arctan2(r21, cosine), jnp.arctan2(-r20, r22)

@@ -1,0 +1,19 @@
+"""Scalar laws, the parts made of them, and the knee made of the parts. Knows no solver."""
+
+from kneejax.mechanics import _cartilage_law as cartilage_law
+from kneejax.mechanics import _ligament_law as ligament_law
+from kneejax.mechanics._contact import ELLIPTICAL_PATCH as ELLIPTICAL_PATCH
+from kneejax.mechanics._contact import FORMS as FORMS
+from kneejax.mechanics._contact import QUADRATURE as QUADRATURE
+from kneejax.mechanics._contact import Contact as Contact
+from kneejax.mechanics._knee import Knee as Knee
+from kneejax.mechanics._knee import add_lane_axis as add_lane_axis
+from kneejax.mechanics._ligaments import Ligaments as Ligaments
+from kneejax.mechanics._loads import BONES as BONES
+from kneejax.mechanics._loads import ConstantTensionLine as ConstantTensionLine
+from kneejax.mechanics._loads import Load as Load
+from kneejax.mechanics._loads import generalised_force as generalised_force
+from kneejax.mechanics._patch import Gap as Gap
+from kneejax.mechanics._quadrature import Sampled as Sampled
+
+__all__ = ["cartilage_law", "ligament_law"]

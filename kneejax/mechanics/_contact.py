@@ -1,0 +1,138 @@
+"""Two articular surfaces pressed together: an elastic layer between rigid bones.
+
+The same contact can be computed in two ways. `ELLIPTICAL_PATCH` uses the closed form over the
+patch that two smooth surfaces share: fast, and exact as the patch becomes small against the
+radii. `QUADRATURE` sums the pressure law over points of the tibial surface: for any surfaces and
+depths, at a cost in proportion to its points.
+"""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax.numpy as jnp
+from jax import Array
+from jax.typing import ArrayLike
+
+from kneejax.geometry import Placement, Surface, positive_part
+from kneejax.mechanics import _cartilage_law as law
+from kneejax.mechanics import _patch
+from kneejax.mechanics._patch import Gap
+from kneejax.mechanics._quadrature import Sampled, sample
+
+#: The two ways to compute a contact.
+ELLIPTICAL_PATCH, QUADRATURE = "elliptical_patch", "quadrature"
+FORMS = (ELLIPTICAL_PATCH, QUADRATURE)
+
+
+class Contact(eqx.Module):
+    """One compartment.
+
+    Attributes:
+        femoral: surface placed in the femur.
+        tibial: surface placed in the tibia.
+        youngs_modulus: MPa.
+        poisson_ratio: below 0.5.
+        layer_thickness: both cartilages together, mm.
+        onset_width: rounding of the depth's corner at first touch, mm.
+        law: pressure law, one of `linear`, `log`, `ratio`.
+        form: `elliptical_patch` or `quadrature`.
+        points: quadrature points along the two parameters of the tibial surface.
+    """
+
+    femoral: Surface
+    tibial: Surface
+    youngs_modulus: Array
+    poisson_ratio: Array
+    layer_thickness: Array
+    onset_width: Array
+    law: str = eqx.field(static=True)
+    form: str = eqx.field(static=True)
+    points: tuple[int, int] = eqx.field(static=True)
+
+    def __init__(
+        self,
+        femoral: Surface,
+        tibial: Surface,
+        youngs_modulus: ArrayLike = 5.0,
+        poisson_ratio: ArrayLike = 0.45,
+        layer_thickness: ArrayLike = 6.0,
+        onset_width: ArrayLike = 0.02,
+        law: str = "log",
+        form: str = ELLIPTICAL_PATCH,
+        points: tuple[int, int] = (24, 24),
+    ):
+        self.femoral = femoral
+        self.tibial = tibial
+        self.youngs_modulus = jnp.asarray(youngs_modulus, float)
+        self.poisson_ratio = jnp.asarray(poisson_ratio, float)
+        self.layer_thickness = jnp.asarray(layer_thickness, float)
+        self.onset_width = jnp.asarray(onset_width, float)
+        self.law = law
+        self.form = form
+        self.points = points
+
+    def __check_init__(self):
+        if self.law not in law.LAWS:
+            raise ValueError(f"Contact.law is {self.law!r}; expected one of {law.LAWS}")
+        if self.form not in FORMS:
+            raise ValueError(f"Contact.form is {self.form!r}; expected one of {FORMS}")
+
+    @property
+    def modulus(self) -> Array:
+        """Confined modulus of the layer, MPa."""
+        return law.confined_modulus(self.youngs_modulus, self.poisson_ratio)
+
+    def femur_to_plateau(self, tibia: Placement) -> Placement:
+        """The motion from the femoral to the tibial surface's frame."""
+        to_tibia = tibia.inverse().after(self.femoral.frame.placement)
+        return self.tibial.frame.placement.inverse().after(to_tibia)
+
+    @property
+    def has_patch(self) -> bool:
+        """Whether the contact is computed over an elliptical patch, around a meeting point."""
+        return self.form == ELLIPTICAL_PATCH
+
+    def first_meeting(self, tibia: Placement) -> Array:
+        """A first guess of the meeting point's parameters, shape `(2, ...)`."""
+        return _patch.first_guess(self.femoral, self.tibial, self.femur_to_plateau(tibia))
+
+    def meeting(self, tibia: Placement) -> Array:
+        """Parameters of the femoral point where the surfaces meet, shape `(2, ...)`."""
+        return _patch.meeting_point(self.femoral, self.tibial, self.femur_to_plateau(tibia))
+
+    def improved(self, tibia: Placement, meeting: Array) -> Array:
+        """Parameters after one Newton step towards the meeting point."""
+        return _patch.improve(self.femoral, self.tibial, self.femur_to_plateau(tibia), meeting)
+
+    def gap(self, tibia: Placement, meeting: Array) -> Gap:
+        """Gap of the surfaces at a femoral point."""
+        return _patch.gap_at(self.femoral, self.tibial, self.femur_to_plateau(tibia), meeting)
+
+    def is_known(self, gap: Gap, meeting: Array) -> Array:
+        """Whether the surfaces meet inside their fitted regions."""
+        return _patch.is_known(self.femoral, self.tibial, gap, meeting)
+
+    def sample(self, tibia: Placement) -> Sampled:
+        """Depth at the quadrature points; see `Sampled`."""
+        return sample(self.femoral, self.tibial, self.femur_to_plateau(tibia), self.points)
+
+    def patch_energy(self, gap: Gap) -> Array:
+        """Energy of the layer if the patch were centred at a point with this gap, N mm."""
+        depth = positive_part(gap.depth, self.onset_width)
+        mean = law.patch_energy(self.law, depth / self.layer_thickness)
+        area = jnp.pi * 2.0 * depth * gap.mean_radius
+        return self.modulus * self.layer_thickness * area * mean
+
+    def energy(self, tibia: Placement) -> Array:
+        """Elastic energy of the layer, N mm."""
+        if self.has_patch:
+            return self.patch_energy(self.gap(tibia, self.meeting(tibia)))
+        sampled = self.sample(tibia)
+        depth = positive_part(sampled.depth, self.onset_width)
+        density = law.relative_energy(self.law, depth / self.layer_thickness)
+        return self.modulus * self.layer_thickness * jnp.sum(sampled.area * density, axis=0)
+
+    def pressure(self, depth: Array) -> Array:
+        """Pressure at a depth, MPa, with the rounded onset."""
+        rounded = positive_part(depth, self.onset_width)
+        return self.modulus * law.relative_pressure(self.law, rounded / self.layer_thickness)

@@ -1,0 +1,148 @@
+"""The knee: one immutable pytree whose every number is a leaf."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import Array
+
+from kneejax.geometry import Placement, Pose
+from kneejax.mechanics._contact import Contact
+from kneejax.mechanics._patch import Gap
+from kneejax.mechanics._ligaments import Ligaments
+from kneejax.mechanics._loads import ConstantTensionLine, Load, generalised_force
+
+
+class Knee(eqx.Module):
+    """Ligaments, compartments and loads between one femur and one tibia.
+
+    Every number in it is a leaf of the pytree: it can be differentiated, mapped over and
+    calibrated. Names and choices of law are static. A left knee is stored as its mirrored right
+    twin (reading does that), so X is anterior, Y superior and Z lateral here.
+
+    Attributes:
+        ligaments: all fibres.
+        contacts: the compartments.
+        contact_names: one name a compartment, e.g. `medial`.
+        loads: wrenches on the tibia that act in every experiment on this knee.
+        lines: lines of constant tension.
+        reference_pose: where reference strains and reference lengths are stated.
+        name: of the knee.
+        side: `right` or `left`, the side it was read from.
+    """
+
+    ligaments: Ligaments
+    contacts: tuple[Contact, ...]
+    loads: tuple[Load, ...]
+    lines: tuple[ConstantTensionLine, ...]
+    reference_pose: Pose
+    contact_names: tuple[str, ...] = eqx.field(static=True)
+    name: str = eqx.field(static=True, default="knee")
+    side: str = eqx.field(static=True, default="right")
+
+    def energy(self, pose: Pose) -> Array:
+        """Potential energy at a pose, N mm; internal forces are its derivative.
+
+        Args:
+            pose: one pose or a batch; the knee's leaves then carry the same trailing axes.
+        """
+        tibia = pose.placement
+        total = self._energy_without_patches(pose, tibia)
+        for contact in self.contacts:
+            total = total + (contact.energy(tibia) if contact.has_patch else 0.0)
+        return total
+
+    def energy_at(self, pose: Pose, meeting: Array) -> tuple[Array, Gap]:
+        """Potential energy with each patch centred at a given point, and the gaps there.
+
+        Where the gaps' slopes vanish this is the energy. Balance and its derivatives are computed
+        from it with the meeting points as further unknowns: no solve hides inside an energy,
+        which keeps compilation short and every derivative one level deep.
+
+        Args:
+            pose: as in `energy`.
+            meeting: shape `(n, 2, ...)`, parameters of the femoral surfaces of the `n` contacts
+                that have a patch.
+
+        Returns:
+            Energy, N mm, and the gaps with a leading axis of length `n`.
+        """
+        tibia = pose.placement
+        energy, gap = self.map_patches(_patch_at, tibia, meeting)
+        return self._energy_without_patches(pose, tibia) + jnp.sum(energy, axis=0), gap
+
+    def map_patches(self, function, tibia: Placement, meeting: Array):
+        """Apply `function(contact, tibia, meeting)` to each contact that has a patch.
+
+        Args:
+            function: returns a pytree of arrays.
+            tibia: placement of the tibia.
+            meeting: shape `(n, ...)`, one row a contact.
+
+        Returns:
+            The answers, stacked along a leading axis of length `n`.
+
+        Contacts of one kind (same surfaces, degrees and law) are stacked and mapped together:
+        half the operations to compile for two compartments.
+        """
+        kinds: dict[object, list[int]] = {}
+        patches = [contact for contact in self.contacts if contact.has_patch]
+        for row, contact in enumerate(patches):
+            leaves, structure = jax.tree.flatten(contact)
+            kinds.setdefault((structure, *(jnp.shape(leaf) for leaf in leaves)), []).append(row)
+        order, answers = [], []
+        for rows in kinds.values():
+            # One broadcast here instead of one in every product: its transpose is a sum.
+            tibias = jax.tree.map(lambda x: jnp.broadcast_to(x, (len(rows), *x.shape)), tibia)
+            alike = jax.tree.map(lambda *x: jnp.stack(x), *(patches[row] for row in rows))
+            answers.append(jax.vmap(function)(alike, tibias, meeting[jnp.array(rows)]))
+            order += rows
+        if len(answers) == 1:
+            return answers[0]
+        back = jnp.argsort(jnp.array(order))
+        return jax.tree.map(lambda *x: jnp.concatenate(x)[back], *answers)
+
+    @property
+    def patch_count(self) -> int:
+        """Number of contacts that have a patch, hence a meeting point."""
+        return sum(contact.has_patch for contact in self.contacts)
+
+    def _energy_without_patches(self, pose: Pose, tibia: Placement) -> Array:
+        total = self.ligaments.energy(tibia)
+        for line in self.lines:
+            total = total + line.energy(pose.flexion, tibia)
+        for contact in self.contacts:
+            if not contact.has_patch:
+                total = total + contact.energy(tibia)
+        return total
+
+    def load_work(self, pose: Pose) -> Array:
+        """Generalised force of the loads on the five free coordinates, shape `(5, ...)`."""
+        tibia = pose.placement
+        total = jnp.zeros((5,) + jnp.shape(pose.adduction))
+        for load in self.loads:
+            total = total + generalised_force(pose, tibia, *load.wrench(tibia))
+        return total
+
+    def reference_length(self) -> Array:
+        """Length of each fibre at the reference pose, shape `(n,)`, mm."""
+        return self.ligaments.length(self.reference_pose.placement)
+
+    def reference_strain(self) -> Array:
+        """Strain of each fibre at the reference pose, shape `(n,)`."""
+        return self.reference_length() / self.ligaments.slack_length - 1.0
+
+
+def _patch_at(contact: Contact, tibia: Placement, meeting: Array) -> tuple[Array, Gap]:
+    gap = contact.gap(tibia, meeting)
+    return contact.patch_energy(gap), gap
+
+
+def add_lane_axis(tree):
+    """Give every array of a pytree a trailing axis of length one, for a batch of poses.
+
+    Mechanics is elementwise over trailing axes ("lanes"). A single knee meets a batch of poses
+    when its leaves have one lane that broadcasts.
+    """
+    return jax.tree.map(lambda x: jnp.asarray(x)[..., None], tree)

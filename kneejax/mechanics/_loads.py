@@ -1,0 +1,118 @@
+"""What pulls on the tibia from outside: dead and following wrenches, lines of constant tension."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax.numpy as jnp
+from jax import Array
+from jax.typing import ArrayLike
+
+from kneejax.geometry import Placement, Pose, Vector, add, cross, dot, norm, subtract, vector
+
+#: The bones in whose frame a load may be stated.
+BONES = ("femur", "tibia")
+
+
+class Load(eqx.Module):
+    """A force and a moment on the tibia.
+
+    Attributes:
+        force: shape `(3, ...)`, N.
+        moment: shape `(3, ...)`, N mm.
+        point: where the force acts, shape `(3, ...)`, mm.
+        axes: the bone (`femur` or `tibia`) in whose axes force and moment are given. In femur
+            axes the force keeps its direction in space, in tibia axes it follows the tibia.
+        point_in: the bone in whose frame the point is given, and to which it is fixed.
+        name: what reports call it.
+    """
+
+    force: Array
+    moment: Array
+    point: Array
+    axes: str = eqx.field(static=True, default="femur")
+    point_in: str = eqx.field(static=True, default="tibia")
+    name: str = eqx.field(static=True, default="load")
+
+    def __init__(
+        self,
+        force: ArrayLike = (0.0, 0.0, 0.0),
+        moment: ArrayLike = (0.0, 0.0, 0.0),
+        point: ArrayLike = (0.0, 0.0, 0.0),
+        axes: str = "femur",
+        point_in: str = "tibia",
+        name: str = "load",
+    ):
+        self.force = jnp.asarray(force, float)
+        self.moment = jnp.asarray(moment, float)
+        self.point = jnp.asarray(point, float)
+        self.axes = axes
+        self.point_in = point_in
+        self.name = name
+
+    def __check_init__(self):
+        for field, value in (("axes", self.axes), ("point_in", self.point_in)):
+            if value not in BONES:
+                raise ValueError(f"Load.{field} is {value!r}; expected one of {BONES}")
+
+    def wrench(self, tibia: Placement) -> tuple[Vector, Vector]:
+        """Force and moment about the tibia's origin, both in femur axes (N, N mm)."""
+        force, moment, point = vector(self.force), vector(self.moment), vector(self.point)
+        if self.axes == "tibia":
+            force, moment = tibia.turn(force), tibia.turn(moment)
+        if self.point_in == "tibia":
+            arm = tibia.turn(point)
+        else:
+            arm = subtract(point, tibia.translation)
+        return force, add(moment, cross(arm, force))
+
+
+class ConstantTensionLine(eqx.Module):
+    """A line of constant tension from a femoral point, which may travel with flexion, to the tibia.
+
+    With it the weight on the quadriceps tendon of paper 1 acts as the patellar tendon's pull
+    while no patella is modelled: its upper end follows the patella's path over flexion.
+
+    Attributes:
+        tension: N.
+        origin: polynomial in flexion (rad) of the upper end, shape `(k, 3, ...)`, mm, femur
+            frame, lowest power first. One row is a fixed point.
+        insertion: shape `(3, ...)`, mm, tibia frame.
+        name: what reports call it.
+    """
+
+    tension: Array
+    origin: Array
+    insertion: Array
+    name: str = eqx.field(static=True, default="line")
+
+    def __init__(
+        self, tension: ArrayLike, origin: ArrayLike, insertion: ArrayLike, name: str = "line"
+    ):
+        self.tension = jnp.asarray(tension, float)
+        self.origin = jnp.asarray(origin, float)
+        self.insertion = jnp.asarray(insertion, float)
+        self.name = name
+
+    def energy(self, flexion: Array, tibia: Placement) -> Array:
+        """Tension times length, N mm."""
+        end = self.origin[-1]
+        for row in self.origin[-2::-1]:
+            end = end * flexion + row
+        return self.tension * norm(subtract(tibia.apply(vector(self.insertion)), vector(end)))
+
+
+def generalised_force(pose: Pose, tibia: Placement, force: Vector, moment: Vector) -> Array:
+    """Work of a wrench on the tibia per unit of each free coordinate.
+
+    Args:
+        pose: where the tibia is.
+        tibia: `pose.placement`.
+        force: N, femur axes.
+        moment: about the tibia's origin, N mm, femur axes.
+
+    Returns:
+        Shape `(5, ...)`: N mm per rad for the two rotations, N for the three translations.
+    """
+    c, s = jnp.cos(pose.flexion), jnp.sin(pose.flexion)
+    work = (dot((c, -s, 0.0), moment), dot(tibia.turn((0.0, 1.0, 0.0)), moment), *force)
+    return jnp.stack(jnp.broadcast_arrays(*work, pose.adduction)[:5])

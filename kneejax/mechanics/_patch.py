@@ -1,0 +1,170 @@
+"""Where two smooth surfaces meet: the point, the depth and the size of the elliptical patch.
+
+The gap is the height of a point of the femoral surface over the tibial one. It is smallest where
+both surfaces share a normal (paper 3, Eqs 1 and 2), and near there it is a paraboloid whose
+curvature is the relative curvature of the two; the patch is where it is negative. Only the
+product of the two relative radii enters force and energy, so the determinant of the gap's second
+derivative in the metric of the surface is all that is needed: nothing divides by the difference
+of two curvatures, which vanishes for a sphere on a plane.
+"""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import Array, lax
+
+from kneejax.geometry import Placement, Surface, Vector, add, dot, inside, rotate, scale
+
+_SEARCH_STEPS = 8
+# Parameters may leave the surface's region by this part of its size before they are held.
+_OVERSHOOT = 0.15
+# Gauss curvature (1/mm^2) below which a gap counts as flat: no ellipse fits in it.
+_FLAT = 1e-6
+
+
+class Gap(eqx.Module):
+    """The gap at a point of the femoral surface, and its derivatives by that point's parameters.
+
+    Attributes:
+        value: height over the tibial surface, in the unit of `Height`.
+        slope: first derivatives, shape `(2, ...)`.
+        aa: second derivative; likewise `ab`, `bb`.
+        steepness: squared gradient of the height in space.
+        metric: square of the area that a unit square of parameters covers, mm^4.
+        point: in the tibial surface's frame, mm.
+    """
+
+    value: Array
+    slope: Array
+    aa: Array
+    ab: Array
+    bb: Array
+    steepness: Array
+    metric: Array
+    point: Vector
+
+    @property
+    def determinant(self) -> Array:
+        """Of the second derivatives."""
+        return self.aa * self.bb - self.ab * self.ab
+
+    @property
+    def convex(self) -> Array:
+        """Whether the gap has a smallest value near here."""
+        return (self.determinant > 0) & (self.aa > 0)
+
+    @property
+    def curvature(self) -> Array:
+        """Product of the relative curvatures, 1/mm^2; not positive where no ellipse fits."""
+        return self.determinant / (self.metric * self.steepness)
+
+    @property
+    def depth(self) -> Array:
+        """Overlap, mm; negative when apart."""
+        return -self.value / jnp.sqrt(self.steepness)
+
+    @property
+    def mean_radius(self) -> Array:
+        """Geometric mean of the two relative radii of curvature, mm."""
+        flat = ~self.convex | (self.curvature < _FLAT)
+        return jnp.where(flat, _FLAT**-0.5, jnp.where(flat, 1.0, self.curvature) ** -0.5)
+
+    def newton(self, slope: Array) -> Array:
+        """Solve with the second derivatives; zero where they are not positive definite."""
+        inverse = jnp.where(self.convex, 1.0 / jnp.where(self.convex, self.determinant, 1.0), 0.0)
+        return jnp.stack(
+            [
+                (self.bb * slope[0] - self.ab * slope[1]) * inverse,
+                (self.aa * slope[1] - self.ab * slope[0]) * inverse,
+            ]
+        )
+
+
+def gap_at(femoral: Surface, tibial: Surface, motion: Placement, meeting: Array) -> Gap:
+    """The gap at a point of the femoral surface.
+
+    Args:
+        femoral: the surface that carries the point.
+        tibial: the surface over which the gap is measured.
+        motion: from the femoral to the tibial surface's frame.
+        meeting: the point's two parameters, shape `(2, ...)`.
+    """
+    jet = femoral.jet(meeting[0], meeting[1])
+    jet = eqx.tree_at(lambda j: j.basis, jet, tuple(motion.turn(e) for e in jet.basis))
+    point = add(jet.vector(jet.point), motion.translation)
+    height = tibial.height(point)
+    x, y, z = jet.basis
+    pulled = dot(height.gradient, x), dot(height.gradient, y), dot(height.gradient, z)
+    aa, ab, bb = dot(pulled, jet.aa), dot(pulled, jet.ab), dot(pulled, jet.bb)
+    if height.hessian is not None:
+        along_a, along_b = jet.vector(jet.a), jet.vector(jet.b)
+        bent_a, bent_b = rotate(height.hessian, along_a), rotate(height.hessian, along_b)
+        aa, ab, bb = aa + dot(bent_a, along_a), ab + dot(bent_a, along_b), bb + dot(bent_b, along_b)
+    return Gap(
+        value=height.value,
+        slope=jnp.stack([dot(pulled, jet.a), dot(pulled, jet.b)]),
+        aa=aa,
+        ab=ab,
+        bb=bb,
+        steepness=dot(height.gradient, height.gradient),
+        metric=dot(jet.a, jet.a) * dot(jet.b, jet.b) - dot(jet.a, jet.b) ** 2,
+        point=point,
+    )
+
+
+def first_guess(femoral: Surface, tibial: Surface, motion: Placement) -> Array:
+    """Parameters near the smallest gap, shape `(2, ...)`: where the normals roughly oppose."""
+    away = tibial.outwards(motion.translation)
+    guess = femoral.start(scale(-1.0, motion.turn_back(away)))
+    return jnp.stack(jnp.broadcast_arrays(*guess, motion.translation[0])[:2])
+
+
+def improve(femoral: Surface, tibial: Surface, motion: Placement, meeting: Array) -> Array:
+    """One guarded Newton step towards the smallest gap. Arguments as `gap_at`."""
+    gap = gap_at(femoral, tibial, motion, meeting)
+    bounds = [jnp.stack(jnp.broadcast_arrays(*limits)) for limits in zip(*femoral.bounds(), strict=True)]
+    lower, upper = (limits.reshape(limits.shape + (1,) * (meeting.ndim - limits.ndim)) for limits in bounds)
+    more = _OVERSHOOT * (upper - lower)
+    # Not convex here: walk downhill by a fixed part of the region instead.
+    downhill = 0.05 * (upper - lower) * jnp.sign(gap.slope)
+    step = jnp.where(gap.convex, gap.newton(gap.slope), downhill)
+    return jnp.clip(meeting - step, lower - more, upper + more)
+
+
+@jax.custom_jvp
+def meeting_point(femoral: Surface, tibial: Surface, motion: Placement) -> Array:
+    """Parameters of the femoral point where two surfaces meet: the smallest gap.
+
+    Args:
+        femoral: the surface that is searched.
+        tibial: the surface over which the gap is measured.
+        motion: from the femoral to the tibial surface's frame.
+
+    Returns:
+        Shape `(2, ...)`, differentiable to any order by the motion and every number of the
+        surfaces: the rule below is made of the function itself.
+    """
+    return lax.fori_loop(
+        0,
+        _SEARCH_STEPS,
+        lambda _, meeting: improve(femoral, tibial, motion, meeting),
+        first_guess(femoral, tibial, motion),
+    )
+
+
+@meeting_point.defjvp
+def _meeting_point_jvp(primals, tangents):
+    meeting = meeting_point(*primals)
+
+    def slope(femoral: Surface, tibial: Surface, motion: Placement) -> Array:
+        return gap_at(femoral, tibial, motion, meeting).slope
+
+    _, moved = jax.jvp(slope, primals, tangents)
+    return meeting, -gap_at(*primals, meeting).newton(moved)
+
+
+def is_known(femoral: Surface, tibial: Surface, gap: Gap, meeting: Array) -> Array:
+    """Whether the meeting point lies in the fitted region of both surfaces."""
+    return inside(femoral, meeting[0], meeting[1]) & tibial.knows(gap.point)
