@@ -1,0 +1,141 @@
+"""What a calibration found out."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+
+@dataclasses.dataclass(frozen=True)
+class Estimate:
+    """One identified parameter.
+
+    Attributes:
+        name: e.g. `ACL.stiffness`.
+        unit: e.g. `N`; empty for strains.
+        value: the estimate.
+        start: where the search began.
+        lower: bound.
+        upper: bound.
+        standard_error: from the Jacobian at the solution; NaN where the data do not determine it.
+        at_bound: whether the estimate lies on a bound.
+        remark: why it is not determined, or what else a reader must know; empty if nothing.
+    """
+
+    name: str
+    unit: str
+    value: float
+    start: float
+    lower: float
+    upper: float
+    standard_error: float
+    at_bound: bool
+    remark: str = ""
+
+
+@dataclasses.dataclass(frozen=True)
+class Motion:
+    """Poses over flexion with what holds them; angles in degrees, lengths in mm, forces in N.
+
+    Attributes:
+        table: shape `(n, 6)` in the order of `kneejax.geometry.COLUMNS`; NaN rows failed.
+        status: one `Status` value a row.
+        ligament_forces: shape `(n, ligaments)`, N.
+        contact_forces: shape `(n, contacts)`, N.
+    """
+
+    table: np.ndarray
+    status: np.ndarray
+    ligament_forces: np.ndarray
+    contact_forces: np.ndarray
+
+
+@dataclasses.dataclass(frozen=True)
+class Iteration:
+    """One accepted step of the search: stage (e.g. `I.1`), evaluations so far, objective."""
+
+    stage: str
+    evaluations: int
+    objective: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Fit:
+    """The answer of one procedure.
+
+    Attributes:
+        procedure: `I`, `II` or `III`.
+        estimates: one a parameter.
+        objective: weighted sum of squares at the answer.
+        partial_objectives: coordinate -> its unweighted sum of squares (mm^2 or degree^2).
+        rmse: coordinate -> root mean square error (mm or degree).
+        correlation: of the estimates, shape `(p, p)`; NaN rows for undetermined parameters.
+        motion: the fitted motion.
+        history: accepted steps.
+        evaluations: `residual`, `jacobian`, `equilibria` and, per stage, the counts.
+        success: whether the search converged.
+        message: a sentence.
+        starts: objectives reached from the several starts, best first.
+    """
+
+    procedure: str
+    estimates: tuple[Estimate, ...]
+    objective: float
+    partial_objectives: dict[str, float]
+    rmse: dict[str, float]
+    correlation: np.ndarray
+    motion: Motion
+    history: tuple[Iteration, ...]
+    evaluations: dict[str, int]
+    success: bool
+    message: str
+    starts: tuple[float, ...] = ()
+
+
+@dataclasses.dataclass(frozen=True)
+class Calibration:
+    """A calibration: measurement, start, and the fits of one or more procedures.
+
+    Attributes:
+        title: for reports.
+        knee: name of the knee.
+        measured: shape `(n, 6)`, degrees and mm.
+        start: motion of the start's parameters.
+        start_rmse: coordinate -> root mean square error of the start.
+        start_partial_objectives: likewise for the sums of squares.
+        start_objective: weighted sum of squares of the start.
+        fits: one a procedure; the first is the one that is reported as the answer.
+        ligaments: names in the order of the columns of `Motion.ligament_forces`.
+        contacts: names in the order of `Motion.contact_forces`.
+        truth: parameter -> value that made synthetic data; empty for measured data.
+        frame_offset: the six constants between measured and model frames (degrees, mm) with
+            their standard errors, `(name, value, standard_error)`; empty if not fitted.
+        notes: sentences on what limits the fit.
+        seconds: `total`, `compile`, `solve`.
+        versions: package -> version.
+        settings: everything needed to run it again.
+    """
+
+    title: str
+    knee: str
+    measured: np.ndarray
+    start: Motion
+    start_rmse: dict[str, float]
+    start_partial_objectives: dict[str, float]
+    start_objective: float
+    fits: tuple[Fit, ...]
+    ligaments: tuple[str, ...]
+    contacts: tuple[str, ...]
+    truth: dict[str, float]
+    frame_offset: tuple[tuple[str, float, float], ...]
+    notes: tuple[str, ...]
+    seconds: dict[str, float]
+    versions: dict[str, str]
+    settings: dict[str, Any]
+
+    @property
+    def fit(self) -> Fit:
+        """The fit that is reported as the answer."""
+        return self.fits[0]
