@@ -1,0 +1,31 @@
+"""Knee files, studies, tables and meshes: the only rooms that touch a disk."""
+
+from kneejax.files._bundled import Measurement as Measurement
+from kneejax.files._bundled import bundled_knees as bundled_knees
+from kneejax.files._bundled import bundled_measurements as bundled_measurements
+from kneejax.files._bundled import bundled_path as bundled_path
+from kneejax.files._bundled import load_knee as load_knee
+from kneejax.files._bundled import load_knee_file as load_knee_file
+from kneejax.files._knee_file import KneeFile as KneeFile
+from kneejax.files._knee_file import format_knee as format_knee
+from kneejax.files._knee_file import read_knee as read_knee
+from kneejax.files._knee_file import write_knee as write_knee
+from kneejax.files._meshes import MeshPoints as MeshPoints
+from kneejax.files._meshes import read_mesh_points as read_mesh_points
+from kneejax.files._mirror import mirror_document as mirror_document
+from kneejax.files._problem import InputProblem as InputProblem
+from kneejax.files._problem import nearest_name as nearest_name
+from kneejax.files._study import DEFAULT_BOUNDS as DEFAULT_BOUNDS
+from kneejax.files._study import DEFAULT_WEIGHTS as DEFAULT_WEIGHTS
+from kneejax.files._study import METHODS as METHODS
+from kneejax.files._study import PROCEDURES as PROCEDURES
+from kneejax.files._study import Measured as Measured
+from kneejax.files._study import Study as Study
+from kneejax.files._study import Synthetic as Synthetic
+from kneejax.files._study import parse_flexion as parse_flexion
+from kneejax.files._study import read_measured as read_measured
+from kneejax.files._study import read_study as read_study
+from kneejax.files._tables import read_poses as read_poses
+from kneejax.files._tables import write_poses as write_poses
+from kneejax.files._tables import write_rows as write_rows
+from kneejax.files._text import write_text as write_text

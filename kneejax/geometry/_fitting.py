@@ -86,16 +86,11 @@ def fit_sphere(points: ArrayLike, weights: ArrayLike | None = None):
         ValueError: fewer than 4 points.
     """
     p, w = _checked(points, weights, 4, "sphere")
-    root = np.sqrt(w)
-    # |p - c|^2 = r^2 is linear in c and r^2 - |c|^2: a start for the distance fit.
-    a = np.c_[2 * p, np.ones(len(p))] * root[:, None]
-    start, *_ = np.linalg.lstsq(a, root * (p**2).sum(axis=1), rcond=None)
-    radius = np.sqrt(start[3] + start[:3] @ start[:3])
 
     def build(y):
         return Sphere(y[3], Frame(y[:3]))
 
-    return _by_distance(build, np.r_[start[:3], radius], p, w)
+    return _by_distance(build, _center_and_radius(p, w), p, w)
 
 
 def fit_ellipsoid(points: ArrayLike, weights: ArrayLike | None = None, turned: bool = True):
@@ -137,14 +132,13 @@ def fit_transverse_axis(points: ArrayLike, weights: ArrayLike | None = None) -> 
         ValueError: fewer than 6 points.
     """
     p, w = _checked(points, weights, 6, "cylinder")
-    sphere = fit_sphere(p * [1, 1, 0] + [0, 0, 1e-9] * np.arange(len(p))[:, None], w).surface
+    circle = _center_and_radius(p[:, :2], w)
 
     def residual(y, _):
         local = _local_traced(Frame(jnp.r_[y[:2], 0.0], jnp.r_[y[2:4], 0.0]), p)
         return jnp.sqrt(w) * (jnp.hypot(local[0], local[1]) - y[4])
 
-    start = np.r_[np.asarray(sphere.frame.origin)[:2], 0.0, 0.0, float(sphere.radius)]
-    y = _levenberg_marquardt(residual, start)
+    y = _levenberg_marquardt(residual, np.r_[circle[:2], 0.0, 0.0, circle[2]])
     return Frame(np.r_[y[:2], 0.0], np.r_[y[2:4], 0.0])
 
 
@@ -223,6 +217,16 @@ def fit_plateau(
         (x[here], x_mm), (z[here], z_mm), y[here], w[here], degree, total_degree, "plateau"
     )
     return _finish(Plateau(coefficients, x_mm, z_mm, frame), p[here], w[here])
+
+
+def _center_and_radius(points: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Centre, then radius, of the circle or sphere near the points: a start for distance fits."""
+    # |p - c|^2 = r^2 is linear in c and r^2 - |c|^2.
+    root = np.sqrt(weights)
+    columns = np.c_[2 * points, np.ones(len(points))] * root[:, None]
+    solution, *_ = np.linalg.lstsq(columns, root * (points**2).sum(axis=1), rcond=None)
+    center = solution[:-1]
+    return np.r_[center, np.sqrt(solution[-1] + center @ center)]
 
 
 def _polynomial_fit(first, second, values, weights, degree, total_degree, what):

@@ -104,7 +104,7 @@ def patch_force(law: str, c: ArrayLike) -> Array:
         return 0.5 * c
     # The mean of the pressure over 0..s is the energy density, divided by s.
     return branch(
-        c > 0, lambda x: relative_energy(law, x) / x, jnp.zeros_like, c, inside=0.5, outside=0.5
+        c > 0, lambda x: relative_energy(law, x) / x, lambda x: 0.5 * x, c, inside=0.5, outside=0.5
     )
 
 

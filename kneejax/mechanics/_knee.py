@@ -48,7 +48,7 @@ class Knee(eqx.Module):
             pose: one pose or a batch; the knee's leaves then carry the same trailing axes.
         """
         tibia = pose.placement
-        total = self._energy_without_patches(pose, tibia)
+        total = self.energy_without_patches(pose)
         for contact in self.contacts:
             total = total + (contact.energy(tibia) if contact.has_patch else 0.0)
         return total
@@ -68,9 +68,8 @@ class Knee(eqx.Module):
         Returns:
             Energy, N mm, and the gaps with a leading axis of length `n`.
         """
-        tibia = pose.placement
-        energy, gap = self.map_patches(_patch_at, tibia, meeting)
-        return self._energy_without_patches(pose, tibia) + jnp.sum(energy, axis=0), gap
+        energy, gap = self.map_patches(_patch_at, pose.placement, meeting)
+        return self.energy_without_patches(pose) + jnp.sum(energy, axis=0), gap
 
     def map_patches(self, function, tibia: Placement, meeting: Array):
         """Apply `function(contact, tibia, meeting)` to each contact that has a patch.
@@ -108,7 +107,9 @@ class Knee(eqx.Module):
         """Number of contacts that have a patch, hence a meeting point."""
         return sum(contact.has_patch for contact in self.contacts)
 
-    def _energy_without_patches(self, pose: Pose, tibia: Placement) -> Array:
+    def energy_without_patches(self, pose: Pose) -> Array:
+        """Energy of all but the contacts that have a patch, N mm."""
+        tibia = pose.placement
         total = self.ligaments.energy(tibia)
         for line in self.lines:
             total = total + line.energy(pose.flexion, tibia)

@@ -17,7 +17,9 @@ from jax import Array, lax
 
 from kneejax.geometry import Placement, Surface, Vector, add, dot, inside, rotate, scale
 
-_SEARCH_STEPS = 8
+_SEARCH_STEPS = 12
+# A search step, mm, and the least relative curvature, 1/mm, that it reckons with.
+_LONGEST_STEP, _LEAST_CURVATURE = 6.0, 0.003
 # Parameters may leave the surface's region by this part of its size before they are held.
 _OVERSHOOT = 0.15
 # Gauss curvature (1/mm^2) below which a gap counts as flat: no ellipse fits in it.
@@ -33,6 +35,7 @@ class Gap(eqx.Module):
         aa: second derivative; likewise `ab`, `bb`.
         steepness: squared gradient of the height in space.
         metric: square of the area that a unit square of parameters covers, mm^4.
+        stretch: mm covered by a unit of each parameter.
         point: in the tibial surface's frame, mm.
     """
 
@@ -43,6 +46,7 @@ class Gap(eqx.Module):
     bb: Array
     steepness: Array
     metric: Array
+    stretch: tuple[Array, Array]
     point: Vector
 
     @property
@@ -70,6 +74,12 @@ class Gap(eqx.Module):
         """Geometric mean of the two relative radii of curvature, mm."""
         flat = ~self.convex | (self.curvature < _FLAT)
         return jnp.where(flat, _FLAT**-0.5, jnp.where(flat, 1.0, self.curvature) ** -0.5)
+
+    @property
+    def tilt(self) -> Array:
+        """Slope of the gap along the surface, mm per mm; zero where the surfaces meet."""
+        a, b = self.slope[0] / self.stretch[0], self.slope[1] / self.stretch[1]
+        return jnp.abs(a) + jnp.abs(b)
 
     def newton(self, slope: Array) -> Array:
         """Solve with the second derivatives; zero where they are not positive definite."""
@@ -102,6 +112,7 @@ def gap_at(femoral: Surface, tibial: Surface, motion: Placement, meeting: Array)
         along_a, along_b = jet.vector(jet.a), jet.vector(jet.b)
         bent_a, bent_b = rotate(height.hessian, along_a), rotate(height.hessian, along_b)
         aa, ab, bb = aa + dot(bent_a, along_a), ab + dot(bent_a, along_b), bb + dot(bent_b, along_b)
+    square_a, square_b = dot(jet.a, jet.a), dot(jet.b, jet.b)
     return Gap(
         value=height.value,
         slope=jnp.stack([dot(pulled, jet.a), dot(pulled, jet.b)]),
@@ -109,7 +120,8 @@ def gap_at(femoral: Surface, tibial: Surface, motion: Placement, meeting: Array)
         ab=ab,
         bb=bb,
         steepness=dot(height.gradient, height.gradient),
-        metric=dot(jet.a, jet.a) * dot(jet.b, jet.b) - dot(jet.a, jet.b) ** 2,
+        metric=square_a * square_b - dot(jet.a, jet.b) ** 2,
+        stretch=(jnp.sqrt(square_a), jnp.sqrt(square_b)),
         point=point,
     )
 
@@ -124,13 +136,25 @@ def first_guess(femoral: Surface, tibial: Surface, motion: Placement) -> Array:
 def improve(femoral: Surface, tibial: Surface, motion: Placement, meeting: Array) -> Array:
     """One guarded Newton step towards the smallest gap. Arguments as `gap_at`."""
     gap = gap_at(femoral, tibial, motion, meeting)
-    bounds = [jnp.stack(jnp.broadcast_arrays(*limits)) for limits in zip(*femoral.bounds(), strict=True)]
-    lower, upper = (limits.reshape(limits.shape + (1,) * (meeting.ndim - limits.ndim)) for limits in bounds)
-    more = _OVERSHOOT * (upper - lower)
-    # Not convex here: walk downhill by a fixed part of the region instead.
-    downhill = 0.05 * (upper - lower) * jnp.sign(gap.slope)
-    step = jnp.where(gap.convex, gap.newton(gap.slope), downhill)
-    return jnp.clip(meeting - step, lower - more, upper + more)
+    # In mm along both parameters, so that the guards below have a meaning.
+    along_a, along_b = gap.stretch
+    slope_a, slope_b = gap.slope[0] / along_a, gap.slope[1] / along_b
+    aa, ab, bb = gap.aa / along_a**2, gap.ab / (along_a * along_b), gap.bb / along_b**2
+    smallest = 0.5 * (aa + bb) - jnp.sqrt(0.25 * (aa - bb) ** 2 + ab * ab)
+    shift = jnp.maximum(_LEAST_CURVATURE - smallest, 0.0)
+    aa, bb = aa + shift, bb + shift
+    determinant = aa * bb - ab * ab
+    step_a = (bb * slope_a - ab * slope_b) / determinant
+    step_b = (aa * slope_b - ab * slope_a) / determinant
+    short = jnp.minimum(1.0, _LONGEST_STEP / (jnp.abs(step_a) + jnp.abs(step_b) + 1e-9))
+    (lower_a, upper_a), (lower_b, upper_b) = femoral.bounds()
+    more_a, more_b = _OVERSHOOT * (upper_a - lower_a), _OVERSHOOT * (upper_b - lower_b)
+    return jnp.stack(
+        [
+            jnp.clip(meeting[0] - short * step_a / along_a, lower_a - more_a, upper_a + more_a),
+            jnp.clip(meeting[1] - short * step_b / along_b, lower_b - more_b, upper_b + more_b),
+        ]
+    )
 
 
 @jax.custom_jvp

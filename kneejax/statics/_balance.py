@@ -12,6 +12,8 @@ the force is the partial derivative of `L` by `q`, and the tangent its second de
 
 from __future__ import annotations
 
+from functools import partial
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -76,6 +78,10 @@ def balance(knee: Knee, flexion: Array, q: Array, meeting: Array) -> Balance:
     return Balance(energy, by_q - load, load, tangent, drift, gap)
 
 
+#: `balance` traced once for all who call it with arrays of one shape: tracing takes a second.
+traced_balance = jax.jit(balance, inline=True)
+
+
 def force_derivative(
     knee: Knee,
     flexion: Array,
@@ -108,11 +114,38 @@ def force_derivative(
     return _with_meeting(drift, change), follow
 
 
+def energy_force_derivative(knee: Knee, flexion: Array, q: Array, knee_tangent: Knee) -> Array:
+    """Derivative of the residual along a change that leaves contacts and flexion alone.
+
+    Args:
+        knee: as in `balance`; likewise `flexion`, `q`.
+        knee_tangent: change of every leaf; that of the contacts is not read.
+
+    Returns:
+        Change of the residual `(5, lanes)`.
+    """
+
+    def forces(knee_: Knee) -> Array:
+        def energy(q_: Array) -> Array:
+            return jnp.sum(knee_.energy_without_patches(Pose.from_state(flexion, q_)))
+
+        return jax.grad(energy)(q) - knee_.load_work(Pose.from_state(flexion, q))
+
+    return jax.jvp(forces, (knee,), (knee_tangent,))[1]
+
+
+@partial(jax.jit, inline=True)
+def _energy_at(knee: Knee, flexion: Array, q: Array, meeting: Array) -> tuple[Array, Gap]:
+    """Energy and gaps. Jitted so that Python runs through the mechanics once, not once for each
+    of the six derivatives that `balance` takes: that halves the time to trace it."""
+    return knee.energy_at(Pose.from_state(flexion, q), meeting)
+
+
 def _pull_back(knee: Knee, flexion: Array, q: Array, meeting: Array):
     """Pull-back of energy and gap slopes to `(q, s)`, the multiplier, energy and gaps."""
 
     def parts(q_: Array, meeting_: Array):
-        energy, gap = knee.energy_at(Pose.from_state(flexion, q_), meeting_)
+        energy, gap = _energy_at(knee, flexion, q_, meeting_)
         return (energy, gap.slope), gap
 
     (energy, slope), pull, gap = jax.vjp(parts, q, meeting, has_aux=True)
@@ -124,7 +157,7 @@ def _lagrangian_slopes(knee, flexion, q, meeting, multiplier) -> tuple[Array, Ar
     """Derivatives of `L` by `q` and `s` (loads included in the first), the multiplier held."""
 
     def lagrangian(q_: Array, meeting_: Array) -> Array:
-        energy, gap = knee.energy_at(Pose.from_state(flexion, q_), meeting_)
+        energy, gap = _energy_at(knee, flexion, q_, meeting_)
         return jnp.sum(energy) + jnp.sum(multiplier * gap.slope)
 
     by_q, by_meeting = jax.grad(lagrangian, (0, 1))(q, meeting)
@@ -132,12 +165,12 @@ def _lagrangian_slopes(knee, flexion, q, meeting, multiplier) -> tuple[Array, Ar
 
 
 def _gap_slopes(knee: Knee, flexion: Array, q: Array, meeting: Array) -> Array:
-    _, gap = knee.energy_at(Pose.from_state(flexion, q), meeting)
+    _, gap = _energy_at(knee, flexion, q, meeting)
     return gap.slope
 
 
 def _drift(knee: Knee, flexion: Array, q: Array, meeting: Array) -> Array:
-    _, gap = knee.energy_at(Pose.from_state(flexion, q), meeting)
+    _, gap = _energy_at(knee, flexion, q, meeting)
 
     def follow(direction: Array) -> Array:
         _, moved = jax.jvp(lambda x: _gap_slopes(knee, flexion, x, meeting), (q,), (direction,))

@@ -1,0 +1,116 @@
+"""Knees, measurements and studies that come with the package."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from pathlib import Path
+
+from kneejax.files._knee_file import KneeFile, read_knee
+from kneejax.files._problem import InputProblem
+from kneejax.files._schema import Field
+from kneejax.files._yaml import load_yaml
+from kneejax.mechanics import Knee
+
+_ENDINGS = {"knees": ".yaml", "measurements": ".csv", "studies": ".yaml"}
+
+
+@dataclasses.dataclass(frozen=True)
+class Measurement:
+    """A bundled table of measured poses.
+
+    Attributes:
+        path: the CSV table.
+        title: one line on what was measured.
+        source: where it was published.
+        description: how it was measured; empty if not said.
+    """
+
+    path: Path
+    title: str
+    source: str
+    description: str = ""
+
+
+def bundled_path(kind: str, name: str) -> Path:
+    """The file of something that comes with the package.
+
+    Args:
+        kind: a folder of the bundled data: `knees`, `measurements` or `studies`.
+        name: of the file, with or without its ending.
+
+    Raises:
+        InputProblem: there is no such file.
+    """
+    if kind not in _ENDINGS:
+        expected = f"one of {', '.join(_ENDINGS)}"
+        raise InputProblem("bundled data", "kind", kind, expected, _ENDINGS)
+    known = _bundled(kind)
+    stem = name.removesuffix(_ENDINGS[kind])
+    if stem not in known:
+        expected = f"one of {', '.join(known) or 'none'}"
+        raise InputProblem("bundled data", kind, name, expected, known)
+    return known[stem]
+
+
+def bundled_knees() -> dict[str, Path]:
+    """Name -> file of each knee that comes with the package, in alphabetical order."""
+    return _bundled("knees")
+
+
+def bundled_measurements() -> dict[str, Measurement]:
+    """Name -> table and source of each measurement that comes with the package.
+
+    Raises:
+        InputProblem: a table has no YAML file of the same name with its `title` and `source`.
+    """
+    answer = {}
+    for name, path in _bundled("measurements").items():
+        about = path.with_suffix(".yaml")
+        field = Field(os.fspath(about), "", load_yaml(about, "title and source of a table"))
+        field.mapping(("title", "source"), ("description", "convention", "side", "notes"))
+        description = field["description"].text() if "description" in field else ""
+        title, source = field["title"].text(), field["source"].text()
+        answer[name] = Measurement(path, title, source, description)
+    return answer
+
+
+def load_knee(name_or_path: str | os.PathLike[str]) -> Knee:
+    """Load a knee.
+
+    Args:
+        name_or_path: name of a bundled knee, or a knee file.
+
+    Returns:
+        The knee; a left one as its mirrored right twin.
+
+    Raises:
+        InputProblem: there is no such knee or file, or the file is faulty.
+    """
+    return load_knee_file(name_or_path).knee
+
+
+def load_knee_file(name_or_path: str | os.PathLike[str]) -> KneeFile:
+    """Load a knee with its sources. Arguments and errors as `load_knee`."""
+    known = bundled_knees()
+    if isinstance(name_or_path, str) and name_or_path in known:
+        return read_knee(known[name_or_path])
+    path = Path(name_or_path)
+    looks_like_path = not isinstance(name_or_path, str) or path.suffix or len(path.parts) != 1
+    if looks_like_path or path.exists():
+        return read_knee(path)
+    names = ", ".join(known) or "none are installed"
+    expected = f"a bundled knee ({names}) or a knee file"
+    raise InputProblem("knee", "name", str(name_or_path), expected, known)
+
+
+def _bundled(kind: str) -> dict[str, Path]:
+    folder = _data_folder() / kind
+    return {path.stem: path for path in sorted(folder.glob(f"*{_ENDINGS[kind]}"))}
+
+
+def _data_folder() -> Path:
+    """`kneejax/data` of an installed package, else `data` beside the package of a checkout."""
+    package = Path(__file__).resolve().parents[1]
+    installed = package / "data"
+    return installed if installed.is_dir() else package.parent / "data"

@@ -1,0 +1,282 @@
+"""Knee files: readable YAML in which every number has a unit and a source."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kneejax.files import _knee_schema as schema
+from kneejax.files._mirror import mirror_document
+from kneejax.files._problem import InputProblem
+from kneejax.files._schema import Field
+from kneejax.files._text import write_text
+from kneejax.files._yaml import format_yaml, load_yaml
+from kneejax.geometry import (
+    COLUMNS,
+    Condyle,
+    Ellipsoid,
+    Frame,
+    Plane,
+    Plateau,
+    Pose,
+    Sphere,
+    Surface,
+)
+from kneejax.mechanics import (
+    ConstantTensionLine,
+    Contact,
+    Knee,
+    Ligaments,
+    Load,
+    ligament_law,
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class KneeFile:
+    """A knee and where its numbers come from.
+
+    Attributes:
+        knee: ready for computing; a left knee is its mirrored right twin.
+        sources: place of a field, or of a part with all its fields (`ligaments.ACL`) -> source.
+        description: what the file says of the knee.
+        path: the file.
+        document: content of the file as it stands there, not mirrored.
+    """
+
+    knee: Knee
+    sources: dict[str, str]
+    description: str
+    path: Path
+    document: dict[str, Any]
+
+    @property
+    def adaptations(self) -> tuple[dict[str, Any], ...]:
+        """Changes of published values: mappings with `field`, `from`, `to` and `reason`."""
+        return tuple(self.document.get("adaptations", ()))
+
+
+def read_knee(path: str | os.PathLike[str]) -> KneeFile:
+    """Read a knee file.
+
+    A left knee (`side: left`, Z to the person's right, which is medial there) is mirrored to its
+    right twin: points and forces `z -> -z`, rotations and moments about X and Y change sign,
+    regions along Z swap and change sign, odd powers of the width or z change sign. The reference
+    pose is given by clinical meaning and stays.
+
+    Args:
+        path: the file.
+
+    Returns:
+        The knee, the sources of its numbers, and the document.
+
+    Raises:
+        InputProblem: the file cannot be read or a field is missing, unknown or out of range.
+    """
+    document = load_yaml(path, "a knee file")
+    sources = schema.check_knee(Field(os.fspath(path), "", document))
+    right = mirror_document(document) if document["side"] == "left" else document
+    knee = _build(right, document["side"], os.fspath(path))
+    return KneeFile(knee, sources, document["description"].strip(), Path(path), document)
+
+
+def format_knee(document: dict[str, Any]) -> str:
+    """Write a knee document as text.
+
+    Args:
+        document: content of a knee file; NumPy numbers and arrays may stand in it.
+
+    Returns:
+        YAML with fields in the order of the format, names in the order given, every float with
+        the digits that it has; the same text for the same document.
+    """
+    return format_yaml(_ordered(_plain(document)))
+
+
+def write_knee(document: dict[str, Any], path: str | os.PathLike[str]) -> None:
+    """Check a knee document and write it to a file, completely or not at all.
+
+    Args:
+        document: as in `format_knee`.
+        path: the file.
+
+    Raises:
+        InputProblem: a field is missing, unknown or out of range, or the file cannot be written.
+    """
+    plain = _ordered(_plain(document))
+    schema.check_knee(Field(os.fspath(path), "", plain))
+    right = mirror_document(plain) if plain["side"] == "left" else plain
+    _build(right, plain["side"], os.fspath(path))
+    write_text(path, format_yaml(plain))
+
+
+def build_surface(surface: dict[str, Any]) -> Surface:
+    """Make a surface of a checked part of a knee document.
+
+    Args:
+        surface: a mapping with `kind` and that kind's fields, of a right knee.
+    """
+    kind = surface["kind"]
+    if kind == "condyle":
+        frame = _frame(surface, "axis_point_mm", "axis_rotation_deg")
+        angle = np.deg2rad(surface["angle_deg"])
+        return Condyle(surface["coefficients_mm"], angle, surface["width_mm"], frame)
+    if kind == "plateau":
+        frame = _frame(surface, "origin_mm", "rotation_deg")
+        region = surface["anterior_mm"], surface["lateral_mm"]
+        return Plateau(surface["coefficients_mm"], *region, frame)
+    if kind == "plane":
+        return Plane(_frame(surface, "origin_mm", "rotation_deg"), surface["half_extent_mm"])
+    frame = _frame(surface, "center_mm", "rotation_deg")
+    if kind == "sphere":
+        return Sphere(surface["radius_mm"], frame)
+    return Ellipsoid(surface["semi_axes_mm"], frame)
+
+
+def _frame(surface: dict[str, Any], origin: str, rotation: str) -> Frame:
+    turn = surface.get(rotation)
+    return Frame(surface[origin], None if turn is None else np.deg2rad(turn))
+
+
+def _build(document: dict[str, Any], side: str, file: str) -> Knee:
+    """The knee of a checked document of a right knee."""
+    stated = document["reference_pose"]
+    pose = Pose.from_table([float(stated[column]) for column in COLUMNS])
+    return Knee(
+        ligaments=_ligaments(document["ligaments"], pose, file),
+        contacts=tuple(_contact(part) for part in document["contacts"].values()),
+        loads=tuple(_load(part, name) for name, part in document.get("loads", {}).items()),
+        lines=tuple(
+            ConstantTensionLine(part["tension_N"], part["origin_mm"], part["insertion_mm"], name)
+            for name, part in document.get("lines", {}).items()
+        ),
+        reference_pose=pose,
+        contact_names=tuple(document["contacts"]),
+        name=document["name"].strip(),
+        side=side,
+    )
+
+
+def _ligaments(parts: dict[str, Any], pose: Pose, file: str) -> Ligaments:
+    def column(name: str) -> np.ndarray:
+        return np.array([part[name] for part in parts.values()], float)
+
+    def fibres(slack_length) -> Ligaments:
+        return Ligaments(
+            column("femoral_attachment_mm"),
+            column("tibial_attachment_mm"),
+            column("stiffness_N"),
+            slack_length,
+            column("transition_strain"),
+            column("transition_width"),
+            tuple(parts),
+        )
+
+    lengths = np.asarray(fibres(np.ones(len(parts))).length(pose.placement))
+    _check_lengths(parts, lengths, file)
+    slack = [_slack(part, length) for part, length in zip(parts.values(), lengths, strict=True)]
+    for name, value in zip(parts, slack, strict=True):
+        if not np.isfinite(value) or value <= 0:
+            given = next(x for x in schema.SLACK_FIELDS if x in parts[name])
+            place = f"ligaments.{name}.{given}"
+            raise InputProblem(
+                file, place, parts[name][given], "a value that gives a positive slack length"
+            )
+    return fibres(np.array(slack))
+
+
+def _slack(part: dict[str, Any], length: float) -> float:
+    if "slack_length_mm" in part:
+        return float(part["slack_length_mm"])
+    if "reference_strain" in part:
+        return float(ligament_law.slack_length_from_strain(length, part["reference_strain"]))
+    names = ("reference_force_N", "stiffness_N", "transition_strain", "transition_width")
+    values = (float(part[name]) for name in names)
+    return float(ligament_law.slack_length_from_force(length, *values))
+
+
+def _check_lengths(parts: dict[str, Any], lengths: np.ndarray, file: str) -> None:
+    ends = ("femoral_attachment_mm", "tibial_attachment_mm")
+    largest = max(abs(x) for part in parts.values() for end in ends for x in part[end])
+    for name, length in zip(parts, lengths, strict=True):
+        if 1 <= length <= 300:
+            continue
+        expected = "between 1 and 300 mm between the attachments"
+        if length < 1 and largest < 0.5:
+            expected += "; no coordinate reaches 0.5, so metres are suspected: give millimetres"
+        elif length > 300:
+            expected += "; a smaller unit than mm, or attachments in another frame, are suspected"
+        value = f"{length:.4g} mm at the reference pose"
+        raise InputProblem(file, f"ligaments.{name}", value, expected)
+
+
+def _contact(part: dict[str, Any]) -> Contact:
+    return Contact(
+        build_surface(part["femoral_surface"]),
+        build_surface(part["tibial_surface"]),
+        part["youngs_modulus_MPa"],
+        part["poisson_ratio"],
+        part["layer_thickness_mm"],
+        part["onset_width_mm"],
+        law=part["law"],
+        form=part["form"],
+        points=tuple(part.get("points", (24, 24))),
+    )
+
+
+def _load(part: dict[str, Any], name: str) -> Load:
+    still = (0.0, 0.0, 0.0)
+    return Load(
+        part.get("force_N", still),
+        part.get("moment_Nmm", still),
+        part.get("point_mm", still),
+        axes=part["axes"],
+        point_in=part.get("point_in", "tibia"),
+        name=name,
+    )
+
+
+def _plain(value: Any) -> Any:
+    """The same with Python's own numbers, texts and lists."""
+    if isinstance(value, dict):
+        return {str(name): _plain(item) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if hasattr(value, "tolist"):  # NumPy and JAX arrays and numbers
+        return _plain(np.asarray(value).tolist())
+    return value
+
+
+def _ordered(document: dict[str, Any]) -> dict[str, Any]:
+    document = _sorted(document, schema.KNEE_FIELDS)
+    if isinstance(document.get("reference_pose"), dict):
+        document["reference_pose"] = _sorted(document["reference_pose"], schema.POSE_FIELDS)
+    for section, fields in (
+        ("ligaments", schema.LIGAMENT_FIELDS),
+        ("contacts", schema.CONTACT_FIELDS),
+        ("lines", schema.LINE_FIELDS),
+        ("loads", schema.LOAD_FIELDS),
+    ):
+        parts = document.get(section)
+        if isinstance(parts, dict):
+            document[section] = {name: _sorted(part, fields) for name, part in parts.items()}
+    return document
+
+
+def _sorted(part: Any, fields: tuple[str, ...]) -> Any:
+    """The same mapping, known fields first and in their order; surfaces within it likewise."""
+    if not isinstance(part, dict):
+        return part
+    names = [name for name in fields if name in part]
+    answer = {name: part[name] for name in (*names, *(x for x in part if x not in names))}
+    for name in ("femoral_surface", "tibial_surface"):
+        surface = answer.get(name)
+        if isinstance(surface, dict):
+            required, optional = schema.SURFACES.get(surface.get("kind"), ((), ()))
+            order = ("kind", required[0], *optional, *required[1:]) if required else ()
+            answer[name] = _sorted(surface, (*order, *schema.SURFACE_EXTRAS))
+    return answer

@@ -1,0 +1,260 @@
+"""What a knee file may say: every field, its type, its range, and the slips people make in units.
+
+The checks leave the document as it is. `_knee_file` builds a knee from a checked document.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kneejax.files._schema import Field
+from kneejax.mechanics import BONES, FORMS, QUADRATURE, cartilage_law
+
+#: Version of the format that this package reads and writes.
+VERSION = 1
+#: The sides a knee may be of.
+SIDES = ("right", "left")
+#: The ways to give a slack length; a ligament has exactly one.
+SLACK_FIELDS = ("reference_strain", "slack_length_mm", "reference_force_N")
+#: Fields of a knee file, in the order in which they are written; likewise those below.
+KNEE_FIELDS = (
+    "kneejax", "name", "side", "description", "reference_pose", "ligaments", "contacts", "lines",
+    "loads", "adaptations", "notes",
+)
+POSE_FIELDS = (
+    "flexion_deg", "adduction_deg", "internal_rotation_deg", "anterior_mm", "superior_mm",
+    "lateral_mm", "source",
+)
+LIGAMENT_FIELDS = (
+    "femoral_attachment_mm", "tibial_attachment_mm", "stiffness_N", *SLACK_FIELDS,
+    "transition_strain", "transition_width", "source",
+)
+CONTACT_FIELDS = (
+    "form", "points", "law", "youngs_modulus_MPa", "poisson_ratio", "layer_thickness_mm",
+    "onset_width_mm", "femoral_surface", "tibial_surface", "source",
+)
+LINE_FIELDS = ("tension_N", "insertion_mm", "origin_mm", "source")
+LOAD_FIELDS = ("force_N", "moment_Nmm", "point_mm", "axes", "point_in", "source")
+ADAPTATION_FIELDS = ("field", "from", "to", "reason")
+#: Kind of surface -> the fields it must have and those it may have.
+SURFACES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "condyle": (
+        ("axis_point_mm", "angle_deg", "width_mm", "coefficients_mm"), ("axis_rotation_deg",)
+    ),
+    "plateau": (
+        ("origin_mm", "anterior_mm", "lateral_mm", "coefficients_mm"), ("rotation_deg",)
+    ),
+    "plane": (("origin_mm", "half_extent_mm"), ("rotation_deg",)),
+    "sphere": (("center_mm", "radius_mm"), ()),
+    "ellipsoid": (("center_mm", "semi_axes_mm"), ("rotation_deg",)),
+}
+SURFACE_EXTRAS = ("source", "fit_rms_mm", "fit_max_mm")
+
+_FAR_MM = 1000.0  # no point of a knee is farther from its bone's origin
+_LONGEST_MM = 300.0
+_METRES = "; a length below this suggests metres"
+
+
+def check_knee(document: Field) -> dict[str, str]:
+    """Check every field of a knee file.
+
+    Args:
+        document: the whole file.
+
+    Returns:
+        Place of a field (or of a part with all its fields) -> its source.
+
+    Raises:
+        InputProblem: the first field that is missing, unknown, or out of range.
+    """
+    if not isinstance(document.value, dict):
+        raise document.problem("a mapping with the fields of a knee")
+    document.mapping(KNEE_FIELDS[:7], KNEE_FIELDS[7:])
+    if document["kneejax"].integer(1) != VERSION:
+        raise document["kneejax"].problem(f"{VERSION}, the version of the format")
+    document["name"].text()
+    document["side"].choice(SIDES)
+    document["description"].text()
+    sources: dict[str, str] = {}
+    _check_pose(document["reference_pose"], sources)
+    for _, ligament in document["ligaments"].named("a ligament"):
+        _check_ligament(ligament, sources)
+    for _, contact in document["contacts"].named("a contact"):
+        _check_contact(contact, sources)
+    for section, check in (("lines", _check_line), ("loads", _check_load)):
+        if section in document:
+            for _, part in document[section].named(f"one of the {section}"):
+                check(part, sources)
+    if "adaptations" in document:
+        for adaptation in document["adaptations"].items("adaptations"):
+            adaptation.mapping(ADAPTATION_FIELDS)
+            adaptation["field"].text()
+            adaptation["reason"].text()
+    if "notes" in document:
+        document["notes"].text()
+    return sources
+
+
+def _check_pose(pose: Field, sources: dict[str, str]) -> None:
+    pose.mapping(POSE_FIELDS[:-1], ("source",))
+    pose["flexion_deg"].number(at_least=-30, at_most=180)
+    pose["adduction_deg"].number(at_least=-45, at_most=45)
+    pose["internal_rotation_deg"].number(at_least=-90, at_most=90)
+    for name in POSE_FIELDS[3:6]:
+        pose[name].number(at_least=-200, at_most=200)
+    if "source" in pose:
+        sources[pose.path] = pose["source"].text()
+
+
+def _check_ligament(ligament: Field, sources: dict[str, str]) -> None:
+    required = [name for name in LIGAMENT_FIELDS if name not in SLACK_FIELDS]
+    ligament.mapping(required, SLACK_FIELDS)
+    _point(ligament["femoral_attachment_mm"])
+    _point(ligament["tibial_attachment_mm"])
+    ligament["stiffness_N"].number(above=0)
+    given = [name for name in SLACK_FIELDS if name in ligament]
+    if len(given) != 1:
+        what = f"exactly one of {', '.join(SLACK_FIELDS)}"
+        raise Field(ligament.file, ligament.path, ", ".join(given) or "none").problem(what)
+    field = ligament[given[0]]
+    if given == ["reference_strain"]:
+        field.number(above=-1, below=0.5, what="a strain (not percent)")
+    elif given == ["reference_force_N"]:
+        field.number(above=0)
+    elif 0 < field.number(above=0, below=_LONGEST_MM) < 1:
+        raise field.problem(f"a length of at least 1 mm{_METRES}")
+    ligament["transition_strain"].number(above=0, below=0.5, what="a strain (not percent)")
+    ligament["transition_width"].number(above=0, below=0.5, what="a strain (not percent)")
+    _check_source(ligament, sources, without=("transition_width",))
+
+
+def _check_contact(contact: Field, sources: dict[str, str]) -> None:
+    contact.mapping([name for name in CONTACT_FIELDS if name != "points"], ["points"])
+    form = contact["form"].choice(FORMS)
+    if "points" in contact:
+        if form != QUADRATURE:
+            raise contact["points"].problem(f"no points unless form is {QUADRATURE}")
+        for count in contact["points"].items("numbers of points", 2):
+            count.integer(2)
+    contact["law"].choice(cartilage_law.LAWS)
+    modulus = contact["youngs_modulus_MPa"]
+    if modulus.number(above=0) >= 1e5:
+        raise modulus.problem("a modulus in MPa; a value this large suggests Pa")
+    contact["poisson_ratio"].number(at_least=0, below=0.5)
+    thickness = contact["layer_thickness_mm"]
+    if thickness.number(above=0, below=50) < 0.1:
+        raise thickness.problem(f"a thickness of at least 0.1 mm{_METRES}")
+    contact["onset_width_mm"].number(above=0, below=5)
+    for name in ("femoral_surface", "tibial_surface"):
+        check_surface(contact[name])
+        sources[contact[name].path] = contact[name]["source"].text()
+    surfaces = ("form", "points", "law", "onset_width_mm", "femoral_surface", "tibial_surface")
+    _check_source(contact, sources, without=surfaces)
+
+
+def check_surface(surface: Field) -> None:
+    """Check a surface of a knee file.
+
+    Args:
+        surface: a mapping with `kind` and that kind's fields.
+
+    Raises:
+        InputProblem: the first field that is missing, unknown, or out of range.
+    """
+    if not isinstance(surface.value, dict) or "kind" not in surface:
+        raise surface.problem(f"a mapping with the field kind, one of {', '.join(SURFACES)}")
+    kind = surface["kind"].choice(SURFACES)
+    required, optional = SURFACES[kind]
+    surface.mapping(("kind", *required, "source"), (*optional, *SURFACE_EXTRAS[1:]))
+    surface["source"].text()
+    for name in SURFACE_EXTRAS[1:]:
+        if name in surface:
+            surface[name].number(at_least=0)
+    for name in ("axis_point_mm", "origin_mm", "center_mm"):
+        if name in surface:
+            _point(surface[name])
+    for name in ("axis_rotation_deg", "rotation_deg"):
+        if name in surface:
+            surface[name].numbers(3, at_least=-360, at_most=360)
+    if kind == "condyle":
+        lower, upper = surface["angle_deg"].interval(at_least=-90, at_most=270)
+        if upper - lower < 10:
+            raise surface["angle_deg"].problem(
+                "a region at least 10 degrees wide; a narrower one suggests radians"
+            )
+        _extent(surface["width_mm"])
+        if _values(surface["coefficients_mm"]).min() <= 0:
+            raise surface["coefficients_mm"].problem("a radius above 0 all over the region")
+        if _values(surface["coefficients_mm"]).max() < 1:
+            raise surface["coefficients_mm"].problem(f"a radius of at least 1 mm{_METRES}")
+    elif kind == "plateau":
+        _extent(surface["anterior_mm"])
+        _extent(surface["lateral_mm"])
+        if np.abs(_values(surface["coefficients_mm"])).max() > _FAR_MM:
+            raise surface["coefficients_mm"].problem("heights in mm, below 1000")
+    elif kind == "plane":
+        _sizes(surface["half_extent_mm"], surface["half_extent_mm"].numbers(2, above=0))
+    elif kind == "sphere":
+        _sizes(surface["radius_mm"], [surface["radius_mm"].number(above=0)])
+    else:
+        _sizes(surface["semi_axes_mm"], surface["semi_axes_mm"].numbers(3, above=0))
+
+
+def _check_line(line: Field, sources: dict[str, str]) -> None:
+    line.mapping(LINE_FIELDS)
+    line["tension_N"].number(at_least=0)
+    _point(line["insertion_mm"])
+    line["origin_mm"].rows(3)
+    _check_source(line, sources)
+
+
+def _check_load(load: Field, sources: dict[str, str]) -> None:
+    load.mapping(("axes", "source"), LOAD_FIELDS)
+    if "force_N" not in load and "moment_Nmm" not in load:
+        raise load.problem("force_N, moment_Nmm, or both")
+    if "force_N" in load:
+        load.mapping(("force_N", "point_mm", "point_in", "axes", "source"), LOAD_FIELDS)
+    for name in ("force_N", "moment_Nmm"):
+        if name in load:
+            load[name].numbers(3)
+    if "point_mm" in load:
+        _point(load["point_mm"])
+    for name in ("axes", "point_in"):
+        if name in load:
+            load[name].choice(BONES)
+    _check_source(load, sources, without=("axes", "point_in"))
+
+
+def _check_source(part: Field, sources: dict[str, str], without: tuple[str, ...] = ()) -> None:
+    """One text for the part, or a text for each of its fields but those in `without`."""
+    source = part["source"]
+    if not isinstance(source.value, dict):
+        sources[part.path] = source.text()
+        return
+    fields = [name for name in part.value if name != "source"]
+    source.mapping([name for name in fields if name not in without], fields)
+    for name in source.value:
+        sources[f"{part.path}.{name}"] = source[name].text()
+
+
+def _point(field: Field) -> None:
+    field.numbers(3, at_least=-_FAR_MM, at_most=_FAR_MM)
+
+
+def _extent(field: Field) -> None:
+    lower, upper = field.interval(at_least=-_FAR_MM, at_most=_FAR_MM)
+    _sizes(field, [upper - lower])
+
+
+def _sizes(field: Field, sizes) -> None:
+    if min(sizes) < 1:
+        raise field.problem(f"a size of at least 1 mm{_METRES}")
+
+
+def _values(coefficients: Field) -> np.ndarray:
+    """The polynomial over its region, at a grid of points."""
+    table = coefficients.rows()
+    if len(table) > 13 or len(table[0]) > 13:
+        raise coefficients.problem("powers up to 12")
+    s = np.linspace(-1.0, 1.0, 25)
+    return np.polynomial.polynomial.polygrid2d(s, s, np.array(table))

@@ -1,0 +1,69 @@
+"""Left knees as mirrored right ones.
+
+In a knee file Z points to the person's right on both sides: laterally on a right knee, medially on
+a left one. A left knee is mirrored through its sagittal plane on reading, `z -> -z`:
+
+| what | becomes |
+|---|---|
+| points, attachments, polynomial paths, forces `(x, y, z)` | `(x, y, -z)` |
+| moments, rotations about X, Y, Z `(x, y, z)` | `(-x, -y, z)` |
+| regions along Z `[lower, upper]` | `[-upper, -lower]` |
+| coefficients of `t^j`, `t` the scaled width or z | times `(-1)^j` |
+| half extents, radii, semi-axes, everything else | the same |
+
+The reference pose stays the same, its `lateral_mm` included: it is given by clinical meaning
+(varus, internal rotation and lateral are positive on either side).
+"""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+_POINTS = (
+    "femoral_attachment_mm", "tibial_attachment_mm", "axis_point_mm", "origin_mm", "center_mm",
+    "insertion_mm", "force_N", "point_mm",
+)
+_TURNS = ("axis_rotation_deg", "rotation_deg", "moment_Nmm")
+_REGIONS = ("width_mm", "lateral_mm")
+
+
+def mirror_document(document: dict[str, Any]) -> dict[str, Any]:
+    """The other side's twin of a knee document.
+
+    Args:
+        document: content of a knee file, of either side.
+
+    Returns:
+        A new document of the other side; mirroring it again gives the first one back.
+    """
+    twin = copy.deepcopy(document)
+    twin["side"] = "left" if document["side"] == "right" else "right"
+    for section in ("ligaments", "contacts", "lines", "loads"):
+        if section in twin:
+            twin[section] = {name: _mirrored(part) for name, part in twin[section].items()}
+    return twin
+
+
+def _mirrored(part: dict[str, Any]) -> dict[str, Any]:
+    return {name: _mirrored_field(name, value) for name, value in part.items()}
+
+
+def _mirrored_field(name: str, value: Any) -> Any:
+    if name in ("femoral_surface", "tibial_surface"):
+        return _mirrored(value)
+    if name in _POINTS:
+        if isinstance(value[0], list):
+            return [_mirrored_field(name, row) for row in value]
+        return [value[0], value[1], _negative(value[2])]
+    if name in _TURNS:
+        return [_negative(value[0]), _negative(value[1]), value[2]]
+    if name in _REGIONS:
+        return [_negative(value[1]), _negative(value[0])]
+    if name == "coefficients_mm":
+        return [[_negative(c) if j % 2 else c for j, c in enumerate(row)] for row in value]
+    return value
+
+
+def _negative(x: float) -> float:
+    return 0.0 - x if x == 0 else -x

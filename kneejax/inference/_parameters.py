@@ -1,0 +1,163 @@
+"""Named parameters of a knee, and the vector that a search moves."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+
+import equinox as eqx
+import jax.numpy as jnp
+from jax import Array
+
+from kneejax.mechanics import Knee, ligament_law
+
+#: Quantities of a ligament that may be named, with their units.
+QUANTITIES = {
+    "stiffness": "N",
+    "reference_strain": "",
+    "slack_length": "mm",
+    "transition_strain": "",
+    "transition_width": "",
+} | {
+    f"{end}_attachment.{axis}": "mm"
+    for end in ("femoral", "tibial")
+    for axis in ("anterior", "superior", "lateral")
+}
+#: Bounds of paper 1, section 2.3, and wide ones for the rest, by quantity.
+DEFAULT_BOUNDS = {
+    "stiffness": (300.0, 10000.0),
+    "reference_strain": (-0.2, 0.2),
+    "slack_length": (5.0, 200.0),
+    "transition_strain": (0.005, 0.2),
+    "transition_width": (1e-4, 0.02),
+}
+_AXES = ("anterior", "superior", "lateral")
+
+
+class UnknownParameter(ValueError):
+    """A parameter name that the knee does not have."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Selection:
+    """Parameters that are free, in order; hashable, so that it can steer a compiled function.
+
+    Attributes:
+        names: `LIGAMENT.quantity`, one a free number.
+        ligaments: names of the knee's ligaments.
+
+    Example:
+        >>> from kneejax.inference import Selection
+        >>> Selection(("ACL.stiffness",), ("ACL", "PCL")).quantity(0)
+        'stiffness'
+    """
+
+    names: tuple[str, ...]
+    ligaments: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def __str__(self) -> str:
+        return f"{len(self)} free numbers: " + ", ".join(self.names)
+
+    def ligament(self, index: int) -> str:
+        """Name of the ligament of a parameter."""
+        return self.names[index].split(".", 1)[0]
+
+    def quantity(self, index: int) -> str:
+        """Quantity of a parameter, e.g. `stiffness`."""
+        return self.names[index].split(".", 1)[1]
+
+    def read(self, knee: Knee) -> Array:
+        """Values of the free parameters in a knee, shape `(p,)`."""
+        return jnp.stack([_read(knee, *self._place(i)) for i in range(len(self))])
+
+    def apply(self, knee: Knee, values: Array) -> Knee:
+        """The knee with new values of the free parameters.
+
+        Reference strains are turned into slack lengths at the reference pose, after attachments
+        have been moved.
+
+        Args:
+            knee: any knee with these ligaments.
+            values: shape `(p,)`.
+        """
+        order = sorted(range(len(self)), key=lambda i: self.quantity(i) == "reference_strain")
+        for i in order:
+            knee = _write(knee, *self._place(i), values[i])
+        return knee
+
+    def _place(self, index: int) -> tuple[int, str]:
+        return self.ligaments.index(self.ligament(index)), self.quantity(index)
+
+
+def select(knee: Knee, names: list[str] | tuple[str, ...]) -> Selection:
+    """Choose free parameters by name.
+
+    Args:
+        knee: the knee that has them.
+        names: `LIGAMENT.quantity`; `*` stands for every ligament (`*.stiffness`).
+
+    Returns:
+        The selection.
+
+    Raises:
+        UnknownParameter: naming the nearest known name; also if one is chosen twice.
+    """
+    ligaments, chosen = knee.ligaments.names, []
+    known = [f"{ligament}.{quantity}" for ligament in ligaments for quantity in QUANTITIES]
+    wild = [f"*.{quantity}" for quantity in QUANTITIES]
+    for name in names:
+        if name in wild:
+            matches = [f"{ligament}.{name[2:]}" for ligament in ligaments]
+        elif name in known:
+            matches = [name]
+        else:
+            near = difflib.get_close_matches(name, known + wild, 1, 0.0)
+            raise UnknownParameter(f"unknown parameter {name!r}; did you mean {near[0]!r}?")
+        chosen += [match for match in matches if match not in chosen]
+    both = [n for n in chosen if n.endswith(".slack_length")]
+    for name in both:
+        if name.replace("slack_length", "reference_strain") in chosen:
+            raise UnknownParameter(f"{name} and its reference_strain are one number: choose one")
+    return Selection(tuple(chosen), ligaments)
+
+
+def with_values(knee: Knee, values: dict[str, float]) -> Knee:
+    """The knee with some parameters set by name; raises `UnknownParameter`."""
+    for name, value in values.items():
+        selection = select(knee, [name])
+        knee = selection.apply(knee, jnp.full(len(selection), float(value)))
+    return knee
+
+
+def default_bounds(knee: Knee, selection: Selection) -> tuple[Array, Array]:
+    """Lower and upper bounds of a selection; attachments may move by 10 mm."""
+    values = selection.read(knee)
+    pairs = [
+        DEFAULT_BOUNDS.get(selection.quantity(i), (float(values[i]) - 10, float(values[i]) + 10))
+        for i in range(len(selection))
+    ]
+    return jnp.array([p[0] for p in pairs]), jnp.array([p[1] for p in pairs])
+
+
+def _read(knee: Knee, row: int, quantity: str) -> Array:
+    if quantity == "reference_strain":
+        return knee.reference_strain()[row]
+    if "." in quantity:
+        end, axis = quantity.split(".")
+        return getattr(knee.ligaments, end)[row, _AXES.index(axis)]
+    return getattr(knee.ligaments, quantity)[row]
+
+
+def _write(knee: Knee, row: int, quantity: str, value: Array) -> Knee:
+    field, index = quantity, row
+    if quantity == "reference_strain":
+        field = "slack_length"
+        value = ligament_law.slack_length_from_strain(knee.reference_length()[row], value)
+    elif "." in quantity:
+        field, axis = quantity.split(".")
+        index = (row, _AXES.index(axis))
+    changed = getattr(knee.ligaments, field).at[index].set(value)
+    return eqx.tree_at(lambda k: getattr(k.ligaments, field), knee, changed)

@@ -1,0 +1,181 @@
+"""Measured motion against a knee: residuals, Jacobian and the objective of paper 1."""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from kneejax.inference._parameters import Selection
+from kneejax.mechanics import Knee, add_lane_axis
+from kneejax.statics import (
+    COMPILER_OPTIONS,
+    Guess,
+    Settled,
+    first_guess,
+    poses_on_the_way,
+    settle,
+)
+
+#: Degrees and mm per internal unit of a free coordinate.
+TABLE_UNITS = np.array([180.0 / np.pi, 180.0 / np.pi, 1.0, 1.0, 1.0])
+#: Weights of paper 1, section 3.4: 8 per degree^2, 1 per mm^2, in the order of the coordinates.
+DEFAULT_WEIGHTS = np.array([8.0, 8.0, 1.0, 1.0, 1.0])
+
+
+class Evaluation(eqx.Module):
+    """Model poses at one parameter vector, and their derivative.
+
+    Attributes:
+        table: free coordinates, degrees and mm, `(5, n)`.
+        jacobian: by the parameters, `(5, n, p)`.
+        settled: the balance.
+    """
+
+    table: Array
+    jacobian: Array
+    settled: Settled
+
+
+@partial(jax.jit, static_argnums=0, compiler_options=COMPILER_OPTIONS)
+def evaluate_poses(
+    selection: Selection,
+    knee: Knee,
+    values: Array,
+    flexion: Array,
+    guess: Guess,
+    start: Array,
+    count: Array,
+) -> Evaluation:
+    """Balanced poses and their exact Jacobian; see `settle` for the last three arguments."""
+
+    def table(x: Array):
+        lanes = add_lane_axis(selection.apply(knee, x))
+        settled = settle(lanes, flexion, guess, start, count)
+        return settled.q * jnp.asarray(TABLE_UNITS)[:, None], settled
+
+    def both(x: Array):
+        value, settled = table(x)
+        return value, (value, settled)
+
+    jacobian, (value, settled) = jax.jacfwd(both, has_aux=True)(values)
+    return Evaluation(value, jacobian, settled)
+
+
+@dataclasses.dataclass
+class Problem:
+    """A calibration problem: poses of a model against measured poses.
+
+    The last balanced poses and their Jacobian are kept: every search starts from their linear
+    prediction, which leaves two or three Newton steps to do.
+
+    Attributes:
+        knee: start of everything that is not free.
+        selection: the free parameters.
+        measured: `(n, 6)`, degrees and mm.
+        weights: `(5,)`, per degree^2 and per mm^2.
+        offsets: indices of free coordinates with an unknown constant offset to the measurement.
+    """
+
+    knee: Knee
+    selection: Selection
+    measured: np.ndarray
+    weights: np.ndarray
+    offsets: tuple[int, ...] = ()
+    equilibria: int = 0
+    _near: tuple[np.ndarray, Evaluation] | None = None
+    _used: np.ndarray | None = None
+
+    @property
+    def flexion(self) -> Array:
+        """Prescribed flexion, rad."""
+        return jnp.deg2rad(self.measured[:, 0])
+
+    @property
+    def target(self) -> np.ndarray:
+        """Measured free coordinates, `(5, n)`."""
+        return self.measured[:, 1:].T
+
+    def poses(self, values: np.ndarray) -> Evaluation:
+        """Model poses at parameter values, reached from the nearest known ones."""
+        values = jnp.asarray(values[: len(self.selection)])
+        if self._near is None:
+            start = jnp.broadcast_to(self.knee.reference_pose.flexion, self.flexion.shape)
+            knee = add_lane_axis(self.selection.apply(self.knee, values))
+            guess = jax.jit(first_guess)(knee, start)
+            count = poses_on_the_way(0.0, self.flexion)
+        else:
+            near, known = self._near
+            units = jnp.asarray(TABLE_UNITS)[:, None]
+            q = known.settled.q + jnp.tensordot(known.jacobian, values - near, 1) / units
+            shift = q - known.settled.q
+            follow = jnp.sum(known.settled.drift * shift[:, None, None], axis=0)
+            guess = Guess(q, known.settled.meeting + follow)
+            start, count = self.flexion, 1
+        found = evaluate_poses(
+            self.selection, self.knee, values, self.flexion, guess, start, jnp.asarray(count)
+        )
+        self.equilibria += self.measured.shape[0] * int(count)
+        return found
+
+    def keep(self, values: np.ndarray, found: Evaluation) -> None:
+        """Remember balanced poses to start from."""
+        self._near = (jnp.asarray(values[: len(self.selection)]), found)
+
+    @property
+    def used(self) -> np.ndarray:
+        """Rows that count: those where the start's model balances, `(n,)`."""
+        return np.ones(len(self.measured), bool) if self._used is None else self._used
+
+    def use_only(self, rows: np.ndarray) -> None:
+        """Leave rows out of the objective (where the start finds no balance)."""
+        self._used = np.asarray(rows)
+
+    def error(self, values: np.ndarray, found: Evaluation) -> np.ndarray:
+        """Model plus offset minus measurement, `(5, n)`, degrees and mm."""
+        error = np.asarray(found.table) - self.target
+        for k, coordinate in enumerate(self.offsets):
+            error[coordinate] += values[len(self.selection) + k]
+        return error
+
+    def jacobian(self, found: Evaluation) -> np.ndarray:
+        """Derivative of the error by parameters and offsets, `(5, n, p)`."""
+        size = len(self.selection) + len(self.offsets)
+        full = np.zeros((*np.asarray(found.table).shape, size))
+        full[:, :, : len(self.selection)] = np.asarray(found.jacobian)
+        for k, coordinate in enumerate(self.offsets):
+            full[coordinate, :, len(self.selection) + k] = 1.0
+        return full
+
+    def residual(self, values: np.ndarray, found: Evaluation) -> tuple[np.ndarray, np.ndarray]:
+        """Weighted residual vector and its Jacobian, rows left out set to zero."""
+        root = np.sqrt(self.weights)[:, None] * self.used
+        vector = np.where(self.used, root * self.error(values, found), 0.0)
+        matrix = np.where(self.used[:, None], root[:, :, None] * self.jacobian(found), 0.0)
+        return vector.reshape(-1), matrix.reshape(vector.size, -1)
+
+    def traceable_objective(self, values: np.ndarray):
+        """Weighted sum of squares and its gradient as one function that JAX can trace."""
+        near, known = self._near if self._near is not None else (values, self.poses(values))
+        size, target = len(self.selection), jnp.asarray(self.target)
+        root = jnp.asarray(np.sqrt(self.weights)[:, None] * self.used)
+
+        def objective(x: Array) -> Array:
+            lanes = add_lane_axis(self.selection.apply(self.knee, x[:size]))
+            guess = Guess(known.settled.q, known.settled.meeting)
+            settled = settle(lanes, self.flexion, guess)
+            error = settled.q * jnp.asarray(TABLE_UNITS)[:, None] - target
+            for k, coordinate in enumerate(self.offsets):
+                error = error.at[coordinate].add(x[size + k])
+            return jnp.sum((root * error) ** 2)
+
+        def both(x: Array):
+            value, push = jax.linearize(objective, x)
+            return value, jax.vmap(push)(jnp.eye(x.shape[0]))
+
+        return jax.jit(both, compiler_options=COMPILER_OPTIONS)

@@ -1,0 +1,177 @@
+"""The searches that move parameters: stages, procedures I to III, several starts."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from kneejax.inference._bounded import BoundedLevenbergMarquardt
+from kneejax.inference._problem import Problem
+from kneejax.inference._result import Iteration
+
+#: The stages of a procedure of paper 1: which quantities are free in turn. Frame offsets are
+#: free in every stage.
+PROCEDURES = {
+    "I": (("stiffness",), ("reference_strain", "slack_length")),
+    "II": (("reference_strain", "slack_length"), ("stiffness",)),
+    "III": (None,),
+}
+_MAX_EVALUATIONS = 200
+_MAX_CYCLES = 200
+
+
+@dataclasses.dataclass
+class Trail:
+    """What a search has done so far.
+
+    Attributes:
+        x: best parameters (and offsets).
+        objective: there.
+        history: accepted steps.
+        counts: evaluations by stage.
+        converged: whether the last stage ended by itself.
+    """
+
+    x: np.ndarray
+    objective: float
+    history: list[Iteration]
+    counts: dict[str, int]
+    converged: bool = True
+
+    @property
+    def evaluations(self) -> int:
+        """Evaluations of all poses and their Jacobian."""
+        return sum(self.counts.values())
+
+
+def run_procedure(
+    problem: Problem,
+    procedure: str,
+    start: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    cycles: int = _MAX_CYCLES,
+    tolerance: float = 1e-6,
+) -> Trail:
+    """Search by one of paper 1's procedures.
+
+    Args:
+        problem: what is fitted.
+        procedure: `I` (stiffnesses, then slack lengths), `II` (the reverse) or `III` (all).
+        start: parameters and offsets, `(p,)`.
+        lower: bounds.
+        upper: bounds.
+        cycles: how often I and II may be gone through; paper 1 did it once.
+        tolerance: relative decrease of the objective in a cycle that ends the search.
+
+    Returns:
+        The trail.
+    """
+    trail = Trail(np.array(start, float), np.inf, [], {})
+    stages = PROCEDURES[procedure]
+    for cycle in range(cycles if len(stages) > 1 else 1):
+        before = trail.objective
+        for number, quantities in enumerate(stages, 1):
+            free = _free(problem, quantities)
+            if free.any():
+                name = f"{procedure}.{number}" if len(stages) > 1 else procedure
+                _stage(problem, trail, free, lower, upper, name)
+        done = before - trail.objective <= tolerance * before if cycle else False
+        if done or trail.objective < 1e-16 * max(problem.target.size, 1):
+            break
+    else:
+        trail.converged = trail.converged and len(stages) == 1 or cycles == 1
+    return trail
+
+
+def _free(problem: Problem, quantities) -> np.ndarray:
+    selection = problem.selection
+    chosen = [
+        quantities is None or selection.quantity(i) in quantities for i in range(len(selection))
+    ]
+    if quantities is not None and not any(chosen):
+        return np.zeros(len(chosen) + len(problem.offsets), bool)
+    return np.array(chosen + [True] * len(problem.offsets))
+
+
+def _stage(problem: Problem, trail: Trail, free, lower, upper, name: str) -> None:
+    fixed = jnp.asarray(trail.x)
+    solver = BoundedLevenbergMarquardt(
+        jnp.where(free, lower, fixed), jnp.where(free, upper, fixed), jacobian_from_aux=True
+    )
+    found = None
+
+    def look(y, _):
+        nonlocal found
+        found = problem.poses(np.asarray(y))
+        residual, jacobian = problem.residual(np.asarray(y), found)
+        return residual, (jacobian,)
+
+    y, tags = fixed, frozenset()
+    struct = jax.ShapeDtypeStruct((problem.target.size,), float)
+    state = solver.init(look, y, None, {}, struct, None, tags)
+    ended = False
+    for _ in range(_MAX_EVALUATIONS):
+        trial = np.asarray(y)
+        y, state, _ = solver.step(look, y, None, {}, state, tags)
+        trail.counts[name] = trail.counts.get(name, 0) + 1
+        if bool(state.accepted):
+            problem.keep(trial, found)
+            trail.x = trial
+            trail.objective = float(jnp.sum(state.residual**2))
+            trail.history.append(Iteration(name, trail.evaluations, trail.objective))
+        ended = bool(solver.terminate(look, y, None, {}, state, tags)[0])
+        if ended:
+            break
+    trail.converged = ended
+
+
+def several_starts(
+    problem: Problem,
+    starts: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    steps: int = 40,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Run procedure III from several starts at once, under vmap.
+
+    Args:
+        problem: what is fitted; its poses at the first start must be known (`keep`).
+        starts: `(s, p)`.
+        lower: bounds.
+        upper: bounds.
+        steps: evaluations of each start.
+
+    Returns:
+        End points `(s, p)` and their objectives `(s,)`, infinite where a start found no balance.
+    """
+    solver = BoundedLevenbergMarquardt(
+        jnp.asarray(lower), jnp.asarray(upper), jacobian_from_aux=True
+    )
+    count, size = len(starts), problem.target.size
+    struct = jax.ShapeDtypeStruct((size,), float)
+    first = solver.init(None, jnp.asarray(starts[0]), None, {}, struct, None, frozenset())
+    state = jax.tree.map(lambda x: jnp.broadcast_to(x, (count, *x.shape)), first)
+    y = jnp.asarray(starts)
+    state = eqx.tree_at(lambda s: s.x, state, y)
+    near = problem.many(y, None)
+    for _ in range(steps):
+        residual, jacobian = problem.many_residuals(np.asarray(y), near)
+        trial = y
+        y, state = _update_many(solver, y, residual, jacobian, state)
+        near = problem.many(y, near.kept(state.accepted, trial))
+    objective = np.asarray(jnp.sum(state.residual**2, axis=1))
+    return np.asarray(state.x), np.where(np.isfinite(objective), objective, np.inf)
+
+
+@eqx.filter_jit
+def _update_many(solver, y, residual, jacobian, state):
+    def one(y, residual, jacobian, state):
+        state = solver.judged(y, residual, jacobian, state)
+        return solver.following(state), state
+
+    return jax.vmap(one)(y, residual, jacobian, state)

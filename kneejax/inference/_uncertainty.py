@@ -1,0 +1,69 @@
+"""Standard errors and correlations from the Jacobian at a fit."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+
+@dataclasses.dataclass(frozen=True)
+class Uncertainty:
+    """Linear error propagation at a fit.
+
+    Attributes:
+        covariance: shape `(p, p)`; NaN for parameters that were held.
+        standard_error: shape `(p,)`.
+        correlation: shape `(p, p)`.
+        noise: standard deviation of the measurement by coordinate, estimated from the residual.
+    """
+
+    covariance: np.ndarray
+    standard_error: np.ndarray
+    correlation: np.ndarray
+    noise: np.ndarray
+
+
+def uncertainty(
+    jacobian: np.ndarray, error: np.ndarray, weights: np.ndarray, held: np.ndarray
+) -> Uncertainty:
+    """Propagate the scatter of the data to the parameters.
+
+    The weights of the objective need not be the inverse variances of the measurement (those of
+    paper 1 are not), so the covariance is the general one of a weighted fit,
+    `(J^T W J)^-1 J^T W S W J (J^T W J)^-1`, with the variances `S` of displacements and of
+    rotations estimated from the residuals themselves.
+
+    Args:
+        jacobian: derivative of the coordinates by the parameters, `(5, n, p)`.
+        error: model minus measurement, `(5, n)`.
+        weights: of the objective, `(5,)`.
+        held: parameters that do not move (at a bound), `(p,)`.
+
+    Returns:
+        The `Uncertainty`.
+    """
+    size = jacobian.shape[2]
+    free = ~held
+    used = np.isfinite(error).all(axis=0) & np.isfinite(jacobian).all(axis=(0, 2))
+    j, e = jacobian[:, used][:, :, free], error[:, used]
+    scale = np.sqrt((j**2).sum(axis=(0, 1)))
+    scale = np.where(scale > 0, scale, 1.0)
+    weighted = (np.sqrt(weights)[:, None, None] * j / scale).reshape(-1, free.sum())
+    left, singular, right = np.linalg.svd(weighted, full_matrices=False)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        pseudo = (right.T / singular) @ left.T
+    # Leverage: the part of each coordinate's scatter that the parameters have absorbed.
+    leverage = (left**2).sum(axis=1).reshape(5, -1)
+    noise = np.zeros(5)
+    for group in ([0, 1], [2, 3, 4]):
+        spare = (1.0 - leverage[group]).sum()
+        noise[group] = np.sqrt((e[group] ** 2).sum() / spare) if spare > 1e-9 else np.nan
+    spread = np.repeat(np.sqrt(weights) * noise, used.sum())
+    part = (pseudo * spread) @ (pseudo * spread).T / np.outer(scale, scale)
+    covariance = np.full((size, size), np.nan)
+    covariance[np.ix_(free, free)] = part
+    error_bars = np.sqrt(np.diag(covariance))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        correlation = covariance / np.outer(error_bars, error_bars)
+    return Uncertainty(covariance, error_bars, correlation, noise)

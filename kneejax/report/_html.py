@@ -1,0 +1,325 @@
+"""The report of a calibration: one page that opens anywhere."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+from collections.abc import Iterable, Sequence
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from kneejax.report._figures import (
+    convergence_figure,
+    correlation_figure,
+    parameters_figure,
+    partial_objectives_figure,
+)
+from kneejax.report._motion_figures import ligament_forces_figure, motion_figure
+from kneejax.report._numbers import NONE, change, number, trimmed, with_error
+from kneejax.report._page_style import CSS
+from kneejax.report._results import json_safe
+from kneejax.report._saving import save_and_inline, write_whole
+from kneejax.report._style import COORDINATES, SHOWN
+from kneejax.report._verdict import (
+    PAPER,
+    PAPER_COUNTS,
+    stage_counts,
+    undetermined,
+    verdict,
+    warnings,
+)
+
+if TYPE_CHECKING:
+    from kneejax.inference._result import Calibration, Estimate
+
+_DRAWN = {
+    "motion": motion_figure,
+    "parameters": parameters_figure,
+    "partial_objectives": partial_objectives_figure,
+    "correlation": correlation_figure,
+    "convergence": convergence_figure,
+    "ligament_forces": ligament_forces_figure,
+}
+
+
+def write_report(calibration: Calibration, folder: str | os.PathLike[str]) -> list[Path]:
+    """Write the report of a calibration with its figures.
+
+    Args:
+        calibration: what to report.
+        folder: where; made if needed. Files of the same names are replaced.
+
+    Returns:
+        `report.html`, which needs no other file, then `figures/NAME.png` and `figures/NAME.svg`.
+    """
+    folder = Path(folder)
+    paths, pictures = [], {}
+    for name, draw in _DRAWN.items():
+        written, pictures[name] = save_and_inline(draw(calibration), folder / "figures", name)
+        paths += written
+    page = report_page(calibration, pictures)
+    return [write_whole(folder / "report.html", page.encode()), *paths]
+
+
+def report_page(calibration: Calibration, pictures: dict[str, str]) -> str:
+    """Compose the page from the calibration's words and tables and from drawn pictures.
+
+    Args:
+        calibration: what to report.
+        pictures: name -> `<svg>` element.
+
+    Returns:
+        A complete HTML document without links to anything outside it.
+    """
+    sections = [
+        _head(calibration),
+        _section("Motion", _motion_section(calibration, pictures["motion"])),
+        _section("Parameters", _parameter_section(calibration, pictures["parameters"])),
+        _section("Procedures", _procedure_section(calibration, pictures["convergence"])),
+        _section("Objective by coordinate", _partial_section(calibration, pictures)),
+        _section("What the data can tell apart", _correlation_section(pictures)),
+        _section("Forces", _force_section(pictures)),
+        _offset_section(calibration),
+        _notes_section(calibration),
+        _section("How to run it again", _again_section(calibration)),
+    ]
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{escape(calibration.title)}</title>\n<style>{CSS}</style>\n</head>\n"
+        f"<body>\n<main>\n{''.join(sections)}</main>\n</body>\n</html>\n"
+    )
+
+
+def _section(title: str, body: str) -> str:
+    return f"<section>\n<h2>{escape(title)}</h2>\n{body}</section>\n"
+
+
+def _table(
+    header: Sequence[str], rows: Iterable[Sequence[str]], words: Sequence[int] = (0,)
+) -> str:
+    """A table of plain text; columns in `words` are words, the others numbers."""
+
+    def cells(tag: str, row: Sequence[str]) -> str:
+        return "".join(
+            f"<{tag}{'' if i in words else ' class=n'}>"
+            f"{escape(text).replace('-', chr(8722)) if i not in words else escape(text)}</{tag}>"
+            for i, text in enumerate(row)
+        )
+
+    body = "".join(f"<tr>{cells('td', row)}</tr>\n" for row in rows)
+    head = "".join(
+        f"<th{'' if i in words else ' class=n'}>{escape(text)}</th>"
+        for i, text in enumerate(header)
+    )
+    return (
+        f'<div class="wide"><table>\n<thead><tr>{head}</tr></thead>\n'
+        f"<tbody>\n{body}</tbody>\n</table></div>\n"
+    )
+
+
+def _picture(svg: str, caption: str) -> str:
+    width = re.search(r'<svg[^>]*? width="([\d.]+)pt"', svg)
+    if width:
+        svg = svg.replace("<svg", f'<svg style="max-width:{float(width[1]) / 9.33:.1f}rem"', 1)
+    return (
+        f'<figure><div class="wide">{svg}</div>'
+        f"<figcaption>{escape(caption)}</figcaption></figure>\n"
+    )
+
+
+def _head(calibration: Calibration) -> str:
+    fit = calibration.fit
+    doubts = warnings(calibration)
+    state = "failed" if not fit.success else "doubtful" if doubts else "good"
+    badge = {"failed": "Not converged", "doubtful": "Converged, with warnings", "good": "Converged"}
+    boxes = [
+        ("Objective at the start", number(calibration.start_objective)),
+        ("Objective fitted", number(fit.objective)),
+        ("Change", change(calibration.start_objective, fit.objective) or NONE),
+        ("Residual evaluations", str(fit.evaluations.get("residual", NONE))),
+        ("Time, s", number(calibration.seconds.get("total", math.nan), 3)),
+    ]
+    facts = "".join(f"<div><dt>{escape(k)}</dt><dd>{escape(v)}</dd></div>" for k, v in boxes)
+    listed = ""
+    if doubts:
+        items = "".join(f"<li>{escape(sentence)}</li>\n" for sentence in doubts)
+        listed = (
+            f'<div class="warnings"><h2>Warnings</h2>\n<ul>\n{items}</ul></div>\n'
+        )
+    return (
+        f"<header>\n<h1>{escape(calibration.title)}</h1>\n"
+        f'<p class="under">Calibration of knee {escape(calibration.knee)}, '
+        f"{len(calibration.measured)} measured poses</p>\n"
+        f'<p><strong class="badge {state}">{badge[state]}</strong> '
+        f"{escape(verdict(calibration))} {escape(fit.message)}</p>\n"
+        f"<dl>{facts}</dl>\n</header>\n{listed}"
+    )
+
+
+def _motion_section(calibration: Calibration, svg: str) -> str:
+    header = ["Coordinate", "Start"]
+    header += [f"Procedure {fit.procedure}" for fit in calibration.fits] + ["Change"]
+    rows = []
+    for name in SHOWN:
+        before = calibration.start_rmse.get(name, math.nan)
+        after = [fit.rmse.get(name, math.nan) for fit in calibration.fits]
+        label = COORDINATES[name].axis_label
+        rows.append(
+            [label, number(before, 3), *(number(v, 3) for v in after), change(before, after[0])]
+        )
+    return (
+        "<p>Root mean square difference between simulated and measured motion; the change is "
+        f"that of procedure {escape(calibration.fit.procedure)}, the reported answer.</p>\n"
+        + _table(header, rows)
+        + _picture(svg, "Measured, started and fitted motion over flexion. Failed poses are gaps, "
+                   "marked at the bottom edge like poses that balance but are doubtful.")
+    )  # fmt: skip
+
+
+def _remark(e: Estimate) -> str:
+    return ": ".join(["not determined"] * undetermined(e) + [e.remark] * bool(e.remark))
+
+
+def _parameter_section(calibration: Calibration, svg: str) -> str:
+    truth = calibration.truth
+    header = ["Parameter", "Unit", "Value", "Standard error", "Start", "Lower", "Upper"]
+    header += ["Truth", "Error"] * bool(truth) + ["At bound", "Remark"]
+    words = (0, 1, len(header) - 2, len(header) - 1)
+    rows = []
+    for e in calibration.fit.estimates:
+        value, error = with_error(e.value, e.standard_error)
+        row = [e.name, e.unit or "1", value, error, trimmed(e.start)]
+        row += [trimmed(e.lower), trimmed(e.upper)]
+        if truth:
+            true = truth.get(e.name, math.nan)
+            row += [trimmed(true), number(e.value - true, 2)]
+        rows.append([*row, "yes" if e.at_bound else "no", _remark(e)])
+    text = (
+        f"<p>Answer of procedure {escape(calibration.fit.procedure)}. Standard errors come from "
+        "the Jacobian at the answer and hold for small, independent errors of measurement; "
+        "they say nothing about errors of the model.</p>\n"
+    )
+    text += _table(header, rows, words)
+    text += _picture(svg, "Each parameter between its bounds (grey). Bars span 1.96 standard "
+                     "errors to either side and are cut at the edge of a panel.")  # fmt: skip
+    if len(calibration.fits) > 1:
+        names = [e.name for e in calibration.fit.estimates]
+        units = {e.name: e.unit for e in calibration.fit.estimates}
+        found = [{e.name: e.value for e in fit.estimates} for fit in calibration.fits]
+        text += "<p>The procedures side by side:</p>\n" + _table(
+            ["Parameter", "Unit", *(f"Procedure {fit.procedure}" for fit in calibration.fits)],
+            [
+                [name, units[name] or "1", *(number(one.get(name, math.nan)) for one in found)]
+                for name in names
+            ],
+            (0, 1),
+        )
+    return text
+
+
+def _procedure_section(calibration: Calibration, svg: str) -> str:
+    known = any(fit.procedure in PAPER_COUNTS for fit in calibration.fits)
+    header = ["Procedure", "Converged", "Objective", "Accepted steps", "Residual evaluations"]
+    header += ["Jacobians", "Balanced poses", "Starts"]
+    header += ["Published pattern search steps", "Published Simpack calls"] * known
+    rows = []
+    for fit in calibration.fits:
+        count = fit.evaluations
+        starts = f"{len(fit.starts)}, worst {trimmed(max(fit.starts))}" if fit.starts else NONE
+        row = [fit.procedure, "yes" if fit.success else "no", number(fit.objective)]
+        row += [str(len(fit.history))]
+        row += [str(count.get(key, NONE)) for key in ("residual", "jacobian", "equilibria")]
+        rows.append([*row, starts, *_published(fit.procedure, known)])
+        for stage, evaluations in stage_counts(fit):
+            steps = [step for step in fit.history if step.stage == stage]
+            objective = number(steps[-1].objective) if steps else NONE
+            row = [f"\u2003{stage}", "", objective, str(len(steps)) if steps else NONE]
+            rows.append([*row, str(evaluations), "", "", "", *_published(stage, known)])
+    text = _table(header, rows, (0, 1))
+    if known:
+        text += (
+            f"<p class=small>Published counts: {escape(PAPER)}. One Simpack call is one "
+            "simulated motion, as is one residual evaluation here; the published search had "
+            "another specimen and another model, and no derivatives. A Jacobian here costs "
+            "more than a residual and is counted apart.</p>\n"
+        )
+    for fit in calibration.fits:
+        text += f"<p class=small>Procedure {escape(fit.procedure)}: {escape(fit.message)}</p>\n"
+    return text + _picture(svg, "Objective against residual evaluations; markers are accepted "
+                           "steps, their shape is the stage.")  # fmt: skip
+
+
+def _published(stage: str, known: bool) -> list[str]:
+    return [str(count) for count in PAPER_COUNTS.get(stage, (NONE, NONE))] if known else []
+
+
+def _partial_section(calibration: Calibration, pictures: dict[str, str]) -> str:
+    header = ["Coordinate", "Unit", "Start"]
+    header += [f"Procedure {fit.procedure}" for fit in calibration.fits]
+    parts = [calibration.start_partial_objectives]
+    parts += [fit.partial_objectives for fit in calibration.fits]
+    rows = [
+        [COORDINATES[name].label, f"{COORDINATES[name].unit}²"]
+        + [number(part.get(name, math.nan)) for part in parts]
+        for name in SHOWN
+    ]
+    totals = [calibration.start_objective, *(fit.objective for fit in calibration.fits)]
+    rows.append(["Objective (weighted sum)", "", *(number(total) for total in totals)])
+    return (
+        "<p>Unweighted sums of squared differences, and the weighted sum that was made small."
+        "</p>\n"
+        + _table(header, rows, (0, 1))
+        + _picture(pictures["partial_objectives"], "Sums of squared differences, log scale.")
+    )
+
+
+def _correlation_section(pictures: dict[str, str]) -> str:
+    return _picture(
+        pictures["correlation"],
+        "Correlation of the estimates: near +1 or \u22121, the data fix a combination of the two "
+        "parameters better than either.",
+    )
+
+
+def _force_section(pictures: dict[str, str]) -> str:
+    return _picture(
+        pictures["ligament_forces"],
+        "Forces that hold the motion, fitted (solid) and at the start (dotted).",
+    )
+
+
+def _offset_section(calibration: Calibration) -> str:
+    if not calibration.frame_offset:
+        return ""
+    rows = []
+    for name, value, error in calibration.frame_offset:
+        base = name.removesuffix("_deg").removesuffix("_mm")
+        label = COORDINATES[base].axis_label if base in COORDINATES else name
+        rows.append([label, *with_error(value, error)])
+    text = "<p>Constants between measured and model frames, fitted with the parameters.</p>\n"
+    table = _table(["Offset", "Value", "Standard error"], rows)
+    return _section("Offsets between frames", text + table)
+
+
+def _notes_section(calibration: Calibration) -> str:
+    if not calibration.notes:
+        return ""
+    items = "".join(f"<li>{escape(note)}</li>\n" for note in calibration.notes)
+    return _section("Notes", f"<ul>\n{items}</ul>\n")
+
+
+def _again_section(calibration: Calibration) -> str:
+    settings = json_safe(calibration.settings)
+    rows = [
+        [str(key), value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)]
+        for key, value in settings.items()
+    ]
+    versions = [[name, str(version)] for name, version in calibration.versions.items()]
+    seconds = [[name, number(value, 3)] for name, value in calibration.seconds.items()]
+    text = "<h3>Settings</h3>\n" + _table(["Setting", "Value"], rows, (0, 1))
+    text += "<h3>Versions</h3>\n" + _table(["Package", "Version"], versions, (0, 1))
+    return text + "<h3>Time</h3>\n" + _table(["Part", "Seconds"], seconds)

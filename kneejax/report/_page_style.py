@@ -1,0 +1,51 @@
+"""How the report looks on a screen, on a phone and on paper."""
+
+CSS = """
+:root { color-scheme: light; }
+* { box-sizing: border-box; }
+body { margin: 0; background: #fff; color: #1a1a1a; font: 16px/1.5 system-ui, -apple-system,
+  "Segoe UI", Roboto, "Liberation Sans", Arial, sans-serif; -webkit-text-size-adjust: 100%; }
+main { max-width: 60rem; margin: 0 auto; padding: 1.5rem 1.25rem 4rem; }
+h1 { font-size: 1.75rem; line-height: 1.2; margin: 0 0 .25rem; }
+h2 { font-size: 1.25rem; margin: 2.25rem 0 .5rem; padding-top: .6rem;
+  border-top: 1px solid #d5d9dd; }
+h3 { font-size: 1rem; margin: 1.25rem 0 .25rem; }
+p { margin: .5rem 0; max-width: 46rem; }
+.under { color: #555; margin-top: 0; }
+.small, figcaption { color: #4a4a4a; font-size: .875rem; max-width: 46rem; }
+.badge { display: inline-block; padding: 0 .55rem; border-radius: .25rem; color: #fff; }
+.badge.good { background: #00704f; }
+.badge.doubtful { background: #a34700; }
+.badge.failed { background: #b00020; }
+dl { display: flex; flex-wrap: wrap; gap: .5rem 2rem; margin: 1rem 0 0; }
+dt { color: #555; font-size: .8125rem; }
+dd { margin: 0; font-size: 1.125rem; font-weight: 600; font-variant-numeric: tabular-nums; }
+.warnings { border-left: .3rem solid #d55e00; background: #fff6ef; padding: .6rem 1rem;
+  margin: 1.25rem 0 0; }
+.warnings h2 { border: 0; padding: 0; margin: 0; font-size: 1rem; }
+.warnings ul { margin: .25rem 0 0; padding-left: 1.2rem; }
+.warnings li { margin: .2rem 0; overflow-wrap: anywhere; }
+.wide { overflow-x: auto; }
+table { border-collapse: collapse; font-size: .875rem; margin: .5rem 0;
+  font-variant-numeric: tabular-nums; }
+th, td { text-align: left; vertical-align: baseline; padding: .25rem .8rem .25rem 0; }
+th { border-bottom: 1.5px solid #1a1a1a; vertical-align: bottom; line-height: 1.25;
+  font-weight: 600; }
+td { border-bottom: 1px solid #e6e8ea; }
+td:first-child { white-space: nowrap; }
+td:last-child:not(.n) { overflow-wrap: anywhere; min-width: 9rem; }
+.n { text-align: right; }
+td.n { white-space: nowrap; }
+figure { margin: 1rem 0; }
+figure svg { display: block; width: 100%; height: auto; min-width: 34rem; }
+@media print {
+  body { font-size: 10pt; }
+  main { max-width: none; padding: 0; }
+  .wide { overflow: visible; }
+  figure svg { min-width: 0; }
+  figure, tr, .warnings { break-inside: avoid; }
+  h2, h3 { break-after: avoid; }
+  table { font-size: 8pt; }
+  * { print-color-adjust: exact; -webkit-print-color-adjust: exact; }
+}
+"""

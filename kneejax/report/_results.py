@@ -1,0 +1,160 @@
+"""A calibration as a JSON document and as rows of a table."""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Mapping
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from kneejax.report._verdict import row_status, warnings
+from kneejax.statics._status import Status
+
+if TYPE_CHECKING:
+    from kneejax.inference._result import Calibration, Estimate, Fit
+
+#: Columns of parameters.csv.
+PARAMETER_COLUMNS = (
+    "name",
+    "value",
+    "unit",
+    "start",
+    "lower",
+    "upper",
+    "standard_error",
+    "at_bound",
+    "remark",
+)
+_TOTALS = ("residual", "jacobian", "equilibria")
+
+
+def json_safe(value: Any) -> Any:
+    """Turn arrays, numbers, paths and mappings into what JSON can hold; NaN becomes None.
+
+    Args:
+        value: anything.
+
+    Returns:
+        Dictionaries, lists, strings, numbers, booleans and None.
+    """
+    if value is None or isinstance(value, bool | str):
+        return value
+    if isinstance(value, enum.Enum):
+        return value.name.lower()
+    if isinstance(value, Mapping):
+        return {str(key): json_safe(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [json_safe(item) for item in value]
+    if isinstance(value, set | frozenset):
+        return sorted((json_safe(item) for item in value), key=str)
+    if isinstance(value, PurePath):
+        return value.as_posix()
+    if isinstance(value, int):
+        return int(value)
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, np.generic) or hasattr(value, "__array__"):
+        return json_safe(np.asarray(value).tolist())
+    return str(value)
+
+
+def _parameter(estimate: Estimate) -> dict[str, Any]:
+    return {
+        "value": float(estimate.value),
+        "start": float(estimate.start),
+        "lower": float(estimate.lower),
+        "upper": float(estimate.upper),
+        "standard_error": float(estimate.standard_error),
+        "at_bound": bool(estimate.at_bound),
+    }
+
+
+def _statuses(fit: Fit) -> dict[str, int]:
+    status = row_status(fit.motion)
+    return {
+        Status(value).word: int(np.sum(status == value)) for value in sorted(set(status.tolist()))
+    }
+
+
+def _fit_document(fit: Fit) -> dict[str, Any]:
+    return {
+        "procedure": fit.procedure,
+        "success": bool(fit.success),
+        "message": fit.message,
+        "objective": fit.objective,
+        "partial_objectives": fit.partial_objectives,
+        "rmse": fit.rmse,
+        "parameters": {
+            e.name: _parameter(e) | {"unit": e.unit, "remark": e.remark} for e in fit.estimates
+        },
+        "evaluations": fit.evaluations,
+        "iterations": len(fit.history),
+        "starts": fit.starts,
+        "status": _statuses(fit),
+    }
+
+
+def result_document(calibration: Calibration) -> dict[str, Any]:
+    """Gather what result.json of a calibration holds.
+
+    Args:
+        calibration: the answer to write.
+
+    Returns:
+        A JSON-safe dictionary; NaN and infinity are null.
+    """
+    fit = calibration.fit
+    return json_safe(
+        {
+            "title": calibration.title,
+            "knee": calibration.knee,
+            "success": bool(fit.success),
+            "message": fit.message,
+            "warnings": warnings(calibration),
+            "procedure": fit.procedure,
+            "parameters": {e.name: _parameter(e) for e in fit.estimates},
+            "units": {e.name: e.unit for e in fit.estimates},
+            "remarks": {e.name: e.remark for e in fit.estimates if e.remark},
+            "objective_start": calibration.start_objective,
+            "objective": fit.objective,
+            "partial_objectives_start": calibration.start_partial_objectives,
+            "partial_objectives": fit.partial_objectives,
+            "rmse_start": calibration.start_rmse,
+            "rmse": fit.rmse,
+            "evaluations": {key: fit.evaluations.get(key, 0) for key in _TOTALS},
+            "correlation": {
+                "parameters": [e.name for e in fit.estimates],
+                "matrix": fit.correlation,
+            },
+            "truth": calibration.truth,
+            "frame_offset": {
+                name: {"value": value, "standard_error": error}
+                for name, value, error in calibration.frame_offset
+            },
+            "per_procedure": {one.procedure: _fit_document(one) for one in calibration.fits},
+            "notes": calibration.notes,
+            "seconds": calibration.seconds,
+            "versions": calibration.versions,
+            "settings": calibration.settings,
+        }
+    )
+
+
+def parameters_rows(calibration: Calibration) -> list[dict[str, Any]]:
+    """List the identified parameters for parameters.csv.
+
+    Args:
+        calibration: the answer to write.
+
+    Returns:
+        One dictionary a parameter, with the keys `PARAMETER_COLUMNS` in that order.
+    """
+    return [
+        {"name": e.name, "value": float(e.value), "unit": e.unit}
+        | {key: value for key, value in _parameter(e).items() if key != "value"}
+        | {"remark": e.remark}
+        for e in calibration.fit.estimates
+    ]

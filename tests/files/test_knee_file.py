@@ -1,0 +1,312 @@
+import copy
+import pickle
+
+import jax
+import numpy as np
+import pytest
+import yaml
+
+from kneejax.files import (
+    InputProblem,
+    bundled_knees,
+    bundled_path,
+    format_knee,
+    load_knee,
+    load_knee_file,
+    mirror_document,
+    read_knee,
+    write_knee,
+)
+from kneejax.geometry import Pose
+from kneejax.mechanics import ligament_law
+
+
+def write(path, document):
+    path.write_text(format_knee(document), encoding="utf-8")
+    return path
+
+
+def refusal(path):
+    with pytest.raises(InputProblem) as caught:
+        read_knee(path)
+    line = str(caught.value)
+    assert "\n" not in line and line.startswith(f"{path}: ") and "expected " in line
+    return line
+
+
+def changed(document, place, value):
+    part = document
+    *way, last = place
+    for name in way:
+        part = part[name]
+    if value is None:
+        del part[last]
+    else:
+        part[last] = value
+    return document
+
+
+def test_round_trip(tmp_path, knee_document):
+    document = knee_document
+    path = write(tmp_path / "small.yaml", document)
+    found = read_knee(path)
+    assert found.document == document
+    assert format_knee(found.document) == format_knee(document)
+    assert found.knee.name == "small" and found.knee.side == "right"
+    assert found.knee.contact_names == ("medial", "lateral")
+    assert found.knee.ligaments.names == ("ACL", "PCL", "MCL")
+    assert found.sources["ligaments.ACL"] == "paper, Table 1"
+    assert found.sources["ligaments.PCL.slack_length_mm"] == "1e-3"
+    assert found.sources["contacts.medial.tibial_surface"] == "fitted"
+    assert found.adaptations[0]["to"] == 4500
+
+
+def test_text_is_plain_yaml_too(tmp_path, knee_document):
+    document = knee_document
+    assert yaml.safe_load(format_knee(document)).keys() == document.keys()
+    assert "    femoral_attachment_mm: [-8.0, -2.0, 6.5]\n" in format_knee(document)
+
+
+def test_writing_orders_fields_and_keeps_digits(tmp_path, knee_document):
+    document = knee_document
+    ligament = document["ligaments"]["ACL"]
+    shuffled = dict(reversed(document.items()))
+    shuffled["ligaments"] = dict(document["ligaments"], ACL=dict(reversed(ligament.items())))
+    assert format_knee(shuffled) == format_knee(document)
+    ligament["femoral_attachment_mm"] = np.array([-1 / 3, 1e-7, 6.5])
+    path = tmp_path / "made" / "small.yaml"
+    write_knee(document, path)
+    point = read_knee(path).knee.ligaments.femoral_attachment[0]
+    np.testing.assert_array_equal(point, [-1 / 3, 1e-7, 6.5])
+    assert [p.name for p in path.parent.iterdir()] == ["small.yaml"]
+
+
+def test_a_faulty_document_is_not_written(tmp_path, knee_document):
+    path = tmp_path / "small.yaml"
+    with pytest.raises(InputProblem, match="ligaments.ACL.stiffness_N"):
+        write_knee(changed(knee_document, ["ligaments", "ACL", "stiffness_N"], -1), path)
+    assert not path.exists()
+
+
+def test_slack_lengths(tmp_path, knee_document):
+    knee = read_knee(write(tmp_path / "k.yaml", knee_document)).knee
+    lengths, strain = knee.reference_length(), knee.reference_strain()
+    np.testing.assert_allclose(strain[0], 0.03, rtol=1e-12)
+    np.testing.assert_allclose(knee.ligaments.slack_length[1], 36.5)
+    force = knee.ligaments.tension(knee.reference_pose.placement)
+    np.testing.assert_allclose(force[2], 20.0, rtol=1e-9)
+    assert 10 < float(lengths.min()) and float(lengths.max()) < 100
+    exact = ligament_law.exact_tension(strain[2], 2750.0, 0.06)
+    assert abs(exact - 20.0) <= ligament_law.largest_tension_error(2750.0, 0.06, 0.001)
+
+
+@pytest.mark.parametrize("as_file", [True, False])
+def test_left_twin_gives_the_same_knee(tmp_path, as_file, knee_document):
+    document = knee_document
+    twin = mirror_document(document)
+    assert twin["side"] == "left"
+    assert mirror_document(twin) == document
+    if as_file:
+        write_knee(twin, tmp_path / "left.yaml")
+    else:
+        write(tmp_path / "left.yaml", twin)
+    left = read_knee(tmp_path / "left.yaml").knee
+    right = read_knee(write(tmp_path / "right.yaml", document)).knee
+    assert (left.side, right.side) == ("left", "right")
+    for a, b in zip(jax.tree.leaves(left), jax.tree.leaves(right), strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12)
+
+
+def test_mirror_is_a_reflection_of_space(tmp_path, knee_document):
+    """Build the left twin as if it were right: lengths, surfaces and wrenches are mirrored."""
+    document = knee_document
+    twin = mirror_document(document) | {"side": "right"}
+    pose = Pose.from_table([40.0, 3.0, -7.0, 2.0, -25.0, 4.0])
+    mirrored_pose = Pose.from_table([40.0, -3.0, 7.0, 2.0, -25.0, -4.0])
+    document["reference_pose"] |= {"adduction_deg": 0, "internal_rotation_deg": 0, "lateral_mm": 0}
+    twin["reference_pose"] = document["reference_pose"]
+    knee = read_knee(write(tmp_path / "a.yaml", document)).knee
+    other = read_knee(write(tmp_path / "b.yaml", twin)).knee
+    lengths = knee.ligaments.length(pose.placement)
+    np.testing.assert_allclose(other.ligaments.length(mirrored_pose.placement), lengths)
+    for contact, reflected in zip(knee.contacts, other.contacts, strict=True):
+        for part in ("femoral", "tibial"):
+            surface, image = getattr(contact, part), getattr(reflected, part)
+            (a0, a1), (b0, b1) = surface.bounds()
+            for s, t in ((0.2, 0.3), (0.7, 0.9)):
+                a, b = a0 + s * (a1 - a0), b0 + t * (b1 - b0)
+                point = np.array(surface.frame.placement.apply(surface.point(a, b)))
+                found = np.array(image.frame.placement.apply(image.point(a, -b)))
+                np.testing.assert_allclose(found, point * [1, 1, -1], atol=1e-12)
+    flexion = pose.flexion
+    np.testing.assert_allclose(
+        other.lines[0].energy(flexion, mirrored_pose.placement),
+        knee.lines[0].energy(flexion, pose.placement),
+    )
+    force, moment = knee.loads[0].wrench(pose.placement)
+    image_force, image_moment = other.loads[0].wrench(mirrored_pose.placement)
+    np.testing.assert_allclose(np.array(image_force), np.array(force) * [1, 1, -1], atol=1e-9)
+    np.testing.assert_allclose(np.array(image_moment), np.array(moment) * [-1, -1, 1], atol=1e-9)
+
+
+ACL, MEDIAL = ["ligaments", "ACL"], ["contacts", "medial"]
+CONDYLE, PLATEAU = [*MEDIAL, "femoral_surface"], [*MEDIAL, "tibial_surface"]
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "words"),
+    [
+        ([*ACL, "stiffness_N"], None, "missing"),
+        ([*ACL, "source"], None, "missing"),
+        ([*ACL, "stifness_N"], 3.0, "did you mean stiffness_N?"),
+        (["ligamentss"], {}, "did you mean ligaments?"),
+        (["side"], "rihgt", "did you mean right?"),
+        (["kneejax"], 2, "version"),
+        ([*ACL, "stiffness_N"], -4500, "-4500"),
+        ([*ACL, "stiffness_N"], 0, "above 0"),
+        ([*ACL, "stiffness_N"], "4500 N", "a number"),
+        ([*ACL, "stiffness_N"], True, "a number"),
+        ([*ACL, "stiffness_N"], float("nan"), "finite"),
+        ([*ACL, "stiffness_N"], 10**400, "finite"),
+        ([*ACL, "reference_strain"], None, "exactly one of"),
+        ([*ACL, "slack_length_mm"], 30.0, "exactly one of"),
+        ([*ACL, "reference_strain"], -1.0, "above -1"),
+        ([*ACL, "reference_strain"], 3.0, "percent"),
+        ([*ACL, "transition_strain"], 0.0, "above 0"),
+        ([*ACL, "transition_width"], 0.0, "above 0"),
+        ([*ACL, "femoral_attachment_mm"], [1.0, 2.0], "3 numbers"),
+        ([*ACL, "femoral_attachment_mm"], [1.0, 2.0, "x"], "femoral_attachment_mm[2]"),
+        ([*ACL, "femoral_attachment_mm"], [900.0, 2.0, 0.0], "between 1 and 300 mm"),
+        ([*ACL, "source"], {"stiffness_N": "paper"}, "missing"),
+        (["ligaments", "PCL", "slack_length_mm"], 0, "above 0"),
+        (["ligaments", "PCL", "slack_length_mm"], 0.0365, "metres"),
+        (["ligaments", "MCL", "reference_force_N"], 0, "above 0"),
+        (["ligaments", "a.b"], {}, "a name of letters"),
+        (["ligaments"], {}, "a mapping from a name"),
+        ([*MEDIAL, "poisson_ratio"], 0.5, "below 0.5"),
+        ([*MEDIAL, "youngs_modulus_MPa"], 5e6, "Pa"),
+        ([*MEDIAL, "layer_thickness_mm"], 0.006, "metres"),
+        ([*MEDIAL, "law"], "lg", "did you mean log?"),
+        ([*MEDIAL, "points"], [24, 24], "unless form is quadrature"),
+        ([*MEDIAL, "source"], None, "missing"),
+        ([*CONDYLE, "angle_deg"], [170, 10], "lower and a larger upper"),
+        ([*CONDYLE, "angle_deg"], [0.2, 3.0], "radians"),
+        ([*CONDYLE, "width_mm"], [-0.034, -0.012], "metres"),
+        ([*CONDYLE, "coefficients_mm"], [[22.0, 1.0], [3.0]], "equal length"),
+        ([*CONDYLE, "coefficients_mm"], [[5.0, 1.0], [9.0, 0.0]], "radius above 0"),
+        ([*CONDYLE, "coefficients_mm"], [[0.022]], "metres"),
+        ([*CONDYLE, "source"], None, "missing"),
+        ([*CONDYLE, "radius_mm"], 3.0, "no such field"),
+        ([*CONDYLE, "kind"], "sphere", "no such field"),
+        ([*PLATEAU, "lateral_mm"], [3.0, 3.0], "lower and a larger upper"),
+        (["lines", "patellar_tendon", "origin_mm"], [1.0, 2.0, 3.0], "3 numbers"),
+        (["loads", "weight", "axes"], "tibea", "did you mean tibia?"),
+        (["loads", "weight", "point_mm"], None, "missing"),
+        (["adaptations"], [{"field": "x"}], "missing"),
+        (["reference_pose", "flexion_deg"], 400, "at most 180"),
+    ],
+)
+def test_a_bad_field_is_refused(tmp_path, place, value, words, knee_document):
+    line = refusal(write(tmp_path / "k.yaml", changed(knee_document, place, value)))
+    assert words in line
+    assert place[0].split(".")[0] in line
+
+
+@pytest.mark.parametrize("surface", [
+    {"kind": "sphere", "center_mm": [0, 0, 0], "radius_mm": 0, "source": "x"},
+    {"kind": "sphere", "center_mm": [0, 0, 0], "radius_mm": 0.02, "source": "x"},
+    {"kind": "ellipsoid", "center_mm": [0, 0, 0], "semi_axes_mm": [20, -1, 20], "source": "x"},
+    {"kind": "plane", "origin_mm": [0, 0, 0], "half_extent_mm": [0, 1], "source": "x"},
+    {"kind": "cone"}, "sphere", {},
+])  # fmt: skip
+def test_a_bad_surface_is_refused(tmp_path, surface, knee_document):
+    path = write(tmp_path / "k.yaml", changed(knee_document, CONDYLE, surface))
+    assert "contacts.medial.femoral_surface" in refusal(path)
+
+
+def test_metres_are_suspected(tmp_path, knee_document):
+    document = knee_document
+    for ligament in document["ligaments"].values():
+        for end in ("femoral_attachment_mm", "tibial_attachment_mm"):
+            ligament[end] = [x / 1000 for x in ligament[end]]
+    pose = document["reference_pose"]
+    pose |= {name: pose[name] / 1000 for name in pose if name.endswith("_mm")}
+    assert "metres are suspected" in refusal(write(tmp_path / "k.yaml", document))
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "empty"),
+        (b" \n\n", "empty"),
+        (b"\x89PNG\x00\x01", "binary"),
+        (b"name: \xff\xfe", "UTF-8"),
+        (b"name: [1, 2\nside: right", "line 2"),
+        (b"name: a\nname: b\n", "the key name twice"),
+        (b"? [1, 2]\n: b\n", "well-formed YAML"),
+        (b"!!python/object:os.system {}", "well-formed YAML"),
+        (b"- 1\n- 2\n", "a mapping"),
+        (b"just text", "a mapping"),
+        (b"name: \x01", "well-formed YAML"),
+        (b"a: " + b"[" * 3000, "well-formed YAML"),
+    ],
+)
+def test_a_file_that_is_no_knee(tmp_path, content, words):
+    path = tmp_path / "k.yaml"
+    path.write_bytes(content)
+    assert words in refusal(path)
+
+
+def test_a_directory_and_a_missing_file(tmp_path, knee_document):
+    assert "a directory" in refusal(tmp_path)
+    write(tmp_path / "mine.yaml", knee_document)
+    assert "did you mean mine.yaml?" in refusal(tmp_path / "mime.yaml")
+
+
+def test_yaml_scalars_mean_what_they_look_like(tmp_path, knee_document):
+    text = format_knee(knee_document)
+    text = text.replace("name: small", "name: no").replace("0.001", "1e-3")
+    path = tmp_path / "k.yaml"
+    path.write_text("\ufeff" + text, encoding="utf-8")
+    knee = read_knee(path).knee
+    assert knee.name == "no"
+    np.testing.assert_array_equal(knee.ligaments.transition_width, 0.001)
+
+
+def test_texts_that_look_like_numbers_come_back(tmp_path, knee_document):
+    for text in ("1e-3", "10:50:5", "true", "~", "a: b", "1.0", "# x", "two\nlines"):
+        document = changed(knee_document, ["notes"], text)
+        found = read_knee(write(tmp_path / "k.yaml", document)).document
+        assert found["notes"] == text
+
+
+def test_load_by_name_and_by_path(tmp_path, monkeypatch, knee_document):
+    path = write(tmp_path / "mine.yaml", knee_document)
+    assert load_knee(path).name == load_knee_file(str(path)).knee.name == "small"
+    with pytest.raises(InputProblem, match="a bundled knee"):
+        load_knee("no_such_knee")
+    with pytest.raises(InputProblem, match="did you mean knees?"):
+        bundled_path("knee", "x")
+    with pytest.raises(InputProblem, match="knees: no_such_knee: expected one of"):
+        bundled_path("knees", "no_such_knee")
+    monkeypatch.setattr("kneejax.files._bundled._data_folder", lambda: tmp_path)
+    (tmp_path / "knees").mkdir()
+    write(tmp_path / "knees" / "small.yaml", knee_document)
+    assert list(bundled_knees()) == ["small"]
+    assert load_knee("small").name == "small"
+    assert bundled_path("knees", "small.yaml") == bundled_path("knees", "small")
+    with pytest.raises(InputProblem, match=r"did you mean small\?"):
+        load_knee("smal")
+
+
+def test_every_bundled_knee_can_be_read():
+    for path in bundled_knees().values():
+        found = read_knee(path)
+        assert copy.deepcopy(found.document) == found.document
+
+
+def test_a_problem_is_one_line_and_can_be_pickled():
+    problem = InputProblem("k.yaml", "a.b", "x\ny" + 100 * "z", "one of p, q", ["xyz", "x y"])
+    assert str(problem).startswith("k.yaml: a.b: x y")
+    assert len(str(problem)) < 160 and "\n" not in str(problem)
+    assert str(pickle.loads(pickle.dumps(problem))) == str(problem)

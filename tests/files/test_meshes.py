@@ -1,0 +1,74 @@
+import numpy as np
+import pytest
+import trimesh
+
+from kneejax.files import InputProblem, read_mesh_points
+
+TRIANGLE = (
+    "solid x\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 20 0 0\nvertex 0 20 0\n"
+    "endloop\nendfacet\nendsolid x\n"
+)
+POINTS = (
+    "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\n"
+    "property float z\nend_header\n0 0 0\n1 1 1\n"
+)
+
+
+@pytest.mark.parametrize("ending", [".stl", ".ply", ".obj", ".STL"])
+@pytest.mark.parametrize(("size", "scale"), [(20.0, 1.0), (0.02, 1000.0)])
+def test_a_sphere(tmp_path, ending, size, scale):
+    path = tmp_path / f"sphere{ending}"
+    trimesh.creation.icosphere(2, radius=size).export(path)
+    mesh = read_mesh_points(path)
+    assert mesh.scale == scale
+    assert mesh.points_mm.shape == mesh.normals.shape == (162, 3)
+    assert mesh.faces.shape == (320, 3)
+    np.testing.assert_allclose(np.linalg.norm(mesh.points_mm, axis=1), 20.0, rtol=1e-5)
+    assert (np.sum(mesh.normals * mesh.points_mm, axis=1) > 19.5).all()
+    stated = read_mesh_points(path, unit="m" if scale == 1000 else "mm")
+    np.testing.assert_array_equal(stated.points_mm, mesh.points_mm)
+
+
+def refusal(path, unit="auto"):
+    with pytest.raises(InputProblem) as caught:
+        read_mesh_points(path, unit)
+    line = str(caught.value)
+    assert "\n" not in line and line.startswith(f"{path}: ") and "expected " in line
+    return line
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("a.stl", b"", "empty"),
+        ("a.stl", b"solid x\nendsolid x\n", "no triangles"),
+        ("a.stl", TRIANGLE.encode(), "1 triangles"),
+        ("a.stl", b"hello, this is not a mesh", "triangle"),
+        ("a.stl", bytes(range(256)) * 4, "triangle"),
+        ("a.ply", b"hello, this is not a mesh", "a triangle mesh in PLY"),
+        ("a.ply", POINTS.encode(), "no triangles"),
+        ("a.obj", b"v 0 0 0\nv 1 0 0\n", "no triangles"),
+        ("a.obj", b"\x00\xff\xfe", "a triangle mesh"),
+        ("a.txt", b"v 0 0 0", "ending in .stl"),
+        ("mesh", b"v 0 0 0", "no ending"),
+        ("a.obj", b"v 0 0 0\nv 20 0 0\nv 0 20 nan\nv 0 0 20\n"
+         b"f 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n", "finite"),
+    ],
+)  # fmt: skip
+def test_a_bad_mesh_is_refused(tmp_path, name, content, words):
+    path = tmp_path / name
+    path.write_bytes(content)
+    assert words in refusal(path)
+
+
+def test_units(tmp_path):
+    path = tmp_path / "sphere.stl"
+    trimesh.creation.icosphere(1, radius=2.0).export(path)
+    assert "diagonal" in refusal(path)
+    assert read_mesh_points(path, "mm").scale == 1.0
+    assert "one of auto, m, mm" in refusal(path, "inch")
+
+
+def test_a_directory_and_a_missing_file(tmp_path):
+    assert "a directory" in refusal(tmp_path)
+    assert "missing" in refusal(tmp_path / "a.stl")

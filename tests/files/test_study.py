@@ -1,0 +1,182 @@
+import numpy as np
+import pytest
+import yaml
+
+from kneejax.files import (
+    InputProblem,
+    bundled_measurements,
+    format_knee,
+    parse_flexion,
+    read_measured,
+    read_study,
+    write_poses,
+)
+from kneejax.geometry import COORDINATES
+
+TABLE = np.array([[x, 1.0, -2.0, 3.0, -20.0, 2.0] for x in (0.0, 30.0, 60.0, 90.0)])
+
+
+@pytest.fixture
+def folder(tmp_path, knee_document):
+    (tmp_path / "knee.yaml").write_text(format_knee(knee_document))
+    (tmp_path / "measured").mkdir()
+    write_poses(tmp_path / "measured" / "poses.csv", TABLE, convention="tibial")
+    (tmp_path / "studies").mkdir()
+    return tmp_path
+
+
+def study(**changes):
+    document = {
+        "title": "a trial",
+        "knee": "../knee.yaml",
+        "measured": {
+            "file": "../measured/poses.csv", "convention": "tibial", "source": "a laboratory",
+        },
+        "parameters": ["*.stiffness", "ACL.reference_strain"],
+    }
+    document |= changes
+    return {name: value for name, value in document.items() if value is not None}
+
+
+def read(folder, document):
+    path = folder / "studies" / "study.yaml"
+    path.write_text(yaml.safe_dump(document, sort_keys=False))
+    return read_study(path)
+
+
+def refusal(folder, document):
+    with pytest.raises(InputProblem) as caught:
+        read(folder, document)
+    line = str(caught.value)
+    assert "\n" not in line and "expected " in line
+    assert line.startswith(f"{folder / 'studies' / 'study.yaml'}: ")
+    return line
+
+
+def test_defaults(folder):
+    found = read(folder, study())
+    assert found.parameters == ("*.stiffness", "ACL.reference_strain")
+    assert found.bounds == {"stiffness": (300, 10000), "reference_strain": (-0.2, 0.2)}
+    assert list(found.weights.values()) == [8, 8, 1, 1, 1]
+    assert found.procedures == ("II", "I", "III")
+    assert (found.starts, found.seed, found.method) == (1, 0, "least_squares")
+    assert found.frame_offset == () and found.flexion_deg is None
+    assert found.start == found.overrides == {} and found.synthetic is None
+    np.testing.assert_allclose(read_measured(found), TABLE, atol=1e-11)
+
+
+def test_everything_stated(folder):
+    measured = study()["measured"] | {"mirror": True}
+    found = read(folder, study(
+        measured=measured, start={"ACL.stiffness": 4000}, set={"*.transition_strain": 0.06},
+        bounds={"ACL.stiffness": [1000, 5000], "stiffness": [100, 9000]},
+        weights={"deg": 4.0, "anterior": 2.0}, procedures=["III"], starts=3, seed=7,
+        frame_offset=True, method="lbfgsb", flexion_deg=[30, 60],
+    ))  # fmt: skip
+    assert list(found.bounds) == ["reference_strain", "ACL.stiffness", "stiffness"]
+    assert list(found.weights.values()) == [4, 4, 2, 1, 1]
+    assert found.frame_offset == COORDINATES
+    assert found.overrides == {"*.transition_strain": 0.06}
+    expected = TABLE[1:3] * [1, -1, -1, 1, 1, -1]
+    np.testing.assert_allclose(read_measured(found), expected, atol=1e-11)
+
+
+def test_synthetic(folder):
+    found = read(folder, study(measured=None, synthetic={
+        "parameters": {"ACL.stiffness": 5876}, "flexion_deg": "10:50:5", "noise_mm": 0.1,
+    }))  # fmt: skip
+    np.testing.assert_array_equal(found.synthetic.flexion_deg, np.arange(10.0, 51.0, 5.0))
+    assert (found.synthetic.noise_mm, found.synthetic.noise_deg) == (0.1, 0.0)
+    with pytest.raises(ValueError, match="synthetic"):
+        read_measured(found)
+
+
+def test_flexion_that_a_plain_yaml_reader_takes_for_a_time(folder):
+    path = folder / "studies" / "study.yaml"
+    text = yaml.safe_dump(study(measured=None))
+    path.write_text(text + "synthetic: {parameters: {A.stiffness: 1e3}, flexion_deg: 10:50:5}\n")
+    found = read_study(path).synthetic
+    assert len(found.flexion_deg) == 9 and found.parameters == {"A.stiffness": 1000.0}
+
+
+MEASURED = study()["measured"]
+SYNTHETIC = {"parameters": {"ACL.stiffness": 5876}, "flexion_deg": "0:120:5"}
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"title": None}, "title: missing"),
+        ({"paramters": ["x"]}, "no such field"),
+        ({"weight": {}}, "did you mean weights?"),
+        ({"measured": None}, "exactly one of measured, synthetic"),
+        ({"synthetic": SYNTHETIC}, "measured and synthetic"),
+        ({"knee": "../kneee.yaml"}, "knee: ../kneee.yaml"),
+        ({"measured": MEASURED | {"file": "poses.csv"}}, "measured.file: poses.csv"),
+        ({"measured": MEASURED | {"file": "../measured"}}, "measured.file: ../measured"),
+        ({"measured": MEASURED | {"convention": "tibal"}}, "did you mean tibial?"),
+        ({"measured": MEASURED | {"columns": {"flexion": "x"}}}, "did you mean flexion_deg?"),
+        ({"measured": MEASURED | {"mirror": "yes"}}, "true or false"),
+        ({"parameters": []}, "a list of names"),
+        ({"parameters": ["a b"]}, "a name such as ACL.stiffness"),
+        ({"parameters": ["*.stiffness"] * 2}, "every name once"),
+        ({"start": {"ACL.stiffness": "high"}}, "start.ACL.stiffness: high"),
+        ({"bounds": {"stiffness": [10000, 300]}}, "a lower and a larger upper limit"),
+        ({"bounds": {"stiffness": 300}}, "a list of 2 numbers"),
+        ({"weights": {"mm": -1}}, "at least 0"),
+        ({"weights": {"mm": 0, "deg": 0}}, "above 0"),
+        ({"weights": {"anteriorr": 1}}, "did you mean anterior?"),
+        ({"procedures": ["IV"]}, "one of I, II, III"),
+        ({"procedures": ["I", "I"]}, "every name once"),
+        ({"starts": 0}, "at least 1"),
+        ({"starts": 1.5}, "a whole number"),
+        ({"seed": -1}, "at least 0"),
+        ({"frame_offset": ["anterior", "medial"]}, "frame_offset[1]: medial"),
+        ({"frame_offset": "all"}, "true, false, or a list"),
+        ({"method": "least_square"}, "did you mean least_squares?"),
+        ({"flexion_deg": [90, 0]}, "a lower and a larger upper limit"),
+        ({"measured": None, "synthetic": SYNTHETIC | {"flexion_deg": "0:120"}}, "FROM:TO:STEP"),
+        ({"measured": None, "synthetic": SYNTHETIC | {"noise_mm": -1}}, "at least 0"),
+        ({"measured": None, "synthetic": {"flexion_deg": [0]}}, "parameters: missing"),
+    ],
+)
+def test_a_bad_study_is_refused(folder, changes, words):
+    assert words in refusal(folder, study(**changes))
+
+
+def test_no_measured_pose_within_the_limits(folder):
+    with pytest.raises(InputProblem, match="limits within 0 and 90"):
+        read_measured(read(folder, study(flexion_deg=[100, 120])))
+
+
+@pytest.mark.parametrize("content", [b"", b"title: [", b"\x00\x01", b"- 1", b"title: \xff"])
+def test_a_file_that_is_no_study(tmp_path, content):
+    path = tmp_path / "study.yaml"
+    path.write_bytes(content)
+    with pytest.raises(InputProblem, match="expected "):
+        read_study(path)
+    with pytest.raises(InputProblem, match="a directory"):
+        read_study(tmp_path)
+
+
+def test_flexion_texts():
+    assert parse_flexion("0,30,60").tolist() == [0, 30, 60]
+    assert parse_flexion("120:0:-40").tolist() == [120, 80, 40, 0]
+    assert len(parse_flexion("0:0.3:0.1")) == 4
+    ranges = ("a:b:c", "0:10:0", "0:10:-1", "0:10:nan", "0:400:5", "0:9:1e-9", "0:10")
+    for text in (*ranges, "", "nan", "1,,2"):
+        with pytest.raises(InputProblem, match="^--flexion: flexion_deg: .*expected"):
+            parse_flexion(text)
+
+
+def test_measurements_carry_title_and_source(folder, monkeypatch):
+    monkeypatch.setattr("kneejax.files._bundled._data_folder", lambda: folder)
+    (folder / "measurements").mkdir()
+    table = folder / "measurements" / "walker.csv"
+    write_poses(table, TABLE)
+    with pytest.raises(InputProblem, match="walker.yaml: file: missing"):
+        bundled_measurements()
+    table.with_suffix(".yaml").write_text("title: Mean of many knees\nsource: a paper\n")
+    assert bundled_measurements()["walker"].source == "a paper"
+    found = read(folder, study(measured={"file": "walker", "source": "a paper"}))
+    np.testing.assert_array_equal(read_measured(found), TABLE)

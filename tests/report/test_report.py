@@ -1,0 +1,215 @@
+"""The report shows everything, opens offline and bears bad numbers and odd names."""
+
+from __future__ import annotations
+
+import dataclasses
+import html
+import json
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+import made_up
+
+from kneejax import report
+from kneejax.statics._status import Status
+
+ODD = 'A<b>&"C"$x$'
+
+
+def _renamed(calibration, old="ACL", new=ODD):
+    fits = tuple(
+        dataclasses.replace(
+            fit,
+            estimates=tuple(
+                dataclasses.replace(e, name=e.name.replace(old, new)) for e in fit.estimates
+            ),
+        )
+        for fit in calibration.fits
+    )
+    names = tuple(new if name == old else name for name in calibration.ligaments)
+    return dataclasses.replace(calibration, fits=fits, ligaments=names, title=f"Knee {ODD}")
+
+
+def _all_failed(calibration):
+    fit = calibration.fit
+    lost = np.full_like(fit.motion.table, np.nan)
+    motion = dataclasses.replace(
+        fit.motion,
+        table=lost,
+        ligament_forces=np.full_like(fit.motion.ligament_forces, np.nan),
+        contact_forces=np.full_like(fit.motion.contact_forces, np.nan),
+    )
+    nothing = dict.fromkeys(fit.rmse, np.nan)
+    fit = dataclasses.replace(
+        fit,
+        motion=motion,
+        rmse=nothing,
+        partial_objectives=nothing,
+        objective=np.nan,
+        correlation=np.full((8, 8), np.nan),
+        estimates=tuple(
+            dataclasses.replace(e, value=np.nan, standard_error=np.nan) for e in fit.estimates
+        ),
+        history=(),
+        starts=(),
+        success=False,
+    )
+    return dataclasses.replace(calibration, fits=(fit,))
+
+
+def test_files_are_complete_and_the_page_needs_nothing_else(tmp_path):
+    calibration = made_up.calibration()
+    paths = report.write_report(calibration, tmp_path / "new")
+    assert paths[0] == tmp_path / "new" / "report.html"
+    assert len(paths) == 13
+    assert all(path.stat().st_size > 1000 for path in paths)
+    assert sorted(p for p in (tmp_path / "new").rglob("*") if p.is_file()) == sorted(paths)
+    page = paths[0].read_text(encoding="utf-8")
+    assert not re.search(r"""(?:src|href)\s*=\s*["']?\s*(?:https?:)?//""", page)
+    assert not re.search(r"<script|<link|@import|url\((?!#)", page)
+    assert page.count("<svg") == 6
+    identifiers = re.findall(r'\bid="([^"]+)"', page)
+    assert len(identifiers) == len(set(identifiers))
+
+
+def test_page_names_every_parameter_and_warning(tmp_path):
+    calibration = made_up.calibration()
+    page = report.write_report(calibration, tmp_path)[0].read_text(encoding="utf-8")
+    text = html.unescape(page)
+    for estimate in calibration.fit.estimates:
+        assert f"<td>{estimate.name}</td>" in page
+    for sentence in report.warnings(calibration):
+        assert sentence in text
+    assert made_up.REASON in text
+    assert Status.NOT_CONVERGED.sentence in text
+    assert Status.UNSTABLE.sentence in text
+    assert calibration.notes[0] in text
+    for count in (167, 159, 233, 98, 69, 65, 94):
+        assert f">{count}</td>" in page
+
+
+def test_report_is_the_same_every_time(tmp_path):
+    calibration = made_up.calibration()
+    first = report.write_report(calibration, tmp_path / "a")
+    second = report.write_report(calibration, tmp_path / "b")
+    assert [p.read_bytes() for p in first] == [p.read_bytes() for p in second]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        _all_failed,
+        _renamed,
+        lambda c: made_up.calibration(synthetic=False, frame_offset=(), notes=()),
+        lambda c: made_up.calibration(poses=60),
+        lambda c: dataclasses.replace(c, measured=c.measured[::-1][np.argsort(np.arange(25) % 3)]),
+        lambda c: dataclasses.replace(c, fits=c.fits[1:2]),
+    ],
+    ids=["all failed", "odd names", "measured", "dense", "unordered", "one fit"],
+)
+def test_unusual_calibrations_are_reported(tmp_path, change):
+    calibration = change(made_up.calibration())
+    page = report.write_report(calibration, tmp_path)[0].read_text(encoding="utf-8")
+    assert ">nan<" not in page.lower()
+    json.dumps(report.result_document(calibration), allow_nan=False)
+    assert all(len(line) < 100 for line in report.calibration_summary(calibration).splitlines())
+
+
+def test_names_are_escaped(tmp_path):
+    page = report.write_report(_renamed(made_up.calibration()), tmp_path)[0]
+    page = page.read_text(encoding="utf-8")
+    assert "<b>" not in page
+    assert html.escape(f"{ODD}.stiffness") in page
+
+
+def test_a_row_of_nan_is_never_called_balanced():
+    calibration = _all_failed(made_up.calibration())
+    assert any("25 of 25 poses not converged" in s for s in report.warnings(calibration))
+
+
+def test_result_document_keeps_its_promises():
+    calibration = made_up.calibration()
+    document = report.result_document(calibration)
+    assert json.loads(json.dumps(document, allow_nan=False)) == document
+    promised = {
+        "parameters", "objective_start", "objective", "partial_objectives", "rmse", "success",
+        "message", "procedure", "evaluations", "seconds", "versions",
+    }  # fmt: skip
+    assert promised <= set(document)
+    assert set(document["evaluations"]) == {"residual", "jacobian", "equilibria"}
+    for name, entry in document["parameters"].items():
+        expected = {"value", "start", "lower", "upper", "standard_error", "at_bound"}
+        assert set(entry) == expected, name
+    assert document["parameters"][made_up.UNDETERMINED]["standard_error"] is None
+    assert document["parameters"][made_up.AT_BOUND]["at_bound"] is True
+    assert set(document["per_procedure"]) == {"I", "II", "III"}
+    assert document["correlation"]["matrix"][2] == [None] * 8
+
+
+def test_parameter_rows_have_the_columns():
+    rows = report.parameters_rows(made_up.calibration())
+    assert len(rows) == 8
+    assert all(tuple(row) == report.PARAMETER_COLUMNS for row in rows)
+
+
+def test_summary_is_plain_and_complete():
+    calibration = made_up.calibration()
+    text = report.calibration_summary(calibration)
+    assert text.isascii()
+    for estimate in calibration.fit.estimates:
+        assert estimate.name in text
+    flat = " ".join(text.split())
+    for sentence in report.warnings(calibration):
+        assert " ".join(sentence.split()) in flat
+    assert "published calls" in text
+    assert "published" not in report.calibration_summary(made_up.calibration(synthetic=False))
+
+
+def test_no_warnings_without_a_reason():
+    calibration = made_up.calibration()
+    fit = calibration.fits[1]
+    sound = tuple(
+        dataclasses.replace(e, standard_error=1.0, at_bound=False) for e in fit.estimates
+    )
+    fit = dataclasses.replace(fit, estimates=sound)
+    calibration = dataclasses.replace(calibration, fits=(fit,))
+    assert report.warnings(calibration) == []
+    assert "warning" not in report.calibration_summary(calibration)
+
+
+def test_simulation_is_drawn_even_at_constant_flexion(tmp_path):
+    motion = made_up.calibration().fit.motion
+    figure = report.simulation_figure(
+        np.full(25, 30.0),
+        motion.table,
+        motion.status,
+        made_up.LIGAMENTS,
+        motion.ligament_forces,
+        made_up.CONTACTS,
+        motion.contact_forces,
+    )
+    paths = report.save_figure(figure, tmp_path, "simulation")
+    assert [path.name for path in paths] == ["simulation.png", "simulation.svg"]
+    assert "Step" in paths[1].read_text(encoding="utf-8")
+
+
+def test_coordinates_are_those_of_every_table():
+    from kneejax.geometry import COLUMNS
+
+    assert tuple(one.column for one in report.COORDINATES.values()) == COLUMNS
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(5876.0, "5876"), (0.03712, "0.03712"), (np.nan, "-"), (0.0, "0"), (1e-9, "1.000e-09"),
+     (-np.inf, "-inf"), (123456.0, "123456")],
+)  # fmt: skip
+def test_numbers_read_well(value, text):
+    from kneejax.report._numbers import number
+
+    assert number(value) == text
