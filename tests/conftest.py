@@ -5,6 +5,9 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
+import kneejax.geometry as geo
+from kneejax.mechanics import ConstantTensionLine, Contact, Knee, Ligaments, Load
+
 jax.config.update("jax_enable_x64", True)
 settings.register_profile("kneejax", deadline=None, max_examples=15, derandomize=True)
 settings.load_profile("kneejax")
@@ -48,3 +51,44 @@ def slope_on_log_axes():
 def rng():
     """Random numbers, the same in every run."""
     return np.random.default_rng(7)
+
+
+def _small_knee():
+    """Two condyles on two plateaus, four fibres, one load and one line; no bone in particular."""
+    radius = [[23.0, 0.4, -1.6], [-1.5, 0.2, 0.0], [0.8, 0.0, 0.0]]
+    angle, width = np.deg2rad([0.0, 180.0]), (-13.0, 13.0)
+    contacts = []
+    for side, smaller in ((-1.0, 0.0), (1.0, 1.0)):
+        c = np.array(radius)
+        c[0, 0] -= smaller
+        plateau = geo.Frame([0.0, -23.0 + 2.5 * smaller, 23.0 * side])
+        height = [[0.0, 0.1, 0.6 * smaller], [0.2, 0.0, 0.0], [0.8 - 0.5 * smaller, 0.0, 0.0]]
+        contacts.append(
+            Contact(
+                geo.Condyle(c, angle, width, geo.Frame([0.0, smaller, 23.0 * side])),
+                geo.Plateau(height, (-22, 22), (-13, 13), plateau),
+            )
+        )
+    ligaments = Ligaments(
+        [[-8, 4, 6], [-2, 0, -6], [0, 3, -38], [-4, 2, 38]],
+        [[14, -26, 0], [-22, -32, 0], [8, -85, -22], [-18, -55, 36]],
+        [4500.0, 5000.0, 2750.0, 2000.0],
+        [33.5, 36.5, 85.0, 56.0],
+        [0.03, 0.03, 0.05, 0.06],
+        [0.002] * 4,
+        ["ACL", "PCL", "MCL", "LCL"],
+    )
+    return Knee(
+        ligaments,
+        tuple(contacts),
+        (Load([0.0, 40.0, 0.0], [0.0, 500.0, 0.0], [1.0, -50.0, 2.0], "tibia", "femur"),),
+        (ConstantTensionLine(20.0, [[35.0, 45.0, 2.0], [-5.0, -20.0, 0.0]], [32.0, -60.0, 4.0]),),
+        geo.Pose.from_table([0.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+        ("medial", "lateral"),
+    )
+
+
+@pytest.fixture(scope="session")
+def small_knee():
+    """A knee of two compartments whose poses are balanced nowhere in particular."""
+    return _small_knee()

@@ -100,7 +100,14 @@ class Knee(eqx.Module):
         if len(answers) == 1:
             return answers[0]
         back = jnp.argsort(jnp.array(order))
-        return jax.tree.map(lambda *x: jnp.concatenate(x)[back], *answers)
+
+        def joined(*x: Array) -> Array:
+            # A plane's answer may lack the lanes that a plateau's has.
+            shape = jnp.broadcast_shapes(*(y.shape[1:] for y in x))
+            x = [jax.vmap(lambda row: jnp.broadcast_to(row, shape))(y) for y in x]
+            return jnp.concatenate(x)[back]
+
+        return jax.tree.map(joined, *answers)
 
     @property
     def patch_count(self) -> int:

@@ -61,14 +61,18 @@ def parameters_figure(calibration: Calibration) -> Figure:
     groups = _quantities(calibration.fit.estimates)
     columns = min(2, len(groups)) or 1
     rows = -(-len(groups) // columns) or 1
-    deepest = max((len(group) for group in groups.values()), default=1)
-    tall = 0.42 * deepest + 0.55
-    height = rows * tall + 0.45
+    sizes = [len(group) for group in groups.values()] or [1]
+    depths = [0.42 * max(sizes[i * columns : (i + 1) * columns]) for i in range(rows)]
+    longest = max((len(e.name.partition(".")[0]) for e in calibration.fit.estimates), default=4)
+    left = min(max(0.07, (0.064 * longest + 0.12) / WIDTH), 0.3)
+    gap = left + 0.015
+    between = 0.55
+    height = sum(depths) + (rows - 1) * between + 0.75
     figure = Figure(figsize=(WIDTH, height))
-    panels = figure.subplots(rows, columns, squeeze=False)
+    panels = figure.subplots(rows, columns, squeeze=False, height_ratios=depths)
     figure.subplots_adjust(
-        left=0.07, right=0.985, wspace=0.18, top=1 - 0.5 / height, bottom=0.25 / height,
-        hspace=0.5 / (tall - 0.5),
+        left=left, right=0.985, top=1 - 0.5 / height, bottom=0.25 / height,
+        wspace=2 * gap / (0.985 - left - gap), hspace=between * rows / sum(depths),
     )  # fmt: skip
     handles: dict = {}
     for axes, ((quantity, unit), group) in zip(panels.flat, groups.items(), strict=False):
@@ -101,12 +105,18 @@ def _parameter_rows(
     truth = np.array([calibration.truth.get(e.name, np.nan) for e in group])
     seen = np.concatenate([values, starts, truth])
     seen = seen[np.isfinite(seen)]
-    lower = np.array([e.lower if math.isfinite(e.lower) else np.min(seen) for e in group])
-    upper = np.array([e.upper if math.isfinite(e.upper) else np.max(seen) for e in group])
+    lower = np.array([e.lower for e in group])
+    upper = np.array([e.upper for e in group])
     ends = np.concatenate([seen, lower, upper])
-    low, high = np.min(ends), np.max(ends)
+    ends = ends[np.isfinite(ends)]
+    low, high = (np.min(ends), np.max(ends)) if ends.size else (0.0, 1.0)
+    bounded = np.isfinite(lower) & np.isfinite(upper)
     pad = 0.04 * (high - low) or 1.0
-    handles["bounds"] = axes.barh(y, upper - lower, left=lower, height=0.5, color=LIGHT)
+    if bounded.any():
+        widths = (upper - lower)[bounded]
+        handles.setdefault(
+            "bounds", axes.barh(y[bounded], widths, left=lower[bounded], height=0.5, color=LIGHT)
+        )
     (handles["start"],) = axes.plot(starts, y, "o", color=START, markersize=4.5)
     errors = np.array([e.standard_error for e in group])
     handles["estimate and 95 % interval"] = axes.errorbar(
@@ -277,6 +287,7 @@ def convergence_figure(calibration: Calibration) -> Figure:
     """
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
+    from matplotlib.ticker import MaxNLocator
 
     figure = Figure(figsize=(WIDTH, 3.1))
     axes = figure.subplots()
@@ -322,6 +333,7 @@ def convergence_figure(calibration: Calibration) -> Figure:
         _published_counts(axes, calibration)
         reached = max(reached, 233)
     axes.set_xscale("log" if calibration.truth or reached > 300 else "linear")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     if axes.get_xscale() == "log":
         _plain_log_axis(axes.xaxis)
         decades = [10**k for k in range(int(math.log10(reached)) + 1)]

@@ -161,6 +161,7 @@ def _legend_panel(axes: Axes, handles: dict[str, Any], calibration: Calibration)
         borderpad=0,
         labelspacing=0.35,
         fontsize=7.5,
+        markerscale=1.0 if len(calibration.measured) <= _DENSE else 1.5,
     )
     rows_in_legend = -(-len(legend.get_texts()) // (2 if len(order) > 4 else 1))
     lines = ["Root mean square error", *(COORDINATES[name].axis_label for name in SHOWN)]

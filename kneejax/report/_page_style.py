@@ -28,7 +28,8 @@ dd { margin: 0; font-size: 1.125rem; font-weight: 600; font-variant-numeric: tab
 .wide { overflow-x: auto; }
 table { border-collapse: collapse; font-size: .875rem; margin: .5rem 0;
   font-variant-numeric: tabular-nums; }
-th, td { text-align: left; vertical-align: baseline; padding: .25rem .8rem .25rem 0; }
+th, td { text-align: left; vertical-align: baseline; padding: .25rem .7rem .25rem 0; }
+th:last-child, td:last-child { padding-right: 0; }
 th { border-bottom: 1.5px solid #1a1a1a; vertical-align: bottom; line-height: 1.25;
   font-weight: 600; }
 td { border-bottom: 1px solid #e6e8ea; }

@@ -75,6 +75,8 @@ def balance(knee: Knee, flexion: Array, q: Array, meeting: Array) -> Balance:
         return _with_meeting(drift, change)
 
     tangent = jax.vmap(column, out_axes=1)(_units(q), drift)
+    # Blind to first order to what is left of the search for the meeting points.
+    energy = energy + jnp.sum(multiplier * gap.slope, axis=(0, 1))
     return Balance(energy, by_q - load, load, tangent, drift, gap)
 
 

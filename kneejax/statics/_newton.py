@@ -29,6 +29,8 @@ _LONGEST_STEP = 3.0
 _IMPROVEMENTS = 2
 # Relative rounding that an energy difference may show near the solution.
 _ROUNDING = 1e-11
+# Step, mm, below which falling forces are enough to accept it.
+_CLOSE = 1e-3
 
 
 class Guess(eqx.Module):
@@ -140,7 +142,12 @@ class EnergyNewton(optx.AbstractRootFinder):
         climb = here.energy - before.energy - work
         scale = jnp.abs(before.energy) + jnp.abs(here.energy) + 1.0
         finite = jnp.isfinite(here.energy) & jnp.all(jnp.isfinite(here.tangent), axis=(0, 1))
-        return finite & (climb <= _ROUNDING * scale)
+        # Close to the solution energy differences drown in rounding; the forces do not.
+        units = _units(q)
+        force = jnp.max(jnp.abs(here.residual * units), axis=0)
+        calmer = force < 0.5 * jnp.max(jnp.abs(before.residual * units), axis=0)
+        close = jnp.max(jnp.abs(state.step), axis=0) < _CLOSE
+        return finite & ((climb <= _ROUNDING * scale) | (close & calmer))
 
     def terminate(self, fn, y, args, options, state, tags):
         return jnp.all(state.done), optx.RESULTS.successful
