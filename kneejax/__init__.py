@@ -1,0 +1,24 @@
+"""A differentiable knee: balance, exact derivatives, and ligaments identified from motion.
+
+Everything is computed in float64. The command line switches it on; in Python,
+`jax.config.update("jax_enable_x64", True)` has to come first, and `load_knee` says so if it did
+not.
+"""
+
+from kneejax.experiments import Mechanics as Mechanics
+from kneejax.experiments import PassiveFlexion as PassiveFlexion
+from kneejax.experiments import evaluate as evaluate
+from kneejax.experiments import passive_flexion as passive_flexion
+from kneejax.files import InputProblem as InputProblem
+from kneejax.files import load_knee as load_knee
+from kneejax.files import load_knee_file as load_knee_file
+from kneejax.files import read_poses as read_poses
+from kneejax.geometry import Pose as Pose
+from kneejax.inference import Calibration as Calibration
+from kneejax.inference import calibrate as calibrate
+from kneejax.inference import select as select
+from kneejax.inference import with_values as with_values
+from kneejax.mechanics import Knee as Knee
+from kneejax.statics import Status as Status
+
+__version__ = "0.1.0"

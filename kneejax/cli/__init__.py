@@ -1,0 +1,3 @@
+"""The command line: read arguments, call, print."""
+
+from kneejax.cli._main import main as main

@@ -4,6 +4,7 @@ from kneejax.files._bundled import Measurement as Measurement
 from kneejax.files._bundled import bundled_knees as bundled_knees
 from kneejax.files._bundled import bundled_measurements as bundled_measurements
 from kneejax.files._bundled import bundled_path as bundled_path
+from kneejax.files._bundled import bundled_studies as bundled_studies
 from kneejax.files._bundled import load_knee as load_knee
 from kneejax.files._bundled import load_knee_file as load_knee_file
 from kneejax.files._knee_file import KneeFile as KneeFile

@@ -58,6 +58,15 @@ def bundled_knees() -> dict[str, Path]:
     return _bundled("knees")
 
 
+def bundled_studies() -> dict[str, str]:
+    """Name -> title of each study that comes with the package."""
+    answer = {}
+    for name, path in _bundled("studies").items():
+        document = load_yaml(path, "a study")
+        answer[name] = Field(os.fspath(path), "", document)["title"].text()
+    return answer
+
+
 def bundled_measurements() -> dict[str, Measurement]:
     """Name -> table and source of each measurement that comes with the package.
 

@@ -17,4 +17,5 @@ from kneejax.inference._result import Iteration as Iteration
 from kneejax.inference._result import Motion as Motion
 from kneejax.inference._search import PROCEDURES as PROCEDURES
 from kneejax.inference._search import run_procedure as run_procedure
+from kneejax.inference._synthetic import synthetic_motion as synthetic_motion
 from kneejax.inference._uncertainty import uncertainty as uncertainty

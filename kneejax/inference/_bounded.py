@@ -106,9 +106,10 @@ class BoundedLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         upcoming = jnp.max(jnp.abs(y - state.x) / self._width)
         flat = state.accepted & (state.reduction < self.rtol)
         small = state.seen & (upcoming < self.atol)
+        promise = self._predicted(state, y) <= self.rtol * jnp.sum(state.residual**2)
         # Rounding of the residual: every longer step has been refused.
         stuck = state.refused > 12
-        return state.seen & (flat | small | stuck), optx.RESULTS.successful
+        return state.seen & (flat | small | promise | stuck), optx.RESULTS.successful
 
     def postprocess(self, fn, y, aux, args, options, state, tags, result):
         return state.x, aux, {"damping": state.damping}

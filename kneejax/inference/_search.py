@@ -73,19 +73,48 @@ def run_procedure(
     """
     trail = Trail(np.array(start, float), np.inf, [], {})
     stages = PROCEDURES[procedure]
+    before, after = [], []
     for cycle in range(cycles if len(stages) > 1 else 1):
-        before = trail.objective
+        reached, here = trail.objective, trail.x
         for number, quantities in enumerate(stages, 1):
             free = _free(problem, quantities)
             if free.any():
                 name = f"{procedure}.{number}" if len(stages) > 1 else procedure
                 _stage(problem, trail, free, lower, upper, name)
-        done = before - trail.objective <= tolerance * before if cycle else False
-        if done or trail.objective < 1e-16 * max(problem.target.size, 1):
-            break
-    else:
-        trail.converged = trail.converged and len(stages) == 1 or cycles == 1
+        if len(stages) == 1 or cycles == 1:
+            return trail
+        if trail.objective < 1e-16 * problem.target.size:
+            return trail
+        if cycle and reached - trail.objective <= tolerance * reached:
+            return trail
+        before.append(here)
+        after.append(trail.x)
+        _extrapolate(problem, trail, before[-6:], after[-6:], lower, upper)
+    trail.converged = False
     return trail
+
+
+def _extrapolate(problem, trail: Trail, before, after, lower, upper) -> None:
+    """Anderson's acceleration of the cycles; kept only where it lowers the objective.
+
+    Alternating between two coupled blocks converges linearly, here by 2 to 10 per cent a cycle.
+    """
+    if len(before) < 3:
+        return
+    width = upper - lower
+    moved = (np.array(after) - np.array(before)) / width
+    differences = (moved[1:] - moved[:-1]).T
+    mix, *_ = np.linalg.lstsq(differences, moved[-1], rcond=1e-12)
+    images = (np.array(after)[1:] - np.array(after)[:-1]).T
+    trial = np.clip(after[-1] - images @ mix, lower, upper)
+    found = problem.poses(trial)
+    residual, _ = problem.residual(trial, found)
+    trail.counts["acceleration"] = trail.counts.get("acceleration", 0) + 1
+    objective = float((residual**2).sum())
+    if objective < trail.objective:
+        problem.keep(trial, found)
+        trail.x, trail.objective = trial, objective
+        trail.history.append(Iteration("acceleration", trail.evaluations, objective))
 
 
 def _free(problem: Problem, quantities) -> np.ndarray:

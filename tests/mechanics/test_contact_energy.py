@@ -40,7 +40,7 @@ def knee_contact(form="elliptical_patch", mirrored=False, turned=True):
             geo.Frame([0, -25, 22 * side], turn * [0.03, 0.02, -0.08]),
         ),
         form=form,
-        points=(40, 40),
+        points=(20, 20),
     )
 
 
@@ -179,7 +179,8 @@ def test_both_forms_agree_on_a_knee_like_contact_to_first_order(pressed):
 
 
 def test_a_batch_of_poses_has_the_energies_of_its_members(pressed):
-    poses = pressed[:, None] + np.linspace(-0.2, 0.2, 3) * np.array([0.5, 0.1, 0.1, 1, 1, 1])[:, None]
+    spread = np.array([0.5, 0.1, 0.1, 1, 1, 1])[:, None]
+    poses = pressed[:, None] + np.linspace(-0.2, 0.2, 3) * spread
     for form in ("elliptical_patch", "quadrature"):
         contact = knee_contact(form)
         laned = jax.tree.map(lambda x: x[..., None], contact)

@@ -16,6 +16,11 @@ def at(y, x=0.0, z=0.0):
     return geo.Placement(None, tuple(jnp.asarray(c, float) for c in (x, y, z)))
 
 
+def compiled(function):
+    return jax.jit(function, compiler_options={"xla_disable_hlo_passes": "fusion"})
+
+
+@compiled
 def gap(contact, tibia):
     return contact.gap(tibia, contact.meeting(tibia))
 
@@ -104,7 +109,8 @@ def condyle_on_plateau():
     c = np.zeros((4, 3))
     c[:, 0], c[0], c[1, 1] = [23.0, -1.5, 0.8, 0.3], [23.0, 0.4, -1.6], 0.2
     h = [[0.1, 0.3, 0.9], [0.2, 0.1, 0.0], [0.8, 0.0, 0.0]]
-    femoral = geo.Condyle(c, np.deg2rad([10, 170]), (-12, 12), geo.Frame([0, 0, 22], [0.02, 0.05, 0]))
+    frame = geo.Frame([0, 0, 22], [0.02, 0.05, 0])
+    femoral = geo.Condyle(c, np.deg2rad([10, 170]), (-12, 12), frame)
     tibial = geo.Plateau(h, (-20, 20), (-13, 13), geo.Frame([0, -25, 22], [0.03, 0, -0.08]))
     return Contact(femoral, tibial)
 
@@ -118,16 +124,15 @@ CONTACTS = {"condyle on plateau": condyle_on_plateau(), "ellipsoids": ellipsoid_
 POSE = np.array([0.35, 0.03, -0.08, 1.0, 0.5, 0.6])
 
 
-def compiled(function):
-    return jax.jit(function, compiler_options={"xla_disable_hlo_passes": "fusion"})
-
-
 def placement(c):
     return geo.Pose(*c).placement
 
 
+gap_of = compiled(
+    lambda contact, c: contact.gap(placement(c), contact.meeting(placement(c)))
+)
 meeting = compiled(lambda contact, c: contact.meeting(placement(c)))
-gap_of = compiled(lambda contact, c: gap(contact, placement(c)))
+
 meeting_slope = compiled(jax.jacfwd(lambda contact, c: contact.meeting(placement(c)), 1))
 
 

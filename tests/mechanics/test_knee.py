@@ -104,7 +104,8 @@ def test_a_mirrored_knee_has_the_mirrored_energy(small_knee):
         femoral = geo.Condyle(
             c.coefficients * odd, c.angle, -c.width[::-1], geo.Frame(c.frame.origin * flip)
         )
-        tibial = geo.Plateau(t.coefficients * odd, t.x, -t.z[::-1], geo.Frame(t.frame.origin * flip))
+        frame = geo.Frame(t.frame.origin * flip)
+        tibial = geo.Plateau(t.coefficients * odd, t.x, -t.z[::-1], frame)
         return Contact(femoral, tibial)
 
     flip = jnp.array([1.0, 1.0, -1.0])

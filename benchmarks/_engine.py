@@ -1,0 +1,160 @@
+"""Motions of many knees: lanes are knees, angles follow each other by continuation.
+
+The first pass gives every pose a handful of Newton steps from a quadratic prediction; the
+poses that did not make it are gathered and searched again in smaller strides with a full budget.
+So no lane waits for the slowest knee of its chunk.
+"""
+
+from __future__ import annotations
+
+import concurrent.futures
+import time
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array, lax
+
+from kneejax.mechanics import Knee, add_lane_axis, ligament_law
+from kneejax.statics import COMPILER_OPTIONS, Guess, first_guess, settle
+
+#: Newton steps a pose may take when it is predicted, and when it is not.
+QUICK, ROBUST = 6, 40
+compiled = partial(jax.jit, compiler_options=COMPILER_OPTIONS)
+
+
+def random_knees(knee: Knee, count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Stiffness from 300 to 9300 N and slack lengths for +-0.03 around the knee's reference
+    strains, both `(ligaments, count)`."""
+    draw = np.random.default_rng(seed)
+    size = (len(knee.ligaments.names), count)
+    stiffness = draw.uniform(300.0, 9300.0, size)
+    strain = np.asarray(knee.reference_strain())[:, None] + draw.uniform(-0.03, 0.03, size)
+    length = np.asarray(knee.reference_length())[:, None]
+    return stiffness, np.asarray(ligament_law.slack_length_from_strain(length, strain))
+
+
+def in_lanes(knee: Knee, stiffness: Array, slack_length: Array) -> Knee:
+    """The knee with a lane axis: one lane a knee where numbers vary, length one elsewhere."""
+    return eqx.tree_at(
+        lambda k: (k.ligaments.stiffness, k.ligaments.slack_length),
+        add_lane_axis(knee),
+        (jnp.asarray(stiffness), jnp.asarray(slack_length)),
+    )
+
+
+@partial(compiled, static_argnums=6)
+def search(knee: Knee, ligaments, flexion, guess: Guess, start, count, max_steps: int):
+    """Poses of a chunk, one lane each, marching from a guess: the robust search."""
+    found = settle(in_lanes(knee, *ligaments), flexion, guess, start, count, max_steps)
+    return Guess(found.q, found.meeting), found.stable, found.steps
+
+
+@compiled
+def follow(knee: Knee, ligaments, angles: Array, first: Guess, known: Array):
+    """Poses over the angles after the first, by prediction and a few steps.
+
+    Returns poses `(angles, ..., lanes)`, stability and steps; NaN where a lane was lost.
+    """
+    knees = in_lanes(knee, *ligaments)
+
+    def pose(carry, angle):
+        now, before, older, known = carry
+        # Secant from the third pose on, then parabola; lanes without a past stay put.
+        guess = jax.tree.map(
+            lambda x, y, z: x
+            + jnp.where(known > 2, 2 * x - 3 * y + z, jnp.where(known > 1, x - y, 0.0)),
+            now, before, older,
+        )  # fmt: skip
+        found = settle(knees, jnp.full(known.shape, angle), guess, max_steps=QUICK)
+        good = found.converged
+        new = Guess(found.q, found.meeting)
+        here = jax.tree.map(lambda x, y: jnp.where(good, x, y), new, now)
+        carry = (here, now, before, jnp.where(good, known + 1, 0))
+        return carry, (new, found.stable, found.steps)
+
+    return lax.scan(pose, (first, first, first, known.astype(int)), angles)[1]
+
+
+class Engine:
+    """Motions of many knees that differ in stiffness and slack length.
+
+    Attributes:
+        angles: degrees.
+        chunk: lanes of a call.
+        threads: calls at a time.
+    """
+
+    def __init__(self, knee: Knee, angles, chunk: int = 256, threads: int = 2):
+        self.knee, self.chunk, self.threads = knee, chunk, threads
+        self.angles = np.deg2rad(angles)
+        own = [np.asarray(x)[:, None] for x in (knee.ligaments.stiffness, knee.ligaments.slack_length)]
+        own = [np.repeat(x, chunk, axis=1) for x in own]
+        flexion = np.resize(self.angles, chunk)
+        zero = jnp.full(chunk, knee.reference_pose.flexion)
+        guess = jax.jit(first_guess)(add_lane_axis(knee), zero)
+        found, _, _ = search(knee, own, flexion, guess, zero, self._count(self.angles[-1]), ROBUST)
+        #: The knee's own motion: where searches begin that have nothing better.
+        self.own = jax.tree.map(lambda x: np.asarray(x)[..., : len(self.angles)], found)
+
+    def _count(self, way: float, degrees: float = 5.0) -> int:
+        return int(np.ceil(np.abs(way) / np.deg2rad(degrees))) + 1
+
+    def first_pass(self, rows: np.ndarray, stiffness, slack_length):
+        """Poses `(angles, 5, knees)`, meeting points, stability and steps of some knees."""
+        full = np.resize(rows, self.chunk)  # a short chunk repeats its knees
+        ligaments = (stiffness[:, full], slack_length[:, full])
+        angle = np.full(self.chunk, self.angles[0])
+        begin = jax.tree.map(lambda x: np.repeat(x[..., :1], self.chunk, axis=-1), self.own)
+        first, *rest = search(self.knee, ligaments, angle, begin, angle, 1, ROBUST)
+        known = np.isfinite(first.q[0])
+        clean = jax.tree.map(lambda x, y: jnp.where(known, x, y), first, begin)
+        after = follow(self.knee, ligaments, self.angles[1:], clean, known)
+        out = jax.tree.map(lambda x, y: np.concatenate([x[None], y]), (first, *rest), after)
+        poses, stable, steps = jax.tree.map(lambda x: x[..., : len(rows)], out)
+        return poses.q, poses.meeting, stable, steps
+
+    def second_pass(self, lanes, stiffness, slack_length, q, meeting):
+        """Search again for single poses, from the same knee's nearest pose at a smaller angle."""
+        angle, row = (np.resize(x, self.chunk) for x in lanes)
+        good = np.isfinite(q[:, 0])
+        near = np.array([np.flatnonzero(good[:a, r])[-1:].sum() for a, r in zip(angle, row, strict=True)])
+        has = good[near, row] & (near < angle)
+        own_q, own_m = self.own.q[:, angle], self.own.meeting[..., angle]
+        guess = Guess(
+            np.where(has, q[near, :, row].T, own_q),
+            np.where(has, np.moveaxis(meeting[near, :, :, row], 0, -1), own_m),
+        )
+        here = self.angles[angle]
+        start = np.where(has, self.angles[near], here)
+        ligaments = (stiffness[:, row], slack_length[:, row])
+        count = self._count(np.abs(here - start).max(), 2.0)
+        found, stable, steps = search(self.knee, ligaments, here, guess, start, count, ROBUST)
+        size = len(lanes[0])
+        return np.asarray(found.q)[:, :size], np.asarray(stable)[:size], np.asarray(steps)[:size]
+
+    def solve(self, stiffness, slack_length) -> dict:
+        """Both passes over all knees: `q` `(angles, 5, knees)`, `stable`, `steps`, seconds."""
+        begun = time.perf_counter()
+        count = stiffness.shape[1]
+        with concurrent.futures.ThreadPoolExecutor(self.threads) as pool:
+            chunks = np.split(np.arange(count), range(self.chunk, count, self.chunk))
+            done = pool.map(lambda c: self.first_pass(c, stiffness, slack_length), chunks)
+            parts = zip(*done, strict=True)
+            q, meeting, stable, steps = (np.concatenate(x, axis=-1) for x in parts)
+            quick = time.perf_counter() - begun
+            lost = np.argwhere(np.isnan(q[:, 0]))
+            lots = [lost[i : i + self.chunk].T for i in range(0, len(lost), self.chunk)]
+            again = pool.map(
+                lambda lot: self.second_pass(lot, stiffness, slack_length, q, meeting), lots
+            )
+            for (angle, row), (found, held, taken) in zip(lots, list(again), strict=True):
+                q[angle, :, row], stable[angle, row] = found.T, held
+                steps[angle, row] += taken
+        return {
+            "q": q, "stable": stable, "steps": steps,
+            "first_pass_converged": 1.0 - len(lost) / stable.size,
+            "seconds_first_pass": quick, "seconds": time.perf_counter() - begun,
+        }  # fmt: skip

@@ -1,0 +1,5 @@
+"""`python -m kneejax.cli`."""
+
+from kneejax.cli._main import main
+
+raise SystemExit(main())

@@ -1,0 +1,119 @@
+"""`kneejax calibrate [STUDY.yaml]`."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import sys
+import time
+
+import numpy as np
+
+from kneejax.files import (
+    Study,
+    bundled_path,
+    load_knee,
+    read_measured,
+    read_study,
+    write_poses,
+    write_rows,
+    write_text,
+)
+from kneejax.inference import Calibration, calibrate, synthetic_motion, with_values
+from kneejax.statics import Status
+
+_DEFAULT = "paper1"
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Calibrate, print the answer, write results and the report."""
+    begun = time.perf_counter()
+    study = read_study(_path(arguments.study))
+    knee = with_values(load_knee(study.knee), study.overrides)
+    truth: dict[str, float] = {}
+    _progress(f"{study.title}: compiling, then balancing every pose")
+    if study.synthetic is not None:
+        truth = dict(study.synthetic.parameters)
+        measured = synthetic_motion(
+            knee,
+            truth,
+            np.asarray(study.synthetic.flexion_deg),
+            study.parameters,
+            noise_mm=study.synthetic.noise_mm,
+            noise_deg=study.synthetic.noise_deg,
+            seed=study.synthetic.seed,
+        )
+    else:
+        measured = read_measured(study)
+    knee = with_values(knee, study.start)
+    result = calibrate(
+        knee,
+        measured,
+        study.parameters,
+        bounds=dict(study.bounds),
+        weights=np.asarray(study.weights),
+        procedures=study.procedures,
+        offsets=tuple(name for name in study.frame_offset if name != "flexion"),
+        starts=study.starts,
+        seed=study.seed,
+        method=study.method,
+        cycles=1,
+        truth=truth,
+        title=study.title,
+        settings=_settings(study),
+    )
+    seconds = dict(result.seconds, total=time.perf_counter() - begun)
+    result = dataclasses.replace(result, seconds=seconds)
+    _progress("writing the report")
+    return _write(result, arguments.out)
+
+
+def _write(result: Calibration, out) -> int:
+    from kneejax.report import (
+        PARAMETER_COLUMNS,
+        calibration_summary,
+        parameters_rows,
+        result_document,
+        warnings,
+        write_report,
+    )
+
+    write_text(out / "result.json", json.dumps(result_document(result), indent=1) + "\n")
+    rows = [[row[c] for c in PARAMETER_COLUMNS] for row in parameters_rows(result)]
+    write_rows(out / "parameters.csv", list(PARAMETER_COLUMNS), rows)
+    motion = result.fit.motion
+    words = [Status(s) for s in motion.status]
+    write_poses(
+        out / "poses.csv",
+        motion.table,
+        status=words,
+        converged=[w.usable for w in words],
+        stable=[w in (Status.BALANCED, Status.OUTSIDE_REGION) for w in words],
+    )
+    write_report(result, out)
+    print(calibration_summary(result))
+    print(f"written: {out}/report.html, result.json, parameters.csv, poses.csv, figures/")
+    return 1 if warnings(result) else 0
+
+
+def _path(study: str | None):
+    if study is None:
+        return bundled_path("studies", _DEFAULT)
+    if study.endswith((".yaml", ".yml")) or "/" in study:
+        return study
+    return bundled_path("studies", study)
+
+
+def _settings(study: Study) -> dict:
+    """Everything needed to run it again, as plain numbers and words."""
+    return json.loads(json.dumps(dataclasses.asdict(study), default=_plain))
+
+
+def _plain(value):
+    return value.tolist() if isinstance(value, np.ndarray) else str(value)
+
+
+def _progress(words: str) -> None:
+    if sys.stderr.isatty():
+        print(f"kneejax: {words} ...", file=sys.stderr)

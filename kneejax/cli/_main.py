@@ -1,0 +1,126 @@
+"""Parsing, float64, the compilation cache, and errors in one line."""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+import os
+import re
+import sys
+from pathlib import Path
+from typing import NoReturn
+
+DONE, DOUBTFUL, BAD_INPUT = 0, 1, 2
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        options = [o for action in self._actions for o in action.option_strings]
+        for action in self._actions:
+            if isinstance(action.choices, dict):
+                options += list(action.choices)
+        wrong = re.search(r"(?:arguments: |choice: ')([^ ']+)", message)
+        if wrong:
+            near = difflib.get_close_matches(wrong.group(1).split("=")[0], options, 1, 0.4)
+            message += f"; did you mean {near[0]}?" if near else ""
+        print(f"kneejax: {' '.join(message.split())}", file=sys.stderr)
+        raise SystemExit(BAD_INPUT)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the `kneejax` command.
+
+    Args:
+        arguments: words after `kneejax`; those of the process by default.
+
+    Returns:
+        Exit status: 0 done; 1 done, but something is doubtful (the results say what); 2 bad
+        input, nothing written.
+    """
+    parser = _build_parser()
+    chosen = parser.parse_args(arguments)
+    _prepare_jax()
+    from kneejax.files import InputProblem
+    from kneejax.inference import UnknownParameter
+
+    try:
+        return chosen.run(chosen)
+    except (InputProblem, UnknownParameter, ValueError) as problem:
+        print(f"kneejax: {' '.join(str(problem).split())}", file=sys.stderr)
+        return BAD_INPUT
+    except OSError as problem:
+        print(f"kneejax: {problem.filename}: {problem.strerror}", file=sys.stderr)
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        print("kneejax: stopped; files that were not complete were not written", file=sys.stderr)
+        return 130
+
+
+def _build_parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="kneejax", description="A differentiable knee that identifies its ligaments."
+    )
+    commands = parser.add_subparsers(dest="command", required=True, parser_class=_Parser)
+
+    knees = commands.add_parser("knees", help="list bundled knees, studies and measurements")
+    knees.set_defaults(run=_lazily("_knees"))
+
+    describe = commands.add_parser("describe", help="print a knee")
+    describe.add_argument("knee", help="bundled name or knee file")
+    describe.set_defaults(run=_lazily("_describe"))
+
+    simulate = commands.add_parser("simulate", help="run an experiment")
+    simulate.add_argument("experiment", choices=["passive-flexion"])
+    simulate.add_argument("--knee", default="four_ligament")
+    simulate.add_argument("--flexion", default="0:120:5", help="degrees: first:last:step or a,b,c")
+    simulate.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", dest="values")
+    simulate.add_argument(
+        "--load",
+        action="append",
+        default=[],
+        metavar="DIRECTION=N",
+        help="force on the tibia's origin in femur axes (anterior, superior, lateral; N), or "
+        "moment about tibial axes (adduction, internal_rotation; N mm)",
+    )
+    simulate.add_argument("--out", type=Path, default=Path("kneejax-passive-flexion"))
+    _add_convention(simulate)
+    simulate.set_defaults(run=_lazily("_simulate"))
+
+    evaluate = commands.add_parser("evaluate", help="ligaments and contact at given poses")
+    evaluate.add_argument("knee")
+    evaluate.add_argument("poses", type=Path, help="CSV of poses")
+    evaluate.add_argument("--out", type=Path, default=Path("kneejax-evaluate"))
+    _add_convention(evaluate)
+    evaluate.set_defaults(run=_lazily("_evaluate"))
+
+    calibrate = commands.add_parser("calibrate", help="identify ligaments from motion")
+    calibrate.add_argument("study", nargs="?", help="study file or bundled study")
+    calibrate.add_argument("--out", type=Path, default=Path("kneejax-calibration"))
+    calibrate.set_defaults(run=_lazily("_calibrate"))
+    return parser
+
+
+def _add_convention(parser: argparse.ArgumentParser) -> None:
+    names = ["femoral", "grood-suntay", "tibial", "femur-in-tibia"]
+    parser.add_argument("--convention", choices=names, default="femoral")
+
+
+def _lazily(module: str):
+    """A command is imported when it is called: `kneejax --help` needs no JAX."""
+
+    def run(arguments: argparse.Namespace) -> int:
+        import importlib
+
+        return importlib.import_module(f"kneejax.cli.{module}").run(arguments)
+
+    return run
+
+
+def _prepare_jax() -> None:
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
+        base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+        jax.config.update("jax_compilation_cache_dir", str(Path(base) / "kneejax"))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)

@@ -1,0 +1,45 @@
+"""Execute every notebook of this folder, and fail on the first error.
+
+Usage: `python notebooks/execute.py [NAME.ipynb ...]`. `KNEEJAX_NOTEBOOK_QUICK=1` makes the notebooks
+use fewer poses. The files themselves stay as they are, without outputs.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+import nbformat
+from nbclient import NotebookClient
+from nbclient.exceptions import CellExecutionError
+
+FOLDER = Path(__file__).resolve().parent
+TIMEOUT_S = 600
+
+
+def main(names: list[str]) -> int:
+    """Execute notebooks and report each; returns the exit status."""
+    paths = [FOLDER / Path(name).name for name in names] or sorted(FOLDER.glob("*.ipynb"))
+    failed = 0
+    for path in paths:
+        begun = time.perf_counter()
+        notebook = nbformat.read(path, as_version=4)
+        client = NotebookClient(
+            notebook,
+            timeout=TIMEOUT_S,
+            kernel_name="python3",
+            resources={"metadata": {"path": str(FOLDER)}},
+        )
+        try:
+            client.execute()
+            verdict = "passed"
+        except CellExecutionError as error:
+            failed += 1
+            verdict = f"FAILED\n{error}"
+        print(f"{path.name}: {verdict} ({time.perf_counter() - begun:.0f} s)", flush=True)
+    return 1 if failed or not paths else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))
