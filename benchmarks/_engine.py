@@ -15,13 +15,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array, lax
+from jax import Array
 
 from kneejax.mechanics import Knee, add_lane_axis, ligament_law
 from kneejax.statics import COMPILER_OPTIONS, Guess, first_guess, settle
 
 #: Newton steps a pose may take when it is predicted, and when it is not.
-QUICK, ROBUST = 6, 40
+QUICK, ROBUST = 8, 40
 compiled = partial(jax.jit, compiler_options=COMPILER_OPTIONS)
 
 
@@ -34,6 +34,11 @@ def random_knees(knee: Knee, count: int, seed: int = 0) -> tuple[np.ndarray, np.
     strain = np.asarray(knee.reference_strain())[:, None] + draw.uniform(-0.03, 0.03, size)
     length = np.asarray(knee.reference_length())[:, None]
     return stiffness, np.asarray(ligament_law.slack_length_from_strain(length, strain))
+
+
+def _predicted(known, own, now, before, older):
+    past = np.where(known > 2, 2 * now - 3 * before + older, np.where(known > 1, now - before, 0.0))
+    return own + now + past
 
 
 def in_lanes(knee: Knee, stiffness: Array, slack_length: Array) -> Knee:
@@ -52,32 +57,6 @@ def search(knee: Knee, ligaments, flexion, guess: Guess, start, count, max_steps
     return Guess(found.q, found.meeting), found.stable, found.steps
 
 
-@compiled
-def follow(knee: Knee, ligaments, angles: Array, first: Guess, known: Array):
-    """Poses over the angles after the first, by prediction and a few steps.
-
-    Returns poses `(angles, ..., lanes)`, stability and steps; NaN where a lane was lost.
-    """
-    knees = in_lanes(knee, *ligaments)
-
-    def pose(carry, angle):
-        now, before, older, known = carry
-        # Secant from the third pose on, then parabola; lanes without a past stay put.
-        guess = jax.tree.map(
-            lambda x, y, z: x
-            + jnp.where(known > 2, 2 * x - 3 * y + z, jnp.where(known > 1, x - y, 0.0)),
-            now, before, older,
-        )  # fmt: skip
-        found = settle(knees, jnp.full(known.shape, angle), guess, max_steps=QUICK)
-        good = found.converged
-        new = Guess(found.q, found.meeting)
-        here = jax.tree.map(lambda x, y: jnp.where(good, x, y), new, now)
-        carry = (here, now, before, jnp.where(good, known + 1, 0))
-        return carry, (new, found.stable, found.steps)
-
-    return lax.scan(pose, (first, first, first, known.astype(int)), angles)[1]
-
-
 class Engine:
     """Motions of many knees that differ in stiffness and slack length.
 
@@ -90,8 +69,10 @@ class Engine:
     def __init__(self, knee: Knee, angles, chunk: int = 256, threads: int = 2):
         self.knee, self.chunk, self.threads = knee, chunk, threads
         self.angles = np.deg2rad(angles)
-        own = [np.asarray(x)[:, None] for x in (knee.ligaments.stiffness, knee.ligaments.slack_length)]
-        own = [np.repeat(x, chunk, axis=1) for x in own]
+        own = [
+            np.repeat(np.asarray(x)[:, None], chunk, axis=1)
+            for x in (knee.ligaments.stiffness, knee.ligaments.slack_length)
+        ]
         flexion = np.resize(self.angles, chunk)
         zero = jnp.full(chunk, knee.reference_pose.flexion)
         guess = jax.jit(first_guess)(add_lane_axis(knee), zero)
@@ -103,24 +84,39 @@ class Engine:
         return int(np.ceil(np.abs(way) / np.deg2rad(degrees))) + 1
 
     def first_pass(self, rows: np.ndarray, stiffness, slack_length):
-        """Poses `(angles, 5, knees)`, meeting points, stability and steps of some knees."""
+        """Poses `(angles, 5, knees)`, meeting points, stability and steps of some knees.
+
+        Predicted is how far a knee is from the own motion: a parabola through three angles where
+        it has them. A knee that was lost keeps its distance and is tried again at every angle.
+        """
         full = np.resize(rows, self.chunk)  # a short chunk repeats its knees
         ligaments = (stiffness[:, full], slack_length[:, full])
-        angle = np.full(self.chunk, self.angles[0])
-        begin = jax.tree.map(lambda x: np.repeat(x[..., :1], self.chunk, axis=-1), self.own)
-        first, *rest = search(self.knee, ligaments, angle, begin, angle, 1, ROBUST)
-        known = np.isfinite(first.q[0])
-        clean = jax.tree.map(lambda x, y: jnp.where(known, x, y), first, begin)
-        after = follow(self.knee, ligaments, self.angles[1:], clean, known)
-        out = jax.tree.map(lambda x, y: np.concatenate([x[None], y]), (first, *rest), after)
-        poses, stable, steps = jax.tree.map(lambda x: x[..., : len(rows)], out)
-        return poses.q, poses.meeting, stable, steps
+        known, size = np.zeros(self.chunk, int), len(rows)
+        zeros = jax.tree.map(lambda x: np.zeros((*x.shape[:-1], self.chunk)), self.own)
+        now = before = older = zeros
+        poses, others = [], []
+        for k, angle in enumerate(self.angles):
+            own = jax.tree.map(lambda x, k=k: x[..., k : k + 1], self.own)
+            guess = jax.tree.map(partial(_predicted, known), own, now, before, older)
+            flexion, steps = np.full(self.chunk, angle), QUICK if k else ROBUST
+            found, *rest = search(self.knee, ligaments, flexion, guess, flexion, 1, steps)
+            found = jax.tree.map(np.asarray, found)
+            good = np.isfinite(found.q[0])
+            away = jax.tree.map(lambda x, o, n, g=good: np.where(g, x - o, n), found, own, now)
+            now, before, older = away, now, before
+            known = np.where(good, known + 1, 0)
+            poses.append(jax.tree.map(lambda x: x[..., :size], found))
+            others.append([np.asarray(x)[:size] for x in rest])
+        q, meeting = np.stack([p.q for p in poses]), np.stack([p.meeting for p in poses])
+        stable, steps = (np.stack(x) for x in zip(*others, strict=True))
+        return q, meeting, stable, steps
 
     def second_pass(self, lanes, stiffness, slack_length, q, meeting):
         """Search again for single poses, from the same knee's nearest pose at a smaller angle."""
         angle, row = (np.resize(x, self.chunk) for x in lanes)
         good = np.isfinite(q[:, 0])
-        near = np.array([np.flatnonzero(good[:a, r])[-1:].sum() for a, r in zip(angle, row, strict=True)])
+        nearest = zip(angle, row, strict=True)
+        near = np.array([np.flatnonzero(good[:a, r])[-1:].sum() for a, r in nearest])
         has = good[near, row] & (near < angle)
         own_q, own_m = self.own.q[:, angle], self.own.meeting[..., angle]
         guess = Guess(

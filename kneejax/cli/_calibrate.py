@@ -20,6 +20,7 @@ from kneejax.files import (
     write_rows,
     write_text,
 )
+from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference import Calibration, calibrate, synthetic_motion, with_values
 from kneejax.statics import Status
 
@@ -52,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
         measured,
         study.parameters,
         bounds=dict(study.bounds),
-        weights=np.asarray(study.weights),
+        weights=np.array([study.weights[name] for name in FREE_COORDINATES]),
         procedures=study.procedures,
         offsets=tuple(name for name in study.frame_offset if name != "flexion"),
         starts=study.starts,

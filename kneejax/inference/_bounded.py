@@ -37,6 +37,9 @@ class BoundedLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         upper: shape `(p,)`.
         rtol: relative decrease of the objective below which the search ends.
         atol: step relative to the width of the bounds below which the search ends.
+        first_damping: added to the normal matrix, relative to its diagonal.
+        raise_by: factor on the damping after a refused step.
+        lower_by: divisor of the damping after a step that kept half its promise.
         jacobian_from_aux: take the Jacobian from the function's auxiliary output (its first
             element) instead of differentiating the function.
 
@@ -52,6 +55,9 @@ class BoundedLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     upper: Array
     rtol: float = 1e-10
     atol: float = 1e-9
+    first_damping: float = 1.0
+    raise_by: float = 4.0
+    lower_by: float = 10.0
     norm: ClassVar[Callable[..., Any]] = optx.max_norm
     jacobian_from_aux: bool = eqx.field(static=True, default=False)
 
@@ -63,7 +69,7 @@ class BoundedLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
             x=y,
             residual=jnp.full(count, jnp.inf),
             jacobian=jnp.zeros((count, y.shape[0])),
-            damping=jnp.asarray(1e-3),
+            damping=jnp.asarray(self.first_damping),
             reduction=jnp.asarray(jnp.inf),
             step_size=jnp.asarray(jnp.inf),
             seen=jnp.asarray(False),
@@ -87,7 +93,9 @@ class BoundedLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         predicted = self._predicted(state, y)
         accept = jnp.isfinite(after) & ((after <= before) | ~state.seen)
         good = accept & (before - after > 0.5 * predicted)
-        change = jnp.where(good, 1.0 / 9.0, jnp.where(accept, 1.0, 6.0))
+        change = jnp.where(
+            good, 1.0 / self.lower_by, jnp.where(accept, 1.0, self.raise_by)
+        )
         return _State(
             x=jnp.where(accept, y, state.x),
             residual=jnp.where(accept, residual, state.residual),
