@@ -21,7 +21,7 @@ from kneejax.mechanics import Knee, add_lane_axis, ligament_law
 from kneejax.statics import COMPILER_OPTIONS, Guess, first_guess, settle
 
 #: Newton steps a pose may take when it is predicted, and when it is not.
-QUICK, ROBUST = 8, 40
+QUICK, ROBUST = 7, 40
 compiled = partial(jax.jit, compiler_options=COMPILER_OPTIONS)
 
 
@@ -66,7 +66,7 @@ class Engine:
         threads: calls at a time.
     """
 
-    def __init__(self, knee: Knee, angles, chunk: int = 256, threads: int = 2):
+    def __init__(self, knee: Knee, angles, chunk: int = 1024, threads: int = 2):
         self.knee, self.chunk, self.threads = knee, chunk, threads
         self.angles = np.deg2rad(angles)
         own = [
@@ -98,8 +98,8 @@ class Engine:
         for k, angle in enumerate(self.angles):
             own = jax.tree.map(lambda x, k=k: x[..., k : k + 1], self.own)
             guess = jax.tree.map(partial(_predicted, known), own, now, before, older)
-            flexion, steps = np.full(self.chunk, angle), QUICK if k else ROBUST
-            found, *rest = search(self.knee, ligaments, flexion, guess, flexion, 1, steps)
+            flexion = np.full(self.chunk, angle)
+            found, *rest = search(self.knee, ligaments, flexion, guess, flexion, 1, QUICK)
             found = jax.tree.map(np.asarray, found)
             good = np.isfinite(found.q[0])
             away = jax.tree.map(lambda x, o, n, g=good: np.where(g, x - o, n), found, own, now)
@@ -112,24 +112,30 @@ class Engine:
         return q, meeting, stable, steps
 
     def second_pass(self, lanes, stiffness, slack_length, q, meeting):
-        """Search again for single poses, from the same knee's nearest pose at a smaller angle."""
-        angle, row = (np.resize(x, self.chunk) for x in lanes)
-        good = np.isfinite(q[:, 0])
-        nearest = zip(angle, row, strict=True)
-        near = np.array([np.flatnonzero(good[:a, r])[-1:].sum() for a, r in nearest])
-        has = good[near, row] & (near < angle)
-        own_q, own_m = self.own.q[:, angle], self.own.meeting[..., angle]
+        """Search again for single poses, marching from the same knee's nearest known pose."""
+        angle, near, row = (np.resize(x, self.chunk) for x in lanes)
+        known = np.isfinite(q[near, 0, row])
+        near = np.where(known, near, angle)
         guess = Guess(
-            np.where(has, q[near, :, row].T, own_q),
-            np.where(has, np.moveaxis(meeting[near, :, :, row], 0, -1), own_m),
+            np.where(known, q[near, :, row].T, self.own.q[:, angle]),
+            np.where(
+                known, np.moveaxis(meeting[near, :, :, row], 0, -1), self.own.meeting[..., angle]
+            ),
         )
-        here = self.angles[angle]
-        start = np.where(has, self.angles[near], here)
+        here, start = self.angles[angle], self.angles[near]
         ligaments = (stiffness[:, row], slack_length[:, row])
         count = self._count(np.abs(here - start).max(), 2.0)
         found, stable, steps = search(self.knee, ligaments, here, guess, start, count, ROBUST)
         size = len(lanes[0])
         return np.asarray(found.q)[:, :size], np.asarray(stable)[:size], np.asarray(steps)[:size]
+
+    def _lost(self, good: np.ndarray) -> np.ndarray:
+        """Lost poses: angle, nearest angle that is known, knee; those with a short way first."""
+        angle, row = np.nonzero(~good)
+        way = np.abs(np.arange(len(good))[:, None] - angle)
+        way = np.where(good[:, row], way, len(good))
+        order = np.argsort(way.min(axis=0), kind="stable")
+        return np.stack([angle, way.argmin(axis=0), row])[:, order]
 
     def solve(self, stiffness, slack_length) -> dict:
         """Both passes over all knees: `q` `(angles, 5, knees)`, `stable`, `steps`, seconds."""
@@ -141,16 +147,16 @@ class Engine:
             parts = zip(*done, strict=True)
             q, meeting, stable, steps = (np.concatenate(x, axis=-1) for x in parts)
             quick = time.perf_counter() - begun
-            lost = np.argwhere(np.isnan(q[:, 0]))
-            lots = [lost[i : i + self.chunk].T for i in range(0, len(lost), self.chunk)]
+            lost = self._lost(np.isfinite(q[:, 0]))
+            lots = [lost[:, i : i + self.chunk] for i in range(0, lost.shape[1], self.chunk)]
             again = pool.map(
                 lambda lot: self.second_pass(lot, stiffness, slack_length, q, meeting), lots
             )
-            for (angle, row), (found, held, taken) in zip(lots, list(again), strict=True):
+            for (angle, _, row), (found, held, taken) in zip(lots, list(again), strict=True):
                 q[angle, :, row], stable[angle, row] = found.T, held
                 steps[angle, row] += taken
         return {
             "q": q, "stable": stable, "steps": steps,
-            "first_pass_converged": 1.0 - len(lost) / stable.size,
+            "first_pass_converged": 1.0 - lost.shape[1] / stable.size,
             "seconds_first_pass": quick, "seconds": time.perf_counter() - begun,
         }  # fmt: skip

@@ -1,6 +1,6 @@
 """How many equilibria a second, over random four-ligament knees and 25 angles?
 
-    python benchmarks/batch.py [--knees 8192] [--chunk 256] [--threads 2] [--peers 20]
+    python benchmarks/batch.py [--knees 8192] [--chunk 1024] [--threads 2] [--peers 20]
 
 Beside it, in the same run: a loop of `scipy.optimize.root` over the same equations in plain NumPy
 (`_numpy_knee.py`), with the same prediction from angle to angle, on the first few knees.
@@ -42,7 +42,7 @@ def peer(knee, engine, stiffness, slack_length, analytic: bool):
 
 
 def main() -> None:
-    options = arguments("batch", __doc__, knees=8192, chunk=256, threads=2, peers=20, seed=0)
+    options = arguments("batch", __doc__, knees=8192, chunk=1024, threads=2, peers=20, seed=0)
     knee = load(options.knee)
     stiffness, slack_length = random_knees(knee, options.knees, options.seed)
     begun = time.perf_counter()

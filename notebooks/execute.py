@@ -1,7 +1,7 @@
 """Execute every notebook of this folder, and fail on the first error.
 
-Usage: `python notebooks/execute.py [NAME.ipynb ...]`. `KNEEJAX_NOTEBOOK_QUICK=1` makes the notebooks
-use fewer poses. The files themselves stay as they are, without outputs.
+Usage: `python notebooks/execute.py [NAME.ipynb ...]`. With `KNEEJAX_NOTEBOOK_QUICK=1` the
+notebooks use fewer poses. The files themselves stay as they are, without outputs.
 """
 
 from __future__ import annotations

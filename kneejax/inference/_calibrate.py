@@ -66,7 +66,8 @@ def calibrate(
         The `Calibration`.
 
     Raises:
-        ValueError: unknown names, bounds that exclude the start, or no pose that balances.
+        ValueError: unknown names, bounds that exclude the start, numbers that are not finite, or
+            no pose that balances.
 
     Source: paper 1, sections 2.3 and 3.4.
     """
@@ -75,6 +76,9 @@ def calibrate(
     offset_rows = tuple(FREE_COORDINATES.index(name) for name in offsets)
     weights = DEFAULT_WEIGHTS if weights is None else np.asarray(weights, float)
     problem = Problem(knee, selection, np.asarray(measured, float), weights, offset_rows)
+    if not np.isfinite(problem.measured).all():
+        row = int(np.flatnonzero(~np.isfinite(problem.measured).all(axis=1))[0])
+        raise ValueError(f"measured row {row} is not finite: leave it out")
     lower, upper = _bounds(knee, selection, bounds or {}, offset_rows)
     start = np.r_[np.asarray(selection.read(knee)), np.zeros(len(offset_rows))]
     _check_start(selection.names, start, lower, upper)
@@ -199,6 +203,8 @@ def _fit(problem: Problem, procedure: str, trail: Trail, start, lower, upper, re
     )
     failed = int((~np.asarray(found.settled.converged)).sum())
     message = "converged" if trail.converged else "stopped before it converged"
+    if trail.flat:
+        message = "converged to within the noise: further steps gained nothing that counts"
     if failed:
         message += f"; {failed} of {len(problem.measured)} poses have no balance"
     fit = Fit(

@@ -22,6 +22,8 @@ PROCEDURES = {
 }
 _MAX_EVALUATIONS = 200
 _MAX_CYCLES = 200
+# A search ends when this many accepted steps lower chi squared by less than this altogether.
+_WINDOW, _INSIGNIFICANT = 6, 0.5
 
 
 @dataclasses.dataclass
@@ -34,6 +36,7 @@ class Trail:
         history: accepted steps.
         counts: evaluations by stage.
         converged: whether the last stage ended by itself.
+        flat: whether it ended because further steps gained less than the noise.
     """
 
     x: np.ndarray
@@ -41,6 +44,7 @@ class Trail:
     history: list[Iteration]
     counts: dict[str, int]
     converged: bool = True
+    flat: bool = False
 
     @property
     def evaluations(self) -> int:
@@ -143,7 +147,8 @@ def _stage(problem: Problem, trail: Trail, free, lower, upper, name: str) -> Non
     y, tags = fixed, frozenset()
     struct = jax.ShapeDtypeStruct((problem.target.size,), float)
     state = solver.init(look, y, None, {}, struct, None, tags)
-    ended = False
+    ended, reached = False, []
+    spare = max(problem.target.size - int(free.sum()), 1)
     for _ in range(_MAX_EVALUATIONS):
         trial = np.asarray(y)
         y, state, _ = solver.step(look, y, None, {}, state, tags)
@@ -153,7 +158,11 @@ def _stage(problem: Problem, trail: Trail, free, lower, upper, name: str) -> Non
             trail.x = trial
             trail.objective = float(jnp.sum(state.residual**2))
             trail.history.append(Iteration(name, trail.evaluations, trail.objective))
-        ended = bool(solver.terminate(look, y, None, {}, state, tags)[0])
+            reached.append(trail.objective)
+            # In units of the noise (chi squared): a valley that the data cannot tell from flat.
+            gain = reached[-_WINDOW] - reached[-1] if len(reached) >= _WINDOW else np.inf
+            trail.flat = gain < _INSIGNIFICANT * reached[-1] / spare
+        ended = trail.flat or bool(solver.terminate(look, y, None, {}, state, tags)[0])
         if ended:
             break
     trail.converged = ended
