@@ -22,6 +22,8 @@ from kneejax.statics import COMPILER_OPTIONS, Guess, first_guess, settle
 
 #: Newton steps a pose may take when it is predicted, and when it is not.
 QUICK, ROBUST = 7, 40
+#: Poses on the way of a second search at most: what is farther is likely to have no balance.
+_LONGEST_WAY = 6
 compiled = partial(jax.jit, compiler_options=COMPILER_OPTIONS)
 
 
@@ -124,7 +126,7 @@ class Engine:
         )
         here, start = self.angles[angle], self.angles[near]
         ligaments = (stiffness[:, row], slack_length[:, row])
-        count = self._count(np.abs(here - start).max(), 2.0)
+        count = min(self._count(np.abs(here - start).max(), 2.0), _LONGEST_WAY)
         found, stable, steps = search(self.knee, ligaments, here, guess, start, count, ROBUST)
         size = len(lanes[0])
         return np.asarray(found.q)[:, :size], np.asarray(stable)[:size], np.asarray(steps)[:size]

@@ -56,7 +56,8 @@ def main() -> None:
 
 def document(source: Path) -> dict:
     """The knee file as nested dictionaries."""
-    ligaments = list(csv.DictReader((source / "ligaments.csv").open()))
+    with (source / "ligaments.csv").open() as file:
+        ligaments = list(csv.DictReader(file))
     return {
         "kneejax": 1,
         "name": "four_ligament",
@@ -168,7 +169,8 @@ def _contact(name: str, source: Path) -> dict:
             "coefficients_mm": _rounded(condyle.surface.coefficients, 5),
             "fit_rms_mm": round(condyle.rms, 3),
             "fit_max_mm": round(condyle.maximum, 3),
-            "source": f"own fit to {len(condyle.points)} vertices of the femur cartilage, {CITATION}",
+            "source": f"own fit to {len(condyle.points)} vertices of the femur cartilage, "
+            f"{CITATION}",
         },
         "tibial_surface": {
             "kind": "plateau",
@@ -178,9 +180,12 @@ def _contact(name: str, source: Path) -> dict:
             "coefficients_mm": _rounded(plateau.surface.coefficients, 5),
             "fit_rms_mm": round(plateau.rms, 3),
             "fit_max_mm": round(plateau.maximum, 3),
-            "source": f"own fit to {len(plateau.points)} vertices of the tibia cartilage, {CITATION}",
+            "source": f"own fit to {len(plateau.points)} vertices of the tibia cartilage, "
+            f"{CITATION}",
         },
-        "source": "E, nu and law: paper 3, section 4.1.3; layer: both cartilages, 6 mm, lenhart2015",
+        "source": (
+            "E, nu and law: paper 3, section 4.1.3; layer: both cartilages, 6 mm, lenhart2015"
+        ),
     }
 
 

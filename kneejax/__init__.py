@@ -1,7 +1,7 @@
 """A differentiable knee: balance, exact derivatives, and ligaments identified from motion.
 
 Everything is computed in float64. The command line switches it on; in Python,
-`jax.config.update("jax_enable_x64", True)` has to come first, and `load_knee` says so if it did
+`jax.config.update("jax_enable_x64", True)` has to come first, and every solve says so if it did
 not.
 """
 

@@ -18,7 +18,8 @@ def run(arguments: argparse.Namespace) -> int:
     print(f"{knee.name} ({knee.side} knee)")
     print(f"  {' '.join(knee_file.description.split())}")
     pose = np.asarray(knee.reference_pose.to_table())
-    print("  reference pose: " + ", ".join(f"{c} {x:g}" for c, x in zip(COLUMNS, pose, strict=True)))
+    words = [f"{column} {value:g}" for column, value in zip(COLUMNS, pose, strict=True)]
+    print("  reference pose: " + ", ".join(words))
     print("  frames: X anterior, Y superior, Z lateral; tibia in femur; mm, N, MPa")
     _ligaments(knee)
     for name, contact in zip(knee.contact_names, knee.contacts, strict=True):

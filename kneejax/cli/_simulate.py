@@ -24,7 +24,7 @@ def run(arguments: argparse.Namespace) -> int:
     knee = _with_loads(knee, _pairs("--load", arguments.load))
     motion = passive_flexion(knee, flexion)
     mechanics = evaluate(knee, motion.pose, motion.settled.meeting)
-    table, status = np.asarray(motion.to_table()), np.asarray(motion.status)
+    table, status = np.array(motion.to_table()), np.asarray(motion.status)
     table[:, 0] = flexion
     tension = np.asarray(mechanics.tension)
     contact = np.linalg.norm(np.asarray(mechanics.contact_force), axis=-1)

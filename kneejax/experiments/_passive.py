@@ -8,6 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import Array
+from jax.core import Tracer
 from jax.typing import ArrayLike
 
 from kneejax.geometry import Pose
@@ -100,7 +101,7 @@ def passive_flexion(knee: Knee, flexion_deg: ArrayLike) -> PassiveFlexion:
     """
     flexion = jnp.deg2rad(jnp.atleast_1d(jnp.asarray(flexion_deg, float)))
     start = knee.reference_pose.flexion
-    span = 30 if isinstance(flexion, jax.core.Tracer) else poses_on_the_way(0.0, flexion)
+    span = 30 if isinstance(flexion, Tracer) else poses_on_the_way(0.0, flexion)
     return _passive_flexion(knee, flexion, jnp.broadcast_to(start, flexion.shape), span)
 
 

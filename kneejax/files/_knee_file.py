@@ -276,7 +276,7 @@ def _sorted(part: Any, fields: tuple[str, ...]) -> Any:
     for name in ("femoral_surface", "tibial_surface"):
         surface = answer.get(name)
         if isinstance(surface, dict):
-            required, optional = schema.SURFACES.get(surface.get("kind"), ((), ()))
+            required, optional = schema.SURFACES.get(surface.get("kind"), ((), ()))  # pyright: ignore[reportCallIssue]
             order = ("kind", required[0], *optional, *required[1:]) if required else ()
             answer[name] = _sorted(surface, (*order, *schema.SURFACE_EXTRAS))
     return answer

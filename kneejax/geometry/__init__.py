@@ -3,6 +3,13 @@
 from kneejax.geometry._conventions import CONVENTIONS as CONVENTIONS
 from kneejax.geometry._conventions import convert as convert
 from kneejax.geometry._conventions import convert_pose as convert_pose
+from kneejax.geometry._fitting import SurfaceFit as SurfaceFit
+from kneejax.geometry._fitting import fit_condyle as fit_condyle
+from kneejax.geometry._fitting import fit_ellipsoid as fit_ellipsoid
+from kneejax.geometry._fitting import fit_plane as fit_plane
+from kneejax.geometry._fitting import fit_plateau as fit_plateau
+from kneejax.geometry._fitting import fit_sphere as fit_sphere
+from kneejax.geometry._fitting import fit_transverse_axis as fit_transverse_axis
 from kneejax.geometry._pose import COLUMNS as COLUMNS
 from kneejax.geometry._pose import COORDINATES as COORDINATES
 from kneejax.geometry._pose import FREE_COORDINATES as FREE_COORDINATES
@@ -37,10 +44,3 @@ from kneejax.geometry._vectors import scale as scale
 from kneejax.geometry._vectors import subtract as subtract
 from kneejax.geometry._vectors import transpose as transpose
 from kneejax.geometry._vectors import vector as vector
-from kneejax.geometry._fitting import SurfaceFit as SurfaceFit
-from kneejax.geometry._fitting import fit_condyle as fit_condyle
-from kneejax.geometry._fitting import fit_ellipsoid as fit_ellipsoid
-from kneejax.geometry._fitting import fit_plane as fit_plane
-from kneejax.geometry._fitting import fit_plateau as fit_plateau
-from kneejax.geometry._fitting import fit_sphere as fit_sphere
-from kneejax.geometry._fitting import fit_transverse_axis as fit_transverse_axis

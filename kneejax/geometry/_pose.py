@@ -133,7 +133,8 @@ class Pose(eqx.Module):
             A pose whose fields have shape `(...)`.
         """
         table = jnp.asarray(table, float)
-        return cls(*jnp.moveaxis(jnp.deg2rad(table[..., :3]), -1, 0), *jnp.moveaxis(table[..., 3:], -1, 0))
+        angles = jnp.moveaxis(jnp.deg2rad(table[..., :3]), -1, 0)
+        return cls(*angles, *jnp.moveaxis(table[..., 3:], -1, 0))
 
     def to_table(self) -> Array:
         """Rows of degrees and mm, shape `(..., 6)`, in the order of `COLUMNS`."""

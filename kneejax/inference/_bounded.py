@@ -23,7 +23,8 @@ class _State(eqx.Module):
     jacobian: Array
     damping: Array
     reduction: Array
-    step_size: Array
+    upcoming: Array
+    promise: Array
     seen: Array
     accepted: Array
     refused: Array
@@ -71,7 +72,8 @@ class BoundedLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
             jacobian=jnp.zeros((count, y.shape[0])),
             damping=jnp.asarray(self.first_damping),
             reduction=jnp.asarray(jnp.inf),
-            step_size=jnp.asarray(jnp.inf),
+            upcoming=jnp.asarray(jnp.inf),
+            promise=jnp.asarray(jnp.inf),
             seen=jnp.asarray(False),
             accepted=jnp.asarray(False),
             refused=jnp.asarray(0),
@@ -104,20 +106,20 @@ class BoundedLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
             reduction=jnp.where(
                 state.seen & accept, (before - after) / (before + 1e-300), state.reduction
             ),
-            step_size=jnp.max(jnp.abs(y - state.x) / self._width),
+            upcoming=state.upcoming,
+            promise=state.promise,
             seen=jnp.asarray(True),
             accepted=accept,
             refused=jnp.where(accept, 0, state.refused + 1),
         )
 
     def terminate(self, fn, y, args, options, state, tags):
-        upcoming = jnp.max(jnp.abs(y - state.x) / self._width)
         flat = state.accepted & (state.reduction < self.rtol)
-        small = state.seen & (upcoming < self.atol)
-        promise = self._predicted(state, y) <= self.rtol * jnp.sum(state.residual**2)
+        small = state.upcoming < self.atol
+        negligible = state.promise <= self.rtol * jnp.sum(state.residual**2)
         # Rounding of the residual: every longer step has been refused.
         stuck = state.refused > 12
-        return state.seen & (flat | small | promise | stuck), optx.RESULTS.successful
+        return state.seen & (flat | small | negligible | stuck), optx.RESULTS.successful
 
     def postprocess(self, fn, y, aux, args, options, state, tags, result):
         return state.x, aux, {"damping": state.damping}
@@ -126,7 +128,14 @@ class BoundedLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     def _width(self) -> Array:
         return jnp.where(self.upper > self.lower, self.upper - self.lower, 1.0)
 
-    def following(self, state: _State) -> Array:
+    def following(self, state: _State) -> tuple[Array, _State]:
+        """The next trial point, and the state that knows how far it is and what it promises."""
+        y = self._trial(state)
+        upcoming = jnp.max(jnp.abs(y - state.x) / self._width)
+        promise = self._predicted(state, y)
+        return y, eqx.tree_at(lambda s: (s.upcoming, s.promise), state, (upcoming, promise))
+
+    def _trial(self, state: _State) -> Array:
         """The damped step from the accepted point, stopped at the bounds it meets."""
         x, jacobian = state.x, state.jacobian * self._width
         gradient, normal = jacobian.T @ state.residual, jacobian.T @ jacobian
@@ -155,5 +164,4 @@ class BoundedLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
 
 @eqx.filter_jit
 def _update(solver, y, residual, jacobian, state):
-    state = solver.judged(y, residual, jacobian, state)
-    return solver.following(state), state
+    return solver.following(solver.judged(y, residual, jacobian, state))

@@ -67,6 +67,14 @@ def evaluate_poses(
     return Evaluation(value, jacobian, settled)
 
 
+@partial(jax.jit, static_argnums=0, compiler_options=COMPILER_OPTIONS)
+def _evaluate_many(selection, knee, values, flexion, guess, start, count) -> Evaluation:
+    def one(x: Array, near: Guess) -> Evaluation:
+        return evaluate_poses(selection, knee, x, flexion, near, start, count)
+
+    return jax.vmap(one)(values, guess)
+
+
 @dataclasses.dataclass
 class Problem:
     """A calibration problem: poses of a model against measured poses.
@@ -88,7 +96,7 @@ class Problem:
     weights: np.ndarray
     offsets: tuple[int, ...] = ()
     equilibria: int = 0
-    _near: tuple[np.ndarray, Evaluation] | None = None
+    _near: tuple[Array, Evaluation] | None = None
     _used: np.ndarray | None = None
 
     @property
@@ -103,25 +111,54 @@ class Problem:
 
     def poses(self, values: np.ndarray) -> Evaluation:
         """Model poses at parameter values, reached from the nearest known ones."""
-        values = jnp.asarray(values[: len(self.selection)])
+        x = jnp.asarray(values[: len(self.selection)])
+        start, count = self.flexion, 1
         if self._near is None:
             start = jnp.broadcast_to(self.knee.reference_pose.flexion, self.flexion.shape)
-            knee = add_lane_axis(self.selection.apply(self.knee, values))
+            knee = add_lane_axis(self.selection.apply(self.knee, x))
             guess = jax.jit(first_guess)(knee, start)
             count = poses_on_the_way(0.0, self.flexion)
         else:
-            near, known = self._near
-            units = jnp.asarray(TABLE_UNITS)[:, None]
-            q = known.settled.q + jnp.tensordot(known.jacobian, values - near, 1) / units
-            shift = q - known.settled.q
-            follow = jnp.sum(known.settled.drift * shift[:, None, None], axis=0)
-            guess = Guess(q, known.settled.meeting + follow)
-            start, count = self.flexion, 1
+            guess = _predicted(x, *self._near)
         found = evaluate_poses(
-            self.selection, self.knee, values, self.flexion, guess, start, jnp.asarray(count)
+            self.selection, self.knee, x, self.flexion, guess, start, jnp.asarray(count)
         )
         self.equilibria += self.measured.shape[0] * int(count)
         return found
+
+    def many_poses(self, values: np.ndarray, known) -> Evaluation:
+        """Model poses of several parameter vectors `(s, p)` at once, under vmap.
+
+        Args:
+            values: one row a start.
+            known: parameters and poses to start from (`nearest_many`); None marches from the
+                reference pose.
+        """
+        x = jnp.asarray(values[:, : len(self.selection)])
+        start, count = self.flexion, 1
+        if known is None:
+            start = jnp.broadcast_to(self.knee.reference_pose.flexion, self.flexion.shape)
+            count = poses_on_the_way(0.0, self.flexion)
+            knee = add_lane_axis(self.selection.apply(self.knee, x[0]))
+            one = jax.jit(first_guess)(knee, start)
+            guess = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (len(values), *leaf.shape)), one)
+        else:
+            guess = jax.vmap(_predicted)(x, *known)
+        self.equilibria += values.shape[0] * self.measured.shape[0] * int(count)
+        return _evaluate_many(
+            self.selection, self.knee, x, self.flexion, guess, start, jnp.asarray(count)
+        )
+
+    def nearest_many(self, values: np.ndarray, found: Evaluation, accepted: np.ndarray, known):
+        """Parameters and poses of each start to begin the next search from."""
+        new = (jnp.asarray(values[:, : len(self.selection)]), found)
+        if known is None:
+            return new
+
+        def choose(fresh: Array, old: Array) -> Array:
+            return jnp.where(accepted.reshape(-1, *(1,) * (fresh.ndim - 1)), fresh, old)
+
+        return jax.tree.map(choose, new, known)
 
     def keep(self, values: np.ndarray, found: Evaluation) -> None:
         """Remember balanced poses to start from."""
@@ -179,3 +216,12 @@ class Problem:
             return value, jax.vmap(push)(jnp.eye(x.shape[0]))
 
         return jax.jit(both, compiler_options=COMPILER_OPTIONS)
+
+
+def _predicted(values: Array, near: Array, known: Evaluation) -> Guess:
+    """Poses at new parameters to first order from known ones."""
+    units = jnp.asarray(TABLE_UNITS)[:, None]
+    q = known.settled.q + jnp.tensordot(known.jacobian, values - near, 1) / units
+    shift = q - known.settled.q
+    follow = jnp.sum(known.settled.drift * shift[:, None, None], axis=0)
+    return Guess(q, known.settled.meeting + follow)

@@ -133,7 +133,7 @@ def _free(problem: Problem, quantities) -> np.ndarray:
 
 def _stage(problem: Problem, trail: Trail, free, lower, upper, name: str) -> None:
     fixed = jnp.asarray(trail.x)
-    solver = BoundedLevenbergMarquardt(
+    solver = BoundedLevenbergMarquardt(  # pyright: ignore[reportCallIssue]
         jnp.where(free, lower, fixed), jnp.where(free, upper, fixed), jacobian_from_aux=True
     )
     found = None
@@ -187,7 +187,7 @@ def several_starts(
     Returns:
         End points `(s, p)` and their objectives `(s,)`, infinite where a start found no balance.
     """
-    solver = BoundedLevenbergMarquardt(
+    solver = BoundedLevenbergMarquardt(  # pyright: ignore[reportCallIssue]
         jnp.asarray(lower), jnp.asarray(upper), jacobian_from_aux=True
     )
     count, size = len(starts), problem.target.size
@@ -196,12 +196,17 @@ def several_starts(
     state = jax.tree.map(lambda x: jnp.broadcast_to(x, (count, *x.shape)), first)
     y = jnp.asarray(starts)
     state = eqx.tree_at(lambda s: s.x, state, y)
-    near = problem.many(y, None)
+    known = None
     for _ in range(steps):
-        residual, jacobian = problem.many_residuals(np.asarray(y), near)
+        found = problem.many_poses(np.asarray(y), known)
+        pairs = [
+            problem.residual(np.asarray(y[k]), jax.tree.map(lambda x, k=k: x[k], found))
+            for k in range(count)
+        ]
+        residual, jacobian = (jnp.stack([jnp.asarray(pair[i]) for pair in pairs]) for i in (0, 1))
         trial = y
         y, state = _update_many(solver, y, residual, jacobian, state)
-        near = problem.many(y, near.kept(state.accepted, trial))
+        known = problem.nearest_many(np.asarray(trial), found, np.asarray(state.accepted), known)
     objective = np.asarray(jnp.sum(state.residual**2, axis=1))
     return np.asarray(state.x), np.where(np.isfinite(objective), objective, np.inf)
 
@@ -209,7 +214,6 @@ def several_starts(
 @eqx.filter_jit
 def _update_many(solver, y, residual, jacobian, state):
     def one(y, residual, jacobian, state):
-        state = solver.judged(y, residual, jacobian, state)
-        return solver.following(state), state
+        return solver.following(solver.judged(y, residual, jacobian, state))
 
     return jax.vmap(one)(y, residual, jacobian, state)

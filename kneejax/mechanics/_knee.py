@@ -9,9 +9,9 @@ from jax import Array
 
 from kneejax.geometry import Placement, Pose
 from kneejax.mechanics._contact import Contact
-from kneejax.mechanics._patch import Gap
 from kneejax.mechanics._ligaments import Ligaments
 from kneejax.mechanics._loads import ConstantTensionLine, Load, generalised_force
+from kneejax.mechanics._patch import Gap
 
 
 class Knee(eqx.Module):
@@ -93,7 +93,8 @@ class Knee(eqx.Module):
         order, answers = [], []
         for rows in kinds.values():
             # One broadcast here instead of one in every product: its transpose is a sum.
-            tibias = jax.tree.map(lambda x: jnp.broadcast_to(x, (len(rows), *x.shape)), tibia)
+            count = len(rows)
+            tibias = jax.tree.map(lambda x, n=count: jnp.broadcast_to(x, (n, *x.shape)), tibia)
             alike = jax.tree.map(lambda *x: jnp.stack(x), *(patches[row] for row in rows))
             answers.append(jax.vmap(function)(alike, tibias, meeting[jnp.array(rows)]))
             order += rows
@@ -104,7 +105,7 @@ class Knee(eqx.Module):
         def joined(*x: Array) -> Array:
             # A plane's answer may lack the lanes that a plateau's has.
             shape = jnp.broadcast_shapes(*(y.shape[1:] for y in x))
-            x = [jax.vmap(lambda row: jnp.broadcast_to(row, shape))(y) for y in x]
+            x = [jax.vmap(lambda row: jnp.broadcast_to(row, shape))(y) for y in x]  # pyright: ignore[reportAssignmentType]
             return jnp.concatenate(x)[back]
 
         return jax.tree.map(joined, *answers)

@@ -186,7 +186,7 @@ def _meeting_point_jvp(primals, tangents):
         return gap_at(femoral, tibial, motion, meeting).slope
 
     _, moved = jax.jvp(slope, primals, tangents)
-    return meeting, -gap_at(*primals, meeting).newton(moved)
+    return meeting, -gap_at(*primals, meeting).newton(moved)  # pyright: ignore[reportCallIssue]
 
 
 def is_known(femoral: Surface, tibial: Surface, gap: Gap, meeting: Array) -> Array:

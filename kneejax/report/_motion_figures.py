@@ -165,10 +165,10 @@ def _legend_panel(axes: Axes, handles: dict[str, Any], calibration: Calibration)
     )
     rows_in_legend = -(-len(legend.get_texts()) // (2 if len(order) > 4 else 1))
     lines = ["Root mean square error", *(COORDINATES[name].axis_label for name in SHOWN)]
-    start = ["start", *(number(calibration.start_rmse.get(n, np.nan), 3) for n in SHOWN)]
+    start = ["start", *(number(calibration.start_rmse.get(n, np.nan), 2) for n in SHOWN)]
     columns = [(0.0, "left", "\n".join(lines)), (0.61, "right", "\n".join(start))]
     for i, fit in enumerate(calibration.fits[:3]):
-        values = [fit.procedure, *(number(fit.rmse.get(name, np.nan), 3) for name in SHOWN)]
+        values = [fit.procedure, *(number(fit.rmse.get(name, np.nan), 2) for name in SHOWN)]
         columns.append((0.74 + 0.127 * i, "right", verbatim("\n".join(values))))
     _columns_of_text(axes, columns, 0.84 - 0.098 * rows_in_legend - 0.03)
 

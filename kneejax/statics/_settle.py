@@ -104,7 +104,14 @@ def settle(
     Returns:
         The balance, differentiable by every leaf of the knee and by flexion (forward mode and,
         as the rule is linear, reverse mode); NaN with NaN derivatives where it failed.
+
+    Raises:
+        RuntimeError: float64 is switched off.
     """
+    if not jax.config.read("jax_enable_x64"):
+        raise RuntimeError(
+            "kneejax needs float64: call jax.config.update('jax_enable_x64', True) before anything"
+        )
     guess, start = lax.stop_gradient((guess, flexion if start is None else start))
     q, meeting, rest = _settle(knee, flexion, guess, start, jnp.asarray(count), max_steps)
     return Settled(flexion, q, meeting, **rest)
@@ -166,7 +173,7 @@ def _search_once(knee: Knee, flexion: Array, guess: Guess, max_steps: int):
         max_steps=max_steps,
         throw=False,
     )
-    here, done, count = solution.aux
+    here, done, count = solution.aux  # pyright: ignore[reportAssignmentType]
     units = jnp.asarray(UNITS).reshape(5, *(1,) * (guess.q.ndim - 1))
     scaled = symmetric(here.tangent) * units[:, None] * units[None]
     _, pivots = solve(scaled, here.residual * units)

@@ -1,0 +1,162 @@
+"""Commands end to end: files, exit status, one line for every bad input."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from kneejax.cli import main
+from kneejax.files import bundled_path
+
+POSES = "flexion_deg,adduction_deg,internal_rotation_deg,anterior_mm,superior_mm,lateral_mm\n"
+
+
+def rows(path):
+    with path.open() as file:
+        return list(csv.DictReader(file))
+
+
+def test_knees_and_describe_print(capsys):
+    assert main(["knees"]) == 0
+    assert "four_ligament" in capsys.readouterr().out
+    assert main(["describe", "four_ligament"]) == 0
+    printed = capsys.readouterr().out
+    for word in ("ACL", "4500", "medial", "condyle", "mm rms", "Adapted"):
+        assert word in printed
+
+
+def test_simulate_then_evaluate(tmp_path, capsys):
+    out = tmp_path / "passive"
+    assert main(["simulate", "passive-flexion", "--flexion", "0:40:20", "--out", str(out)]) == 0
+    poses = rows(out / "poses.csv")
+    assert [row["flexion_deg"] for row in poses] == ["0.0", "20.0", "40.0"]
+    assert {row["status"] for row in poses} == {"balanced"}
+    assert (out / "figures" / "simulation.png").stat().st_size > 10_000
+
+    assert main(["evaluate", "four_ligament", str(out / "poses.csv"), "--out", str(tmp_path)]) == 0
+    forces = rows(out / "forces.csv")
+    simulated = {(row["flexion_deg"], row["part"]): float(row["force_N"]) for row in forces}
+    for row in rows(tmp_path / "ligaments.csv"):
+        expected = simulated[row["flexion_deg"], row["ligament"]]
+        assert float(row["force_N"]) == pytest.approx(expected, abs=1e-6)
+    contact = rows(tmp_path / "contact.csv")
+    assert len(contact) == 6
+    for row in contact:
+        parts = [float(row[f"force_{a}_N"]) for a in ("anterior", "superior", "lateral")]
+        assert np.linalg.norm(parts) == pytest.approx(float(row["force_N"]))
+    capsys.readouterr()
+
+
+def test_a_load_moves_the_tibia_its_way(tmp_path, capsys):
+    tables = []
+    for load in ([], ["--load", "anterior=50"]):
+        out = tmp_path / f"load{len(load)}"
+        main(["simulate", "passive-flexion", "--flexion", "0,20,40", "--out", str(out), *load])
+        tables.append([float(row["anterior_mm"]) for row in rows(out / "poses.csv")])
+    assert (np.array(tables[1]) > np.array(tables[0]) + 0.2).all()
+    capsys.readouterr()
+
+
+def test_calibrate_writes_everything(tmp_path, capsys):
+    assert main(["calibrate", "--out", str(tmp_path)]) == 0
+    result = json.loads((tmp_path / "result.json").read_text())
+    assert result["success"] is True
+    assert set(result["parameters"]["ACL.stiffness"]) == {
+        "value",
+        "start",
+        "lower",
+        "upper",
+        "standard_error",
+        "at_bound",
+    }
+    assert result["objective"] < 1e-2 * result["objective_start"]
+    assert set(result["versions"]) >= {"jax", "optimistix", "numpy"}
+    page = (tmp_path / "report.html").read_text()
+    assert "<svg" in page and "http://" not in page.replace("http://www.w3.org", "")
+    assert len(rows(tmp_path / "poses.csv")) == 25
+    assert len(rows(tmp_path / "parameters.csv")) == 8
+    assert "ACL.stiffness" in capsys.readouterr().out
+
+
+def bad_knee(tmp_path, old, new):
+    text = bundled_path("knees", "four_ligament").read_text()
+    assert old in text
+    path = tmp_path / "knee.yaml"
+    path.write_text(text.replace(old, new, 1))
+    return ["describe", str(path)]
+
+
+def bad_table(tmp_path, text):
+    path = tmp_path / "poses.csv"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return ["evaluate", "four_ligament", str(path), "--out", str(tmp_path / "out")]
+
+
+def study(tmp_path, text):
+    path = tmp_path / "study.yaml"
+    path.write_text(text)
+    return ["calibrate", str(path), "--out", str(tmp_path / "out")]
+
+
+TWIN = bundled_path("studies", "paper1").read_text()
+
+BAD = {
+    "unknown command": (lambda t: ["calibrat"], "calibrate"),
+    "unknown option": (lambda t: ["calibrate", "--outt", "x"], "--out"),
+    "unknown knee": (lambda t: ["describe", "four_ligaments"], "four_ligament"),
+    "negative stiffness": (lambda t: bad_knee(t, "stiffness_N: 4500.0", "stiffness_N: -1"), "-1"),
+    "unknown field": (lambda t: bad_knee(t, "stiffness_N: 4500.0", "stifness_N: 1"), "stiffness_N"),
+    "slack length zero": (
+        lambda t: bad_knee(t, "reference_strain: 0.03", "slack_length_mm: 0"),
+        "slack_length_mm",
+    ),
+    "metres": (
+        lambda t: bad_knee(t, "[-1.151, -0.054, 5.299]", "[-1151, -54, 5299]"),
+        "femoral_attachment_mm",
+    ),
+    "directory": (lambda t: ["describe", str(t)], "directory"),
+    "empty table": (lambda t: bad_table(t, ""), "empty"),
+    "binary table": (lambda t: bad_table(t, bytes(range(256))), "poses.csv"),
+    "NaN in a table": (lambda t: bad_table(t, POSES + "0,0,nan,0,0,1\n"), "nan"),
+    "missing file": (lambda t: ["evaluate", "four_ligament", str(t / "no.csv")], "no.csv"),
+    "unknown parameter": (
+        lambda t: ["simulate", "passive-flexion", "--set", "ACL.stifness=3", "--out", str(t / "o")],
+        "ACL.stiffness",
+    ),
+    "unknown load": (
+        lambda t: ["simulate", "passive-flexion", "--load", "anterio=3", "--out", str(t / "o")],
+        "anterior",
+    ),
+    "flexion not a range": (
+        lambda t: ["simulate", "passive-flexion", "--flexion", "0:x:5", "--out", str(t / "o")],
+        "flexion",
+    ),
+    "bounds exclude the start": (
+        lambda t: study(t, TWIN.replace("stiffness: [300, 10000]", "stiffness: [300, 4000]")),
+        "exclude the start 4500",
+    ),
+    "unknown study field": (lambda t: study(t, TWIN + "boundz: 3\n"), "bounds"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_one_line_and_status_2(case, tmp_path, capsys):
+    arguments, expected = BAD[case]
+    try:
+        status = main(arguments(tmp_path))
+    except SystemExit as stop:
+        status = stop.code
+    printed = capsys.readouterr()
+    assert status == 2
+    assert len(printed.err.strip().splitlines()) == 1
+    assert expected in printed.err
+    assert not (tmp_path / "out").exists() and not (tmp_path / "o").exists()
+
+
+def test_flexion_outside_the_surfaces_is_said(tmp_path, capsys):
+    out = str(tmp_path)
+    assert main(["simulate", "passive-flexion", "--flexion", "0,140,160", "--out", out]) == 1
+    assert "160" in capsys.readouterr().out
+    status = {row["flexion_deg"]: row["status"] for row in rows(tmp_path / "poses.csv")}
+    assert status["0.0"] == "balanced" and status["160.0"] != "balanced"

@@ -1,0 +1,48 @@
+"""Bounded least squares against closed forms and SciPy."""
+
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+import pytest
+from scipy.optimize import lsq_linear
+
+from kneejax.inference import BoundedLevenbergMarquardt
+
+
+def fit(function, start, lower, upper):
+    solver = BoundedLevenbergMarquardt(jnp.asarray(lower), jnp.asarray(upper), rtol=1e-15)
+    return optx.least_squares(function, solver, jnp.asarray(start), max_steps=200)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_linear_problems_within_bounds_equal_scipy(seed):
+    rng = np.random.default_rng(seed)
+    a, b = rng.standard_normal((12, 5)), 3 * rng.standard_normal(12)
+    answer = fit(lambda x, _: jnp.asarray(a) @ x - b, np.zeros(5), -np.ones(5), np.ones(5))
+    reference = lsq_linear(a, b, (-1, 1), tol=1e-14).x
+    assert np.allclose(answer.value, reference, atol=1e-6)
+
+
+def test_an_active_bound_costs_no_extra_steps():
+    def rosenbrock(x, _):
+        return jnp.stack([10 * (x[1] - x[0] ** 2), 1 - x[0]])
+
+    answer = fit(rosenbrock, [-1.0, 1.0], [-2.0, -2.0], [0.5, 2.0])
+    assert np.allclose(answer.value, [0.5, 0.25], atol=1e-7)
+    assert int(answer.stats["num_steps"]) < 60
+
+
+def test_a_held_variable_does_not_move():
+    answer = fit(lambda x, _: x - jnp.array([2.0, 3.0]), [0.7, 0.0], [0.7, -9.0], [0.7, 9.0])
+    assert np.allclose(answer.value, [0.7, 3.0])
+
+
+def test_already_at_the_answer_ends_at_once():
+    answer = fit(lambda x, _: x - 1.0, [1.0, 1.0], [0.0, 0.0], [2.0, 2.0])
+    assert int(answer.stats["num_steps"]) <= 2
+
+
+def test_bounds_in_options_are_refused():
+    solver = BoundedLevenbergMarquardt(jnp.zeros(1), jnp.ones(1))
+    with pytest.raises(ValueError, match="fields of the solver"):
+        optx.least_squares(lambda x, _: x, solver, jnp.ones(1), options={"lower": jnp.zeros(1)})

@@ -1,0 +1,146 @@
+"""Balanced poses of the bundled knee, their derivatives, and lanes that fail."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import kneejax as kj
+from kneejax.inference import evaluate_poses, select
+from kneejax.mechanics import add_lane_axis
+from kneejax.statics import COMPILER_OPTIONS, EnergyNewton, Guess, Status, first_guess, settle
+from kneejax.statics._elimination import solve
+
+FLEXION = np.arange(0.0, 121.0, 5.0)
+
+
+@pytest.fixture(scope="module")
+def knee():
+    return kj.load_knee("four_ligament")
+
+
+@pytest.fixture(scope="module")
+def motion(knee):
+    return kj.passive_flexion(knee, FLEXION)
+
+
+def test_the_bundled_knee_stands_from_0_to_120_degrees(motion):
+    assert (np.asarray(motion.status) == Status.BALANCED).all()
+    assert np.asarray(motion.stable).all()
+    assert float(motion.residual_force.max()) < 1e-4
+    assert float(motion.residual_moment.max()) < 1e-2
+
+
+def test_no_impossible_penetration(knee, motion):
+    depth = np.asarray(motion.settled.depth)
+    assert depth.max() < 1.5 < float(knee.contacts[0].layer_thickness)
+
+
+def test_an_angle_does_not_depend_on_which_others_were_asked_for(knee, motion):
+    few = kj.passive_flexion(knee, FLEXION[::-1])
+    assert np.allclose(few.to_table()[::-1], motion.to_table(), atol=1e-8)
+
+
+def test_forces_on_the_tibia_sum_to_zero(knee, motion):
+    mechanics = kj.evaluate(knee, motion.pose, motion.settled.meeting)
+    lanes, tibia = add_lane_axis(knee), motion.pose.placement
+    line = jnp.stack(lanes.ligaments.line(tibia))
+    pull = -mechanics.tension.T * line / jnp.sqrt(jnp.sum(line**2, axis=0))
+
+    def tendon(shift):
+        moved = eqx.tree_at(
+            lambda p: p.translation,
+            tibia,
+            tuple(t + s for t, s in zip(tibia.translation, shift, strict=True)),
+        )
+        return jnp.sum(lanes.lines[0].energy(motion.pose.flexion, moved))
+
+    tension = -jax.grad(tendon)(jnp.zeros((3, len(FLEXION))))
+    contact = jnp.stack(tibia.turn(tuple(jnp.sum(mechanics.contact_force, axis=1).T)))
+    assert np.abs(np.asarray(pull.sum(axis=1) + tension + contact)).max() < 1e-4
+
+
+@pytest.fixture(scope="module")
+def poses_of(knee, motion):
+    names = ("*.stiffness", "*.reference_strain")
+    selection = select(knee, names)
+    lanes = add_lane_axis(knee)
+    flexion = jnp.deg2rad(jnp.asarray(FLEXION))
+    guess = Guess(motion.settled.q, motion.settled.meeting)
+    assert lanes.ligaments.stiffness.shape == (4, 1)
+
+    def run(values):
+        return evaluate_poses(
+            selection, knee, jnp.asarray(values), flexion, guess, flexion, jnp.asarray(1)
+        )
+
+    return selection.read(knee), run
+
+
+def test_jacobian_equals_central_differences(poses_of):
+    values, run = poses_of
+    exact = np.asarray(run(values).jacobian)
+    steps = np.r_[np.full(4, 0.5), np.full(4, 1e-6)]
+    for i, step in enumerate(steps):
+        change = np.zeros(8)
+        change[i] = step
+        # Fourth order, so that the difference itself is good to more than 1e-6.
+        near = np.asarray(run(values + change).table - run(values - change).table)
+        far = np.asarray(run(values + 2 * change).table - run(values - 2 * change).table)
+        difference = (8 * near - far) / (12 * step)
+        scale = np.abs(exact[:, :, i]).max()
+        assert np.abs(exact[:, :, i] - difference).max() < 1e-6 * scale
+
+
+def test_one_bad_lane_is_nan_alone(knee, motion):
+    """A lane without a balance is NaN in value and derivative; its neighbours do not notice."""
+    flexion = jnp.deg2rad(jnp.array([20.0, 25.0, 30.0]))
+    lanes = add_lane_axis(knee)
+    here = motion.settled
+    guess = Guess(here.q[:, 4:7], here.meeting[:, :, 4:7])
+    stiffness = jnp.broadcast_to(lanes.ligaments.stiffness, (4, 3))
+
+    def poses(factor):
+        bad = stiffness * factor * jnp.array([1.0, jnp.nan, 1.0])
+        mixed = eqx.tree_at(lambda k: k.ligaments.stiffness, lanes, bad)
+        found = settle(mixed, flexion, guess, max_steps=8)
+        return found.q, found.status
+
+    run = jax.jit(lambda f: jax.jvp(poses, (f,), (1.0,)), compiler_options=COMPILER_OPTIONS)
+    (q, status), (slope, _) = run(1.0)
+    assert status.tolist() == [0, Status.NOT_CONVERGED, 0]
+    assert np.isnan(q[:, 1]).all() and np.isnan(slope[:, 1]).all()
+    assert np.allclose(q[:, [0, 2]], here.q[:, [4, 6]], atol=1e-9)
+    assert np.isfinite(slope[:, [0, 2]]).all()
+
+
+def test_options_are_not_ignored():
+    with pytest.raises(ValueError, match="unknown options"):
+        EnergyNewton().init(None, None, None, {"lower": 0}, None, None, frozenset())
+
+
+def test_elimination_solves_and_its_pivots_tell_definiteness():
+    rng = np.random.default_rng(0)
+    a = rng.standard_normal((5, 5, 7))
+    a = np.einsum("ikn,jkn->ijn", a, a) + 0.1 * np.eye(5)[:, :, None]
+    b = rng.standard_normal((5, 7))
+    x, pivots = solve(jnp.asarray(a), jnp.asarray(b))
+    assert np.allclose(np.einsum("ijn,jn->in", a, x), b)
+    assert (np.asarray(pivots) > 0).all()
+    _, pivots = solve(jnp.asarray(-a), jnp.asarray(b))
+    assert (np.asarray(pivots) < 0).any()
+
+
+def test_first_guess_meets_inside_the_regions(knee):
+    lanes = add_lane_axis(knee)
+    guess = first_guess(lanes, jnp.zeros(1))
+    for contact, meeting in zip(lanes.contacts, guess.meeting, strict=True):
+        gap = contact.gap(kj.Pose.from_state(jnp.zeros(1), guess.q).placement, meeting)
+        assert float(gap.tilt[0]) < 1e-9
+
+
+def test_status_says_what_to_do_next():
+    for status in Status:
+        assert len(status.sentence.split()) > 2
+        assert status.word == status.name.lower()
