@@ -141,7 +141,10 @@ class Problem:
             count = poses_on_the_way(0.0, self.flexion)
             knee = add_lane_axis(self.selection.apply(self.knee, x[0]))
             one = jax.jit(first_guess)(knee, start)
-            guess = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (len(values), *leaf.shape)), one)
+            count_of_starts = len(values)
+            guess = jax.tree.map(
+                lambda leaf: jnp.broadcast_to(leaf, (count_of_starts, *leaf.shape)), one
+            )
         else:
             guess = jax.vmap(_predicted)(x, *known)
         self.equilibria += values.shape[0] * self.measured.shape[0] * int(count)
