@@ -1,6 +1,6 @@
 """Make the bundled knee `four_ligament` from the public meshes and ligaments of lenhart2015.
 
-    python data/make_four_ligament.py FOLDER_OF_lenhart2015 [--out FILE]
+    python data/make_four_ligament.py FOLDER_OF_lenhart2015 [--out FILE] [--figures FOLDER]
 
 Surfaces are our own fits to the cartilage meshes, attachments are means of fibre bundles, and the
 parameters are those of paper 1's Table 1. The output is the committed file, byte for byte.
@@ -19,6 +19,7 @@ jax.config.update("jax_enable_x64", True)
 
 from kneejax import geometry as geo  # noqa: E402
 from kneejax.files import read_mesh_points, write_knee  # noqa: E402
+from kneejax.report import save_figure, surface_fit_figure  # noqa: E402
 
 HERE = Path(__file__).resolve().parent
 DEFAULT_SOURCE = HERE.parent.parent / "shared" / "data" / "lenhart2015"
@@ -50,8 +51,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("source", nargs="?", type=Path, default=DEFAULT_SOURCE)
     parser.add_argument("--out", type=Path, default=HERE / "knees" / "four_ligament.yaml")
+    parser.add_argument("--figures", type=Path, help="folder for a picture of the residuals")
     arguments = parser.parse_args()
     write_knee(document(arguments.source), arguments.out)
+    if arguments.figures:
+        fits = {}
+        for name in PLATEAU_REGION_MM:
+            condyle, plateau = surface_fits(name, arguments.source)
+            fits |= {f"{name} condyle": condyle, f"{name} plateau": plateau}
+        save_figure(surface_fit_figure(fits), arguments.figures, "surface_fits")
 
 
 def document(source: Path) -> dict:
@@ -146,13 +154,19 @@ def _ligament(name: str, rows: list[dict]) -> dict:
     }
 
 
-def _contact(name: str, source: Path) -> dict:
+def surface_fits(name: str, source: Path):
+    """Fits of a compartment's condyle and plateau."""
     femur = read_mesh_points(source / "meshes" / "lenhart2015-R-femur-cartilage.stl").points_mm
     tibia = read_mesh_points(source / "meshes" / "lenhart2015-R-tibia-cartilage.stl").points_mm
     condyle = geo.fit_condyle(
         femur, width_mm=CONDYLE_WIDTH_MM[name], frame=geo.Frame(AXIS_POINT_MM), **CONDYLE
     )
     plateau = geo.fit_plateau(tibia, degree=(2, 2), total_degree=2, **PLATEAU_REGION_MM[name])
+    return condyle, plateau
+
+
+def _contact(name: str, source: Path) -> dict:
+    condyle, plateau = surface_fits(name, source)
     region = PLATEAU_REGION_MM[name]
     return {
         "form": "elliptical_patch",

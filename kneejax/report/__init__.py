@@ -16,6 +16,7 @@ from kneejax.report._results import result_document as result_document
 from kneejax.report._saving import save_figure as save_figure
 from kneejax.report._style import COORDINATES as COORDINATES
 from kneejax.report._style import Coordinate as Coordinate
+from kneejax.report._surface_figure import surface_fit_figure as surface_fit_figure
 from kneejax.report._text import calibration_summary as calibration_summary
 from kneejax.report._verdict import verdict as verdict
 from kneejax.report._verdict import warnings as warnings
