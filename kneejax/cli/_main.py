@@ -41,11 +41,11 @@ def main(arguments: list[str] | None = None) -> int:
     chosen = parser.parse_args(arguments)
     _prepare_jax()
     from kneejax.files import InputProblem
-    from kneejax.inference import UnknownParameter
+    from kneejax.inference import UnknownParameter, UnsuitableData
 
     try:
         return chosen.run(chosen)
-    except (InputProblem, UnknownParameter, ValueError) as problem:
+    except (InputProblem, UnknownParameter, UnsuitableData) as problem:
         print(f"kneejax: {' '.join(str(problem).split())}", file=sys.stderr)
         return BAD_INPUT
     except OSError as problem:

@@ -6,6 +6,7 @@ from kneejax.inference._calibrate import versions as versions
 from kneejax.inference._parameters import QUANTITIES as QUANTITIES
 from kneejax.inference._parameters import Selection as Selection
 from kneejax.inference._parameters import UnknownParameter as UnknownParameter
+from kneejax.inference._parameters import UnsuitableData as UnsuitableData
 from kneejax.inference._parameters import select as select
 from kneejax.inference._parameters import with_values as with_values
 from kneejax.inference._problem import Problem as Problem

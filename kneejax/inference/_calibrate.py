@@ -12,7 +12,7 @@ import numpy as np
 
 from kneejax.experiments import evaluate as evaluate_mechanics
 from kneejax.geometry import COLUMNS, FREE_COORDINATES
-from kneejax.inference._parameters import QUANTITIES, default_bounds, select
+from kneejax.inference._parameters import QUANTITIES, UnsuitableData, default_bounds, select
 from kneejax.inference._problem import DEFAULT_WEIGHTS, Evaluation, Problem
 from kneejax.inference._result import Calibration, Estimate, Fit, Motion
 from kneejax.inference._search import Trail, run_procedure, several_starts
@@ -66,7 +66,8 @@ def calibrate(
         The `Calibration`.
 
     Raises:
-        ValueError: unknown names, bounds that exclude the start, numbers that are not finite, or
+        UnknownParameter: a name that the knee does not have.
+        UnsuitableData: bounds that exclude the start, numbers that are not finite, or
             no pose that balances.
 
     Source: paper 1, sections 2.3 and 3.4.
@@ -78,7 +79,7 @@ def calibrate(
     problem = Problem(knee, selection, np.asarray(measured, float), weights, offset_rows)
     if not np.isfinite(problem.measured).all():
         row = int(np.flatnonzero(~np.isfinite(problem.measured).all(axis=1))[0])
-        raise ValueError(f"measured row {row} is not finite: leave it out")
+        raise UnsuitableData(f"measured row {row} is not finite: leave it out")
     lower, upper = _bounds(knee, selection, bounds or {}, offset_rows)
     start = np.r_[np.asarray(selection.read(knee)), np.zeros(len(offset_rows))]
     _check_start(selection.names, start, lower, upper)
@@ -88,7 +89,7 @@ def calibrate(
     ready = time.perf_counter()
     balanced = np.asarray(first.settled.converged)
     if not balanced.any():
-        raise ValueError("no measured flexion has a balance with the start's parameters")
+        raise UnsuitableData("no measured flexion has a balance with the start's parameters")
     problem.use_only(balanced)
     fits, spread = [], ()
     for procedure in procedures:
@@ -157,9 +158,9 @@ def _bounds(knee, selection, given, offset_rows):
 def _check_start(names, start, lower, upper):
     for name, value, low, high in zip(names, start, lower, upper, strict=False):
         if not low < high:
-            raise ValueError(f"{name}: bounds {low:g} to {high:g}: expected lower below upper")
+            raise UnsuitableData(f"{name}: bounds {low:g} to {high:g}: expected lower below upper")
         if not low <= value <= high:
-            raise ValueError(f"{name}: bounds {low:g} to {high:g} exclude the start {value:g}")
+            raise UnsuitableData(f"{name}: bounds {low:g} to {high:g} exclude the start {value:g}")
 
 
 def _fit(problem: Problem, procedure: str, trail: Trail, start, lower, upper, reached):
@@ -305,7 +306,7 @@ def _by_lbfgsb(problem: Problem, procedure: str, start, lower, upper) -> Trail:
     from kneejax.inference._lbfgsb import minimise_bounded
 
     if procedure != "III":
-        raise ValueError("method lbfgsb: expected procedure III, the one that frees all at once")
+        raise UnsuitableData("method lbfgsb: expected procedure III, the one that frees all at once")
     objective = problem.traceable_objective(start)
     x, converged, steps = minimise_bounded(objective, start, lower, upper)
     found = problem.poses(x)

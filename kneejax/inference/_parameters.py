@@ -38,6 +38,10 @@ class UnknownParameter(ValueError):
     """A parameter name that the knee does not have."""
 
 
+class UnsuitableData(ValueError):
+    """Data, bounds or options with which no calibration can begin."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Selection:
     """Parameters that are free, in order; hashable, so that it can steer a compiled function.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import jax.numpy as jnp
 import numpy as np
 
-from kneejax.inference._parameters import select, with_values
+from kneejax.inference._parameters import UnsuitableData, select, with_values
 from kneejax.inference._problem import DEFAULT_WEIGHTS, Problem
 from kneejax.mechanics import Knee
 
@@ -36,7 +36,7 @@ def synthetic_motion(
         `(n, 6)` in the order of `kneejax.geometry.COLUMNS`.
 
     Raises:
-        ValueError: where the knee with these parameters has no balance.
+        UnsuitableData: where the knee with these parameters has no balance.
     """
     true_knee = with_values(knee, truth)
     table = np.zeros((len(flexion_deg), 6))
@@ -47,7 +47,7 @@ def synthetic_motion(
     failed = ~np.asarray(found.settled.converged)
     if failed.any():
         angles = ", ".join(f"{f:g}" for f in np.asarray(flexion_deg)[failed])
-        raise ValueError(f"the knee that makes the data has no balance at {angles} degrees")
+        raise UnsuitableData(f"the knee that makes the data has no balance at {angles} degrees")
     scatter = np.array([noise_deg, noise_deg, noise_mm, noise_mm, noise_mm])
     noise = np.random.default_rng(seed).standard_normal((len(flexion_deg), 5))
     table[:, 1:] = np.asarray(jnp.asarray(found.table)).T + scatter * noise
