@@ -306,7 +306,7 @@ def _by_lbfgsb(problem: Problem, procedure: str, start, lower, upper) -> Trail:
     from kneejax.inference._lbfgsb import minimise_bounded
 
     if procedure != "III":
-        raise UnsuitableData("method lbfgsb: expected procedure III, the one that frees all at once")
+        raise UnsuitableData("method lbfgsb: expected procedure III, which frees all at once")
     objective = problem.traceable_objective(start)
     x, converged, steps = minimise_bounded(objective, start, lower, upper)
     found = problem.poses(x)
