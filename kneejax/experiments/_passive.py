@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -14,9 +12,9 @@ from jax.typing import ArrayLike
 from kneejax.geometry import Pose
 from kneejax.mechanics import Contact, Knee, add_lane_axis
 from kneejax.statics import (
-    COMPILER_OPTIONS,
     Settled,
     Status,
+    compiled,
     first_guess,
     poses_on_the_way,
     settle,
@@ -105,7 +103,7 @@ def passive_flexion(knee: Knee, flexion_deg: ArrayLike) -> PassiveFlexion:
     return _passive_flexion(knee, flexion, jnp.broadcast_to(start, flexion.shape), span)
 
 
-@partial(jax.jit, compiler_options=COMPILER_OPTIONS)
+@compiled()
 def _passive_flexion(knee: Knee, flexion: Array, start: Array, count: Array) -> PassiveFlexion:
     lanes = add_lane_axis(knee)
     settled = settle(lanes, flexion, first_guess(lanes, start), start, count)
@@ -136,7 +134,7 @@ def evaluate(knee: Knee, poses: Pose, meeting: Array | None = None) -> Mechanics
     return _evaluate(knee, poses, meeting)
 
 
-@partial(jax.jit, compiler_options=COMPILER_OPTIONS)
+@compiled()
 def _evaluate(knee: Knee, poses: Pose, meeting: Array | None) -> Mechanics:
     lanes, tibia = add_lane_axis(knee), poses.placement
     if meeting is None:

@@ -48,7 +48,11 @@ def minimise_bounded(
         value, gradient = value_and_gradient(lower + z * width)
         return value / scale, gradient * width / scale
 
-    solver = jaxopt.LBFGSB(scaled, value_and_grad=True, tol=tolerance, maxiter=max_steps)
+    # Its own loops stay in Python (jit=False): the objective is compiled already, with options
+    # that JAX takes at the outermost level only.
+    solver = jaxopt.LBFGSB(
+        scaled, value_and_grad=True, tol=tolerance, maxiter=max_steps, jit=False
+    )
     bounds = (jnp.zeros(len(start)), jnp.asarray((upper - lower) / width))
     answer, state = solver.run(jnp.asarray((start - lower) / width), bounds=bounds)
     converged = bool(state.error <= tolerance)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from functools import partial
 
 import equinox as eqx
 import jax
@@ -14,9 +13,9 @@ from jax import Array
 from kneejax.inference._parameters import Selection
 from kneejax.mechanics import Knee, add_lane_axis
 from kneejax.statics import (
-    COMPILER_OPTIONS,
     Guess,
     Settled,
+    compiled,
     first_guess,
     poses_on_the_way,
     settle,
@@ -42,7 +41,7 @@ class Evaluation(eqx.Module):
     settled: Settled
 
 
-@partial(jax.jit, static_argnums=0, compiler_options=COMPILER_OPTIONS)
+@compiled(static_argnums=(0,))
 def evaluate_poses(
     selection: Selection,
     knee: Knee,
@@ -67,7 +66,7 @@ def evaluate_poses(
     return Evaluation(value, jacobian, settled)
 
 
-@partial(jax.jit, static_argnums=0, compiler_options=COMPILER_OPTIONS)
+@compiled(static_argnums=(0,))
 def _evaluate_many(selection, knee, values, flexion, guess, start, count) -> Evaluation:
     def one(x: Array, near: Guess) -> Evaluation:
         return evaluate_poses(selection, knee, x, flexion, near, start, count)
@@ -218,7 +217,7 @@ class Problem:
             value, push = jax.linearize(objective, x)
             return value, jax.vmap(push)(jnp.eye(x.shape[0]))
 
-        return jax.jit(both, compiler_options=COMPILER_OPTIONS)
+        return compiled()(both)
 
 
 def _predicted(values: Array, near: Array, known: Evaluation) -> Guess:

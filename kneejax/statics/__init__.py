@@ -4,9 +4,10 @@ from kneejax.statics._balance import Balance as Balance
 from kneejax.statics._balance import balance as balance
 from kneejax.statics._balance import force as force
 from kneejax.statics._balance import force_derivative as force_derivative
+from kneejax.statics._compiled import COMPILER_OPTIONS as COMPILER_OPTIONS
+from kneejax.statics._compiled import compiled as compiled
 from kneejax.statics._newton import EnergyNewton as EnergyNewton
 from kneejax.statics._newton import Guess as Guess
-from kneejax.statics._settle import COMPILER_OPTIONS as COMPILER_OPTIONS
 from kneejax.statics._settle import Settled as Settled
 from kneejax.statics._settle import first_guess as first_guess
 from kneejax.statics._settle import poses_on_the_way as poses_on_the_way

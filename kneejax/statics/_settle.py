@@ -30,10 +30,6 @@ from kneejax.statics._status import Status
 MAX_STEPS = 40
 
 
-#: For `jax.jit` around a solve. XLA's fusion pass on a CPU writes each shared value anew into
-#: every kernel that reads it: without the pass a solve compiles in a fifth of the time and runs
-#: as fast or faster (benchmarks/compile_options.py).
-COMPILER_OPTIONS = {"xla_disable_hlo_passes": "fusion"}
 #: Flexion between two poses on the way, rad.
 _STRIDE = np.deg2rad(5.0)
 

@@ -46,6 +46,17 @@ def test_with_noise_the_error_bars_hold_the_truth(knee, clean):
     assert sum(weighted) == pytest.approx(result.fit.objective)
 
 
+def test_several_starts_run_at_once_and_the_best_is_kept(knee, clean):
+    result = kj.calibrate(
+        knee, clean, STUDY.parameters, procedures=("III",), starts=3, seed=0, truth=TRUTH
+    )
+    starts = result.fit.starts
+    assert len(starts) == 3 and list(starts) == sorted(starts)
+    assert result.fit.objective <= starts[0] + 1e-12
+    for estimate in result.fit.estimates:
+        assert estimate.value == pytest.approx(TRUTH[estimate.name], rel=1e-4)
+
+
 def test_a_constant_frame_offset_is_found(knee, clean):
     shifted = clean + np.array([0, 0, 0, 0.7, 0, -1.1])
     result = kj.calibrate(

@@ -144,3 +144,16 @@ def test_status_says_what_to_do_next():
     for status in Status:
         assert len(status.sentence.split()) > 2
         assert status.word == status.name.lower()
+
+
+def test_a_motion_works_inside_another_jit(knee, motion):
+    """A person's own jit around a motion gives the same numbers."""
+
+    @jax.jit
+    def rotation_at_30(factor):
+        stiffer = eqx.tree_at(lambda k: k.ligaments.stiffness, knee, factor * stiffness)
+        return kj.passive_flexion(stiffer, jnp.array([30.0])).pose.internal_rotation[0]
+
+    stiffness = knee.ligaments.stiffness
+    lowered = rotation_at_30.lower(1.0).compile(dict(COMPILER_OPTIONS))
+    assert float(lowered(1.0)) == pytest.approx(float(motion.pose.internal_rotation[6]), abs=1e-9)
