@@ -9,8 +9,8 @@ from typing import Any
 import jax
 
 #: For `jax.jit` around a solve. XLA's fusion pass on a CPU writes each shared value anew into
-#: every kernel that reads it: without the pass a solve compiles in a fifth of the time and runs
-#: as fast or faster (benchmarks/compile_options.py).
+#: every kernel that reads it: without the pass one evaluation over 25 lanes compiles in 7 s
+#: instead of 16 and runs in 1.7 ms instead of 55 (benchmarks/compile_options.py).
 COMPILER_OPTIONS = {"xla_disable_hlo_passes": "fusion"}
 
 
