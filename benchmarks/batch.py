@@ -11,9 +11,9 @@ from __future__ import annotations
 import time
 
 import numpy as np
-from _common import ANGLES, arguments, finish, load, peak_memory_mb
 from _engine import Engine, random_knees
 from _numpy_knee import UNITS, NumpyKnee
+from _protocol import ANGLES, arguments, finish, load, peak_memory_mb
 from scipy import optimize
 
 

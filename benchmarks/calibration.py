@@ -16,7 +16,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 import numpy as np
-from _common import ANGLES, TRUTH, arguments, finish, load, true_knee
+from _protocol import ANGLES, TRUTH, arguments, finish, load, true_knee
 from scipy import optimize
 
 import kneejax as kj

@@ -16,7 +16,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from _common import arguments, finish
+from _protocol import arguments, finish
 
 RUN = "import sys; from kneejax.cli import main; sys.exit(main(['calibrate', '--out', 'result']))"
 

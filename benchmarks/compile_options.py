@@ -13,7 +13,7 @@ import time
 
 import jax
 import jax.numpy as jnp
-from _common import arguments, finish, load, timed
+from _protocol import arguments, finish, load, timed
 
 from kneejax.mechanics import add_lane_axis
 from kneejax.statics import COMPILER_OPTIONS, balance, first_guess

@@ -14,7 +14,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 import numpy as np
-from _common import ANGLES, arguments, finish, load, timed
+from _protocol import ANGLES, arguments, finish, load, timed
 
 from kneejax.inference import evaluate_poses, select
 from kneejax.mechanics import add_lane_axis

@@ -9,8 +9,8 @@ before (imports, compiling, one chunk) and after.
 from __future__ import annotations
 
 import numpy as np
-from _common import ANGLES, arguments, finish, load, peak_memory_mb
 from _engine import Engine, random_knees
+from _protocol import ANGLES, arguments, finish, load, peak_memory_mb
 
 
 def main() -> None:
