@@ -1,8 +1,8 @@
 """Motions of many knees: lanes are knees, angles follow each other by continuation.
 
-The first pass gives every pose a handful of Newton steps from a quadratic prediction; the
-poses that did not make it are gathered and searched again in smaller strides with a full budget.
-So no lane waits for the slowest knee of its chunk.
+The first pass gives every pose a handful of steps from a quadratic prediction, with the tangent of
+the angle before; the poses that did not make it are gathered and searched again, with more steps
+and then in smaller strides. So no lane waits for the slowest knee of its chunk.
 """
 
 from __future__ import annotations
@@ -15,16 +15,18 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
+from jax import Array, lax
 
 from kneejax.mechanics import Knee, add_lane_axis, ligament_law
-from kneejax.statics import COMPILER_OPTIONS, Guess, first_guess, settle
+from kneejax.statics import EnergyNewton, Guess, compiler_options, first_guess, settle
 
-#: Newton steps a pose may take when it is predicted, and when it is not.
-QUICK, ROBUST = 7, 40
-#: Poses on the way of a second search at most: what is farther is likely to have no balance.
+#: Searches of a pose: predicted; again, from the nearest pose; and at last in small strides.
+QUICK = EnergyNewton(atol=1e-7, most_steps=8, least_share=0.15)
+AGAIN = EnergyNewton(atol=1e-7, most_steps=14, least_share=0.1)
+ROBUST = EnergyNewton(atol=1e-7)
+#: Poses on the way of the last search at most: what is farther is likely to have no balance.
 _LONGEST_WAY = 6
-compiled = partial(jax.jit, compiler_options=COMPILER_OPTIONS)
+compiled = partial(jax.jit, compiler_options=dict(compiler_options()))
 
 
 def random_knees(knee: Knee, count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -38,11 +40,6 @@ def random_knees(knee: Knee, count: int, seed: int = 0) -> tuple[np.ndarray, np.
     return stiffness, np.asarray(ligament_law.slack_length_from_strain(length, strain))
 
 
-def _predicted(known, own, now, before, older):
-    past = np.where(known > 2, 2 * now - 3 * before + older, np.where(known > 1, now - before, 0.0))
-    return own + now + past
-
-
 def in_lanes(knee: Knee, stiffness: Array, slack_length: Array) -> Knee:
     """The knee with a lane axis: one lane a knee where numbers vary, length one elsewhere."""
     return eqx.tree_at(
@@ -52,10 +49,56 @@ def in_lanes(knee: Knee, stiffness: Array, slack_length: Array) -> Knee:
     )
 
 
+@compiled
+def march(knee: Knee, ligaments, own: Guess, angles: Array):
+    """Poses of a chunk of knees at all angles, predicted from angle to angle: the first pass.
+
+    Predicted is how far a knee is from the own motion: a parabola through three angles where it
+    has them. A knee that was lost keeps its distance and is tried again at every angle.
+
+    Args:
+        knee: gives all numbers but the ligaments'.
+        ligaments: stiffness and slack length, `(ligaments, lanes)`.
+        own: the knee's own motion, one lane an angle.
+        angles: rad.
+
+    Returns:
+        Coordinates, meeting points, stability and steps, the first axis an angle.
+    """
+    lanes = in_lanes(knee, *ligaments)
+
+    def pose(before, here):
+        away, known, tangent = before
+        flexion, own = here
+        past = [
+            jax.tree.map(lambda a, b, c: jnp.where(
+                known > 2, 2 * a - 3 * b + c, jnp.where(known > 1, a - b, 0.0)), *away)
+        ]
+        q, meeting = (o[..., None] + a + p for o, a, p in zip(own, away[0], *past, strict=True))
+        flexion = jnp.broadcast_to(flexion, known.shape)
+        found = settle(lanes, flexion, Guess(q, meeting, tangent), search=QUICK)
+        good = found.converged
+        now = tuple(
+            jnp.where(good, x - o[..., None], a)
+            for x, o, a in zip((found.q, found.meeting), own, away[0], strict=True)
+        )
+        known = jnp.where(good, known + 1, 0)
+        tangent = jnp.where(good, found.tangent, 0.0)
+        return ((now, *away[:2]), known, tangent), (
+            found.q, found.meeting, found.stable, found.steps
+        )
+
+    size = ligaments[0].shape[1]
+    zero = tuple(jnp.zeros((*x.shape[:-1], size)) for x in (own.q, own.meeting))
+    begin = ((zero,) * 3, jnp.zeros(size, int), jnp.zeros((5, 5, size)))
+    over_angles = tuple(jnp.moveaxis(x, -1, 0) for x in (own.q, own.meeting))
+    return lax.scan(pose, begin, (angles, over_angles))[1]
+
+
 @partial(compiled, static_argnums=6)
-def search(knee: Knee, ligaments, flexion, guess: Guess, start, count, max_steps: int):
-    """Poses of a chunk, one lane each, marching from a guess: the robust search."""
-    found = settle(in_lanes(knee, *ligaments), flexion, guess, start, count, max_steps)
+def search(knee: Knee, ligaments, flexion, guess: Guess, start, count, how: EnergyNewton):
+    """Poses of a chunk, one lane each, marching from a guess."""
+    found = settle(in_lanes(knee, *ligaments), flexion, guess, start, count, how)
     return Guess(found.q, found.meeting), found.stable, found.steps
 
 
@@ -68,7 +111,7 @@ class Engine:
         threads: calls at a time.
     """
 
-    def __init__(self, knee: Knee, angles, chunk: int = 1024, threads: int = 2):
+    def __init__(self, knee: Knee, angles, chunk: int = 128, threads: int = 2):
         self.knee, self.chunk, self.threads = knee, chunk, threads
         self.angles = np.deg2rad(angles)
         own = [
@@ -86,50 +129,38 @@ class Engine:
         return int(np.ceil(np.abs(way) / np.deg2rad(degrees))) + 1
 
     def first_pass(self, rows: np.ndarray, stiffness, slack_length):
-        """Poses `(angles, 5, knees)`, meeting points, stability and steps of some knees.
-
-        Predicted is how far a knee is from the own motion: a parabola through three angles where
-        it has them. A knee that was lost keeps its distance and is tried again at every angle.
-        """
+        """Poses `(angles, 5, knees)`, meeting points, stability and steps of some knees."""
         full = np.resize(rows, self.chunk)  # a short chunk repeats its knees
         ligaments = (stiffness[:, full], slack_length[:, full])
-        known, size = np.zeros(self.chunk, int), len(rows)
-        zeros = jax.tree.map(lambda x: np.zeros((*x.shape[:-1], self.chunk)), self.own)
-        now = before = older = zeros
-        poses, others = [], []
-        for k, angle in enumerate(self.angles):
-            own = jax.tree.map(lambda x, k=k: x[..., k : k + 1], self.own)
-            guess = jax.tree.map(partial(_predicted, known), own, now, before, older)
-            flexion = np.full(self.chunk, angle)
-            found, *rest = search(self.knee, ligaments, flexion, guess, flexion, 1, QUICK)
-            found = jax.tree.map(np.asarray, found)
-            good = np.isfinite(found.q[0])
-            away = jax.tree.map(lambda x, o, n, g=good: np.where(g, x - o, n), found, own, now)
-            now, before, older = away, now, before
-            known = np.where(good, known + 1, 0)
-            poses.append(jax.tree.map(lambda x: x[..., :size], found))
-            others.append([np.asarray(x)[:size] for x in rest])
-        q, meeting = np.stack([p.q for p in poses]), np.stack([p.meeting for p in poses])
-        stable, steps = (np.stack(x) for x in zip(*others, strict=True))
-        return q, meeting, stable, steps
+        found = march(self.knee, ligaments, self.own, self.angles)
+        return tuple(np.asarray(x)[..., : len(rows)] for x in found)
 
-    def second_pass(self, lanes, stiffness, slack_length, q, meeting):
-        """Search again for single poses, marching from the same knee's nearest known pose."""
+    def pass_again(self, lanes, stiffness, slack_length, q, meeting, how: EnergyNewton):
+        """Search again for single poses, from the same knee's nearest known pose."""
         angle, near, row = (np.resize(x, self.chunk) for x in lanes)
         known = np.isfinite(q[near, 0, row])
         near = np.where(known, near, angle)
-        guess = Guess(
-            np.where(known, q[near, :, row].T, self.own.q[:, angle]),
-            np.where(
-                known, np.moveaxis(meeting[near, :, :, row], 0, -1), self.own.meeting[..., angle]
-            ),
+        from_near = how is ROBUST
+        # Either from the near pose itself, or as far from the own motion as that is.
+        to = near if from_near else angle
+        poses = np.where(known, q[near, :, row].T - self.own.q[:, near], 0.0)
+        points = np.where(
+            known,
+            np.moveaxis(meeting[near, :, :, row], 0, -1) - self.own.meeting[..., near],
+            0.0,
         )
-        here, start = self.angles[angle], self.angles[near]
+        guess = Guess(self.own.q[:, to] + poses, self.own.meeting[..., to] + points)
+        here, start = self.angles[angle], self.angles[to]
         ligaments = (stiffness[:, row], slack_length[:, row])
         count = min(self._count(np.abs(here - start).max(), 2.0), _LONGEST_WAY)
-        found, stable, steps = search(self.knee, ligaments, here, guess, start, count, ROBUST)
+        found, stable, steps = search(self.knee, ligaments, here, guess, start, count, how)
         size = len(lanes[0])
-        return np.asarray(found.q)[:, :size], np.asarray(stable)[:size], np.asarray(steps)[:size]
+        return (
+            np.asarray(found.q)[:, :size],
+            np.asarray(found.meeting)[..., :size],
+            np.asarray(stable)[:size],
+            np.asarray(steps)[:size],
+        )
 
     def _lost(self, good: np.ndarray) -> np.ndarray:
         """Lost poses: angle, nearest angle that is known, knee; those with a short way first."""
@@ -140,7 +171,7 @@ class Engine:
         return np.stack([angle, way.argmin(axis=0), row])[:, order]
 
     def solve(self, stiffness, slack_length) -> dict:
-        """Both passes over all knees: `q` `(angles, 5, knees)`, `stable`, `steps`, seconds."""
+        """All passes over all knees: `q` `(angles, 5, knees)`, `stable`, `steps`, seconds."""
         begun = time.perf_counter()
         count = stiffness.shape[1]
         with concurrent.futures.ThreadPoolExecutor(self.threads) as pool:
@@ -148,17 +179,25 @@ class Engine:
             done = pool.map(lambda c: self.first_pass(c, stiffness, slack_length), chunks)
             parts = zip(*done, strict=True)
             q, meeting, stable, steps = (np.concatenate(x, axis=-1) for x in parts)
-            quick = time.perf_counter() - begun
-            lost = self._lost(np.isfinite(q[:, 0]))
-            lots = [lost[:, i : i + self.chunk] for i in range(0, lost.shape[1], self.chunk)]
-            again = pool.map(
-                lambda lot: self.second_pass(lot, stiffness, slack_length, q, meeting), lots
-            )
-            for (angle, _, row), (found, held, taken) in zip(lots, list(again), strict=True):
-                q[angle, :, row], stable[angle, row] = found.T, held
-                steps[angle, row] += taken
+            seconds, converged = [time.perf_counter() - begun], [np.isfinite(q[:, 0]).mean()]
+            for how in (AGAIN, ROBUST):
+                lost = self._lost(np.isfinite(q[:, 0]))
+                lots = [lost[:, i : i + self.chunk] for i in range(0, lost.shape[1], self.chunk)]
+                again = pool.map(
+                    lambda lot, h=how: self.pass_again(
+                        lot, stiffness, slack_length, q, meeting, h
+                    ),
+                    lots,
+                )
+                for (angle, _, row), (found, points, held, taken) in zip(
+                    lots, list(again), strict=True
+                ):
+                    q[angle, :, row], stable[angle, row] = found.T, held
+                    meeting[angle, :, :, row] = np.moveaxis(points, -1, 0)
+                    steps[angle, row] += taken
+                seconds.append(time.perf_counter() - begun)
+                converged.append(np.isfinite(q[:, 0]).mean())
         return {
             "q": q, "stable": stable, "steps": steps,
-            "first_pass_converged": 1.0 - lost.shape[1] / stable.size,
-            "seconds_first_pass": quick, "seconds": time.perf_counter() - begun,
+            "converged": [float(x) for x in converged], "seconds": seconds,
         }  # fmt: skip

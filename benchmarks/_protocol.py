@@ -18,6 +18,9 @@ jax.config.update("jax_enable_x64", True)
 
 import kneejax as kj  # noqa: E402
 from kneejax.inference import versions, with_values  # noqa: E402
+from kneejax.statics import use_shared_fusion  # noqa: E402
+
+use_shared_fusion()
 
 RESULTS = Path(__file__).parent / "results"
 #: The usual angles, degrees: 25 poses.

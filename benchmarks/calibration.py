@@ -24,12 +24,12 @@ from kneejax.inference import Problem, calibrate, select
 from kneejax.inference._parameters import default_bounds
 from kneejax.inference._problem import DEFAULT_WEIGHTS, TABLE_UNITS
 from kneejax.mechanics import add_lane_axis
-from kneejax.statics import COMPILER_OPTIONS, Guess, settle
+from kneejax.statics import Guess, compiler_options, settle
 
 NAMES = ("*.stiffness", "*.reference_strain")
 
 
-@partial(jax.jit, static_argnums=0, compiler_options=COMPILER_OPTIONS)
+@partial(jax.jit, static_argnums=0, compiler_options=dict(compiler_options()))
 def poses(selection, knee, values, flexion, guess, start, count):
     """Free coordinates in degrees and mm, `(5, n)`."""
     found = settle(add_lane_axis(selection.apply(knee, values)), flexion, guess, start, count)

@@ -2,7 +2,7 @@
 
     python benchmarks/compile_options.py [--repeats 50]
 
-`kneejax.statics.balance` with and without `COMPILER_OPTIONS`, for 25 and 256 lanes: seconds to
+`kneejax.statics.balance` with and without `compiler_options()`, for 25 and 256 lanes: seconds to
 compile (the tracing apart) and milliseconds to run.
 """
 
@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from _protocol import arguments, finish, load, timed
 
 from kneejax.mechanics import add_lane_axis
-from kneejax.statics import COMPILER_OPTIONS, balance, first_guess
+from kneejax.statics import balance, compiler_options, first_guess
 
 
 def main() -> None:
@@ -31,7 +31,7 @@ def main() -> None:
         begun = time.perf_counter()
         lowered = jax.jit(balance).lower(*what)
         rows[f"{lanes}_trace_s"] = time.perf_counter() - begun
-        for name, chosen in (("with_fusion", {}), ("without_fusion", COMPILER_OPTIONS)):
+        for name, chosen in (("with_fusion", {}), ("without_fusion", compiler_options())):
             begun = time.perf_counter()
             ready[name] = lowered.compile(compiler_options=chosen)
             rows[f"{lanes}_{name}_compile_s"] = time.perf_counter() - begun

@@ -18,10 +18,10 @@ from _protocol import ANGLES, arguments, finish, load, timed
 
 from kneejax.inference import evaluate_poses, select
 from kneejax.mechanics import add_lane_axis
-from kneejax.statics import COMPILER_OPTIONS, Guess, first_guess, settle
+from kneejax.statics import Guess, compiler_options, first_guess, settle
 
 
-@partial(jax.jit, static_argnums=0, compiler_options=COMPILER_OPTIONS)
+@partial(jax.jit, static_argnums=0, compiler_options=dict(compiler_options()))
 def motion(selection, knee, values, flexion, guess, start, count):
     """Poses alone."""
     return settle(add_lane_axis(selection.apply(knee, values)), flexion, guess, start, count)

@@ -119,6 +119,9 @@ def _lazily(module: str):
 def _prepare_jax() -> None:
     import jax
 
+    from kneejax.statics import use_shared_fusion
+
+    use_shared_fusion()
     jax.config.update("jax_enable_x64", True)
     if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
         base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"

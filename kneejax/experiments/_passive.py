@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jax import Array
 from jax.core import Tracer
 from jax.typing import ArrayLike
 
-from kneejax.geometry import Pose
+from kneejax.geometry import Pose, safe_sqrt
 from kneejax.mechanics import Contact, Knee, add_lane_axis
 from kneejax.statics import (
     Settled,
@@ -24,6 +23,9 @@ from kneejax.statics import (
 
 class Mechanics(eqx.Module):
     """Ligaments and contact at poses; arrays begin with the pose.
+
+    The onset of contact is rounded, in pressures and areas as in forces: near first touch they
+    are small, not zero. `max_depth` is exact.
 
     Attributes:
         length: `(poses, ligaments)`, mm.
@@ -168,45 +170,27 @@ def _evaluate(knee: Knee, poses: Pose, meeting: Array | None) -> Mechanics:
 
 def _over_patch(contact: Contact, poses: Pose, meeting: Array):
     tibia = poses.placement
-    gap = contact.gap(tibia, meeting)
-    depth = jnp.maximum(gap.depth, 0.0)
-    area = 2.0 * jnp.pi * depth * gap.mean_radius
-
-    def energy(shift: Array) -> Array:
-        x, y, z = tibia.translation
-        moved = eqx.tree_at(
-            lambda p: p.translation, tibia, (x + shift[0], y + shift[1], z + shift[2])
-        )
-        there = contact.gap(moved, meeting)
-        return jnp.sum(contact.patch_energy(there) + jnp.sum(multiplier * there.slope, axis=0))
-
-    def by_meeting(m: Array) -> Array:
-        return jnp.sum(contact.patch_energy(contact.gap(tibia, m)))
-
-    multiplier = -gap.newton(jax.grad(by_meeting)(meeting))
-    force = -jax.grad(energy)(jnp.zeros((3, *poses.flexion.shape)))
-    force = jnp.stack(tibia.turn_back((force[0], force[1], force[2])))
-    size = jnp.sqrt(jnp.sum(force**2, axis=0))
-    mean = jnp.where(area > 0, size / jnp.where(area > 0, area, 1.0), 0.0)
+    pressed = contact.press(tibia, meeting)
+    gap = pressed.gap
+    area = 2.0 * jnp.pi * contact.rounded(gap.depth) * gap.mean_radius
+    force = jnp.stack(tibia.turn_back(pressed.wrench.force))
+    mean = safe_sqrt(jnp.sum(force**2, axis=0)) / area
     center = jnp.stack(jnp.broadcast_arrays(*contact.tibial.frame.placement.apply(gap.point)))
-    known = contact.is_known(gap, meeting) | (gap.depth <= 0)
-    peak = jnp.where(gap.depth > 0, contact.pressure(gap.depth), 0.0)
-    return force, area, peak, mean, gap.depth, center, known
+    known = contact.knows(gap.point, meeting) | (gap.depth <= 0)
+    return force, area, contact.pressure(gap.depth), mean, gap.depth, center, known
 
 
 def _over_points(contact: Contact, poses: Pose):
     tibia = poses.placement
     sampled = contact.sample(tibia)
-    pressure = jnp.where(sampled.depth > 0, contact.pressure(sampled.depth), 0.0)
+    pressure = contact.pressure(sampled.depth)
     share = pressure * sampled.area
-    total = jnp.sum(share, axis=0)
-    area = jnp.sum(jnp.where(sampled.depth > 0, sampled.area, 0.0), axis=0)
+    area = jnp.sum(contact.touching(sampled.depth) * sampled.area, axis=0)
     frame = contact.tibial.frame.placement
     force = -jnp.stack([jnp.sum(share * n, axis=0) for n in frame.turn(sampled.normal)])
-    weight = share / jnp.where(total > 0, total, 1.0)
+    weight = share / jnp.sum(share, axis=0)
     center = jnp.stack([jnp.sum(weight * x, axis=0) for x in frame.apply(sampled.point)])
-    size = jnp.sqrt(jnp.sum(force**2, axis=0))
-    mean = jnp.where(area > 0, size / jnp.where(area > 0, area, 1.0), 0.0)
+    mean = safe_sqrt(jnp.sum(force**2, axis=0)) / area
     depth = jnp.max(sampled.depth, axis=0)
     return force, area, jnp.max(pressure, axis=0), mean, depth, center, jnp.ones_like(area) > 0
 

@@ -1,5 +1,6 @@
 """Rigid motions, coordinate conventions and analytic surfaces. Knows no mechanics."""
 
+from kneejax.geometry._condyle import Condyle as Condyle
 from kneejax.geometry._conventions import CONVENTIONS as CONVENTIONS
 from kneejax.geometry._conventions import convert as convert
 from kneejax.geometry._conventions import convert_pose as convert_pose
@@ -10,6 +11,7 @@ from kneejax.geometry._fitting import fit_plane as fit_plane
 from kneejax.geometry._fitting import fit_plateau as fit_plateau
 from kneejax.geometry._fitting import fit_sphere as fit_sphere
 from kneejax.geometry._fitting import fit_transverse_axis as fit_transverse_axis
+from kneejax.geometry._plateau import Plateau as Plateau
 from kneejax.geometry._pose import COLUMNS as COLUMNS
 from kneejax.geometry._pose import COORDINATES as COORDINATES
 from kneejax.geometry._pose import FREE_COORDINATES as FREE_COORDINATES
@@ -18,22 +20,20 @@ from kneejax.geometry._pose import Placement as Placement
 from kneejax.geometry._pose import Pose as Pose
 from kneejax.geometry._pose import angles_from_rotation as angles_from_rotation
 from kneejax.geometry._pose import rotation_from_angles as rotation_from_angles
+from kneejax.geometry._quadrics import Ellipsoid as Ellipsoid
+from kneejax.geometry._quadrics import Plane as Plane
+from kneejax.geometry._quadrics import Sphere as Sphere
 from kneejax.geometry._safe import branch as branch
 from kneejax.geometry._safe import positive_part as positive_part
 from kneejax.geometry._safe import safe_sqrt as safe_sqrt
-from kneejax.geometry._surfaces import Condyle as Condyle
-from kneejax.geometry._surfaces import Ellipsoid as Ellipsoid
-from kneejax.geometry._surfaces import Height as Height
-from kneejax.geometry._surfaces import Jet as Jet
-from kneejax.geometry._surfaces import Plane as Plane
-from kneejax.geometry._surfaces import Plateau as Plateau
-from kneejax.geometry._surfaces import Sphere as Sphere
-from kneejax.geometry._surfaces import Surface as Surface
-from kneejax.geometry._surfaces import area_element as area_element
-from kneejax.geometry._surfaces import inside as inside
-from kneejax.geometry._surfaces import jet as jet
-from kneejax.geometry._surfaces import normal as normal
-from kneejax.geometry._surfaces import principal_curvatures as principal_curvatures
+from kneejax.geometry._surface import Height as Height
+from kneejax.geometry._surface import Jet as Jet
+from kneejax.geometry._surface import Surface as Surface
+from kneejax.geometry._surface import area_element as area_element
+from kneejax.geometry._surface import inside as inside
+from kneejax.geometry._surface import jet as jet
+from kneejax.geometry._surface import normal as normal
+from kneejax.geometry._surface import principal_curvatures as principal_curvatures
 from kneejax.geometry._vectors import Vector as Vector
 from kneejax.geometry._vectors import add as add
 from kneejax.geometry._vectors import cross as cross

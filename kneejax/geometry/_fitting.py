@@ -15,8 +15,11 @@ import numpy as np
 import optimistix as optx
 from jax.typing import ArrayLike
 
+from kneejax.geometry._condyle import Condyle
+from kneejax.geometry._plateau import Plateau
 from kneejax.geometry._pose import Frame
-from kneejax.geometry._surfaces import Condyle, Ellipsoid, Plane, Plateau, Sphere, Surface
+from kneejax.geometry._quadrics import Ellipsoid, Plane, Sphere
+from kneejax.geometry._surface import Surface
 
 S = TypeVar("S", bound=Surface)
 

@@ -15,7 +15,7 @@ from kneejax.geometry import COLUMNS, FREE_COORDINATES
 from kneejax.inference._parameters import QUANTITIES, UnsuitableData, default_bounds, select
 from kneejax.inference._problem import DEFAULT_WEIGHTS, Evaluation, Problem
 from kneejax.inference._result import Calibration, Estimate, Fit, Motion
-from kneejax.inference._search import Trail, run_procedure, several_starts
+from kneejax.inference._search import METHODS, Trail, run_procedure, several_starts
 from kneejax.inference._uncertainty import uncertainty
 from kneejax.mechanics import Knee
 from kneejax.statics import Status
@@ -56,7 +56,8 @@ def calibrate(
             unknown too.
         starts: number of starts of procedure III, drawn between the bounds besides the knee's.
         seed: of those draws.
-        method: `least_squares`, or `lbfgsb` to minimise the objective by jaxopt's L-BFGS-B.
+        method: `least_squares`, or `lbfgsb` to minimise the objective by jaxopt's L-BFGS-B, which
+            takes seconds for each step of a procedure.
         cycles: how often procedures I and II may repeat their two steps (paper 1: once).
         truth: values that made the data, for synthetic studies.
         title: for the report.
@@ -67,12 +68,14 @@ def calibrate(
 
     Raises:
         UnknownParameter: a name that the knee does not have.
-        UnsuitableData: bounds that exclude the start, numbers that are not finite, or
-            no pose that balances.
+        UnsuitableData: bounds that exclude the start, numbers that are not finite,
+            no pose that balances, or a method that is unknown or not installed.
 
     Source: paper 1, sections 2.3 and 3.4.
     """
     begun = time.perf_counter()
+    if method not in METHODS:
+        raise UnsuitableData(f"unknown method {method!r}: expected one of {', '.join(METHODS)}")
     selection = select(knee, parameters)
     offset_rows = tuple(FREE_COORDINATES.index(name) for name in offsets)
     weights = DEFAULT_WEIGHTS if weights is None else np.asarray(weights, float)
@@ -101,10 +104,7 @@ def calibrate(
             reached = tuple(float(z) for z in np.sort(spread))
             begin = ends[np.argmin(spread)]
             problem.keep(start, first)
-        if method == "lbfgsb":
-            trail = _by_lbfgsb(problem, procedure, begin, lower, upper)
-        else:
-            trail = run_procedure(problem, procedure, begin, lower, upper, cycles)
+        trail = run_procedure(problem, procedure, begin, lower, upper, cycles, method=method)
         fits.append(_fit(problem, procedure, trail, start, lower, upper, reached))
     error = problem.error(start, first)
     total = time.perf_counter() - begun
@@ -203,7 +203,7 @@ def _fit(problem: Problem, procedure: str, trail: Trail, start, lower, upper, re
         for k, row in enumerate(problem.offsets)
     )
     failed = int((~np.asarray(found.settled.converged)).sum())
-    message = "converged" if trail.converged else "stopped before it converged"
+    message = "converged" if trail.converged else trail.reason or "stopped before it converged"
     if trail.flat:
         message = "converged to within the noise: further steps gained nothing that counts"
     if failed:
@@ -300,16 +300,3 @@ def _notes(problem: Problem, fit: Fit) -> tuple[str, ...]:
             f"({Status.NOT_CONVERGED.sentence})."
         )
     return tuple(notes)
-
-
-def _by_lbfgsb(problem: Problem, procedure: str, start, lower, upper) -> Trail:
-    from kneejax.inference._lbfgsb import minimise_bounded
-
-    if procedure != "III":
-        raise UnsuitableData("method lbfgsb: expected procedure III, which frees all at once")
-    objective = problem.traceable_objective(start)
-    x, converged, steps = minimise_bounded(objective, start, lower, upper)
-    found = problem.poses(x)
-    problem.keep(x, found)
-    trail = Trail(x, _objective(problem, problem.error(x, found)), [], {"III": steps}, converged)
-    return trail

@@ -198,27 +198,6 @@ class Problem:
         matrix = np.where(self.used[:, None], root[:, :, None] * self.jacobian(found), 0.0)
         return vector.reshape(-1), matrix.reshape(vector.size, -1)
 
-    def traceable_objective(self, values: np.ndarray):
-        """Weighted sum of squares and its gradient as one function that JAX can trace."""
-        near, known = self._near if self._near is not None else (values, self.poses(values))
-        size, target = len(self.selection), jnp.asarray(self.target)
-        root = jnp.asarray(np.sqrt(self.weights)[:, None] * self.used)
-
-        def objective(x: Array) -> Array:
-            lanes = add_lane_axis(self.selection.apply(self.knee, x[:size]))
-            guess = Guess(known.settled.q, known.settled.meeting)
-            settled = settle(lanes, self.flexion, guess)
-            error = settled.q * jnp.asarray(TABLE_UNITS)[:, None] - target
-            for k, coordinate in enumerate(self.offsets):
-                error = error.at[coordinate].add(x[size + k])
-            return jnp.sum((root * error) ** 2)
-
-        def both(x: Array):
-            value, push = jax.linearize(objective, x)
-            return value, jax.vmap(push)(jnp.eye(x.shape[0]))
-
-        return compiled()(both)
-
 
 def _predicted(values: Array, near: Array, known: Evaluation) -> Guess:
     """Poses at new parameters to first order from known ones."""
@@ -226,4 +205,4 @@ def _predicted(values: Array, near: Array, known: Evaluation) -> Guess:
     q = known.settled.q + jnp.tensordot(known.jacobian, values - near, 1) / units
     shift = q - known.settled.q
     follow = jnp.sum(known.settled.drift * shift[:, None, None], axis=0)
-    return Guess(q, known.settled.meeting + follow)
+    return Guess(q, known.settled.meeting + follow, known.settled.tangent)

@@ -12,8 +12,10 @@ from kneejax.mechanics._ligaments import Ligaments as Ligaments
 from kneejax.mechanics._loads import BONES as BONES
 from kneejax.mechanics._loads import ConstantTensionLine as ConstantTensionLine
 from kneejax.mechanics._loads import Load as Load
-from kneejax.mechanics._loads import generalised_force as generalised_force
 from kneejax.mechanics._patch import Gap as Gap
+from kneejax.mechanics._patch_force import Pressed as Pressed
 from kneejax.mechanics._quadrature import Sampled as Sampled
+from kneejax.mechanics._wrench import Wrench as Wrench
+from kneejax.mechanics._wrench import generalised_force as generalised_force
 
 __all__ = ["cartilage_law", "ligament_law"]

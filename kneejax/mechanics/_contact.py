@@ -13,11 +13,13 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.geometry import Placement, Surface, positive_part
+from kneejax.geometry import Placement, Surface, Vector, inside, positive_part
 from kneejax.mechanics import _cartilage_law as law
 from kneejax.mechanics import _patch
 from kneejax.mechanics._patch import Gap
+from kneejax.mechanics._patch_force import Pressed, press
 from kneejax.mechanics._quadrature import Sampled, sample
+from kneejax.mechanics._wrench import Wrench, wrench_of
 
 #: The two ways to compute a contact.
 ELLIPTICAL_PATCH, QUADRATURE = "elliptical_patch", "quadrature"
@@ -92,25 +94,32 @@ class Contact(eqx.Module):
         """Whether the contact is computed over an elliptical patch, around a meeting point."""
         return self.form == ELLIPTICAL_PATCH
 
-    def first_meeting(self, tibia: Placement) -> Array:
-        """A first guess of the meeting point's parameters, shape `(2, ...)`."""
+    def first_meeting(self, tibia: Placement) -> tuple[Array, Array]:
+        """A first guess of the meeting point's parameters."""
         return _patch.first_guess(self.femoral, self.tibial, self.femur_to_plateau(tibia))
 
     def meeting(self, tibia: Placement) -> Array:
         """Parameters of the femoral point where the surfaces meet, shape `(2, ...)`."""
         return _patch.meeting_point(self.femoral, self.tibial, self.femur_to_plateau(tibia))
 
-    def improved(self, tibia: Placement, meeting: Array) -> Array:
+    def improved(
+        self, tibia: Placement, meeting: tuple[Array, Array]
+    ) -> tuple[Array, Array]:
         """Parameters after one Newton step towards the meeting point."""
         return _patch.improve(self.femoral, self.tibial, self.femur_to_plateau(tibia), meeting)
 
-    def gap(self, tibia: Placement, meeting: Array) -> Gap:
+    def gap(self, tibia: Placement, meeting: tuple[Array, Array]) -> Gap:
         """Gap of the surfaces at a femoral point."""
         return _patch.gap_at(self.femoral, self.tibial, self.femur_to_plateau(tibia), meeting)
 
-    def is_known(self, gap: Gap, meeting: Array) -> Array:
-        """Whether the surfaces meet inside their fitted regions."""
-        return _patch.is_known(self.femoral, self.tibial, gap, meeting)
+    def knows(self, point: Vector, meeting: Array) -> Array:
+        """Whether a meeting point lies inside the fitted regions of both surfaces.
+
+        Args:
+            point: in the tibial surface's frame, mm.
+            meeting: its two parameters on the femoral surface.
+        """
+        return inside(self.femoral, meeting[0], meeting[1]) & self.tibial.knows(point)
 
     def sample(self, tibia: Placement) -> Sampled:
         """Depth at the quadrature points; see `Sampled`."""
@@ -118,21 +127,55 @@ class Contact(eqx.Module):
 
     def patch_energy(self, gap: Gap) -> Array:
         """Energy of the layer if the patch were centred at a point with this gap, N mm."""
-        depth = positive_part(gap.depth, self.onset_width)
-        mean = law.patch_energy(self.law, depth / self.layer_thickness)
-        area = jnp.pi * 2.0 * depth * gap.mean_radius
-        return self.modulus * self.layer_thickness * area * mean
+        return self._energy_per_radius(gap.depth)[0] * gap.mean_radius
+
+    def _energy_per_radius(self, depth: Array) -> tuple[Array, Array]:
+        """Energy of a patch over its mean radius, N, and the slope of that by depth, N/mm."""
+        rounded = self.rounded(depth)
+        relative, factor = rounded / self.layer_thickness, 2.0 * jnp.pi * self.modulus
+        energy = rounded * law.patch_energy(self.law, relative)
+        # The mean over 0..depth times the depth: its slope is the density itself.
+        by_depth = self.touching(depth) * law.relative_energy(self.law, relative)
+        return factor * self.layer_thickness * energy, factor * self.layer_thickness * by_depth
+
+    def press(self, tibia: Placement, meeting: tuple[Array, Array]) -> Pressed:
+        """Energy and wrenches of a patch around a femoral point.
+
+        Args:
+            tibia: where the tibia is.
+            meeting: parameters of the point, shape `(2, ...)`.
+
+        Returns:
+            The patch, its wrenches on the tibia about the tibia's origin in femur axes.
+        """
+        motion = self.femur_to_plateau(tibia)
+        pressed = press(self.femoral, self.tibial, motion, meeting, self._energy_per_radius)
+        return pressed.carried(self.tibial.frame.placement, tibia)
+
+    def wrench(self, tibia: Placement) -> Wrench:
+        """Of the layer on the tibia, about the tibia's origin in femur axes."""
+        if self.has_patch:
+            return self.press(tibia, self.meeting(tibia)).wrench
+        return wrench_of(self.energy, tibia)
 
     def energy(self, tibia: Placement) -> Array:
         """Elastic energy of the layer, N mm."""
         if self.has_patch:
             return self.patch_energy(self.gap(tibia, self.meeting(tibia)))
         sampled = self.sample(tibia)
-        depth = positive_part(sampled.depth, self.onset_width)
-        density = law.relative_energy(self.law, depth / self.layer_thickness)
+        relative = self.rounded(sampled.depth) / self.layer_thickness
+        density = law.relative_energy(self.law, relative)
         return self.modulus * self.layer_thickness * jnp.sum(sampled.area * density, axis=0)
 
     def pressure(self, depth: Array) -> Array:
         """Pressure at a depth, MPa, with the rounded onset."""
-        rounded = positive_part(depth, self.onset_width)
-        return self.modulus * law.relative_pressure(self.law, rounded / self.layer_thickness)
+        relative = self.rounded(depth) / self.layer_thickness
+        return self.modulus * law.relative_pressure(self.law, relative)
+
+    def rounded(self, depth: Array) -> Array:
+        """Depth with the rounded onset, mm: positive, and far less than `onset_width` apart."""
+        return positive_part(depth, self.onset_width)
+
+    def touching(self, depth: Array) -> Array:
+        """From 0 apart to 1 in touch, over the onset: the slope of `rounded` by depth."""
+        return self.rounded(depth) / jnp.sqrt(depth * depth + self.onset_width**2)

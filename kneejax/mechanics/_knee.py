@@ -10,8 +10,9 @@ from jax import Array
 from kneejax.geometry import Placement, Pose
 from kneejax.mechanics._contact import Contact
 from kneejax.mechanics._ligaments import Ligaments
-from kneejax.mechanics._loads import ConstantTensionLine, Load, generalised_force
-from kneejax.mechanics._patch import Gap
+from kneejax.mechanics._loads import ConstantTensionLine, Load
+from kneejax.mechanics._patch_force import Pressed
+from kneejax.mechanics._wrench import Wrench, generalised_force
 
 
 class Knee(eqx.Module):
@@ -42,7 +43,7 @@ class Knee(eqx.Module):
     side: str = eqx.field(static=True, default="right")
 
     def energy(self, pose: Pose) -> Array:
-        """Potential energy at a pose, N mm; internal forces are its derivative.
+        """Potential energy at a pose, N mm; its derivative is minus the wrench.
 
         Args:
             pose: one pose or a batch; the knee's leaves then carry the same trailing axes.
@@ -53,31 +54,37 @@ class Knee(eqx.Module):
             total = total + (contact.energy(tibia) if contact.has_patch else 0.0)
         return total
 
-    def energy_at(self, pose: Pose, meeting: Array) -> tuple[Array, Gap]:
-        """Potential energy with each patch centred at a given point, and the gaps there.
+    def press(
+        self, pose: Pose, meeting: tuple[Array, Array]
+    ) -> tuple[list[Wrench], Array, Pressed | None]:
+        """What all parts but the loads do to the tibia, each patch centred at a given point.
 
-        Where the gaps' slopes vanish this is the energy. Balance and its derivatives are computed
-        from it with the meeting points as further unknowns: no solve hides inside an energy,
-        which keeps compilation short and every derivative one level deep.
+        Balance is computed from it with the meeting points as further unknowns: no solve hides
+        inside, which keeps compilation short and every derivative one level deep.
 
         Args:
             pose: as in `energy`.
-            meeting: shape `(n, 2, ...)`, parameters of the femoral surfaces of the `n` contacts
-                that have a patch.
+            meeting: the two parameters of the meeting points, each `(n, ...)` for the `n`
+                contacts that have a patch.
 
         Returns:
-            Energy, N mm, and the gaps with a leading axis of length `n`.
+            Wrenches about the tibia's origin in femur axes, of which each may hold several parts
+            along its first axis; energy in N mm; and the patches, with a leading axis of length
+            `n`, or None if there are none.
         """
-        energy, gap = self.map_patches(_patch_at, pose.placement, meeting)
-        return self.energy_without_patches(pose) + jnp.sum(energy, axis=0), gap
+        wrenches, energy = self.wrenches_without_patches(pose), self.energy_without_patches(pose)
+        if not self.patch_count:
+            return wrenches, energy, None
+        pressed = self.map_patches(Contact.press, pose.placement, meeting)
+        return [*wrenches, pressed.wrench], energy + jnp.sum(pressed.energy, axis=0), pressed
 
-    def map_patches(self, function, tibia: Placement, meeting: Array):
+    def map_patches(self, function, tibia: Placement, meeting):
         """Apply `function(contact, tibia, meeting)` to each contact that has a patch.
 
         Args:
             function: returns a pytree of arrays.
             tibia: placement of the tibia.
-            meeting: shape `(n, ...)`, one row a contact.
+            meeting: an array, or a tuple of arrays, with one row a contact.
 
         Returns:
             The answers, stacked along a leading axis of length `n`.
@@ -90,13 +97,14 @@ class Knee(eqx.Module):
         for row, contact in enumerate(patches):
             leaves, structure = jax.tree.flatten(contact)
             kinds.setdefault((structure, *(jnp.shape(leaf) for leaf in leaves)), []).append(row)
-        order, answers = [], []
+        order, answers, all_rows = [], [], list(range(len(patches)))
         for rows in kinds.values():
             # One broadcast here instead of one in every product: its transpose is a sum.
             count = len(rows)
             tibias = jax.tree.map(lambda x, n=count: jnp.broadcast_to(x, (n, *x.shape)), tibia)
             alike = jax.tree.map(lambda *x: jnp.stack(x), *(patches[row] for row in rows))
-            answers.append(jax.vmap(function)(alike, tibias, meeting[jnp.array(rows)]))
+            own = jax.tree.map(lambda x, r=rows: x if r == all_rows else x[jnp.array(r)], meeting)
+            answers.append(jax.vmap(function)(alike, tibias, own))
             order += rows
         if len(answers) == 1:
             return answers[0]
@@ -126,12 +134,19 @@ class Knee(eqx.Module):
                 total = total + contact.energy(tibia)
         return total
 
+    def wrenches_without_patches(self, pose: Pose) -> list[Wrench]:
+        """Of all but the contacts that have a patch and the loads; as from `press`."""
+        tibia = pose.placement
+        rest = [line.wrench(pose.flexion, tibia) for line in self.lines]
+        rest += [contact.wrench(tibia) for contact in self.contacts if not contact.has_patch]
+        return [self.ligaments.wrench(tibia), *(wrench.alone() for wrench in rest)]
+
     def load_work(self, pose: Pose) -> Array:
         """Generalised force of the loads on the five free coordinates, shape `(5, ...)`."""
         tibia = pose.placement
         total = jnp.zeros((5,) + jnp.shape(pose.adduction))
         for load in self.loads:
-            total = total + generalised_force(pose, tibia, *load.wrench(tibia))
+            total = total + jnp.stack(generalised_force(pose, tibia, load.wrench(tibia)))
         return total
 
     def reference_length(self) -> Array:
@@ -141,11 +156,6 @@ class Knee(eqx.Module):
     def reference_strain(self) -> Array:
         """Strain of each fibre at the reference pose, shape `(n,)`."""
         return self.reference_length() / self.ligaments.slack_length - 1.0
-
-
-def _patch_at(contact: Contact, tibia: Placement, meeting: Array) -> tuple[Array, Gap]:
-    gap = contact.gap(tibia, meeting)
-    return contact.patch_energy(gap), gap
 
 
 def add_lane_axis(tree):

@@ -8,8 +8,9 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.geometry import Placement, Vector, norm, subtract
+from kneejax.geometry import Placement, Vector, add, norm, scale, subtract
 from kneejax.mechanics import _ligament_law as law
+from kneejax.mechanics._wrench import Wrench
 
 
 class Ligaments(eqx.Module):
@@ -58,10 +59,15 @@ class Ligaments(eqx.Module):
 
     def line(self, tibia: Placement) -> Vector:
         """Vector from femoral to tibial attachment in femur axes, components `(n, ...)`, mm."""
+        return self._arm_and_line(tibia)[1]
+
+    def _arm_and_line(self, tibia: Placement) -> tuple[Vector, Vector]:
+        """Tibial attachment from the tibia's origin and from the femoral one, femur axes."""
         a, b = self.femoral_attachment, self.tibial_attachment
         # One broadcast here instead of one in every product: its transpose is a sum.
         tibia = jax.tree.map(lambda x: jnp.broadcast_to(x, (len(self.names), *x.shape)), tibia)
-        return subtract(tibia.apply((b[:, 0], b[:, 1], b[:, 2])), (a[:, 0], a[:, 1], a[:, 2]))
+        arm = tibia.turn((b[:, 0], b[:, 1], b[:, 2]))
+        return arm, subtract(add(arm, tibia.translation), (a[:, 0], a[:, 1], a[:, 2]))
 
     def length(self, tibia: Placement) -> Array:
         """Length of each fibre, shape `(n, ...)`, mm."""
@@ -76,6 +82,19 @@ class Ligaments(eqx.Module):
         return law.tension(
             self.strain(tibia), self.stiffness, self.transition_strain, self.transition_width
         )
+
+    def wrench(self, tibia: Placement) -> Wrench:
+        """Of each fibre on the tibia, about the tibia's origin in femur axes; `(n, ...)`."""
+        arm, line = self._arm_and_line(tibia)
+        length = norm(line)
+        tension = law.tension(
+            length / self.slack_length - 1.0,
+            self.stiffness,
+            self.transition_strain,
+            self.transition_width,
+        )
+        pull = -tension / jnp.where(length > 0, length, 1.0)
+        return Wrench.at(arm, scale(pull, line))
 
     def energy(self, tibia: Placement) -> Array:
         """Energy of all fibres together, shape `(...)`, N mm."""

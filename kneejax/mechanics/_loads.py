@@ -7,7 +7,8 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.geometry import Placement, Pose, Vector, add, cross, dot, norm, subtract, vector
+from kneejax.geometry import Placement, Vector, add, norm, scale, subtract, vector
+from kneejax.mechanics._wrench import Wrench
 
 #: The bones in whose frame a load may be stated.
 BONES = ("femur", "tibia")
@@ -54,8 +55,8 @@ class Load(eqx.Module):
             if value not in BONES:
                 raise ValueError(f"Load.{field} is {value!r}; expected one of {BONES}")
 
-    def wrench(self, tibia: Placement) -> tuple[Vector, Vector]:
-        """Force and moment about the tibia's origin, both in femur axes (N, N mm)."""
+    def wrench(self, tibia: Placement) -> Wrench:
+        """On the tibia, about the tibia's origin in femur axes."""
         force, moment, point = vector(self.force), vector(self.moment), vector(self.point)
         if self.axes == "tibia":
             force, moment = tibia.turn(force), tibia.turn(moment)
@@ -63,7 +64,7 @@ class Load(eqx.Module):
             arm = tibia.turn(point)
         else:
             arm = subtract(point, tibia.translation)
-        return force, add(moment, cross(arm, force))
+        return Wrench.at(arm, force, moment)
 
 
 class ConstantTensionLine(eqx.Module):
@@ -95,24 +96,19 @@ class ConstantTensionLine(eqx.Module):
 
     def energy(self, flexion: Array, tibia: Placement) -> Array:
         """Tension times length, N mm."""
+        return self.tension * norm(self._line(flexion, tibia)[1])
+
+    def wrench(self, flexion: Array, tibia: Placement) -> Wrench:
+        """On the tibia, about the tibia's origin in femur axes."""
+        arm, line = self._line(flexion, tibia)
+        length = norm(line)
+        pull = -self.tension / jnp.where(length > 0, length, 1.0)
+        return Wrench.at(arm, scale(pull, line))
+
+    def _line(self, flexion: Array, tibia: Placement) -> tuple[Vector, Vector]:
+        """The insertion from the tibia's origin and from the upper end, femur axes, mm."""
         end = self.origin[-1]
         for row in self.origin[-2::-1]:
             end = end * flexion + row
-        return self.tension * norm(subtract(tibia.apply(vector(self.insertion)), vector(end)))
-
-
-def generalised_force(pose: Pose, tibia: Placement, force: Vector, moment: Vector) -> Array:
-    """Work of a wrench on the tibia per unit of each free coordinate.
-
-    Args:
-        pose: where the tibia is.
-        tibia: `pose.placement`.
-        force: N, femur axes.
-        moment: about the tibia's origin, N mm, femur axes.
-
-    Returns:
-        Shape `(5, ...)`: N mm per rad for the two rotations, N for the three translations.
-    """
-    c, s = jnp.cos(pose.flexion), jnp.sin(pose.flexion)
-    work = (dot((c, -s, 0.0), moment), dot(tibia.turn((0.0, 1.0, 0.0)), moment), *force)
-    return jnp.stack(jnp.broadcast_arrays(*work, pose.adduction)[:5])
+        arm = tibia.turn(vector(self.insertion))
+        return arm, subtract(add(arm, tibia.translation), vector(end))

@@ -15,7 +15,18 @@ import jax
 import jax.numpy as jnp
 from jax import Array, lax
 
-from kneejax.geometry import Placement, Surface, Vector, add, dot, inside, rotate, scale
+from kneejax.geometry import (
+    Height,
+    Jet,
+    Placement,
+    Surface,
+    Vector,
+    add,
+    dot,
+    rotate,
+    safe_sqrt,
+    scale,
+)
 
 _SEARCH_STEPS = 12
 # A search step, mm, and the least relative curvature, 1/mm, that it reckons with.
@@ -24,6 +35,7 @@ _LONGEST_STEP, _LEAST_CURVATURE = 6.0, 0.003
 _OVERSHOOT = 0.15
 # Gauss curvature (1/mm^2) below which a gap counts as flat: no ellipse fits in it.
 _FLAT = 1e-6
+_NOTHING = ((0.0, 0.0, 0.0),) * 3
 
 
 class Gap(eqx.Module):
@@ -31,7 +43,7 @@ class Gap(eqx.Module):
 
     Attributes:
         value: height over the tibial surface, in the unit of `Height`.
-        slope: first derivatives, shape `(2, ...)`.
+        slope: first derivatives by the two parameters.
         aa: second derivative; likewise `ab`, `bb`.
         steepness: squared gradient of the height in space.
         metric: square of the area that a unit square of parameters covers, mm^4.
@@ -40,7 +52,7 @@ class Gap(eqx.Module):
     """
 
     value: Array
-    slope: Array
+    slope: tuple[Array, Array]
     aa: Array
     ab: Array
     bb: Array
@@ -70,10 +82,14 @@ class Gap(eqx.Module):
         return -self.value / jnp.sqrt(self.steepness)
 
     @property
+    def flat(self) -> Array:
+        """Whether no ellipse fits, or one so large that its radius is held at 1 m."""
+        return ~self.convex | (self.curvature < _FLAT)
+
+    @property
     def mean_radius(self) -> Array:
         """Geometric mean of the two relative radii of curvature, mm."""
-        flat = ~self.convex | (self.curvature < _FLAT)
-        return jnp.where(flat, _FLAT**-0.5, jnp.where(flat, 1.0, self.curvature) ** -0.5)
+        return jnp.where(self.flat, _FLAT, self.curvature) ** -0.5
 
     @property
     def tilt(self) -> Array:
@@ -81,15 +97,69 @@ class Gap(eqx.Module):
         a, b = self.slope[0] / self.stretch[0], self.slope[1] / self.stretch[1]
         return jnp.abs(a) + jnp.abs(b)
 
-    def newton(self, slope: Array) -> Array:
-        """Solve with the second derivatives; zero where they are not positive definite."""
-        inverse = jnp.where(self.convex, 1.0 / jnp.where(self.convex, self.determinant, 1.0), 0.0)
-        return jnp.stack(
-            [
-                (self.bb * slope[0] - self.ab * slope[1]) * inverse,
-                (self.aa * slope[1] - self.ab * slope[0]) * inverse,
-            ]
+    def newton(self, a: Array, b: Array) -> tuple[Array, Array]:
+        """Minus the solution of a system with the second derivatives; zero where they are not
+        positive definite."""
+        inverse = jnp.where(self.convex, -1.0 / jnp.where(self.convex, self.determinant, 1.0), 0.0)
+        return (self.bb * a - self.ab * b) * inverse, (self.aa * b - self.ab * a) * inverse
+
+
+class Nearby(eqx.Module):
+    """Both surfaces around a femoral point, in the tibial surface's frame.
+
+    Attributes:
+        jet: of the femoral surface, its basis turned into that frame.
+        height: of the femoral point over the tibial surface.
+        point: mm.
+        pulled: components of the height's gradient along the jet's basis.
+        along: derivatives of the point by its two parameters.
+        bent: the height's hessian applied to those.
+    """
+
+    jet: Jet
+    height: Height
+    point: Vector
+    pulled: Vector
+    along: tuple[Vector, Vector]
+    bent: tuple[Vector, Vector]
+
+    def components(self, direction: Vector) -> Vector:
+        """Components of a direction along the jet's basis."""
+        x, y, z = self.jet.basis
+        return dot(direction, x), dot(direction, y), dot(direction, z)
+
+    @property
+    def gap(self) -> Gap:
+        """The gap at the femoral point."""
+        jet, gradient = self.jet, self.height.gradient
+        (along_a, along_b), (bent_a, bent_b) = self.along, self.bent
+        square_a, square_b = dot(jet.a, jet.a), dot(jet.b, jet.b)
+        return Gap(
+            value=self.height.value,
+            slope=(dot(self.pulled, jet.a), dot(self.pulled, jet.b)),
+            aa=dot(self.pulled, jet.aa) + dot(bent_a, along_a),
+            ab=dot(self.pulled, jet.ab) + dot(bent_a, along_b),
+            bb=dot(self.pulled, jet.bb) + dot(bent_b, along_b),
+            steepness=dot(gradient, gradient),
+            metric=square_a * square_b - dot(jet.a, jet.b) ** 2,
+            stretch=(jnp.sqrt(square_a), jnp.sqrt(square_b)),
+            point=self.point,
         )
+
+
+def nearby(
+    femoral: Surface, tibial: Surface, motion: Placement, meeting: Array, order: int = 2
+) -> Nearby:
+    """Both surfaces around a femoral point, with derivatives to an order; else as `gap_at`."""
+    jet = femoral.jet(meeting[0], meeting[1], order)
+    jet = eqx.tree_at(lambda j: j.basis, jet, tuple(motion.turn(e) for e in jet.basis))
+    point = add(jet.vector(jet.point), motion.translation)
+    height = tibial.height(point, order)
+    along = jet.vector(jet.a), jet.vector(jet.b)
+    hessian = _NOTHING if height.hessian is None else height.hessian
+    bent = rotate(hessian, along[0]), rotate(hessian, along[1])
+    x, y, z = (dot(height.gradient, e) for e in jet.basis)
+    return Nearby(jet, height, point, (x, y, z), along, bent)
 
 
 def gap_at(femoral: Surface, tibial: Surface, motion: Placement, meeting: Array) -> Gap:
@@ -99,48 +169,35 @@ def gap_at(femoral: Surface, tibial: Surface, motion: Placement, meeting: Array)
         femoral: the surface that carries the point.
         tibial: the surface over which the gap is measured.
         motion: from the femoral to the tibial surface's frame.
-        meeting: the point's two parameters, shape `(2, ...)`.
+        meeting: the point's two parameters.
     """
-    jet = femoral.jet(meeting[0], meeting[1])
-    jet = eqx.tree_at(lambda j: j.basis, jet, tuple(motion.turn(e) for e in jet.basis))
-    point = add(jet.vector(jet.point), motion.translation)
-    height = tibial.height(point)
-    x, y, z = jet.basis
-    pulled = dot(height.gradient, x), dot(height.gradient, y), dot(height.gradient, z)
-    aa, ab, bb = dot(pulled, jet.aa), dot(pulled, jet.ab), dot(pulled, jet.bb)
-    if height.hessian is not None:
-        along_a, along_b = jet.vector(jet.a), jet.vector(jet.b)
-        bent_a, bent_b = rotate(height.hessian, along_a), rotate(height.hessian, along_b)
-        aa, ab, bb = aa + dot(bent_a, along_a), ab + dot(bent_a, along_b), bb + dot(bent_b, along_b)
-    square_a, square_b = dot(jet.a, jet.a), dot(jet.b, jet.b)
-    return Gap(
-        value=height.value,
-        slope=jnp.stack([dot(pulled, jet.a), dot(pulled, jet.b)]),
-        aa=aa,
-        ab=ab,
-        bb=bb,
-        steepness=dot(height.gradient, height.gradient),
-        metric=square_a * square_b - dot(jet.a, jet.b) ** 2,
-        stretch=(jnp.sqrt(square_a), jnp.sqrt(square_b)),
-        point=point,
-    )
+    return nearby(femoral, tibial, motion, meeting).gap
 
 
-def first_guess(femoral: Surface, tibial: Surface, motion: Placement) -> Array:
-    """Parameters near the smallest gap, shape `(2, ...)`: where the normals roughly oppose."""
+def first_guess(
+    femoral: Surface, tibial: Surface, motion: Placement
+) -> tuple[Array, Array]:
+    """Parameters near the smallest gap: where the normals roughly oppose."""
     away = tibial.outwards(motion.translation)
     guess = femoral.start(scale(-1.0, motion.turn_back(away)))
-    return jnp.stack(jnp.broadcast_arrays(*guess, motion.translation[0])[:2])
+    a, b, _ = jnp.broadcast_arrays(*guess, motion.translation[0])
+    return a, b
 
 
-def improve(femoral: Surface, tibial: Surface, motion: Placement, meeting: Array) -> Array:
-    """One guarded Newton step towards the smallest gap. Arguments as `gap_at`."""
+def improve(
+    femoral: Surface, tibial: Surface, motion: Placement, meeting: tuple[Array, Array]
+) -> tuple[Array, Array]:
+    """One guarded Newton step towards the smallest gap.
+
+    Arguments as `gap_at`. Parameters come and go as a pair, not stacked: whatever the compiler
+    computes into a stack it computes once for each row.
+    """
     gap = gap_at(femoral, tibial, motion, meeting)
     # In mm along both parameters, so that the guards below have a meaning.
     along_a, along_b = gap.stretch
     slope_a, slope_b = gap.slope[0] / along_a, gap.slope[1] / along_b
     aa, ab, bb = gap.aa / along_a**2, gap.ab / (along_a * along_b), gap.bb / along_b**2
-    smallest = 0.5 * (aa + bb) - jnp.sqrt(0.25 * (aa - bb) ** 2 + ab * ab)
+    smallest = 0.5 * (aa + bb) - safe_sqrt(0.25 * (aa - bb) ** 2 + ab * ab)
     shift = jnp.maximum(_LEAST_CURVATURE - smallest, 0.0)
     aa, bb = aa + shift, bb + shift
     determinant = aa * bb - ab * ab
@@ -149,11 +206,9 @@ def improve(femoral: Surface, tibial: Surface, motion: Placement, meeting: Array
     short = jnp.minimum(1.0, _LONGEST_STEP / (jnp.abs(step_a) + jnp.abs(step_b) + 1e-9))
     (lower_a, upper_a), (lower_b, upper_b) = femoral.bounds()
     more_a, more_b = _OVERSHOOT * (upper_a - lower_a), _OVERSHOOT * (upper_b - lower_b)
-    return jnp.stack(
-        [
-            jnp.clip(meeting[0] - short * step_a / along_a, lower_a - more_a, upper_a + more_a),
-            jnp.clip(meeting[1] - short * step_b / along_b, lower_b - more_b, upper_b + more_b),
-        ]
+    return (
+        jnp.clip(meeting[0] - short * step_a / along_a, lower_a - more_a, upper_a + more_a),
+        jnp.clip(meeting[1] - short * step_b / along_b, lower_b - more_b, upper_b + more_b),
     )
 
 
@@ -170,25 +225,22 @@ def meeting_point(femoral: Surface, tibial: Surface, motion: Placement) -> Array
         Shape `(2, ...)`, differentiable to any order by the motion and every number of the
         surfaces: the rule below is made of the function itself.
     """
-    return lax.fori_loop(
+    found = lax.fori_loop(
         0,
         _SEARCH_STEPS,
         lambda _, meeting: improve(femoral, tibial, motion, meeting),
         first_guess(femoral, tibial, motion),
     )
+    return jnp.stack(found)
 
 
 @meeting_point.defjvp
 def _meeting_point_jvp(primals, tangents):
     meeting = meeting_point(*primals)
 
-    def slope(femoral: Surface, tibial: Surface, motion: Placement) -> Array:
-        return gap_at(femoral, tibial, motion, meeting).slope
+    def slope(femoral: Surface, tibial: Surface, motion: Placement):
+        gap = gap_at(femoral, tibial, motion, meeting)
+        return gap.slope, gap
 
-    _, moved = jax.jvp(slope, primals, tangents)
-    return meeting, -gap_at(*primals, meeting).newton(moved)  # pyright: ignore[reportCallIssue]
-
-
-def is_known(femoral: Surface, tibial: Surface, gap: Gap, meeting: Array) -> Array:
-    """Whether the meeting point lies in the fitted region of both surfaces."""
-    return inside(femoral, meeting[0], meeting[1]) & tibial.knows(gap.point)
+    _, moved, gap = jax.jvp(slope, primals, tangents, has_aux=True)
+    return meeting, jnp.stack(gap.newton(*moved))

@@ -4,8 +4,9 @@ from kneejax.statics._balance import Balance as Balance
 from kneejax.statics._balance import balance as balance
 from kneejax.statics._balance import force as force
 from kneejax.statics._balance import force_derivative as force_derivative
-from kneejax.statics._compiled import COMPILER_OPTIONS as COMPILER_OPTIONS
 from kneejax.statics._compiled import compiled as compiled
+from kneejax.statics._compiled import compiler_options as compiler_options
+from kneejax.statics._compiled import use_shared_fusion as use_shared_fusion
 from kneejax.statics._newton import EnergyNewton as EnergyNewton
 from kneejax.statics._newton import Guess as Guess
 from kneejax.statics._settle import Settled as Settled

@@ -1,21 +1,56 @@
-"""Compilation of functions that contain a solve."""
+"""Compilation of functions that contain a solve.
+
+A solve is some thousand operations on short arrays whose values are used again and again. How XLA
+fuses them on a CPU decides how fast it is (benchmarks/compile_options.py):
+
+- as it does by itself, every kernel that reads a shared value computes it anew;
+- without fusion each operation is a kernel that goes through memory, several times faster;
+- with shared fusion only values with one reader move into their reader's kernel, and kernels with
+  the same inputs become one: faster again by as much.
+
+The second can be asked for function by function, and kneejax does. The third is a setting of the
+whole process that XLA reads once: `use_shared_fusion`.
+"""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import jax
 
-#: For `jax.jit` around a solve. XLA's fusion pass on a CPU writes each shared value anew into
-#: every kernel that reads it: without the pass one evaluation over 25 lanes compiles in 7 s
-#: instead of 16 and runs in 1.7 ms instead of 55 (benchmarks/compile_options.py).
-COMPILER_OPTIONS = {"xla_disable_hlo_passes": "fusion"}
+_SHARED_FUSION = "--xla_backend_extra_options=xla_cpu_use_multi_output_fusion"
+
+
+def use_shared_fusion() -> bool:
+    """Let XLA fuse operations without copying shared values, in all of this process.
+
+    Solves run several times faster. The setting is experimental in XLA and applies to whatever
+    else is compiled in the process; there, a program full of slices and concatenations may get
+    slower. XLA reads it once: call this before JAX computes anything.
+
+    Returns:
+        Whether the setting is in force; False if JAX has begun to compute without it.
+    """
+    flags = os.environ.get("XLA_FLAGS", "")
+    if _SHARED_FUSION in flags:
+        return True
+    if jax._src.xla_bridge.backends_are_initialized():  # pyright: ignore[reportAttributeAccessIssue]
+        return False
+    os.environ["XLA_FLAGS"] = f"{flags} {_SHARED_FUSION}".strip()
+    return True
+
+
+def compiler_options() -> Mapping[str, Any]:
+    """For a `jax.jit` of your own around a solve: `jax.jit(f, compiler_options=...)`."""
+    shared = _SHARED_FUSION in os.environ.get("XLA_FLAGS", "")
+    return {} if shared else {"xla_disable_hlo_passes": "fusion"}
 
 
 def compiled(static_argnums: tuple[int, ...] = ()) -> Callable[[Callable], Callable]:
-    """Compile a function with `COMPILER_OPTIONS`; inside another `jax.jit`, without.
+    """Compile a function with `compiler_options`; inside another `jax.jit`, without.
 
     JAX takes compiler options at the outermost `jit` only and raises for an inner one. A person's
     own `jit` around a motion must work all the same; it compiles more slowly unless it is given
@@ -30,14 +65,17 @@ def compiled(static_argnums: tuple[int, ...] = ()) -> Callable[[Callable], Calla
 
     def decorate(function: Callable) -> Callable:
         plain = jax.jit(function, static_argnums=static_argnums)
-        quick = jax.jit(
-            function, static_argnums=static_argnums, compiler_options=dict(COMPILER_OPTIONS)
-        )
+
+        @functools.cache
+        def quick() -> Callable:
+            # Made at the first call: until then the process may still choose shared fusion.
+            options = dict(compiler_options())
+            return jax.jit(function, static_argnums=static_argnums, compiler_options=options)
 
         @functools.wraps(function)
         def call(*arguments: Any) -> Any:
             try:
-                return quick(*arguments)
+                return quick()(*arguments)
             except ValueError as problem:
                 if "compiler_options" not in str(problem):
                     raise

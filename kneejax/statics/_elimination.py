@@ -1,44 +1,46 @@
-"""Unrolled elimination for systems of five unknowns over lanes.
+"""Unrolled elimination for symmetric systems of five unknowns over lanes.
 
-LAPACK called once a lane is 5 to 7 times slower than elementwise elimination at this size.
+LAPACK called once a lane is 5 to 7 times slower than elementwise elimination at this size. Entries
+and answers are separate arrays: what a compiler computes into a stack it computes for each row.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import jax.numpy as jnp
 from jax import Array
 
 
-def solve(matrix: Array, right: Array) -> tuple[Array, Array]:
+def solve(
+    matrix: Array, right: Sequence[Array] | Array
+) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
     """Solve by elimination without pivoting.
 
     Args:
         matrix: shape `(n, n, lanes)`; without pivoting this is safe for matrices that are
             positive definite or nearly so, which is what a stable knee has.
-        right: shape `(n, lanes)`.
+        right: `n` rows of lanes.
 
     Returns:
-        The solution `(n, lanes)` and the pivots `(n, lanes)`. All pivots of a symmetric matrix
-        are positive exactly if it is positive definite.
+        The solution and the pivots, `n` rows of lanes each. All pivots of a symmetric matrix are
+        positive exactly if it is positive definite.
     """
-    size = matrix.shape[0]
-    pivots = []
-    for k in range(size):
-        pivot = matrix[0, 0]
-        pivots.append(pivot)
-        factor = matrix[1:, 0] / pivot
-        if k == 0:
-            rows, rights = [matrix[0]], [right[0]]
-        else:
-            rows.append(matrix[0])
-            rights.append(right[0])
-        right = right[1:] - factor * right[0]
-        matrix = matrix[1:, 1:] - factor[:, None] * matrix[0, None, 1:]
-    solution: list[Array] = []
-    for k in range(size - 1, -1, -1):
-        known = sum((rows[k][j + 1] * x for j, x in enumerate(reversed(solution))), 0.0)
-        solution.append((rights[k] - known) / pivots[k])
-    return jnp.stack(solution[::-1]), jnp.stack(pivots)
+    size = range(len(right))
+    rows = [[matrix[i, j] for j in size] for i in size]
+    known = [right[i] for i in size]
+    for k in size:
+        for i in size[k + 1 :]:
+            factor = rows[i][k] / rows[k][k]
+            known[i] = known[i] - factor * known[k]
+            for j in size[k + 1 :]:
+                rows[i][j] = rows[i][j] - factor * rows[k][j]
+    solution = list(known)
+    for i in reversed(size):
+        for j in size[i + 1 :]:
+            solution[i] = solution[i] - rows[i][j] * solution[j]
+        solution[i] = solution[i] / rows[i][i]
+    return tuple(solution), tuple(rows[k][k] for k in size)
 
 
 def symmetric(matrix: Array) -> Array:

@@ -5,10 +5,14 @@ every step must not raise the energy, the loads held during the step, so the sea
 to a stable balance. Where the tangent is not positive definite, or a step was refused, a multiple
 of the identity is added to it. Lanes decide alone: one bad lane slows the others but never
 changes them.
+
+A tangent costs six times a force, so it is kept while steps still shrink by `_GOOD`, and computed
+anew when a quarter of the lanes that still search ask for that.
 """
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import Any, ClassVar
 
@@ -16,161 +20,226 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import optimistix as optx
-from jax import Array
+from jax import Array, lax
 
 from kneejax.geometry import Pose
 from kneejax.mechanics import Contact, Knee
-from kneejax.statics._balance import Balance, traced_balance
+from kneejax.statics._balance import Forces, balance, rows_of_force
 from kneejax.statics._elimination import solve, symmetric
 
 #: Rad and mm that count as one unit of a free coordinate: 1 mm at 30 mm from the centre.
 UNITS = (1.0 / 30.0, 1.0 / 30.0, 1.0, 1.0, 1.0)
 _LONGEST_STEP = 3.0
-_IMPROVEMENTS = 2
 # Relative rounding that an energy difference may show near the solution.
 _ROUNDING = 1e-11
 # Step, mm, below which falling forces are enough to accept it.
 _CLOSE = 1e-3
+# Steps with a kept tangent shall shrink by this factor, or it is computed anew.
+_GOOD = 0.2
+# Relative change of the tangent per mm, at worst: surfaces touch within an onset width of 0.02 mm.
+_BEND = 50.0
 
 
 class Guess(eqx.Module):
-    """Free coordinates `(5, lanes)` and meeting points `(n, 2, lanes)` of a search."""
+    """Where a search begins.
+
+    Attributes:
+        q: free coordinates `(5, lanes)`, rad and mm.
+        meeting: parameters of the meeting points, `(n, 2, lanes)`.
+        tangent: stiffness near there, `(5, 5, lanes)`; zero in lanes where it is not known.
+    """
 
     q: Array
     meeting: Array
+    tangent: Array
+
+    def __init__(self, q: Array, meeting: Array, tangent: Array | None = None):
+        self.q = q
+        self.meeting = meeting
+        self.tangent = jnp.zeros((5, *q.shape)) if tangent is None else tangent
 
 
-def look(guess: Guess, args: tuple[Knee, Array]) -> tuple[Array, tuple[Balance, Array]]:
+def look(guess: Guess, args: tuple[Knee, Array]):
     """The function whose root is sought: unbalanced force, with what the search needs besides."""
     knee, flexion = args
-    meeting = improve_meeting(knee, flexion, guess.q, guess.meeting, _IMPROVEMENTS)
-    here = traced_balance(knee, flexion, guess.q, meeting)
-    return here.residual, (here, meeting)
-
-
-def improve_meeting(knee: Knee, flexion: Array, q: Array, meeting: Array, steps: int) -> Array:
-    """Newton steps of the contacts' meeting points at a pose."""
-    if not knee.patch_count:
-        return meeting
-    tibia = Pose.from_state(flexion, q).placement
-    for _ in range(steps):
+    meeting = guess.meeting[:, 0], guess.meeting[:, 1]
+    if knee.patch_count:
+        tibia = Pose.from_state(flexion, guess.q).placement
         meeting = knee.map_patches(Contact.improved, tibia, meeting)
-    return meeting
+    residual, forces = rows_of_force(knee, flexion, guess.q, meeting)
+    return residual, (forces, jnp.stack(meeting, axis=1))
 
 
-class _State(eqx.Module):
+class SearchState(eqx.Module):
+    """Of a search; `guess` is the best point so far, `kept` marks lanes whose tangent belongs to
+    an earlier one, `asks` those that want it computed anew, `rounds` counts all steps and `count`
+    those of each lane."""
+
     guess: Guess
-    balance: Balance
+    residual: tuple[Array, ...]
+    forces: Forces
+    kept: Array
+    asks: Array
     shift: Array
-    step: Array
+    step: tuple[Array, ...]
     done: Array
     count: Array
-    seen: Array
+    rounds: Array
+    ended: Array
 
 
 class EnergyNewton(optx.AbstractRootFinder):
     """Newton's method on the forces that never climbs in energy.
 
     Attributes:
-        rtol: unused; the search ends by the size of a step.
-        atol: step, in mm (rotations count at 30 mm), below which a lane is at rest. The step is
-            still taken: convergence is quadratic, so what remains is far smaller.
+        rtol: unused; the search ends by what is left of the error.
+        atol: mm (rotations count at 30 mm). A lane is at rest when its next step, which is still
+            taken, is expected to leave less than this.
+        most_steps: steps before the lanes that still search are given up.
+        least_share: part of all lanes that must ask before tangents are computed anew; those that
+            ask in vain go on with what they have. For batches that search stragglers again.
+        with_tangent: whether the tangent at the end belongs to the solution.
     """
 
     rtol: float = 0.0
-    atol: float = 1e-7
+    atol: float = 1e-9
+    most_steps: int = 40
+    least_share: float = 0.0
+    with_tangent: bool = True
     norm: ClassVar[Callable[..., Any]] = optx.max_norm
 
-    def init(self, fn, y, args, options, f_struct, aux_struct, tags) -> _State:
+    def init(self, fn, y, args, options, f_struct, aux_struct, tags) -> SearchState:
         if options:
             raise ValueError(f"EnergyNewton: unknown options {sorted(options)}; it takes none")
-        lanes = y.q.shape[1:]
-        here, _ = aux_struct
-        nothing = Balance(**{
-            field: eqx.filter_eval_shape(lambda x: x, getattr(here, field))
-            for field in ("energy", "residual", "load", "tangent", "drift", "gap")
-        })
-        zeros = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), nothing)
-        return _State(
+        lanes, unknown = y.q.shape[1:], jnp.all(y.tangent == 0.0, axis=(0, 1))
+        forces, _ = aux_struct
+        return SearchState(
             guess=y,
-            balance=zeros,
+            residual=(jnp.zeros(lanes),) * 5,
+            forces=jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), forces),
+            kept=jnp.ones(lanes, bool),
+            asks=unknown,
             shift=jnp.zeros(lanes),
-            step=jnp.zeros_like(y.q),
+            step=(jnp.zeros(lanes),) * 5,
             done=jnp.zeros(lanes, bool),
             count=jnp.zeros(lanes, int),
-            seen=jnp.asarray(False),
+            rounds=jnp.asarray(0),
+            ended=jnp.asarray(False),
         )
 
     def step(self, fn, y, args, options, state, tags):
-        _, (here, meeting) = fn(y, args)
-        units = _units(y.q)
-        accept = ~state.done & (self._is_lower(here, y.q, state) | ~state.seen)
+        residual, (forces, meeting) = fn(y, args)
+        first, last = state.rounds == 0, self._over(state)
+        lower = first | self._is_lower(residual, forces, y.q, state)
+        accept = jnp.where(last, state.done, lower & ~state.done)
 
         def choose(new, old):
             return jnp.where(accept, new, old)
 
-        guess = Guess(choose(y.q, state.guess.q), choose(meeting, state.guess.meeting))
-        current = jax.tree.map(choose, here, state.balance)
-        shift = jnp.where(accept, 0.1 * state.shift, jnp.maximum(8.0 * state.shift, 1.0))
-        shift = jnp.where(shift < 1e-3, 0.0, shift)
-        step, definite = _newton_step(current, shift, units)
-        size = jnp.max(jnp.abs(step), axis=0)
-        step = step * jnp.minimum(1.0, _LONGEST_STEP / jnp.where(size > 0, size, 1.0))
-        # A shift that is small against the stiffness does not hide how far the solution is.
-        met = jnp.all((current.gap.tilt < 1e-6) | (current.gap.depth < -1.0), axis=0)
-        done = state.done | (accept & definite & (size < self.atol) & (shift < 1.0) & met)
-        state = _State(
-            guess=guess,
-            balance=current,
-            shift=shift,
-            step=jnp.where(state.done, state.step, step),
-            done=done,
-            count=state.count + ~state.done,
-            seen=jnp.asarray(True),
+        q, meeting = choose(y.q, state.guess.q), choose(meeting, state.guess.meeting)
+        residual, forces = jax.tree.map(
+            choose, (residual, forces), (state.residual, state.forces)
         )
-        return self._trial(state), state, (here, meeting)
+        refused = ~accept & ~first
+        asks = ~state.done & (state.asks | (refused & state.kept))
+        many = 4 * jnp.sum(asks) >= jnp.sum(~state.done)
+        many = many & (jnp.sum(asks) > self.least_share * asks.size)
+        anew = last | (many & jnp.any(asks))
+        tangent = lax.cond(
+            anew,
+            lambda: balance(*args, q, (meeting[:, 0], meeting[:, 1])).tangent,
+            lambda: state.guess.tangent,
+        )
+        kept = ~anew & (state.kept | accept)
+        shift = jnp.where(refused, jnp.maximum(8.0 * state.shift, 1.0), 0.1 * state.shift)
+        shift = jnp.where(refused & state.kept & anew, state.shift, shift)
+        shift = jnp.where(shift < 1e-3, 0.0, shift)
+        step, definite = _newton_step(tangent, residual, shift)
+        size, before = _size(step), _size(state.step)
+        shrinks = jnp.where(before > 0, size / jnp.where(before > 0, before, 1.0), 1.0)
+        short = jnp.minimum(1.0, _LONGEST_STEP / jnp.where(size > 0, size, 1.0))
+        # With the tangent at the solution comes one step more for nothing.
+        moves = jnp.where(last, state.done, ~state.done)
+        stay = jnp.where(last, 0.0, 1.0)
+        step = tuple(
+            jnp.where(moves, short * new, stay * old)
+            for new, old in zip(step, state.step, strict=True)
+        )
+        left = jnp.where(kept, shrinks, _BEND * size) * size
+        # A shift that is small against the stiffness does not hide how far the solution is.
+        at_rest = accept & definite & (left < self.atol) & (size < _CLOSE) & (shift < 1.0)
+        met = jnp.all((forces.tilt < 1e-6) | (forces.depth < -1.0), axis=0)
+        state = SearchState(
+            guess=Guess(q, meeting, tangent),
+            residual=residual,
+            forces=forces,
+            kept=kept,
+            asks=kept & (asks | ((before > 0) & (shrinks > _GOOD))),
+            shift=shift,
+            step=step,
+            done=state.done | (at_rest & met & ~last),
+            count=state.count + ~state.done,
+            rounds=state.rounds + 1,
+            ended=last,
+        )
+        return self._trial(state), state, (forces, meeting)
 
-    def _trial(self, state: _State) -> Guess:
-        q_step = state.step * _units(state.guess.q)
-        drift = state.balance.drift
-        follow = jnp.sum(drift * q_step.reshape(5, 1, 1, *q_step.shape[1:]), axis=0)
-        return Guess(state.guess.q + q_step, state.guess.meeting + follow)
+    def _over(self, state: SearchState) -> Array:
+        """Whether nothing is left to search for."""
+        return jnp.all(state.done) | (state.rounds >= self.most_steps)
 
-    def _is_lower(self, here: Balance, q: Array, state: _State) -> Array:
-        before = state.balance
+    def _trial(self, state: SearchState) -> Guess:
+        guess, shift = state.guess, [u * s for u, s in zip(UNITS, state.step, strict=True)]
+        a, b = (
+            sum(rate * by for rate, by in zip(rates, shift, strict=True))
+            for rates in zip(*state.forces.drift, strict=True)
+        )
+        meeting = guess.meeting + jnp.stack([a, b], axis=1)
+        return Guess(guess.q + jnp.stack(shift), meeting, guess.tangent)
+
+    def _is_lower(self, residual, here: Forces, q: Array, state: SearchState) -> Array:
+        before = state.forces
         work = jnp.sum(before.load * (q - state.guess.q), axis=0)
         climb = here.energy - before.energy - work
         scale = jnp.abs(before.energy) + jnp.abs(here.energy) + 1.0
-        finite = jnp.isfinite(here.energy) & jnp.all(jnp.isfinite(here.tangent), axis=(0, 1))
+        force, old_force = _size(_scaled(residual)), _size(_scaled(state.residual))
+        finite = jnp.isfinite(here.energy) & jnp.isfinite(force)
         # Close to the solution energy differences drown in rounding; the forces do not.
-        units = _units(q)
-        force = jnp.max(jnp.abs(here.residual * units), axis=0)
-        calmer = force < 0.5 * jnp.max(jnp.abs(before.residual * units), axis=0)
-        close = jnp.max(jnp.abs(state.step), axis=0) < _CLOSE
+        calmer = force < 0.5 * old_force
+        close = _size(state.step) < _CLOSE
         return finite & ((climb <= _ROUNDING * scale) | (close & calmer))
 
     def terminate(self, fn, y, args, options, state, tags):
-        return jnp.all(state.done), optx.RESULTS.successful
+        # One round more, at the solution, gives the tangent there.
+        ended = state.ended if self.with_tangent else self._over(state)
+        return ended, optx.RESULTS.successful
 
     def postprocess(self, fn, y, aux, args, options, state, tags, result):
-        return self._trial(state), (state.balance, state.done, state.count), {}
+        return self._trial(state), state, {}
 
 
-def _newton_step(here: Balance, shift: Array, units: Array) -> tuple[Array, Array]:
-    """Newton step in scaled coordinates and whether the tangent was positive definite."""
-    tangent = here.tangent * units[:, None] * units[None]
-    residual = here.residual * units
+def _size(rows: tuple[Array, ...]) -> Array:
+    """Largest entry of each lane."""
+    return functools.reduce(jnp.maximum, map(jnp.abs, rows))
+
+
+def _scaled(rows: tuple[Array, ...]) -> tuple[Array, ...]:
+    return tuple(unit * row for unit, row in zip(UNITS, rows, strict=True))
+
+
+def _newton_step(tangent: Array, residual: tuple[Array, ...], shift: Array):
+    """Newton step in scaled coordinates, five rows, and whether the tangent was definite."""
+    units = jnp.asarray(UNITS).reshape(5, *(1,) * shift.ndim)
+    tangent = tangent * units[:, None] * units[None]
     _, pivots = solve(symmetric(tangent), residual)
-    definite = jnp.all(pivots > 0, axis=0)
-    diagonal = jnp.stack([tangent[i, i] for i in range(5)])
+    definite = functools.reduce(jnp.logical_and, [pivot > 0 for pivot in pivots])
+    diagonal = [tangent[i, i] for i in range(5)]
     # Gershgorin: adding this much makes the matrix positive definite in any case.
-    spread = jnp.sum(jnp.abs(tangent), axis=1) - jnp.abs(diagonal)
-    needed = jnp.max(spread - diagonal, axis=0) + 1.0
-    extra = jnp.where(definite, shift, jnp.maximum(shift, jnp.clip(needed, 1.0)))
+    spread = jnp.sum(jnp.abs(tangent), axis=1)
+    needed = functools.reduce(
+        jnp.maximum, [s - jnp.abs(d) - d for s, d in zip(spread, diagonal, strict=True)]
+    )
+    extra = jnp.where(definite, shift, jnp.maximum(shift, jnp.clip(needed + 1.0, 1.0)))
     identity = jnp.eye(5).reshape(5, 5, *(1,) * shift.ndim)
-    step, _ = solve(tangent + extra * identity, -residual)
+    step, _ = solve(tangent + extra * identity, tuple(-row for row in _scaled(residual)))
     return step, definite
-
-
-def _units(q: Array) -> Array:
-    return jnp.asarray(UNITS).reshape(5, *(1,) * (q.ndim - 1))

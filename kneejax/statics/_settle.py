@@ -8,8 +8,6 @@ a dense solve per lane, with lanes that failed set to NaN and no influence on th
 
 from __future__ import annotations
 
-from functools import partial
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -21,15 +19,13 @@ from jax.typing import ArrayLike
 
 from kneejax.geometry import Pose
 from kneejax.mechanics import Contact, Knee
-from kneejax.statics._balance import energy_force_derivative, force_derivative
+from kneejax.statics._balance import force_derivative, force_derivative_without_patches
 from kneejax.statics._elimination import solve, symmetric
-from kneejax.statics._newton import UNITS, EnergyNewton, Guess, improve_meeting, look
+from kneejax.statics._newton import UNITS, EnergyNewton, Guess, SearchState, look
 from kneejax.statics._status import Status
 
-#: Steps of the search at one pose.
-MAX_STEPS = 40
-
-
+#: How the balance of one pose is found unless a caller says otherwise.
+SEARCH = EnergyNewton()
 #: Flexion between two poses on the way, rad.
 _STRIDE = np.deg2rad(5.0)
 
@@ -41,7 +37,7 @@ class Settled(eqx.Module):
         flexion: rad.
         q: free coordinates `(5, lanes)`, rad and mm; NaN where the search failed.
         meeting: parameters of the meeting points `(n, 2, lanes)`.
-        residual: unbalanced force left before the last step, `(5, lanes)`, N mm per rad and N.
+        residual: unbalanced force left, `(5, lanes)`, N mm per rad and N.
         tangent: stiffness `(5, 5, lanes)`.
         drift: derivative of the meeting points by `q`, `(5, n, 2, lanes)`.
         pivots: of the scaled symmetric tangent; all positive where the pose is stable.
@@ -83,7 +79,7 @@ def settle(
     guess: Guess,
     start: Array | None = None,
     count: Array | int = 1,
-    max_steps: int = MAX_STEPS,
+    search: EnergyNewton = SEARCH,
 ) -> Settled:
     """Find the balance at prescribed flexion, marching there from a guess.
 
@@ -95,7 +91,7 @@ def settle(
         count: number of poses on the way, the last included. With `count=1` the search begins
             at the guess; with more, lanes walk from `start` to `flexion`, the first search at
             `start`.
-        max_steps: Newton steps before a pose of a lane is given up.
+        search: how to find the balance of one pose.
 
     Returns:
         The balance, differentiable by every leaf of the knee and by flexion (forward mode and,
@@ -109,7 +105,7 @@ def settle(
             "kneejax needs float64: call jax.config.update('jax_enable_x64', True) before anything"
         )
     guess, start = lax.stop_gradient((guess, flexion if start is None else start))
-    q, meeting, rest = _settle(knee, flexion, guess, start, jnp.asarray(count), max_steps)
+    q, meeting, rest = _settle(knee, flexion, guess, start, jnp.asarray(count), search)
     return Settled(flexion, q, meeting, **rest)
 
 
@@ -130,87 +126,88 @@ def with_meeting(knee: Knee, flexion: Array, q: Array) -> Guess:
     if not knee.patch_count:
         return Guess(q, jnp.zeros((0, 2) + q.shape[1:]))
     tibia = Pose.from_state(flexion, q).placement
-    empty = jnp.zeros((knee.patch_count, 2) + q.shape[1:])
+    empty = jnp.zeros((knee.patch_count,) + q.shape[1:])
     start = knee.map_patches(lambda c, t, _: Contact.first_meeting(c, t), tibia, empty)
-    return Guess(
-        q, lax.fori_loop(0, 8, lambda _, m: improve_meeting(knee, flexion, q, m, 1), start)
+    found = lax.fori_loop(
+        0, 8, lambda _, meeting: knee.map_patches(Contact.improved, tibia, meeting), start
     )
+    return Guess(q, jnp.stack(found, axis=1))
 
 
 def _search(
-    knee: Knee, flexion: Array, guess: Guess, start: Array, count: Array, max_steps: int
+    knee: Knee, flexion: Array, guess: Guess, start: Array, count: Array, search: EnergyNewton
 ):
     def pose(k: Array, before):
-        guess, last, _ = before
+        guess, last, found = before
         part = jnp.where(count > 1, k / jnp.maximum(count - 1, 1), 1.0)
         here = start + part * (flexion - start)
         # Secant predictor from the third pose on.
-        predicted = Guess(jnp.where(k > 1, 2.0 * guess.q - last, guess.q), guess.meeting)
-        q, meeting, rest = _search_once(knee, here, predicted, max_steps)
-        lost = rest["status"] >= Status.TOO_DEEP
-        found = Guess(jnp.where(lost, guess.q, q), jnp.where(lost, guess.meeting, meeting))
-        return found, jnp.where(lost, found.q, guess.q), rest
+        predicted = Guess(
+            jnp.where(k > 1, 2.0 * guess.q - last, guess.q), guess.meeting, guess.tangent
+        )
+        solution = optx.root_find(
+            look,
+            search,
+            predicted,
+            (knee, here),
+            has_aux=True,
+            max_steps=search.most_steps + 2,
+            throw=False,
+        )
+        found = solution.aux
+        new = jax.tree.map(lambda x, y: jnp.where(found.done, x, y), solution.value, guess)
+        return new, jnp.where(found.done, guess.q, new.q), found
 
-    shapes = jax.eval_shape(partial(_search_once, max_steps=max_steps), knee, flexion, guess)
-    rest = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes[2])
-    found, _, rest = lax.fori_loop(0, count, pose, (guess, guess.q, rest))
-    failed = rest["status"] >= Status.TOO_DEEP
-    return jnp.where(failed, jnp.nan, found.q), found.meeting, rest
+    guess = eqx.tree_at(lambda g: g.tangent, guess, jnp.nan_to_num(guess.tangent))
+    _, shapes = jax.eval_shape(look, guess, (knee, flexion))
+    begin = search.init(look, guess, (knee, flexion), {}, None, shapes, frozenset())
+    found, _, state = lax.fori_loop(0, count, pose, (guess, guess.q, begin))
+    return _described(knee, found, state)
 
 
-@partial(jax.jit, static_argnames="max_steps", inline=True)
-def _search_once(knee: Knee, flexion: Array, guess: Guess, max_steps: int):
-    solution = optx.root_find(
-        look,
-        EnergyNewton(),
-        guess,
-        (knee, flexion),
-        has_aux=True,
-        max_steps=max_steps,
-        throw=False,
-    )
-    here, done, count = solution.aux  # pyright: ignore[reportAssignmentType]
-    units = jnp.asarray(UNITS).reshape(5, *(1,) * (guess.q.ndim - 1))
-    scaled = symmetric(here.tangent) * units[:, None] * units[None]
-    _, pivots = solve(scaled, here.residual * units)
+def _described(knee: Knee, found: Guess, here: SearchState):
+    """Coordinates (NaN where they are no balance), meeting points, and the rest of `Settled`."""
+    units = jnp.asarray(UNITS).reshape(5, *(1,) * here.done.ndim)
+    scaled = symmetric(here.guess.tangent) * units[:, None] * units[None]
+    pivots = jnp.stack(solve(scaled, here.residual)[1])
+    status = _status(knee, here, pivots, found.meeting)
     rest = dict(
-        residual=here.residual,
-        tangent=here.tangent,
-        drift=here.drift,
+        residual=jnp.stack(here.residual),
+        tangent=here.guess.tangent,
+        drift=jnp.stack([jnp.stack(pair, axis=1) for pair in here.forces.drift]),
         pivots=pivots,
-        depth=here.gap.depth,
-        status=_status(knee, done, pivots, here.gap, solution.value.meeting),
-        steps=count,
+        depth=here.forces.depth,
+        status=status,
+        steps=here.count,
     )
-    return solution.value.q, solution.value.meeting, rest
+    return jnp.where(status >= Status.TOO_DEEP, jnp.nan, found.q), found.meeting, rest
 
 
-def _status(knee: Knee, done: Array, pivots: Array, gap, meeting: Array) -> Array:
+def _status(knee: Knee, here: SearchState, pivots: Array, meeting: Array) -> Array:
     status = jnp.where(jnp.all(pivots > 0, axis=0), Status.BALANCED, Status.UNSTABLE)
     patches = [contact for contact in knee.contacts if contact.has_patch]
     for row, contact in enumerate(patches):
-        here = jax.tree.map(lambda x, row=row: x[row], gap)
-        touching = here.depth > 0
-        unknown = touching & ~contact.is_known(here, meeting[row])
+        x, y, z = here.forces.point
+        depth, point = here.forces.depth[row], (x[row], y[row], z[row])
+        unknown = (depth > 0) & ~contact.knows(point, meeting[row])
         status = jnp.where(unknown & (status < 1), Status.OUTSIDE_REGION, status)
-        deep = here.depth >= contact.layer_thickness
-        status = jnp.where(deep, Status.TOO_DEEP, status)
-    return jnp.where(done, status, Status.NOT_CONVERGED).astype(int)
+        status = jnp.where(depth >= contact.layer_thickness, Status.TOO_DEEP, status)
+    return jnp.where(here.done, status, Status.NOT_CONVERGED).astype(int)
 
 
 _settle = jax.custom_jvp(_search, nondiff_argnums=(5,))
 
 
-def _settle_jvp(max_steps, primals, tangents):
+def _settle_jvp(search, primals, tangents):
     knee, flexion, *_ = primals
-    q, meeting, rest = _settle(*primals, max_steps)
+    q, meeting, rest = _settle(*primals, search)
     d_knee, d_flexion, *_ = tangents
-    change, follow = _force_change(knee, flexion, q, meeting, rest["drift"], d_knee, d_flexion)
+    change, follow = _force_change(knee, flexion, q, meeting, d_knee, d_flexion)
     failed = rest["status"] >= Status.TOO_DEEP
     identity = jnp.eye(5).reshape(5, 5, *(1,) * (q.ndim - 1))
     tangent = jnp.where(failed, identity, rest["tangent"])
     d_q, _ = solve(tangent, -jnp.where(failed, 0.0, change))
-    d_q = jnp.where(failed, jnp.nan, d_q)
+    d_q = jnp.where(failed, jnp.nan, jnp.stack(d_q))
     moved = jnp.sum(rest["drift"] * d_q.reshape(5, 1, 1, *q.shape[1:]), axis=0)
     still = jax.tree.map(_no_tangent, rest)
     return (q, meeting, rest), (d_q, follow + moved, still)
@@ -219,7 +216,7 @@ def _settle_jvp(max_steps, primals, tangents):
 _settle.defjvp(_settle_jvp, symbolic_zeros=True)
 
 
-def _force_change(knee, flexion, q, meeting, drift, d_knee, d_flexion):
+def _force_change(knee, flexion, q, meeting, d_knee, d_flexion):
     """Change of the unbalanced force; what is not perturbed is not differentiated.
 
     A calibration of ligaments perturbs no contact: its derivative then needs the ligaments'
@@ -228,11 +225,17 @@ def _force_change(knee, flexion, q, meeting, drift, d_knee, d_flexion):
     contacts_still = all(isinstance(t, SymbolicZero) for t in jax.tree.leaves(d_knee.contacts))
     nowhere = jnp.nan_to_num(q)
     if contacts_still and isinstance(d_flexion, SymbolicZero):
-        change = energy_force_derivative(knee, flexion, nowhere, _instantiate(d_knee))
+        change = force_derivative_without_patches(knee, flexion, nowhere, _instantiate(d_knee))
         return change, jnp.zeros_like(meeting)
-    return force_derivative(
-        knee, flexion, nowhere, meeting, drift, _instantiate(d_knee), _instantiate(d_flexion)
+    change, follow = force_derivative(
+        knee,
+        flexion,
+        nowhere,
+        (meeting[:, 0], meeting[:, 1]),
+        _instantiate(d_knee),
+        _instantiate(d_flexion),
     )
+    return change, jnp.stack(follow, axis=1)
 
 
 def _instantiate(tree):

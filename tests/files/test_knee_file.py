@@ -143,10 +143,14 @@ def test_mirror_is_a_reflection_of_space(tmp_path, knee_document):
         other.lines[0].energy(flexion, mirrored_pose.placement),
         knee.lines[0].energy(flexion, pose.placement),
     )
-    force, moment = knee.loads[0].wrench(pose.placement)
-    image_force, image_moment = other.loads[0].wrench(mirrored_pose.placement)
-    np.testing.assert_allclose(np.array(image_force), np.array(force) * [1, 1, -1], atol=1e-9)
-    np.testing.assert_allclose(np.array(image_moment), np.array(moment) * [-1, -1, 1], atol=1e-9)
+    wrench = knee.loads[0].wrench(pose.placement)
+    image = other.loads[0].wrench(mirrored_pose.placement)
+    np.testing.assert_allclose(
+        np.array(image.force), np.array(wrench.force) * [1, 1, -1], atol=1e-9
+    )
+    np.testing.assert_allclose(
+        np.array(image.moment), np.array(wrench.moment) * [-1, -1, 1], atol=1e-9
+    )
 
 
 ACL, MEDIAL = ["ligaments", "ACL"], ["contacts", "medial"]

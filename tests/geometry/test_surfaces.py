@@ -37,7 +37,7 @@ jet_of = jax.jit(geo.jet)
 normal_of = jax.jit(geo.normal)
 curvatures_of = jax.jit(geo.principal_curvatures)
 area_of = jax.jit(geo.area_element)
-generic_jet = jax.jit(Surface.jet)
+generic_jet = jax.jit(lambda surface, a, b: Surface.jet(surface, a, b, 3))
 generic_height = jax.jit(Surface.height)
 height_of = jax.jit(lambda surface, point: surface.height(point))
 level_of = jax.jit(lambda surface, point: surface.level(point))
@@ -109,13 +109,56 @@ def test_the_jet_equals_central_differences_of_the_point(name, central_differenc
 def test_the_condyles_own_jet_equals_the_generic_one():
     surface = SURFACES["condyle"]
     a, b = parameters(surface)
-    own, generic = jet_of(surface, a, b), generic_jet(surface, a, b)
-    for field in ("point", "a", "b", "aa", "ab", "bb"):
+    own, generic = jet_to_third_order(surface, a, b), generic_jet(surface, a, b)
+    for of in (*FIRST_AND_SECOND, *THIRD):
         np.testing.assert_allclose(
-            numbers(own.vector(getattr(own, field))),
-            numbers(generic.vector(getattr(generic, field))),
-            atol=1e-11,
+            numbers(own.vector(of(own)), a), numbers(generic.vector(of(generic)), a), atol=1e-10
         )
+
+
+FIRST_AND_SECOND = [
+    lambda jet, field=field: getattr(jet, field) for field in ("point", "a", "b", "aa", "ab", "bb")
+]
+THIRD = [lambda jet, k=k: jet.third[k] for k in range(4)]
+jet_to_third_order = jax.jit(lambda surface, a, b: surface.jet(a, b, 3))
+
+
+@pytest.mark.parametrize("name", ["plateau", "ellipsoid"])
+def test_third_derivatives_of_a_jet_equal_central_differences_of_the_second(
+    name, central_difference
+):
+    surface = SURFACES[name]
+    a, b = (x[:1] for x in parameters(surface, 1))
+    jet = jet_to_third_order(surface, a, b)
+
+    def second(shift):
+        there = jet_to_third_order(surface, a + shift[0], b + shift[1])
+        return np.array([numbers(there.vector(x), a)[:, 0] for x in (there.aa, there.ab, there.bb)])
+
+    numeric = central_difference(second, np.zeros(2), 1e-3)
+    aaa, aab, abb, bbb = (numbers(jet.vector(x), a)[:, 0] for x in jet.third)
+    expected = np.array([[aaa, aab], [aab, abb], [abb, bbb]]).transpose(0, 2, 1)
+    np.testing.assert_allclose(numeric, expected, atol=1e-7)
+
+
+@pytest.mark.parametrize("name", ["plateau", "ellipsoid"])
+def test_third_derivatives_of_a_height_equal_central_differences_of_the_hessian(
+    name, central_difference
+):
+    surface = SURFACES[name]
+    point = numbers(point_on(surface, *parameters(surface, 1)))[:, 0] + 0.3
+
+    def hessian(x):
+        rows = height_to_third_order(surface, tuple(jnp.asarray(c) for c in x)).hessian
+        return np.array([numbers(row, 0.0) for row in rows])
+
+    third = height_to_third_order(surface, tuple(jnp.asarray(c) for c in point)).third
+    exact = np.array([[numbers(row, 0.0) for row in matrix] for matrix in third])
+    numeric = central_difference(hessian, point, 1e-2)
+    np.testing.assert_allclose(np.moveaxis(exact, 0, -1), numeric, atol=1e-7)
+
+
+height_to_third_order = jax.jit(lambda surface, point: surface.height(point, 3))
 
 
 def test_basis_of_the_condyles_jet_is_orthonormal():

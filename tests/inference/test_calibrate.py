@@ -23,7 +23,7 @@ def clean(knee):
     return synthetic_motion(knee, TRUTH, np.arange(0.0, 121.0, 5.0), STUDY.parameters)
 
 
-@pytest.mark.parametrize("procedure", ["III", "II"])
+@pytest.mark.parametrize("procedure", ["III", "II", "I"])
 def test_without_noise_the_truth_comes_back(knee, clean, procedure):
     fit = kj.calibrate(knee, clean, STUDY.parameters, procedures=(procedure,)).fit
     assert fit.success
@@ -31,6 +31,29 @@ def test_without_noise_the_truth_comes_back(knee, clean, procedure):
         assert estimate.value == pytest.approx(TRUTH[estimate.name], rel=1e-4)
     if procedure == "III":
         assert fit.evaluations["jacobian"] <= 25
+
+
+@pytest.mark.slow
+def test_procedure_i_crawls_out_of_the_corner_that_its_first_step_finds(knee):
+    """Stiffnesses alone run into their bounds; Anderson's extrapolation alone stays there."""
+    other = {
+        "ACL": (2341, 0.035),
+        "PCL": (8994, -0.033),
+        "MCL": (6567, 0.035),
+        "LCL": (3642, 0.049),
+    }
+    truth = {f"{name}.stiffness": float(k) for name, (k, _) in other.items()}
+    truth |= {f"{name}.reference_strain": strain for name, (_, strain) in other.items()}
+    motion = synthetic_motion(knee, truth, np.arange(0.0, 121.0, 5.0), STUDY.parameters)
+    fit = kj.calibrate(knee, motion, STUDY.parameters, procedures=("I",)).fit
+    assert fit.success
+    for estimate in fit.estimates:
+        assert estimate.value == pytest.approx(truth[estimate.name], rel=1e-4)
+
+
+def test_an_unknown_method_is_refused(knee, clean):
+    with pytest.raises(ValueError, match="unknown method 'simplex': expected one of least_sq"):
+        kj.calibrate(knee, clean, STUDY.parameters, method="simplex")
 
 
 def test_with_noise_the_error_bars_hold_the_truth(knee, clean):

@@ -28,8 +28,9 @@ def energies(knee, pose):
     parts = parts + sum(line.energy(pose.flexion, tibia) for line in knee.lines)
     parts = parts + sum(c.patch_energy(gap) for c, gap in zip(patches, gaps, strict=True))
     parts = parts + sum(c.energy(tibia) for c in knee.contacts if not c.has_patch)
-    at_meeting, gap = knee.energy_at(pose, meeting)
-    return knee.energy(pose), at_meeting, gap, parts, jnp.stack([gap.depth for gap in gaps])
+    _, at_meeting, pressed = knee.press(pose, (meeting[:, 0], meeting[:, 1]))
+    depths = jnp.stack([gap.depth for gap in gaps])
+    return knee.energy(pose), at_meeting, pressed.gap, parts, depths
 
 
 def test_energy_is_the_sum_of_the_parts_and_that_at_the_meeting_points(knee):

@@ -26,7 +26,7 @@ def placed(q):
 def test_a_load_does_the_work_of_moving_the_tibia(axes, point_in, central_difference):
     load = Load(FORCE, MOMENT, POINT, axes, point_in)
     pose = geo.Pose.from_state(FLEXION, jnp.asarray(Q))
-    ours = np.asarray(generalised_force(pose, pose.placement, *load.wrench(pose.placement)))
+    ours = np.stack(generalised_force(pose, pose.placement, load.wrench(pose.placement)))
     r0, t0 = placed(Q)
     force, moment = (r0 @ x if axes == "tibia" else x for x in (FORCE, MOMENT))
     point = r0 @ POINT + t0 if point_in == "tibia" else np.array(POINT, float)
@@ -49,7 +49,7 @@ def test_a_dead_force_on_a_tibial_point_is_the_slope_of_a_potential():
         return -geo.dot(geo.vector(load.force), tip)
 
     pose = geo.Pose.from_state(FLEXION, jnp.asarray(Q))
-    ours = generalised_force(pose, pose.placement, *load.wrench(pose.placement))
+    ours = generalised_force(pose, pose.placement, load.wrench(pose.placement))
     expected = -np.asarray(jax.grad(potential)(jnp.asarray(Q)))
     np.testing.assert_allclose(np.asarray(ours), expected, rtol=1e-12, atol=1e-10)
 
@@ -58,11 +58,11 @@ def test_a_load_in_a_batch_has_a_row_for_each_coordinate():
     load = jax.tree.map(lambda x: x[..., None], Load(FORCE, MOMENT, POINT, "tibia", "femur"))
     q = jnp.asarray(Q)[:, None] + jnp.linspace(0.0, 0.1, 4)
     pose = geo.Pose.from_state(FLEXION, q)
-    together = generalised_force(pose, pose.placement, *load.wrench(pose.placement))
+    together = np.stack(generalised_force(pose, pose.placement, load.wrench(pose.placement)))
     assert together.shape == (5, 4)
     one = geo.Pose.from_state(FLEXION, q[:, 2])
     single = Load(FORCE, MOMENT, POINT, "tibia", "femur")
-    alone = generalised_force(one, one.placement, *single.wrench(one.placement))
+    alone = generalised_force(one, one.placement, single.wrench(one.placement))
     np.testing.assert_allclose(np.asarray(together[:, 2]), np.asarray(alone), rtol=1e-12)
 
 

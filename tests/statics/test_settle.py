@@ -9,7 +9,7 @@ import pytest
 import kneejax as kj
 from kneejax.inference import evaluate_poses, select
 from kneejax.mechanics import add_lane_axis
-from kneejax.statics import COMPILER_OPTIONS, EnergyNewton, Guess, Status, first_guess, settle
+from kneejax.statics import EnergyNewton, Guess, Status, compiler_options, first_guess, settle
 from kneejax.statics._elimination import solve
 
 FLEXION = np.arange(0.0, 121.0, 5.0)
@@ -104,10 +104,10 @@ def test_one_bad_lane_is_nan_alone(knee, motion):
     def poses(factor):
         bad = stiffness * factor * jnp.array([1.0, jnp.nan, 1.0])
         mixed = eqx.tree_at(lambda k: k.ligaments.stiffness, lanes, bad)
-        found = settle(mixed, flexion, guess, max_steps=8)
+        found = settle(mixed, flexion, guess, search=EnergyNewton(most_steps=8))
         return found.q, found.status
 
-    run = jax.jit(lambda f: jax.jvp(poses, (f,), (1.0,)), compiler_options=COMPILER_OPTIONS)
+    run = jax.jit(lambda f: jax.jvp(poses, (f,), (1.0,)), compiler_options=dict(compiler_options()))
     (q, status), (slope, _) = run(1.0)
     assert status.tolist() == [0, Status.NOT_CONVERGED, 0]
     assert np.isnan(q[:, 1]).all() and np.isnan(slope[:, 1]).all()
@@ -155,5 +155,5 @@ def test_a_motion_works_inside_another_jit(knee, motion):
         return kj.passive_flexion(stiffer, jnp.array([30.0])).pose.internal_rotation[0]
 
     stiffness = knee.ligaments.stiffness
-    lowered = rotation_at_30.lower(1.0).compile(dict(COMPILER_OPTIONS))
+    lowered = rotation_at_30.lower(1.0).compile(compiler_options())
     assert float(lowered(1.0)) == pytest.approx(float(motion.pose.internal_rotation[6]), abs=1e-9)

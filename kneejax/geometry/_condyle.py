@@ -1,0 +1,101 @@
+"""A femoral condyle: radius over angle and width about a transverse axis."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+from jax import Array
+from jax.typing import ArrayLike
+
+from kneejax.geometry._polynomials import partials
+from kneejax.geometry._pose import Frame
+from kneejax.geometry._safe import safe_sqrt
+from kneejax.geometry._surface import Jet, Surface, from_anterior, scaled
+from kneejax.geometry._vectors import Vector
+
+
+class Condyle(Surface):
+    """Radius as a polynomial of angle and width about a transverse axis (the frame's Z).
+
+    The angle runs from anterior (0) through distal (90 degrees) to posterior (180 degrees).
+
+    Attributes:
+        coefficients: shape `(m + 1, n + 1, ...)`, mm: powers of the angle and of the width,
+            both scaled to -1..1 over the region.
+        angle: lower and upper end of the region, rad, shape `(2, ...)`.
+        width: lower and upper end of the region along the axis, mm, shape `(2, ...)`.
+        frame: placement in the femur.
+
+    Source: paper 3, section 2 (fourth-order polynomials in cylindrical coordinates).
+    """
+
+    coefficients: Array
+    angle: Array
+    width: Array
+    frame: Frame
+
+    def __init__(
+        self,
+        coefficients: ArrayLike,
+        angle: ArrayLike,
+        width: ArrayLike,
+        frame: Frame | None = None,
+    ):
+        self.coefficients = jnp.asarray(coefficients, float)
+        self.angle = jnp.asarray(angle, float)
+        self.width = jnp.asarray(width, float)
+        self.frame = Frame() if frame is None else frame
+
+    def radius(self, angle: Array, width: Array) -> Array:
+        """Distance of the surface from the axis, mm."""
+        s, _ = scaled(angle, self.angle)
+        t, _ = scaled(width, self.width)
+        return partials(self.coefficients, s, t, 0)[0][0]
+
+    def point(self, a: Array, b: Array) -> Vector:
+        radius = self.radius(a, b)
+        return radius * jnp.cos(a), -radius * jnp.sin(a), b
+
+    def jet(self, a: Array, b: Array, order: int = 2) -> Jet:
+        s, by_a = scaled(a, self.angle)
+        t, by_b = scaled(b, self.width)
+        d = partials(self.coefficients, s, t, order)
+
+        def r(i: int, j: int) -> Array:
+            return d[i][j] * by_a**i * by_b**j
+
+        c, s = jnp.cos(a), -jnp.sin(a)
+        radius, r_a, r_b, r_aa, r_ab, r_bb = d[0][0], r(1, 0), r(0, 1), r(2, 0), r(1, 1), r(0, 2)
+        return Jet(
+            basis=((c, s, 0.0), (s, -c, 0.0), (0.0, 0.0, 1.0)),
+            point=(radius, 0.0, b),
+            a=(r_a, radius, 0.0),
+            b=(r_b, 0.0, 1.0),
+            aa=(r_aa - radius, 2.0 * r_a, 0.0),
+            ab=(r_ab, r_b, 0.0),
+            bb=(r_bb, 0.0, 0.0),
+            third=None if order < 3 else (
+                (r(3, 0) - 3.0 * r_a, 3.0 * r_aa - radius, 0.0),
+                (r(2, 1) - r_b, 2.0 * r_ab, 0.0),
+                (r(1, 2), r_bb, 0.0),
+                (r(0, 3), 0.0, 0.0),
+            ),
+        )
+
+    def level(self, point: Vector) -> Array:
+        x, y, z = point
+        angle = from_anterior(x, y)
+        distance = safe_sqrt(x * x + y * y)
+        # Beyond its region a polynomial says nothing: hold its edge value there.
+        s, by_angle = scaled(jnp.clip(angle, self.angle[0], self.angle[1]), self.angle)
+        t, by_width = scaled(jnp.clip(z, self.width[0], self.width[1]), self.width)
+        (radius, slope_t), (slope_s,) = partials(self.coefficients, s, t, 1)
+        steep = (slope_s * by_angle / radius) ** 2 + (slope_t * by_width) ** 2
+        return (distance - radius) / jnp.sqrt(1.0 + steep)
+
+    def start(self, direction: Vector) -> tuple[Array, Array]:
+        angle = jnp.clip(from_anterior(direction[0], direction[1]), self.angle[0], self.angle[1])
+        middle = 0.5 * (self.width[0] + self.width[1])
+        return angle, middle + jnp.zeros_like(angle)
+
+    def bounds(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+        return (self.angle[0], self.angle[1]), (self.width[0], self.width[1])

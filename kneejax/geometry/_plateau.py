@@ -1,0 +1,84 @@
+"""A tibial plateau: height over a plane."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+from jax import Array
+from jax.typing import ArrayLike
+
+from kneejax.geometry._polynomials import partials
+from kneejax.geometry._pose import Frame
+from kneejax.geometry._surface import Height, Surface, inside, scaled
+from kneejax.geometry._vectors import Rotation, Vector
+
+
+class Plateau(Surface):
+    """Height as a polynomial over a plane: `y = eta(x, z)`; the solid lies below.
+
+    Attributes:
+        coefficients: shape `(m + 1, n + 1, ...)`, mm: powers of x and z, both scaled to -1..1
+            over the region.
+        x: lower and upper end of the region, mm, shape `(2, ...)`.
+        z: likewise.
+        frame: placement in the tibia.
+    """
+
+    coefficients: Array
+    x: Array
+    z: Array
+    frame: Frame
+
+    def __init__(
+        self, coefficients: ArrayLike, x: ArrayLike, z: ArrayLike, frame: Frame | None = None
+    ):
+        self.coefficients = jnp.asarray(coefficients, float)
+        self.x = jnp.asarray(x, float)
+        self.z = jnp.asarray(z, float)
+        self.frame = Frame() if frame is None else frame
+
+    def point(self, a: Array, b: Array) -> Vector:
+        s, _ = scaled(a, self.x)
+        t, _ = scaled(b, self.z)
+        return a, partials(self.coefficients, s, t, 0)[0][0], b
+
+    def height(self, point: Vector, order: int = 2) -> Height:
+        x, y, z = point
+        s, by_x = scaled(x, self.x)
+        t, by_z = scaled(z, self.z)
+        d = partials(self.coefficients, s, t, order)
+
+        def lower(i: int, j: int) -> Array:
+            return -d[i][j] * (by_x**i * by_z**j)
+
+        def bent(i: int, j: int) -> Rotation:
+            xx, xz, zz = lower(i + 2, j), lower(i + 1, j + 1), lower(i, j + 2)
+            return (xx, 0.0, xz), (0.0, 0.0, 0.0), (xz, 0.0, zz)
+
+        flat = ((0.0, 0.0, 0.0),) * 3
+        return Height(
+            value=y - d[0][0],
+            gradient=(lower(1, 0), 1.0, lower(0, 1)),
+            hessian=bent(0, 0),
+            third=None if order < 3 else (bent(1, 0), flat, bent(0, 1)),
+        )
+
+    def level(self, point: Vector) -> Array:
+        x, y, z = point
+        s, by_x = scaled(jnp.clip(x, self.x[0], self.x[1]), self.x)
+        t, by_z = scaled(jnp.clip(z, self.z[0], self.z[1]), self.z)
+        (height, slope_t), (slope_s,) = partials(self.coefficients, s, t, 1)
+        steep = (slope_s * by_x) ** 2 + (slope_t * by_z) ** 2
+        return (y - height) / jnp.sqrt(1.0 + steep)
+
+    def outwards(self, point: Vector) -> Vector:
+        return 0.0, 1.0, 0.0
+
+    def knows(self, point: Vector) -> Array:
+        return inside(self, point[0], point[2])
+
+    def start(self, direction: Vector) -> tuple[Array, Array]:
+        zero = jnp.zeros_like(direction[0])
+        return 0.5 * (self.x[0] + self.x[1]) + zero, 0.5 * (self.z[0] + self.z[1]) + zero
+
+    def bounds(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+        return (self.x[0], self.x[1]), (self.z[0], self.z[1])

@@ -1,0 +1,208 @@
+"""Every smooth function of the geometry against central differences, at random numbers."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from jax.flatten_util import ravel_pytree
+
+import kneejax.geometry as geo
+from kneejax.geometry import _vectors as v
+from kneejax.geometry._polynomials import partials
+
+OPTIONS = {"xla_disable_hlo_passes": "fusion"}
+RADIANS, MM = 0.3, 10.0
+seeds = st.integers(0, 2**31)
+
+
+def _rows(vector):
+    return jnp.stack(v.full(vector))
+
+
+def conventions(x):
+    pose = geo.Pose.from_state(x[0], x[1:])
+    names = list(geo.CONVENTIONS)
+    # Each is read once and written once.
+    changed = [geo.convert(x, s, t) for s, t in zip(names, names[1:] + names[:1], strict=True)]
+    return jnp.concatenate([*changed, geo.convert_pose(pose, "tibial")])
+
+
+def tables(x):
+    pose = geo.Pose.from_table(x)
+    again = geo.Pose.from_state(pose.flexion, pose.state)
+    return jnp.concatenate([again.to_table(), pose.state, _rows(pose.placement.translation)])
+
+
+def motions(x):
+    first, second = (geo.Frame(y[:3], y[3:]).placement for y in (x[:6], x[6:12]))
+    plain, point = geo.Frame(x[:3]).placement, v.vector(x[12:])
+    images = [
+        *(act(point) for p in (first, plain) for act in (p.apply, p.apply_inverse)),
+        *(act(point) for p in (first, plain) for act in (p.turn, p.turn_back)),
+        first.after(second).apply(point),
+        plain.after(second).apply(point),
+        second.inverse().apply(point),
+        geo.angles_from_rotation(geo.rotation_from_angles(*x[3:6])),
+        geo.rotate(geo.transpose(first.rotation), point),
+    ]
+    return jnp.concatenate([_rows(image) for image in images])
+
+
+def algebra(x):
+    a, b = geo.vector(x[:3]), geo.vector(x[3:6])
+    vectors = [geo.add(a, b), geo.subtract(a, b), geo.cross(a, b), geo.scale(x[6], a)]
+    vectors += [v.stretch(a, b), geo.cross(a, (0.0, 1.0, 0.0))]
+    return jnp.concatenate([*map(_rows, vectors), jnp.stack([geo.dot(a, b), geo.norm(a)])])
+
+
+def primitives(x):
+    logarithm = geo.branch(
+        x[0] > 10.0, jnp.log, lambda y: 0.1 * y, x[0], inside=1.0, outside=1.0
+    )
+    root = geo.safe_sqrt(jnp.stack([x[0], -x[0]]))
+    return jnp.stack([logarithm, *root, geo.positive_part(x[1], x[2])])
+
+
+def polynomial(x):
+    table = partials(x[:12].reshape(3, 4), x[12], x[13], 2)
+    return jnp.stack([y for row in table for y in row])
+
+
+def _uniform(lower, upper):
+    lower, upper = np.broadcast_arrays(np.asarray(lower, float), np.asarray(upper, float))
+    return lambda rng: rng.uniform(lower, upper)
+
+
+def _at_first_touch(rng):
+    """Numbers for the primitives, with zero depth once in three times."""
+    return np.array([rng.uniform(1.0, 9.0), rng.integers(-1, 2) * rng.uniform(), 0.3])
+
+
+POSE_SIZE = np.r_[np.full(3, RADIANS), np.full(3, MM)]
+FUNCTIONS = {
+    "conventions": (
+        conventions,
+        _uniform([-0.2, -0.6, -0.6, -40, -40, -40], [2.4, 0.6, 0.6, 40, 40, 40]),
+        POSE_SIZE,
+    ),
+    "tables": (tables, _uniform(-30.0, np.full(6, 30.0)), np.full(6, MM)),
+    "motions": (
+        motions,
+        _uniform(-1.0, [*[30, 30, 30, 1, 1, 1] * 2, 30, 30, 30]),
+        np.r_[np.tile([MM, MM, MM, RADIANS, RADIANS, RADIANS], 2), MM, MM, MM],
+    ),
+    "algebra": (algebra, _uniform(-5.0, np.full(7, 5.0)), np.ones(7)),
+    "primitives": (primitives, _at_first_touch, np.full(3, 0.1)),
+    "polynomial": (polynomial, _uniform(-1.0, np.ones(14)), np.ones(14)),
+}
+
+
+def _sphere(rng):
+    return geo.Sphere(rng.uniform(15, 30))
+
+
+def _ellipsoid(rng):
+    return geo.Ellipsoid(rng.permutation([27.0, 21.0, 15.0]) + rng.uniform(-2, 2, size=3))
+
+
+def _plane(rng):
+    return geo.Plane(half_extent=rng.uniform(10, 20, size=2))
+
+
+def _condyle(rng):
+    c = rng.normal(size=(4, 3)) * 0.4
+    c[0, 0], c[0, 2] = 24.0, -1.5
+    return geo.Condyle(c, (0.2, 2.9), (-12.0, 10.0))
+
+
+def _plateau(rng):
+    c = rng.normal(size=(4, 3)) * 0.4
+    c[2, 0], c[0, 2] = 1.5, 0.5
+    return geo.Plateau(c, (-20.0, 15.0), (-12.0, 14.0))
+
+
+SURFACES = {
+    f.__name__[1:]: f for f in (_sphere, _ellipsoid, _plane, _condyle, _plateau)
+}
+
+
+def _of_surface(structure, round_):
+    """Everything smooth that a surface answers, as a function of its numbers and a place."""
+
+    def answers(x):
+        surface, a, b, off = structure(x[:-3]), x[-3], x[-2], x[-1]
+        jet = geo.jet(surface, a, b)
+        on, normal = jet.vector(jet.point), geo.normal(surface, a, b)
+        near = geo.add(on, geo.scale(off, normal))
+        height = surface.height(near)
+        vectors = [jet.vector(y) for y in (jet.a, jet.b, jet.aa, jet.ab, jet.bb)]
+        vectors += [on, normal, height.gradient, *(height.hessian or ())]
+        k1, k2 = geo.principal_curvatures(surface, a, b)
+        # Where all directions bend alike the two are mean and product, not one by one, smooth.
+        bends = [k1 + k2, k1 * k2] if round_ else [k1, k2]
+        numbers = [surface.level(near), height.value, geo.area_element(surface, a, b), *bends]
+        if not isinstance(surface, geo.Plane):
+            numbers += surface.start(surface.outwards(near))
+        return jnp.concatenate([*map(_rows, vectors), jnp.stack([*map(jnp.asarray, numbers)])])
+
+    return answers
+
+
+def _both_ways(function):
+    """Derivatives forward, along one reverse direction, and by fourth-order differences."""
+
+    def compare(x, size, weight):
+        def scaled(u):
+            return function(x + size * u)
+
+        zero, h = jnp.zeros_like(x), 1e-3
+        value, push = jax.linearize(scaled, zero)
+        exact = jax.vmap(push, out_axes=-1)(jnp.eye(x.size))
+        (reverse,) = jax.linear_transpose(push, zero)(weight[: value.size])
+        steps = jnp.array([2.0, 1.0, -1.0, -2.0])[:, None, None] * h * jnp.eye(x.size)
+        moved = jax.vmap(jax.vmap(scaled))(steps)
+        difference = jnp.tensordot(jnp.array([-1.0, 8.0, -8.0, 1.0]) / (12.0 * h), moved, 1)
+        return value, exact, reverse, difference.T
+
+    return jax.jit(compare, compiler_options=OPTIONS)
+
+
+def _holds(compare, x, size):
+    weight = np.random.default_rng(0).uniform(0.5, 1.0, size=200)
+    value, exact, reverse, numeric = (np.asarray(y) for y in compare(x, size, weight))
+    assert np.isfinite(exact).all()
+    scale = np.abs(exact).max(axis=1, keepdims=True) + 1e-6 * np.abs(value)[:, None] + 1e-9
+    np.testing.assert_allclose(exact / scale, numeric / scale, atol=1e-6)
+    np.testing.assert_allclose(reverse, weight[: value.size] @ exact, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_derivatives_of_geometry_equal_central_differences(name):
+    function, draw, size = FUNCTIONS[name]
+    compare = _both_ways(function)
+
+    @given(seeds)
+    def at_random(seed):
+        _holds(compare, draw(np.random.default_rng(seed)), size)
+
+    at_random()
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_all_that_a_surface_answers_follows_its_numbers_and_the_place(name):
+    numbers, structure = ravel_pytree(SURFACES[name](np.random.default_rng(0)))
+    size = np.r_[np.full(numbers.size, 1.0), 0.3, 0.3, 0.3]
+    compare = _both_ways(_of_surface(structure, name in ("sphere", "plane")))
+
+    @settings(max_examples=8)
+    @given(seeds)
+    def at_random(seed):
+        rng = np.random.default_rng(seed)
+        surface = SURFACES[name](rng)
+        (la, ua), (lb, ub) = surface.bounds()
+        place = [la, lb] + rng.uniform(0.2, 0.8, size=2) * np.array([ua - la, ub - lb])
+        _holds(compare, np.r_[ravel_pytree(surface)[0], place, rng.uniform(-0.5, 0.5)], size)
+
+    at_random()
