@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import dataclasses
 import json
 import sys
+import threading
 import time
 
 import numpy as np
 
+from kneejax.experiments import evaluate
 from kneejax.files import (
     Study,
     bundled_path,
@@ -20,8 +23,9 @@ from kneejax.files import (
     write_rows,
     write_text,
 )
-from kneejax.geometry import FREE_COORDINATES
+from kneejax.geometry import FREE_COORDINATES, Pose
 from kneejax.inference import Calibration, calibrate, synthetic_motion, with_values
+from kneejax.mechanics import Knee
 from kneejax.statics import Status
 
 _DEFAULT = "paper1"
@@ -34,6 +38,9 @@ def run(arguments: argparse.Namespace) -> int:
     knee = with_values(load_knee(study.knee), study.overrides)
     truth: dict[str, float] = {}
     _progress(f"{study.title}: compiling, then balancing every pose")
+    poses = len(study.synthetic.flexion_deg) if study.synthetic else len(read_measured(study))
+    # XLA compiles without holding Python: what comes last gets ready beside the search.
+    threading.Thread(target=_get_ready, args=(knee, poses)).start()
     if study.synthetic is not None:
         truth = dict(study.synthetic.parameters)
         measured = synthetic_motion(
@@ -68,6 +75,16 @@ def run(arguments: argparse.Namespace) -> int:
     result = dataclasses.replace(result, seconds=seconds)
     _progress("writing the report")
     return _write(result, arguments.out)
+
+
+def _get_ready(knee: Knee, poses: int) -> None:
+    """Import the report and compile the mechanics of as many poses as there will be."""
+    import kneejax.report  # noqa: F401
+
+    meeting = np.zeros((knee.patch_count, 2, poses))
+    # Whatever may be wrong here is met again, and said, where the result is needed.
+    with contextlib.suppress(Exception):
+        evaluate(knee, Pose.from_table(np.zeros((poses, 6))), meeting)
 
 
 def _write(result: Calibration, out) -> int:

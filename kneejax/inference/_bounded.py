@@ -68,15 +68,15 @@ class BoundedLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         count = f_struct.shape[0]
         return _State(
             x=y,
-            residual=jnp.full(count, jnp.inf),
+            residual=jnp.full(count, jnp.inf, float),
             jacobian=jnp.zeros((count, y.shape[0])),
-            damping=jnp.asarray(self.first_damping),
-            reduction=jnp.asarray(jnp.inf),
-            upcoming=jnp.asarray(jnp.inf),
-            promise=jnp.asarray(jnp.inf),
+            damping=jnp.asarray(self.first_damping, float),
+            reduction=jnp.asarray(jnp.inf, float),
+            upcoming=jnp.asarray(jnp.inf, float),
+            promise=jnp.asarray(jnp.inf, float),
             seen=jnp.asarray(False),
             accepted=jnp.asarray(False),
-            refused=jnp.asarray(0),
+            refused=jnp.asarray(0, int),
         )
 
     def step(self, fn, y, args, options, state, tags):

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
+from functools import partial
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -59,8 +60,12 @@ class Guess(eqx.Module):
         self.tangent = jnp.zeros((5, *q.shape)) if tangent is None else tangent
 
 
+@partial(jax.jit, inline=True)
 def look(guess: Guess, args: tuple[Knee, Array]):
-    """The function whose root is sought: unbalanced force, with what the search needs besides."""
+    """The function whose root is sought: unbalanced force, with what the search needs besides.
+
+    Jitted so that Python runs through the mechanics once however often the search is traced.
+    """
     knee, flexion = args
     meeting = guess.meeting[:, 0], guess.meeting[:, 1]
     if knee.patch_count:
