@@ -120,7 +120,7 @@ class Engine:
         ]
         flexion = np.resize(self.angles, chunk)
         zero = jnp.full(chunk, knee.reference_pose.flexion)
-        guess = jax.jit(first_guess)(add_lane_axis(knee), zero)
+        guess = first_guess(add_lane_axis(knee), zero)
         found, _, _ = search(knee, own, flexion, guess, zero, self._count(self.angles[-1]), ROBUST)
         #: The knee's own motion: where searches begin that have nothing better.
         self.own = jax.tree.map(lambda x: np.asarray(x)[..., : len(self.angles)], found)

@@ -111,7 +111,7 @@ class Problem:
         if self._near is None:
             start = jnp.broadcast_to(self.knee.reference_pose.flexion, self.flexion.shape)
             knee = add_lane_axis(self.selection.apply(self.knee, x))
-            guess = jax.jit(first_guess)(knee, start)
+            guess = first_guess(knee, start)
             count = poses_on_the_way(0.0, self.flexion)
         else:
             guess = _predicted(x, *self._near)
@@ -135,7 +135,7 @@ class Problem:
             start = jnp.broadcast_to(self.knee.reference_pose.flexion, self.flexion.shape)
             count = poses_on_the_way(0.0, self.flexion)
             knee = add_lane_axis(self.selection.apply(self.knee, x[0]))
-            one = jax.jit(first_guess)(knee, start)
+            one = first_guess(knee, start)
             count_of_starts = len(values)
             guess = jax.tree.map(
                 lambda leaf: jnp.broadcast_to(leaf, (count_of_starts, *leaf.shape)), one

@@ -139,6 +139,7 @@ def _by_meeting(
     by_determinant = by_curvature / (gap.metric * gap.steepness)
     hessian = _NOTHING if near.height.hessian is None else near.height.hessian
     mixed_a, mixed_b = (near.components(rotate(hessian, m)) for m in _cofactors(near, gap))
+    assert jet.third is not None
     aaa, aab, abb, bbb = jet.third
     square_a, mixed, square_b = dot(jet.a, jet.a), dot(jet.a, jet.b), dot(jet.b, jet.b)
 

@@ -46,7 +46,7 @@ class Guess(eqx.Module):
 
     Attributes:
         q: free coordinates `(5, lanes)`, rad and mm.
-        meeting: parameters of the meeting points, `(n, 2, lanes)`.
+        meeting: parameters of the meeting points, `(n, 2, lanes)`; NaN where they are not known.
         tangent: stiffness near there, `(5, 5, lanes)`; zero in lanes where it is not known.
     """
 
@@ -133,7 +133,7 @@ class EnergyNewton(optx.AbstractRootFinder):
         )
 
     def step(self, fn, y, args, options, state, tags):
-        residual, (forces, meeting) = fn(y, args)
+        (knee, flexion), (residual, (forces, meeting)) = args, fn(y, args)
         first, last = state.rounds == 0, self._over(state)
         lower = first | self._is_lower(residual, forces, y.q, state)
         accept = jnp.where(last, state.done, lower & ~state.done)
@@ -152,7 +152,7 @@ class EnergyNewton(optx.AbstractRootFinder):
         anew = last | (many & jnp.any(asks))
         tangent = lax.cond(
             anew,
-            lambda: balance(*args, q, (meeting[:, 0], meeting[:, 1])).tangent,
+            lambda: balance(knee, flexion, q, (meeting[:, 0], meeting[:, 1])).tangent,
             lambda: state.guess.tangent,
         )
         kept = ~anew & (state.kept | accept)

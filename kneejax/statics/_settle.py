@@ -115,10 +115,9 @@ def poses_on_the_way(start: ArrayLike, flexion: ArrayLike) -> int:
 
 
 def first_guess(knee: Knee, flexion: Array) -> Guess:
-    """The knee's reference pose at a flexion, with meeting points searched from scratch."""
-    pose = knee.reference_pose
-    q = jnp.stack(jnp.broadcast_arrays(*pose.state, flexion)[:5])
-    return with_meeting(knee, flexion, q)
+    """The knee's reference pose at a flexion; `settle` looks for the meeting points."""
+    q = jnp.stack(jnp.broadcast_arrays(*knee.reference_pose.state, flexion)[:5])
+    return Guess(q, jnp.full((knee.patch_count, 2, *jnp.shape(flexion)), jnp.nan))
 
 
 def with_meeting(knee: Knee, flexion: Array, q: Array) -> Guess:
@@ -142,9 +141,8 @@ def _search(
         part = jnp.where(count > 1, k / jnp.maximum(count - 1, 1), 1.0)
         here = start + part * (flexion - start)
         # Secant predictor from the third pose on.
-        predicted = Guess(
-            jnp.where(k > 1, 2.0 * guess.q - last, guess.q), guess.meeting, guess.tangent
-        )
+        q = jnp.where(k > 1, 2.0 * guess.q - last, guess.q)
+        predicted = Guess(q, _known_meeting(knee, here, q, guess.meeting), guess.tangent)
         solution = optx.root_find(
             look,
             search,
@@ -155,14 +153,30 @@ def _search(
             throw=False,
         )
         found = solution.aux
-        new = jax.tree.map(lambda x, y: jnp.where(found.done, x, y), solution.value, guess)
+        # A lane that is lost may have lost its meeting points: it looks for them from scratch.
+        lost = Guess(guess.q, jnp.full_like(guess.meeting, jnp.nan), guess.tangent)
+        new = jax.tree.map(lambda x, y: jnp.where(found.done, x, y), solution.value, lost)
         return new, jnp.where(found.done, guess.q, new.q), found
 
-    guess = eqx.tree_at(lambda g: g.tangent, guess, jnp.nan_to_num(guess.tangent))
+    # One lane that starts from NaN would end the search of all.
+    astray, reference = jnp.isnan(guess.q), first_guess(knee, flexion).q
+    guess = Guess(
+        jnp.where(astray, reference, guess.q), guess.meeting, jnp.nan_to_num(guess.tangent)
+    )
     _, shapes = jax.eval_shape(look, guess, (knee, flexion))
     begin = search.init(look, guess, (knee, flexion), {}, None, shapes, frozenset())
     found, _, state = lax.fori_loop(0, count, pose, (guess, guess.q, begin))
     return _described(knee, found, state)
+
+
+def _known_meeting(knee: Knee, flexion: Array, q: Array, meeting: Array) -> Array:
+    """The meeting points, searched from scratch in lanes where they are NaN."""
+    unknown = jnp.any(jnp.isnan(meeting), axis=(0, 1))
+
+    def searched() -> Array:
+        return jnp.where(unknown, with_meeting(knee, flexion, q).meeting, meeting)
+
+    return lax.cond(jnp.any(unknown), searched, lambda: meeting)
 
 
 def _described(knee: Knee, found: Guess, here: SearchState):
@@ -187,8 +201,8 @@ def _status(knee: Knee, here: SearchState, pivots: Array, meeting: Array) -> Arr
     status = jnp.where(jnp.all(pivots > 0, axis=0), Status.BALANCED, Status.UNSTABLE)
     patches = [contact for contact in knee.contacts if contact.has_patch]
     for row, contact in enumerate(patches):
-        x, y, z = here.forces.point
-        depth, point = here.forces.depth[row], (x[row], y[row], z[row])
+        depth = here.forces.depth[row]
+        point = jax.tree.map(lambda x, row=row: x[row], here.forces.point)
         unknown = (depth > 0) & ~contact.knows(point, meeting[row])
         status = jnp.where(unknown & (status < 1), Status.OUTSIDE_REGION, status)
         status = jnp.where(depth >= contact.layer_thickness, Status.TOO_DEEP, status)

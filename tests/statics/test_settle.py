@@ -9,7 +9,15 @@ import pytest
 import kneejax as kj
 from kneejax.inference import evaluate_poses, select
 from kneejax.mechanics import add_lane_axis
-from kneejax.statics import EnergyNewton, Guess, Status, compiler_options, first_guess, settle
+from kneejax.statics import (
+    EnergyNewton,
+    Guess,
+    Status,
+    compiler_options,
+    first_guess,
+    settle,
+    with_meeting,
+)
 from kneejax.statics._elimination import solve
 
 FLEXION = np.arange(0.0, 121.0, 5.0)
@@ -134,10 +142,24 @@ def test_elimination_solves_and_its_pivots_tell_definiteness():
 
 def test_first_guess_meets_inside_the_regions(knee):
     lanes = add_lane_axis(knee)
-    guess = first_guess(lanes, jnp.zeros(1))
+    guess = with_meeting(lanes, jnp.zeros(1), first_guess(lanes, jnp.zeros(1)).q)
     for contact, meeting in zip(lanes.contacts, guess.meeting, strict=True):
         gap = contact.gap(kj.Pose.from_state(jnp.zeros(1), guess.q).placement, meeting)
         assert float(gap.tilt[0]) < 1e-9
+
+
+def test_a_lane_whose_meeting_points_are_lost_finds_them_again(knee, motion):
+    """Guesses far from where the surfaces meet, or none at all: the march ends where it should."""
+    lanes, here = add_lane_axis(knee), motion.settled
+    astray = here.meeting[..., :3] + jnp.array([0.0, 0.5, jnp.nan])
+    start = jnp.broadcast_to(here.flexion[:1], (3,))
+    q = here.q[:, :1] + jnp.array([0.0, 0.0, jnp.nan])
+    guess = Guess(q, astray)
+    flexion = jnp.deg2rad(jnp.array([20.0, 20.0, 20.0]))
+    run = jax.jit(settle, compiler_options=dict(compiler_options()))
+    found = run(lanes, flexion, guess, start, jnp.asarray(5))
+    assert found.status.tolist() == [0, 0, 0]
+    assert np.allclose(found.q, here.q[:, 4:5], atol=1e-9)
 
 
 def test_status_says_what_to_do_next():
