@@ -20,7 +20,10 @@ import kneejax as kj  # noqa: E402
 from kneejax.inference import versions, with_values  # noqa: E402
 from kneejax.statics import use_shared_fusion  # noqa: E402
 
-use_shared_fusion()
+#: Environment variable that keeps XLA's fusion as it is in this process.
+PLAIN = "KNEEJAX_PLAIN_FUSION"
+if not os.environ.get(PLAIN):
+    use_shared_fusion()
 
 RESULTS = Path(__file__).parent / "results"
 #: The usual angles, degrees: 25 poses.

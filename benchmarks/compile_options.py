@@ -1,47 +1,66 @@
-"""Does XLA's fusion pass pay on a CPU, for one evaluation of forces and tangent?
+"""How should XLA fuse on a CPU, for a motion of 25 poses and one evaluation over 128 lanes?
 
-    python benchmarks/compile_options.py [--repeats 50]
+    python benchmarks/compile_options.py [--repeats 20]
 
-`kneejax.statics.balance` with and without `compiler_options()`, for 25 and 256 lanes: seconds to
-compile (the tracing apart) and milliseconds to run.
+`settle` (a march over 120 degrees, 25 lanes) and `balance` (force and tangent, 128 lanes): seconds
+to trace and compile and milliseconds to run, with XLA's fusion as it is, without fusion and with
+shared fusion, each in a process of its own.
 """
 
 from __future__ import annotations
 
+import json
+import os
 import statistics
+import subprocess
+import sys
 import time
 
 import jax
 import jax.numpy as jnp
-from _protocol import arguments, finish, load, timed
+from _protocol import PLAIN, arguments, finish, load, timed
 
 from kneejax.mechanics import add_lane_axis
-from kneejax.statics import balance, compiler_options, first_guess
+from kneejax.statics import balance, first_guess, settle, with_meeting
+
+MODES = {"without_fusion": {"xla_disable_hlo_passes": "fusion"}, "as_it_is": {}, "shared": {}}
+
+
+def measure(knee, mode: str, repeats: int) -> dict[str, float]:
+    """Seconds to trace and compile, and milliseconds to run, in this process."""
+    lanes, rows = add_lane_axis(knee), {}
+    many, few = jnp.linspace(0.0, 2.0, 128), jnp.deg2rad(jnp.arange(0.0, 121.0, 5.0))
+    there = with_meeting(lanes, many, first_guess(lanes, many).q)
+    pair = there.meeting[:, 0], there.meeting[:, 1]
+    start = jnp.zeros_like(few)
+    march = (lanes, few, first_guess(lanes, start), start, jnp.asarray(25))
+    asked = {"balance": (balance, (lanes, many, there.q, pair)), "march": (settle, march)}
+    for name, (function, what) in asked.items():
+        begun = time.perf_counter()
+        lowered = jax.jit(function).lower(*what)
+        traced = time.perf_counter()
+        ready = lowered.compile(compiler_options=MODES[mode])
+        rows[f"{name}_{mode}_trace_s"] = traced - begun
+        rows[f"{name}_{mode}_compile_s"] = time.perf_counter() - traced
+        seconds = [timed(ready, *what)[0] for _ in range(repeats + 1)][1:]
+        rows[f"{name}_{mode}_run_ms"] = 1e3 * statistics.median(seconds)
+    return rows
 
 
 def main() -> None:
-    options = arguments("compile_options", __doc__, repeats=50)
-    knee = add_lane_axis(load(options.knee))
+    mode = os.environ.get("KNEEJAX_FUSION")
+    options = arguments("compile_options", __doc__, repeats=20)
+    if mode:
+        print(json.dumps(measure(load(options.knee), mode, options.repeats)))
+        return
     rows: dict[str, object] = {}
-    for lanes in (25, 256):
-        flexion = jnp.linspace(0.0, 2.0, lanes)
-        guess = jax.jit(first_guess)(knee, flexion)
-        what = (knee, flexion, guess.q, guess.meeting)
-        ready = {}
-        begun = time.perf_counter()
-        lowered = jax.jit(balance).lower(*what)
-        rows[f"{lanes}_trace_s"] = time.perf_counter() - begun
-        for name, chosen in (("with_fusion", {}), ("without_fusion", compiler_options())):
-            begun = time.perf_counter()
-            ready[name] = lowered.compile(compiler_options=chosen)
-            rows[f"{lanes}_{name}_compile_s"] = time.perf_counter() - begun
-        runs = {name: [] for name in ready}
-        for _ in range(options.repeats):
-            for name, function in ready.items():
-                runs[name].append(timed(function, *what)[0])
-        for name, seconds in runs.items():
-            rows[f"{lanes}_{name}_run_ms"] = 1e3 * statistics.median(seconds)
-    finish(options.out, "XLA's fusion pass: compile and run time of one evaluation", rows)
+    for mode in MODES:
+        environment = os.environ | {"KNEEJAX_FUSION": mode, PLAIN: "" if mode == "shared" else "1"}
+        answer = subprocess.run(
+            [sys.executable, *sys.argv], env=environment, capture_output=True, check=True
+        )
+        rows |= json.loads(answer.stdout.splitlines()[-1])
+    finish(options.out, "XLA's fusion: compile and run time", rows)
 
 
 if __name__ == "__main__":

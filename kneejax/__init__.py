@@ -20,5 +20,6 @@ from kneejax.inference import select as select
 from kneejax.inference import with_values as with_values
 from kneejax.mechanics import Knee as Knee
 from kneejax.statics import Status as Status
+from kneejax.statics import use_shared_fusion as use_shared_fusion
 
 __version__ = "0.1.0"

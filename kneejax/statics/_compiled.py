@@ -1,12 +1,13 @@
 """Compilation of functions that contain a solve.
 
 A solve is some thousand operations on short arrays whose values are used again and again. How XLA
-fuses them on a CPU decides how fast it is (benchmarks/compile_options.py):
+fuses them on a CPU decides how fast it is. A motion of 25 poses (benchmarks/compile_options.py):
 
-- as it does by itself, every kernel that reads a shared value computes it anew;
-- without fusion each operation is a kernel that goes through memory, several times faster;
+- as XLA does by itself, every kernel that reads a shared value computes it anew: 79 ms, after 19 s
+  of compiling;
+- without fusion each operation is a kernel that goes through memory: 72 ms, after 10 s;
 - with shared fusion only values with one reader move into their reader's kernel, and kernels with
-  the same inputs become one: faster again by as much.
+  the same inputs become one: 14 ms, after 6 s.
 
 The second can be asked for function by function, and kneejax does. The third is a setting of the
 whole process that XLA reads once: `use_shared_fusion`.
