@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import concurrent.futures
 import time
-from functools import partial
 
 import equinox as eqx
 import jax
@@ -18,15 +17,13 @@ import numpy as np
 from jax import Array, lax
 
 from kneejax.mechanics import Knee, add_lane_axis, ligament_law
-from kneejax.statics import EnergyNewton, Guess, compiler_options, first_guess, settle
+from kneejax.statics import EnergyNewton, Guess, compiled, first_guess, settle
 
-#: Searches of a pose: predicted; again, from the nearest pose; and at last in small strides.
+#: Searches of a pose that is predicted, and of one that was lost.
 QUICK = EnergyNewton(atol=1e-7, most_steps=8, least_share=0.15)
-AGAIN = EnergyNewton(atol=1e-7, most_steps=14, least_share=0.1)
-ROBUST = EnergyNewton(atol=1e-7)
+PATIENT = EnergyNewton(atol=1e-7, most_steps=24, least_share=0.08)
 #: Poses on the way of the last search at most: what is farther is likely to have no balance.
 _LONGEST_WAY = 6
-compiled = partial(jax.jit, compiler_options=dict(compiler_options()))
 
 
 def random_knees(knee: Knee, count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -49,7 +46,7 @@ def in_lanes(knee: Knee, stiffness: Array, slack_length: Array) -> Knee:
     )
 
 
-@compiled
+@compiled()
 def march(knee: Knee, ligaments, own: Guess, angles: Array):
     """Poses of a chunk of knees at all angles, predicted from angle to angle: the first pass.
 
@@ -95,10 +92,10 @@ def march(knee: Knee, ligaments, own: Guess, angles: Array):
     return lax.scan(pose, begin, (angles, over_angles))[1]
 
 
-@partial(compiled, static_argnums=6)
-def search(knee: Knee, ligaments, flexion, guess: Guess, start, count, how: EnergyNewton):
+@compiled()
+def search(knee: Knee, ligaments, flexion, guess: Guess, start, count):
     """Poses of a chunk, one lane each, marching from a guess."""
-    found = settle(in_lanes(knee, *ligaments), flexion, guess, start, count, how)
+    found = settle(in_lanes(knee, *ligaments), flexion, guess, start, count, PATIENT)
     return Guess(found.q, found.meeting), found.stable, found.steps
 
 
@@ -121,7 +118,7 @@ class Engine:
         flexion = np.resize(self.angles, chunk)
         zero = jnp.full(chunk, knee.reference_pose.flexion)
         guess = first_guess(add_lane_axis(knee), zero)
-        found, _, _ = search(knee, own, flexion, guess, zero, self._count(self.angles[-1]), ROBUST)
+        found, _, _ = search(knee, own, flexion, guess, zero, self._count(self.angles[-1]))
         #: The knee's own motion: where searches begin that have nothing better.
         self.own = jax.tree.map(lambda x: np.asarray(x)[..., : len(self.angles)], found)
 
@@ -135,13 +132,12 @@ class Engine:
         found = march(self.knee, ligaments, self.own, self.angles)
         return tuple(np.asarray(x)[..., : len(rows)] for x in found)
 
-    def pass_again(self, lanes, stiffness, slack_length, q, meeting, how: EnergyNewton):
+    def pass_again(self, lanes, stiffness, slack_length, q, meeting, from_near: bool):
         """Search again for single poses, from the same knee's nearest known pose."""
         angle, near, row = (np.resize(x, self.chunk) for x in lanes)
         known = np.isfinite(q[near, 0, row])
         near = np.where(known, near, angle)
-        from_near = how is ROBUST
-        # Either from the near pose itself, or as far from the own motion as that is.
+        # Either from the near pose itself in strides, or as far from the own motion as that is.
         to = near if from_near else angle
         poses = np.where(known, q[near, :, row].T - self.own.q[:, near], 0.0)
         points = np.where(
@@ -153,7 +149,7 @@ class Engine:
         here, start = self.angles[angle], self.angles[to]
         ligaments = (stiffness[:, row], slack_length[:, row])
         count = min(self._count(np.abs(here - start).max(), 2.0), _LONGEST_WAY)
-        found, stable, steps = search(self.knee, ligaments, here, guess, start, count, how)
+        found, stable, steps = search(self.knee, ligaments, here, guess, start, count)
         size = len(lanes[0])
         return (
             np.asarray(found.q)[:, :size],
@@ -180,12 +176,12 @@ class Engine:
             parts = zip(*done, strict=True)
             q, meeting, stable, steps = (np.concatenate(x, axis=-1) for x in parts)
             seconds, converged = [time.perf_counter() - begun], [np.isfinite(q[:, 0]).mean()]
-            for how in (AGAIN, ROBUST):
+            for from_near in (False, True):
                 lost = self._lost(np.isfinite(q[:, 0]))
                 lots = [lost[:, i : i + self.chunk] for i in range(0, lost.shape[1], self.chunk)]
                 again = pool.map(
-                    lambda lot, h=how: self.pass_again(
-                        lot, stiffness, slack_length, q, meeting, h
+                    lambda lot, near=from_near: self.pass_again(
+                        lot, stiffness, slack_length, q, meeting, near
                     ),
                     lots,
                 )

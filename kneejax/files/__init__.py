@@ -1,6 +1,7 @@
 """Knee files, studies, tables and meshes: the only rooms that touch a disk."""
 
 from kneejax.files._bundled import Measurement as Measurement
+from kneejax.files._bundled import absent_measurement as absent_measurement
 from kneejax.files._bundled import bundled_knees as bundled_knees
 from kneejax.files._bundled import bundled_measurements as bundled_measurements
 from kneejax.files._bundled import bundled_path as bundled_path

@@ -67,6 +67,28 @@ def bundled_studies() -> dict[str, str]:
     return answer
 
 
+def absent_measurement(study: str) -> Path | None:
+    """Where a bundled study looks for measured motion that is not there.
+
+    Args:
+        study: name of a bundled study.
+
+    Returns:
+        The path of the missing table; None if the study has all that it needs.
+
+    Raises:
+        InputProblem: there is no such study.
+    """
+    path = bundled_path("studies", study)
+    document = load_yaml(path, "a study")
+    measured = document.get("measured") if isinstance(document, dict) else None
+    file = measured.get("file") if isinstance(measured, dict) else None
+    if not isinstance(file, str) or file in _bundled("measurements"):
+        return None
+    table = Path(os.path.normpath(path.parent / file))
+    return None if table.is_file() else table
+
+
 def bundled_measurements() -> dict[str, Measurement]:
     """Name -> table and source of each measurement that comes with the package.
 

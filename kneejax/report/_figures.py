@@ -30,10 +30,12 @@ if TYPE_CHECKING:
     from kneejax.inference._result import Calibration, Estimate
 
 
-def _plain_log_axis(axis) -> None:
+def _plain_log_axis(axis, decades: float = 7.0) -> None:
+    """Numbers without exponents; between the powers of ten too where there are few decades."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-    axis.set_major_locator(LogLocator(base=10, numticks=7))
+    subs = (1.0, 2.0, 5.0) if decades < 2.5 else (1.0,)
+    axis.set_major_locator(LogLocator(base=10, subs=subs, numticks=7))
     axis.set_minor_locator(NullLocator())
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
@@ -246,15 +248,14 @@ def correlation_figure(calibration: Calibration) -> Figure:
             value = matrix[i, j]
             axes.text(
                 j + 0.5, i + 0.5, f"{value:.2f}".replace("-", "\u2212"), ha="center", va="center",
-                fontsize=size, color="white" if abs(value) > 0.65 else "black",
+                # Black is the more legible on all but dark blue.
+                fontsize=size, color="white" if value < -0.8 else "black",
             )  # fmt: skip
     axes.set_xlim(0, n)
     axes.set_ylim(n, 0)
     size = 7.5 if n <= 20 else 5.5
     ticks = np.arange(n) + 0.5
-    axes.set_xticks(
-        ticks, names, rotation=45, ha="right", rotation_mode="anchor", fontsize=size
-    )
+    axes.set_xticks(ticks, names, rotation=45, ha="right", rotation_mode="anchor", fontsize=size)
     axes.set_yticks(ticks, names, fontsize=size)
     axes.tick_params(length=0)
     axes.grid(False)
@@ -325,9 +326,9 @@ def convergence_figure(calibration: Calibration) -> Figure:
                    markerfacecolor=fill, label=f"stage {j + 1}")
         )  # fmt: skip
     axes.set_yscale("log")
-    _plain_log_axis(axes.yaxis)
     top, bottom = max(positive), min(positive)
     axes.set_ylim(bottom / 1.6, top * 1.6)
+    _plain_log_axis(axes.yaxis, math.log10(top / bottom) + 0.4)
     axes.set_xlabel("Residual evaluations (one is the whole motion)")
     if calibration.truth:
         _published_counts(axes, calibration)
@@ -341,8 +342,10 @@ def convergence_figure(calibration: Calibration) -> Figure:
         axes.set_xticks(ticks)
         axes.set_xlim(0.9, reached * 1.25)
     axes.set_title("Objective (weighted sum of squares)")
+    # Where curves are not: they fall at once on a linear axis.
+    corner = "lower left" if axes.get_xscale() == "log" else "upper right"
     axes.legend(
-        handles=handles, loc="lower left", borderaxespad=0.8, fontsize=7.5, handlelength=1.5,
+        handles=handles, loc=corner, borderaxespad=0.8, fontsize=7.5, handlelength=1.5,
     )  # fmt: skip
     return figure
 

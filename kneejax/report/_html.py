@@ -28,8 +28,12 @@ from kneejax.report._style import COORDINATES, SHOWN
 from kneejax.report._verdict import (
     PAPER,
     PAPER_COUNTS,
+    answer_warnings,
+    ending,
+    optimiser,
+    remark,
+    search,
     stage_counts,
-    undetermined,
     verdict,
     warnings,
 )
@@ -149,7 +153,9 @@ def _picture(svg: str, caption: str) -> str:
 def _head(calibration: Calibration) -> str:
     fit = calibration.fit
     doubts = warnings(calibration)
-    state = "failed" if not fit.success else "doubtful" if doubts else "good"
+    doubtful = bool(answer_warnings(calibration))
+    state = "failed" if not fit.success else "doubtful" if doubtful else "good"
+    kind = "synthetic" if calibration.truth else "measured"
     badge = {"failed": "Not converged", "doubtful": "Converged, with warnings", "good": "Converged"}
     boxes = [
         ("Objective at the start", number(calibration.start_objective)),
@@ -162,15 +168,14 @@ def _head(calibration: Calibration) -> str:
     listed = ""
     if doubts:
         items = "".join(f"<li>{escape(sentence)}</li>\n" for sentence in doubts)
-        listed = (
-            f'<div class="warnings"><h2>Warnings</h2>\n<ul>\n{items}</ul></div>\n'
-        )
+        listed = f'<div class="warnings"><h2>Warnings</h2>\n<ul>\n{items}</ul></div>\n'
     return (
         f"<header>\n<h1>{escape(calibration.title)}</h1>\n"
         f'<p class="under">Calibration of knee {escape(calibration.knee)}, '
-        f"{len(calibration.measured)} measured poses</p>\n"
+        f"{len(calibration.measured)} {kind} poses</p>\n"
         f'<p><strong class="badge {state}">{badge[state]}</strong> '
-        f"{escape(verdict(calibration))} {escape(fit.message)}</p>\n"
+        f"{escape(verdict(calibration))}</p>\n"
+        f"<p>Search: {escape(search(calibration, fit))}.</p>\n"
         f"<dl>{facts}</dl>\n</header>\n{listed}"
     )
 
@@ -186,33 +191,34 @@ def _motion_section(calibration: Calibration, svg: str) -> str:
         rows.append(
             [label, number(before, 3), *(number(v, 3) for v in after), change(before, after[0])]
         )
+    offset = ""
+    if calibration.frame_offset:
+        offset = " Fitted motions are drawn with the offsets between frames added."
     return (
         "<p>Root mean square difference between simulated and measured motion; the change is "
         f"that of procedure {escape(calibration.fit.procedure)}, the reported answer.</p>\n"
         + _table(header, rows)
         + _picture(svg, "Measured, started and fitted motion over flexion. Failed poses are gaps, "
-                   "marked at the bottom edge like poses that balance but are doubtful.")
+                   "marked at the bottom edge like poses that balance but are doubtful." + offset)
     )  # fmt: skip
-
-
-def _remark(e: Estimate) -> str:
-    return ": ".join(["not determined"] * undetermined(e) + [e.remark] * bool(e.remark))
 
 
 def _parameter_section(calibration: Calibration, svg: str) -> str:
     truth = calibration.truth
     header = ["Parameter", "Unit", "Value", "Standard error", "Start", "Lower", "Upper"]
-    header += ["Truth", "Error"] * bool(truth) + ["At bound", "Remark"]
-    words = (0, 1, len(header) - 2, len(header) - 1)
+    remarks = [remark(e) for e in calibration.fit.estimates]
+    header += ["Truth", "Error"] * bool(truth) + ["At bound"]
+    words = (0, 1, len(header) - 1, len(header))
+    header += ["Remark"] * any(remarks)
     rows = []
-    for e in calibration.fit.estimates:
+    for e, said in zip(calibration.fit.estimates, remarks, strict=True):
         value, error = with_error(e.value, e.standard_error)
         row = [e.name, e.unit or "1", value, error, trimmed(e.start)]
         row += [trimmed(e.lower), trimmed(e.upper)]
         if truth:
             true = truth.get(e.name, math.nan)
             row += [trimmed(true), number(e.value - true, 2)]
-        rows.append([*row, "yes" if e.at_bound else "no", _remark(e)])
+        rows.append([*row, "yes" if e.at_bound else "no", *[said] * any(remarks)])
     text = (
         f"<p>Answer of procedure {escape(calibration.fit.procedure)}. Standard errors come from "
         "the Jacobian at the answer and hold for small, independent errors of measurement; "
@@ -224,20 +230,21 @@ def _parameter_section(calibration: Calibration, svg: str) -> str:
     if len(calibration.fits) > 1:
         names = [e.name for e in calibration.fit.estimates]
         units = {e.name: e.unit for e in calibration.fit.estimates}
-        found = [{e.name: e.value for e in fit.estimates} for fit in calibration.fits]
-        text += "<p>The procedures side by side:</p>\n" + _table(
+        found = [{e.name: _starred(e) for e in fit.estimates} for fit in calibration.fits]
+        text += "<p>The procedures side by side (* ended on a bound):</p>\n" + _table(
             ["Parameter", "Unit", *(f"Procedure {fit.procedure}" for fit in calibration.fits)],
-            [
-                [name, units[name] or "1", *(number(one.get(name, math.nan)) for one in found)]
-                for name in names
-            ],
+            [[name, units[name] or "1", *(one.get(name, NONE) for one in found)] for name in names],
             (0, 1),
         )
     return text
 
 
+def _starred(e: Estimate) -> str:
+    return number(e.value) + ("*" if e.at_bound else "")
+
+
 def _procedure_section(calibration: Calibration, svg: str) -> str:
-    known = any(fit.procedure in PAPER_COUNTS for fit in calibration.fits)
+    known = bool(calibration.truth) and any(f.procedure in PAPER_COUNTS for f in calibration.fits)
     header = ["Procedure", "Converged", "Objective", "Accepted steps", "Residual evaluations"]
     header += ["Jacobians", "Balanced poses", "Starts"]
     header += ["Published search steps", "Published Simpack calls"] * known
@@ -262,8 +269,11 @@ def _procedure_section(calibration: Calibration, svg: str) -> str:
             "here; the published search had another specimen and another model, and no "
             "derivatives. A Jacobian here costs more than a residual and is counted apart.</p>\n"
         )
+    if optimiser(calibration):
+        text += f"<p class=small>Optimiser: {escape(optimiser(calibration))}.</p>\n"
     for fit in calibration.fits:
-        text += f"<p class=small>Procedure {escape(fit.procedure)}: {escape(fit.message)}</p>\n"
+        why = escape(ending(calibration, fit))
+        text += f"<p class=small>Procedure {escape(fit.procedure)}: {why}.</p>\n"
     return text + _picture(svg, "Objective against residual evaluations; markers are accepted "
                            "steps, their shape is the stage.")  # fmt: skip
 
@@ -330,12 +340,15 @@ def _notes_section(calibration: Calibration) -> str:
 
 def _again_section(calibration: Calibration) -> str:
     settings = json_safe(calibration.settings)
-    rows = [
-        [str(key), value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)]
-        for key, value in settings.items()
-    ]
+    rows = [[str(key), _setting(value)] for key, value in settings.items()]
     versions = [[name, str(version)] for name, version in calibration.versions.items()]
     seconds = [[name, number(value, 3)] for name, value in calibration.seconds.items()]
     text = "<h3>Settings</h3>\n" + _table(["Setting", "Value"], rows, (0, 1))
     text += "<h3>Versions</h3>\n" + _table(["Package", "Version"], versions, (0, 1))
     return text + "<h3>Time</h3>\n" + _table(["Part", "Seconds"], seconds)
+
+
+def _setting(value: object) -> str:
+    if isinstance(value, str):
+        return value
+    return "none" if value in (None, [], {}) else json.dumps(value, ensure_ascii=False)

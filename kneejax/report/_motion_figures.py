@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
-    from kneejax.inference._result import Calibration, Motion
+    from kneejax.inference._result import Calibration, Fit
 
 _DENSE = 40
 _COLUMN = {name: i for i, name in enumerate(COORDINATES)}
@@ -45,7 +45,7 @@ _MARKS = (
 def _curve(flexion: np.ndarray, dashes: Any, marker_only: float = 1.8) -> dict[str, Any]:
     """A line where flexion runs one way, small markers where it does not."""
     steps = np.diff(flexion)
-    if len(flexion) > 1 and ((steps > 0).all() or (steps < 0).all()):
+    if len(flexion) > 1 and ((steps >= 0).all() or (steps <= 0).all()):
         return {"linestyle": dashes}
     return {"linestyle": "none", "marker": "o", "markersize": marker_only, "markeredgewidth": 0}
 
@@ -89,9 +89,32 @@ def _mark_status(axes: Axes, x: np.ndarray, status: np.ndarray, color: str, heig
     return handles
 
 
-def _columns_of_text(axes: Axes, columns: Sequence[tuple[float, str, str]], top: float) -> None:
-    for x, side, text in columns:
-        axes.text(x, top, text, ha=side, va="top", linespacing=1.45, transform=axes.transAxes)
+def _columns_of_text(
+    axes: Axes, columns: Sequence[tuple[float, str, list[str]]], top: float, step: float
+) -> None:
+    """Columns of words, each word placed by itself: so its edge holds in every font."""
+    for x, side, words in columns:
+        for i, word in enumerate(words):
+            axes.text(
+                x, top - i * step, verbatim(word),
+                ha=side, va="top", fontsize=7.5, transform=axes.transAxes,
+            )  # fmt: skip
+
+
+def _as_measured(calibration: Calibration, fit: Fit) -> np.ndarray:
+    """Fitted poses in the frames of the measurement: with the offsets that were fitted."""
+    table = np.array(fit.motion.table, float)
+    apart = np.asarray(calibration.measured, float) - table
+    for name, value, _ in calibration.frame_offset:
+        column = _COLUMN.get(name.removesuffix("_deg").removesuffix("_mm"))
+        if column is None:
+            continue
+        known = apart[np.isfinite(apart[:, column]), column]
+        if fit is not calibration.fit and known.size:
+            # The offset of other procedures is not kept; least squares makes it the mean.
+            value = known.mean()
+        table[:, column] += value
+    return table
 
 
 @styled
@@ -111,26 +134,31 @@ def motion_figure(calibration: Calibration) -> Figure:
     figure = Figure(figsize=(WIDTH, 6.3))
     panels = figure.subplots(3, 2, sharex=True)
     figure.subplots_adjust(left=0.085, right=0.985, top=0.96, bottom=0.075, wspace=0.2, hspace=0.24)
-    motions: list[tuple[str, str, Any, Motion]] = [("start", START, ":", calibration.start)]
+    # A simulated pose depends on flexion alone, so it is drawn as a line over flexion even where
+    # the measurement runs to and fro.
+    order = np.argsort(flexion, kind="stable")
+    start = np.asarray(calibration.start.table, float)
+    motions: list[tuple[str, str, Any, np.ndarray]] = [("start", START, ":", start)]
     for i, fit in reversed(list(enumerate(calibration.fits))):
         dashes = "--" if i == 0 else (0, (1 + 3 * i, 1.5, 1, 1.5))
         motions.append(
-            (f"fitted, procedure {fit.procedure}", FITS[i % len(FITS)], dashes, fit.motion)
-        )
+            (
+                f"fitted, procedure {fit.procedure}", FITS[i % len(FITS)], dashes,
+                _as_measured(calibration, fit),
+            )
+        )  # fmt: skip
     spots = [(0, 0), (1, 0), (2, 0), (0, 1), (1, 1)]
     handles: dict[str, Any] = {}
     for name, spot in zip(SHOWN, spots, strict=True):
         axes, column = panels[spot], _COLUMN[name]
         axes.set_title(COORDINATES[name].axis_label)
-        (handles["measured"],) = axes.plot(
-            flexion, measured[:, column], **_measured_curve(flexion)
-        )
-        for label, color, dashes, motion in motions:
+        (handles["measured"],) = axes.plot(flexion, measured[:, column], **_measured_curve(flexion))
+        for label, color, dashes, table in motions:
             (handles[verbatim(label)],) = axes.plot(
-                flexion,
-                np.asarray(motion.table, float)[:, column],
+                flexion[order],
+                table[order, column],
                 color=color,
-                **_curve(flexion, dashes),
+                **_curve(flexion[order], dashes),
             )
         marks = _mark_status(axes, flexion, row_status(calibration.start), START, 0.10)
         handles |= {f"start: {entry}": handle for entry, handle in marks.items()}
@@ -165,12 +193,14 @@ def _legend_panel(axes: Axes, handles: dict[str, Any], calibration: Calibration)
     )
     rows_in_legend = -(-len(legend.get_texts()) // (2 if len(order) > 4 else 1))
     lines = ["Root mean square error", *(COORDINATES[name].axis_label for name in SHOWN)]
+    if calibration.frame_offset:
+        lines.append("Fitted motion and its errors: frame offsets added")
     start = ["start", *(number(calibration.start_rmse.get(n, np.nan), 2) for n in SHOWN)]
-    columns = [(0.0, "left", "\n".join(lines)), (0.61, "right", "\n".join(start))]
+    columns = [(0.0, "left", lines), (0.61, "right", start)]
     for i, fit in enumerate(calibration.fits[:3]):
         values = [fit.procedure, *(number(fit.rmse.get(name, np.nan), 2) for name in SHOWN)]
-        columns.append((0.74 + 0.127 * i, "right", verbatim("\n".join(values))))
-    _columns_of_text(axes, columns, 0.84 - 0.098 * rows_in_legend - 0.03)
+        columns.append((0.74 + 0.127 * i, "right", values))
+    _columns_of_text(axes, columns, 0.84 - 0.098 * rows_in_legend - 0.03, 0.093)
 
 
 def _force_panel(
@@ -183,17 +213,13 @@ def _force_panel(
         drawn.append((line, verbatim(name)))
 
 
-def _part_legend(axes: Axes, drawn: list) -> None:
+def _part_legend(axes: Axes, drawn: list, corner: tuple[float, float], **layout: Any) -> None:
+    """Lines and their names, the upper left corner in the axes' coordinates."""
     if drawn:
+        lines, names = zip(*drawn, strict=True)
+        layout = {"fontsize": 7.5, **layout}
         axes.legend(
-            [line for line, _ in drawn],
-            [name for _, name in drawn],
-            loc="upper left",
-            bbox_to_anchor=(1.01, 1.0),
-            borderaxespad=0,
-            ncols=1 if len(drawn) <= 12 else 2,
-            handlelength=1.4,
-            fontsize=7.5,
+            lines, names, loc="upper left", bbox_to_anchor=corner, borderaxespad=0, **layout
         )
 
 
@@ -211,6 +237,7 @@ def ligament_forces_figure(calibration: Calibration) -> Figure:
     from matplotlib.lines import Line2D
 
     flexion = np.asarray(calibration.measured, float)[:, 0]
+    order = np.argsort(flexion, kind="stable")
     groups = [
         ("Ligament force, N", calibration.ligaments, "ligament_forces"),
         ("Contact force, N", calibration.contacts, "contact_forces"),
@@ -229,16 +256,17 @@ def ligament_forces_figure(calibration: Calibration) -> Figure:
         drawn: list = []
         before = np.asarray(getattr(calibration.start, field), float)
         after = np.asarray(getattr(calibration.fit.motion, field), float)
-        _force_panel(axes, flexion, before, names, ":", [])
-        _force_panel(axes, flexion, after, names, "-", drawn)
+        _force_panel(axes, flexion[order], before[order], names, ":", [])
+        _force_panel(axes, flexion[order], after[order], names, "-", drawn)
         last = axes is panels[-1]
         _flexion_axis(axes, flexion, "Flexion, deg", last)
         axes.tick_params(labelbottom=last)
-        if "marker" not in _curve(flexion, "-"):
+        if "marker" not in _curve(flexion[order], "-"):
             kinds = [("fitted", "-"), ("start", ":")] if axes is panels[0] else []
             drawn += [(Line2D([], [], color=GREY, linestyle=d), word) for word, d in kinds]
         _mark_status(axes, flexion, row_status(calibration.fit.motion), VERMILLION, 0.03)
-        _part_legend(axes, drawn)
+        columns = 1 if len(drawn) <= 12 else 2
+        _part_legend(axes, drawn, (1.01, 1.0), ncols=columns, handlelength=1.4)
     return figure
 
 
@@ -301,18 +329,9 @@ def simulation_figure(
         _flexion_axis(axes, x, label)
         lines += drawn
     lines += list((handle, entry) for entry, handle in marks.items())
-    if lines:
-        columns = 2 if len(lines) <= 14 else 3
-        words.legend(
-            [line for line, _ in lines],
-            [name for _, name in lines],
-            loc="upper left",
-            bbox_to_anchor=(0.0, 0.72),
-            borderaxespad=0,
-            ncols=columns,
-            fontsize=7.5 if len(lines) <= 14 else 6.5,
-            handlelength=1.6,
-            columnspacing=1.0,
-            labelspacing=0.3,
-        )
+    few = len(lines) <= 14
+    _part_legend(
+        words, lines, (0.0, 0.72), ncols=2 if few else 3, fontsize=7.5 if few else 6.5,
+        handlelength=1.6, columnspacing=1.0, labelspacing=0.3,
+    )  # fmt: skip
     return figure

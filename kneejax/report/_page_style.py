@@ -6,7 +6,7 @@ CSS = """
 body { margin: 0; background: #fff; color: #1a1a1a; font: 16px/1.5 system-ui, -apple-system,
   "Segoe UI", Roboto, "Liberation Sans", Arial, sans-serif; -webkit-text-size-adjust: 100%; }
 main { max-width: 60rem; margin: 0 auto; padding: 1.5rem 1.25rem 4rem; }
-h1 { font-size: 1.75rem; line-height: 1.2; margin: 0 0 .25rem; }
+h1 { font-size: 1.75rem; line-height: 1.2; margin: 0 0 .25rem; text-wrap: balance; }
 h2 { font-size: 1.25rem; margin: 2.25rem 0 .5rem; padding-top: .6rem;
   border-top: 1px solid #d5d9dd; }
 h3 { font-size: 1rem; margin: 1.25rem 0 .25rem; }

@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING
 
 from kneejax.report._numbers import change, number, trimmed, with_error
 from kneejax.report._style import COORDINATES, SHOWN
-from kneejax.report._verdict import PAPER_COUNTS, undetermined, warnings
+from kneejax.report._verdict import (
+    PAPER_COUNTS,
+    answer_warnings,
+    search,
+    undetermined,
+    warnings,
+)
 
 if TYPE_CHECKING:
     from kneejax.inference._result import Calibration
@@ -30,9 +36,7 @@ def _aligned(rows: Sequence[Sequence[str]], words: Sequence[int] = (0,)) -> list
 
 
 def _wrapped(text: str, first: str = "") -> list[str]:
-    return textwrap.wrap(
-        text, _COLUMNS, initial_indent=first, subsequent_indent=" " * len(first)
-    )
+    return textwrap.wrap(text, _COLUMNS, initial_indent=first, subsequent_indent=" " * len(first))
 
 
 def calibration_summary(calibration: Calibration) -> str:
@@ -55,6 +59,7 @@ def calibration_summary(calibration: Calibration) -> str:
         + f", {len(calibration.measured)} poses, "
         + f"{number(calibration.seconds.get('total', math.nan), 3)} s"
     )
+    lines += _wrapped(f"Search: {search(calibration, fit)}")
     lines += ["", *_parameter_table(calibration)]
     lines += ["", *_aligned(_rmse_rows(calibration))]
     lines += ["", *_aligned(_procedure_rows(calibration), (0, 1))]
@@ -62,7 +67,20 @@ def calibration_summary(calibration: Calibration) -> str:
     lines += [""] * bool(doubts)
     for sentence in doubts:
         lines += _wrapped(sentence, "warning: ")
+    if len(calibration.fits) > 1:
+        lines += ["", *_wrapped(_judged(calibration))]
     return "\n".join(lines)
+
+
+def _judged(calibration: Calibration) -> str:
+    """Which procedure decides the exit status of `kneejax calibrate`."""
+    others = [fit.procedure for fit in calibration.fits[1:]]
+    outcome = "1, in doubt" if answer_warnings(calibration) else "0, nothing to doubt"
+    return (
+        f"Procedure {calibration.fit.procedure}, the first of the study, is the answer and alone "
+        f"decides the exit status ({outcome}); {' and '.join(others)} "
+        f"{'are' if len(others) > 1 else 'is'} there to compare."
+    )
 
 
 def _parameter_table(calibration: Calibration) -> list[str]:

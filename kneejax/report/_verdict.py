@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import TYPE_CHECKING
 
@@ -30,10 +31,55 @@ PAPER = (
     "Multibody Optimisation, Table 2"
 )
 
+_NOT_DETERMINED = "not determined"
+#: Method of a study -> the optimiser, and what ends it when it has converged.
+_SEARCHES = {
+    "least_squares": (
+        "bounded Levenberg-Marquardt with exact Jacobians (optimistix)",
+        "further steps, or what they promised to gain, became negligible",
+    ),
+    "lbfgsb": (
+        "L-BFGS-B with exact gradients (jaxopt)",
+        "the projected gradient fell below the tolerance",
+    ),
+}
+
 
 def undetermined(estimate: Estimate) -> bool:
     """Whether the data say nothing certain about a parameter."""
-    return not math.isfinite(estimate.standard_error)
+    unsure = estimate.remark.startswith(_NOT_DETERMINED)
+    return unsure or not math.isfinite(estimate.standard_error)
+
+
+def remark(estimate: Estimate) -> str:
+    """What a reader must know about an estimate; empty if nothing."""
+    said = estimate.remark
+    if not undetermined(estimate) or said.startswith(_NOT_DETERMINED):
+        return said
+    return f"{_NOT_DETERMINED}: {said}" if said else _NOT_DETERMINED
+
+
+def optimiser(calibration: Calibration) -> str:
+    """Which optimiser searched, in words; empty if the settings do not say."""
+    return _words_of_method(calibration)[0]
+
+
+def ending(calibration: Calibration, fit: Fit) -> str:
+    """Why a search ended, in words."""
+    why = _words_of_method(calibration)[1]
+    word, _, rest = fit.message.partition(";")
+    if word != "converged" or not why:
+        return fit.message
+    return f"{word}: {why}" + (f";{rest}" if rest else "")
+
+
+def search(calibration: Calibration, fit: Fit) -> str:
+    """Which optimiser searched, and why it ended."""
+    return "; ".join(filter(None, [optimiser(calibration), ending(calibration, fit)]))
+
+
+def _words_of_method(calibration: Calibration) -> tuple[str, str]:
+    return _SEARCHES.get(str(calibration.settings.get("method", "")), ("", ""))
 
 
 def row_status(motion: Motion) -> np.ndarray:
@@ -72,11 +118,20 @@ def _doubts(fit: Fit, flexion: np.ndarray) -> list[str]:
     if bound:
         sentences.append(
             f"{listed(bound, 40)} ended on a bound: the best value may lie outside; "
-            "widen the bounds or fix the parameter."
+            f"widen the bounds or fix the parameter{'s' * (len(bound) > 1)}."
         )
-    for e in filter(undetermined, fit.estimates):
-        why = e.remark.rstrip(".") or "no standard error can be given"
-        sentences.append(f"{e.name} is not determined by the data: {why}.")
+    reasons: dict[str, list[str]] = {}
+    for e in fit.estimates:
+        # What ended on a bound has been said.
+        if undetermined(e) and not e.at_bound:
+            said = e.remark.removeprefix(f"{_NOT_DETERMINED} by these data").lstrip(": ")
+            reasons.setdefault(said.rstrip("."), []).append(e.name)
+    for reason, names in reasons.items():
+        why = reason or "their standard errors are missing or wider than half their bounds"
+        if not reason and len(names) == 1:
+            why = "its standard error is missing or wider than half its bounds"
+        verb = "are" if len(names) > 1 else "is"
+        sentences.append(f"{listed(names, 40)} {verb} not determined by the data: {why}.")
     return sentences + _pose_doubts(fit.motion, flexion)
 
 
@@ -104,6 +159,18 @@ def warnings(calibration: Calibration) -> list[str]:
     return sentences
 
 
+def answer_warnings(calibration: Calibration) -> list[str]:
+    """Everything to doubt about the answer: what decides the exit status.
+
+    Args:
+        calibration: what to judge; procedures after the first are there to compare.
+
+    Returns:
+        Sentences; empty if nothing is doubtful.
+    """
+    return warnings(dataclasses.replace(calibration, fits=calibration.fits[:1]))
+
+
 def verdict(calibration: Calibration) -> str:
     """Say in one paragraph what the calibration achieved.
 
@@ -114,20 +181,27 @@ def verdict(calibration: Calibration) -> str:
         Plain sentences.
     """
     fit = calibration.fit
-    doubts = len(warnings(calibration))
+    doubts = len(answer_warnings(calibration))
+    others = len(warnings(calibration)) - doubts
     parts = [
         f"Procedure {fit.procedure} "
         + ("converged" if fit.success else "DID NOT CONVERGE")
         + (f", with {doubts} warning{'s' * (doubts > 1)}." if doubts else ".")
     ]
+    if others > 0:
+        concern = "warnings concern" if others > 1 else "warning concerns"
+        parts.append(
+            f"{others} {'further ' * (doubts > 0)}{concern} only procedures that are there "
+            "to compare."
+        )
     fell = change(calibration.start_objective, fit.objective)
     parts.append(
         f"The weighted sum of squares went from {number(calibration.start_objective)} to "
         f"{number(fit.objective)}{f' ({fell})' if fell else ''} with {len(fit.estimates)} free "
-        f"parameters and {len(calibration.measured)} measured poses."
+        f"parameters and {len(calibration.measured)} poses."
     )
     worst = [
-        f"{value:.2g} {unit}"
+        f"{number(value, 3)} {unit}"
         for unit in ("mm", "deg")
         if (value := _worst(fit.rmse, unit)) is not None
     ]

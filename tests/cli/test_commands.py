@@ -26,6 +26,30 @@ def test_knees_and_describe_print(capsys):
         assert word in printed
 
 
+def test_knees_says_which_study_lacks_its_measurement(tmp_path, monkeypatch, capsys):
+    from kneejax.files import _bundled
+
+    for kind in ("knees", "studies"):
+        (tmp_path / kind).mkdir()
+    needy = "title: Needy\nmeasured:\n  file: ../mine/poses.csv\n"
+    (tmp_path / "studies" / "needy.yaml").write_text(needy)
+    (tmp_path / "studies" / "twin.yaml").write_text("title: Twin\nsynthetic: {}\n")
+    monkeypatch.setattr(_bundled, "_data_folder", lambda: tmp_path)
+    table = tmp_path / "mine" / "poses.csv"
+
+    assert main(["knees"]) == 0
+    printed = capsys.readouterr().out
+    assert printed.count("not bundled") == 1
+    assert f"not bundled: {table}\n" in printed
+    assert str(tmp_path / "studies" / "needy.yaml") in printed
+    assert printed.index("Needy") < printed.index("not bundled") < printed.index("Twin")
+
+    table.parent.mkdir()
+    table.write_text(POSES)
+    assert main(["knees"]) == 0
+    assert "not bundled" not in capsys.readouterr().out
+
+
 def test_simulate_then_evaluate(tmp_path, capsys):
     out = tmp_path / "passive"
     assert main(["simulate", "passive-flexion", "--flexion", "0:40:20", "--out", str(out)]) == 0

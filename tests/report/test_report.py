@@ -213,3 +213,86 @@ def test_numbers_read_well(value, text):
     from kneejax.report._numbers import number
 
     assert number(value) == text
+
+
+def _sound(fit):
+    estimates = tuple(
+        dataclasses.replace(e, standard_error=1.0, at_bound=False, remark="")
+        for e in fit.estimates
+    )
+    motion = dataclasses.replace(
+        fit.motion,
+        status=np.zeros(len(fit.motion.status), int),
+        table=np.nan_to_num(fit.motion.table, nan=1.0),
+    )
+    return dataclasses.replace(fit, estimates=estimates, motion=motion, success=True)
+
+
+def test_summary_says_which_procedure_decides_the_exit_status(tmp_path):
+    doubtful = made_up.calibration()
+    text = " ".join(report.calibration_summary(doubtful).split())
+    answer = doubtful.fit.procedure
+    assert f"Procedure {answer}, the first of the study, is the answer and alone" in text
+    assert "exit status (1, in doubt)" in text
+
+    fits = (_sound(doubtful.fit), *doubtful.fits[1:])
+    sound = dataclasses.replace(doubtful, fits=fits, start=_sound(doubtful.fit).motion)
+    assert report.warnings(sound)
+    text = " ".join(report.calibration_summary(sound).split())
+    assert "exit status (0, nothing to doubt)" in text
+    page = report.write_report(sound, tmp_path)[0].read_text(encoding="utf-8")
+    assert "only procedures that are there to compare" in page
+    assert 'class="badge good"' in page
+
+    alone = dataclasses.replace(doubtful, fits=doubtful.fits[:1])
+    assert "exit status" not in report.calibration_summary(alone)
+
+
+@pytest.mark.parametrize(
+    ("method", "name", "why"),
+    [("lbfgsb", "L-BFGS-B", "projected gradient"), ("least_squares", "Levenberg", "negligible")],
+)
+def test_page_and_summary_say_which_optimiser_ran_and_why_it_stopped(tmp_path, method, name, why):
+    calibration = made_up.calibration()
+    fits = (
+        dataclasses.replace(calibration.fit, message="converged"),
+        dataclasses.replace(calibration.fits[1], message="the limit of iterations"),
+    )
+    calibration = dataclasses.replace(calibration, fits=fits, settings={"method": method})
+    page = report.write_report(calibration, tmp_path)[0].read_text(encoding="utf-8")
+    head = page[: page.index("</header>")]
+    assert name in head and why in head
+    assert "the limit of iterations" in page[page.index("Procedures</h2>") :]
+    summary = " ".join(report.calibration_summary(calibration).split())
+    assert name in summary and why in summary
+
+
+def test_a_remark_of_the_search_makes_a_parameter_undetermined():
+    calibration = made_up.calibration()
+    fit = _sound(calibration.fit)
+    wide = "not determined by these data"
+    estimates = (
+        dataclasses.replace(fit.estimates[0], standard_error=1e7, remark=wide),
+        dataclasses.replace(fit.estimates[1], standard_error=1e7, remark=wide),
+        dataclasses.replace(fit.estimates[2], remark=f"{wide}: its ligament is slack"),
+        *fit.estimates[3:],
+    )
+    fit = dataclasses.replace(fit, estimates=estimates)
+    calibration = dataclasses.replace(calibration, fits=(fit,), start=fit.motion)
+    one, two = report.warnings(calibration)
+    assert one.startswith("ACL.stiffness, PCL.stiffness are not determined by the data: ")
+    assert two == "MCL.stiffness is not determined by the data: its ligament is slack."
+
+
+def test_fitted_motion_is_drawn_where_its_errors_are():
+    calibration = made_up.calibration()
+    fit = _sound(calibration.fit)
+    table = calibration.measured.copy()
+    table[:, 5] -= 4.0
+    fit = dataclasses.replace(fit, motion=dataclasses.replace(fit.motion, table=table))
+    calibration = dataclasses.replace(
+        calibration, fits=(fit,), frame_offset=(("lateral", 4.0, 0.1),)
+    )
+    lines = report.motion_figure(calibration).axes[0].lines
+    measured, fitted = (np.asarray(lines[i].get_ydata()) for i in (0, 2))
+    np.testing.assert_allclose(fitted, measured)
