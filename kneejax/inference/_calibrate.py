@@ -20,7 +20,7 @@ from kneejax.inference._uncertainty import uncertainty
 from kneejax.mechanics import Knee
 from kneejax.statics import Status
 
-_PACKAGES = ("kneejax", "jax", "jaxlib", "optimistix", "equinox", "lineax", "numpy")
+_PACKAGES = ("kneejax", "jax", "jaxlib", "optimistix", "equinox", "lineax", "numpy", "jaxopt")
 #: A parameter counts as undetermined when its standard error is beyond this part of its bounds.
 _UNSURE = 0.5
 

@@ -63,7 +63,7 @@ class Selection:
         return len(self.names)
 
     def __str__(self) -> str:
-        return f"{len(self)} free numbers: " + ", ".join(self.names)
+        return f"{len(self)} free number{'s' * (len(self) != 1)}: " + ", ".join(self.names)
 
     def ligament(self, index: int) -> str:
         """Name of the ligament of a parameter."""

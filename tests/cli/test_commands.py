@@ -2,6 +2,9 @@
 
 import csv
 import json
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -79,6 +82,22 @@ def test_a_load_moves_the_tibia_its_way(tmp_path, capsys):
         main(["simulate", "passive-flexion", "--flexion", "0,20,40", "--out", str(out), *load])
         tables.append([float(row["anterior_mm"]) for row in rows(out / "poses.csv")])
     assert (np.array(tables[1]) > np.array(tables[0]) + 0.2).all()
+    capsys.readouterr()
+
+
+def test_a_process_with_shared_fusion_finds_the_same_poses(tmp_path, capsys):
+    """The command sets XLA up before anything is computed; a test's process is past that."""
+    asked = ["simulate", "passive-flexion", "--flexion", "0:60:20", "--load", "anterior=20"]
+    main([*asked, "--out", str(tmp_path / "here")])
+    flags = {k: v for k, v in os.environ.items() if k != "XLA_FLAGS"}
+    command = [sys.executable, "-m", "kneejax.cli", *asked, "--out", str(tmp_path / "there")]
+    done = subprocess.run(command, env=flags, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    tables = [
+        np.array([[float(row[c]) for c in POSES.strip().split(",")] for row in rows(file)])
+        for file in (tmp_path / "here" / "poses.csv", tmp_path / "there" / "poses.csv")
+    ]
+    np.testing.assert_allclose(tables[0], tables[1], atol=1e-7)
     capsys.readouterr()
 
 
