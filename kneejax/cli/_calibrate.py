@@ -24,7 +24,14 @@ from kneejax.files import (
     write_text,
 )
 from kneejax.geometry import FREE_COORDINATES, Pose
-from kneejax.inference import Calibration, calibrate, synthetic_motion, with_values
+from kneejax.inference import (
+    Calibration,
+    calibrate,
+    compile_step,
+    select,
+    synthetic_motion,
+    with_values,
+)
 from kneejax.mechanics import Knee
 from kneejax.statics import Status
 
@@ -40,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
     _progress(f"{study.title}: compiling, then balancing every pose")
     poses = len(study.synthetic.flexion_deg) if study.synthetic else len(read_measured(study))
     # XLA compiles without holding Python: what comes last gets ready beside the search.
-    threading.Thread(target=_get_ready, args=(knee, poses)).start()
+    threading.Thread(target=_get_ready, args=(knee, study, poses)).start()
     if study.synthetic is not None:
         truth = dict(study.synthetic.parameters)
         measured = synthetic_motion(
@@ -77,14 +84,16 @@ def run(arguments: argparse.Namespace) -> int:
     return _write(result, arguments.out)
 
 
-def _get_ready(knee: Knee, poses: int) -> None:
-    """Import the report and compile the mechanics of as many poses as there will be."""
+def _get_ready(knee: Knee, study: Study, poses: int) -> None:
+    """Import the report; compile a step of the search and the mechanics of as many poses."""
     import kneejax.report  # noqa: F401
 
     meeting = np.zeros((knee.patch_count, 2, poses))
     # Whatever may be wrong here is met again, and said, where the result is needed.
     with contextlib.suppress(Exception):
         evaluate(knee, Pose.from_table(np.zeros((poses, 6))), meeting)
+        offsets = len(set(study.frame_offset) - {"flexion"})
+        compile_step(len(select(knee, study.parameters)) + offsets, 5 * poses)
 
 
 def _write(result: Calibration, out) -> int:

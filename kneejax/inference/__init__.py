@@ -1,6 +1,7 @@
 """Parameters from measurements, with what the measurements can and cannot tell."""
 
 from kneejax.inference._bounded import BoundedLevenbergMarquardt as BoundedLevenbergMarquardt
+from kneejax.inference._bounded import compile_step as compile_step
 from kneejax.inference._calibrate import calibrate as calibrate
 from kneejax.inference._calibrate import versions as versions
 from kneejax.inference._parameters import QUANTITIES as QUANTITIES

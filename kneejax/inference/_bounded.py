@@ -165,3 +165,19 @@ class BoundedLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
 @eqx.filter_jit
 def _update(solver, y, residual, jacobian, state):
     return solver.following(solver.judged(y, residual, jacobian, state))
+
+
+def compile_step(unknowns: int, residuals: int) -> None:
+    """Compile a step for problems of a size, for instance while something else is computed.
+
+    Args:
+        unknowns: number of variables.
+        residuals: number of residuals.
+    """
+    x, tags = jnp.zeros(unknowns), frozenset()
+    solver = BoundedLevenbergMarquardt(  # pyright: ignore[reportCallIssue]
+        x, x + 1.0, jacobian_from_aux=True
+    )
+    state = solver.init(None, x, None, {}, jax.ShapeDtypeStruct((residuals,), float), None, tags)
+    answer = jnp.zeros(residuals), (jnp.zeros((residuals, unknowns)),)
+    solver.step(lambda *_: answer, x, None, {}, state, tags)

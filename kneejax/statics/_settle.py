@@ -117,7 +117,7 @@ def poses_on_the_way(start: ArrayLike, flexion: ArrayLike) -> int:
 def first_guess(knee: Knee, flexion: Array) -> Guess:
     """The knee's reference pose at a flexion; `settle` looks for the meeting points."""
     q = jnp.stack(jnp.broadcast_arrays(*knee.reference_pose.state, flexion)[:5])
-    return Guess(q, jnp.full((knee.patch_count, 2, *jnp.shape(flexion)), jnp.nan))
+    return Guess(q, jnp.full((knee.patch_count, 2, *jnp.shape(flexion)), jnp.nan, float))
 
 
 def with_meeting(knee: Knee, flexion: Array, q: Array) -> Guess:

@@ -113,6 +113,20 @@ def test_closed_form_and_sum_agree_when_the_patch_is_small(law, semi):
     assert patch[1] == pytest.approx(summed[1], rel=3e-5)
 
 
+@pytest.mark.parametrize("semi", [BALL, EGG], ids=["sphere", "ellipsoid"])
+def test_force_and_energy_of_both_forms_agree_to_a_millionth_with_enough_points(
+    semi, slope_on_log_axes
+):
+    depth, counts = 1e-6, (96, 192, 384, 768)
+    patch = ellipsoid_on_plane(semi, depth, "linear", layer=3 * depth)
+    summed = [
+        ellipsoid_on_plane(semi, depth, "linear", n, layer=3 * depth, margin=1.02) for n in counts
+    ]
+    errors = np.abs(np.array(summed) / patch - 1.0)
+    assert (errors[-1] < 1e-6).all()
+    assert slope_on_log_axes(counts, errors[:, 1]) < -1.8
+
+
 @pytest.mark.parametrize("law", ["linear", "log"])
 def test_the_closed_form_is_exact_for_a_paraboloid_on_a_plane(law):
     # An upturned paraboloid, y = -x^2 / 60 - z^2 / 40, above a plane: radii 30 and 20 mm.
