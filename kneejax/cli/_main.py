@@ -97,7 +97,48 @@ def _build_parser() -> argparse.ArgumentParser:
     calibrate.add_argument("study", nargs="?", help="study file or bundled study")
     calibrate.add_argument("--out", type=Path, default=Path("kneejax-calibration"))
     calibrate.set_defaults(run=_lazily("_calibrate"))
+
+    view = commands.add_parser("view", help="draw a knee in space, at poses")
+    view.add_argument("knee", help="bundled name or knee file")
+    view.add_argument("poses", nargs="?", type=Path, help="CSV of poses; the reference pose else")
+    view.add_argument("--out", type=Path, default=Path("kneejax-view"))
+    _add_convention(view)
+    view.set_defaults(run=_lazily("_view"))
+
+    _add_import(commands.add_parser("import", help="make a knee from a model or from meshes"))
+    _add_export(commands.add_parser("export", help="write a knee's numbers into a model"))
     return parser
+
+
+def _add_import(parser: argparse.ArgumentParser) -> None:
+    kinds = parser.add_subparsers(dest="kind", required=True, parser_class=_Parser)
+    sides = ["r", "l"]
+
+    osim = kinds.add_parser("osim", help="an OpenSim model, schema 3 or 4")
+    osim.add_argument("file", type=Path)
+    osim.add_argument("--side", choices=sides, required=True)
+    osim.add_argument("--geometry", type=Path, help="folder of the model's cartilage meshes")
+    osim.add_argument("--out", type=Path, default=Path("kneejax-import"))
+    osim.set_defaults(run=_lazily("_import_osim"))
+
+    stl = kinds.add_parser("stl", help="cartilage (and bone) meshes")
+    stl.add_argument("--femur-cartilage", type=Path, required=True)
+    stl.add_argument("--tibia-cartilage", type=Path, required=True)
+    stl.add_argument("--femur-bone", type=Path, help="for the layer's thickness")
+    stl.add_argument("--tibia-bone", type=Path, help="for the layer's thickness")
+    stl.add_argument("--side", choices=sides, required=True)
+    stl.add_argument("--knee", help="knee whose ligaments are kept; its contacts are replaced")
+    stl.add_argument("--out", type=Path, default=Path("kneejax-import"))
+    stl.set_defaults(run=_lazily("_import_stl"))
+
+
+def _add_export(parser: argparse.ArgumentParser) -> None:
+    kinds = parser.add_subparsers(dest="kind", required=True, parser_class=_Parser)
+    osim = kinds.add_parser("osim", help="into the OpenSim model that the knee came from")
+    osim.add_argument("knee", help="bundled name or knee file")
+    osim.add_argument("model", type=Path, help="the original model; it is not changed")
+    osim.add_argument("--out", type=Path, required=True, help="the new model")
+    osim.set_defaults(run=_lazily("_export_osim"))
 
 
 def _add_convention(parser: argparse.ArgumentParser) -> None:
