@@ -5,6 +5,8 @@ The checks leave the document as it is. `_knee_file` builds a knee from a checke
 
 from __future__ import annotations
 
+import fnmatch
+
 import numpy as np
 
 from kneejax.files._schema import Field
@@ -18,21 +20,29 @@ SIDES = ("right", "left")
 SLACK_FIELDS = ("reference_strain", "slack_length_mm", "reference_force_N")
 #: Fields of a knee file, in the order in which they are written; likewise those below.
 KNEE_FIELDS = (
-    "kneejax", "name", "side", "description", "reference_pose", "ligaments", "contacts", "lines",
-    "loads", "adaptations", "notes",
+    "kneejax", "name", "side", "description", "reference_pose", "ligaments", "contacts", "wraps",
+    "groups", "lines", "loads", "adaptations", "notes",
 )
 POSE_FIELDS = (
     "flexion_deg", "adduction_deg", "internal_rotation_deg", "anterior_mm", "superior_mm",
     "lateral_mm", "source",
 )
 LIGAMENT_FIELDS = (
-    "femoral_attachment_mm", "tibial_attachment_mm", "stiffness_N", *SLACK_FIELDS,
-    "transition_strain", "transition_width", "source",
+    "femoral_attachment_mm", "via_points", "tibial_attachment_mm", "wrap", "stiffness_N",
+    *SLACK_FIELDS, "transition_strain", "transition_width", "damping_s", "source",
 )
+_OPTIONAL_OF_LIGAMENT = ("via_points", "wrap", "damping_s", *SLACK_FIELDS)
+VIA_FIELDS = ("bone", "point_mm")
 CONTACT_FIELDS = (
     "form", "points", "law", "youngs_modulus_MPa", "poisson_ratio", "layer_thickness_mm",
-    "onset_width_mm", "femoral_surface", "tibial_surface", "source",
+    "layer_variation_mm", "onset_width_mm", "femoral_surface", "tibial_surface", "source",
 )
+#: Kind of obstacle -> the sizes that it must have.
+WRAPS: dict[str, tuple[str, ...]] = {
+    "sphere": ("radius_mm",),
+    "cylinder": ("radius_mm", "length_mm"),
+    "ellipsoid": ("semi_axes_mm",),
+}
 LINE_FIELDS = ("tension_N", "insertion_mm", "origin_mm", "source")
 LOAD_FIELDS = ("force_N", "moment_Nmm", "point_mm", "axes", "point_in", "source")
 ADAPTATION_FIELDS = ("field", "from", "to", "reason")
@@ -77,10 +87,16 @@ def check_knee(document: Field) -> dict[str, str]:
     document["description"].text()
     sources: dict[str, str] = {}
     _check_pose(document["reference_pose"], sources)
-    for _, ligament in document["ligaments"].named("a ligament"):
-        _check_ligament(ligament, sources)
-    for _, contact in document["contacts"].named("a contact"):
+    wraps = document["wraps"].named("an obstacle") if "wraps" in document else []
+    for _, wrap in wraps:
+        _check_wrap(wrap, sources)
+    # A model without meshes has no contacts yet, meshes alone have no ligaments.
+    for _, ligament in document["ligaments"].named("a ligament", empty=True):
+        _check_ligament(ligament, sources, tuple(name for name, _ in wraps))
+    for _, contact in document["contacts"].named("a contact", empty=True):
         _check_contact(contact, sources)
+    if "groups" in document:
+        _check_groups(document["groups"], tuple(document["ligaments"].value))
     for section, check in (("lines", _check_line), ("loads", _check_load)):
         if section in document:
             for _, part in document[section].named(f"one of the {section}"):
@@ -106,11 +122,18 @@ def _check_pose(pose: Field, sources: dict[str, str]) -> None:
         sources[pose.path] = pose["source"].text()
 
 
-def _check_ligament(ligament: Field, sources: dict[str, str]) -> None:
-    required = [name for name in LIGAMENT_FIELDS if name not in SLACK_FIELDS]
-    ligament.mapping(required, SLACK_FIELDS)
+def _check_ligament(ligament: Field, sources: dict[str, str], wraps: tuple[str, ...]) -> None:
+    required = [name for name in LIGAMENT_FIELDS if name not in _OPTIONAL_OF_LIGAMENT]
+    ligament.mapping(required, _OPTIONAL_OF_LIGAMENT)
     _point(ligament["femoral_attachment_mm"])
     _point(ligament["tibial_attachment_mm"])
+    for via in ligament["via_points"].items("via points") if "via_points" in ligament else ():
+        via.mapping(VIA_FIELDS)["bone"].choice(BONES)
+        _point(via["point_mm"])
+    if "wrap" in ligament:
+        ligament["wrap"].choice(wraps or ("none: the file has no section wraps",))
+    if "damping_s" in ligament:
+        ligament["damping_s"].number(at_least=0)
     ligament["stiffness_N"].number(above=0)
     given = [name for name in SLACK_FIELDS if name in ligament]
     if len(given) != 1:
@@ -125,15 +148,43 @@ def _check_ligament(ligament: Field, sources: dict[str, str]) -> None:
         raise field.problem(f"a length of at least 1 mm{_METRES}")
     ligament["transition_strain"].number(above=0, below=0.5, what="a strain (not percent)")
     ligament["transition_width"].number(above=0, below=0.5, what="a strain (not percent)")
-    _check_source(ligament, sources, without=("transition_width",))
+    _check_source(ligament, sources, without=("transition_width", "wrap"))
+
+
+def _check_wrap(wrap: Field, sources: dict[str, str]) -> None:
+    if not isinstance(wrap.value, dict) or "kind" not in wrap:
+        raise wrap.problem(f"a mapping with the field kind, one of {', '.join(WRAPS)}")
+    sizes = WRAPS[wrap["kind"].choice(WRAPS)]
+    wrap.mapping(("kind", "bone", "center_mm", *sizes, "source"), ("rotation_deg",))
+    wrap["bone"].choice(BONES)
+    _point(wrap["center_mm"])
+    if "rotation_deg" in wrap:
+        wrap["rotation_deg"].numbers(3, at_least=-360, at_most=360)
+    for name in sizes:
+        size = wrap[name]
+        _sizes(size, size.numbers(3) if name == "semi_axes_mm" else [size.number()])
+    _check_source(wrap, sources, without=("kind", "bone"))
+
+
+def _check_groups(groups: Field, ligaments: tuple[str, ...]) -> None:
+    for name, group in groups.named("a list of ligaments"):
+        if name in ligaments:
+            raise group.problem("a group's name that is not a ligament's")
+        for pattern in group.items("names of ligaments, or patterns such as ACL*"):
+            if not fnmatch.filter(ligaments, pattern.text()):
+                raise pattern.problem(
+                    "the name of a ligament, or a pattern that fits one", ligaments
+                )
 
 
 def _check_contact(contact: Field, sources: dict[str, str]) -> None:
-    contact.mapping([name for name in CONTACT_FIELDS if name != "points"], ["points"])
+    optional = ("points", "layer_variation_mm")
+    contact.mapping([name for name in CONTACT_FIELDS if name not in optional], optional)
     form = contact["form"].choice(FORMS)
+    for name in optional:
+        if name in contact and form != QUADRATURE:
+            raise contact[name].problem(f"no {name} unless form is {QUADRATURE}")
     if "points" in contact:
-        if form != QUADRATURE:
-            raise contact["points"].problem(f"no points unless form is {QUADRATURE}")
         for count in contact["points"].items("numbers of points", 2):
             count.integer(2)
     contact["law"].choice(cartilage_law.LAWS)
@@ -144,11 +195,18 @@ def _check_contact(contact: Field, sources: dict[str, str]) -> None:
     thickness = contact["layer_thickness_mm"]
     if thickness.number(above=0, below=50) < 0.1:
         raise thickness.problem(f"a thickness of at least 0.1 mm{_METRES}")
+    if "layer_variation_mm" in contact:
+        variation = contact["layer_variation_mm"]
+        if thickness.value + _values(variation).min() < 0.1:
+            raise variation.problem("a layer of at least 0.1 mm all over the region")
     contact["onset_width_mm"].number(above=0, below=5)
     for name in ("femoral_surface", "tibial_surface"):
         check_surface(contact[name])
         sources[contact[name].path] = contact[name]["source"].text()
-    surfaces = ("form", "points", "law", "onset_width_mm", "femoral_surface", "tibial_surface")
+    surfaces = (
+        "form", "points", "law", "onset_width_mm", "layer_variation_mm", "femoral_surface",
+        "tibial_surface",
+    )
     _check_source(contact, sources, without=surfaces)
 
 

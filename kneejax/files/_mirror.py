@@ -22,7 +22,7 @@ from typing import Any
 
 _POINTS = (
     "femoral_attachment_mm", "tibial_attachment_mm", "axis_point_mm", "origin_mm", "center_mm",
-    "insertion_mm", "force_N", "point_mm",
+    "insertion_mm", "force_N", "point_mm",  # via points among them
 )
 _TURNS = ("axis_rotation_deg", "rotation_deg", "moment_Nmm")
 _REGIONS = ("width_mm", "lateral_mm")
@@ -39,7 +39,7 @@ def mirror_document(document: dict[str, Any]) -> dict[str, Any]:
     """
     twin = copy.deepcopy(document)
     twin["side"] = "left" if document["side"] == "right" else "right"
-    for section in ("ligaments", "contacts", "lines", "loads"):
+    for section in ("ligaments", "contacts", "wraps", "lines", "loads"):
         if section in twin:
             twin[section] = {name: _mirrored(part) for name, part in twin[section].items()}
     return twin
@@ -52,6 +52,8 @@ def _mirrored(part: dict[str, Any]) -> dict[str, Any]:
 def _mirrored_field(name: str, value: Any) -> Any:
     if name in ("femoral_surface", "tibial_surface"):
         return _mirrored(value)
+    if name == "via_points":
+        return [_mirrored(point) for point in value]
     if name in _POINTS:
         if isinstance(value[0], list):
             return [_mirrored_field(name, row) for row in value]
@@ -60,7 +62,7 @@ def _mirrored_field(name: str, value: Any) -> Any:
         return [_negative(value[0]), _negative(value[1]), value[2]]
     if name in _REGIONS:
         return [_negative(value[1]), _negative(value[0])]
-    if name == "coefficients_mm":
+    if name in ("coefficients_mm", "layer_variation_mm"):
         return [[_negative(c) if j % 2 else c for j, c in enumerate(row)] for row in value]
     return value
 

@@ -60,9 +60,9 @@ class Field:
                 raise InputProblem(self.file, f"{prefix}{name}", "missing", "this field")
         return self
 
-    def named(self, kind: str) -> list[tuple[str, Field]]:
+    def named(self, kind: str, empty: bool = False) -> list[tuple[str, Field]]:
         """Names and fields of a mapping whose names a person chooses; at least one."""
-        if not isinstance(self.value, dict) or not self.value:
+        if not isinstance(self.value, dict) or not (self.value or empty):
             raise self.problem(f"a mapping from a name to {kind}")
         for name in self.value:
             if not isinstance(name, str) or not _NAME.fullmatch(name):
