@@ -6,8 +6,10 @@ to a stable balance. Where the tangent is not positive definite, or a step was r
 of the identity is added to it. Lanes decide alone: one bad lane slows the others but never
 changes them.
 
-A tangent costs six times a force, so it is kept while steps still shrink by `_GOOD`, and computed
-anew when a quarter of the lanes that still search ask for that.
+A tangent is kept while steps still shrink by `_GOOD`, and computed anew when a quarter of the lanes
+that still search ask for that. With shared fusion it takes 0.10 ms over 25 lanes and 1.1 ms over
+256; a look, which is a force and a step of the meeting points, 0.03 and 0.18 ms: a fourth to a
+sixth of that. Forces without anything else are down to an eleventh.
 """
 
 from __future__ import annotations
@@ -103,14 +105,12 @@ class EnergyNewton(optx.AbstractRootFinder):
         most_steps: steps before the lanes that still search are given up.
         least_share: part of all lanes that must ask before tangents are computed anew; those that
             ask in vain go on with what they have. For batches that search stragglers again.
-        with_tangent: whether the tangent at the end belongs to the solution.
     """
 
     rtol: float = 0.0
     atol: float = 1e-9
     most_steps: int = 40
     least_share: float = 0.0
-    with_tangent: bool = True
     norm: ClassVar[Callable[..., Any]] = optx.max_norm
 
     def init(self, fn, y, args, options, f_struct, aux_struct, tags) -> SearchState:
@@ -216,8 +216,7 @@ class EnergyNewton(optx.AbstractRootFinder):
 
     def terminate(self, fn, y, args, options, state, tags):
         # One round more, at the solution, gives the tangent there.
-        ended = state.ended if self.with_tangent else self._over(state)
-        return ended, optx.RESULTS.successful
+        return state.ended, optx.RESULTS.successful
 
     def postprocess(self, fn, y, aux, args, options, state, tags, result):
         return self._trial(state), state, {}
