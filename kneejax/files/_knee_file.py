@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import fnmatch
 import os
 from pathlib import Path
 from typing import Any
@@ -20,15 +21,20 @@ from kneejax.geometry import (
     Condyle,
     Ellipsoid,
     Frame,
+    Obstacle,
     Plane,
     Plateau,
     Pose,
     Sphere,
     Surface,
+    WrapCylinder,
+    WrapEllipsoid,
+    WrapSphere,
 )
 from kneejax.mechanics import (
     ConstantTensionLine,
     Contact,
+    Course,
     Knee,
     Ligaments,
     Load,
@@ -147,7 +153,7 @@ def _build(document: dict[str, Any], side: str, file: str) -> Knee:
     stated = document["reference_pose"]
     pose = Pose.from_table([float(stated[column]) for column in COLUMNS])
     return Knee(
-        ligaments=_ligaments(document["ligaments"], pose, file),
+        ligaments=_ligaments(document["ligaments"], document.get("wraps", {}), pose, file),
         contacts=tuple(_contact(part) for part in document["contacts"].values()),
         loads=tuple(_load(part, name) for name, part in document.get("loads", {}).items()),
         lines=tuple(
@@ -156,12 +162,17 @@ def _build(document: dict[str, Any], side: str, file: str) -> Knee:
         ),
         reference_pose=pose,
         contact_names=tuple(document["contacts"]),
+        groups=_groups(document),
         name=document["name"].strip(),
         side=side,
     )
 
 
-def _ligaments(parts: dict[str, Any], pose: Pose, file: str) -> Ligaments:
+def _ligaments(
+    parts: dict[str, Any], wraps: dict[str, Any], pose: Pose, file: str
+) -> Ligaments:
+    courses = _courses(parts, wraps)
+
     def column(name: str) -> np.ndarray:
         return np.array([part[name] for part in parts.values()], float)
 
@@ -174,10 +185,14 @@ def _ligaments(parts: dict[str, Any], pose: Pose, file: str) -> Ligaments:
             column("transition_strain"),
             column("transition_width"),
             tuple(parts),
+            courses,
         )
 
-    lengths = np.asarray(fibres(np.ones(len(parts))).length(pose.placement))
+    unloaded = fibres(np.ones(len(parts)))
+    lengths = np.asarray(unloaded.length(pose.placement))
     _check_lengths(parts, lengths, file)
+    if courses:
+        _check_ends(parts, np.asarray(unloaded.wrap(pose.placement).inside), file)
     slack = [_slack(part, length) for part, length in zip(parts.values(), lengths, strict=True)]
     for name, value in zip(parts, slack, strict=True):
         if not np.isfinite(value) or value <= 0:
@@ -187,6 +202,43 @@ def _ligaments(parts: dict[str, Any], pose: Pose, file: str) -> Ligaments:
                 file, place, parts[name][given], "a value that gives a positive slack length"
             )
     return fibres(np.array(slack))
+
+
+def _courses(parts: dict[str, Any], wraps: dict[str, Any]) -> list[Course]:
+    """Fibres that are not straight, together where bones and obstacle are the same."""
+    kinds: dict[tuple, list[int]] = {}
+    for row, part in enumerate(parts.values()):
+        bones = tuple(via["bone"] for via in part.get("via_points", ()))
+        if bones or "wrap" in part:
+            kinds.setdefault((bones, part.get("wrap")), []).append(row)
+    fibres, courses = list(parts.values()), []
+    for (bones, name), rows in kinds.items():
+        via = [
+            [fibres[row]["via_points"][k]["point_mm"] for row in rows] for k in range(len(bones))
+        ]
+        points = np.array(via, float) if bones else None
+        wrap = wraps[name] if name else None
+        bone = wrap["bone"] if wrap else "tibia"
+        courses.append(Course(rows, points, bones, _obstacle(wrap) if wrap else None, bone))
+    return courses
+
+
+def _obstacle(wrap: dict[str, Any]) -> Obstacle:
+    frame = _frame(wrap, "center_mm", "rotation_deg")
+    if wrap["kind"] == "sphere":
+        return WrapSphere(wrap["radius_mm"], frame)
+    if wrap["kind"] == "cylinder":
+        return WrapCylinder(wrap["radius_mm"], wrap["length_mm"], frame)
+    return WrapEllipsoid(wrap["semi_axes_mm"], frame)
+
+
+def _groups(document: dict[str, Any]) -> tuple[tuple[str, tuple[str, ...]], ...]:
+    names = document["ligaments"]
+
+    def members(patterns: list[str]) -> tuple[str, ...]:
+        return tuple(n for n in names if any(fnmatch.fnmatchcase(n, p) for p in patterns))
+
+    return tuple((name, members(rows)) for name, rows in document.get("groups", {}).items())
 
 
 def _slack(part: dict[str, Any], length: float) -> float:
@@ -201,7 +253,7 @@ def _slack(part: dict[str, Any], length: float) -> float:
 
 def _check_lengths(parts: dict[str, Any], lengths: np.ndarray, file: str) -> None:
     ends = ("femoral_attachment_mm", "tibial_attachment_mm")
-    largest = max(abs(x) for part in parts.values() for end in ends for x in part[end])
+    largest = max((abs(x) for part in parts.values() for e in ends for x in part[e]), default=0.0)
     for name, length in zip(parts, lengths, strict=True):
         if 1 <= length <= 300:
             continue
@@ -212,6 +264,13 @@ def _check_lengths(parts: dict[str, Any], lengths: np.ndarray, file: str) -> Non
             expected += "; a smaller unit than mm, or attachments in another frame, are suspected"
         value = f"{length:.4g} mm at the reference pose"
         raise InputProblem(file, f"ligaments.{name}", value, expected)
+
+
+def _check_ends(parts: dict[str, Any], inside: np.ndarray, file: str) -> None:
+    for (name, part), wrong in zip(parts.items(), inside, strict=True):
+        if wrong:
+            expected = "attachments and via points outside it at the reference pose"
+            raise InputProblem(file, f"ligaments.{name}.wrap", part["wrap"], expected)
 
 
 def _contact(part: dict[str, Any]) -> Contact:
@@ -225,6 +284,7 @@ def _contact(part: dict[str, Any]) -> Contact:
         law=part["law"],
         form=part["form"],
         points=tuple(part.get("points", (24, 24))),
+        layer_variation=part.get("layer_variation_mm"),
     )
 
 
@@ -258,6 +318,7 @@ def _ordered(document: dict[str, Any]) -> dict[str, Any]:
     for section, fields in (
         ("ligaments", schema.LIGAMENT_FIELDS),
         ("contacts", schema.CONTACT_FIELDS),
+        ("wraps", schema.WRAP_FIELDS),
         ("lines", schema.LINE_FIELDS),
         ("loads", schema.LOAD_FIELDS),
     ):

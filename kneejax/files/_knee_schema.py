@@ -43,6 +43,9 @@ WRAPS: dict[str, tuple[str, ...]] = {
     "cylinder": ("radius_mm", "length_mm"),
     "ellipsoid": ("semi_axes_mm",),
 }
+WRAP_FIELDS = (
+    "kind", "bone", "center_mm", "rotation_deg", "semi_axes_mm", "radius_mm", "length_mm", "source",
+)
 LINE_FIELDS = ("tension_N", "insertion_mm", "origin_mm", "source")
 LOAD_FIELDS = ("force_N", "moment_Nmm", "point_mm", "axes", "point_in", "source")
 ADAPTATION_FIELDS = ("field", "from", "to", "reason")
@@ -95,6 +98,8 @@ def check_knee(document: Field) -> dict[str, str]:
         _check_ligament(ligament, sources, tuple(name for name, _ in wraps))
     for _, contact in document["contacts"].named("a contact", empty=True):
         _check_contact(contact, sources)
+    if not document["ligaments"].value and not document["contacts"].value:
+        raise document["ligaments"].problem("a mapping from a name to a ligament, or contacts")
     if "groups" in document:
         _check_groups(document["groups"], tuple(document["ligaments"].value))
     for section, check in (("lines", _check_line), ("loads", _check_load)):

@@ -1,5 +1,8 @@
 """Rigid motions, coordinate conventions and analytic surfaces. Knows no mechanics."""
 
+from kneejax.geometry._bases import BASES as BASES
+from kneejax.geometry._bases import CUBIC_SPLINE as CUBIC_SPLINE
+from kneejax.geometry._bases import POWER as POWER
 from kneejax.geometry._condyle import Condyle as Condyle
 from kneejax.geometry._conventions import CONVENTIONS as CONVENTIONS
 from kneejax.geometry._conventions import convert as convert
@@ -12,6 +15,7 @@ from kneejax.geometry._fitting import fit_plateau as fit_plateau
 from kneejax.geometry._fitting import fit_sphere as fit_sphere
 from kneejax.geometry._fitting import fit_transverse_axis as fit_transverse_axis
 from kneejax.geometry._plateau import Plateau as Plateau
+from kneejax.geometry._polynomials import partials as partials
 from kneejax.geometry._pose import COLUMNS as COLUMNS
 from kneejax.geometry._pose import COORDINATES as COORDINATES
 from kneejax.geometry._pose import FREE_COORDINATES as FREE_COORDINATES
@@ -31,6 +35,7 @@ from kneejax.geometry._surface import Jet as Jet
 from kneejax.geometry._surface import Surface as Surface
 from kneejax.geometry._surface import area_element as area_element
 from kneejax.geometry._surface import inside as inside
+from kneejax.geometry._surface import scaled as scaled
 from kneejax.geometry._surface import jet as jet
 from kneejax.geometry._surface import normal as normal
 from kneejax.geometry._surface import principal_curvatures as principal_curvatures
@@ -38,9 +43,17 @@ from kneejax.geometry._vectors import Vector as Vector
 from kneejax.geometry._vectors import add as add
 from kneejax.geometry._vectors import cross as cross
 from kneejax.geometry._vectors import dot as dot
+from kneejax.geometry._vectors import full as full
 from kneejax.geometry._vectors import norm as norm
 from kneejax.geometry._vectors import rotate as rotate
 from kneejax.geometry._vectors import scale as scale
 from kneejax.geometry._vectors import subtract as subtract
 from kneejax.geometry._vectors import transpose as transpose
 from kneejax.geometry._vectors import vector as vector
+from kneejax.geometry._wrapping import Obstacle as Obstacle
+from kneejax.geometry._wrapping import TautPath as TautPath
+from kneejax.geometry._wrapping import WrapCylinder as WrapCylinder
+from kneejax.geometry._wrapping import WrapEllipsoid as WrapEllipsoid
+from kneejax.geometry._wrapping import WrapSphere as WrapSphere
+from kneejax.geometry._wrapping import path_points as path_points
+from kneejax.geometry._wrapping import taut as taut

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.geometry._polynomials import partials
+from kneejax.geometry._bases import CUBIC_SPLINE, POWER, checked_basis, table_partials
 from kneejax.geometry._pose import Frame
 from kneejax.geometry._safe import safe_sqrt
 from kneejax.geometry._surface import Jet, Surface, from_anterior, scaled
@@ -14,16 +15,18 @@ from kneejax.geometry._vectors import Vector
 
 
 class Condyle(Surface):
-    """Radius as a polynomial of angle and width about a transverse axis (the frame's Z).
+    """Radius over angle and width about a transverse axis (the frame's Z).
 
     The angle runs from anterior (0) through distal (90 degrees) to posterior (180 degrees).
 
     Attributes:
-        coefficients: shape `(m + 1, n + 1, ...)`, mm: powers of the angle and of the width,
-            both scaled to -1..1 over the region.
+        coefficients: mm. Basis `power`: shape `(m + 1, n + 1, ...)`, powers of the angle and of
+            the width, both scaled to -1..1 over the region. Basis `cubic_spline`: shape
+            `(m + 3, n + 3, ...)`, control values of `m x n` equal cells over the region.
         angle: lower and upper end of the region, rad, shape `(2, ...)`.
         width: lower and upper end of the region along the axis, mm, shape `(2, ...)`.
         frame: placement in the femur.
+        basis: `power` or `cubic_spline`.
 
     Source: paper 3, section 2 (fourth-order polynomials in cylindrical coordinates).
     """
@@ -32,6 +35,7 @@ class Condyle(Surface):
     angle: Array
     width: Array
     frame: Frame
+    basis: str = eqx.field(static=True)
 
     def __init__(
         self,
@@ -39,17 +43,22 @@ class Condyle(Surface):
         angle: ArrayLike,
         width: ArrayLike,
         frame: Frame | None = None,
+        basis: str = POWER,
     ):
         self.coefficients = jnp.asarray(coefficients, float)
         self.angle = jnp.asarray(angle, float)
         self.width = jnp.asarray(width, float)
         self.frame = Frame() if frame is None else frame
+        self.basis = basis
+
+    def __check_init__(self):
+        checked_basis(self.basis, self.coefficients.shape, "Condyle")
 
     def radius(self, angle: Array, width: Array) -> Array:
         """Distance of the surface from the axis, mm."""
         s, _ = scaled(angle, self.angle)
         t, _ = scaled(width, self.width)
-        return partials(self.coefficients, s, t, 0)[0][0]
+        return self._table(s, t, 0)[0][0]
 
     def point(self, a: Array, b: Array) -> Vector:
         radius = self.radius(a, b)
@@ -58,7 +67,7 @@ class Condyle(Surface):
     def jet(self, a: Array, b: Array, order: int = 2) -> Jet:
         s, by_a = scaled(a, self.angle)
         t, by_b = scaled(b, self.width)
-        d = partials(self.coefficients, s, t, order)
+        d = self._table(s, t, order)
 
         def r(i: int, j: int) -> Array:
             return d[i][j] * by_a**i * by_b**j
@@ -83,14 +92,41 @@ class Condyle(Surface):
 
     def level(self, point: Vector) -> Array:
         x, y, z = point
+        distance = safe_sqrt(x * x + y * y)
+        radius, by_angle, by_width = self._beyond(from_anterior(x, y), z)
+        steep = (by_angle / jnp.where(radius > 1.0, radius, 1.0)) ** 2 + by_width**2
+        return (distance - radius) / jnp.sqrt(1.0 + steep)
+
+    def level_and_slope(self, point: Vector) -> tuple[Array, Vector]:
+        x, y, z = point
         angle = from_anterior(x, y)
         distance = safe_sqrt(x * x + y * y)
-        # Beyond its region a polynomial says nothing: hold its edge value there.
-        s, by_angle = scaled(jnp.clip(angle, self.angle[0], self.angle[1]), self.angle)
-        t, by_width = scaled(jnp.clip(z, self.width[0], self.width[1]), self.width)
-        (radius, slope_t), (slope_s,) = partials(self.coefficients, s, t, 1)
-        steep = (slope_s * by_angle / radius) ** 2 + (slope_t * by_width) ** 2
-        return (distance - radius) / jnp.sqrt(1.0 + steep)
+        radius, by_angle, by_width = self._beyond(angle, z)
+        by_angle = jnp.where((angle > self.angle[0]) & (angle < self.angle[1]), by_angle, 0.0)
+        if self.basis == POWER:
+            by_width = jnp.where((z > self.width[0]) & (z < self.width[1]), by_width, 0.0)
+        per_distance = 1.0 / jnp.where(distance > 0, distance, 1.0)
+        c, s, turn = x * per_distance, y * per_distance, by_angle * per_distance
+        return distance - radius, (c - turn * s, s + turn * c, -by_width)
+
+    def _table(self, s: Array, t: Array, order: int) -> tuple[tuple[Array, ...], ...]:
+        return table_partials(self.basis, self.coefficients, s, t, order)
+
+    def _beyond(self, angle: Array, width: Array) -> tuple[Array, Array, Array]:
+        """Radius, mm, and its slopes at the nearest place of the region, mm/rad and mm/mm."""
+        nearest = jnp.clip(width, self.width[0], self.width[1])
+        s, by_s = scaled(jnp.clip(angle, self.angle[0], self.angle[1]), self.angle)
+        t, by_t = scaled(nearest, self.width)
+        # Beyond its region a table says nothing: its edge value is held there.
+        (radius, slope_t), (slope_s,) = self._table(s, t, 1)
+        by_width = slope_t * by_t
+        if self.basis == CUBIC_SPLINE:
+            # A spline reaches to the cartilage's borders, where it falls off towards the notch and
+            # the epicondyle: an edge value held would be a bar of bone across the notch.
+            away = width - nearest
+            by_width = jnp.where(away == 0.0, by_width, -jnp.sign(away))
+            radius = radius - jnp.abs(away)
+        return radius, slope_s * by_s, by_width
 
     def start(self, direction: Vector) -> tuple[Array, Array]:
         angle = jnp.clip(from_anterior(direction[0], direction[1]), self.angle[0], self.angle[1])

@@ -108,9 +108,24 @@ class Surface(eqx.Module):
         third = _rows(hessian)(point) if order == 3 else None
         return Height(value, gradient(point), hessian(point), third)
 
+    def level_and_slope(self, point: Vector) -> tuple[Array, Vector]:
+        """The level, or a function with the same zeros that is cheaper, and its gradient."""
+        point = v.full(point)
+        return self.level(point), _gradient(self.level)(point)
+
     def outwards(self, point: Vector) -> Vector:
         """Direction that leads away from the solid at a point; need not have unit length."""
         return _gradient(self.level)(v.full(point))
+
+    def covered(self, a: Array, b: Array, spacing: tuple[Array, Array]) -> Array | float:
+        """Share of small rectangles of parameters around `(a, b)` that carries cartilage, 0 to 1.
+
+        Args:
+            a: first parameter of their centres.
+            b: second parameter.
+            spacing: their sizes along both parameters.
+        """
+        return 1.0
 
     def knows(self, point: Vector) -> Array:
         """Whether a point on (or near) the surface lies in the region in which it is known."""

@@ -6,9 +6,11 @@ from kneejax.mechanics._contact import ELLIPTICAL_PATCH as ELLIPTICAL_PATCH
 from kneejax.mechanics._contact import FORMS as FORMS
 from kneejax.mechanics._contact import QUADRATURE as QUADRATURE
 from kneejax.mechanics._contact import Contact as Contact
+from kneejax.mechanics._courses import Course as Course
 from kneejax.mechanics._knee import Knee as Knee
 from kneejax.mechanics._knee import add_lane_axis as add_lane_axis
 from kneejax.mechanics._ligaments import Ligaments as Ligaments
+from kneejax.mechanics._ligaments import WrapState as WrapState
 from kneejax.mechanics._loads import BONES as BONES
 from kneejax.mechanics._loads import ConstantTensionLine as ConstantTensionLine
 from kneejax.mechanics._loads import Load as Load

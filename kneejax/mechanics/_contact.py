@@ -9,17 +9,26 @@ depths, at a cost in proportion to its points.
 from __future__ import annotations
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.geometry import Placement, Surface, Vector, inside, positive_part
+from kneejax.geometry import (
+    Placement,
+    Surface,
+    Vector,
+    inside,
+    partials,
+    positive_part,
+    scale,
+)
 from kneejax.mechanics import _cartilage_law as law
 from kneejax.mechanics import _patch
 from kneejax.mechanics._patch import Gap
 from kneejax.mechanics._patch_force import Pressed, press
-from kneejax.mechanics._quadrature import Sampled, sample
-from kneejax.mechanics._wrench import Wrench, wrench_of
+from kneejax.mechanics._quadrature import Points, Sampled, gauss_points, sample
+from kneejax.mechanics._wrench import Wrench
 
 #: The two ways to compute a contact.
 ELLIPTICAL_PATCH, QUADRATURE = "elliptical_patch", "quadrature"
@@ -35,6 +44,9 @@ class Contact(eqx.Module):
         youngs_modulus: MPa.
         poisson_ratio: below 0.5.
         layer_thickness: both cartilages together, mm.
+        layer_variation: what is added to it over the tibial surface, `(m + 1, n + 1, ...)`, mm:
+            powers of both parameters, scaled to -1..1 over the region; None where it is the same
+            everywhere. Read by `QUADRATURE` only.
         onset_width: rounding of the depth's corner at first touch, mm.
         law: pressure law, one of `linear`, `log`, `ratio`.
         form: `elliptical_patch` or `quadrature`.
@@ -46,6 +58,7 @@ class Contact(eqx.Module):
     youngs_modulus: Array
     poisson_ratio: Array
     layer_thickness: Array
+    layer_variation: Array | None
     onset_width: Array
     law: str = eqx.field(static=True)
     form: str = eqx.field(static=True)
@@ -62,12 +75,15 @@ class Contact(eqx.Module):
         law: str = "log",
         form: str = ELLIPTICAL_PATCH,
         points: tuple[int, int] = (24, 24),
+        layer_variation: ArrayLike | None = None,
     ):
         self.femoral = femoral
         self.tibial = tibial
         self.youngs_modulus = jnp.asarray(youngs_modulus, float)
         self.poisson_ratio = jnp.asarray(poisson_ratio, float)
         self.layer_thickness = jnp.asarray(layer_thickness, float)
+        varies = layer_variation is not None
+        self.layer_variation = jnp.asarray(layer_variation, float) if varies else None
         self.onset_width = jnp.asarray(onset_width, float)
         self.law = law
         self.form = form
@@ -123,7 +139,32 @@ class Contact(eqx.Module):
 
     def sample(self, tibia: Placement) -> Sampled:
         """Depth at the quadrature points; see `Sampled`."""
-        return sample(self.femoral, self.tibial, self.femur_to_plateau(tibia), self.points)
+        motion = self.femur_to_plateau(tibia)
+        points = gauss_points(self.tibial, self.points, jnp.ndim(motion.translation[0]))
+        return sample(self.femoral, points, motion)
+
+    def layer(self, points: Points) -> Array:
+        """Thickness of both cartilages at points of the tibial surface, mm."""
+        if self.layer_variation is None:
+            return self.layer_thickness
+        return self.layer_thickness + partials(self.layer_variation, *points.across, 0)[0][0]
+
+    def point_pressure(self, sampled: Sampled) -> Array:
+        """Pressure at points of the tibial surface, MPa, with the rounded onset.
+
+        It is the derivative of the energy per area by the depth.
+        """
+        relative = self.rounded(sampled.depth) / self.layer(sampled.points)
+        steep = self.touching(sampled.depth)
+        return self.modulus * law.relative_pressure(self.law, relative) * steep
+
+    def faults(self, tibia: Placement, sampled: Sampled) -> tuple[Array, Array]:
+        """Whether the overlap is the whole layer somewhere; whether touching points lie outside
+        the region in which the femoral surface is known."""
+        deep = jnp.any(sampled.depth >= self.layer(sampled.points), axis=0)
+        hit = self.femur_to_plateau(tibia).apply_inverse(sampled.hit)
+        outside = (sampled.depth > 0) & ~self.femoral.knows(hit)
+        return deep, jnp.any(outside, axis=0)
 
     def patch_energy(self, gap: Gap) -> Array:
         """Energy of the layer if the patch were centred at a point with this gap, N mm."""
@@ -156,16 +197,27 @@ class Contact(eqx.Module):
         """Of the layer on the tibia, about the tibia's origin in femur axes."""
         if self.has_patch:
             return self.press(tibia, self.meeting(tibia)).wrench
-        return wrench_of(self.energy, tibia)
+        return self.wrench_on_points(tibia, self.sample(tibia))
+
+    def wrench_on_points(self, tibia: Placement, sampled: Sampled) -> Wrench:
+        """As `wrench`, from depths at the quadrature points.
+
+        A displacement of the tibia changes a depth by its slope, at the point where the normal's
+        line leaves the femur: the force is pressure times area times that slope, there.
+        """
+        share = -self.point_pressure(sampled) * sampled.points.area
+        each = Wrench.at(sampled.hit, scale(share, sampled.slope))
+        total = jax.tree.map(lambda x: jnp.sum(x, axis=0), each)
+        return total.moved(self.tibial.frame.placement).turned(tibia)
 
     def energy(self, tibia: Placement) -> Array:
         """Elastic energy of the layer, N mm."""
         if self.has_patch:
             return self.patch_energy(self.gap(tibia, self.meeting(tibia)))
         sampled = self.sample(tibia)
-        relative = self.rounded(sampled.depth) / self.layer_thickness
-        density = law.relative_energy(self.law, relative)
-        return self.modulus * self.layer_thickness * jnp.sum(sampled.area * density, axis=0)
+        layer, area = self.layer(sampled.points), sampled.points.area
+        density = law.relative_energy(self.law, self.rounded(sampled.depth) / layer)
+        return self.modulus * jnp.sum(area * layer * density, axis=0)
 
     def pressure(self, depth: Array) -> Array:
         """Pressure at a depth, MPa, with the rounded onset."""

@@ -29,6 +29,7 @@ class Knee(eqx.Module):
         loads: wrenches on the tibia that act in every experiment on this knee.
         lines: lines of constant tension.
         reference_pose: where reference strains and reference lengths are stated.
+        groups: names that stand for several fibres each.
         name: of the knee.
         side: `right` or `left`, the side it was read from.
     """
@@ -39,6 +40,7 @@ class Knee(eqx.Module):
     lines: tuple[ConstantTensionLine, ...]
     reference_pose: Pose
     contact_names: tuple[str, ...] = eqx.field(static=True)
+    groups: tuple[tuple[str, tuple[str, ...]], ...] = eqx.field(static=True, default=())
     name: str = eqx.field(static=True, default="knee")
     side: str = eqx.field(static=True, default="right")
 
@@ -139,7 +141,7 @@ class Knee(eqx.Module):
         tibia = pose.placement
         rest = [line.wrench(pose.flexion, tibia) for line in self.lines]
         rest += [contact.wrench(tibia) for contact in self.contacts if not contact.has_patch]
-        return [self.ligaments.wrench(tibia), *(wrench.alone() for wrench in rest)]
+        return [*self.ligaments.wrenches(tibia), *(wrench.alone() for wrench in rest)]
 
     def load_work(self, pose: Pose) -> Array:
         """Generalised force of the loads on the five free coordinates, shape `(5, ...)`."""

@@ -1,20 +1,43 @@
-"""Ligaments as straight nonlinear springs between femur and tibia."""
+"""Ligaments as nonlinear springs between femur and tibia, straight or around obstacles."""
 
 from __future__ import annotations
+
+import functools
+import operator
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.geometry import Placement, Vector, add, norm, scale, subtract
+from kneejax.geometry import Placement, Vector, add, full, norm, scale, subtract
 from kneejax.mechanics import _ligament_law as law
+from kneejax.mechanics._courses import Course, Piece
 from kneejax.mechanics._wrench import Wrench
 
 
+class WrapState(eqx.Module):
+    """How fibres pass their obstacles; fibres without one are free.
+
+    Attributes:
+        angle: rad over which a fibre lies on its obstacle, `(n, ...)`; not positive where free.
+        inside: whether an end lies inside the obstacle: its length means nothing then.
+        side: unit direction from the obstacle's centre to the fibre, in the obstacle's frame,
+            each component `(n, ...)`; zero without an obstacle. A jump between poses is a flip.
+        other_side: how much longer the way around the other side is, mm, `(n, ...)`; infinite
+            without an obstacle. Near zero two ways compete.
+    """
+
+    angle: Array
+    inside: Array
+    side: Vector
+    other_side: Array
+
+
 class Ligaments(eqx.Module):
-    """A set of straight fibres, one row each.
+    """A set of fibres, one row each.
 
     Attributes:
         femoral_attachment: shape `(n, 3, ...)`, mm, femur frame.
@@ -23,6 +46,7 @@ class Ligaments(eqx.Module):
         slack_length: shape `(n, ...)`, mm.
         transition_strain: shape `(n, ...)`; the parabola ends there (`2 eps_l` of paper 1).
         transition_width: shape `(n, ...)`; rounding of the law's corners, in strain.
+        courses: of the fibres that have via points or an obstacle; the others are straight.
         names: one name a fibre.
 
     Example:
@@ -37,6 +61,7 @@ class Ligaments(eqx.Module):
     slack_length: Array
     transition_strain: Array
     transition_width: Array
+    courses: tuple[Course, ...]
     names: tuple[str, ...] = eqx.field(static=True)
 
     def __init__(
@@ -48,30 +73,39 @@ class Ligaments(eqx.Module):
         transition_strain: ArrayLike,
         transition_width: ArrayLike,
         names: tuple[str, ...] | list[str],
+        courses: tuple[Course, ...] | list[Course] = (),
     ):
-        self.femoral_attachment = jnp.asarray(femoral_attachment, float)
-        self.tibial_attachment = jnp.asarray(tibial_attachment, float)
+        # No fibres at all come as empty lists.
+        ends = [jnp.asarray(x, float) for x in (femoral_attachment, tibial_attachment)]
+        ends = [end if end.size else jnp.zeros((0, 3)) for end in ends]
+        self.femoral_attachment, self.tibial_attachment = ends
         self.stiffness = jnp.asarray(stiffness, float)
         self.slack_length = jnp.asarray(slack_length, float)
         self.transition_strain = jnp.asarray(transition_strain, float)
         self.transition_width = jnp.asarray(transition_width, float)
+        self.courses = tuple(courses)
         self.names = tuple(names)
+
+    def __check_init__(self):
+        rows = [row for course in self.courses for row in course.rows]
+        if len(set(rows)) < len(rows) or not set(rows) <= set(range(len(self.names))):
+            raise ValueError(f"Ligaments.courses name rows {rows}; expected each once, existing")
+
+    @property
+    def straight(self) -> tuple[int, ...]:
+        """Rows of the fibres without via points and obstacles."""
+        bent = {row for course in self.courses for row in course.rows}
+        return tuple(row for row in range(len(self.names)) if row not in bent)
 
     def line(self, tibia: Placement) -> Vector:
         """Vector from femoral to tibial attachment in femur axes, components `(n, ...)`, mm."""
-        return self._arm_and_line(tibia)[1]
-
-    def _arm_and_line(self, tibia: Placement) -> tuple[Vector, Vector]:
-        """Tibial attachment from the tibia's origin and from the femoral one, femur axes."""
-        a, b = self.femoral_attachment, self.tibial_attachment
-        # One broadcast here instead of one in every product: its transpose is a sum.
-        tibia = jax.tree.map(lambda x: jnp.broadcast_to(x, (len(self.names), *x.shape)), tibia)
-        arm = tibia.turn((b[:, 0], b[:, 1], b[:, 2]))
-        return arm, subtract(add(arm, tibia.translation), (a[:, 0], a[:, 1], a[:, 2]))
+        return _arm_and_line(self.femoral_attachment, self.tibial_attachment, tibia)[1]
 
     def length(self, tibia: Placement) -> Array:
-        """Length of each fibre, shape `(n, ...)`, mm."""
-        return norm(self.line(tibia))
+        """Length of each fibre along its course, shape `(n, ...)`, mm."""
+        if not self.courses:
+            return norm(self.line(tibia))
+        return self._joined([length for length, _ in self._ways(tibia)])
 
     def strain(self, tibia: Placement) -> Array:
         """Strain of each fibre: length over slack length, minus one."""
@@ -83,18 +117,23 @@ class Ligaments(eqx.Module):
             self.strain(tibia), self.stiffness, self.transition_strain, self.transition_width
         )
 
-    def wrench(self, tibia: Placement) -> Wrench:
-        """Of each fibre on the tibia, about the tibia's origin in femur axes; `(n, ...)`."""
-        arm, line = self._arm_and_line(tibia)
-        length = norm(line)
-        tension = law.tension(
-            length / self.slack_length - 1.0,
-            self.stiffness,
-            self.transition_strain,
-            self.transition_width,
-        )
-        pull = -tension / jnp.where(length > 0, length, 1.0)
-        return Wrench.at(arm, scale(pull, line))
+    def wrenches(self, tibia: Placement) -> list[Wrench]:
+        """Of the fibres on the tibia, about the tibia's origin in femur axes.
+
+        Each item holds several fibres along its first axis; kinds of courses are kept apart,
+        since only their sum is wanted where speed matters.
+        """
+        answer = []
+        for rows, (length, pulls) in zip(self._rows, self._ways(tibia), strict=True):
+            tension = law.tension(
+                length / self._of(rows, self.slack_length) - 1.0,
+                *(self._of(rows, x) for x in (self.stiffness, self.transition_strain)),
+                self._of(rows, self.transition_width),
+            )
+            pull = functools.reduce(operator.add, pulls)
+            force, moment = scale(tension, pull.force), scale(tension, pull.moment)
+            answer.append(Wrench(full(force), full(moment)))
+        return answer
 
     def energy(self, tibia: Placement) -> Array:
         """Energy of all fibres together, shape `(...)`, N mm."""
@@ -106,3 +145,101 @@ class Ligaments(eqx.Module):
             self.slack_length,
         )
         return jnp.sum(each, axis=0)
+
+    def wrap(self, tibia: Placement) -> WrapState:
+        """How the fibres pass their obstacles; of several pieces the most bent one counts."""
+        shape = jax.eval_shape(self.length, tibia).shape[1:]
+        states = [_free(len(self.straight), shape)] if self.straight else []
+        for course in self.courses:
+            own = _free(len(course.rows), shape)
+            for piece in self._pieces(course, tibia):
+                if piece.taut is None:
+                    continue
+                path = piece.taut
+                more = path.angle > own.angle
+                own = WrapState(
+                    jnp.where(more, path.angle, own.angle),
+                    own.inside | path.inside,
+                    tuple(jnp.where(more, a, b) for a, b in zip(path.side, own.side, strict=True)),
+                    jnp.where(more, path.other_side, own.other_side),
+                )
+            states.append(own)
+        return jax.tree.map(lambda *x: self._joined(list(x)), *states)
+
+    def polylines(self, tibia: Placement, count: int = 24) -> list[list[Vector]]:
+        """Points along each fibre in femur axes, for pictures.
+
+        Args:
+            tibia: where the tibia is.
+            count: points on a piece that goes around an obstacle.
+
+        Returns:
+            For each fibre its points; components are numbers or carry the pose's axes.
+        """
+        ends = _arm_and_line(self.femoral_attachment, self.tibial_attachment, tibia)
+        tibial = add(ends[0], tibia.translation)
+        lines: list[list[Vector]] = [[] for _ in self.names]
+        for row in self.straight:
+            first = tuple(self.femoral_attachment[row, k] for k in range(3))
+            lines[row] = [first, tuple(c[row] for c in tibial)]
+        for course in self.courses:
+            rows = course.rows
+            a, b = (self._of(rows, x) for x in (self.femoral_attachment, self.tibial_attachment))
+            for piece in course.polylines(a, b, tibia, count):
+                for i, row in enumerate(rows):
+                    points = [tuple(jnp.asarray(c)[i] for c in full(point)) for point in piece]
+                    lines[row] += points[1:] if lines[row] else points
+        return lines
+
+    @property
+    def _rows(self) -> list[tuple[int, ...]]:
+        straight = [self.straight] if self.straight else []
+        return [*straight, *(course.rows for course in self.courses)]
+
+    def _of(self, rows: tuple[int, ...], array: Array) -> Array:
+        """Rows of an array; all of them, or neighbours, without a gather."""
+        first, last = rows[0], rows[-1] + 1
+        if rows == tuple(range(first, last)):
+            return array if last - first == len(self.names) else array[first:last]
+        return array[np.array(rows)]
+
+    def _joined(self, parts: list[Array]) -> Array:
+        """What was computed kind by kind, in the order of the fibres."""
+        order = np.argsort([row for rows in self._rows for row in rows])
+        shape = jnp.broadcast_shapes(*(part.shape[1:] for part in parts))
+        return jnp.concatenate([jnp.broadcast_to(x, (len(x), *shape)) for x in parts])[order]
+
+    def _pieces(self, course: Course, tibia: Placement) -> list[Piece]:
+        ends = (self._of(course.rows, x) for x in (self.femoral_attachment, self.tibial_attachment))
+        return course.pieces(*ends, tibia)
+
+    def _ways(self, tibia: Placement) -> list[tuple[Array, list[Wrench]]]:
+        """Of each kind of course: lengths, and wrenches of unit tensions."""
+        ways = []
+        if self.straight:
+            ends = (
+                self._of(self.straight, x) for x in (self.femoral_attachment, self.tibial_attachment)
+            )
+            arm, line = _arm_and_line(*ends, tibia)
+            length = norm(line)
+            unit = scale(-1.0 / jnp.where(length > 0, length, 1.0), line)
+            ways.append((length, [Wrench.at(arm, unit)]))
+        for course in self.courses:
+            pieces = self._pieces(course, tibia)
+            length = functools.reduce(operator.add, (piece.length for piece in pieces))
+            ways.append((length, [piece.pull for piece in pieces]))
+        return ways
+
+
+def _arm_and_line(femoral: Array, tibial: Array, tibia: Placement) -> tuple[Vector, Vector]:
+    """Tibial attachments from the tibia's origin and from the femoral ones, femur axes."""
+    # One broadcast here instead of one in every product: its transpose is a sum.
+    tibia = jax.tree.map(lambda x: jnp.broadcast_to(x, (len(femoral), *jnp.shape(x))), tibia)
+    arm = tibia.turn((tibial[:, 0], tibial[:, 1], tibial[:, 2]))
+    away = (femoral[:, 0], femoral[:, 1], femoral[:, 2])
+    return arm, subtract(add(arm, tibia.translation), away)
+
+
+def _free(count: int, shape: tuple[int, ...]) -> WrapState:
+    zero = jnp.zeros((count, *shape))
+    return WrapState(zero, zero > 0, (zero, zero, zero), zero + jnp.inf)

@@ -3,76 +3,113 @@
 from __future__ import annotations
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
+from jax import Array, lax
 
-from kneejax.geometry import Placement, Surface, Vector, area_element, scale, subtract
+from kneejax.geometry import (
+    Placement,
+    Surface,
+    Vector,
+    area_element,
+    dot,
+    scale,
+    scaled,
+    subtract,
+)
 from kneejax.geometry import normal as outward_normal
 
 _RAY_STEPS = 2
+# A normal that nearly grazes the femur says nothing about depth: the slope is held there.
+_GRAZING = 0.2
 
 
-class Sampled(eqx.Module):
-    """Quadrature points of the tibial surface, along the axis before the lanes.
+class Points(eqx.Module):
+    """Gauss points of a tibial surface, along the axis before the lanes.
 
     Attributes:
-        point: mm, in the tibial surface's frame.
+        point: mm, in the surface's frame.
         normal: outward unit normals.
         area: weight of each point, mm^2.
-        depth: overlap along the normal, mm; negative where the surfaces are apart.
+        across: both parameters, scaled to -1..1 over the surface's region.
     """
 
     point: Vector
     normal: Vector
     area: Array
+    across: tuple[Array, Array]
+
+
+class Sampled(eqx.Module):
+    """What the points see of the femur.
+
+    Attributes:
+        points: of the tibial surface.
+        depth: overlap along the normal, mm; negative where the surfaces are apart.
+        hit: where the normal's line leaves the femoral solid, mm, in the tibial surface's frame.
+        slope: derivative of the depth by a motion of the point.
+    """
+
+    points: Points
     depth: Array
+    hit: Vector
+    slope: Vector
 
 
-def sample(
-    femoral: Surface, tibial: Surface, motion: Placement, points: tuple[int, int]
-) -> Sampled:
-    """Depth of the femoral solid at Gauss points of the tibial surface.
+def gauss_points(surface: Surface, count: tuple[int, int], trailing: int) -> Points:
+    """Gauss points over the whole region of a surface.
 
     Args:
-        femoral: the surface whose solid presses.
-        tibial: the surface that carries the points, over its whole region.
-        motion: from the femoral to the tibial surface's frame.
-        points: number along each parameter.
-
-    Returns:
-        Points, normals, areas and depths.
+        surface: the tibial surface.
+        count: number along each parameter.
+        trailing: number of axes that the lanes take.
     """
-    trailing = (1,) * jnp.ndim(motion.translation[0])
-    (lower_a, upper_a), (lower_b, upper_b) = tibial.bounds()
-    node_a, weight_a = _gauss(points[0], trailing)
-    node_b, weight_b = _gauss(points[1], trailing)
+    ones = (1,) * trailing
+    (lower_a, upper_a), (lower_b, upper_b) = surface.bounds()
+    node_a, weight_a = _gauss(count[0], ones)
+    node_b, weight_b = _gauss(count[1], ones)
     half_a, half_b = 0.5 * (upper_a - lower_a), 0.5 * (upper_b - lower_b)
     a = (lower_a + half_a * (1.0 + node_a))[:, None] + 0.0 * node_b[None]
     b = (lower_b + half_b * (1.0 + node_b))[None] + 0.0 * node_a[:, None]
     weight = (half_a * weight_a)[:, None] * (half_b * weight_b)[None]
-    count = points[0] * points[1]
-    a, b, weight = (x.reshape(count, *x.shape[2:]) for x in jnp.broadcast_arrays(a, b, weight))
-    point, normal = tibial.point(a, b), outward_normal(tibial, a, b)
-    area = weight * area_element(tibial, a, b)
-    back = motion.inverse()
-    depth = _depth(femoral, back.apply(point), back.turn(normal))
-    return Sampled(point, normal, area, depth)
+    size = count[0] * count[1]
+    a, b, weight = (x.reshape(size, *x.shape[2:]) for x in jnp.broadcast_arrays(a, b, weight))
+    area = weight * area_element(surface, a, b)
+    across = (
+        scaled(a, jnp.stack([lower_a, upper_a]))[0], scaled(b, jnp.stack([lower_b, upper_b]))[0]
+    )
+    return Points(surface.point(a, b), outward_normal(surface, a, b), area, across)
 
 
-def _depth(femoral: Surface, point: Vector, normal: Vector) -> Array:
-    """Distance from a point back along its normal to where it leaves the femoral solid."""
+def sample(femoral: Surface, points: Points, motion: Placement) -> Sampled:
+    """Depth of the femoral solid at points of the tibial surface.
 
-    def level(depth: Array) -> Array:
-        return femoral.level(subtract(point, scale(depth, normal)))
+    Args:
+        femoral: the surface whose solid presses.
+        points: of the tibial surface.
+        motion: from the femoral to the tibial surface's frame.
 
-    depth = jnp.zeros_like(point[0] + normal[0])
-    for _ in range(_RAY_STEPS + 1):
-        value, slope = jax.jvp(level, (depth,), (jnp.ones_like(depth),))
-        # A normal that nearly grazes the femur says nothing about depth: hold the slope there.
-        depth = depth - value / jnp.where(slope > 0.2, slope, 1.0)
-    return depth
+    Returns:
+        Depths with their slopes.
+    """
+    start, along = motion.apply_inverse(points.point), motion.turn_back(points.normal)
+
+    def look(depth: Array):
+        level, gradient = femoral.level_and_slope(subtract(start, scale(depth, along)))
+        steep = -dot(gradient, along)
+        return level, gradient, jnp.where(steep > _GRAZING, steep, 1.0)
+
+    depth = jnp.zeros_like(start[0] + along[0])
+    for _ in range(_RAY_STEPS):
+        level, _, steep = look(depth)
+        depth = depth - level / steep
+    # Differentiated, the last step alone gives the derivative of the point where the line leaves.
+    depth = lax.stop_gradient(depth)
+    level, _, steep = look(depth)
+    depth = depth - level / steep
+    _, gradient, steep = look(depth)
+    slope = motion.turn(scale(-1.0 / steep, gradient))
+    return Sampled(points, depth, subtract(points.point, scale(depth, points.normal)), slope)
 
 
 def _gauss(count: int, trailing: tuple[int, ...]) -> tuple[Array, Array]:

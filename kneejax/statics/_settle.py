@@ -166,7 +166,7 @@ def _search(
     _, shapes = jax.eval_shape(look, guess, (knee, flexion))
     begin = search.init(look, guess, (knee, flexion), {}, None, shapes, frozenset())
     found, _, state = lax.fori_loop(0, count, pose, (guess, guess.q, begin))
-    return _described(knee, found, state)
+    return _described(knee, flexion, found, state)
 
 
 def _known_meeting(knee: Knee, flexion: Array, q: Array, meeting: Array) -> Array:
@@ -179,12 +179,12 @@ def _known_meeting(knee: Knee, flexion: Array, q: Array, meeting: Array) -> Arra
     return lax.cond(jnp.any(unknown), searched, lambda: meeting)
 
 
-def _described(knee: Knee, found: Guess, here: SearchState):
+def _described(knee: Knee, flexion: Array, found: Guess, here: SearchState):
     """Coordinates (NaN where they are no balance), meeting points, and the rest of `Settled`."""
     units = jnp.asarray(UNITS).reshape(5, *(1,) * here.done.ndim)
     scaled = symmetric(here.guess.tangent) * units[:, None] * units[None]
     pivots = jnp.stack(solve(scaled, here.residual)[1])
-    status = _status(knee, here, pivots, found.meeting)
+    status = _status(knee, flexion, here, pivots, found.meeting)
     rest = dict(
         residual=jnp.stack(here.residual),
         tangent=here.guess.tangent,
@@ -197,7 +197,9 @@ def _described(knee: Knee, found: Guess, here: SearchState):
     return jnp.where(status >= Status.TOO_DEEP, jnp.nan, found.q), found.meeting, rest
 
 
-def _status(knee: Knee, here: SearchState, pivots: Array, meeting: Array) -> Array:
+def _status(
+    knee: Knee, flexion: Array, here: SearchState, pivots: Array, meeting: Array
+) -> Array:
     status = jnp.where(jnp.all(pivots > 0, axis=0), Status.BALANCED, Status.UNSTABLE)
     patches = [contact for contact in knee.contacts if contact.has_patch]
     for row, contact in enumerate(patches):
@@ -206,6 +208,12 @@ def _status(knee: Knee, here: SearchState, pivots: Array, meeting: Array) -> Arr
         unknown = (depth > 0) & ~contact.knows(point, meeting[row])
         status = jnp.where(unknown & (status < 1), Status.OUTSIDE_REGION, status)
         status = jnp.where(depth >= contact.layer_thickness, Status.TOO_DEEP, status)
+    tibia = Pose.from_state(flexion, here.guess.q).placement
+    for contact in knee.contacts:
+        if not contact.has_patch:
+            deep, outside = contact.faults(tibia, contact.sample(tibia))
+            status = jnp.where(outside & (status < 1), Status.OUTSIDE_REGION, status)
+            status = jnp.where(deep, Status.TOO_DEEP, status)
     return jnp.where(here.done, status, Status.NOT_CONVERGED).astype(int)
 
 

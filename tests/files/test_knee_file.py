@@ -21,6 +21,11 @@ from kneejax.geometry import Pose
 from kneejax.mechanics import ligament_law
 
 
+WRAP = {
+    "kind": "sphere", "bone": "tibia", "center_mm": [0, 0, 0], "radius_mm": 9.0, "source": "assumed",
+}  # fmt: skip
+
+
 def write(path, document):
     path.write_text(format_knee(document), encoding="utf-8")
     return path
@@ -86,6 +91,15 @@ def test_a_faulty_document_is_not_written(tmp_path, knee_document):
     with pytest.raises(InputProblem, match="ligaments.ACL.stiffness_N"):
         write_knee(changed(knee_document, ["ligaments", "ACL", "stiffness_N"], -1), path)
     assert not path.exists()
+
+
+def test_a_knee_may_lack_ligaments_or_contacts_but_not_both(tmp_path, knee_document):
+    bare = changed(copy.deepcopy(knee_document), ["ligaments"], {})
+    assert read_knee(write(tmp_path / "bare.yaml", bare)).knee.ligaments.names == ()
+    loose = changed(copy.deepcopy(knee_document), ["contacts"], {})
+    assert read_knee(write(tmp_path / "loose.yaml", loose)).knee.contacts == ()
+    with pytest.raises(InputProblem, match="or contacts"):
+        read_knee(write(tmp_path / "k.yaml", changed(bare, ["contacts"], {})))
 
 
 def test_slack_lengths(tmp_path, knee_document):
@@ -186,7 +200,16 @@ CONDYLE, PLATEAU = [*MEDIAL, "femoral_surface"], [*MEDIAL, "tibial_surface"]
         (["ligaments", "PCL", "slack_length_mm"], 0.0365, "metres"),
         (["ligaments", "MCL", "reference_force_N"], 0, "above 0"),
         (["ligaments", "a.b"], {}, "a name of letters"),
-        (["ligaments"], {}, "a mapping from a name"),
+        (["ligaments"], [], "a mapping from a name"),
+        (["wraps"], {"W": {"kind": "torus"}}, "one of sphere"),
+        (["wraps"], {"W": {**WRAP, "radius_mm": 0.0}}, "at least 1 mm"),
+        (["wraps"], {"W": {**WRAP, "bone": "pelvis"}}, "one of femur, tibia"),
+        (["ligaments", "ACL", "wrap"], "W", "no section wraps"),
+        (["ligaments", "ACL", "via_points"], [{"bone": "fibula", "point_mm": [0, 0, 0]}], "femur"),
+        (["ligaments", "ACL", "damping_s"], -1, "at least 0"),
+        (["groups"], {"ACL": ["MCL"]}, "not a ligament's"),
+        (["groups"], {"cruciates": ["ACL", "PLC"]}, "did you mean PCL"),
+        ([*MEDIAL, "layer_variation_mm"], [[0.0]], "no layer_variation_mm unless"),
         ([*MEDIAL, "poisson_ratio"], 0.5, "below 0.5"),
         ([*MEDIAL, "youngs_modulus_MPa"], 5e6, "Pa"),
         ([*MEDIAL, "layer_thickness_mm"], 0.006, "metres"),

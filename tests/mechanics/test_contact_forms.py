@@ -153,8 +153,8 @@ def test_sampled_points_cover_the_plateau_with_its_area_and_measure_depth_along_
     contact = Contact(geo.Sphere(30.0), plane, form="quadrature", points=(12, 9))
     sampled = contact.sample(geo.Placement(None, tuple(jnp.array([0.0, -29.0, 0.0]))))
     assert sampled.depth.shape == (108,)
-    assert float(sampled.area.sum()) == pytest.approx(4 * 10 * 8, rel=1e-12)
-    x, _, z = (np.asarray(c) for c in sampled.point)
+    assert float(sampled.points.area.sum()) == pytest.approx(4 * 10 * 8, rel=1e-12)
+    x, _, z = (np.asarray(c) for c in sampled.points.point)
     expected = np.sqrt(30.0**2 - x**2 - z**2) - 29.0
     np.testing.assert_allclose(np.asarray(sampled.depth), expected, atol=2e-6)
 

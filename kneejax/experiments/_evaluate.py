@@ -1,0 +1,184 @@
+"""The mechanics of given poses: nothing is solved."""
+
+from __future__ import annotations
+
+import concurrent.futures
+import os
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.core import Tracer
+
+from kneejax.geometry import Pose, safe_sqrt
+from kneejax.mechanics import Contact, Knee, add_lane_axis
+from kneejax.statics import Status, compiled, with_meeting
+
+# Poses of one call: what they need stays in the processor's cache (benchmarks/evaluate.py).
+_CHUNK, _CHUNK_OVER_POINTS = 512, 64
+
+
+class Mechanics(eqx.Module):
+    """Ligaments and contact at poses; arrays begin with the pose.
+
+    The onset of contact is rounded, in pressures and areas as in forces: near first touch they
+    are small, not zero. `max_depth` is exact.
+
+    Attributes:
+        length: `(poses, ligaments)`, mm.
+        strain: `(poses, ligaments)`.
+        tension: `(poses, ligaments)`, N.
+        contact_force: on the tibia in tibia axes, `(poses, contacts, 3)`, N.
+        area: `(poses, contacts)`, mm^2.
+        max_pressure: `(poses, contacts)`, MPa.
+        mean_pressure: `(poses, contacts)`, MPa.
+        max_depth: `(poses, contacts)`, mm.
+        center: in the tibia frame, `(poses, contacts, 3)`, mm.
+        known: whether the surfaces meet in their fitted regions, `(poses, contacts)`.
+        too_deep: whether the overlap is the whole layer somewhere, `(poses, contacts)`.
+        contact_moment: on the tibia about its origin in tibia axes, `(poses, contacts, 3)`, N mm.
+        wrap_angle: over which a fibre lies on its obstacle, `(poses, ligaments)`, rad; not
+            positive where it is free, or has none.
+        wrap_inside: whether an end of the fibre lies inside its obstacle, `(poses, ligaments)`.
+        wrap_side: direction in which the fibre passes its obstacle's centre, in the obstacle's
+            frame, `(poses, ligaments, 3)`; zero without an obstacle.
+        other_side: how much longer the way around the other side is, `(poses, ligaments)`, mm.
+    """
+
+    length: Array
+    strain: Array
+    tension: Array
+    contact_force: Array
+    area: Array
+    max_pressure: Array
+    mean_pressure: Array
+    max_depth: Array
+    center: Array
+    known: Array
+    too_deep: Array
+    contact_moment: Array
+    wrap_angle: Array
+    wrap_inside: Array
+    wrap_side: Array
+    other_side: Array
+
+
+def evaluate(knee: Knee, poses: Pose, meeting: Array | None = None) -> Mechanics:
+    """Ligaments and contact at given poses; nothing is solved.
+
+    Many poses are taken in chunks, on all cores: memory does not grow with their number.
+
+    Args:
+        knee: any knee.
+        poses: fields of shape `(poses,)`.
+        meeting: meeting points if they are known, `(n, 2, poses)`; searched by default.
+
+    Returns:
+        The mechanics of each pose, differentiable by poses and knee. Depth beyond the layer gives
+        NaN pressure by the log and ratio laws; `max_depth` says so.
+
+    Example:
+        >>> import kneejax as kj
+        >>> knee = kj.load_knee("four_ligament")
+        >>> found = kj.evaluate(knee, kj.Pose.from_table([[0.0, 0.0, 0.0, 0.0, 0.5, 0.0]]))
+        >>> found.tension.shape
+        (1, 4)
+    """
+    over_points = any(not contact.has_patch for contact in knee.contacts)
+    size, count = _CHUNK_OVER_POINTS if over_points else _CHUNK, len(jnp.atleast_1d(poses.flexion))
+    traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((knee, poses, meeting)))
+    if traced or count <= size:
+        return _evaluate(knee, poses, meeting)
+    # The last chunk is filled up with the last pose: one shape, one compilation.
+    rows = np.minimum(np.arange(-(-count // size) * size), count - 1).reshape(-1, size)
+
+    def chunk(own: np.ndarray) -> Mechanics:
+        here = jax.tree.map(lambda x: jnp.asarray(x)[own], poses)
+        there = None if meeting is None else meeting[..., own]
+        return jax.tree.map(np.asarray, _evaluate(knee, here, there))
+
+    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
+        parts = list(pool.map(chunk, rows))
+    return jax.tree.map(lambda *x: jnp.asarray(np.concatenate(x)[:count]), *parts)
+
+
+@compiled()
+def _evaluate(knee: Knee, poses: Pose, meeting: Array | None) -> Mechanics:
+    lanes, tibia = add_lane_axis(knee), poses.placement
+    if meeting is None:
+        meeting = with_meeting(lanes, poses.flexion, poses.state).meeting
+    ligaments = lanes.ligaments
+    row, contacts = 0, []
+    for contact in lanes.contacts:
+        if contact.has_patch:
+            contacts.append(_over_patch(contact, poses, meeting[row]))
+            row += 1
+        else:
+            contacts.append(_over_points(contact, poses))
+    stacked = [jnp.stack(x, axis=-1) for x in zip(*contacts, strict=True)] or [
+        jnp.zeros(shape + poses.flexion.shape + (0,))
+        for shape in ((3,), (3,), (), (), (), (), (3,), (), ())
+    ]
+    force, moment, area, peak, mean, depth, center, known, deep = stacked
+    wrap = ligaments.wrap(tibia)
+    return Mechanics(
+        ligaments.length(tibia).T,
+        ligaments.strain(tibia).T,
+        ligaments.tension(tibia).T,
+        jnp.moveaxis(force, 0, -1),
+        area,
+        peak,
+        mean,
+        depth,
+        jnp.moveaxis(center, 0, -1),
+        known > 0,
+        deep > 0,
+        jnp.moveaxis(moment, 0, -1),
+        wrap.angle.T,
+        wrap.inside.T,
+        jnp.moveaxis(jnp.stack(wrap.side), 0, -1).swapaxes(0, 1),
+        wrap.other_side.T,
+    )
+
+
+def _over_patch(contact: Contact, poses: Pose, meeting: Array):
+    tibia = poses.placement
+    pressed = contact.press(tibia, meeting)
+    gap = pressed.gap
+    area = 2.0 * jnp.pi * contact.rounded(gap.depth) * gap.mean_radius
+    force, moment = (
+        jnp.stack(tibia.turn_back(x)) for x in (pressed.wrench.force, pressed.wrench.moment)
+    )
+    mean = safe_sqrt(jnp.sum(force**2, axis=0)) / area
+    center = jnp.stack(jnp.broadcast_arrays(*contact.tibial.frame.placement.apply(gap.point)))
+    known = contact.knows(gap.point, meeting) | (gap.depth <= 0)
+    deep = gap.depth >= contact.layer_thickness
+    peak = contact.pressure(gap.depth)
+    return force, moment, area, peak, mean, gap.depth, center, known, deep
+
+
+def _over_points(contact: Contact, poses: Pose):
+    tibia = poses.placement
+    sampled = contact.sample(tibia)
+    points = sampled.points
+    pressure = contact.point_pressure(sampled)
+    share = pressure * points.area
+    area = jnp.sum(contact.touching(sampled.depth) * points.area, axis=0)
+    wrench = contact.wrench_on_points(tibia, sampled)
+    force, moment = (jnp.stack(tibia.turn_back(x)) for x in (wrench.force, wrench.moment))
+    weight = share / jnp.sum(share, axis=0)
+    place = contact.tibial.frame.placement.apply(points.point)
+    center = jnp.stack([jnp.sum(weight * x, axis=0) for x in place])
+    mean = jnp.sum(share, axis=0) / area
+    deep, outside = contact.faults(tibia, sampled)
+    peak, depth = jnp.max(pressure, axis=0), jnp.max(sampled.depth, axis=0)
+    return force, moment, area, peak, mean, depth, center, ~outside, deep
+
+
+def status_of(poses: Mechanics, knee: Knee) -> Array:
+    """`Status` values of evaluated poses, which say nothing of balance: depth and region only."""
+    outside = jnp.any(~poses.known, axis=-1)
+    worst = jnp.where(outside, Status.OUTSIDE_REGION, Status.BALANCED)
+    return jnp.where(jnp.any(poses.too_deep, axis=-1), Status.TOO_DEEP, worst)

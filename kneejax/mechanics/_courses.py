@@ -1,0 +1,148 @@
+"""Fibres that do not run straight: through via points, around an obstacle.
+
+A course is a row of pieces between points on the two bones. A piece is straight, or taut around
+the course's obstacle. Only the ends that the obstacle's bone does not carry pull on that bone from
+outside, along the gradient of the length by them; this gives the wrench on the tibia.
+"""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax.numpy as jnp
+from jax import Array
+from jax.typing import ArrayLike
+
+from kneejax.geometry import (
+    Obstacle,
+    Placement,
+    TautPath,
+    Vector,
+    add,
+    norm,
+    path_points,
+    scale,
+    subtract,
+    taut,
+)
+from kneejax.mechanics._wrench import Wrench
+
+#: Wrap angle, rad, over which a free fibre becomes a wrapped one.
+HAND_OVER = 0.02
+
+
+class Piece(eqx.Module):
+    """A piece of several fibres between two points.
+
+    Attributes:
+        length: mm, `(fibres, ...)`.
+        pull: wrench on the tibia of a unit tension, about its origin in femur axes.
+        taut: the way around the obstacle; None where the piece is straight.
+    """
+
+    length: Array
+    pull: Wrench
+    taut: TautPath | None
+
+
+class Course(eqx.Module):
+    """Several fibres with via points on the same bones and the same obstacle.
+
+    Attributes:
+        via: points in order from the femur to the tibia, `(points, fibres, 3, ...)`, mm, each in
+            its bone's frame.
+        obstacle: what every piece goes around; None if nothing is in the way.
+        rows: the fibres' rows among all.
+        via_bones: bone of each via point.
+        obstacle_bone: bone that carries the obstacle.
+    """
+
+    via: Array
+    obstacle: Obstacle | None
+    rows: tuple[int, ...] = eqx.field(static=True)
+    via_bones: tuple[str, ...] = eqx.field(static=True)
+    obstacle_bone: str = eqx.field(static=True)
+
+    def __init__(
+        self,
+        rows: tuple[int, ...] | list[int],
+        via: ArrayLike | None = None,
+        via_bones: tuple[str, ...] | list[str] = (),
+        obstacle: Obstacle | None = None,
+        obstacle_bone: str = "tibia",
+    ):
+        self.rows = tuple(rows)
+        self.via_bones = tuple(via_bones)
+        shape = (len(self.via_bones), len(self.rows), 3)
+        self.via = jnp.zeros(shape) if via is None else jnp.asarray(via, float)
+        self.obstacle = obstacle
+        self.obstacle_bone = obstacle_bone
+
+    def pieces(self, femoral: Array, tibial: Array, tibia: Placement) -> list[Piece]:
+        """The pieces in order from the femur.
+
+        Args:
+            femoral: attachments, `(fibres, 3, ...)`, mm, femur frame.
+            tibial: likewise, tibia frame.
+            tibia: where the tibia is.
+        """
+        ends = self._nodes(femoral, tibial)
+        pairs = zip(ends[:-1], ends[1:], strict=True)
+        if self.obstacle is None:
+            return [_straight(start, end, tibia) for start, end in pairs]
+        return [self._around(self.obstacle, start, end, tibia) for start, end in pairs]
+
+    def polylines(
+        self, femoral: Array, tibial: Array, tibia: Placement, count: int
+    ) -> list[list[Vector]]:
+        """Points along each piece, in femur axes, for pictures; arguments as in `pieces`."""
+        nodes, lines = self._nodes(femoral, tibial), []
+        for start, end in zip(nodes[:-1], nodes[1:], strict=True):
+            if self.obstacle is None:
+                lines.append([_in_femur(*start, tibia), _in_femur(*end, tibia)])
+                continue
+            place = self._place(self.obstacle, tibia)
+            points = path_points(
+                self.obstacle,
+                place.apply_inverse(_in_femur(*start, tibia)),
+                place.apply_inverse(_in_femur(*end, tibia)),
+                count,
+            )
+            lines.append([place.apply(point) for point in points])
+        return lines
+
+    def _nodes(self, femoral: Array, tibial: Array) -> list[tuple[str, Vector]]:
+        nodes = [("femur", femoral), *zip(self.via_bones, self.via, strict=True), ("tibia", tibial)]
+        return [(bone, (point[:, 0], point[:, 1], point[:, 2])) for bone, point in nodes]
+
+    def _place(self, obstacle: Obstacle, tibia: Placement) -> Placement:
+        """The motion from the obstacle's frame to femur axes."""
+        own = obstacle.frame.placement
+        return tibia.after(own) if self.obstacle_bone == "tibia" else own
+
+    def _around(self, obstacle: Obstacle, start, end, tibia: Placement) -> Piece:
+        place = self._place(obstacle, tibia)
+        ends = [place.apply_inverse(_in_femur(*node, tibia)) for node in (start, end)]
+        path = taut(obstacle, ends[0], ends[1], HAND_OVER)
+        pull = Wrench((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        # An end on the femur drags the obstacle's bone along; one on the tibia is dragged itself.
+        sign = 1.0 if self.obstacle_bone == "tibia" else -1.0
+        for node, direction in ((start, path.pull_start), (end, path.pull_end)):
+            if node[0] != self.obstacle_bone:
+                arm = subtract(_in_femur(*node, tibia), tibia.translation)
+                pull = pull + Wrench.at(arm, scale(sign, place.turn(direction)))
+        return Piece(path.length, pull, path)
+
+
+def _straight(start, end, tibia: Placement) -> Piece:
+    line = subtract(_in_femur(*end, tibia), _in_femur(*start, tibia))
+    length = norm(line)
+    if start[0] == end[0]:
+        return Piece(length, Wrench((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), None)
+    tibial, sign = (end, -1.0) if end[0] == "tibia" else (start, 1.0)
+    arm = tibia.turn(tibial[1])
+    unit = scale(sign / jnp.where(length > 0, length, 1.0), line)
+    return Piece(length, Wrench.at(arm, unit), None)
+
+
+def _in_femur(bone: str, point: Vector, tibia: Placement) -> Vector:
+    return add(tibia.turn(point), tibia.translation) if bone == "tibia" else point
