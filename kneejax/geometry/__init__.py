@@ -3,6 +3,9 @@
 from kneejax.geometry._bases import BASES as BASES
 from kneejax.geometry._bases import CUBIC_SPLINE as CUBIC_SPLINE
 from kneejax.geometry._bases import POWER as POWER
+from kneejax.geometry._bases import BASES as BASES
+from kneejax.geometry._bases import CUBIC_SPLINE as CUBIC_SPLINE
+from kneejax.geometry._bases import POWER as POWER
 from kneejax.geometry._condyle import Condyle as Condyle
 from kneejax.geometry._conventions import CONVENTIONS as CONVENTIONS
 from kneejax.geometry._conventions import convert as convert

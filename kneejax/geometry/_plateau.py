@@ -2,50 +2,72 @@
 
 from __future__ import annotations
 
+import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.geometry._polynomials import partials
+from kneejax.geometry._bases import POWER, checked_basis, table_partials
+from kneejax.geometry._outline import covered
 from kneejax.geometry._pose import Frame
 from kneejax.geometry._surface import Height, Surface, inside, scaled
 from kneejax.geometry._vectors import Rotation, Vector
 
 
 class Plateau(Surface):
-    """Height as a polynomial over a plane: `y = eta(x, z)`; the solid lies below.
+    """Height over a plane: `y = eta(x, z)`; the solid lies below.
 
     Attributes:
-        coefficients: shape `(m + 1, n + 1, ...)`, mm: powers of x and z, both scaled to -1..1
-            over the region.
+        coefficients: mm. Basis `power`: shape `(m + 1, n + 1, ...)`, powers of x and z, both
+            scaled to -1..1 over the region. Basis `cubic_spline`: shape `(m + 3, n + 3, ...)`,
+            control values of `m x n` equal cells over the region.
         x: lower and upper end of the region, mm, shape `(2, ...)`.
         z: likewise.
         frame: placement in the tibia.
+        outline: border of the cartilage, corners `(x, z)` in order, shape `(k, 2, ...)`, mm; None
+            where the whole region is covered.
+        basis: `power` or `cubic_spline`.
     """
 
     coefficients: Array
     x: Array
     z: Array
     frame: Frame
+    outline: Array | None
+    basis: str = eqx.field(static=True)
 
     def __init__(
-        self, coefficients: ArrayLike, x: ArrayLike, z: ArrayLike, frame: Frame | None = None
+        self,
+        coefficients: ArrayLike,
+        x: ArrayLike,
+        z: ArrayLike,
+        frame: Frame | None = None,
+        basis: str = POWER,
+        outline: ArrayLike | None = None,
     ):
         self.coefficients = jnp.asarray(coefficients, float)
         self.x = jnp.asarray(x, float)
         self.z = jnp.asarray(z, float)
         self.frame = Frame() if frame is None else frame
+        self.outline = None if outline is None else jnp.asarray(outline, float)
+        self.basis = basis
+
+    def __check_init__(self):
+        checked_basis(self.basis, self.coefficients.shape, "Plateau")
+
+    def _table(self, s: Array, t: Array, order: int) -> tuple[tuple[Array, ...], ...]:
+        return table_partials(self.basis, self.coefficients, s, t, order)
 
     def point(self, a: Array, b: Array) -> Vector:
         s, _ = scaled(a, self.x)
         t, _ = scaled(b, self.z)
-        return a, partials(self.coefficients, s, t, 0)[0][0], b
+        return a, self._table(s, t, 0)[0][0], b
 
     def height(self, point: Vector, order: int = 2) -> Height:
         x, y, z = point
         s, by_x = scaled(x, self.x)
         t, by_z = scaled(z, self.z)
-        d = partials(self.coefficients, s, t, order)
+        d = self._table(s, t, order)
 
         def lower(i: int, j: int) -> Array:
             return -d[i][j] * (by_x**i * by_z**j)
@@ -66,7 +88,7 @@ class Plateau(Surface):
         x, y, z = point
         s, by_x = scaled(jnp.clip(x, self.x[0], self.x[1]), self.x)
         t, by_z = scaled(jnp.clip(z, self.z[0], self.z[1]), self.z)
-        (height, slope_t), (slope_s,) = partials(self.coefficients, s, t, 1)
+        (height, slope_t), (slope_s,) = self._table(s, t, 1)
         steep = (slope_s * by_x) ** 2 + (slope_t * by_z) ** 2
         return (y - height) / jnp.sqrt(1.0 + steep)
 
@@ -75,6 +97,11 @@ class Plateau(Surface):
 
     def knows(self, point: Vector) -> Array:
         return inside(self, point[0], point[2])
+
+    def covered(self, a: Array, b: Array, spacing: tuple[Array, Array]) -> Array | float:
+        if self.outline is None:
+            return 1.0
+        return covered(self.outline, a, b, spacing)
 
     def start(self, direction: Vector) -> tuple[Array, Array]:
         zero = jnp.zeros_like(direction[0])

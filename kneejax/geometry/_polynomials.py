@@ -48,6 +48,24 @@ def partials(coefficients: Array, s: Array, t: Array, order: int) -> tuple[tuple
 def _partials_jvp(order, primals, tangents):
     coefficients, s, t = primals
     more = partials(coefficients, s, t, order + 1)
+    moved = not isinstance(tangents[0], SymbolicZero)
+    linear = partials(tangents[0], s, t, order) if moved else None
+    return change_of_table(more, linear, tangents[1], tangents[2], order)
+
+
+def change_of_table(more, linear, d_s, d_t, order: int):
+    """A table of partial derivatives and its change, from the table of one order more.
+
+    Args:
+        more: the table up to `order + 1`.
+        linear: the table of the coefficients' change, up to `order`; None where they stay.
+        d_s: change of the first variable, or a symbolic zero.
+        d_t: likewise of the second.
+        order: highest total order of the answer.
+
+    Returns:
+        The table and its change.
+    """
     change = [[None] * (order - i + 1) for i in range(order + 1)]
 
     def add(term) -> None:
@@ -55,13 +73,11 @@ def _partials_jvp(order, primals, tangents):
             for j in range(order - i + 1):
                 change[i][j] = term(i, j) if change[i][j] is None else change[i][j] + term(i, j)
 
-    d_coefficients, d_s, d_t = tangents
     if not isinstance(d_s, SymbolicZero):
         add(lambda i, j: more[i + 1][j] * d_s)
     if not isinstance(d_t, SymbolicZero):
         add(lambda i, j: more[i][j + 1] * d_t)
-    if not isinstance(d_coefficients, SymbolicZero):
-        linear = partials(d_coefficients, s, t, order)
+    if linear is not None:
         add(lambda i, j: linear[i][j])
     value = tuple(tuple(more[i][: order - i + 1]) for i in range(order + 1))
     return value, tuple(
