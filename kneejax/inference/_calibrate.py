@@ -245,8 +245,13 @@ def _motion(problem: Problem, x: np.ndarray, found: Evaluation) -> Motion:
 def _slack_ligaments(problem: Problem, x: np.ndarray, found: Evaluation) -> dict[str, float]:
     knee = problem.selection.apply(problem.knee, jnp.asarray(x[: len(problem.selection)]))
     mechanics = evaluate_mechanics(knee, found.settled.pose, found.settled.meeting)
-    slack = np.nanmean(np.asarray(mechanics.strain) <= 0.0, axis=0)
-    return dict(zip(knee.ligaments.names, slack, strict=True))
+    names, slack = knee.ligaments.names, np.asarray(mechanics.strain) <= 0.0
+    parts = {name: np.nanmean(column) for name, column in zip(names, slack.T, strict=True)}
+    for group, fibres in knee.groups:
+        # A group is slack where all of its fibres are.
+        rows = [names.index(fibre) for fibre in fibres]
+        parts[group] = np.nanmean(slack[:, rows].all(axis=1))
+    return parts
 
 
 def _squares(problem: Problem, error: np.ndarray) -> np.ndarray:

@@ -1,4 +1,9 @@
-"""Named parameters of a knee, and the vector that a search moves."""
+"""Named parameters of a knee, and the vector that a search moves.
+
+A parameter belongs to a ligament or to a group of them. A group's value is the mean of its fibres.
+Setting it keeps how the fibres differ: strains and points shift together, stiffnesses, lengths and
+the law's own strains grow by one factor.
+"""
 
 from __future__ import annotations
 
@@ -47,8 +52,9 @@ class Selection:
     """Parameters that are free, in order; hashable, so that it can steer a compiled function.
 
     Attributes:
-        names: `LIGAMENT.quantity`, one a free number.
+        names: `LIGAMENT.quantity` or `GROUP.quantity`, one a free number.
         ligaments: names of the knee's ligaments.
+        groups: names that stand for several ligaments, with those.
 
     Example:
         >>> from kneejax.inference import Selection
@@ -58,6 +64,7 @@ class Selection:
 
     names: tuple[str, ...]
     ligaments: tuple[str, ...]
+    groups: tuple[tuple[str, tuple[str, ...]], ...] = ()
 
     def __len__(self) -> int:
         return len(self.names)
@@ -66,8 +73,13 @@ class Selection:
         return f"{len(self)} free number{'s' * (len(self) != 1)}: " + ", ".join(self.names)
 
     def ligament(self, index: int) -> str:
-        """Name of the ligament of a parameter."""
+        """Name of the ligament, or of the group, of a parameter."""
         return self.names[index].split(".", 1)[0]
+
+    def fibres(self, index: int) -> tuple[str, ...]:
+        """The ligaments that a parameter drives."""
+        name = self.ligament(index)
+        return dict(self.groups).get(name, (name,))
 
     def quantity(self, index: int) -> str:
         """Quantity of a parameter, e.g. `stiffness`."""
@@ -92,8 +104,9 @@ class Selection:
             knee = _write(knee, *self._place(i), values[i])
         return knee
 
-    def _place(self, index: int) -> tuple[int, str]:
-        return self.ligaments.index(self.ligament(index)), self.quantity(index)
+    def _place(self, index: int) -> tuple[tuple[int, ...], str]:
+        rows = tuple(self.ligaments.index(fibre) for fibre in self.fibres(index))
+        return rows, self.quantity(index)
 
 
 def select(knee: Knee, names: list[str] | tuple[str, ...]) -> Selection:
@@ -101,16 +114,18 @@ def select(knee: Knee, names: list[str] | tuple[str, ...]) -> Selection:
 
     Args:
         knee: the knee that has them.
-        names: `LIGAMENT.quantity`; `*` stands for every ligament (`*.stiffness`).
+        names: `LIGAMENT.quantity`, or `GROUP.quantity`; `*` stands for every ligament
+            (`*.stiffness`).
 
     Returns:
         The selection.
 
     Raises:
-        UnknownParameter: naming the nearest known name; also if one is chosen twice.
+        UnknownParameter: naming the nearest known name; also if one number is chosen twice.
     """
     ligaments, chosen = knee.ligaments.names, []
-    known = [f"{ligament}.{quantity}" for ligament in ligaments for quantity in QUANTITIES]
+    owners = (*ligaments, *(name for name, _ in knee.groups))
+    known = [f"{owner}.{quantity}" for owner in owners for quantity in QUANTITIES]
     wild = [f"*.{quantity}" for quantity in QUANTITIES]
     for name in names:
         if name in wild:
@@ -121,11 +136,23 @@ def select(knee: Knee, names: list[str] | tuple[str, ...]) -> Selection:
             near = difflib.get_close_matches(name, known + wild, 1, 0.0)
             raise UnknownParameter(f"unknown parameter {name!r}; did you mean {near[0]!r}?")
         chosen += [match for match in matches if match not in chosen]
-    both = [n for n in chosen if n.endswith(".slack_length")]
-    for name in both:
-        if name.replace("slack_length", "reference_strain") in chosen:
-            raise UnknownParameter(f"{name} and its reference_strain are one number: choose one")
-    return Selection(tuple(chosen), ligaments)
+    selection = Selection(tuple(chosen), ligaments, knee.groups)
+    _check_once(selection)
+    return selection
+
+
+def _check_once(selection: Selection) -> None:
+    """No number of a fibre may be driven by two parameters."""
+    driven: dict[tuple[str, str], str] = {}
+    for i, name in enumerate(selection.names):
+        # Either gives the slack length.
+        quantity = selection.quantity(i).replace("reference_strain", "slack_length")
+        for fibre in selection.fibres(i):
+            other = driven.setdefault((fibre, quantity), name)
+            if other != name:
+                raise UnknownParameter(
+                    f"{other} and {name} are one number (of {fibre}): choose one"
+                )
 
 
 def with_values(knee: Knee, values: dict[str, float]) -> Knee:
@@ -146,16 +173,34 @@ def default_bounds(knee: Knee, selection: Selection) -> tuple[Array, Array]:
     return jnp.array([p[0] for p in pairs]), jnp.array([p[1] for p in pairs])
 
 
-def _read(knee: Knee, row: int, quantity: str) -> Array:
+def _read(knee: Knee, rows: tuple[int, ...], quantity: str) -> Array:
+    return jnp.mean(jnp.stack([_numbers(knee, quantity)[row] for row in rows]))
+
+
+def _numbers(knee: Knee, quantity: str) -> Array:
+    """A quantity of every fibre."""
     if quantity == "reference_strain":
-        return knee.reference_strain()[row]
+        return knee.reference_strain()
     if "." in quantity:
         end, axis = quantity.split(".")
-        return getattr(knee.ligaments, end)[row, _AXES.index(axis)]
-    return getattr(knee.ligaments, quantity)[row]
+        return getattr(knee.ligaments, end)[:, _AXES.index(axis)]
+    return getattr(knee.ligaments, quantity)
 
 
-def _write(knee: Knee, row: int, quantity: str, value: Array) -> Knee:
+def _write(knee: Knee, rows: tuple[int, ...], quantity: str, value: Array) -> Knee:
+    if len(rows) == 1:
+        values = [value]
+    else:
+        old = [_numbers(knee, quantity)[row] for row in rows]
+        mean = _read(knee, rows, quantity)
+        shifts = quantity == "reference_strain" or "." in quantity
+        values = [x + (value - mean) if shifts else x * (value / mean) for x in old]
+    for row, x in zip(rows, values, strict=True):
+        knee = _write_one(knee, row, quantity, x)
+    return knee
+
+
+def _write_one(knee: Knee, row: int, quantity: str, value: Array) -> Knee:
     field, index = quantity, row
     if quantity == "reference_strain":
         field = "slack_length"
