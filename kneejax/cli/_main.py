@@ -118,6 +118,22 @@ def _add_import(parser: argparse.ArgumentParser) -> None:
     osim.add_argument("file", type=Path)
     osim.add_argument("--side", choices=sides, required=True)
     osim.add_argument("--geometry", type=Path, help="folder of the model's cartilage meshes")
+    osim.add_argument("--femur", metavar="BODY", help="found from the joints if not given")
+    osim.add_argument("--tibia", metavar="BODY", help="likewise; both or none")
+    osim.add_argument(
+        "--without",
+        action="append",
+        default=[],
+        metavar="FIBRE",
+        help="leave out a fibre, or those that fit a pattern",
+    )
+    osim.add_argument(
+        "--inside",
+        choices=["refuse", "straight"],
+        default="refuse",
+        help="what to do where a fibre begins inside what it goes around; straight is what "
+        "OpenSim does",
+    )
     osim.add_argument("--out", type=Path, default=Path("kneejax-import"))
     osim.set_defaults(run=_lazily("_import_osim"))
 

@@ -15,6 +15,10 @@ from kneejax.files._knee_file import write_knee as write_knee
 from kneejax.files._meshes import MeshPoints as MeshPoints
 from kneejax.files._meshes import read_mesh_points as read_mesh_points
 from kneejax.files._mirror import mirror_document as mirror_document
+from kneejax.files._opensim_geometry import add_osim_contacts as add_osim_contacts
+from kneejax.files._opensim_import import OsimImport as OsimImport
+from kneejax.files._opensim_import import import_osim as import_osim
+from kneejax.files._opensim_report import format_import_report as format_import_report
 from kneejax.files._problem import InputProblem as InputProblem
 from kneejax.files._problem import nearest_name as nearest_name
 from kneejax.files._study import DEFAULT_BOUNDS as DEFAULT_BOUNDS

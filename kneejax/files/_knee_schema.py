@@ -21,7 +21,7 @@ SLACK_FIELDS = ("reference_strain", "slack_length_mm", "reference_force_N")
 #: Fields of a knee file, in the order in which they are written; likewise those below.
 KNEE_FIELDS = (
     "kneejax", "name", "side", "description", "reference_pose", "ligaments", "contacts", "wraps",
-    "groups", "lines", "loads", "adaptations", "notes",
+    "groups", "lines", "loads", "adaptations", "notes", "imported_from",
 )
 POSE_FIELDS = (
     "flexion_deg", "adduction_deg", "internal_rotation_deg", "anterior_mm", "superior_mm",
@@ -49,6 +49,7 @@ WRAP_FIELDS = (
 LINE_FIELDS = ("tension_N", "insertion_mm", "origin_mm", "source")
 LOAD_FIELDS = ("force_N", "moment_Nmm", "point_mm", "axes", "point_in", "source")
 ADAPTATION_FIELDS = ("field", "from", "to", "reason")
+IMPORT_FIELDS = ("file", "sha256", "side", "femur", "tibia", "ligaments", "wraps")
 #: Kind of surface -> the fields it must have and those it may have.
 SURFACES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "condyle": (
@@ -113,6 +114,8 @@ def check_knee(document: Field) -> dict[str, str]:
             adaptation["reason"].text()
     if "notes" in document:
         document["notes"].text()
+    if "imported_from" in document:
+        _check_import(document["imported_from"])
     return sources
 
 
@@ -122,7 +125,8 @@ def _check_pose(pose: Field, sources: dict[str, str]) -> None:
     pose["adduction_deg"].number(at_least=-45, at_most=45)
     pose["internal_rotation_deg"].number(at_least=-90, at_most=90)
     for name in POSE_FIELDS[3:6]:
-        pose[name].number(at_least=-200, at_most=200)
+        # As far as a tibia from a femur whose origin is its hip.
+        pose[name].number(at_least=-_FAR_MM, at_most=_FAR_MM)
     if "source" in pose:
         sources[pose.path] = pose["source"].text()
 
@@ -180,6 +184,17 @@ def _check_groups(groups: Field, ligaments: tuple[str, ...]) -> None:
                 raise pattern.problem(
                     "the name of a ligament, or a pattern that fits one", ligaments
                 )
+
+
+def _check_import(origin: Field) -> None:
+    """The model that a knee came from; names only where they differ from the knee's."""
+    origin.mapping(IMPORT_FIELDS[:-2], IMPORT_FIELDS[-2:])
+    for name in IMPORT_FIELDS[:-2]:
+        origin[name].text()
+    for section in IMPORT_FIELDS[-2:]:
+        if section in origin:
+            for _, name in origin[section].named("the model's name"):
+                name.text()
 
 
 def _check_contact(contact: Field, sources: dict[str, str]) -> None:

@@ -1,0 +1,45 @@
+"""`kneejax import osim FILE --side r|l`."""
+
+from __future__ import annotations
+
+import argparse
+
+from kneejax.cli._main import DONE, DOUBTFUL
+from kneejax.files import (
+    add_osim_contacts,
+    format_import_report,
+    format_knee,
+    import_osim,
+    write_knee,
+    write_text,
+)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Write knee.yaml and import_report.md from an OpenSim model."""
+    read = import_osim(
+        arguments.file,
+        side=arguments.side,
+        femur=arguments.femur,
+        tibia=arguments.tibia,
+        without=arguments.without,
+        inside=arguments.inside,
+    )
+    findings: tuple[str, ...] = ()
+    document, file = read.document, arguments.out / "knee.yaml"
+    if arguments.geometry is None:
+        write_text(file, format_knee(document))  # checked on reading; to build it takes longer
+    else:
+        document, findings = add_osim_contacts(read, arguments.geometry)
+        write_knee(document, file)
+    write_text(arguments.out / "import_report.md", format_import_report(read, findings))
+    knee = read.knee
+    print(f"{knee.femur} taken as the femur, {knee.tibia} as the tibia")
+    print(
+        f"{len(read.ligaments)} fibres, {len(read.wraps)} wrap objects, "
+        f"{len(document['contacts'])} contacts; {len(read.found.outside)} other fibres left out"
+    )
+    for doubt in read.doubts:
+        print(f"doubtful: {doubt}")
+    print(f"written: {arguments.out}/knee.yaml, import_report.md")
+    return DOUBTFUL if read.doubts else DONE
