@@ -6,12 +6,22 @@ import argparse
 
 import numpy as np
 
-from kneejax.experiments import evaluate, status_of
+from kneejax.experiments import Mechanics, Way, evaluate, status_of, ways_of
 from kneejax.files import load_knee, read_poses, write_rows
 from kneejax.geometry import Pose
+from kneejax.mechanics import Knee
 from kneejax.statics import Status
 
-LIGAMENT_COLUMNS = ["pose", "flexion_deg", "ligament", "length_mm", "strain", "force_N"]
+LIGAMENT_COLUMNS = [
+    "pose",
+    "flexion_deg",
+    "ligament",
+    "length_mm",
+    "strain",
+    "force_N",
+    "way",
+    "wrap_deg",
+]
 CONTACT_COLUMNS = [
     "pose",
     "contact",
@@ -26,6 +36,9 @@ CONTACT_COLUMNS = [
     "force_anterior_N",
     "force_superior_N",
     "force_lateral_N",
+    "moment_adduction_Nmm",
+    "moment_internal_rotation_Nmm",
+    "moment_extension_Nmm",
     "status",
 ]
 
@@ -35,37 +48,55 @@ def run(arguments: argparse.Namespace) -> int:
     knee = load_knee(arguments.knee)
     table = read_poses(arguments.poses, arguments.convention)
     found = evaluate(knee, Pose.from_table(table))
-    status = np.asarray(status_of(found, knee))
+    status, ways = np.asarray(status_of(found, knee)), ways_of(found)
+    out = arguments.out
+    write_rows(out / "ligaments.csv", LIGAMENT_COLUMNS, _ligaments(knee, table, found, ways))
+    write_rows(out / "contact.csv", CONTACT_COLUMNS, _contacts(knee, found, status))
+    print(f"{len(table)} poses of {knee.name}; written: {out}/ligaments.csv, contact.csv")
+    doubtful = _say_status(status)
+    return 1 if say_ways(knee, ways) or doubtful else 0
+
+
+def _ligaments(knee: Knee, table: np.ndarray, found: Mechanics, ways: np.ndarray) -> list[list]:
     length, strain, tension = (np.asarray(x) for x in (found.length, found.strain, found.tension))
-    ligaments = [
-        [i, table[i, 0], name, length[i, j], strain[i, j], tension[i, j]]
+    words = {way.value: way.word for way in Way}
+    angle = np.rad2deg(np.maximum(np.asarray(found.wrap_angle), 0.0))
+    return [
+        [i, table[i, 0], name, length[i, j], strain[i, j], tension[i, j], words[ways[i, j]],
+         angle[i, j]]
         for i in range(len(table))
         for j, name in enumerate(knee.ligaments.names)
-    ]
+    ]  # fmt: skip
+
+
+def _contacts(knee: Knee, found: Mechanics, status: np.ndarray) -> list[list]:
     force, center = np.asarray(found.contact_force), np.asarray(found.center)
-    scalars = np.stack(
-        [
-            np.linalg.norm(force, axis=-1),
-            *(np.asarray(x) for x in (found.area, found.max_pressure, found.mean_pressure)),
-            np.asarray(found.max_depth),
-        ],
-        axis=-1,
-    )
-    contacts = [
-        [i, name, *scalars[i, j], *center[i, j], *force[i, j], Status(status[i]).word]
-        for i in range(len(table))
+    # About X, Y, Z of the tibia: adduction, internal rotation, extension.
+    moment = np.asarray(found.contact_moment)
+    scalars = (found.area, found.max_pressure, found.mean_pressure, found.max_depth)
+    numbers = np.stack([np.linalg.norm(force, axis=-1), *map(np.asarray, scalars)], axis=-1)
+    words = {word.value: word.word for word in Status}
+    return [
+        [i, name, *numbers[i, j], *center[i, j], *force[i, j], *moment[i, j], words[status[i]]]
+        for i in range(len(status))
         for j, name in enumerate(knee.contact_names)
     ]
-    write_rows(arguments.out / "ligaments.csv", LIGAMENT_COLUMNS, ligaments)
-    write_rows(arguments.out / "contact.csv", CONTACT_COLUMNS, contacts)
-    print(f"{len(table)} poses of {knee.name}; written: {arguments.out}/ligaments.csv, contact.csv")
-    doubtful = status != Status.BALANCED
-    for word in sorted({Status(s) for s in status[doubtful]}):
+
+
+def _say_status(status: np.ndarray) -> bool:
+    for word in sorted({Status(s) for s in status[status != Status.BALANCED]}):
         rows = np.flatnonzero(status == word)
-        print(f"{len(rows)} poses (first row {rows[0]}): {_sentence(word)}")
-    return 1 if doubtful.any() else 0
+        # Nothing was balanced here: only what the sentence says of the surfaces applies.
+        sentence = word.sentence.removeprefix("balanced, but ")
+        print(f"{len(rows)} poses (first row {rows[0]}): {sentence}")
+    return bool((status != Status.BALANCED).any())
 
 
-def _sentence(word: Status) -> str:
-    # Nothing was balanced here: only what the sentence says of the surfaces applies.
-    return word.sentence.removeprefix("balanced, but ")
+def say_ways(knee: Knee, ways: np.ndarray) -> bool:
+    """Print which fibres flip or are near it; true if their forces are not to be trusted."""
+    for way in Way:
+        rows, fibres = np.nonzero(ways == way)
+        if way.sentence and len(rows):
+            names = ", ".join(knee.ligaments.names[j] for j in np.unique(fibres))
+            print(f"{names}, {len(np.unique(rows))} poses (first row {rows[0]}): {way.sentence}")
+    return any((ways == way).any() for way in Way if way.doubtful)

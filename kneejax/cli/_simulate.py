@@ -7,7 +7,8 @@ import argparse
 import equinox as eqx
 import numpy as np
 
-from kneejax.experiments import evaluate, passive_flexion
+from kneejax.cli._evaluate import say_ways
+from kneejax.experiments import evaluate, passive_flexion, ways_of
 from kneejax.files import InputProblem, load_knee, parse_flexion, write_poses, write_rows
 from kneejax.inference import with_values
 from kneejax.mechanics import Knee, Load
@@ -53,8 +54,9 @@ def run(arguments: argparse.Namespace) -> int:
     for word in bad:
         where = ", ".join(f"{f:g}" for f, w in zip(flexion, words, strict=True) if w is word)
         print(f"{where} degrees: {word.sentence}")
+    doubtful = say_ways(knee, ways_of(mechanics))
     print(f"written: {arguments.out}/poses.csv, forces.csv, figures/simulation.png and .svg")
-    return 1 if bad else 0
+    return 1 if bad or doubtful else 0
 
 
 def _forces(knee: Knee, mechanics, i: int):

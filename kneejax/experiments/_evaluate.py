@@ -40,11 +40,13 @@ class Mechanics(eqx.Module):
         too_deep: whether the overlap is the whole layer somewhere, `(poses, contacts)`.
         contact_moment: on the tibia about its origin in tibia axes, `(poses, contacts, 3)`, N mm.
         wrap_angle: over which a fibre lies on its obstacle, `(poses, ligaments)`, rad; not
-            positive where it is free, or has none.
+            positive where it is free, minus infinity where it has none.
         wrap_inside: whether an end of the fibre lies inside its obstacle, `(poses, ligaments)`.
         wrap_side: direction in which the fibre passes its obstacle's centre, in the obstacle's
             frame, `(poses, ligaments, 3)`; zero without an obstacle.
-        other_side: how much longer the way around the other side is, `(poses, ligaments)`, mm.
+        other_side: how much longer the way around the other side is, `(poses, ligaments)`, mm;
+            infinite where free.
+        wrap_beyond: whether a fibre touches a cylinder beyond its length, `(poses, ligaments)`.
     """
 
     length: Array
@@ -63,6 +65,7 @@ class Mechanics(eqx.Module):
     wrap_inside: Array
     wrap_side: Array
     other_side: Array
+    wrap_beyond: Array
 
 
 def evaluate(knee: Knee, poses: Pose, meeting: Array | None = None) -> Mechanics:
@@ -140,6 +143,7 @@ def _evaluate(knee: Knee, poses: Pose, meeting: Array | None) -> Mechanics:
         wrap.inside.T,
         jnp.moveaxis(jnp.stack(wrap.side), 0, -1).swapaxes(0, 1),
         wrap.other_side.T,
+        wrap.beyond_ends.T,
     )
 
 

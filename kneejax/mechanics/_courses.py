@@ -26,9 +26,6 @@ from kneejax.geometry import (
 )
 from kneejax.mechanics._wrench import Wrench
 
-#: Wrap angle, rad, over which a free fibre becomes a wrapped one.
-HAND_OVER = 0.02
-
 
 class Piece(eqx.Module):
     """A piece of several fibres between two points.
@@ -107,7 +104,7 @@ class Course(eqx.Module):
                 place.apply_inverse(_in_femur(*end, tibia)),
                 count,
             )
-            lines.append([place.apply(point) for point in points])
+            lines.append([place.apply((x, y, z)) for x, y, z in points])
         return lines
 
     def _nodes(self, femoral: Array, tibial: Array) -> list[tuple[str, Vector]]:
@@ -122,7 +119,7 @@ class Course(eqx.Module):
     def _around(self, obstacle: Obstacle, start, end, tibia: Placement) -> Piece:
         place = self._place(obstacle, tibia)
         ends = [place.apply_inverse(_in_femur(*node, tibia)) for node in (start, end)]
-        path = taut(obstacle, ends[0], ends[1], HAND_OVER)
+        path = taut(obstacle, ends[0], ends[1])
         pull = Wrench((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         # An end on the femur drags the obstacle's bone along; one on the tibia is dragged itself.
         sign = 1.0 if self.obstacle_bone == "tibia" else -1.0

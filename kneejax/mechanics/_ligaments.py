@@ -22,18 +22,21 @@ class WrapState(eqx.Module):
     """How fibres pass their obstacles; fibres without one are free.
 
     Attributes:
-        angle: rad over which a fibre lies on its obstacle, `(n, ...)`; not positive where free.
+        angle: rad over which a fibre lies on its obstacle, `(n, ...)`; not positive where free,
+            minus infinity without an obstacle.
         inside: whether an end lies inside the obstacle: its length means nothing then.
         side: unit direction from the obstacle's centre to the fibre, in the obstacle's frame,
             each component `(n, ...)`; zero without an obstacle. A jump between poses is a flip.
         other_side: how much longer the way around the other side is, mm, `(n, ...)`; infinite
-            without an obstacle. Near zero two ways compete.
+            where free. Near zero two ways compete.
+        beyond_ends: whether the fibre touches a cylinder beyond its length, `(n, ...)`.
     """
 
     angle: Array
     inside: Array
     side: Vector
     other_side: Array
+    beyond_ends: Array
 
 
 class Ligaments(eqx.Module):
@@ -161,7 +164,8 @@ class Ligaments(eqx.Module):
                     jnp.where(more, path.angle, own.angle),
                     own.inside | path.inside,
                     tuple(jnp.where(more, a, b) for a, b in zip(path.side, own.side, strict=True)),
-                    jnp.where(more, path.other_side, own.other_side),
+                    jnp.where(more, path.detour_other_side, own.other_side),
+                    own.beyond_ends | path.beyond_ends,
                 )
             states.append(own)
         return jax.tree.map(lambda *x: self._joined(list(x)), *states)
@@ -242,4 +246,4 @@ def _arm_and_line(femoral: Array, tibial: Array, tibia: Placement) -> tuple[Vect
 
 def _free(count: int, shape: tuple[int, ...]) -> WrapState:
     zero = jnp.zeros((count, *shape))
-    return WrapState(zero, zero > 0, (zero, zero, zero), zero + jnp.inf)
+    return WrapState(zero - jnp.inf, zero > 0, (zero, zero, zero), zero + jnp.inf, zero > 0)
