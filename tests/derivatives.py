@@ -1,0 +1,64 @@
+"""Derivatives of a function in both modes, against each other and against differences."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+#: By hand: the compiler's own choice copies shared values and takes minutes.
+OPTIONS = {"xla_disable_hlo_passes": "fusion"}
+_WEIGHTS = np.random.default_rng(0).uniform(0.5, 1.0, size=200)
+
+
+class Errors(NamedTuple):
+    """Largest relative errors; NaN where a derivative is not finite.
+
+    Attributes:
+        forward: of the derivative against differences, relative to the largest of its row.
+        reverse: of one direction of the reverse derivative against the forward one, relative to
+            itself and to the largest derivative, if that is below 1.
+    """
+
+    forward: float
+    reverse: float
+
+
+def both_ways(function, step=1e-3):
+    """Check the derivatives of a function of one array.
+
+    Args:
+        function: from `(n,)` to `(m,)`; differentiable.
+        step: of the fourth-order central differences, as a part of each entry's size.
+
+    Returns:
+        A function `(x, size, smallest=1e-9, of_value=0.0) -> Errors`. `size` is what counts as a
+        change of 1 of each entry. `smallest`, a number in units of the answers, and `of_value`, a
+        part of each answer, are added to what errors are relative to.
+    """
+
+    @jax.jit(compiler_options=OPTIONS)
+    def derivatives(x, size):
+        def scaled(u):
+            return function(x + size * u)
+
+        zero = jnp.zeros_like(x)
+        value, push = jax.linearize(scaled, zero)
+        exact = jax.vmap(push, out_axes=-1)(jnp.eye(x.size))
+        (reverse,) = jax.linear_transpose(push, zero)(jnp.asarray(_WEIGHTS[: value.size]))
+        steps = jnp.array([2.0, 1.0, -1.0, -2.0])[:, None, None] * step * jnp.eye(x.size)
+        moved = jax.vmap(jax.vmap(scaled))(steps)
+        difference = jnp.tensordot(jnp.array([-1.0, 8.0, -8.0, 1.0]) / (12.0 * step), moved, 1)
+        return value, exact, reverse, difference.T
+
+    def errors(x, size, smallest=1e-9, of_value=0.0):
+        value, exact, reverse, numeric = (np.asarray(y) for y in derivatives(x, size))
+        scale = np.abs(exact).max(axis=1) + of_value * np.abs(value) + smallest
+        forward = np.abs(exact - numeric) / scale[:, None]
+        expected = _WEIGHTS[: value.size] @ exact
+        unit = np.abs(expected) + np.minimum(np.abs(exact).max() + smallest, 1.0)
+        return Errors(forward.max(), (np.abs(reverse - expected) / unit).max())
+
+    return errors
