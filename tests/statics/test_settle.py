@@ -148,6 +148,15 @@ def test_first_guess_meets_inside_the_regions(knee):
         assert float(gap.tilt[0]) < 1e-9
 
 
+def test_a_first_guess_has_the_types_of_a_search_that_ended(knee, motion):
+    """Were one weakly typed, the search after it would compile again."""
+    lanes, flexion, found = add_lane_axis(knee), motion.settled.flexion, motion.settled
+    ended = Guess(found.q, found.meeting, found.tangent)
+    first = first_guess(lanes, flexion)
+    for guess in (first, with_meeting(lanes, flexion, first.q)):
+        assert jax.tree.map(jax.typeof, guess) == jax.tree.map(jax.typeof, ended)
+
+
 def test_a_lane_whose_meeting_points_are_lost_finds_them_again(knee, motion):
     """Guesses far from where the surfaces meet, or none at all: the march ends where it should."""
     lanes, here = add_lane_axis(knee), motion.settled
