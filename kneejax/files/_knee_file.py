@@ -18,6 +18,7 @@ from kneejax.files._text import write_text
 from kneejax.files._yaml import format_yaml, load_yaml
 from kneejax.geometry import (
     COLUMNS,
+    POWER,
     Condyle,
     Ellipsoid,
     Frame,
@@ -130,11 +131,13 @@ def build_surface(surface: dict[str, Any]) -> Surface:
     if kind == "condyle":
         frame = _frame(surface, "axis_point_mm", "axis_rotation_deg")
         angle = np.deg2rad(surface["angle_deg"])
-        return Condyle(surface["coefficients_mm"], angle, surface["width_mm"], frame)
+        basis = surface.get("basis", POWER)
+        return Condyle(surface["coefficients_mm"], angle, surface["width_mm"], frame, basis)
     if kind == "plateau":
         frame = _frame(surface, "origin_mm", "rotation_deg")
         region = surface["anterior_mm"], surface["lateral_mm"]
-        return Plateau(surface["coefficients_mm"], *region, frame)
+        basis, outline = surface.get("basis", POWER), surface.get("outline_mm")
+        return Plateau(surface["coefficients_mm"], *region, frame, basis, outline)
     if kind == "plane":
         return Plane(_frame(surface, "origin_mm", "rotation_deg"), surface["half_extent_mm"])
     frame = _frame(surface, "center_mm", "rotation_deg")

@@ -10,6 +10,7 @@ import fnmatch
 import numpy as np
 
 from kneejax.files._schema import Field
+from kneejax.geometry import BASES, CUBIC_SPLINE
 from kneejax.mechanics import BONES, FORMS, QUADRATURE, cartilage_law
 
 #: Version of the format that this package reads and writes.
@@ -53,10 +54,12 @@ IMPORT_FIELDS = ("file", "sha256", "side", "femur", "tibia", "ligaments", "wraps
 #: Kind of surface -> the fields it must have and those it may have.
 SURFACES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "condyle": (
-        ("axis_point_mm", "angle_deg", "width_mm", "coefficients_mm"), ("axis_rotation_deg",)
+        ("axis_point_mm", "angle_deg", "width_mm", "coefficients_mm"),
+        ("axis_rotation_deg", "basis"),
     ),
     "plateau": (
-        ("origin_mm", "anterior_mm", "lateral_mm", "coefficients_mm"), ("rotation_deg",)
+        ("origin_mm", "anterior_mm", "lateral_mm", "coefficients_mm"),
+        ("rotation_deg", "basis", "outline_mm"),
     ),
     "plane": (("origin_mm", "half_extent_mm"), ("rotation_deg",)),
     "sphere": (("center_mm", "radius_mm"), ()),
@@ -66,6 +69,7 @@ SURFACE_EXTRAS = ("source", "fit_rms_mm", "fit_max_mm")
 
 _FAR_MM = 1000.0  # no point of a knee is farther from its bone's origin
 _LONGEST_MM = 300.0
+_MOST_CONTROL_VALUES = 200
 _METRES = "; a length below this suggests metres"
 
 
@@ -217,7 +221,7 @@ def _check_contact(contact: Field, sources: dict[str, str]) -> None:
         raise thickness.problem(f"a thickness of at least 0.1 mm{_METRES}")
     if "layer_variation_mm" in contact:
         variation = contact["layer_variation_mm"]
-        if thickness.value + _values(variation).min() < 0.1:
+        if thickness.value + _polynomial(variation).min() < 0.1:
             raise variation.problem("a layer of at least 0.1 mm all over the region")
     contact["onset_width_mm"].number(above=0, below=5)
     for name in ("femoral_surface", "tibial_surface"):
@@ -261,14 +265,16 @@ def check_surface(surface: Field) -> None:
                 "a region at least 10 degrees wide; a narrower one suggests radians"
             )
         _extent(surface["width_mm"])
-        if _values(surface["coefficients_mm"]).min() <= 0:
+        if _values(surface).min() <= 0:
             raise surface["coefficients_mm"].problem("a radius above 0 all over the region")
-        if _values(surface["coefficients_mm"]).max() < 1:
+        if _values(surface).max() < 1:
             raise surface["coefficients_mm"].problem(f"a radius of at least 1 mm{_METRES}")
     elif kind == "plateau":
         _extent(surface["anterior_mm"])
         _extent(surface["lateral_mm"])
-        if np.abs(_values(surface["coefficients_mm"])).max() > _FAR_MM:
+        if "outline_mm" in surface and len(surface["outline_mm"].rows(2)) < 3:
+            raise surface["outline_mm"].problem("at least three corners [anterior, lateral]")
+        if np.abs(_values(surface)).max() > _FAR_MM:
             raise surface["coefficients_mm"].problem("heights in mm, below 1000")
     elif kind == "plane":
         _sizes(surface["half_extent_mm"], surface["half_extent_mm"].numbers(2, above=0))
@@ -329,10 +335,22 @@ def _sizes(field: Field, sizes) -> None:
         raise field.problem(f"a size of at least 1 mm{_METRES}")
 
 
-def _values(coefficients: Field) -> np.ndarray:
-    """The polynomial over its region, at a grid of points."""
-    table = coefficients.rows()
-    if len(table) > 13 or len(table[0]) > 13:
+def _values(surface: Field) -> np.ndarray:
+    """A surface's table over its region, at a grid of points."""
+    coefficients = surface["coefficients_mm"]
+    if "basis" not in surface or surface["basis"].choice(BASES) != CUBIC_SPLINE:
+        return _polynomial(coefficients)
+    table = np.array(coefficients.rows())
+    if min(table.shape) < 4 or max(table.shape) > _MOST_CONTROL_VALUES:
+        expected = f"rows and columns of 4 to {_MOST_CONTROL_VALUES} control values of a spline"
+        raise coefficients.problem(expected)
+    for _ in range(2):  # at the knots, along either variable
+        table = ((table[:-2] + 4.0 * table[1:-1] + table[2:]) / 6.0).T
+    return table
+
+
+def _polynomial(coefficients: Field) -> np.ndarray:
+    table, s = np.array(coefficients.rows()), np.linspace(-1.0, 1.0, 25)
+    if max(table.shape) > 13:
         raise coefficients.problem("powers up to 12")
-    s = np.linspace(-1.0, 1.0, 25)
-    return np.polynomial.polynomial.polygrid2d(s, s, np.array(table))
+    return np.polynomial.polynomial.polygrid2d(s, s, table)

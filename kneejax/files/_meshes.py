@@ -15,7 +15,7 @@ from kneejax.files._text import read_bytes
 #: Endings of the files that can be read.
 MESH_ENDINGS = (".stl", ".ply", ".obj")
 #: Unit of a mesh file -> mm; `auto` decides by size.
-MESH_UNITS = {"auto": None, "m": 1000.0, "mm": 1.0}
+MESH_UNITS = {"auto": None, "m": 1000.0, "mm": 1.0, "cm": 10.0}
 
 _FEWEST_TRIANGLES = 4
 
@@ -42,8 +42,8 @@ def read_mesh_points(path: str | os.PathLike[str], unit: str = "auto") -> MeshPo
 
     Args:
         path: an STL, PLY or OBJ file.
-        unit: of the file: `m`, `mm`, or `auto`, which takes a bounding box with a diagonal below
-            1 as metres and between 10 and 2000 as mm.
+        unit: of the file: `m`, `mm`, `cm`, or `auto`, which takes a bounding box with a diagonal
+            below 1 as metres and between 10 and 2000 as mm.
 
     Returns:
         The mesh, with corners that coincide merged.

@@ -9,6 +9,7 @@ a left one. A left knee is mirrored through its sagittal plane on reading, `z ->
 | moments, rotations about X, Y, Z `(x, y, z)` | `(-x, -y, z)` |
 | regions along Z `[lower, upper]` | `[-upper, -lower]` |
 | coefficients of `t^j`, `t` the scaled width or z | times `(-1)^j` |
+| control values of a spline over the width or z | the last comes first |
 | half extents, radii, semi-axes, everything else | the same |
 
 The reference pose stays the same, its `lateral_mm` included: it is given by clinical meaning
@@ -19,6 +20,8 @@ from __future__ import annotations
 
 import copy
 from typing import Any
+
+from kneejax.geometry import CUBIC_SPLINE
 
 _POINTS = (
     "femoral_attachment_mm", "tibial_attachment_mm", "axis_point_mm", "origin_mm", "center_mm",
@@ -45,8 +48,16 @@ def mirror_document(document: dict[str, Any]) -> dict[str, Any]:
     return twin
 
 
+def mirror_contact(contact: dict[str, Any]) -> dict[str, Any]:
+    """The other side's twin of a contact of a knee document."""
+    return _mirrored(copy.deepcopy(contact))
+
+
 def _mirrored(part: dict[str, Any]) -> dict[str, Any]:
-    return {name: _mirrored_field(name, value) for name, value in part.items()}
+    twin = {name: _mirrored_field(name, value) for name, value in part.items()}
+    if part.get("basis") == CUBIC_SPLINE:
+        twin["coefficients_mm"] = [list(row[::-1]) for row in part["coefficients_mm"]]
+    return twin
 
 
 def _mirrored_field(name: str, value: Any) -> Any:
@@ -60,6 +71,8 @@ def _mirrored_field(name: str, value: Any) -> Any:
         return [value[0], value[1], _negative(value[2])]
     if name in _TURNS:
         return [_negative(value[0]), _negative(value[1]), value[2]]
+    if name == "outline_mm":
+        return [[a, _negative(b)] for a, b in value]
     if name in _REGIONS:
         return [_negative(value[1]), _negative(value[0])]
     if name in ("coefficients_mm", "layer_variation_mm"):

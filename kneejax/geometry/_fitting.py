@@ -1,8 +1,7 @@
-"""Least-squares fits of analytic surfaces to points (a mesh's vertices, in its bone's frame).
+"""Least-squares fits of planes, quadrics and axes to points (a mesh's vertices).
 
-Polynomials are linear in their coefficients and are fitted by one factorisation; spheres,
-ellipsoids and axes by Levenberg-Marquardt on the distance. Everything is in mm and in the bone's
-frame; the meshes themselves are read in `kneejax.files`.
+Spheres, ellipsoids and axes are fitted by Levenberg-Marquardt on the distance. Everything is in mm
+and in the bone's frame; the meshes themselves are read in `kneejax.files`.
 """
 
 from __future__ import annotations
@@ -15,8 +14,6 @@ import numpy as np
 import optimistix as optx
 from jax.typing import ArrayLike
 
-from kneejax.geometry._condyle import Condyle
-from kneejax.geometry._plateau import Plateau
 from kneejax.geometry._pose import Frame
 from kneejax.geometry._quadrics import Ellipsoid, Plane, Sphere
 from kneejax.geometry._surface import Surface
@@ -65,14 +62,14 @@ def fit_plane(points: ArrayLike, weights: ArrayLike | None = None, up: ArrayLike
     Raises:
         ValueError: fewer than 3 points.
     """
-    p, w = _checked(points, weights, 3, "plane")
+    p, w = points_and_weights(points, weights, 3, "plane")
     center = np.average(p, axis=0, weights=w)
     _, _, axes = np.linalg.svd((p - center) * np.sqrt(w)[:, None], full_matrices=False)
     n = axes[2] * np.sign(axes[2] @ np.asarray(up, float))
     # Rx(a) Rz(c) takes Y to (-sin c, cos a cos c, sin a cos c).
     frame = Frame(center, (np.arctan2(n[2], n[1]), 0.0, -np.arcsin(n[0])))
-    local = _local(frame, p)
-    return _finish(Plane(frame, np.abs(local[:, [0, 2]]).max(axis=0)), p, w)
+    local = in_frame(frame, p)
+    return finished(Plane(frame, np.abs(local[:, [0, 2]]).max(axis=0)), p, w)
 
 
 def fit_sphere(points: ArrayLike, weights: ArrayLike | None = None):
@@ -88,7 +85,7 @@ def fit_sphere(points: ArrayLike, weights: ArrayLike | None = None):
     Raises:
         ValueError: fewer than 4 points.
     """
-    p, w = _checked(points, weights, 4, "sphere")
+    p, w = points_and_weights(points, weights, 4, "sphere")
 
     def build(y):
         return Sphere(y[3], Frame(y[:3]))
@@ -110,7 +107,7 @@ def fit_ellipsoid(points: ArrayLike, weights: ArrayLike | None = None, turned: b
     Raises:
         ValueError: fewer than 9 points.
     """
-    p, w = _checked(points, weights, 9, "ellipsoid")
+    p, w = points_and_weights(points, weights, 9, "ellipsoid")
     sphere = fit_sphere(p, w).surface
     start = np.r_[np.asarray(sphere.frame.origin), np.log(float(sphere.radius)) * np.ones(3)]
     start = np.r_[start, np.zeros(3)] if turned else start
@@ -134,7 +131,7 @@ def fit_transverse_axis(points: ArrayLike, weights: ArrayLike | None = None) -> 
     Raises:
         ValueError: fewer than 6 points.
     """
-    p, w = _checked(points, weights, 6, "cylinder")
+    p, w = points_and_weights(points, weights, 6, "cylinder")
     circle = _center_and_radius(p[:, :2], w)
 
     def residual(y, _):
@@ -143,83 +140,6 @@ def fit_transverse_axis(points: ArrayLike, weights: ArrayLike | None = None) -> 
 
     y = _levenberg_marquardt(residual, np.r_[circle[:2], 0.0, 0.0, circle[2]])
     return Frame(np.r_[y[:2], 0.0], np.r_[y[2:4], 0.0])
-
-
-def fit_condyle(
-    points: ArrayLike,
-    angle_deg: tuple[float, float],
-    width_mm: tuple[float, float],
-    degree: tuple[int, int] = (4, 4),
-    frame: Frame | None = None,
-    weights: ArrayLike | None = None,
-    total_degree: int | None = None,
-):
-    """Fit a radius over angle and width about a transverse axis.
-
-    Args:
-        points: shape `(n, 3)`, mm, femur frame; those outside the region are left out.
-        angle_deg: region from anterior (0) through distal (90) to posterior (180).
-        width_mm: region along the axis.
-        degree: highest power of the angle and of the width.
-        frame: the axis (its Z); `fit_transverse_axis` finds one. The femur's Z by default.
-        weights: shape `(n,)`; equal by default.
-        total_degree: limit on the sum of both powers; none by default. `degree=(4, 4)` with
-            `total_degree=4` is the polynomial of paper 3.
-
-    Returns:
-        A `SurfaceFit` of a `Condyle`.
-
-    Raises:
-        ValueError: too few points in the region for the number of coefficients.
-    """
-    frame = Frame() if frame is None else frame
-    p, w = _checked(points, weights, 1, "condyle")
-    x, y, z = _local(frame, p).T
-    angle, limits = 0.5 * np.pi - np.arctan2(x, -y), np.deg2rad(angle_deg)
-    here = (angle > limits[0]) & (angle < limits[1]) & (z > width_mm[0]) & (z < width_mm[1])
-    coefficients = _polynomial_fit(
-        (angle[here], limits), (z[here], width_mm), np.hypot(x, y)[here], w[here], degree,
-        total_degree, "condyle",
-    )
-    return _finish(Condyle(coefficients, limits, width_mm, frame), p[here], w[here])
-
-
-def fit_plateau(
-    points: ArrayLike,
-    x_mm: tuple[float, float],
-    z_mm: tuple[float, float],
-    degree: tuple[int, int] = (4, 4),
-    frame: Frame | None = None,
-    weights: ArrayLike | None = None,
-    total_degree: int | None = 4,
-):
-    """Fit a height over a plane.
-
-    Args:
-        points: shape `(n, 3)`, mm, tibia frame; those outside the elliptical region that touches
-            the limits are left out (a plateau has no corners).
-        x_mm: region, anterior-posterior.
-        z_mm: region, medial-lateral.
-        degree: highest power of x and of z.
-        frame: the plane (its Y is up); the tibia's by default.
-        weights: shape `(n,)`; equal by default.
-        total_degree: limit on the sum of both powers.
-
-    Returns:
-        A `SurfaceFit` of a `Plateau`.
-
-    Raises:
-        ValueError: too few points in the region for the number of coefficients.
-    """
-    frame = Frame() if frame is None else frame
-    p, w = _checked(points, weights, 1, "plateau")
-    x, y, z = _local(frame, p).T
-    s, t = _unit(x, x_mm), _unit(z, z_mm)
-    here = s * s + t * t < 1.0
-    coefficients = _polynomial_fit(
-        (x[here], x_mm), (z[here], z_mm), y[here], w[here], degree, total_degree, "plateau"
-    )
-    return _finish(Plateau(coefficients, x_mm, z_mm, frame), p[here], w[here])
 
 
 def _center_and_radius(points: np.ndarray, weights: np.ndarray) -> np.ndarray:
@@ -232,40 +152,8 @@ def _center_and_radius(points: np.ndarray, weights: np.ndarray) -> np.ndarray:
     return np.r_[center, np.sqrt(solution[-1] + center @ center)]
 
 
-def _polynomial_fit(first, second, values, weights, degree, total_degree, what):
-    powers = [
-        (i, j)
-        for i in range(degree[0] + 1)
-        for j in range(degree[1] + 1)
-        if total_degree is None or i + j <= total_degree
-    ]
-    if len(values) < len(powers):
-        raise ValueError(
-            f"{what}: {len(values)} points in the region; "
-            f"degree {degree} has {len(powers)} coefficients and needs at least as many"
-        )
-    s, t = _unit(*first), _unit(*second)
-    # Chebyshev columns keep the factorisation accurate; the result is stored as plain powers.
-    columns = [
-        np.polynomial.chebyshev.chebval(s, np.eye(i + 1)[i])
-        * np.polynomial.chebyshev.chebval(t, np.eye(j + 1)[j])
-        for i, j in powers
-    ]
-    root = np.sqrt(weights)
-    solution, *_ = np.linalg.lstsq(np.stack(columns, 1) * root[:, None], values * root, rcond=None)
-    table = np.zeros((degree[0] + 1, degree[1] + 1))
-    for (i, j), c in zip(powers, solution, strict=True):
-        left = np.polynomial.chebyshev.cheb2poly(np.eye(i + 1)[i])
-        right = np.polynomial.chebyshev.cheb2poly(np.eye(j + 1)[j])
-        table[: i + 1, : j + 1] += c * np.outer(left, right)
-    return table
-
-
-def _unit(value, limits):
-    return 2.0 * (value - limits[0]) / (limits[1] - limits[0]) - 1.0
-
-
-def _local(frame: Frame, points: np.ndarray) -> np.ndarray:
+def in_frame(frame: Frame, points: np.ndarray) -> np.ndarray:
+    """Points of a bone in the frame of a surface, shape `(n, 3)`."""
     return np.stack([np.asarray(c) for c in _local_traced(frame, points)], axis=1)
 
 
@@ -278,7 +166,7 @@ def _by_distance(build, start, points, weights):
         surface = build(y)
         return jnp.sqrt(weights) * surface.level(_local_traced(surface.frame, points))
 
-    return _finish(build(_levenberg_marquardt(residual, start)), points, weights)
+    return finished(build(_levenberg_marquardt(residual, start)), points, weights)
 
 
 def _levenberg_marquardt(residual, start) -> np.ndarray:
@@ -289,12 +177,14 @@ def _levenberg_marquardt(residual, start) -> np.ndarray:
     return np.asarray(solution.value)
 
 
-def _finish(surface, points, weights):
+def finished(surface, points, weights):
+    """The `SurfaceFit` of a surface: signed distances of points of its bone, to first order."""
     local = _local_traced(surface.frame, points)
     return SurfaceFit(surface, points, np.asarray(surface.level(local)), weights)
 
 
-def _checked(points, weights, least, what):
+def points_and_weights(points, weights, least, what):
+    """Points `(n, 3)` and weights `(n,)` as arrays, or a ValueError."""
     p = np.asarray(points, float)
     if p.ndim != 2 or p.shape[1] != 3 or len(p) < least:
         raise ValueError(f"{what}: expected at least {least} points (n, 3), got shape {p.shape}")
