@@ -94,17 +94,18 @@ def shot_path(start: Vector, end: Vector, shape: tuple[Array, ...], aim: Aim) ->
     shot = _shoot(p, s, shape, aim, STEPS)
     x0, x1 = v.stretch(shape, shot.begin), v.stretch(shape, shot.finish)
     n0, n1 = (unit(v.stretch(_inverse(shape), u)) for u in (shot.begin, shot.finish))
-    t0, t1 = (unit(v.stretch(shape, w)) for w in (shot.begin_along, shot.finish_along))
     onward = v.subtract(end, x1)
+    t0, t1 = unit(v.stretch(shape, shot.begin_along)), unit(onward)
     first, last = v.norm(v.subtract(x0, start)), v.norm(onward)
-    last = jnp.maximum(last, 1e-6 * shape[0] * s.tangents[1])
+    b0 = v.cross(n0, t0)
+    b1 = unit(v.cross(n1, v.stretch(shape, shot.finish_along)))
     a, b, d = joined(first, shot.transfer, last)
-    b0, b1 = v.cross(n0, t0), v.cross(n1, t1)
-    spread = lax.stop_gradient(_away_from_zero(b, first + last))
-    swing = v.dot(b1, onward) / spread
-    slope = shot.transfer[2] * lax.stop_gradient(first) + shot.transfer[3]
+    # Newton's step: turned by `swing` at the start, the path gets to the end without a miss.
+    miss = v.dot(b1, onward)
+    fixed = lax.stop_gradient((_away_from_zero(b, first + last), d, last))
+    swing = miss / fixed[0]
     t0 = v.add(t0, v.scale(swing, b0))
-    t1 = v.add(t1, v.scale(swing * lax.stop_gradient(slope), b1))
+    t1 = v.add(t1, v.scale(swing * fixed[1] - miss / fixed[2], b1))
     length = first + shot.arc + last
     return Wrapped(length, t0, t1, (x0, x1), (n0, n1), (first, last), (a, b, d), length, aim)
 
@@ -222,7 +223,7 @@ def _better_aim(
     aim: Aim,
     steps: int,
 ) -> Aim:
-    """One step of Newton's rule on the sideways miss at the end; the arc ends where it can leave."""
+    """One step of Newton's rule on the sideways miss at the end; the arc ends where it leaves."""
     shot = _shoot(p, s, shape, aim, steps)
     onward = v.subtract(end, v.stretch(shape, shot.finish))
     steep = v.stretch(_inverse(shape), shot.finish)
