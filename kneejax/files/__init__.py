@@ -15,6 +15,8 @@ from kneejax.files._knee_file import write_knee as write_knee
 from kneejax.files._meshes import MeshPoints as MeshPoints
 from kneejax.files._meshes import read_mesh_points as read_mesh_points
 from kneejax.files._mirror import mirror_document as mirror_document
+from kneejax.files._opensim_export import OsimExport as OsimExport
+from kneejax.files._opensim_export import export_osim as export_osim
 from kneejax.files._opensim_geometry import add_osim_contacts as add_osim_contacts
 from kneejax.files._opensim_import import OsimImport as OsimImport
 from kneejax.files._opensim_import import import_osim as import_osim
@@ -34,4 +36,5 @@ from kneejax.files._study import read_study as read_study
 from kneejax.files._tables import read_poses as read_poses
 from kneejax.files._tables import write_poses as write_poses
 from kneejax.files._tables import write_rows as write_rows
+from kneejax.files._text import write_bytes as write_bytes
 from kneejax.files._text import write_text as write_text

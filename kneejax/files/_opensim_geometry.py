@@ -32,8 +32,6 @@ def add_osim_contacts(
         InputProblem: the model has not exactly one contact of femur and tibia, a mesh is not in
             the folder, or it cannot be fitted.
     """
-    from kneejax.files import import_meshes
-
     folder = Path(folder)
     if not folder.is_dir():
         raise InputProblem("--geometry", "folder", str(folder), "a folder of meshes")
@@ -53,6 +51,8 @@ def add_osim_contacts(
             for mesh in _pair(contact)
             if mesh.varies and all(m.varies for m in _pair(contact))
         }
+        from kneejax.files import import_meshes
+
         found = import_meshes(
             paths["femur"],
             paths["tibia"],

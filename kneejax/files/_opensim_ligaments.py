@@ -135,9 +135,11 @@ def find_ligaments(model: Model, knee: OsimKneeJoint) -> Found:
 
 def _points(model: Model, element: Element, knee: OsimKneeJoint) -> tuple[OsimPoint, ...]:
     """Points from the femur to the tibia."""
-    path = element.child("GeometryPath", "path")
-    listed = _objects(path, "PathPointSet")
-    points = [_point(model, e) for e in listed]
+    path = element.child("GeometryPath")
+    if path is None:
+        kinds = ", ".join(c.tag for c in element.children if c.tag.endswith("Path")) or "none"
+        raise _Unsupported(f"its path is no GeometryPath ({kinds})")
+    points = [_point(model, e) for e in _objects(path, "PathPointSet")]
     bodies = dict.fromkeys(point.body for point in points)
     strange = [body for body in bodies if body not in knee.rigid]
     bones = [knee.rigid[body][0] for body in bodies if body in knee.rigid]
@@ -191,7 +193,7 @@ def _wrap(
 ) -> OsimWrap | None:
     """What a fibre goes around."""
     found: list[OsimWrap] = []
-    for path_wrap in _objects(element.child("GeometryPath", "path"), "PathWrapSet"):
+    for path_wrap in _objects(element.child("GeometryPath"), "PathWrapSet"):
         word = path_wrap.word("wrap_object")
         name = word.rstrip("/").rsplit("/", 1)[-1]
         same = [wrap for wrap in wraps if wrap.element.name == name]

@@ -74,13 +74,26 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
     Raises:
         InputProblem: the file cannot be written.
     """
+    write_bytes(path, text.encode("utf-8"))
+
+
+def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
+    """Write a file so that a reader sees the old one or the new one, never a part.
+
+    Args:
+        path: the file; missing folders are made.
+        data: its content.
+
+    Raises:
+        InputProblem: the file cannot be written.
+    """
     path = Path(path)
     draft = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}.tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
-            with draft.open("x", encoding="utf-8", newline="\n") as stream:
-                stream.write(text)
+            with draft.open("xb") as stream:
+                stream.write(data)
             os.replace(draft, path)
         finally:
             draft.unlink(missing_ok=True)

@@ -1,0 +1,24 @@
+"""`kneejax export osim KNEE MODEL --out NEW`."""
+
+from __future__ import annotations
+
+import argparse
+
+from kneejax.cli._main import DONE
+from kneejax.files import InputProblem, export_osim, load_knee_file, write_bytes
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Write a knee's numbers into the OpenSim model that it came from."""
+    same = arguments.out.exists() and arguments.out.resolve() == arguments.model.resolve()
+    if same:
+        raise InputProblem("--out", "file", str(arguments.out), "another file than the model")
+    written = export_osim(load_knee_file(arguments.knee), arguments.model)
+    write_bytes(arguments.out, written.data)
+    for change in written.changes:
+        print(change)
+    for note in written.notes:
+        print(note)
+    count = len(written.changes)
+    print(f"written: {arguments.out}, {count or 'no'} change{'' if count == 1 else 's'}")
+    return DONE
