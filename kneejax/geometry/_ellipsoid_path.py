@@ -28,9 +28,8 @@ from kneejax.geometry._vectors import Vector
 
 #: Planes through both ends whose paths are compared before the search.
 PLANES = 8
-#: Runge-Kutta steps in each shot of the search, and in the last one.
-SEARCH = (4, 4, 8, 8)
-STEPS = 12
+#: Shots of the search, Runge-Kutta steps in each, and in the last shot.
+SHOTS, SEARCH_STEPS, STEPS = 4, 5, 12
 
 
 class Aim(NamedTuple):
@@ -43,14 +42,14 @@ class Aim(NamedTuple):
 
 class Shot(NamedTuple):
     """A geodesic from its point of contact: ends and tangents on the unit sphere, length in mm,
-    the transfer of sideways deviations `(a, b, c, d)`."""
+    and solutions of Jacobi's equation at its end, each with its slope."""
 
     begin: Vector
     begin_along: Vector
     finish: Vector
     finish_along: Vector
     arc: Array
-    transfer: tuple[Array, Array, Array, Array]
+    fields: tuple[tuple[Array, Array], ...]
 
 
 class _Plane(NamedTuple):
@@ -79,8 +78,7 @@ def search(start: Vector, end: Vector, shape: tuple[Array, ...]) -> tuple[Aim, A
     p, q = v.stretch(_inverse(shape), start), v.stretch(_inverse(shape), end)
     s = section(p, q)
     aim, other = _first_aim(p, q, s, shape)
-    for steps in SEARCH:
-        aim = _better_aim(end, p, q, s, shape, aim, steps)
+    aim = lax.fori_loop(0, SHOTS, lambda _, a: _better_aim(end, p, q, s, shape, a), aim)
     return aim, other
 
 
@@ -91,7 +89,9 @@ def shot_path(start: Vector, end: Vector, shape: tuple[Array, ...], aim: Aim) ->
     """
     p, q = v.stretch(_inverse(shape), start), v.stretch(_inverse(shape), end)
     s = section(p, q)
-    shot = _shoot(p, s, shape, aim, STEPS)
+    zero = jnp.zeros_like(aim.turn)
+    one = zero + 1.0
+    shot = _shoot(p, s, shape, aim, ((one, zero), (zero, one)), STEPS)
     x0, x1 = v.stretch(shape, shot.begin), v.stretch(shape, shot.finish)
     n0, n1 = (unit(v.stretch(_inverse(shape), u)) for u in (shot.begin, shot.finish))
     onward = v.subtract(end, x1)
@@ -99,7 +99,8 @@ def shot_path(start: Vector, end: Vector, shape: tuple[Array, ...], aim: Aim) ->
     first, last = v.norm(v.subtract(x0, start)), v.norm(onward)
     b0 = v.cross(n0, t0)
     b1 = unit(v.cross(n1, v.stretch(shape, shot.finish_along)))
-    a, b, d = joined(first, shot.transfer, last)
+    (a, c), (b, d) = shot.fields
+    a, b, d = joined(first, (a, b, c, d), last)
     # Newton's step: turned by `swing` at the start, the path gets to the end without a miss.
     miss = v.dot(b1, onward)
     fixed = lax.stop_gradient((_away_from_zero(b, first + last), d, last))
@@ -117,12 +118,10 @@ def trace(
     p, q = v.stretch(_inverse(shape), start), v.stretch(_inverse(shape), end)
     u, w = _begin(p, section(p, q), aim)
     points = [u]
-    step = aim.turn / (count - 1)
-    metric = _metric(shape)
-    one = jnp.ones_like(step)
-    state = (u, w, 0.0 * one, (one, 0.0 * one, 0.0 * one, one))
+    stride = _Stride.of(aim.turn / (count - 1), shape)
+    state = (u, w, jnp.zeros_like(aim.turn), ())
     for _ in range(count - 1):
-        state = _step(state, step, jnp.cos(step), jnp.sin(step), *_half(step), shape, metric)
+        state = _step(state, stride)
         points.append(state[0])
     return [v.stretch(shape, u) for u in points]
 
@@ -134,10 +133,6 @@ def _inverse(shape: tuple[Array, ...]) -> Vector:
 def _metric(shape: tuple[Array, ...]) -> Vector:
     x, y, z = _inverse(shape)
     return x * x, y * y, z * z
-
-
-def _half(step: Array) -> tuple[Array, Array]:
-    return jnp.cos(0.5 * step), jnp.sin(0.5 * step)
 
 
 def _away_from_zero(spread: Array, length: Array) -> Array:
@@ -157,82 +152,82 @@ def _begin(p: Vector, s: Section, aim: Aim) -> tuple[Vector, Vector]:
     return u, w
 
 
-def _shoot(p: Vector, s: Section, shape: tuple[Array, ...], aim: Aim, steps: int) -> Shot:
+def _shoot(
+    p: Vector, s: Section, shape: tuple[Array, ...], aim: Aim, fields: tuple, steps: int
+) -> Shot:
     u, w = _begin(p, s, aim)
-    step = aim.turn / steps
-    cosine, sine = jnp.cos(step), jnp.sin(step)
-    half = _half(step)
-    metric = _metric(shape)
-    one = jnp.ones_like(step)
-    state = (u, w, 0.0 * one, (one, 0.0 * one, 0.0 * one, one))
-    finish, along, arc, transfer = lax.fori_loop(
-        0, steps, lambda _, at: _step(at, step, cosine, sine, *half, shape, metric), state
-    )
-    return Shot(u, w, finish, along, arc, transfer)
+    stride = _Stride.of(aim.turn / steps, shape)
+    state = (u, w, jnp.zeros_like(aim.turn), fields)
+    finish, along, arc, fields = lax.fori_loop(0, steps, lambda _, at: _step(at, stride), state)
+    return Shot(u, w, finish, along, arc, fields)
 
 
-def _step(state, step, cosine, sine, half_cosine, half_sine, shape, metric):
+class _Stride(NamedTuple):
+    """What all steps of a shot share: step, its cosine and sine, those of its half, the shape."""
+
+    step: Array
+    whole: tuple[Array, Array]
+    half: tuple[Array, Array]
+    squares: Vector
+    inverse_squares: Vector
+    curvature: Array
+
+    @classmethod
+    def of(cls, step: Array, shape: tuple[Array, ...]) -> _Stride:
+        c, d = jnp.cos(0.5 * step), jnp.sin(0.5 * step)
+        inverse = _metric(shape)
+        squares = shape[0] * shape[0], shape[1] * shape[1], shape[2] * shape[2]
+        curvature = inverse[0] * inverse[1] * inverse[2]
+        return cls(step, (c * c - d * d, 2.0 * c * d), (c, d), squares, inverse, curvature)
+
+
+def _step(state, stride: _Stride):
     """One step of the classical Runge-Kutta method, in the frame of a great circle."""
-    determinant = shape[0] * shape[1] * shape[2]
-    curvature = 1.0 / (determinant * determinant)
+    e, f, arc, fields = state
+    h = stride.step
 
-    def rates(e, f, field, c, s):
+    def rates(e, f, fields, c, s):
         u = v.add(v.scale(c, e), v.scale(s, f))
         w = v.subtract(v.scale(c, f), v.scale(s, e))
-        b = v.cross(u, w)
-        normal = v.stretch(metric, u)
-        inverse = 1.0 / v.dot(u, normal)
-        k = -v.dot(b, normal) * inverse
-        speed = v.norm(v.stretch(shape, w))
-        bend = -speed * curvature * inverse * inverse
-        ya, yb, va, vb = field
-        return (
-            v.scale(-s * k, b),
-            v.scale(c * k, b),
-            (speed * va, speed * vb, bend * ya, bend * yb),
-            speed,
-        )
+        b = v.cross(e, f)
+        steep = v.stretch(stride.inverse_squares, u)
+        inverse = 1.0 / v.dot(u, steep)
+        k = -v.dot(b, steep) * inverse
+        speed = jnp.sqrt(v.dot(w, v.stretch(stride.squares, w)))
+        bend = -speed * stride.curvature * inverse * inverse
+        turn = tuple((speed * slope, bend * y) for y, slope in fields)
+        return v.scale(-s * k, b), v.scale(c * k, b), turn, speed
 
-    def moved(e, f, field, rate, h):
-        return (
-            v.add(e, v.scale(h, rate[0])),
-            v.add(f, v.scale(h, rate[1])),
-            tuple(y + h * r for y, r in zip(field, rate[2], strict=True)),
-        )
+    def moved(rate, h):
+        return jax.tree.map(lambda y, r: y + h * r, (e, f, fields), rate[:3])
 
-    e, f, arc, (a, b, c, d) = state
-    field = (a, b, c, d)
-    one = jnp.ones_like(step)
-    k1 = rates(e, f, field, one, 0.0)
-    k2 = rates(*moved(e, f, field, k1, 0.5 * step), half_cosine, half_sine)
-    k3 = rates(*moved(e, f, field, k2, 0.5 * step), half_cosine, half_sine)
-    k4 = rates(*moved(e, f, field, k3, step), cosine, sine)
-    mean = jax.tree.map(lambda p, q, r, s: (p + 2.0 * (q + r) + s) / 6.0, k1, k2, k3, k4)
-    e, f, field = moved(e, f, field, mean, step)
-    u = v.add(v.scale(cosine, e), v.scale(sine, f))
-    w = v.subtract(v.scale(cosine, f), v.scale(sine, e))
-    return u, w, arc + step * mean[3], field
+    k1 = rates(e, f, fields, 1.0, 0.0)
+    k2 = rates(*moved(k1, 0.5 * h), *stride.half)
+    k3 = rates(*moved(k2, 0.5 * h), *stride.half)
+    k4 = rates(*moved(k3, h), *stride.whole)
+    mean = jax.tree.map(lambda p, q, r, s: (p + 2.0 * (q + r) + s) * (1.0 / 6.0), k1, k2, k3, k4)
+    e, f, fields = moved(mean, h)
+    c, d = stride.whole
+    u = v.add(v.scale(c, e), v.scale(d, f))
+    w = v.subtract(v.scale(c, f), v.scale(d, e))
+    return u, w, arc + h * mean[3], fields
 
 
 def _better_aim(
-    end: Vector,
-    p: Vector,
-    q: Vector,
-    s: Section,
-    shape: tuple[Array, ...],
-    aim: Aim,
-    steps: int,
+    end: Vector, p: Vector, q: Vector, s: Section, shape: tuple[Array, ...], aim: Aim
 ) -> Aim:
     """One step of Newton's rule on the sideways miss at the end; the arc ends where it leaves."""
-    shot = _shoot(p, s, shape, aim, steps)
+    along = v.stretch(shape, _begin(p, s, aim)[1])
+    speed_square = v.dot(along, along)
+    first = jnp.sqrt(speed_square) * s.tangents[0]
+    fan = ((first, jnp.ones_like(first)),)
+    shot = _shoot(p, s, shape, aim, fan, SEARCH_STEPS)
     onward = v.subtract(end, v.stretch(shape, shot.finish))
     steep = v.stretch(_inverse(shape), shot.finish)
     sideways = unit(v.cross(steep, v.stretch(shape, shot.finish_along)))
-    begin = v.stretch(shape, shot.begin_along)
-    speed_square = v.dot(begin, begin)
-    speed = jnp.sqrt(speed_square)
-    first, last = speed * s.tangents[0], v.norm(onward)
-    spread = _away_from_zero(joined(first, shot.transfer, last)[1], first + shot.arc + last)
+    last = jnp.sqrt(v.dot(onward, onward))
+    miss, slope = shot.fields[0]
+    spread = _away_from_zero(miss + last * slope, first + shot.arc + last)
     swing = v.dot(sideways, onward) / spread
     # An angle on the circle of contact turns the straight piece by this much less.
     area = shape[0] * shape[1] * shape[2] * v.norm(v.stretch(_inverse(shape), shot.begin))
