@@ -22,7 +22,7 @@ from kneejax.geometry._pose import Frame
 
 #: Sizes of cells and lengths of smoothing that are tried, mm.
 CELLS_MM = (8.0, 6.0, 4.5, 3.5, 2.6)
-SMOOTHINGS_MM = (0.1, 0.2, 0.35, 0.6, 1.0)
+SMOOTHINGS_MM = (0.1, 0.2, 0.4, 0.8)
 
 _FOLDS = 5
 _MOST_POINTS = 12000
@@ -148,8 +148,8 @@ class _Sheet:
 
     def thinned(self) -> _Sheet:
         step = -(-len(self.a) // _MOST_POINTS)
-        parts = (x[::step] for x in (self.a, self.b, self.value, self.weight * step))
-        return _Sheet(*parts, self.region)
+        a, b, value, weight = (x[::step] for x in (self.a, self.b, self.value, self.weight))
+        return _Sheet(a, b, value, weight * step, self.region)
 
     def along_normals(self, table: np.ndarray) -> _Sheet:
         """Weights that make differences of value count as distances along the normals."""
@@ -178,11 +178,15 @@ def _choose(sheet: _Sheet, cell_mm, smoothing_mm, patch_mm: float) -> _Chosen:
     # Slopes of a first fit say what a difference of value is along the normal.
     sheet = sheet.along_normals(coarse.solve(lengths[-1]))
     fold = _folds(sheet, patch_mm)
-    tried = []
-    for size in sizes:
-        tried += [(size, *row) for row in _held_out(sheet, fold, sheet.cells(size), lengths)]
+    # Smoothing and size hardly depend on each other: first one, then the other.
+    middle = [lengths[(len(lengths) - 1) // 2]]
+    tried = [
+        (size, *row) for size in sizes for row in _held_out(sheet, fold, sheet.cells(size), middle)
+    ]
     best = min(rms for *_, rms in tried)
     size = next(size for size, _, rms in tried if rms <= _AS_GOOD * best)
+    rest = [length for length in lengths if length not in middle]
+    tried += [(size, *row) for row in _held_out(sheet, fold, sheet.cells(size), rest)]
     _, length, rms = min((row for row in tried if row[0] == size), key=lambda row: row[2])
     cells = sheet.cells(size)
     table = _normal_equations(sheet, cells).solve(length)
