@@ -25,12 +25,14 @@ def run(arguments: argparse.Namespace) -> int:
         without=arguments.without,
         inside=arguments.inside,
     )
-    findings: tuple[str, ...] = ()
+    findings, doubtful = (), bool(read.doubts)
     document, file = read.document, arguments.out / "knee.yaml"
     if arguments.geometry is None:
         write_text(file, format_knee(document))  # checked on reading; to build it takes longer
     else:
-        document, findings = add_osim_contacts(read, arguments.geometry)
+        geometry = add_osim_contacts(read, arguments.geometry)
+        document, findings = geometry.document, geometry.findings
+        doubtful = doubtful or geometry.doubtful
         write_knee(document, file)
     write_text(arguments.out / "import_report.md", format_import_report(read, findings))
     knee = read.knee
@@ -42,4 +44,6 @@ def run(arguments: argparse.Namespace) -> int:
     for doubt in read.doubts:
         print(f"doubtful: {doubt}")
     print(f"written: {arguments.out}/knee.yaml, import_report.md")
-    return DOUBTFUL if read.doubts else DONE
+    if doubtful and not read.doubts:
+        print("doubtful: a surface misses its target; the report says which")
+    return DOUBTFUL if doubtful else DONE

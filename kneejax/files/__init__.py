@@ -22,6 +22,7 @@ from kneejax.files._meshes import read_mesh_points as read_mesh_points
 from kneejax.files._mirror import mirror_document as mirror_document
 from kneejax.files._opensim_export import OsimExport as OsimExport
 from kneejax.files._opensim_export import export_osim as export_osim
+from kneejax.files._opensim_geometry import OsimGeometry as OsimGeometry
 from kneejax.files._opensim_geometry import add_osim_contacts as add_osim_contacts
 from kneejax.files._opensim_import import OsimImport as OsimImport
 from kneejax.files._opensim_import import import_osim as import_osim

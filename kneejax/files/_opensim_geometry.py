@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import os
 import tempfile
 from pathlib import Path
@@ -10,15 +11,31 @@ from typing import Any
 
 import numpy as np
 
-from kneejax.files._opensim_contact import OsimContact, OsimMesh
+from kneejax.files._opensim_contact import OsimMesh
 from kneejax.files._opensim_import import OsimImport
 from kneejax.files._opensim_knee import SIDES
 from kneejax.files._problem import InputProblem
+from kneejax.geometry import Pose
+
+_THICKNESS = ("layer_thickness_mm",)
 
 
-def add_osim_contacts(
-    read: OsimImport, folder: str | os.PathLike[str]
-) -> tuple[dict[str, Any], tuple[str, ...]]:
+@dataclasses.dataclass(frozen=True)
+class OsimGeometry:
+    """Contacts of an imported knee.
+
+    Attributes:
+        document: the knee document with its contacts.
+        findings: sentences about the fit.
+        doubtful: whether a surface misses its target.
+    """
+
+    document: dict[str, Any]
+    findings: tuple[str, ...]
+    doubtful: bool
+
+
+def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimGeometry:
     """Fit the contacts of an imported knee to the model's meshes.
 
     Args:
@@ -26,7 +43,7 @@ def add_osim_contacts(
         folder: where its meshes are.
 
     Returns:
-        The knee document with contacts, and sentences about the fit.
+        The knee document with contacts, and what the fit found.
 
     Raises:
         InputProblem: the model has not exactly one contact of femur and tibia, a mesh is not in
@@ -39,37 +56,36 @@ def add_osim_contacts(
     if len(read.contacts) != 1:
         expected = "one contact of femur and tibia; use `kneejax import stl --knee knee.yaml ...`"
         raise InputProblem(read.model.file.path, "contacts", names or "none", expected)
-    contact = read.contacts[0]
+    contact, model_file = read.contacts[0], read.model.file.path
     if contact.poisson_ratio >= 0.5:
-        raise InputProblem(
-            read.model.file.path, contact.name, f"nu {contact.poisson_ratio}", "nu below 0.5"
-        )
+        raise InputProblem(model_file, contact.name, f"nu {contact.poisson_ratio}", "nu below 0.5")
+    pair = (contact.femur, contact.tibia)
+    varies = any(mesh.varies for mesh in pair)
     with tempfile.TemporaryDirectory() as scratch:
-        paths = {mesh.bone: _mesh(folder, mesh, Path(scratch)) for mesh in _pair(contact)}
-        backs = {
-            f"{mesh.bone}_bone": _mesh(folder, mesh, Path(scratch), back=True)
-            for mesh in _pair(contact)
-            if mesh.varies and all(m.varies for m in _pair(contact))
-        }
-        from kneejax.files import import_meshes
+        sheets = [_mesh(folder, mesh, Path(scratch)) for mesh in pair]
+        backs = [_mesh(folder, mesh, Path(scratch), back=True) for mesh in pair if varies]
+        from kneejax.files._mesh_import import import_meshes  # takes a while, and few need it
 
         found = import_meshes(
-            paths["femur"],
-            paths["tibia"],
+            *sheets,
             side=SIDES[read.knee.side],
+            femur_bone=backs[0] if varies else None,
+            tibia_bone=backs[1] if varies else None,
             youngs_modulus_MPa=contact.youngs_modulus_MPa,
             poisson_ratio=contact.poisson_ratio,
-            layer_thickness_mm=contact.layer_thickness_mm,
+            layer_thickness_mm=None if varies else contact.layer_thickness_mm,
+            thickness="field" if varies else "constant",
             law=contact.law,
-            **backs,
+            reference_pose=Pose.from_table(read.knee.pose),
+            source=", ".join(mesh.file for mesh in pair),
         )
     document = copy.deepcopy(read.document)
     document["contacts"] = dict(found.contacts)
-    return document, tuple(found.findings)
-
-
-def _pair(contact: OsimContact) -> tuple[OsimMesh, OsimMesh]:
-    return contact.femur, contact.tibia
+    said = f"{model_file.name}, {contact.name}"
+    for part in document["contacts"].values():
+        fields = ("youngs_modulus_MPa", "poisson_ratio", *(() if varies else _THICKNESS))
+        part["source"] = part["source"] | {field: said for field in fields}
+    return OsimGeometry(document, tuple(found.findings), found.doubtful)
 
 
 def _mesh(folder: Path, mesh: OsimMesh, scratch: Path, back: bool = False) -> Path:

@@ -103,7 +103,7 @@ def find_knee(
     placed = _placed(model, above, femur, doubts).inverse().after(
         _placed(model, above, tibia, doubts)
     )
-    doubts += _axes_doubts(joints, rigid)
+    doubts += _axes_doubts(joints, rigid) + _coupled(model, found)
     pose = _pose(placed, side)
     return OsimKneeJoint(
         side, femur, tibia, tuple(found), rigid, pose, placed, tuple(findings),
@@ -243,6 +243,17 @@ def _pose(tibia_in_femur: Offset, side: str) -> tuple[float, ...]:
         rotation, shift = mirror @ rotation @ mirror, mirror @ shift
     angles = [float(a) for a in angles_from_rotation(rotation)]
     return tuple(float(x) + 0.0 for x in (*np.rad2deg(angles), *shift))
+
+
+def _coupled(model: Model, knee: list[Joint]) -> list[str]:
+    """Constraints that move the knee's coordinates away from their defaults."""
+    own = {coordinate.name for joint in knee for coordinate in joint.coordinates}
+    return [
+        f"{element.tag} {element.name} drives {dependent}, which is not supported: the reference "
+        "pose takes the coordinate's default."
+        for element in model.elements()
+        if (dependent := element.word("dependent_coordinate_name")) in own
+    ]
 
 
 def _axes_doubts(joints: list[Joint], rigid: dict[str, tuple[str, Offset]]) -> list[str]:

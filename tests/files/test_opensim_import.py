@@ -229,6 +229,33 @@ def test_a_lumped_contact_takes_the_means(changed):
     assert (contact.youngs_modulus_MPa, contact.poisson_ratio) == (6.5, 0.43)
 
 
+def test_surfaces_are_fitted_to_meshes_where_the_model_puts_them(changed, tmp_path, monkeypatch):
+    trimesh = pytest.importorskip("trimesh")
+    from kneejax.files import _mesh_import, add_osim_contacts
+
+    called = {}
+
+    def record(femur, tibia, **settings):
+        meshes = [trimesh.load_mesh(path).centroid for path in (femur, tibia)]
+        called.update(settings, meshes=meshes)
+        entry = {"source": {"youngs_modulus_MPa": "given"}}
+        return _mesh_import.MeshImport({"medial": entry}, ("fitted",), {}, False)
+
+    monkeypatch.setattr(_mesh_import, "import_meshes", record)
+    for name in ("Thigh.STL", "shank.stl"):
+        trimesh.creation.box((0.06, 0.02, 0.08)).export(tmp_path / name, file_type="stl")
+    place = "<location>0.01 0.02 -0.03</location><scale_factors>1 1 1.5</scale_factors><mesh_file>G"
+    model = changed(LEFT, (r"<mesh_file>Geometry\shank", place + r"eometry\shank"))
+    read = import_osim(model, side="l")
+    found = add_osim_contacts(read, tmp_path)
+    np.testing.assert_allclose(called["meshes"], [[0, 0, 0], [0.01, 0.02, -0.03]], atol=1e-7)
+    assert (called["side"], called["law"], called["layer_thickness_mm"]) == ("left", "linear", 5.5)
+    assert called["youngs_modulus_MPa"] == read.contacts[0].youngs_modulus_MPa
+    np.testing.assert_allclose(called["reference_pose"].to_table(), read.knee.pose)
+    assert "inside_contact" in found.document["contacts"]["medial"]["source"]["poisson_ratio"]
+    assert read.document["contacts"] == {} and found.findings == ("fitted",)
+
+
 # ---- bad input ----
 
 
@@ -314,6 +341,25 @@ def test_an_unknown_function_is_a_doubt_and_not_silent(changed):
          "<y>0 0.02 0.03 0.01 -0.02</y></GCVSpline>"),
     )  # fmt: skip
     assert any("GCVSpline" in doubt for doubt in import_osim(model, side="l").doubts)
+
+
+def test_a_coupled_coordinate_is_a_doubt(changed):
+    coupler = (
+        '<ConstraintSet><objects><CoordinateCouplerConstraint name="coupler">'
+        "<dependent_coordinate_name>knee_angle_r</dependent_coordinate_name>"
+        "</CoordinateCouplerConstraint></objects></ConstraintSet>"
+    )
+    model = changed(RIGHT, ("<ForceSet>", coupler + "<ForceSet>"))
+    assert any("coupler drives knee_angle_r" in x for x in import_osim(model, side="r").doubts)
+
+
+def test_a_model_of_one_leg_need_not_name_its_side(changed):
+    model = changed(RIGHT, ("_r", ""))
+    left, right = (import_osim(model, side=side) for side in "lr")
+    assert any("taken as left, as asked" in finding for finding in left.knee.findings)
+    for row, sign in (("adduction_deg", -1), ("lateral_mm", -1), ("flexion_deg", 1)):
+        poses = [read.document["reference_pose"][row] for read in (left, right)]
+        assert poses[0] == pytest.approx(sign * poses[1], abs=1e-9)
 
 
 def test_axes_that_are_not_anatomical_are_doubted(changed):

@@ -114,6 +114,24 @@ def _turned(angles, x):
     return rx @ ry @ rz @ x
 
 
+def test_opensims_own_rewriting_of_schema_3_is_the_same_knee(tmp_path):
+    osim = pytest.importorskip("opensim")
+    osim.Logger.setLevelString("Off")
+    model = osim.Model(str(MODELS / "right_schema3.osim"))
+    model.initSystem()
+    model.printToXML(str(tmp_path / "new.osim"))
+    old, new = (
+        import_osim(path, side="r").document
+        for path in (MODELS / "right_schema3.osim", tmp_path / "new.osim")
+    )
+    for section in ("ligaments", "wraps"):
+        for entry in (*old[section].values(), *new[section].values()):
+            del entry["source"]
+        assert new[section] == old[section]
+    for column in list(old["reference_pose"])[:6]:
+        assert new["reference_pose"][column] == pytest.approx(old["reference_pose"][column])
+
+
 @pytest.mark.parametrize("count", [2, 3, 4, 5, 9])
 def test_splines_equal_those_of_opensim(count, rng):
     osim = pytest.importorskip("opensim")
