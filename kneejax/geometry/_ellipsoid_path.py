@@ -248,33 +248,38 @@ def _plane(
     p: Vector, q: Vector, s: Section, shape: tuple[Array, ...], beside: Vector, c: Array, d: Array
 ) -> _Plane:
     """Path in the plane turned by an angle (cosine, sine) from the centre's, by Simpson's rule."""
+    squares = shape[0] * shape[0], shape[1] * shape[1], shape[2] * shape[2]
+
+    def stretched(direction: Vector, square: Array) -> Array:
+        return jnp.sqrt(v.dot(direction, v.stretch(squares, direction)) / square)
+
     n = v.add(v.scale(c, s.pole), v.scale(d, beside))
     height = v.dot(n, p)
     square = jnp.maximum(1.0 - height * height, 1e-6)
     radius = jnp.sqrt(square)
     centre = v.scale(height, n)
-    spokes = []
+    spokes, straight = [], []
     for point, tangent in ((p, s.tangents[0]), (q, -s.tangents[1])):
         out = v.subtract(point, centre)
+        across = v.cross(n, out)
         inverse = 1.0 / (square + tangent * tangent)
-        side = v.scale(radius * tangent * inverse, v.cross(n, out))
-        spokes.append(v.add(v.scale(square * inverse, out), side))
+        spoke = v.add(v.scale(square * inverse, out), v.scale(radius * tangent * inverse, across))
+        spokes.append(spoke)
+        straight.append(stretched(v.subtract(spoke, out), jnp.ones_like(square)))
     first, last = spokes
-    turn = jnp.arctan2(v.dot(n, v.cross(first, last)), v.dot(first, last))
+    ends = v.cross(n, first), v.cross(n, last)
+    turn = jnp.arctan2(v.dot(ends[0], last), v.dot(first, last))
     # Behind the centre an arc is never negative, before it only by a little.
     turn = turn + 2.0 * jnp.pi * (turn < jnp.where(c < 0.1, 0.0, -1.0))
-    chord, middle = v.subtract(last, first), v.cross(n, v.add(first, last))
-    long = v.dot(chord, chord) > v.dot(middle, middle)
-    speeds = [
-        v.norm(v.stretch(shape, unit(direction)))
-        for direction in (v.cross(n, first), choose(long, chord, middle), v.cross(n, last))
-    ]
+    chord, middle = v.subtract(last, first), v.add(*ends)
+    middle = choose(v.dot(first, last) > 0.0, middle, chord)
+    speed = (
+        stretched(ends[0], square)
+        + 4.0 * stretched(middle, v.dot(middle, middle))
+        + stretched(ends[1], square)
+    )
     arc = radius * turn
-    straight = [
-        v.norm(v.stretch(shape, v.subtract(v.add(spoke, centre), point)))
-        for spoke, point in ((first, p), (last, q))
-    ]
-    length = straight[0] + straight[1] + arc * (speeds[0] + 4.0 * speeds[1] + speeds[2]) / 6.0
+    length = straight[0] + straight[1] + arc * speed * (1.0 / 6.0)
     return _Plane(length, v.add(first, centre), arc)
 
 
@@ -282,25 +287,21 @@ def _first_aim(p: Vector, q: Vector, s: Section, shape: tuple[Array, ...]) -> tu
     """Aim along the best of a fan of planes, and how much longer the best one beside it is."""
     beside = v.cross(unit(v.subtract(q, p)), s.pole)
     angles = [2.0 * math.pi * i / PLANES for i in range(PLANES)]
-    one = jnp.ones_like(p[0])
-    lengths = [
-        _plane(p, q, s, shape, beside, math.cos(x) * one, math.sin(x) * one).length for x in angles
-    ]
-    best, where = lengths[0], 0.0 * one
-    for i in range(1, PLANES):
-        shorter = lengths[i] < best
-        best, where = jnp.where(shorter, lengths[i], best), jnp.where(shorter, 1.0 * i, where)
-    other = jnp.full_like(one, jnp.inf)
-    before = after = cosine = sine = 0.0 * one
-    for i in range(PLANES):
-        apart = jnp.abs(where - i)
-        apart = jnp.minimum(apart, PLANES - apart)
-        other = jnp.where(4.0 * apart >= PLANES, jnp.minimum(other, lengths[i]), other)
-        here = where == i
-        before = jnp.where(here, lengths[i - 1], before)
-        after = jnp.where(here, lengths[(i + 1) % PLANES], after)
-        cosine = jnp.where(here, math.cos(angles[i]), cosine)
-        sine = jnp.where(here, math.sin(angles[i]), sine)
+    fan = jnp.asarray(angles).reshape(-1, *(1,) * p[0].ndim)
+    lengths = _plane(p, q, s, shape, beside, jnp.cos(fan), jnp.sin(fan)).length
+    best = jnp.min(lengths, 0)
+    where = jnp.argmin(lengths, 0)
+    number = jnp.arange(PLANES).reshape(fan.shape)
+    here = where == number
+    apart = jnp.abs(where - number)
+    beyond = 4 * jnp.minimum(apart, PLANES - apart) >= PLANES
+    other = jnp.min(jnp.where(beyond, lengths, jnp.inf), 0)
+
+    def at_best(values: Array) -> Array:
+        return jnp.sum(jnp.where(here, values, 0.0), 0)
+
+    cosine, sine = at_best(jnp.cos(fan)), at_best(jnp.sin(fan))
+    before, after = at_best(jnp.roll(lengths, 1, 0)), at_best(jnp.roll(lengths, -1, 0))
     bend = jnp.maximum(before - 2.0 * best + after, 1e-12 * best)
     half = math.pi / PLANES * jnp.clip(0.5 * (before - after) / bend, -0.5, 0.5)
     inverse = 1.0 / (1.0 + half * half)
