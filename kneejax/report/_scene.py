@@ -11,9 +11,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from kneejax.geometry import Pose
-from kneejax.mechanics import Knee, add_lane_axis
+from kneejax.mechanics import Knee, Ligaments, add_lane_axis
 from kneejax.report._pressure_map import PlateauPressure, lateral_sign, plateau_pressures
 from kneejax.report._scene_grids import obstacle_grid, surface_grid
+
+#: Points on a piece of a fibre that goes around an obstacle.
+_AROUND = 14
 
 
 @dataclasses.dataclass(frozen=True)
@@ -221,21 +224,25 @@ def _placed(mesh: BoneMesh, seen, mirror: np.ndarray) -> BoneMesh:
 
 
 @eqx.filter_jit
-def _courses(knee: Knee, poses: Pose):
-    tibia, lanes = poses.placement, add_lane_axis(knee.ligaments)
-    shape = jnp.shape(poses.flexion)
-    lines = [
-        jnp.stack([jnp.stack([jnp.broadcast_to(x, shape) for x in point]) for point in line])
-        for line in lanes.polylines(tibia)
-    ]
-    return lines, lanes.strain(tibia), lanes.tension(tibia)
+def _pull(ligaments: Ligaments, poses: Pose):
+    return ligaments.strain(poses.placement), ligaments.tension(poses.placement)
 
 
 def _fibres(knee: Knee, poses: Pose):
     """Courses in femur axes, each `(k, 3, poses)`; strains and tensions, `(fibres, poses)`."""
     if not knee.ligaments.names:
         return [], np.zeros((0, 1)), np.zeros((0, 1))
-    return jax.tree.map(np.asarray, _courses(knee, poses))
+    lanes, shape = add_lane_axis(knee.ligaments), jnp.shape(poses.flexion)
+    # Not compiled as a whole: thousands of points are as many results, and minutes to compile.
+    lines = [
+        np.stack([_stacked(point, shape).T for point in line])
+        for line in lanes.polylines(poses.placement, _AROUND)
+    ]
+    return lines, *(np.asarray(x) for x in _pull(lanes, poses))
+
+
+def _stacked(point, shape: tuple[int, ...]) -> np.ndarray:
+    return np.stack([np.broadcast_to(np.asarray(x), shape) for x in point], axis=-1)
 
 
 def _obstacles(knee: Knee, lines: list[np.ndarray], turn: np.ndarray, shift: np.ndarray):

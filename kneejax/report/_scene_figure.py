@@ -19,9 +19,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: Views of `scene_figure`, and of `motion_figure` and the film.
-STILL, MOVING = ("anterior", "medial", "anteromedial, from above"), ("anterior", "medial")
+STILL = MOVING = ("anterior", "medial", "anteromedial, from above")
 _MOST_LABELS = 24
 _LABEL_SIZE = 7.0
+#: Inches: the page, room for the names beside a view, head, foot, words at the left, gaps.
+_PAGE_WIDTH, _LABELS, _HEAD, _FOOT, _SIDE, _GAP = 1.25 * WIDTH, 0.48, 0.3, 0.75, 0.35, 0.08
 
 
 @styled
@@ -45,25 +47,27 @@ def scene_figure(scene: Scene, views: Sequence[str] = STILL) -> Figure:
     _check(views)
     limits = strain_limit([scene]), pressure_limit([scene])
     cameras = [camera(view, [scene]) for view in views]
-    shares = [c.half_mm[0] / c.half_mm[1] for c in cameras]
-    height = 2.9
-    figure = Figure(figsize=(WIDTH * 1.25, height + 1.05), layout="constrained")
-    grid = figure.add_gridspec(1, len(views), width_ratios=[share + 0.35 for share in shares])
-    for number, (name, view) in enumerate(zip(views, cameras, strict=True)):
-        axes = figure.add_subplot(grid[0, number])
+    page = _PAGE_WIDTH
+    scale = (page - 2 * _LABELS * len(views)) / sum(2 * c.half_mm[0] for c in cameras)
+    tallest = max(2 * c.half_mm[1] for c in cameras) * scale
+    figure = Figure(figsize=(page, tallest + _HEAD + 0.2 + _FOOT))
+    left = 0.0
+    for name, view in zip(views, cameras, strict=True):
+        width, height = (2 * half * scale for half in view.half_mm)
+        left += _LABELS
+        bottom = _FOOT + 0.5 * (tallest - height)
+        axes = _panel(figure, left, bottom, width, height)
+        left += width + _LABELS
         _show(axes, render(scene, view, *limits), view)
-        axes.set_title(_sentence(name), loc="center")
+        axes.text(
+            0.5, 1 + (tallest + 0.1 - 0.5 * (tallest + height)) / height, _sentence(name),
+            transform=axes.transAxes, ha="center", va="bottom", fontsize=9,
+        )  # fmt: skip
         _name_groups(axes, scene, view)
         _triad(axes, scene, view)
-        if number == 0:
-            _ruler(axes, view)
-    _bars(figure, figure.axes[: len(views)], *limits)
-    figure.suptitle(
-        f"{verbatim(scene.title)} at {scene.flexion_deg:.0f}° flexion",
-        fontsize=9,
-        x=0.01,
-        ha="left",
-    )
+    _ruler(figure.axes[0], cameras[0])
+    _bars(figure, *limits)
+    _head(figure, f"{scene.title} at {scene.flexion_deg:.0f}° flexion")
     return figure
 
 
@@ -94,28 +98,29 @@ def scenes_figure(every: Sequence[Scene], views: Sequence[str] = MOVING, most: i
     shown = [every[row] for row in spread(len(every), most)]
     limits = strain_limit(shown), pressure_limit(shown)
     cameras = [camera(view, shown) for view in views]
-    width = WIDTH * 1.25 / max(len(shown), 3)
-    heights = [width * c.half_mm[1] / c.half_mm[0] for c in cameras]
-    figure = Figure(
-        figsize=(width * max(len(shown), 3), sum(heights) + 0.25 * len(views) + 1.0),
-        layout="constrained",
-    )
-    panels = figure.subplots(
-        len(views), len(shown), squeeze=False, gridspec_kw={"height_ratios": heights}
-    )
+    widest = max(2 * c.half_mm[0] for c in cameras)
+    scale = min((_PAGE_WIDTH - _SIDE) / len(shown) - _GAP, 2.2) / widest
+    column = widest * scale + _GAP
+    heights = [2 * c.half_mm[1] * scale + _GAP for c in cameras]
+    page = max(_SIDE + column * len(shown), 4.5)
+    figure = Figure(figsize=(page, sum(heights) + _HEAD + 0.2 + _FOOT))
+    bottom = _FOOT + sum(heights)
     for row, (name, view) in enumerate(zip(views, cameras, strict=True)):
-        for column, scene in enumerate(shown):
-            axes = panels[row, column]
+        bottom -= heights[row]
+        width = 2 * view.half_mm[0] * scale
+        for number, scene in enumerate(shown):
+            left = _SIDE + column * number + 0.5 * (column - width)
+            axes = _panel(figure, left, bottom, width, heights[row] - _GAP)
             _show(axes, render(scene, view, *limits, height=600), view)
             if row == 0:
                 axes.set_title(f"{scene.flexion_deg:.0f}°", loc="center")
-        panels[row, 0].set_ylabel(f"{_sentence(name)} view", color=BLACK)
-        _triad(panels[row, 0], shown[0], view)
-        _ruler(panels[row, -1], view)
-    _bars(figure, list(panels.flat), *limits)
-    figure.suptitle(
-        f"{verbatim(shown[0].title)}: flexion, the tibia held still", fontsize=9, x=0.01, ha="left"
-    )
+            if number == 0:
+                middle = (bottom + 0.5 * heights[row]) / figure.get_figheight()
+                figure.text(0.12 / page, middle, _sentence(name), rotation=90, va="center")
+                _triad(axes, scene, view)
+    _ruler(figure.axes[-1], cameras[-1])
+    _bars(figure, *limits)
+    _head(figure, f"{shown[0].title}: flexion, the tibia held still")
     return figure
 
 
@@ -146,21 +151,20 @@ def film(every: Sequence[Scene], view: str = "anteromedial, from above", most: i
     shown = [every[row] for row in spread(len(every), most)]
     limits = strain_limit(shown), pressure_limit(shown)
     seen = camera(view, shown)
-    figure = Figure(figsize=(3.6, 3.4 * seen.half_mm[1] / seen.half_mm[0] + 1.0), dpi=110)
-    figure.set_layout_engine("constrained")
-    axes = figure.add_subplot()
-    _bars(figure, [axes], *limits)
+    width = 3.8
+    height = width * seen.half_mm[1] / seen.half_mm[0]
+    figure = Figure(figsize=(width, height + _HEAD + _FOOT), dpi=110)
+    axes = _panel(figure, 0.0, _FOOT, width, height)
+    _bars(figure, *limits)
     pictures = []
     for scene in shown:
         axes.clear()
         _show(axes, render(scene, seen, *limits, height=500), seen)
         _triad(axes, scene, seen)
-        axes.set_title(f"{scene.title}: {scene.flexion_deg:.0f}° flexion", loc="left")
+        axes.set_title(f" {verbatim(scene.title)}: {scene.flexion_deg:.0f}° flexion")
         canvas = FigureCanvasAgg(figure)
         canvas.draw()
         pictures.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))
-        # One arrangement for all pictures: the titles' digits shall not move them.
-        figure.set_layout_engine("none")
     palette = pictures[len(pictures) // 2].quantize(255, dither=Image.Dither.NONE)
     frames = [p.quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures]
     frames += frames[-2:0:-1]
@@ -277,22 +281,29 @@ def _ruler(axes: Axes, view: Camera) -> None:
     axes.text(w - 11.0, -h + 2.0, "20 mm", ha="center", va="bottom", fontsize=6.5)
 
 
-def _bars(figure: Figure, panels: list[Axes], strain: float, pressure: float) -> None:
+def _bars(figure: Figure, strain: float, pressure: float) -> None:
+    """One scale of strain and one of pressure, side by side at the foot."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 
-    for scale, colours, label in (
-        (Normalize(-100 * strain, 100 * strain), STRAIN_COLOURS, "Strain, %   (thin: slack)"),
-        (Normalize(0.0, pressure), PRESSURE_COLOURS, "Contact pressure, MPa"),
+    page = figure.get_figwidth()
+    width = min(0.5 * page - 0.5, 2.6)
+    for middle, scale, colours, label in (
+        (0.27, Normalize(-100 * strain, 100 * strain), STRAIN_COLOURS, "Strain, %   (thin: slack)"),
+        (0.75, Normalize(0.0, pressure), PRESSURE_COLOURS, "Contact pressure, MPa"),
     ):
-        bar = figure.colorbar(
-            ScalarMappable(scale, colours),
-            ax=panels,
-            location="bottom",
-            shrink=0.42,
-            aspect=32,
-            pad=0.02,
-            anchor=(0.1, 0.5) if colours == STRAIN_COLOURS else (0.9, 0.5),
-        )
+        axes = _panel(figure, middle * page - 0.5 * width, 0.5, width, 0.1)
+        bar = figure.colorbar(ScalarMappable(scale, colours), cax=axes, orientation="horizontal")
         bar.set_label(label)
         bar.outline.set_visible(False)
+
+
+def _panel(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
+    """Axes at a place in inches."""
+    w, h = figure.get_size_inches()
+    return figure.add_axes((left / w, bottom / h, width / w, height / h))
+
+
+def _head(figure: Figure, text: str) -> None:
+    page, height = figure.get_size_inches()
+    figure.text(0.1 / page, 1 - 0.08 / height, verbatim(text), fontsize=9, va="top")

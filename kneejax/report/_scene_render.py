@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import importlib
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -34,7 +35,15 @@ _MARGIN_MM = 4.0
 
 
 class MissingPackage(ImportError):
-    """A package that an optional part needs is not installed; the message says how to get it."""
+    """A package that the 3-D view needs is not installed.
+
+    Attributes:
+        package: its name.
+    """
+
+    def __init__(self, package: str, why: str):
+        self.package = package
+        super().__init__(f"the 3-D view needs {package} ({why}): pip install 'kneejax[view]'")
 
 
 class CannotRender(RuntimeError):
@@ -135,18 +144,34 @@ _NEEDS = "on Linux without a display it needs libEGL or libOSMesa (Debian: apt i
 
 
 def pyvista() -> Any:
-    """The module.
+    """The module, imported where it is used: it takes half a second and is optional.
 
     Raises:
         MissingPackage: it is not installed.
     """
+    return _imported("pyvista", "PyVista")
+
+
+def plotly() -> Any:
+    """The module of Plotly's graph objects; as `pyvista`."""
+    return _imported("plotly.graph_objects", "Plotly")
+
+
+def need_view_packages() -> None:
+    """Import what pictures and pages in space need, before anything is computed.
+
+    Raises:
+        MissingPackage: PyVista or Plotly is not installed.
+    """
+    pyvista()
+    plotly()
+
+
+def _imported(module: str, name: str) -> Any:
     try:
-        import pyvista as module
+        return importlib.import_module(module)
     except ImportError as error:
-        raise MissingPackage(
-            f"the 3-D view needs PyVista ({error}): pip install 'kneejax[view]'"
-        ) from None
-    return module
+        raise MissingPackage(name, str(error)) from None
 
 
 @contextlib.contextmanager
