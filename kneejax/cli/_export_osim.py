@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from kneejax.cli._main import DONE
-from kneejax.files import InputProblem, export_osim, load_knee_file, write_bytes
+from kneejax.files import InputProblem, export_osim, write_bytes
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -13,7 +13,7 @@ def run(arguments: argparse.Namespace) -> int:
     same = arguments.out.exists() and arguments.out.resolve() == arguments.model.resolve()
     if same:
         raise InputProblem("--out", "file", str(arguments.out), "another file than the model")
-    written = export_osim(load_knee_file(arguments.knee), arguments.model)
+    written = export_osim(arguments.knee, arguments.model)
     write_bytes(arguments.out, written.data)
     for change in written.changes:
         print(change)

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import hashlib
 import os
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from kneejax.files._knee_file import KneeFile
+from kneejax.files._bundled import bundled_knees, load_knee_file
+from kneejax.files._knee_file import KneeFile, read_knee
+from kneejax.files._knee_schema import check_knee
 from kneejax.files._opensim_edits import Edits
 from kneejax.files._opensim_import import OsimImport, import_osim
 from kneejax.files._opensim_knee import SIDES
@@ -17,6 +22,8 @@ from kneejax.files._opensim_ligaments import NUMBERS, OsimLigament
 from kneejax.files._opensim_numbers import METRES_TO_MM, unshifted
 from kneejax.files._opensim_wraps import WRAP_KINDS, carrier_in_bone
 from kneejax.files._problem import InputProblem
+from kneejax.files._schema import Field
+from kneejax.files._yaml import load_yaml
 
 #: A slack length that was computed from a strain or force is the model's if it errs by less.
 _ROUNDING = 1e-12
@@ -37,7 +44,9 @@ class OsimExport:
     notes: tuple[str, ...]
 
 
-def export_osim(knee_file: KneeFile, model: str | os.PathLike[str]) -> OsimExport:
+def export_osim(
+    knee: KneeFile | str | os.PathLike[str], model: str | os.PathLike[str]
+) -> OsimExport:
     """Write a knee's ligaments and obstacles into the model that it came from.
 
     Numbers that are the same keep the model's own text; others become the shortest text that gives
@@ -45,7 +54,8 @@ def export_osim(knee_file: KneeFile, model: str | os.PathLike[str]) -> OsimExpor
     to a default is added where it is needed.
 
     Args:
-        knee_file: a knee that was imported from the model, with whatever numbers since.
+        knee: a knee that was imported from the model, with whatever numbers since: the name of a
+            bundled one, a file, or what was read of it.
         model: the original model.
 
     Returns:
@@ -55,6 +65,7 @@ def export_osim(knee_file: KneeFile, model: str | os.PathLike[str]) -> OsimExpor
         InputProblem: the model cannot be read, or the knee has a fibre, obstacle or via point that
             the model has not.
     """
+    knee_file = _opened(knee)
     document = knee_file.document
     origin = document.get("imported_from", {})
     side = origin.get("side") or document["side"][0]
@@ -74,7 +85,28 @@ def export_osim(knee_file: KneeFile, model: str | os.PathLike[str]) -> OsimExpor
     return OsimExport(data, tuple(edits.changes), tuple(notes))
 
 
-def _ligaments(edits: Edits, knee_file: KneeFile, base: OsimImport, keys: dict[str, str]) -> None:
+@dataclasses.dataclass(frozen=True)
+class _Stated:
+    """What a knee file states, and the way to what must be computed from it."""
+
+    path: Path
+    document: dict[str, Any]
+    built: Callable[[], KneeFile]
+
+
+def _opened(knee: KneeFile | str | os.PathLike[str]) -> _Stated:
+    if isinstance(knee, KneeFile):
+        return _Stated(knee.path, knee.document, lambda: knee)
+    path = bundled_knees().get(os.fspath(knee)) or Path(knee)
+    if not path.is_file():
+        known = load_knee_file(knee)  # says what is wrong with the name
+        return _Stated(known.path, known.document, lambda: known)
+    document = load_yaml(path, "a knee file")
+    check_knee(Field(os.fspath(path), "", document))
+    return _Stated(path, document, functools.cache(lambda: read_knee(path)))
+
+
+def _ligaments(edits: Edits, knee_file: _Stated, base: OsimImport, keys: dict[str, str]) -> None:
     document = knee_file.document
     by_key = {ligament.key: name for name, ligament in base.ligaments.items()}
     for row, (name, entry) in enumerate(document["ligaments"].items()):
@@ -87,7 +119,7 @@ def _ligaments(edits: Edits, knee_file: KneeFile, base: OsimImport, keys: dict[s
             if field in entry:
                 new = float(entry[field])
             elif field == "slack_length_mm":
-                new = float(knee_file.knee.ligaments.slack_length[row])
+                new = float(knee_file.built().knee.ligaments.slack_length[row])
                 if abs(new - old[field]) <= _ROUNDING * old[field]:
                     continue
             else:
@@ -100,7 +132,7 @@ def _ligaments(edits: Edits, knee_file: KneeFile, base: OsimImport, keys: dict[s
         _same(knee_file, f"{place}.wrap", _linked(entry, knee_file, base), old.get("wrap"))
 
 
-def _linked(entry: dict[str, Any], knee_file: KneeFile, base: OsimImport) -> str | None:
+def _linked(entry: dict[str, Any], knee_file: _Stated, base: OsimImport) -> str | None:
     """The name that a fibre's obstacle has when the model is read again."""
     if "wrap" not in entry:
         return None
@@ -111,7 +143,7 @@ def _linked(entry: dict[str, Any], knee_file: KneeFile, base: OsimImport) -> str
 
 def _points(
     edits: Edits,
-    knee_file: KneeFile,
+    knee_file: _Stated,
     base: OsimImport,
     ligament: OsimLigament,
     name: str,
@@ -133,7 +165,7 @@ def _points(
         edits.say(f"{name}.{field}", was, new)
 
 
-def _wraps(edits: Edits, knee_file: KneeFile, base: OsimImport, keys: dict[str, str]) -> None:
+def _wraps(edits: Edits, knee_file: _Stated, base: OsimImport, keys: dict[str, str]) -> None:
     by_key = {wrap.key: name for name, wrap in base.wraps.items()}
     used = {entry.get("wrap") for entry in knee_file.document["ligaments"].values()}
     for name, entry in knee_file.document.get("wraps", {}).items():
@@ -160,13 +192,13 @@ def _wraps(edits: Edits, knee_file: KneeFile, base: OsimImport, keys: dict[str, 
             edits.say(f"{name}.{field}", old[field], entry[field])
 
 
-def _same(knee_file: KneeFile, place: str, value, model_value) -> None:
+def _same(knee_file: _Stated, place: str, value, model_value) -> None:
     if value != model_value:
         expected = f"what the model has, {model_value or 'none'}: only numbers are written back"
         raise InputProblem(knee_file.path, place, value or "none", expected)
 
 
-def _notes(knee_file: KneeFile, base: OsimImport, origin: dict[str, Any]) -> list[str]:
+def _notes(knee_file: _Stated, base: OsimImport, origin: dict[str, Any]) -> list[str]:
     notes = []
     digest = hashlib.sha256(base.model.file.original).hexdigest()
     if not origin:
@@ -181,7 +213,7 @@ def _notes(knee_file: KneeFile, base: OsimImport, origin: dict[str, Any]) -> lis
     return notes
 
 
-def _read_back(knee_file: KneeFile, base: OsimImport, data: bytes) -> list[str]:
+def _read_back(knee_file: _Stated, base: OsimImport, data: bytes) -> list[str]:
     """What the new model gives otherwise than the knee says."""
     knee = base.knee
     again = import_osim(
