@@ -1,3 +1,5 @@
+from __future__ import annotations
+
 """The taut path around an ellipsoid: a geodesic, found by shooting.
 
 Scaled by its semi-axes the ellipsoid is a unit sphere. Tangents stay tangents, so the straight
@@ -13,7 +15,6 @@ circles are exact. Jacobi's equation is integrated beside it: it gives the miss 
 function of the angle, for Newton's rule, and the second derivatives of the length.
 """
 
-from __future__ import annotations
 
 import math
 from typing import NamedTuple
@@ -27,9 +28,9 @@ from kneejax.geometry._round_path import Section, Wrapped, choose, joined, secti
 from kneejax.geometry._vectors import Vector
 
 #: Planes through both ends whose paths are compared before the search.
-PLANES = 8
+PLANES = 12
 #: Shots of the search, Runge-Kutta steps in each, and in the last shot.
-SHOTS, SEARCH_STEPS, STEPS = 4, 5, 12
+SHOTS, SEARCH_STEPS, STEPS = 4, 4, 12
 
 
 class Aim(NamedTuple):
@@ -137,7 +138,7 @@ def _metric(shape: tuple[Array, ...]) -> Vector:
 
 def _away_from_zero(spread: Array, length: Array) -> Array:
     """The spread of neighbouring paths, kept from a zero that Newton's rule would divide by."""
-    return jnp.maximum(spread, 0.02 * length)
+    return jnp.maximum(spread, 0.1 * length)
 
 
 def _begin(p: Vector, s: Section, aim: Aim) -> tuple[Vector, Vector]:
@@ -247,13 +248,13 @@ def _better_aim(
 def _plane(
     p: Vector, q: Vector, s: Section, shape: tuple[Array, ...], beside: Vector, c: Array, d: Array
 ) -> _Plane:
-    """Path in the plane turned by an angle (cosine, sine) from the centre's, by Simpson's rule."""
+    """Path in the plane with normal `c s.pole + d beside`, by Boole's rule."""
     squares = shape[0] * shape[0], shape[1] * shape[1], shape[2] * shape[2]
 
     def stretched(direction: Vector, square: Array) -> Array:
         return jnp.sqrt(v.dot(direction, v.stretch(squares, direction)) / square)
 
-    n = v.add(v.scale(c, s.pole), v.scale(d, beside))
+    n = unit(v.add(v.scale(c, s.pole), v.scale(d, beside)))
     height = v.dot(n, p)
     square = jnp.maximum(1.0 - height * height, 1e-6)
     radius = jnp.sqrt(square)
@@ -271,36 +272,40 @@ def _plane(
     turn = jnp.arctan2(v.dot(ends[0], last), v.dot(first, last))
     # Behind the centre an arc is never negative, before it only by a little.
     turn = turn + 2.0 * jnp.pi * (turn < jnp.where(c < 0.1, 0.0, -1.0))
-    chord, middle = v.subtract(last, first), v.add(*ends)
-    middle = choose(v.dot(first, last) > 0.0, middle, chord)
-    speed = (
-        stretched(ends[0], square)
-        + 4.0 * stretched(middle, v.dot(middle, middle))
-        + stretched(ends[1], square)
-    )
+    # Directions at the half and at the quarters of the arc: each halves the angle of two others.
+    ends = tuple(v.scale(1.0 / radius, end) for end in ends)
+    backwards = v.dot(first, last) < 0.0
+    middle = unit(choose(backwards, v.subtract(last, first), v.add(*ends)))
+    quarters = [unit(v.add(end, middle)) for end in ends]
+    one = jnp.ones_like(square)
+    speed = 7.0 * (stretched(ends[0], one) + stretched(ends[1], one))
+    speed = speed + 32.0 * (stretched(quarters[0], one) + stretched(quarters[1], one))
+    speed = speed + 12.0 * stretched(middle, one)
     arc = radius * turn
-    length = straight[0] + straight[1] + arc * speed * (1.0 / 6.0)
+    length = straight[0] + straight[1] + arc * speed * (1.0 / 90.0)
     return _Plane(length, v.add(first, centre), arc)
 
 
 def _first_aim(p: Vector, q: Vector, s: Section, shape: tuple[Array, ...]) -> tuple[Aim, Array]:
     """Aim along the best of a fan of planes, and how much longer the best one beside it is."""
-    beside = v.cross(unit(v.subtract(q, p)), s.pole)
+    # Evenly spaced about the line in the ellipsoid's own space, where no side is squeezed.
+    middle = v.stretch(_inverse(shape), s.pole)
+    across = unit(v.cross(v.stretch(shape, v.subtract(q, p)), middle))
+    beside = v.scale(v.norm(middle), v.stretch(shape, across))
     angles = [2.0 * math.pi * i / PLANES for i in range(PLANES)]
     fan = jnp.asarray(angles).reshape(-1, *(1,) * p[0].ndim)
     lengths = _plane(p, q, s, shape, beside, jnp.cos(fan), jnp.sin(fan)).length
-    best = jnp.min(lengths, 0)
-    where = jnp.argmin(lengths, 0)
     number = jnp.arange(PLANES).reshape(fan.shape)
+    where = jnp.argmin(lengths, 0)
     here = where == number
     apart = jnp.abs(where - number)
     beyond = 4 * jnp.minimum(apart, PLANES - apart) >= PLANES
-    other = jnp.min(jnp.where(beyond, lengths, jnp.inf), 0)
+    other = jnp.min(jnp.where(beyond, lengths, jnp.inf), 0) - jnp.min(lengths, 0)
 
     def at_best(values: Array) -> Array:
         return jnp.sum(jnp.where(here, values, 0.0), 0)
 
-    cosine, sine = at_best(jnp.cos(fan)), at_best(jnp.sin(fan))
+    cosine, sine, best = at_best(jnp.cos(fan)), at_best(jnp.sin(fan)), jnp.min(lengths, 0)
     before, after = at_best(jnp.roll(lengths, 1, 0)), at_best(jnp.roll(lengths, -1, 0))
     bend = jnp.maximum(before - 2.0 * best + after, 1e-12 * best)
     half = math.pi / PLANES * jnp.clip(0.5 * (before - after) / bend, -0.5, 0.5)
@@ -310,4 +315,4 @@ def _first_aim(p: Vector, q: Vector, s: Section, shape: tuple[Array, ...]) -> tu
     x, y = v.dot(plane.contact, s.forward), v.dot(plane.contact, s.pole)
     size = jnp.sqrt(x * x + y * y)
     size = jnp.where(size > 0.0, size, 1.0)
-    return Aim(x / size, y / size, plane.turn), other - best
+    return Aim(x / size, y / size, plane.turn), other
