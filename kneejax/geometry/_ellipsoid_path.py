@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 """The taut path around an ellipsoid: a geodesic, found by shooting.
 
 Scaled by its semi-axes the ellipsoid is a unit sphere. Tangents stay tangents, so the straight
@@ -15,6 +13,7 @@ circles are exact. Jacobi's equation is integrated beside it: it gives the miss 
 function of the angle, for Newton's rule, and the second derivatives of the length.
 """
 
+from __future__ import annotations
 
 import math
 from typing import NamedTuple
@@ -138,7 +137,7 @@ def _metric(shape: tuple[Array, ...]) -> Vector:
 
 def _away_from_zero(spread: Array, length: Array) -> Array:
     """The spread of neighbouring paths, kept from a zero that Newton's rule would divide by."""
-    return jnp.maximum(spread, 0.1 * length)
+    return jnp.maximum(spread, 0.03 * length)
 
 
 def _begin(p: Vector, s: Section, aim: Aim) -> tuple[Vector, Vector]:
@@ -293,7 +292,7 @@ def _first_aim(p: Vector, q: Vector, s: Section, shape: tuple[Array, ...]) -> tu
     across = unit(v.cross(v.stretch(shape, v.subtract(q, p)), middle))
     beside = v.scale(v.norm(middle), v.stretch(shape, across))
     angles = [2.0 * math.pi * i / PLANES for i in range(PLANES)]
-    fan = jnp.asarray(angles).reshape(-1, *(1,) * p[0].ndim)
+    fan = jnp.asarray(angles).reshape(-1, *(1,) * jnp.ndim(p[0]))
     lengths = _plane(p, q, s, shape, beside, jnp.cos(fan), jnp.sin(fan)).length
     number = jnp.arange(PLANES).reshape(fan.shape)
     where = jnp.argmin(lengths, 0)
