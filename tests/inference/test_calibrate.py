@@ -152,6 +152,42 @@ def test_uncertainty_of_a_line_equals_the_textbook():
     assert np.allclose(sure.standard_error, expected, rtol=1e-6)
 
 
+def test_intercept_and_slope_far_from_the_origin_are_correlated_as_the_textbook_says():
+    x = np.linspace(3.0, 5.0, 41)
+    jacobian = np.zeros((5, 41, 3))
+    jacobian[2, :, 0], jacobian[2, :, 2] = 100.0, x
+    error = np.zeros((5, 41))
+    error[2] = np.random.default_rng(1).standard_normal(41)
+    weights = np.array([1e-12, 1e-12, 1.0, 1e-12, 1e-12])
+    sure = uncertainty(jacobian, error, weights, np.array([False, True, False]))
+    expected = -x.mean() / np.sqrt((x**2).mean())
+    assert sure.correlation[0, 2] == pytest.approx(expected, rel=1e-9)
+    assert np.allclose(np.diag(sure.correlation)[[0, 2]], 1.0)
+    assert np.isnan(sure.correlation[1]).all()
+
+
+def test_noise_of_a_synthetic_motion_has_its_two_units(knee, clean):
+    noisy = synthetic_motion(
+        knee, TRUTH, clean[:, 0], STUDY.parameters, noise_mm=0.5, noise_deg=0.02, seed=1
+    )
+    scatter = np.sqrt(((noisy - clean) ** 2).mean(axis=0))
+    assert scatter[0] == 0.0
+    assert scatter[1:3] == pytest.approx(0.02, rel=0.4)
+    assert scatter[3:] == pytest.approx(0.5, rel=0.4)
+
+
+def test_a_flexion_where_the_start_finds_no_balance_counts_in_no_mean(knee, clean):
+    beyond = clean + np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0])
+    beyond[-1, 0] = 175.0
+    wide = {"stiffness": (300.0, 30000.0)}
+    start = kj.with_values(knee, TRUTH)
+    result = kj.calibrate(start, beyond, STUDY.parameters, bounds=wide, procedures=("III",))
+    assert result.start_rmse["anterior"] == pytest.approx(1.0)
+    assert result.start_objective == pytest.approx(24.0)
+    assert result.fit.objective < 24.0
+    assert "left out" in " ".join(result.notes)
+
+
 def test_measured_motion_of_the_bundled_knees_person(knee):
     """Cine-MRI of the same person: the fit reaches the noise of the measurement."""
     study = Path(bundled_path("studies", "lenhart2015_mri"))

@@ -215,6 +215,29 @@ def test_numbers_read_well(value, text):
     assert number(value) == text
 
 
+@pytest.mark.parametrize(
+    ("before", "after", "text"),
+    [(200.0, 100.0, "50.0 % lower"), (100.0, 150.0, "50.0 % higher"), (1e6, 1.0, "more than 99.9"),
+     (5.0, 0.0, "100 % lower"), (100.0, 100.01, "unchanged"), (0.0, 1.0, ""), (np.nan, 1.0, "")],
+)  # fmt: skip
+def test_a_change_is_said_in_its_direction(before, after, text):
+    from kneejax.report._numbers import change
+
+    assert change(before, after).startswith(text) and bool(change(before, after)) == bool(text)
+
+
+@pytest.mark.parametrize(("away", "inside"), [(1.9, 7), (2.0, 0)])
+def test_verdict_counts_the_truths_within_95_per_cent_of_the_determined_parameters(away, inside):
+    calibration = made_up.calibration()
+    estimates = tuple(
+        dataclasses.replace(e, value=calibration.truth[e.name] - away * e.standard_error)
+        for e in calibration.fit.estimates
+    )
+    fit = dataclasses.replace(calibration.fit, estimates=estimates)
+    said = report.verdict(dataclasses.replace(calibration, fits=(fit,)))
+    assert f"{inside} of 7 determined parameters" in said
+
+
 def _sound(fit):
     estimates = tuple(
         dataclasses.replace(e, standard_error=1.0, at_bound=False, remark="")

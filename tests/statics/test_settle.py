@@ -160,14 +160,15 @@ def test_a_first_guess_has_the_types_of_a_search_that_ended(knee, motion):
 def test_a_lane_whose_meeting_points_are_lost_finds_them_again(knee, motion):
     """Guesses far from where the surfaces meet, or none at all: the march ends where it should."""
     lanes, here = add_lane_axis(knee), motion.settled
-    astray = here.meeting[..., :3] + jnp.array([0.0, 0.5, jnp.nan])
-    start = jnp.broadcast_to(here.flexion[:1], (3,))
-    q = here.q[:, :1] + jnp.array([0.0, 0.0, jnp.nan])
+    # From half a radian off a search finds back by itself; from two it needs the restart.
+    astray = here.meeting[..., :1] + jnp.array([0.0, 0.5, 2.0, jnp.nan])
+    start = jnp.broadcast_to(here.flexion[:1], (4,))
+    q = here.q[:, :1] + jnp.array([0.0, 0.0, 0.0, jnp.nan])
     guess = Guess(q, astray)
-    flexion = jnp.deg2rad(jnp.array([20.0, 20.0, 20.0]))
+    flexion = jnp.deg2rad(jnp.array([20.0, 20.0, 20.0, 20.0]))
     run = jax.jit(settle, compiler_options=dict(compiler_options()))
     found = run(lanes, flexion, guess, start, jnp.asarray(5))
-    assert found.status.tolist() == [0, 0, 0]
+    assert found.status.tolist() == [0, 0, 0, 0]
     assert np.allclose(found.q, here.q[:, 4:5], atol=1e-9)
 
 
