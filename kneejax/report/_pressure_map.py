@@ -10,8 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from kneejax.geometry import Pose
+from kneejax.geometry import Pose, Surface
 from kneejax.mechanics import QUADRATURE, Contact, Knee, add_lane_axis
+from kneejax.report._scene_grids import surface_grid
 from kneejax.report._style import BLACK, GREY, WIDTH, styled, verbatim
 
 if TYPE_CHECKING:
@@ -36,12 +37,16 @@ class PlateauPressure:
         pressure_MPa: `(poses, m, n)`; zero where the surfaces are apart, NaN where a law has no
             answer (overlap beyond the layer).
         center_mm: centre of pressure in the tibia's frame, `(poses, 3)`; NaN without contact.
+        covered: whether there is cartilage at a point of the grid, `(m, n)`.
+        rim_mm: border of the cartilage, `(k, 3)`.
     """
 
     name: str
     points_mm: np.ndarray
     pressure_MPa: np.ndarray
     center_mm: np.ndarray
+    covered: np.ndarray
+    rim_mm: np.ndarray
 
     @property
     def peak_MPa(self) -> float:
@@ -55,7 +60,7 @@ def plateau_pressures(
     """Pressure over every tibial surface.
 
     A contact of the form `elliptical_patch` has no field of pressure of its own: what is shown
-    is the pressure law on the depth of the same two surfaces.
+    is the pressure law on the depth of the same two surfaces, around the point where they meet.
 
     Args:
         knee: any knee.
@@ -76,14 +81,27 @@ def plateau_pressures(
     fields = []
     for name, contact in zip(knee.contact_names, knee.contacts, strict=True):
         lanes = add_lane_axis(_over_points(contact, points))
-        place, pressure, area = (np.asarray(x) for x in _field(lanes, poses, contact.has_patch))
+        place, pressure, area = (np.asarray(x) for x in _field(lanes, poses))
+        if contact.has_patch:
+            pressure = _around(pressure, place, np.asarray(_meeting(lanes, poses)), points)
+        rim = rim_of(contact.tibial, points)
+        covered = _inside(rim, place[:, :, 0])
+        pressure = np.where(covered[:, None], pressure, 0.0)
         share = np.where(np.isfinite(pressure), pressure * area, 0.0)
         total = share.sum(axis=0)
         with np.errstate(invalid="ignore", divide="ignore"):
             center = np.einsum("kp,kxp->px", share, place) / total[:, None]
-        place = place[:, :, 0].reshape(*points, 3) * _drawn(knee)
-        field = np.moveaxis(pressure, -1, 0).reshape(-1, *points)
-        fields.append(PlateauPressure(name, place, field, center * _drawn(knee)))
+        drawn = np.array([1.0, 1.0, lateral_sign(knee)])
+        fields.append(
+            PlateauPressure(
+                name,
+                place[:, :, 0].reshape(*points, 3) * drawn,
+                np.moveaxis(pressure, -1, 0).reshape(-1, *points),
+                center * drawn,
+                covered.reshape(points),
+                rim * drawn,
+            )
+        )
     return tuple(fields)
 
 
@@ -103,23 +121,77 @@ def _over_points(contact: Contact, points: tuple[int, int]) -> Contact:
 
 
 @eqx.filter_jit
-def _field(contact: Contact, poses: Pose, had_patch: bool) -> tuple[Array, Array, Array]:
+def _field(contact: Contact, poses: Pose) -> tuple[Array, Array, Array]:
     sampled = contact.sample(poses.placement)
-    pressed = sampled.depth > 0
-    if had_patch:
-        # The patch lies in the femoral region; what a sum would add beyond it is no part of it.
-        hit = contact.femur_to_plateau(poses.placement).apply_inverse(sampled.hit)
-        pressed = pressed & contact.femoral.knows(hit)
-    pressure = jnp.where(pressed, contact.point_pressure(sampled), 0.0)
+    pressure = jnp.where(sampled.depth > 0, contact.point_pressure(sampled), 0.0)
     place = contact.tibial.frame.placement.apply(sampled.points.point)
     shape = sampled.depth.shape
     place = jnp.stack([jnp.broadcast_to(x, shape) for x in place], axis=1)
     return place, pressure, jnp.broadcast_to(sampled.points.area, shape)
 
 
-def _drawn(knee: Knee) -> np.ndarray:
-    """Factors from the stored right twin to the knee as it is."""
-    return np.array([1.0, 1.0, lateral_sign(knee)])
+@eqx.filter_jit
+def _meeting(contact: Contact, poses: Pose) -> Array:
+    tibia = poses.placement
+    gap = contact.gap(tibia, contact.meeting(tibia))
+    point = contact.tibial.frame.placement.apply(gap.point)
+    return jnp.stack([jnp.broadcast_to(x, jnp.shape(poses.flexion)) for x in point])
+
+
+def _around(
+    pressure: np.ndarray, place: np.ndarray, meeting: np.ndarray, points: tuple[int, int]
+) -> np.ndarray:
+    """Pressure of the patch around a meeting point alone.
+
+    The closed form has one patch; elsewhere, mostly at the rims, the fitted surfaces may overlap
+    without a meaning.
+    """
+    kept = np.zeros_like(pressure)
+    for pose in range(pressure.shape[1]):
+        pressed = (np.nan_to_num(pressure[:, pose], nan=1.0) > 0).reshape(points)
+        away = np.sum((place[:, :, pose] - meeting[:, pose]) ** 2, axis=1)
+        own = _patch_at(pressed, int(np.argmin(away))).ravel()
+        kept[own, pose] = pressure[own, pose]
+    return kept
+
+
+def _patch_at(pressed: np.ndarray, seed: int) -> np.ndarray:
+    """The part of a mask that hangs together with one of its points; nothing if that is not set.
+
+    Example:
+        >>> _patch_at(np.array([[True, True, False], [False, False, True]]), 0).astype(int)
+        array([[1, 1, 0],
+               [0, 0, 0]])
+    """
+    found = np.zeros_like(pressed)
+    found.flat[seed] = pressed.flat[seed]
+    count = -1
+    while count != found.sum():
+        count = found.sum()
+        for axis in (0, 1):
+            after, before = (np.moveaxis(x, axis, 0) for x in (found, found.copy()))
+            after[1:] |= before[:-1]
+            after[:-1] |= before[1:]
+            found &= pressed
+    return found
+
+
+def rim_of(surface: Surface, points: tuple[int, int] = (48, 48)) -> np.ndarray:
+    """Border of a tibial surface in the tibia's frame, `(k, 3)`, mm: its outline or its region."""
+    outline = getattr(surface, "outline", None)
+    if outline is None:
+        grid = surface_grid(surface, points)
+        return np.concatenate([grid[:, 0], grid[-1, 1:], grid[-2::-1, -1], grid[0, -2:0:-1]])
+    corners = np.asarray(outline)
+    place = surface.frame.placement.apply(surface.point(corners[:, 0], corners[:, 1]))
+    return np.stack([np.broadcast_to(np.asarray(x), len(corners)) for x in place], axis=-1)
+
+
+def _inside(rim: np.ndarray, points_mm: np.ndarray) -> np.ndarray:
+    """Which points lie within a border, seen from above."""
+    from matplotlib.path import Path
+
+    return Path(rim[:, [2, 0]]).contains_points(points_mm[:, [2, 0]])
 
 
 def lateral_sign(knee: Knee) -> float:
@@ -135,6 +207,16 @@ def spread(count: int, most: int) -> np.ndarray:
         ([0, 4, 8], [0, 1])
     """
     return np.unique(np.round(np.linspace(0, count - 1, min(count, most))).astype(int))
+
+
+def degrees(angle_deg: float) -> str:
+    """An angle as figures show it.
+
+    Example:
+        >>> degrees(-1e-7), degrees(29.6)
+        ('0°', '30°')
+    """
+    return f"{round(angle_deg)}°"
 
 
 @styled
@@ -170,7 +252,10 @@ def pressure_figure(knee: Knee, poses: Pose, most: int = 8) -> Figure:
     panel = WIDTH / 4 if columns > 2 else 3.2
     height = panel * (box[3] - box[2]) / (box[1] - box[0])
     figure = Figure(
-        figsize=(max(columns * panel + 0.9, 4.2), lines * (height + 0.32) + 0.45),
+        figsize=(
+            max(columns * panel + 0.9, 4.2),
+            lines * (height + 0.32) + (0.45 if columns > 2 else 0.6),
+        ),
         layout="constrained",
     )
     panels = figure.subplots(lines, columns, squeeze=False)
@@ -180,15 +265,17 @@ def pressure_figure(knee: Knee, poses: Pose, most: int = 8) -> Figure:
         axes.set_axis_off()
         if number < len(rows):
             _draw(axes, fields, number, scale, box)
-            axes.set_title(f"{table[rows[number], 0]:.0f}° flexion", loc="center")
+            axes.set_title(f"{degrees(table[rows[number], 0])} flexion", loc="center")
     _compass(panels[0, 0], knee, box)
     bar = figure.colorbar(
         ScalarMappable(scale, PRESSURE_COLOURS), ax=panels, shrink=0.9, aspect=22, pad=0.02
     )
-    bar.set_label("Contact pressure, MPa   (+ centre of pressure)")
+    bar.set_label("Contact pressure, MPa")
     bar.outline.set_visible(False)
+    between = "    " if columns > 2 else "\n"
     figure.suptitle(
-        f"{verbatim(knee.name)}, {knee.side} knee: tibial plateaux from above",
+        f"{verbatim(knee.name)}, {knee.side} knee: tibial plateaux from above{between}"
+        "+ centre of pressure",
         fontsize=9,
         x=0.01,
         ha="left",
@@ -198,7 +285,7 @@ def pressure_figure(knee: Knee, poses: Pose, most: int = 8) -> Figure:
 
 def _outline(fields: tuple[PlateauPressure, ...]) -> tuple[float, float, float, float]:
     """Left, right, lower and upper end of a panel, mm, with room for its words."""
-    every = np.concatenate([field.points_mm.reshape(-1, 3) for field in fields])
+    every = np.concatenate([field.rim_mm for field in fields])
     (x0, _, z0), (x1, _, z1) = every.min(axis=0), every.max(axis=0)
     return z0 - 2.0, z1 + 2.0, x0 - 7.0, x1 + 2.0
 
@@ -206,7 +293,8 @@ def _outline(fields: tuple[PlateauPressure, ...]) -> tuple[float, float, float, 
 def _draw(axes: Axes, fields: tuple[PlateauPressure, ...], pose: int, scale, box) -> None:
     for field in fields:
         z, x = field.points_mm[..., 2], field.points_mm[..., 0]
-        axes.fill(_rim(z), _rim(x), facecolor=_GROUND, edgecolor=GREY, linewidth=0.6, zorder=0)
+        rim = field.rim_mm[:, 2], field.rim_mm[:, 0]
+        axes.fill(*rim, facecolor=_GROUND, edgecolor=GREY, linewidth=0.6, zorder=0)
         pressure = field.pressure_MPa[pose]
         if np.nanmax(pressure, initial=0.0) > 0:
             shades = scale.vmax * np.linspace(0.01, 1.0, 25)
@@ -221,11 +309,6 @@ def _draw(axes: Axes, fields: tuple[PlateauPressure, ...], pose: int, scale, box
     axes.set_xlim(box[0], box[1])
     axes.set_ylim(box[2], box[3])
     axes.set_aspect("equal")
-
-
-def _rim(grid: np.ndarray) -> np.ndarray:
-    """Values around the edge of a grid."""
-    return np.concatenate([grid[:, 0], grid[-1, 1:], grid[-2::-1, -1], grid[0, -2::-1]])
 
 
 def _compass(axes: Axes, knee: Knee, box: tuple[float, float, float, float]) -> None:

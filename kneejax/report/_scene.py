@@ -13,7 +13,7 @@ import numpy as np
 from kneejax.geometry import Pose
 from kneejax.mechanics import Knee, Ligaments, add_lane_axis
 from kneejax.report._pressure_map import PlateauPressure, lateral_sign, plateau_pressures
-from kneejax.report._scene_grids import obstacle_grid, surface_grid
+from kneejax.report._scene_grids import grid_triangles, obstacle_grid, surface_grid
 
 #: Points on a piece of a fibre that goes around an obstacle.
 _AROUND = 14
@@ -44,10 +44,14 @@ class Sheet:
 
 @dataclasses.dataclass(frozen=True)
 class Plateau:
-    """A tibial surface with the pressure on it, `(m, n)`, and its centre, `(3,)`."""
+    """A tibial surface with the pressure on it, `(m, n)`, and its centre, `(3,)`.
+
+    `faces` are the triangles of its points (row by row) that lie on the cartilage.
+    """
 
     name: str
     points_mm: np.ndarray
+    faces: np.ndarray
     pressure_MPa: np.ndarray
     center_mm: np.ndarray
 
@@ -110,8 +114,8 @@ class Scene:
 
     @property
     def points_mm(self) -> np.ndarray:
-        """All points but those of bones and obstacles, which may run out of a picture."""
-        parts = [*self.condyles, *self.plateaus, *self.fibres]
+        """All points but those of bones, which may run out of a picture, `(n, 3)`."""
+        parts = [*self.condyles, *self.plateaus, *self.fibres, *self.obstacles]
         return np.concatenate([part.points_mm.reshape(-1, 3) for part in parts])
 
     @property
@@ -207,13 +211,17 @@ def scenes(
 def _rigid(poses: Pose) -> tuple[np.ndarray, np.ndarray]:
     """Rotations from tibia to femur, `(poses, 3, 3)`, and translations, `(poses, 3)`."""
     place = poses.placement
-    turn = [np.stack([np.asarray(x) for x in row], axis=-1) for row in place.rotation]
+    rotation = place.rotation or ()  # a pose always has one
+    turn = [np.stack([np.asarray(x) for x in row], axis=-1) for row in rotation]
     shift = np.stack([np.asarray(x) for x in place.translation], axis=-1)
     return np.stack(turn, axis=-2), shift
 
 
 def _at_pose(field: PlateauPressure, row: int) -> Plateau:
-    return Plateau(field.name, field.points_mm, field.pressure_MPa[row], field.center_mm[row])
+    faces = grid_triangles(*field.covered.shape)
+    faces = faces[field.covered.ravel()[faces].all(axis=1)]
+    pressure, center = field.pressure_MPa[row], field.center_mm[row]
+    return Plateau(field.name, field.points_mm, faces, pressure, center)
 
 
 def _placed(mesh: BoneMesh, seen, mirror: np.ndarray) -> BoneMesh:

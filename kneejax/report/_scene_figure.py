@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kneejax.report._pressure_map import PRESSURE_COLOURS, spread
+from kneejax.report._pressure_map import PRESSURE_COLOURS, degrees, spread
 from kneejax.report._scene import Scene
 from kneejax.report._scene_colours import STRAIN_COLOURS, pressure_limit, strain_limit
 from kneejax.report._scene_render import VIEWS, Camera, camera, render
@@ -67,7 +67,7 @@ def scene_figure(scene: Scene, views: Sequence[str] = STILL) -> Figure:
         _triad(axes, scene, view)
     _ruler(figure.axes[0], cameras[0])
     _bars(figure, *limits)
-    _head(figure, f"{scene.title} at {scene.flexion_deg:.0f}° flexion")
+    _head(figure, f"{scene.title} at {degrees(scene.flexion_deg)} flexion")
     return figure
 
 
@@ -113,7 +113,7 @@ def scenes_figure(every: Sequence[Scene], views: Sequence[str] = MOVING, most: i
             axes = _panel(figure, left, bottom, width, heights[row] - _GAP)
             _show(axes, render(scene, view, *limits, height=600), view)
             if row == 0:
-                axes.set_title(f"{scene.flexion_deg:.0f}°", loc="center")
+                axes.set_title(f"{degrees(scene.flexion_deg)}", loc="center")
             if number == 0:
                 middle = (bottom + 0.5 * heights[row]) / figure.get_figheight()
                 figure.text(0.12 / page, middle, _sentence(name), rotation=90, va="center")
@@ -160,8 +160,8 @@ def film(every: Sequence[Scene], view: str = "anteromedial, from above", most: i
     for scene in shown:
         axes.clear()
         _show(axes, render(scene, seen, *limits, height=500), seen)
-        _triad(axes, scene, seen)
-        axes.set_title(f" {verbatim(scene.title)}: {scene.flexion_deg:.0f}° flexion")
+        _triad(axes, scene, seen, inset=1.6)
+        axes.set_title(f" {verbatim(scene.title)}: {degrees(scene.flexion_deg)} flexion")
         canvas = FigureCanvasAgg(figure)
         canvas.draw()
         pictures.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))
@@ -259,20 +259,22 @@ def _middle(line: np.ndarray) -> np.ndarray:
     return np.array([np.interp(0.5 * way[-1], way, line[:, k]) for k in range(3)])
 
 
-def _triad(axes: Axes, scene: Scene, view: Camera) -> None:
-    """The anatomical axes in the lower left corner."""
+def _triad(axes: Axes, scene: Scene, view: Camera, inset: float = 0.0) -> None:
+    """The anatomical axes in the lower left corner, drawn in by a multiple of their length."""
     w, h = view.half_mm
     size = 0.2 * min(w, h)
-    start = np.array([-w + 1.6 * size, -h + 1.2 * size])
-    for word in ("anterior", "superior", "lateral", "medial", "posterior"):
+    start = np.array([-w + inset * size, -h + 0.9 * size])
+    for word in ("anterior", "superior", "lateral"):
         flat = np.array([scene.directions[word] @ view.right, scene.directions[word] @ view.up])
-        if np.linalg.norm(flat) < 0.3 or (word in ("medial", "posterior")):
+        if np.linalg.norm(flat) < 0.3:
             continue
         arrow = {"arrowstyle": "-|>", "lw": 0.8, "color": BLACK, "shrinkA": 0, "shrinkB": 0}
-        axes.annotate("", tuple(start + size * flat), tuple(start), arrowprops=arrow)
+        axes.annotate(
+            "", tuple(start + size * flat), tuple(start), arrowprops=arrow, annotation_clip=False
+        )
         beside = start + size * flat + 0.35 * size * flat / np.linalg.norm(flat)
         ha = "center" if abs(flat[0]) < 0.5 else ("left" if flat[0] > 0 else "right")
-        axes.text(*beside, word[:3], ha=ha, va="center", fontsize=6.0)
+        axes.text(beside[0], beside[1], word[:3], ha=ha, va="center", fontsize=6.0)
 
 
 def _ruler(axes: Axes, view: Camera) -> None:

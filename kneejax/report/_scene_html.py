@@ -73,7 +73,7 @@ def _traces(go, scene: Scene, strain: float, pressure: float, first: bool) -> li
     traces = [_bone(go, bone, number) for number, bone in enumerate(bones)]
     traces += [_plateau(go, plateau, pressure) for plateau in scene.plateaus]
     traces += [_sheet(go, sheet, CONDYLE, 0.45, "femoral surfaces") for sheet in scene.condyles]
-    traces += [_sheet(go, sheet, OBSTACLE, 0.25, "wrap obstacles") for sheet in scene.obstacles]
+    traces += [_sheet(go, sheet, OBSTACLE, 0.18, "wrap obstacles") for sheet in scene.obstacles]
     for plateau in scene.plateaus:
         traces.append(_center(go, plateau))
     for fibre in scene.fibres:
@@ -132,7 +132,7 @@ def _plateau(go, plateau: Plateau, limit: float):
     pressure = np.round(np.nan_to_num(plateau.pressure_MPa, nan=limit), 3).ravel()
     return go.Mesh3d(
         **_places(plateau.points_mm),
-        **_triangles(grid_triangles(*plateau.points_mm.shape[:2])),
+        **_triangles(plateau.faces),
         intensity=pressure.astype(np.float32),
         coloraxis="coloraxis2",
         lighting=_LIGHT,
@@ -209,8 +209,7 @@ def _layout(shown: Sequence[Scene], limits: tuple[float, float]) -> dict[str, An
             "xaxis": hidden, "yaxis": hidden, "zaxis": hidden, "aspectmode": "data",
             "dragmode": "orbit",
             "camera": {
-                "eye": {"x": 1.5, "y": 0.9 * shown[0].lateral, "z": 0.55},
-                "projection": {"type": "orthographic"},
+                "eye": {"x": 1.0, "y": 0.6 * shown[0].lateral, "z": 0.35},
             },
         },
         "coloraxis": {
@@ -235,7 +234,7 @@ def _slider(shown: Sequence[Scene]) -> dict[str, Any]:
         "currentvalue": {"prefix": "Flexion ", "suffix": "°", "font": {"size": 14}},
         "pad": {"t": 8, "b": 12, "l": 40, "r": 40},
         "steps": [
-            {"label": f"{scene.flexion_deg:.0f}", "method": "animate", "args": [[str(i)], still]}
+            {"label": str(round(scene.flexion_deg)), "method": "animate", "args": [[str(i)], still]}
             for i, scene in enumerate(shown)
         ],
     }

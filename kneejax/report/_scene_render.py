@@ -202,9 +202,9 @@ def _fill(pv, plotter, scene: Scene, strain_limit: float, pressure_limit: float)
     for sheet in scene.condyles:
         plotter.add_mesh(_sheet(pv, sheet.points_mm), color=CONDYLE, opacity=0.5, **plain)
     for sheet in scene.obstacles:
-        plotter.add_mesh(_sheet(pv, sheet.points_mm), color=OBSTACLE, opacity=0.3, **plain)
+        plotter.add_mesh(_sheet(pv, sheet.points_mm), color=OBSTACLE, opacity=0.2, **plain)
     for plateau in scene.plateaus:
-        mesh = _sheet(pv, plateau.points_mm)
+        mesh = pv.PolyData.from_regular_faces(plateau.points_mm.reshape(-1, 3), plateau.faces)
         mesh.point_data["colour"] = pressure_colours(plateau, pressure_limit).reshape(-1, 3)
         plotter.add_mesh(mesh, scalars="colour", rgb=True, **plain)
     radius = 1.1 if len(scene.fibres) <= FEW_FIBRES else 0.6

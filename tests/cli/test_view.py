@@ -1,0 +1,75 @@
+"""`kneejax view` end to end, and what it says where it cannot draw."""
+
+import sys
+
+import pytest
+
+from kneejax import report
+from kneejax.cli import main
+
+POSES = (
+    "flexion_deg,adduction_deg,internal_rotation_deg,anterior_mm,superior_mm,lateral_mm\n"
+    "0,0,0,0,0.5,0\n30,1,4,2,-0.5,0.5\n"
+)
+
+
+@pytest.fixture
+def poses(tmp_path):
+    path = tmp_path / "poses.csv"
+    path.write_text(POSES)
+    return path
+
+
+@pytest.fixture
+def drawn(monkeypatch):
+    """Pictures in space replaced by a word: this machine may draw none."""
+    monkeypatch.setattr(report, "need_view_packages", lambda: None)
+    monkeypatch.setattr(report, "scene_page", lambda scenes: f"page of {len(scenes)}")
+    monkeypatch.setattr(report, "scene_figure", lambda scene: None)
+    monkeypatch.setattr(report, "scenes_figure", lambda scenes: None)
+    monkeypatch.setattr(report, "picture_png", lambda figure: b"picture")
+    monkeypatch.setattr(report, "film", lambda scenes: b"film")
+
+
+def test_a_motion_is_drawn_and_named(drawn, poses, tmp_path, capsys):
+    out = tmp_path / "view"
+    assert main(["view", "four_ligament", str(poses), "--out", str(out)]) == 0
+    names = {"scene.html", "scene.png", "pressure.png", "pressure.svg", "motion.png", "motion.gif"}
+    assert {path.name for path in out.iterdir()} == names
+    printed = capsys.readouterr().out
+    assert "2 poses" in printed and all(name in printed for name in names)
+    assert (out / "scene.html").read_text() == "page of 2"
+
+
+def test_without_poses_the_reference_pose_is_drawn(drawn, tmp_path):
+    assert main(["view", "four_ligament", "--out", str(tmp_path)]) == 0
+    assert not (tmp_path / "motion.png").exists()
+    assert (tmp_path / "scene.html").read_text() == "page of 1"
+
+
+def test_without_a_driver_the_page_is_there_and_the_reason_is_said(
+    drawn, poses, tmp_path, capsys, monkeypatch
+):
+    def fail(scene):
+        raise report.CannotRender("nothing to draw with")
+
+    monkeypatch.setattr(report, "scene_figure", fail)
+    assert main(["view", "four_ligament", str(poses), "--out", str(tmp_path / "o")]) == 1
+    assert "nothing to draw with" in capsys.readouterr().err
+    assert {p.name for p in (tmp_path / "o").iterdir()} == {
+        "scene.html", "pressure.png", "pressure.svg",
+    }  # fmt: skip
+
+
+def test_without_the_extra_nothing_is_written(poses, tmp_path, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyvista", None)
+    assert main(["view", "four_ligament", str(poses), "--out", str(tmp_path / "o")]) == 2
+    said = capsys.readouterr().err
+    assert "pip install 'kneejax[view]'" in said and said.count("\n") == 1
+    assert not (tmp_path / "o").exists()
+
+
+@pytest.mark.parametrize("name", ["four_ligamnt", "missing.yaml"])
+def test_an_unknown_knee_is_refused(name, tmp_path, capsys):
+    assert main(["view", name, "--out", str(tmp_path / "o")]) == 2
+    assert not (tmp_path / "o").exists()
