@@ -42,6 +42,7 @@ from kneejax.geometry._surface import principal_curvatures as principal_curvatur
 from kneejax.geometry._surface import scaled as scaled
 from kneejax.geometry._table_fitting import fit_condyle as fit_condyle
 from kneejax.geometry._table_fitting import fit_plateau as fit_plateau
+from kneejax.geometry._tangents import instantiate as instantiate
 from kneejax.geometry._vectors import Vector as Vector
 from kneejax.geometry._vectors import add as add
 from kneejax.geometry._vectors import cross as cross

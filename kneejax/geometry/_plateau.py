@@ -63,6 +63,14 @@ class Plateau(Surface):
         t, _ = scaled(b, self.z)
         return a, self._table(s, t, 0)[0][0], b
 
+    def oriented(self, a: Array, b: Array) -> tuple[Vector, Vector, Array]:
+        s, by_x = scaled(a, self.x)
+        t, by_z = scaled(b, self.z)
+        (height, slope_t), (slope_s,) = self._table(s, t, 1)
+        along_x, along_z = slope_s * by_x, slope_t * by_z
+        area = jnp.sqrt(1.0 + along_x**2 + along_z**2)
+        return (a, height, b), (-along_x / area, 1.0 / area, -along_z / area), area
+
     def height(self, point: Vector, order: int = 2) -> Height:
         x, y, z = point
         s, by_x = scaled(x, self.x)

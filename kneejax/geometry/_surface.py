@@ -108,6 +108,10 @@ class Surface(eqx.Module):
         third = _rows(hessian)(point) if order == 3 else None
         return Height(value, gradient(point), hessian(point), third)
 
+    def oriented(self, a: Array, b: Array) -> tuple[Vector, Vector, Array]:
+        """Point, outward unit normal, and area that a unit square of the parameters covers."""
+        return self.point(a, b), normal(self, a, b), area_element(self, a, b)
+
     def level_and_slope(self, point: Vector) -> tuple[Array, Vector]:
         """The level, or a function with the same zeros that is cheaper, and its gradient."""
         point = v.full(point)

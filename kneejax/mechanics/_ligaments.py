@@ -188,8 +188,7 @@ class Ligaments(eqx.Module):
             lines[row] = [first, tuple(c[row] for c in tibial)]
         for course in self.courses:
             rows = course.rows
-            a, b = (self._of(rows, x) for x in (self.femoral_attachment, self.tibial_attachment))
-            for piece in course.polylines(a, b, tibia, count):
+            for piece in course.polylines(*self._ends(rows), tibia, count):
                 for i, row in enumerate(rows):
                     points = [tuple(jnp.asarray(c)[i] for c in full(point)) for point in piece]
                     lines[row] += points[1:] if lines[row] else points
@@ -207,6 +206,9 @@ class Ligaments(eqx.Module):
             return array if last - first == len(self.names) else array[first:last]
         return array[np.array(rows)]
 
+    def _ends(self, rows: tuple[int, ...]) -> tuple[Array, Array]:
+        return self._of(rows, self.femoral_attachment), self._of(rows, self.tibial_attachment)
+
     def _joined(self, parts: list[Array]) -> Array:
         """What was computed kind by kind, in the order of the fibres."""
         order = np.argsort([row for rows in self._rows for row in rows])
@@ -214,17 +216,13 @@ class Ligaments(eqx.Module):
         return jnp.concatenate([jnp.broadcast_to(x, (len(x), *shape)) for x in parts])[order]
 
     def _pieces(self, course: Course, tibia: Placement) -> list[Piece]:
-        ends = (self._of(course.rows, x) for x in (self.femoral_attachment, self.tibial_attachment))
-        return course.pieces(*ends, tibia)
+        return course.pieces(*self._ends(course.rows), tibia)
 
     def _ways(self, tibia: Placement) -> list[tuple[Array, list[Wrench]]]:
         """Of each kind of course: lengths, and wrenches of unit tensions."""
         ways = []
         if self.straight:
-            ends = (
-                self._of(self.straight, x) for x in (self.femoral_attachment, self.tibial_attachment)
-            )
-            arm, line = _arm_and_line(*ends, tibia)
+            arm, line = _arm_and_line(*self._ends(self.straight), tibia)
             length = norm(line)
             unit = scale(-1.0 / jnp.where(length > 0, length, 1.0), line)
             ways.append((length, [Wrench.at(arm, unit)]))

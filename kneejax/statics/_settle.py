@@ -17,7 +17,7 @@ from jax import Array, lax
 from jax.custom_derivatives import SymbolicZero
 from jax.typing import ArrayLike
 
-from kneejax.geometry import Pose
+from kneejax.geometry import Pose, instantiate
 from kneejax.mechanics import Contact, Knee
 from kneejax.statics._balance import force_derivative, force_derivative_without_patches
 from kneejax.statics._elimination import solve, symmetric
@@ -247,25 +247,17 @@ def _force_change(knee, flexion, q, meeting, d_knee, d_flexion):
     contacts_still = all(isinstance(t, SymbolicZero) for t in jax.tree.leaves(d_knee.contacts))
     nowhere = jnp.nan_to_num(q)
     if contacts_still and isinstance(d_flexion, SymbolicZero):
-        change = force_derivative_without_patches(knee, flexion, nowhere, _instantiate(d_knee))
+        change = force_derivative_without_patches(knee, flexion, nowhere, instantiate(d_knee))
         return change, jnp.zeros_like(meeting)
     change, follow = force_derivative(
         knee,
         flexion,
         nowhere,
         (meeting[:, 0], meeting[:, 1]),
-        _instantiate(d_knee),
-        _instantiate(d_flexion),
+        instantiate(d_knee),
+        instantiate(d_flexion),
     )
     return change, jnp.stack(follow, axis=1)
-
-
-def _instantiate(tree):
-    return jax.tree.map(
-        lambda t: jnp.zeros(t.shape, t.dtype) if isinstance(t, SymbolicZero) else t,
-        tree,
-        is_leaf=lambda t: isinstance(t, SymbolicZero),
-    )
 
 
 def _no_tangent(x: Array):
