@@ -144,6 +144,24 @@ def _add_import(parser: argparse.ArgumentParser) -> None:
     stl.add_argument("--tibia-bone", type=Path, help="for the layer's thickness")
     stl.add_argument("--side", choices=sides, required=True)
     stl.add_argument("--knee", help="knee whose ligaments are kept; its contacts are replaced")
+    stl.add_argument(
+        "--layer-thickness", type=float, metavar="MM", help="both cartilages; measured otherwise"
+    )
+    stl.add_argument("--thickness", choices=["constant", "field"], default="constant")
+    stl.add_argument("--modulus", type=float, default=10.0, metavar="MPA", help="Young's modulus")
+    stl.add_argument("--poisson-ratio", type=float, default=0.45)
+    stl.add_argument("--law", choices=["linear", "log", "ratio"], default="linear")
+    stl.add_argument("--unit", choices=["auto", "m", "mm", "cm"], default="auto")
+    three = {"type": float, "nargs": 3}
+    stl.add_argument("--axis-point", **three, help="of the femoral axis, mm; found otherwise")
+    stl.add_argument("--axis-rotation", **three, help="of that axis about X, Y, Z, degrees")
+    stl.add_argument("--notch", type=float, metavar="MM", help="along the axis; found otherwise")
+    stl.add_argument(
+        "--split", type=float, metavar="MM", help="between the tibial compartments, along Z"
+    )
+    stl.add_argument(
+        "--angle", type=float, nargs=2, metavar="DEGREES", help="region of the condyles"
+    )
     stl.add_argument("--out", type=Path, default=Path("kneejax-import"))
     stl.set_defaults(run=_lazily("_import_stl"))
 

@@ -13,13 +13,13 @@ import numpy as np
 
 from kneejax.files._mesh_health import Sheet, borders
 from kneejax.files._problem import InputProblem
-from kneejax.geometry import Frame, Placement, fit_plane, fit_transverse_axis
+from kneejax.geometry import Frame, Placement, fit_plane, full
 
 #: Femur and tibia meet within this distance at the reference pose, mm.
 FARTHEST_MM = 50.0
 _WIDEST_MM = (30.0, 200.0)
 _STEEPEST_AXIS_DEG = 35.0
-_POINTS_FOR_AXIS = 2000
+_AXIS_STEPS = 50
 _OUTLINE_CORNERS = 48
 # Part of the condyles that is round enough to find their axis: from distal to posterior.
 _ROUND = np.deg2rad([75.0, 230.0])
@@ -163,6 +163,10 @@ def plateau_frame(cloud: Cloud) -> Frame:
 def outline(sheet: Sheet, frame: Frame) -> np.ndarray:
     """Border of a sheet in its frame, corners `(x, z)` at equal distances, shape `(k, 2)`, mm."""
     line = in_frame(frame, sheet.points[borders(sheet)[0]])[:, [0, 2]]
+    # The same line for the same sheet, however its corners are numbered.
+    if np.sum(line[:, 0] * np.roll(line[:, 1], -1) - np.roll(line[:, 0], -1) * line[:, 1]) < 0:
+        line = line[::-1]
+    line = np.roll(line, -int(np.argmax(line @ [1.0, 0.3])), axis=0)
     closed = np.r_[line, line[:1]]
     along = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(closed, axis=0), axis=1))]
     at = along[-1] * np.arange(_OUTLINE_CORNERS) / _OUTLINE_CORNERS
@@ -273,12 +277,7 @@ def _found_axis(cloud: Cloud, axis: Frame, name: str, findings: list[str]) -> Fr
         if len(rows) < 20:
             expected = "condyles below and behind the axis; is the frame X anterior, Y superior?"
             raise InputProblem(name, "frame", f"{len(rows)} corners there", expected)
-        # As many each time: arrays of another size would be compiled for anew.
-        rows = rows[np.linspace(0, len(rows) - 1, _POINTS_FOR_AXIS).astype(int)]
-        try:
-            axis = fit_transverse_axis(cloud.points[rows], cloud.areas[rows])
-        except ValueError as error:
-            raise InputProblem(name, "axis", str(error), "condyles about a common axis") from None
+        axis = _nearest_cylinder(cloud.points[rows], cloud.areas[rows], axis)
         turn = np.rad2deg(np.abs(np.asarray(axis.rotation)))
         if turn.max() > _STEEPEST_AXIS_DEG:
             expected = f"a transverse axis within {_STEEPEST_AXIS_DEG:g} degrees of Z"
@@ -290,6 +289,28 @@ def _found_axis(cloud: Cloud, axis: Frame, name: str, findings: list[str]) -> Fr
         f"{rx:.1f} and {ry:.1f} degrees about X and Y."
     )
     return axis
+
+
+def _nearest_cylinder(points: np.ndarray, areas: np.ndarray, axis: Frame) -> Frame:
+    """Axis of the cylinder nearest to points, by Gauss and Newton from a frame near it."""
+    u = np.array([float(c) for c in full(axis.placement.turn((0.0, 0.0, 1.0)))])
+    line = np.r_[np.asarray(axis.origin)[:2], u[:2] / u[2]]
+    root = np.sqrt(areas / areas.sum())
+    for _ in range(_AXIS_STEPS):
+        along = np.r_[line[2:], 1.0]
+        size = np.linalg.norm(along)
+        from_line = points - np.r_[line[:2], 0.0]
+        place = from_line @ along / size
+        away = from_line - place[:, None] * along / size
+        radius = np.linalg.norm(away, axis=1)
+        toward = -away[:, :2] / radius[:, None]
+        columns = np.c_[toward, toward * (place / size)[:, None], -np.ones(len(points))]
+        step, *_ = np.linalg.lstsq(columns * root[:, None], -radius * root, rcond=None)
+        line = line + step[:4]
+        if np.abs(step[:2]).max() < 1e-9 and np.abs(step[2:4]).max() < 1e-11:
+            break
+    x, y, z = np.r_[line[2:], 1.0] / np.linalg.norm(np.r_[line[2:], 1.0])
+    return Frame([line[0], line[1], 0.0], [-np.arctan2(y, z), np.arcsin(x), 0.0])
 
 
 def _found_notch(where, name: str) -> float:

@@ -130,14 +130,15 @@ def chosen(
         2.0 * (c - lower) / (upper - lower) - 1.0
         for c, (lower, upper) in zip(local.T[[0, 2]], limits, strict=True)
     )
-    varied = found.there_mm - found.thickness_mm
+    values, weights = found.there_mm - found.thickness_mm, found.weights
+    s, t, values, weights = _with_corners(s, t, values, weights)
     grid = np.linspace(-1.0, 1.0, 25)
     for degree in _DEGREES:
-        table = _fitted(s, t, varied, found.weights, degree)
+        table = _fitted(s, t, values, weights, degree)
         field = found.thickness_mm + np.polynomial.polynomial.polygrid2d(grid, grid, table)
         if field.min() >= _THINNEST_MM:
-            off = varied - np.polynomial.polynomial.polyval2d(s, t, table)
-            rms = float(np.sqrt(np.average(off**2, weights=found.weights)))
+            off = values - np.polynomial.polynomial.polyval2d(s, t, table)
+            rms = float(np.sqrt(np.average(off**2, weights=weights)))
             findings.append(
                 f"{name}: thickness from {field.min():.1f} to {field.max():.1f} mm as a polynomial "
                 f"of degree {degree}, {rms:.2f} mm rms from the measured."
@@ -145,6 +146,20 @@ def chosen(
             return dataclasses.replace(found, variation=table)
     findings.append(f"{name}: the thickness varies too much for a smooth field; constant instead.")
     return found
+
+
+def _with_corners(s, t, values, weights):
+    """With places beyond the sheet, as thick as the nearest of its own: they hold a field there."""
+    grid = np.linspace(-1.0, 1.0, 11)
+    a, b = (x.ravel() for x in np.meshgrid(grid, grid))
+    apart = (a[:, None] - s) ** 2 + (b[:, None] - t) ** 2
+    nearest = np.argmin(apart, axis=1)
+    beyond = apart[np.arange(len(a)), nearest] > 0.1**2
+    own = np.full(beyond.sum(), 0.5 * weights.sum() / len(a))
+    return (
+        np.r_[s, a[beyond]], np.r_[t, b[beyond]], np.r_[values, values[nearest[beyond]]],
+        np.r_[weights, own],
+    )  # fmt: skip
 
 
 def _of_region(cloud: Cloud, condyle: SheetFit) -> Cloud:

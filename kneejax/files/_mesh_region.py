@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import numpy as np
 
@@ -11,6 +12,8 @@ from kneejax.geometry import Condyle, SplineFit
 
 #: Flexion of the hinge that carries the plateau around the condyle, from the reference pose.
 FLEXIONS_DEG = np.arange(-10.0, 151.0, 10.0)
+#: How far it also slides forwards and backwards, since a knee rolls as it bends, mm.
+SLIDES_MM = (-10.0, -5.0, 0.0, 5.0, 10.0)
 #: Places that come this near when the surfaces first touch belong to the contact region, mm.
 NEAR_MM = 2.0
 #: Size of the patches over which the mean residual is formed, mm.
@@ -47,8 +50,9 @@ def contact_regions(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Which points of a condyle and its plateau can touch.
 
-    The plateau is carried around the femoral axis as by a hinge. At each flexion the gap counts
-    from where it is smallest: the pose of the meshes need not be one of contact.
+    The plateau is carried around the femoral axis as by a hinge, and slid along itself. At each
+    place the gap counts from where it is smallest: the pose of the meshes need not be one of
+    contact.
 
     Args:
         femur: both condyles.
@@ -59,10 +63,10 @@ def contact_regions(
         Masks of the condyle's and of the plateau's points.
     """
     surface = condyle.surface
-    angle, distance, along = femur.cylindrical(tibial)
     limits = [np.asarray(x) for x in (surface.angle, surface.width)]
     plateau, cells = np.zeros(len(tibial), bool), set()
-    for flexion in np.deg2rad(FLEXIONS_DEG):
+    for slide, flexion in itertools.product(SLIDES_MM, np.deg2rad(FLEXIONS_DEG)):
+        angle, distance, along = femur.cylindrical(tibial + np.array([slide, 0.0, 0.0]))
         turned = angle + flexion
         over = (turned > limits[0][0]) & (turned < limits[0][1])
         over &= (along > limits[1][0]) & (along < limits[1][1])

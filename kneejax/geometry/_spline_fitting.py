@@ -28,6 +28,9 @@ _FOLDS = 5
 _MOST_POINTS = 12000
 # The coarsest cells whose held-out distance is within this factor of the best.
 _AS_GOOD = 1.05
+# Places this far from every point, on a grid of this distance, keep a spline in bounds; each has
+# this share of a point's weight.
+_FAR_MM, _ANCHOR_MM, _LIGHT = 1.5, 1.0, 0.02
 Limits = tuple[tuple[float, float], tuple[float, float]]
 
 
@@ -86,7 +89,7 @@ def fit_condyle_spline(
     # Along the arc in mm, so that cells and bends are as long in both directions.
     region = ((mean * limits[0], mean * limits[1]), width_mm)
     sheet = _Sheet(mean * angle[here], z[here], radius[here], w[here], region)
-    chosen = _choose(sheet, cell_mm, smoothing_mm, patch_mm)
+    chosen = _choose(sheet, cell_mm, smoothing_mm, patch_mm, fall=2.0)
     surface = Condyle(chosen.table, limits, width_mm, frame, CUBIC_SPLINE)
     return _finished(surface, p[here], w[here], chosen)
 
@@ -127,7 +130,7 @@ def fit_plateau_spline(
     here = (x >= x_mm[0]) & (x <= x_mm[1]) & (z >= z_mm[0]) & (z <= z_mm[1])
     _enough(here, "plateau")
     sheet = _Sheet(x[here], z[here], y[here], w[here], (x_mm, z_mm))
-    chosen = _choose(sheet, cell_mm, smoothing_mm, patch_mm)
+    chosen = _choose(sheet, cell_mm, smoothing_mm, patch_mm, fall=0.0)
     surface = Plateau(chosen.table, x_mm, z_mm, frame, CUBIC_SPLINE, outline)
     return _finished(surface, p[here], w[here], chosen)
 
@@ -151,6 +154,24 @@ class _Sheet:
         a, b, value, weight = (x[::step] for x in (self.a, self.b, self.value, self.weight))
         return _Sheet(a, b, value, weight * step, self.region)
 
+    def beyond(self, fall: float) -> _Sheet:
+        """Places of the region far from every point: there a spline would go where it likes.
+
+        Their values are the nearest point's, less `fall` times the distance, and at least half.
+        They weigh little.
+        """
+        axes = [
+            np.linspace(lower, upper, max(2, round((upper - lower) / _ANCHOR_MM)))
+            for lower, upper in self.region
+        ]
+        a, b = (x.ravel() for x in np.meshgrid(*axes, indexing="ij"))
+        near, away = _nearest(a, b, self.a, self.b)
+        far = away > _FAR_MM
+        value = self.value[near[far]]
+        value = np.maximum(value - fall * away[far], np.minimum(value, 0.5 * value))
+        weight = np.full(far.sum(), _LIGHT * float(np.mean(self.weight)))
+        return _Sheet(a[far], b[far], value, weight, self.region)
+
     def along_normals(self, table: np.ndarray) -> _Sheet:
         """Weights that make differences of value count as distances along the normals."""
         cells = table.shape[0] - 3, table.shape[1] - 3
@@ -170,26 +191,29 @@ class _Chosen:
     tried: tuple[tuple[float, float, float], ...]
 
 
-def _choose(sheet: _Sheet, cell_mm, smoothing_mm, patch_mm: float) -> _Chosen:
+def _choose(sheet: _Sheet, cell_mm, smoothing_mm, patch_mm: float, fall: float) -> _Chosen:
     sizes = sorted(np.atleast_1d(cell_mm).tolist(), reverse=True)
     lengths = sorted(np.atleast_1d(smoothing_mm).tolist())
     sheet = sheet.thinned()
-    coarse = _normal_equations(sheet, sheet.cells(sizes[0]))
+    anchors = sheet.beyond(fall)
+    coarse = _normal_equations(sheet, sheet.cells(sizes[0]), anchors)
     # Slopes of a first fit say what a difference of value is along the normal.
     sheet = sheet.along_normals(coarse.solve(lengths[-1]))
     fold = _folds(sheet, patch_mm)
     # Smoothing and size hardly depend on each other: first one, then the other.
     middle = [lengths[(len(lengths) - 1) // 2]]
     tried = [
-        (size, *row) for size in sizes for row in _held_out(sheet, fold, sheet.cells(size), middle)
+        (size, *row)
+        for size in sizes
+        for row in _held_out(sheet, anchors, fold, sheet.cells(size), middle)
     ]
     best = min(rms for *_, rms in tried)
     size = next(size for size, _, rms in tried if rms <= _AS_GOOD * best)
     rest = [length for length in lengths if length not in middle]
-    tried += [(size, *row) for row in _held_out(sheet, fold, sheet.cells(size), rest)]
+    tried += [(size, *row) for row in _held_out(sheet, anchors, fold, sheet.cells(size), rest)]
     _, length, rms = min((row for row in tried if row[0] == size), key=lambda row: row[2])
     cells = sheet.cells(size)
-    table = _normal_equations(sheet, cells).solve(length)
+    table = _normal_equations(sheet, cells, anchors).solve(length)
     return _Chosen(table, cells, length, rms, tuple(tried))
 
 
@@ -200,16 +224,16 @@ def _folds(sheet: _Sheet, patch_mm: float) -> np.ndarray:
     return (i + 2 * j) % _FOLDS
 
 
-def _held_out(sheet: _Sheet, fold: np.ndarray, cells, lengths):
-    parts = []
+def _held_out(sheet: _Sheet, anchors: _Sheet, fold: np.ndarray, cells, lengths):
+    parts, held = [], _normal_equations(anchors, cells)
     for number in range(_FOLDS):
         rows = fold == number
         part = _Sheet(
             sheet.a[rows], sheet.b[rows], sheet.value[rows], sheet.weight[rows], sheet.region
         )
         parts.append((part, _normal_equations(part, cells)))
-    matrix = sum(equations.matrix for _, equations in parts)
-    right = sum(equations.right for _, equations in parts)
+    matrix = held.matrix + sum(equations.matrix for _, equations in parts)
+    right = held.right + sum(equations.right for _, equations in parts)
     for length in lengths:
         square = 0.0
         for part, own in parts:
@@ -234,7 +258,13 @@ class _Equations:
         return np.linalg.solve(matrix, self.right).reshape(self.cells[0] + 3, self.cells[1] + 3)
 
 
-def _normal_equations(sheet: _Sheet, cells: tuple[int, int]) -> _Equations:
+def _normal_equations(
+    sheet: _Sheet, cells: tuple[int, int], anchors: _Sheet | None = None
+) -> _Equations:
+    if anchors is not None:
+        own, held = _normal_equations(sheet, cells), _normal_equations(anchors, cells)
+        matrix, right = own.matrix + held.matrix, own.right + held.right
+        return dataclasses.replace(own, matrix=matrix, right=right)
     rows = _rows(sheet, cells)
     weighted = rows * sheet.weight[:, None]
     (a0, a1, a2), (b0, b1, b2) = (
@@ -248,7 +278,9 @@ def _normal_equations(sheet: _Sheet, cells: tuple[int, int]) -> _Equations:
 def _rows(sheet: _Sheet, cells: tuple[int, int]) -> np.ndarray:
     by_a = _basis(sheet.a, sheet.region[0], cells[0], 0)
     by_b = _basis(sheet.b, sheet.region[1], cells[1], 0)
-    return (by_a[:, :, None] * by_b[:, None, :]).reshape(len(sheet.a), -1)
+    return (by_a[:, :, None] * by_b[:, None, :]).reshape(
+        len(sheet.a), by_a.shape[1] * by_b.shape[1]
+    )
 
 
 def _products(limits: tuple[float, float], count: int, order: int) -> np.ndarray:
@@ -276,6 +308,16 @@ def _basis(x: np.ndarray, limits: tuple[float, float], count: int, order: int) -
     for k, values in enumerate(near):
         table[np.arange(len(x)), cell + k] = values / size**order
     return table
+
+
+def _nearest(a, b, points_a, points_b) -> tuple[np.ndarray, np.ndarray]:
+    """Number of the point nearest to each place, and its distance."""
+    found = np.empty(len(a), int)
+    for start in range(0, len(a), 200):
+        rows = slice(start, start + 200)
+        square = (a[rows, None] - points_a) ** 2 + (b[rows, None] - points_b) ** 2
+        found[rows] = np.argmin(square, axis=1)
+    return found, np.hypot(a - points_a[found], b - points_b[found])
 
 
 def _enough(here: np.ndarray, what: str) -> None:
