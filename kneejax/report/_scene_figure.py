@@ -23,7 +23,7 @@ STILL = MOVING = ("anterior", "medial", "anteromedial, from above")
 _MOST_LABELS = 24
 _LABEL_SIZE = 7.0
 #: Inches: the page, room for the names beside a view, head, foot, words at the left, gaps.
-_PAGE_WIDTH, _LABELS, _HEAD, _FOOT, _SIDE, _GAP = 1.25 * WIDTH, 0.48, 0.3, 0.75, 0.35, 0.08
+_PAGE_WIDTH, _LABELS, _HEAD, _FOOT, _SIDE, _GAP = 1.25 * WIDTH, 0.48, 0.3, 0.75, 0.5, 0.08
 
 
 @styled
@@ -116,7 +116,8 @@ def scenes_figure(every: Sequence[Scene], views: Sequence[str] = MOVING, most: i
                 axes.set_title(f"{degrees(scene.flexion_deg)}", loc="center")
             if number == 0:
                 middle = (bottom + 0.5 * heights[row]) / figure.get_figheight()
-                figure.text(0.12 / page, middle, _sentence(name), rotation=90, va="center")
+                words = _sentence(name).replace(", ", ",\n")
+                figure.text(0.08 / page, middle, words, rotation=90, va="center", ha="left")
                 _triad(axes, scene, view)
     _ruler(figure.axes[-1], cameras[-1])
     _bars(figure, *limits)

@@ -48,7 +48,8 @@ def scene_page(every: Sequence[Scene], most: int = 41) -> str:
     go = plotly()
     shown = [every[row] for row in spread(len(every), most)]
     limits = strain_limit(shown), pressure_limit(shown)
-    still = [_bone(go, bone, i) for i, bone in enumerate(shown[0].bones) if bone.bone == "tibia"]
+    tibial = [bone for bone in shown[0].bones if bone.bone == "tibia"]
+    still = [_bone(go, bone, number) for number, bone in enumerate(tibial)]
     still += _axes(go, shown[0])
     figure = go.Figure([*_traces(go, shown[0], *limits, first=True), *still])
     figure.frames = [
@@ -98,7 +99,7 @@ def _triangles(faces: np.ndarray) -> dict[str, np.ndarray]:
     return dict(zip("ijk", np.asarray(faces, np.int32).T, strict=True))
 
 
-_LIGHT = {"ambient": 0.65, "diffuse": 0.5, "specular": 0.1, "roughness": 0.8}
+_LIGHT = {"ambient": 0.75, "diffuse": 0.45, "specular": 0.1, "roughness": 0.8}
 
 
 def _sheet(go, sheet: Sheet, colour: str, opacity: float, group: str):
@@ -170,11 +171,11 @@ def _fibre(go, fibre: Fibre, limit: float, first: bool, count: int):
 
 
 def _axes(go, scene: Scene) -> list[Any]:
-    """Anatomical axes beside the knee, and the ends of the strain's colours."""
-    points = scene.points_mm
-    low = points.min(axis=0)
+    """Anatomical axes beside the knee, and a point that nobody sees for the strain's colours."""
+    points = np.concatenate([scene.points_mm, *(bone.points_mm for bone in scene.bones)])
+    low = scene.points_mm.min(axis=0)
     start = np.array([points[:, 0].min(), low[1], 0.5 * (points[:, 2].min() + points[:, 2].max())])
-    start[2] -= scene.lateral * 0.4 * np.ptp(points[:, 2])
+    start[2] -= scene.lateral * 0.6 * np.ptp(points[:, 2])
     ends = {word: start + 18.0 * scene.directions[word] for word in _SHOWN}
     lines = np.concatenate([[start, end, [np.nan] * 3] for end in ends.values()])
     return [
@@ -209,7 +210,7 @@ def _layout(shown: Sequence[Scene], limits: tuple[float, float]) -> dict[str, An
             "xaxis": hidden, "yaxis": hidden, "zaxis": hidden, "aspectmode": "data",
             "dragmode": "orbit",
             "camera": {
-                "eye": {"x": 1.0, "y": 0.6 * shown[0].lateral, "z": 0.35},
+                "eye": {"x": 1.4, "y": 0.85 * shown[0].lateral, "z": 0.5},
             },
         },
         "coloraxis": {
