@@ -15,10 +15,10 @@ import numpy as np
 from kneejax.experiments import evaluate
 from kneejax.files import (
     Study,
-    bundled_path,
     load_knee,
     read_measured,
     read_study,
+    study_path,
     write_poses,
     write_rows,
     write_text,
@@ -35,13 +35,11 @@ from kneejax.inference import (
 from kneejax.mechanics import Knee
 from kneejax.statics import Status
 
-_DEFAULT = "paper1"
-
 
 def run(arguments: argparse.Namespace) -> int:
     """Calibrate, print the answer, write results and the report."""
     begun = time.perf_counter()
-    study = read_study(_path(arguments.study))
+    study = read_study(study_path(arguments.study))
     knee = with_values(load_knee(study.knee), study.overrides)
     truth: dict[str, float] = {}
     _progress(f"{study.title}: compiling, then balancing every pose")
@@ -123,14 +121,6 @@ def _write(result: Calibration, out) -> int:
     print(f"written: {out}/report.html, result.json, parameters.csv, poses.csv, figures/")
     # Other procedures are there to compare; the answer decides the exit status.
     return 1 if warnings(dataclasses.replace(result, fits=result.fits[:1])) else 0
-
-
-def _path(study: str | None):
-    if study is None:
-        return bundled_path("studies", _DEFAULT)
-    if study.endswith((".yaml", ".yml")) or "/" in study:
-        return study
-    return bundled_path("studies", study)
 
 
 def _settings(study: Study) -> dict:

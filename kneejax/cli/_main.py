@@ -3,28 +3,37 @@
 from __future__ import annotations
 
 import argparse
-import difflib
 import os
 import re
 import sys
 from pathlib import Path
 from typing import NoReturn
 
+from kneejax.files import nearest_name
+
 DONE, DOUBTFUL, BAD_INPUT = 0, 1, 2
 
 
 class _Parser(argparse.ArgumentParser):
+    def __init__(self, *arguments, **options):
+        super().__init__(*arguments, **options)
+        # Whatever a command does not know, its own parser reports: it knows the command's options.
+        self.set_defaults(parser=self)
+
     def error(self, message: str) -> NoReturn:
-        options = [o for action in self._actions for o in action.option_strings]
-        for action in self._actions:
-            if isinstance(action.choices, dict):
-                options += list(action.choices)
-        wrong = re.search(r"(?:arguments: |choice: ')([^ ']+)", message)
-        if wrong:
-            near = difflib.get_close_matches(wrong.group(1).split("=")[0], options, 1, 0.4)
-            message += f"; did you mean {near[0]}?" if near else ""
+        near = self._nearest(message)
+        message += f"; did you mean {near}?" if near else ""
         print(f"kneejax: {' '.join(message.split())}", file=sys.stderr)
         raise SystemExit(BAD_INPUT)
+
+    def _nearest(self, message: str) -> str | None:
+        """The option or choice most like the one that the message complains of."""
+        choice = re.search(r"invalid choice: '([^']+)'", message)
+        if choice:
+            named = [name for action in self._actions for name in action.choices or ()]
+            return nearest_name(choice.group(1), named)
+        option = re.search(r"unrecognized arguments: (-[^ =]+)", message)
+        return nearest_name(option.group(1), self._option_string_actions) if option else None
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -38,7 +47,9 @@ def main(arguments: list[str] | None = None) -> int:
         input, nothing written.
     """
     parser = _build_parser()
-    chosen = parser.parse_args(arguments)
+    chosen, unknown = parser.parse_known_args(arguments)
+    if unknown:
+        chosen.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
     _prepare_jax()
     from kneejax.files import InputProblem
     from kneejax.inference import UnknownParameter, UnsuitableData
@@ -94,7 +105,9 @@ def _build_parser() -> argparse.ArgumentParser:
     evaluate.set_defaults(run=_lazily("_evaluate"))
 
     calibrate = commands.add_parser("calibrate", help="identify ligaments from motion")
-    calibrate.add_argument("study", nargs="?", help="study file or bundled study")
+    calibrate.add_argument(
+        "study", nargs="?", default="paper1", help="study file or bundled study"
+    )
     calibrate.add_argument("--out", type=Path, default=Path("kneejax-calibration"))
     calibrate.set_defaults(run=_lazily("_calibrate"))
 
@@ -181,7 +194,7 @@ def _add_convention(parser: argparse.ArgumentParser) -> None:
 
 
 def _lazily(module: str):
-    """A command is imported when it is called: `kneejax --help` needs no JAX."""
+    """A command is imported when it is called."""
 
     def run(arguments: argparse.Namespace) -> int:
         import importlib

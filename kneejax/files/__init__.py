@@ -8,6 +8,7 @@ from kneejax.files._bundled import bundled_path as bundled_path
 from kneejax.files._bundled import bundled_studies as bundled_studies
 from kneejax.files._bundled import load_knee as load_knee
 from kneejax.files._bundled import load_knee_file as load_knee_file
+from kneejax.files._bundled import study_path as study_path
 from kneejax.files._knee_file import KneeFile as KneeFile
 from kneejax.files._knee_file import format_knee as format_knee
 from kneejax.files._knee_file import read_knee as read_knee

@@ -7,8 +7,9 @@ import os
 from pathlib import Path
 
 from kneejax.files._knee_file import KneeFile, read_knee
-from kneejax.files._problem import InputProblem
+from kneejax.files._problem import InputProblem, nearest_name
 from kneejax.files._schema import Field
+from kneejax.files._text import neighbour
 from kneejax.files._yaml import load_yaml
 from kneejax.mechanics import Knee
 
@@ -123,16 +124,34 @@ def load_knee(name_or_path: str | os.PathLike[str]) -> Knee:
 
 def load_knee_file(name_or_path: str | os.PathLike[str]) -> KneeFile:
     """Load a knee with its sources. Arguments and errors as `load_knee`."""
-    known = bundled_knees()
+    return read_knee(_path("knees", "knee", name_or_path))
+
+
+def study_path(name_or_path: str | os.PathLike[str]) -> Path:
+    """The file of a study.
+
+    Args:
+        name_or_path: name of a bundled study, or a study file.
+
+    Raises:
+        InputProblem: there is no such study or file.
+    """
+    return _path("studies", "study", name_or_path)
+
+
+def _path(kind: str, one: str, name_or_path: str | os.PathLike[str]) -> Path:
+    """The bundled file of this name, or else the file itself."""
+    known, path = _bundled(kind), Path(name_or_path)
     if isinstance(name_or_path, str) and name_or_path in known:
-        return read_knee(known[name_or_path])
-    path = Path(name_or_path)
-    looks_like_path = not isinstance(name_or_path, str) or path.suffix or len(path.parts) != 1
-    if looks_like_path or path.exists():
-        return read_knee(path)
+        return known[name_or_path]
+    if os.path.exists(path):
+        return path
     names = ", ".join(known) or "none are installed"
-    expected = f"a bundled knee ({names}) or a knee file"
-    raise InputProblem("knee", "name", str(name_or_path), expected, known)
+    expected = f"a bundled {one} ({names}) or a {one} file"
+    near = nearest_name(path.stem, known)
+    if path.suffix or len(path.parts) != 1:
+        near = neighbour(path) or near
+    raise InputProblem(one, "name", os.fspath(name_or_path), expected, near)
 
 
 def _bundled(kind: str) -> dict[str, Path]:

@@ -55,7 +55,7 @@ def read_bytes(path: str | os.PathLike[str], kind: str) -> bytes:
     try:
         data = path.read_bytes()
     except FileNotFoundError:
-        raise InputProblem(path, "file", "missing", kind, _neighbour(path)) from None
+        raise InputProblem(path, "file", "missing", kind, neighbour(path)) from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise InputProblem(path, "file", reason, f"{kind} that can be read") from None
@@ -101,7 +101,7 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
         raise InputProblem(path, "file", error.strerror or str(error), "a place to write") from None
 
 
-def _neighbour(path: Path) -> str | None:
+def neighbour(path: Path) -> str | None:
     """A file beside it with nearly the same name."""
     if not path.parent.is_dir():
         return None

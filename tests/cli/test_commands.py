@@ -146,8 +146,32 @@ TWIN = bundled_path("studies", "paper1").read_text()
 
 BAD = {
     "unknown command": (lambda t: ["calibrat"], "calibrate"),
-    "unknown option": (lambda t: ["calibrate", "--outt", "x"], "--out"),
-    "unknown knee": (lambda t: ["describe", "four_ligaments"], "four_ligament"),
+    "unknown option": (lambda t: ["calibrate", "--outt", "x"], "did you mean --out?"),
+    "misspelt option with a value": (
+        lambda t: ["simulate", "passive-flexion", "--flx=3"], "did you mean --flexion?"
+    ),
+    "unknown choice": (
+        lambda t: ["evaluate", "four_ligament", "x.csv", "--convention", "tibal"],
+        "did you mean tibial?",
+    ),
+    "unknown experiment": (
+        lambda t: ["simulate", "passive-flexon"], "did you mean passive-flexion?"
+    ),
+    "too many words": (lambda t: ["calibrate", "paper1", "extra"], "unrecognized arguments: extra"),
+    "unknown knee": (lambda t: ["describe", "four_ligamnt"], "did you mean four_ligament?"),
+    "unknown knee as a file": (
+        lambda t: ["describe", str(t / "four_ligamnt.yaml")], "did you mean four_ligament?"
+    ),
+    "unknown study": (lambda t: ["calibrate", "papr1"], "did you mean paper1?"),
+    "unknown study as a file": (
+        lambda t: ["calibrate", str(t / "papr1.yaml")], "did you mean paper1?"
+    ),
+    "no such study": (
+        lambda t: ["calibrate", str(t / "nostudy.yaml")], "a bundled study (lenhart2015_mri, paper1"
+    ),
+    "study of another name beside it": (
+        lambda t: [study(t, TWIN)[0], str(t / "stdy.yaml")], "did you mean study.yaml?"
+    ),
     "negative stiffness": (lambda t: bad_knee(t, "stiffness_N: 4500.0", "stiffness_N: -1"), "-1"),
     "unknown field": (lambda t: bad_knee(t, "stiffness_N: 4500.0", "stifness_N: 1"), "stiffness_N"),
     "slack length zero": (
