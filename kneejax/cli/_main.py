@@ -32,8 +32,10 @@ class _Parser(argparse.ArgumentParser):
         if choice:
             named = [name for action in self._actions for name in action.choices or ()]
             return nearest_name(choice.group(1), named)
-        option = re.search(r"unrecognized arguments: (-[^ =]+)", message)
-        return nearest_name(option.group(1), self._option_string_actions) if option else None
+        option = re.search(r"unrecognized arguments: -+([^ =]+)", message)
+        options = {name.lstrip("-"): name for name in self._option_string_actions}
+        near = nearest_name(option.group(1), options) if option else None
+        return options.get(near or "")
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -221,6 +221,12 @@ def test_bad_input_is_one_line_and_status_2(case, tmp_path, capsys):
     assert not (tmp_path / "out").exists() and not (tmp_path / "o").exists()
 
 
+def test_an_option_that_is_like_no_other_is_offered_none(capsys):
+    with pytest.raises(SystemExit):
+        main(["calibrate", "--set", "ACL.stiffness=3"])
+    assert "did you mean" not in capsys.readouterr().err
+
+
 def test_flexion_outside_the_surfaces_is_said(tmp_path, capsys):
     out = str(tmp_path)
     assert main(["simulate", "passive-flexion", "--flexion", "0,140,160", "--out", out]) == 1
