@@ -91,14 +91,20 @@ def shot_path(start: Vector, end: Vector, shape: tuple[Array, ...], aim: Aim) ->
     s = section(p, q)
     zero = jnp.zeros_like(aim.turn)
     one = zero + 1.0
-    shot = _shoot(p, s, shape, aim, ((one, zero), (zero, one)), STEPS)
+    shot = _finished(_shoot(p, s, shape, aim, ((one, zero), (zero, one)), STEPS), q, shape)
     x0, x1 = v.stretch(shape, shot.begin), v.stretch(shape, shot.finish)
     n0, n1 = (unit(v.stretch(_inverse(shape), u)) for u in (shot.begin, shot.finish))
+    # A piece too short to have a direction of its own has the geodesic's.
+    along = v.stretch(shape, shot.finish_along)
+    speeds = v.norm(v.stretch(shape, shot.begin_along)), v.norm(along)
     onward = v.subtract(end, x1)
-    t0, t1 = unit(v.stretch(shape, shot.begin_along)), unit(onward)
-    first, last = v.norm(v.subtract(x0, start)), v.norm(onward)
+    short = s.tangents[1] < 1e-5
+    t0 = v.scale(1.0 / speeds[0], v.stretch(shape, shot.begin_along))
+    t1 = unit(choose(short, along, onward))
+    first = s.tangents[0] * speeds[0]
+    last = jnp.where(short, s.tangents[1] * speeds[1], v.norm(onward))
     b0 = v.cross(n0, t0)
-    b1 = unit(v.cross(n1, v.stretch(shape, shot.finish_along)))
+    b1 = unit(v.cross(n1, along))
     (a, c), (b, d) = shot.fields
     a, b, d = joined(first, (a, b, c, d), last)
     # Newton's step: turned by `swing` at the start, the path gets to the end without a miss.
@@ -186,7 +192,8 @@ def _step(state, stride: _Stride):
     e, f, arc, fields = state
     h = stride.step
 
-    def rates(e, f, fields, c, s):
+    def rates(at, c, s):
+        e, f, fields = at
         u = v.add(v.scale(c, e), v.scale(s, f))
         w = v.subtract(v.scale(c, f), v.scale(s, e))
         b = v.cross(e, f)
@@ -201,16 +208,37 @@ def _step(state, stride: _Stride):
     def moved(rate, h):
         return jax.tree.map(lambda y, r: y + h * r, (e, f, fields), rate[:3])
 
-    k1 = rates(e, f, fields, 1.0, 0.0)
-    k2 = rates(*moved(k1, 0.5 * h), *stride.half)
-    k3 = rates(*moved(k2, 0.5 * h), *stride.half)
-    k4 = rates(*moved(k3, h), *stride.whole)
+    k1 = rates((e, f, fields), 1.0, 0.0)
+    k2 = rates(moved(k1, 0.5 * h), *stride.half)
+    k3 = rates(moved(k2, 0.5 * h), *stride.half)
+    k4 = rates(moved(k3, h), *stride.whole)
     mean = jax.tree.map(lambda p, q, r, s: (p + 2.0 * (q + r) + s) * (1.0 / 6.0), k1, k2, k3, k4)
     e, f, fields = moved(mean, h)
     c, d = stride.whole
     u = v.add(v.scale(c, e), v.scale(d, f))
     w = v.subtract(v.scale(c, f), v.scale(d, e))
     return u, w, arc + h * mean[3], fields
+
+
+def _rest_of_arc(shot: Shot, q: Vector) -> Array:
+    """How much further the arc goes until it can leave for the end, rad, on a great circle."""
+    height, run = v.dot(shot.finish, q), v.dot(shot.finish_along, q)
+    tangent = jnp.sqrt(jnp.maximum(height * height + run * run - 1.0, 1e-24))
+    across = jnp.maximum(height + run * tangent, 0.1)
+    return jnp.clip((run - height * tangent) / across, -0.4, 0.4)
+
+
+def _finished(shot: Shot, q: Vector, shape: tuple[Array, ...]) -> Shot:
+    """The shot with the small rest of its arc."""
+    more = _rest_of_arc(shot, q)
+    c, d = jnp.cos(more), jnp.sin(more)
+    u = v.add(v.scale(c, shot.finish), v.scale(d, shot.finish_along))
+    w = v.subtract(v.scale(c, shot.finish_along), v.scale(d, shot.finish))
+    b, steep = v.cross(u, w), v.stretch(_metric(shape), u)
+    w = v.add(w, v.scale(-more * v.dot(b, steep) / v.dot(u, steep), b))
+    speeds = [v.norm(v.stretch(shape, along)) for along in (shot.finish_along, w)]
+    arc = shot.arc + 0.5 * more * (speeds[0] + speeds[1])
+    return shot._replace(finish=u, finish_along=w, arc=arc)
 
 
 def _better_aim(
@@ -235,8 +263,7 @@ def _better_aim(
     half = 0.5 * jnp.clip(angle, -0.6, 0.6)
     inverse = 1.0 / (1.0 + half * half)
     c, d = (1.0 - half * half) * inverse, 2.0 * half * inverse
-    run = jnp.maximum(v.dot(shot.finish_along, q), 0.2 * s.tangents[1])
-    more = jnp.clip((1.0 - v.dot(shot.finish, q)) / run, -0.4, 0.4)
+    more = _rest_of_arc(shot, q)
     return Aim(
         aim.cosine * c - aim.sine * d,
         aim.sine * c + aim.cosine * d,
