@@ -27,7 +27,7 @@ from kneejax.mechanics import _cartilage_law as law
 from kneejax.mechanics import _patch
 from kneejax.mechanics._patch import Gap
 from kneejax.mechanics._patch_force import Pressed, press
-from kneejax.mechanics._quadrature import Points, Sampled, gauss_points, sample
+from kneejax.mechanics._quadrature import Points, Sampled, midpoints, sample
 from kneejax.mechanics._wrench import Wrench
 
 #: The two ways to compute a contact.
@@ -140,7 +140,7 @@ class Contact(eqx.Module):
     def sample(self, tibia: Placement) -> Sampled:
         """Depth at the quadrature points; see `Sampled`."""
         motion = self.femur_to_plateau(tibia)
-        points = gauss_points(self.tibial, self.points, jnp.ndim(motion.translation[0]))
+        points = midpoints(self.tibial, self.points, jnp.ndim(motion.translation[0]))
         return sample(self.femoral, points, motion)
 
     def layer(self, points: Points) -> Array:

@@ -17,16 +17,17 @@ from kneejax.geometry import (
     full,
     instantiate,
     scale,
-    scaled,
     subtract,
 )
 
-_RAY_STEPS = 3
+_RAY_STEPS = 2
 _GRAZING = 0.2
+# Depths that are looked for, and the level left, mm, where a line has missed the surface.
+_FARTHEST, _MISSED = 25.0, 1e-3
 
 
 class Points(eqx.Module):
-    """Gauss points of a tibial surface, along the axis before the lanes.
+    """Points of a tibial surface, along the axis before the lanes.
 
     Attributes:
         point: mm, in the surface's frame.
@@ -57,29 +58,26 @@ class Sampled(eqx.Module):
     slope: Vector
 
 
-def gauss_points(surface: Surface, count: tuple[int, int], trailing: int) -> Points:
-    """Gauss points over the whole region of a surface.
+def midpoints(surface: Surface, count: tuple[int, int], trailing: int) -> Points:
+    """Middles of equal rectangles over a surface's region; they weigh nothing off its cartilage.
+
+    What touches lies inside the region, and there the midpoint rule is the better one: Gauss
+    points, dense at the edges, are half as dense in the middle (an error of area of 9.6 instead of
+    5.3 per cent with 28 x 20 points on a measured knee).
 
     Args:
         surface: the tibial surface.
         count: number along each parameter.
         trailing: number of axes that the lanes take.
     """
-    ones = (1,) * trailing
     (lower_a, upper_a), (lower_b, upper_b) = surface.bounds()
-    node_a, weight_a = _gauss(count[0], ones)
-    node_b, weight_b = _gauss(count[1], ones)
-    half_a, half_b = 0.5 * (upper_a - lower_a), 0.5 * (upper_b - lower_b)
-    a = (lower_a + half_a * (1.0 + node_a))[:, None] + 0.0 * node_b[None]
-    b = (lower_b + half_b * (1.0 + node_b))[None] + 0.0 * node_a[:, None]
-    weight = (half_a * weight_a)[:, None] * (half_b * weight_b)[None]
-    size = count[0] * count[1]
-    a, b, weight = (x.reshape(size, *x.shape[2:]) for x in jnp.broadcast_arrays(a, b, weight))
+    along_a, along_b = (upper_a - lower_a) / count[0], (upper_b - lower_b) / count[1]
+    s, t = (x.reshape(-1, *(1,) * trailing) for x in _middles(count))
+    a, b = lower_a + s * (upper_a - lower_a), lower_b + t * (upper_b - lower_b)
+    a, b = jnp.broadcast_arrays(a, b)
+    weight = along_a * along_b * surface.covered(a, b, (along_a, along_b))
     point, normal, area = surface.oriented(a, b)
-    across = (
-        scaled(a, jnp.stack([lower_a, upper_a]))[0], scaled(b, jnp.stack([lower_b, upper_b]))[0]
-    )
-    return Points(point, normal, weight * area, across)
+    return Points(point, normal, weight * area, (2.0 * s - 1.0, 2.0 * t - 1.0))
 
 
 def sample(femoral: Surface, points: Points, motion: Placement) -> Sampled:
@@ -95,7 +93,9 @@ def sample(femoral: Surface, points: Points, motion: Placement) -> Sampled:
     """
     start, along = motion.apply_inverse(points.point), motion.turn_back(points.normal)
     depth = ray_depth(femoral, full(start), full(along))
-    gradient, steep = _look(femoral, depth, start, along)[1:]
+    level, gradient, steep = _look(femoral, depth, start, along)
+    # A line that does not meet the solid's surface nearby sees nothing of it.
+    depth = jnp.where(jnp.abs(level) < _MISSED, depth, -_FARTHEST)
     slope = motion.turn(scale(1.0 / steep, gradient))
     return Sampled(points, depth, subtract(points.point, scale(depth, points.normal)), slope)
 
@@ -115,7 +115,7 @@ def ray_depth(femoral: Surface, start: Vector, along: Vector) -> Array:
 
     def nearer(_, depth: Array) -> Array:
         level, _, steep = _look(femoral, depth, start, along)
-        return depth + level / steep
+        return jnp.clip(depth + level / steep, -_FARTHEST, _FARTHEST)
 
     # A loop, though it is short: looks that follow each other in one kernel are computed anew for
     # each use of what they found, and three of them took minutes to compile.
@@ -153,6 +153,8 @@ def _look(femoral: Surface, depth: Array, start: Vector, along: Vector):
     return level, gradient, jnp.where(steep < -_GRAZING, steep, -1.0)
 
 
-def _gauss(count: int, trailing: tuple[int, ...]) -> tuple[Array, Array]:
-    nodes, weights = np.polynomial.legendre.leggauss(count)
-    return jnp.asarray(nodes.reshape(-1, *trailing)), jnp.asarray(weights.reshape(-1, *trailing))
+def _middles(count: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """Middles of the rectangles of a unit square, one row of rectangles after the other."""
+    first, second = ((np.arange(n) + 0.5) / n for n in count)
+    a, b = np.meshgrid(first, second, indexing="ij")
+    return a.ravel(), b.ravel()

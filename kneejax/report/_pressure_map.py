@@ -65,7 +65,7 @@ def plateau_pressures(
     Args:
         knee: any knee.
         poses: fields of shape `(poses,)`.
-        points: grid on each surface, along its two parameters (Gauss points).
+        points: grid on each surface, along its two parameters (middles of rectangles).
 
     Returns:
         One field for each compartment.
