@@ -30,7 +30,7 @@ TARGET_RMS_MM, WORST_RMS_MM = 0.1, 0.5
 #: How the layer's thickness may be given over a compartment.
 THICKNESSES = ("constant", "field")
 _SIDES = {"r": "right", "l": "left", "right": "right", "left": "left"}
-_POINT_DISTANCE_MM = 1.4
+_POINT_DISTANCE_MM = 1.7
 _DIGITS = 5
 
 
