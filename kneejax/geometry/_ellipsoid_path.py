@@ -117,19 +117,14 @@ def shot_path(start: Vector, end: Vector, shape: tuple[Array, ...], aim: Aim) ->
     return Wrapped(length, t0, t1, (x0, x1), (n0, n1), (first, last), (a, b, d), length, aim)
 
 
-def trace(
-    start: Vector, end: Vector, shape: tuple[Array, ...], aim: Aim, count: int
-) -> list[Vector]:
-    """`count` points of the geodesic, from contact to contact."""
+def trace(start: Vector, end: Vector, shape: tuple[Array, ...], aim: Aim, count: int) -> Vector:
+    """`count` points of the geodesic from contact to contact, along a new first axis."""
     p, q = v.stretch(_inverse(shape), start), v.stretch(_inverse(shape), end)
     u, w = _begin(p, section(p, q), aim)
-    points = [u]
     stride = _Stride.of(aim.turn / (count - 1), shape)
     state = (u, w, jnp.zeros_like(aim.turn), ())
-    for _ in range(count - 1):
-        state = _step(state, stride)
-        points.append(state[0])
-    return [v.stretch(shape, u) for u in points]
+    _, points = lax.scan(lambda at, _: (_step(at, stride), at[0]), state, length=count)
+    return v.stretch(shape, points)
 
 
 def _inverse(shape: tuple[Array, ...]) -> Vector:

@@ -255,31 +255,28 @@ def path_points(obstacle: Obstacle, start: Vector, end: Vector, n: int = 33) -> 
     start, end, shape = _common(obstacle, start, end)
     path = taut(obstacle, start, end)
     wraps = path.angle > 0.0
-    fractions = jnp.linspace(0.0, 1.0, n)
-    straight = [v.add(start, v.scale(t, v.subtract(end, start))) for t in fractions]
-    held = tuple(jnp.where(jnp.isinf(a), 1.0, a) for a in shape)
     one = jnp.ones_like(path.length)
+    held = tuple(jnp.where(jnp.isinf(a), 1.0, a) for a in shape)
     far = [v.stretch(_triple(held), _triple(tuple(c * one for c in x))) for x in _HARMLESS]
     begin, finish = choose(wraps, start, far[0]), choose(wraps, end, far[1])
+    along = jnp.linspace(0.0, 1.0, n - 2).reshape(-1, *(1,) * one.ndim)
     if isinstance(obstacle, WrapEllipsoid):
-        aim, _ = search(begin, finish, shape)
-        touching = trace(begin, finish, shape, aim, n - 2)
+        touching = trace(begin, finish, shape, search(begin, finish, shape)[0], n - 2)
     else:
         inverse = _triple(tuple(1.0 / a for a in shape))
         s = section(v.stretch(inverse, begin), v.stretch(inverse, finish))
+        cosine, sine = jnp.cos(along * s.turn), jnp.sin(along * s.turn)
         quarter = v.cross(s.pole, s.contacts[0])
-        touching = []
-        for t in jnp.linspace(0.0, 1.0, n - 2):
-            at = v.add(
-                v.scale(jnp.cos(t * s.turn), s.contacts[0]), v.scale(jnp.sin(t * s.turn), quarter)
-            )
-            x, y, z = v.stretch(_triple(held), at)
-            if isinstance(obstacle, WrapCylinder):
-                z = path.leaves[2] + t * (path.arrives[2] - path.leaves[2])
-            touching.append((x, y, z))
-    bent = [start, *touching, end]
-    chosen = [choose(wraps, b, a) for a, b in zip(straight, bent, strict=True)]
-    return jnp.stack([jnp.stack(jnp.broadcast_arrays(*point)) for point in chosen])
+        x, y, z = v.add(v.scale(cosine, s.contacts[0]), v.scale(sine, quarter))
+        if isinstance(obstacle, WrapCylinder):
+            z = path.leaves[2] + along * (path.arrives[2] - path.leaves[2])
+        touching = v.stretch(_triple(held), (x, y, z))
+    fractions = jnp.linspace(0.0, 1.0, n).reshape(-1, *(1,) * one.ndim)
+    points = []
+    for a, b, middle in zip(start, end, touching, strict=True):
+        bent = jnp.concatenate([jnp.expand_dims(a, 0), middle, jnp.expand_dims(b, 0)])
+        points.append(jnp.where(wraps, bent, a + fractions * (b - a)))
+    return jnp.stack(points, 1)
 
 
 def _triple(a: Any) -> Vector:
