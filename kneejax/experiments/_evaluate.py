@@ -125,11 +125,11 @@ def _evaluate(knee: Knee, poses: Pose, meeting: Array | None) -> Mechanics:
         for shape in ((3,), (3,), (), (), (), (), (3,), (), ())
     ]
     force, moment, area, peak, mean, depth, center, known, deep = stacked
-    wrap = ligaments.wrap(tibia)
+    length, wrap = ligaments.length_and_wrap(tibia)
     return Mechanics(
-        ligaments.length(tibia).T,
-        ligaments.strain(tibia).T,
-        ligaments.tension(tibia).T,
+        length.T,
+        (length / ligaments.slack_length - 1.0).T,
+        ligaments.tension_at(length).T,
         jnp.moveaxis(force, 0, -1),
         area,
         peak,

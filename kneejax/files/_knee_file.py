@@ -8,6 +8,8 @@ import os
 from pathlib import Path
 from typing import Any
 
+import equinox as eqx
+import jax
 import numpy as np
 
 from kneejax.files import _knee_schema as schema
@@ -192,10 +194,14 @@ def _ligaments(
         )
 
     unloaded = fibres(np.ones(len(parts)))
-    lengths = np.asarray(unloaded.length(pose.placement))
+    _check_ends(parts, np.asarray(unloaded.ends_inside(pose.placement)), file)
+    if any("wrap" in part and "slack_length_mm" not in part for part in parts.values()):
+        # Compiled: around obstacles some thousand operations would else run one by one.
+        lengths = np.asarray(jax.jit(Ligaments.length)(unloaded, pose.placement))
+    else:  # the detour around an obstacle is asked for by nobody
+        straight = eqx.tree_at(lambda x: x.courses, unloaded, ())
+        lengths = np.asarray(straight.length(pose.placement))
     _check_lengths(parts, lengths, file)
-    if courses:
-        _check_ends(parts, np.asarray(unloaded.wrap(pose.placement).inside), file)
     slack = [_slack(part, length) for part, length in zip(parts.values(), lengths, strict=True)]
     for name, value in zip(parts, slack, strict=True):
         if not np.isfinite(value) or value <= 0:

@@ -18,6 +18,7 @@ from kneejax.geometry import (
     TautPath,
     Vector,
     add,
+    dot,
     norm,
     path_points,
     scale,
@@ -87,6 +88,19 @@ class Course(eqx.Module):
         if self.obstacle is None:
             return [_straight(start, end, tibia) for start, end in pairs]
         return [self._around(self.obstacle, start, end, tibia) for start, end in pairs]
+
+    def ends_inside(self, femoral: Array, tibial: Array, tibia: Placement) -> Array:
+        """Whether an attachment or via point lies inside the obstacle; arguments as in `pieces`."""
+        inside = jnp.zeros(len(self.rows), bool)
+        if self.obstacle is None:
+            return inside
+        place = self._place(self.obstacle, tibia)
+        for node in self._nodes(femoral, tibial):
+            point = place.apply_inverse(_in_femur(*node, tibia))
+            axes = self.obstacle.semi_axes_along_frame
+            scaled = tuple(x / a for x, a in zip(point, axes, strict=True))
+            inside = inside | (dot(scaled, scaled) < 1.0)
+        return inside
 
     def polylines(
         self, femoral: Array, tibial: Array, tibia: Placement, count: int

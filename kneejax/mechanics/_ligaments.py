@@ -12,7 +12,7 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.geometry import Placement, Vector, add, full, norm, scale, subtract
+from kneejax.geometry import Placement, TautPath, Vector, add, full, norm, scale, subtract
 from kneejax.mechanics import _ligament_law as law
 from kneejax.mechanics._courses import Course, Piece
 from kneejax.mechanics._wrench import Wrench
@@ -116,8 +116,13 @@ class Ligaments(eqx.Module):
 
     def tension(self, tibia: Placement) -> Array:
         """Tension of each fibre, shape `(n, ...)`, N."""
+        return self.tension_at(self.length(tibia))
+
+    def tension_at(self, length: Array) -> Array:
+        """Tension of each fibre at given lengths, N."""
+        strain = length / self.slack_length - 1.0
         return law.tension(
-            self.strain(tibia), self.stiffness, self.transition_strain, self.transition_width
+            strain, self.stiffness, self.transition_strain, self.transition_width
         )
 
     def wrenches(self, tibia: Placement) -> list[Wrench]:
@@ -149,26 +154,33 @@ class Ligaments(eqx.Module):
         )
         return jnp.sum(each, axis=0)
 
-    def wrap(self, tibia: Placement) -> WrapState:
-        """How the fibres pass their obstacles; of several pieces the most bent one counts."""
-        shape = jax.eval_shape(self.length, tibia).shape[1:]
-        states = [_free(len(self.straight), shape)] if self.straight else []
+    def length_and_wrap(self, tibia: Placement) -> tuple[Array, WrapState]:
+        """Lengths, `(n, ...)`, mm, and how the fibres pass their obstacles.
+
+        Of a fibre's several pieces the most bent one counts.
+        """
+        if not self.courses:
+            length = norm(self.line(tibia))
+            return length, _free(length)
+        lengths, states = [], []
+        if self.straight:
+            lengths = [norm(_arm_and_line(*self._ends(self.straight), tibia)[1])]
+            states = [_free(lengths[0])]
         for course in self.courses:
-            own = _free(len(course.rows), shape)
-            for piece in self._pieces(course, tibia):
-                if piece.taut is None:
-                    continue
-                path = piece.taut
-                more = path.angle > own.angle
-                own = WrapState(
-                    jnp.where(more, path.angle, own.angle),
-                    own.inside | path.inside,
-                    tuple(jnp.where(more, a, b) for a, b in zip(path.side, own.side, strict=True)),
-                    jnp.where(more, path.detour_other_side, own.other_side),
-                    own.beyond_ends | path.beyond_ends,
-                )
-            states.append(own)
-        return jax.tree.map(lambda *x: self._joined(list(x)), *states)
+            pieces = self._pieces(course, tibia)
+            lengths.append(functools.reduce(operator.add, (piece.length for piece in pieces)))
+            bent = [piece.taut for piece in pieces if piece.taut is not None]
+            states.append(functools.reduce(_more_bent, bent, _free(lengths[-1])))
+        wrap = jax.tree.map(lambda *x: self._joined(list(x)), *states)
+        return self._joined(lengths), wrap
+
+    def ends_inside(self, tibia: Placement) -> Array:
+        """Whether an end of each fibre lies inside the fibre's obstacle, `(n, ...)`."""
+        inside = jnp.zeros(len(self.names), bool)
+        for course in self.courses:
+            found = course.ends_inside(*self._ends(course.rows), tibia)
+            inside = inside.at[np.array(course.rows)].set(found)
+        return inside
 
     def polylines(self, tibia: Placement, count: int = 24) -> list[list[Vector]]:
         """Points along each fibre in femur axes, for pictures.
@@ -242,6 +254,18 @@ def _arm_and_line(femoral: Array, tibial: Array, tibia: Placement) -> tuple[Vect
     return arm, subtract(add(arm, tibia.translation), away)
 
 
-def _free(count: int, shape: tuple[int, ...]) -> WrapState:
-    zero = jnp.zeros((count, *shape))
+def _free(length: Array) -> WrapState:
+    """Of fibres without an obstacle."""
+    zero = jnp.zeros_like(length)
     return WrapState(zero - jnp.inf, zero > 0, (zero, zero, zero), zero + jnp.inf, zero > 0)
+
+
+def _more_bent(before: WrapState, path: TautPath) -> WrapState:
+    more = path.angle > before.angle
+    return WrapState(
+        jnp.where(more, path.angle, before.angle),
+        before.inside | path.inside,
+        tuple(jnp.where(more, a, b) for a, b in zip(path.side, before.side, strict=True)),
+        jnp.where(more, path.detour_other_side, before.other_side),
+        before.beyond_ends | path.beyond_ends,
+    )

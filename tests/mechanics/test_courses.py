@@ -1,0 +1,165 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import kneejax.geometry as geo
+from kneejax.experiments import Way, evaluate, ways_of
+from kneejax.mechanics import Course, Knee, Ligaments, Wrench
+from kneejax.mechanics._wrench import wrench_of
+
+FEMORAL = [[-2.0, 30.0, 1.0], [3.0, 28.0, -2.0], [0.0, 33.0, 0.0]]
+TIBIAL = [[4.0, -31.0, 2.0], [-3.0, -30.0, 1.0], [1.0, -29.0, -3.0]]
+OBSTACLES = {
+    "sphere": geo.WrapSphere(11.0, geo.Frame([-6.0, 1.0, 0.5])),
+    "cylinder": geo.WrapCylinder(9.0, 80.0, geo.Frame([-5.0, 0.0, 1.0], [0.2, -0.3, 0.1])),
+    "ellipsoid": geo.WrapEllipsoid([9.0, 14.0, 11.0], geo.Frame([-4.0, 2.0, 0.0], [0.3, 0.1, -0.2])),
+}
+POSE = [20.0, 3.0, -6.0, 2.0, -1.0, 1.5]
+
+
+def fibres(courses=(), count=3):
+    return Ligaments(
+        FEMORAL[:count], TIBIAL[:count], [500.0, 700.0, 900.0][:count], [50.0] * count,
+        [0.06] * count, [1e-3] * count, ["a", "b", "c"][:count], courses,
+    )  # fmt: skip
+
+
+def around(kind, bone, rows=(0, 2), **via):
+    return Course(rows, obstacle=OBSTACLES[kind], obstacle_bone=bone, **via)
+
+
+VIA = {"via": [[[9.0, -12.0, 4.0]], [[8.0, 8.0, 3.0]]], "via_bones": ("femur", "tibia")}
+COURSES = {
+    "straight": [],
+    "via on both bones": [Course((1,), **VIA)],
+    "sphere on the tibia": [around("sphere", "tibia")],
+    "cylinder on the femur": [around("cylinder", "femur")],
+    "ellipsoid on the tibia, via on the femur": [
+        around("ellipsoid", "tibia"),
+        Course((1,), [[[9.0, 0.0, 1.0]]], ("femur",)),
+    ],
+    "sphere behind a via point": [around("sphere", "femur", (1,), **VIA)],
+}
+
+
+def tibia_at(pose):
+    return geo.Pose.from_table(pose).placement
+
+
+@jax.jit
+def pulled(ligaments, pose):
+    tibia = tibia_at(pose)
+    total = Wrench.total(ligaments.wrenches(tibia))
+    return jnp.stack([*total.force, *total.moment]), ligaments.length(tibia)
+
+
+@pytest.mark.parametrize("name", COURSES)
+def test_the_wrench_is_what_the_energy_loses(name):
+    ligaments = fibres(COURSES[name])
+    tibia = tibia_at(POSE)
+    by_energy = jax.jit(lambda x, t: wrench_of(x.energy, t))(ligaments, tibia)
+    expected = np.stack([*by_energy.force, *by_energy.moment])
+    assert np.abs(expected).max() > 1.0
+    np.testing.assert_allclose(pulled(ligaments, POSE)[0], expected, rtol=1e-9, atol=1e-7)
+
+
+@pytest.mark.parametrize("name", COURSES)
+def test_the_wrench_has_a_derivative_that_central_differences_confirm(name, central_difference):
+    ligaments = fibres(COURSES[name])
+    exact = jax.jit(jax.jacfwd(lambda x: pulled(ligaments, x)[0]))(jnp.array(POSE))
+    numeric = central_difference(lambda x: pulled(ligaments, jnp.asarray(x))[0], POSE, 1e-3)
+    assert np.abs(exact - numeric).max() < 1e-6 * np.abs(numeric).max()
+
+
+def test_a_via_point_on_the_line_changes_nothing():
+    straight = fibres()
+    tibia = tibia_at(np.zeros(6))
+    middle = 0.5 * (np.array(FEMORAL[1]) + np.array(TIBIAL[1]))
+    bent = fibres([Course((1,), [[middle]], ("femur",))])
+    np.testing.assert_allclose(bent.length(tibia), straight.length(tibia), rtol=1e-14)
+
+
+def test_beyond_a_via_point_on_the_tibia_its_attachment_does_not_matter():
+    """The last piece lies within one bone: it is part of the length but pulls on nothing."""
+    course = Course((0,), [[[5.0, -10.0, 2.0]]], ("tibia",))
+    one = fibres([course], 1)
+    other = Ligaments(
+        FEMORAL[:1], [[5.0, -10.0 - 21.0, 2.0]], [500.0], [50.0], [0.06], [1e-3], ["a"], [course]
+    )
+    (wrench, length), (same, shorter) = pulled(one, POSE), pulled(other, POSE)
+    last = np.linalg.norm(np.array(TIBIAL[0]) - [5.0, -10.0, 2.0])
+    assert float(length[0] - shorter[0]) == pytest.approx(last - 21.0, abs=1e-12)
+    direction = np.asarray(wrench) / np.linalg.norm(wrench)
+    np.testing.assert_allclose(np.asarray(same) / np.linalg.norm(same), direction, atol=1e-12)
+
+
+def test_fibres_keep_their_order_however_they_run():
+    alone = [
+        float(fibres([around("sphere", "tibia", (row,))]).length(tibia_at(POSE))[row])
+        for row in (0, 2)
+    ]
+    together = fibres([Course((1,), **VIA), around("sphere", "tibia", (2, 0))])
+    length, wrap = jax.jit(Ligaments.length_and_wrap)(together, tibia_at(POSE))
+    np.testing.assert_allclose(np.asarray(length)[[0, 2]], alone, rtol=1e-14)
+    assert np.isneginf(wrap.angle[1]) and np.isfinite(np.asarray(wrap.angle)[[0, 2]]).all()
+
+
+def test_turning_femur_tibia_and_obstacle_together_changes_no_length():
+    turn = geo.Frame([0.0, 0.0, 0.0], [0.4, -0.2, 0.7]).placement
+    rows = np.stack([np.stack(row) for row in turn.rotation])
+
+    def turned(points):
+        return np.asarray(points) @ rows.T
+
+    tibia = geo.Placement(None, (3.0, 1.0, -2.0))
+    moved = geo.Placement(None, tuple(jnp.asarray(turned([3.0, 1.0, -2.0]))))
+    plain = fibres([around("sphere", "tibia")])
+    frame = geo.Frame(turned(OBSTACLES["sphere"].frame.origin))
+    course = Course((0, 2), obstacle=geo.WrapSphere(11.0, frame))
+    other = Ligaments(
+        turned(FEMORAL), turned(TIBIAL), plain.stiffness, plain.slack_length,
+        plain.transition_strain, plain.transition_width, plain.names, [course],
+    )  # fmt: skip
+    np.testing.assert_allclose(other.length(moved), plain.length(tibia), rtol=1e-12)
+
+
+def swept(course, shifts):
+    """A fibre whose tibia moves past an obstacle, from front to back."""
+    knee = Knee(
+        Ligaments([[0, 40, 0]], [[0, -40, 0]], [500.0], [75.0], [0.06], [1e-3], ["a"], [course]),
+        (), (), (), geo.Pose.from_table(np.zeros(6)), (),
+    )  # fmt: skip
+    table = np.zeros((len(shifts), 6))
+    table[:, 3] = shifts
+    return evaluate(knee, geo.Pose.from_table(table))
+
+
+def test_a_flip_to_the_other_side_is_reported_where_it_happens():
+    course = Course((0,), obstacle=geo.WrapSphere(12.0), obstacle_bone="femur")
+    found = swept(course, [40.0, 8.0, 0.2, -8.0, -40.0, -80.0])
+    words = [Way(way).word for way in ways_of(found)[:, 0]]
+    assert words == ["free", "wrapped", "near_flip", "flipped", "free", "free"]
+    assert np.isfinite(np.asarray(found.length)).all()
+
+
+def test_a_line_through_the_centre_has_a_length_and_says_that_it_may_flip():
+    course = Course((0,), obstacle=geo.WrapSphere(12.0), obstacle_bone="femur")
+    found = swept(course, [0.0])
+    assert np.isfinite(float(found.length[0, 0])) and float(found.length[0, 0]) > 80.0
+    assert ways_of(found)[0, 0] == Way.NEAR_FLIP
+
+
+def test_an_end_inside_its_obstacle_and_a_cylinder_too_short_are_reported():
+    inside = Course((0,), obstacle=geo.WrapSphere(12.0, geo.Frame([0.0, -40.0, 0.0])))
+    assert ways_of(swept(inside, [0.0]))[0, 0] == Way.INSIDE
+    short = Course((0,), obstacle=geo.WrapCylinder(5.0, 2.0, geo.Frame([1.0, 0.0, 30.0])))
+    assert ways_of(swept(short, [0.0]))[0, 0] == Way.BEYOND_ENDS
+    assert Way.INSIDE.doubtful and not Way.WRAPPED.doubtful
+
+
+def test_courses_name_each_fibre_once():
+    with pytest.raises(ValueError, match="expected each once"):
+        fibres([Course((0,), **VIA), around("sphere", "tibia", (0,))])
+    with pytest.raises(ValueError, match="existing"):
+        fibres([around("sphere", "tibia", (5,))])
