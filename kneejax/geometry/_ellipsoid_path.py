@@ -11,6 +11,17 @@ with unit tangent `w`, `b = u x w`, and
 that osculates the curve; the Runge-Kutta steps integrate that turn alone, so a sphere's great
 circles are exact. Jacobi's equation is integrated beside it: it gives the miss at the end as a
 function of the angle, for Newton's rule, and the second derivatives of the length.
+
+The search begins at the best of a fan of plane sections. These alone would not do: over random
+obstacles (semi-axes 5 to 40 mm, aspect ratios to 5, wrap angles to 150 degrees, lines oblique) the
+best plane section is longer than the geodesic by 0.02 mm in the worst hundredth of wraps of 30 to
+60 degrees, by 0.3 mm beyond 90, and by 0.43 mm at most.
+
+Over the same obstacles the length is within 1e-6 mm of the exact one in nine of ten cases, 1e-5 mm
+in 99 of 100, and 4e-4 mm at most; directions within 1e-7, 1e-6 and 5e-4, the last where the path
+is about to flip. An independent minimisation never found a path shorter by more than 1e-5 mm. Ends
+within a thousandth of the surface cost two digits. Where another side is shorter by less than about
+0.1 mm the fan may choose the longer one (6 of 16,000).
 """
 
 from __future__ import annotations
@@ -29,7 +40,7 @@ from kneejax.geometry._vectors import Vector
 #: Planes through both ends whose paths are compared before the search.
 PLANES = 12
 #: Shots of the search, Runge-Kutta steps in each, and in the last shot.
-SHOTS, SEARCH_STEPS, STEPS = 4, 4, 12
+SHOTS, SEARCH_STEPS, STEPS = 3, 4, 12
 
 
 class Aim(NamedTuple):
@@ -198,10 +209,10 @@ def _step(state, stride: _Stride):
         speed = jnp.sqrt(v.dot(w, v.stretch(stride.squares, w)))
         bend = -speed * stride.curvature * inverse * inverse
         turn = tuple((speed * slope, bend * y) for y, slope in fields)
-        return v.scale(-s * k, b), v.scale(c * k, b), turn, speed
+        return v.scale(v.times(-s, k), b), v.scale(v.times(c, k), b), turn, speed
 
     def moved(rate, h):
-        return jax.tree.map(lambda y, r: y + h * r, (e, f, fields), rate[:3])
+        return jax.tree.map(lambda y, r: v.plus(y, v.times(h, r)), (e, f, fields), rate[:3])
 
     k1 = rates((e, f, fields), 1.0, 0.0)
     k2 = rates(moved(k1, 0.5 * h), *stride.half)
