@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from kneejax.geometry import Pose
-from kneejax.mechanics import Knee, Ligaments, add_lane_axis
+from kneejax.mechanics import Course, Knee, Ligaments, add_lane_axis
 from kneejax.report._pressure_map import PlateauPressure, lateral_sign, plateau_pressures
 from kneejax.report._scene_grids import grid_triangles, obstacle_grid, surface_grid
 
@@ -231,26 +231,39 @@ def _placed(mesh: BoneMesh, seen, mirror: np.ndarray) -> BoneMesh:
     return dataclasses.replace(mesh, points_mm=seen(twin, mesh.bone))
 
 
-@eqx.filter_jit
-def _pull(ligaments: Ligaments, poses: Pose):
-    return ligaments.strain(poses.placement), ligaments.tension(poses.placement)
-
-
 def _fibres(knee: Knee, poses: Pose):
     """Courses in femur axes, each `(k, 3, poses)`; strains and tensions, `(fibres, poses)`."""
     if not knee.ligaments.names:
         return [], np.zeros((0, 1)), np.zeros((0, 1))
-    lanes, shape = add_lane_axis(knee.ligaments), jnp.shape(poses.flexion)
-    # Not compiled as a whole: thousands of points are as many results, and minutes to compile.
-    lines = [
-        np.stack([_stacked(point, shape).T for point in line])
-        for line in lanes.polylines(poses.placement, _AROUND)
-    ]
-    return lines, *(np.asarray(x) for x in _pull(lanes, poses))
+    drawn, strain, tension = _drawn(add_lane_axis(knee.ligaments), poses)
+    lines = {}
+    for rows, points in drawn:
+        lines |= {int(row): np.asarray(points[:, :, i]) for i, row in enumerate(rows)}
+    return [lines[row] for row in range(len(lines))], np.asarray(strain), np.asarray(tension)
 
 
-def _stacked(point, shape: tuple[int, ...]) -> np.ndarray:
-    return np.stack([np.broadcast_to(np.asarray(x), shape) for x in point], axis=-1)
+@eqx.filter_jit
+def _drawn(ligaments: Ligaments, poses: Pose):
+    """Fibres of one kind of course together, `(k, 3, fibres, poses)`, with their rows.
+
+    One array a kind: each point as a result of its own would take minutes to compile.
+    """
+    tibia = poses.placement
+    kinds = [Course(ligaments.straight)] if ligaments.straight else []
+    drawn = []
+    for course in (*kinds, *ligaments.courses):
+        rows = np.array(course.rows)
+        ends = ligaments.femoral_attachment[rows], ligaments.tibial_attachment[rows]
+        shape = (len(rows), *jnp.shape(poses.flexion))
+        points = []
+        for piece in course.polylines(*ends, tibia, _AROUND):
+            points += piece[1:] if points else piece
+        stacked = [
+            jnp.stack([jnp.broadcast_to(jnp.asarray(c), shape) for c in point])
+            for point in points
+        ]
+        drawn.append((rows, jnp.stack(stacked)))
+    return drawn, ligaments.strain(tibia), ligaments.tension(tibia)
 
 
 def _obstacles(knee: Knee, lines: list[np.ndarray], turn: np.ndarray, shift: np.ndarray):

@@ -13,7 +13,7 @@ TIBIAL = [[4.0, -31.0, 2.0], [-3.0, -30.0, 1.0], [1.0, -29.0, -3.0]]
 OBSTACLES = {
     "sphere": geo.WrapSphere(11.0, geo.Frame([-6.0, 1.0, 0.5])),
     "cylinder": geo.WrapCylinder(9.0, 80.0, geo.Frame([-5.0, 0.0, 1.0], [0.2, -0.3, 0.1])),
-    "ellipsoid": geo.WrapEllipsoid([9.0, 14.0, 11.0], geo.Frame([-4.0, 2.0, 0.0], [0.3, 0.1, -0.2])),
+    "ellipsoid": geo.WrapEllipsoid([9.0, 14.0, 11.0], geo.Frame([-4.0, 2.0, 0], [0.3, 0.1, -0.2])),
 }
 POSE = [20.0, 3.0, -6.0, 2.0, -1.0, 1.5]
 
