@@ -7,7 +7,7 @@ import argparse
 import numpy as np
 
 from kneejax.experiments import Mechanics, Way, evaluate, status_of, ways_of
-from kneejax.files import load_knee, read_poses, write_rows
+from kneejax.files import counted, load_knee, read_poses, write_rows
 from kneejax.geometry import Pose
 from kneejax.mechanics import Knee
 from kneejax.statics import Status
@@ -52,7 +52,8 @@ def run(arguments: argparse.Namespace) -> int:
     out = arguments.out
     write_rows(out / "ligaments.csv", LIGAMENT_COLUMNS, _ligaments(knee, table, found, ways))
     write_rows(out / "contact.csv", CONTACT_COLUMNS, _contacts(knee, found, status))
-    print(f"{len(table)} poses of {knee.name}; written: {out}/ligaments.csv, contact.csv")
+    poses = counted(len(table), "pose")
+    print(f"{poses} of {knee.name}; written: {out}/ligaments.csv, contact.csv")
     doubtful = _say_status(status)
     return 1 if say_ways(knee, ways) or doubtful else 0
 
@@ -88,7 +89,7 @@ def _say_status(status: np.ndarray) -> bool:
         rows = np.flatnonzero(status == word)
         # Nothing was balanced here: only what the sentence says of the surfaces applies.
         sentence = word.sentence.removeprefix("balanced, but ")
-        print(f"{len(rows)} poses (first row {rows[0]}): {sentence}")
+        print(f"{counted(len(rows), 'pose')} (first row {rows[0]}): {sentence}")
     return bool((status != Status.BALANCED).any())
 
 
@@ -98,5 +99,6 @@ def say_ways(knee: Knee, ways: np.ndarray) -> bool:
         rows, fibres = np.nonzero(ways == way)
         if way.sentence and len(rows):
             names = ", ".join(knee.ligaments.names[j] for j in np.unique(fibres))
-            print(f"{names}, {len(np.unique(rows))} poses (first row {rows[0]}): {way.sentence}")
+            poses = counted(len(np.unique(rows)), "pose")
+            print(f"{names}, {poses} (first row {rows[0]}): {way.sentence}")
     return any((ways == way).any() for way in Way if way.doubtful)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from kneejax.cli._main import DONE
-from kneejax.files import InputProblem, export_osim, write_bytes
+from kneejax.files import InputProblem, counted, export_osim, write_bytes
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -19,6 +19,6 @@ def run(arguments: argparse.Namespace) -> int:
         print(change)
     for note in written.notes:
         print(note)
-    count = len(written.changes)
-    print(f"written: {arguments.out}, {count or 'no'} change{'' if count == 1 else 's'}")
+    count = counted(len(written.changes), "change") if written.changes else "no changes"
+    print(f"written: {arguments.out}, {count}")
     return DONE

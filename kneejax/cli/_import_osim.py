@@ -7,6 +7,7 @@ import argparse
 from kneejax.cli._main import DONE, DOUBTFUL
 from kneejax.files import (
     add_osim_contacts,
+    counted,
     format_import_report,
     format_knee,
     import_osim,
@@ -38,8 +39,9 @@ def run(arguments: argparse.Namespace) -> int:
     knee = read.knee
     print(f"{knee.femur} taken as the femur, {knee.tibia} as the tibia")
     print(
-        f"{len(read.ligaments)} fibres, {len(read.wraps)} wrap objects, "
-        f"{len(document['contacts'])} contacts; {len(read.found.outside)} other fibres left out"
+        f"{counted(len(read.ligaments), 'fibre')}, {counted(len(read.wraps), 'wrap object')}, "
+        f"{counted(len(document['contacts']), 'contact')}; "
+        f"{counted(len(read.found.outside), 'other fibre')} left out"
     )
     for doubt in read.doubts:
         print(f"doubtful: {doubt}")

@@ -28,10 +28,13 @@ class _Parser(argparse.ArgumentParser):
 
     def _nearest(self, message: str) -> str | None:
         """The option or choice most like the one that the message complains of."""
-        choice = re.search(r"invalid choice: '([^']+)'", message)
+        choice = re.search(r"argument ([^:]+): invalid choice: '([^']+)'", message)
         if choice:
-            named = [name for action in self._actions for name in action.choices or ()]
-            return nearest_name(choice.group(1), named)
+            own = [
+                a for a in self._actions if choice.group(1) in ("/".join(a.option_strings), a.dest)
+            ]
+            named = [name for action in own for name in action.choices or ()]
+            return nearest_name(choice.group(2), named)
         option = re.search(r"unrecognized arguments: -+([^ =]+)", message)
         options = {name.lstrip("-"): name for name in self._option_string_actions}
         near = nearest_name(option.group(1), options) if option else None
@@ -57,6 +60,7 @@ def main(arguments: list[str] | None = None) -> int:
     from kneejax.inference import UnknownParameter, UnsuitableData
 
     try:
+        _check_out(getattr(chosen, "out", None), folder=chosen.command != "export")
         return chosen.run(chosen)
     except (InputProblem, UnknownParameter, UnsuitableData) as problem:
         print(f"kneejax: {' '.join(str(problem).split())}", file=sys.stderr)
@@ -67,6 +71,21 @@ def main(arguments: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("kneejax: stopped; files that were not complete were not written", file=sys.stderr)
         return 130
+
+
+def _check_out(out: Path | None, folder: bool) -> None:
+    """Whether results can be written there: better known before the work than after it."""
+    from kneejax.files import InputProblem
+
+    if out is None:
+        return
+    if folder and out.exists() and not out.is_dir():
+        raise InputProblem("--out", "folder", str(out), "a folder; this is a file")
+    if not folder and out.is_dir():
+        raise InputProblem("--out", "file", str(out), "the name of the new file; this is a folder")
+    above = next((place for place in out.parents if place.exists()), None)
+    if above is not None and not above.is_dir():
+        raise InputProblem("--out", "folder", str(out), f"a place in a folder; {above} is a file")
 
 
 def _build_parser() -> argparse.ArgumentParser:
@@ -80,6 +99,11 @@ def _build_parser() -> argparse.ArgumentParser:
 
     describe = commands.add_parser("describe", help="print a knee")
     describe.add_argument("knee", help="bundled name or knee file")
+    describe.add_argument(
+        "--fibres",
+        action="store_true",
+        help="a row for each fibre, with its strain at the reference pose",
+    )
     describe.set_defaults(run=_lazily("_describe"))
 
     simulate = commands.add_parser("simulate", help="run an experiment")
@@ -107,9 +131,7 @@ def _build_parser() -> argparse.ArgumentParser:
     evaluate.set_defaults(run=_lazily("_evaluate"))
 
     calibrate = commands.add_parser("calibrate", help="identify ligaments from motion")
-    calibrate.add_argument(
-        "study", nargs="?", default="paper1", help="study file or bundled study"
-    )
+    calibrate.add_argument("study", nargs="?", default="paper1", help="study file or bundled study")
     calibrate.add_argument("--out", type=Path, default=Path("kneejax-calibration"))
     calibrate.set_defaults(run=_lazily("_calibrate"))
 

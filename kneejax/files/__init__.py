@@ -2,6 +2,7 @@
 
 from kneejax.files._bundled import Measurement as Measurement
 from kneejax.files._bundled import absent_measurement as absent_measurement
+from kneejax.files._bundled import bundled_knee_descriptions as bundled_knee_descriptions
 from kneejax.files._bundled import bundled_knees as bundled_knees
 from kneejax.files._bundled import bundled_measurements as bundled_measurements
 from kneejax.files._bundled import bundled_path as bundled_path
@@ -29,6 +30,7 @@ from kneejax.files._opensim_import import OsimImport as OsimImport
 from kneejax.files._opensim_import import import_osim as import_osim
 from kneejax.files._opensim_report import format_import_report as format_import_report
 from kneejax.files._problem import InputProblem as InputProblem
+from kneejax.files._problem import counted as counted
 from kneejax.files._problem import nearest_name as nearest_name
 from kneejax.files._study import DEFAULT_BOUNDS as DEFAULT_BOUNDS
 from kneejax.files._study import DEFAULT_WEIGHTS as DEFAULT_WEIGHTS

@@ -7,12 +7,19 @@ import os
 from pathlib import Path
 
 from kneejax.files._knee_file import KneeFile, read_knee
+from kneejax.files._meshes import MESH_ENDINGS
 from kneejax.files._problem import InputProblem, nearest_name
 from kneejax.files._schema import Field
 from kneejax.files._text import neighbour
 from kneejax.files._yaml import load_yaml
 from kneejax.mechanics import Knee
 
+#: Ending -> what such a file is, and what to do with it.
+_OTHER_KINDS = {
+    ".osim": ("an OpenSim model", ", which kneejax import osim makes of it"),
+    ".csv": ("a table", "; a table of poses is given after the knee"),
+    **{e: ("a mesh", ", which kneejax import stl makes of meshes") for e in MESH_ENDINGS},
+}
 _ENDINGS = {"knees": ".yaml", "measurements": ".csv", "studies": ".yaml"}
 
 
@@ -57,6 +64,15 @@ def bundled_path(kind: str, name: str) -> Path:
 def bundled_knees() -> dict[str, Path]:
     """Name -> file of each knee that comes with the package, in alphabetical order."""
     return _bundled("knees")
+
+
+def bundled_knee_descriptions() -> dict[str, str]:
+    """Name -> description of each knee that comes with the package; none is built for that."""
+    answer = {}
+    for name, path in _bundled("knees").items():
+        document = Field(os.fspath(path), "", load_yaml(path, "a knee file"))
+        answer[name] = document["description"].text()
+    return answer
 
 
 def bundled_studies() -> dict[str, str]:
@@ -124,7 +140,27 @@ def load_knee(name_or_path: str | os.PathLike[str]) -> Knee:
 
 def load_knee_file(name_or_path: str | os.PathLike[str]) -> KneeFile:
     """Load a knee with its sources. Arguments and errors as `load_knee`."""
-    return read_knee(_path("knees", "knee", name_or_path))
+    path = _path("knees", "knee", name_or_path)
+    check_kind(path)
+    return read_knee(path)
+
+
+def check_kind(path: Path) -> None:
+    """Say which command takes a file that is not a knee's, as its ending tells.
+
+    Args:
+        path: what was given as a knee file.
+
+    Raises:
+        InputProblem: it is a model, a mesh or a table, or a folder with a knee file.
+    """
+    found, hint = _OTHER_KINDS.get(path.suffix.lower(), ("", ""))
+    if path.is_dir():
+        inside = path / "knee.yaml"
+        near = os.fspath(inside) if inside.is_file() else None
+        raise InputProblem(path, "file", "a directory", "a knee file", near)
+    if found and path.is_file():
+        raise InputProblem(path, "file", found, f"a knee file{hint}")
 
 
 def study_path(name_or_path: str | os.PathLike[str]) -> Path:

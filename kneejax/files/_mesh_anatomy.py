@@ -318,7 +318,10 @@ def _found_notch(where, name: str) -> float:
     behind = np.sort(along[(angle > np.deg2rad(110)) & (angle < np.deg2rad(230))])
     gaps = np.diff(behind)
     if len(gaps) == 0 or gaps.max() < _NARROWEST_NOTCH_MM:
-        expected = "a gap between the condyles behind the joint, or the notch's place given"
+        expected = (
+            "a gap between the condyles behind the joint, or the notch's place given; have femur "
+            "and tibia changed places?"
+        )
         raise InputProblem(name, "notch", "none found", expected)
     k = int(np.argmax(gaps))
     return float(0.5 * (behind[k] + behind[k + 1]))

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from kneejax.files._meshes import MeshPoints, read_mesh_points
-from kneejax.files._problem import InputProblem
+from kneejax.files._problem import InputProblem, counted
 
 #: Corners closer than this are one, mm.
 _SAME_MM = 1e-3
@@ -119,9 +119,10 @@ def take_apart(mesh: MeshPoints, name: str) -> tuple[list[Sheet], list[str]]:
     faces = _without_degenerate(points, faces, name, findings)
     pairs, same_way, open_edges, branching = _edges(faces)
     if branching > _MOST_BRANCHING * 1.5 * len(faces):
-        raise InputProblem(name, "edges", f"{branching} with more than two triangles", "a surface")
+        value = f"{branching} with more than two triangles"
+        raise InputProblem(name, "edges", value, "a surface")
     if branching:
-        findings.append(f"{named}: {branching} edges have more than two triangles.")
+        findings.append(f"{named}: {counted(branching, 'edge')} of more than two triangles, kept.")
     part, flip = _connected(len(faces), pairs, same_way)
     boundary = np.zeros(part.max() + 1, bool)
     boundary[part[open_edges]] = True
@@ -197,7 +198,7 @@ def _merged(mesh: MeshPoints, name: str, findings: list[str]) -> tuple[np.ndarra
     )
     if len(first) < len(mesh.points_mm):
         count, named = len(mesh.points_mm) - len(first), Path(name).name
-        findings.append(f"{named}: {count} corners that coincide with others were merged.")
+        findings.append(f"{named}: corners that coincide with others, merged: {count}.")
     return mesh.points_mm[first], place.ravel()[mesh.faces]
 
 
@@ -210,7 +211,7 @@ def _without_degenerate(points, faces, name: str, findings: list[str]) -> np.nda
     named = Path(name).name
     for wrong, what in ((flat, "without area"), (twice & ~flat, "that stood there twice")):
         if wrong.any():
-            findings.append(f"{named}: {wrong.sum()} triangles {what} were left out.")
+            findings.append(f"{named}: left out {counted(wrong.sum(), 'triangle')} {what}.")
     faces = faces[~(flat | twice)]
     if len(faces) < 4:
         value = f"{len(faces)} with area"
@@ -268,6 +269,6 @@ def _large(sheets: list[Sheet], name: str, findings: list[str]) -> list[Sheet]:
     large = [sheet for sheet in sheets if sheet.area >= _FRAGMENT * total]
     if len(large) < len(sheets):
         lost = 100.0 * (1.0 - sum(sheet.area for sheet in large) / total)
-        count, named = len(sheets) - len(large), Path(name).name
-        findings.append(f"{named}: {count} fragments with {lost:.1f} % of the area were left out.")
+        fragments = counted(len(sheets) - len(large), "fragment")
+        findings.append(f"{Path(name).name}: left out {fragments} with {lost:.1f} % of the area.")
     return large

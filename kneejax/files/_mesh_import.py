@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 
 from kneejax.files import _mesh_anatomy as anatomy
+from kneejax.files import _mesh_choices as choices
 from kneejax.files import _mesh_layer as layer
+from kneejax.files._mesh_choices import THICKNESSES as THICKNESSES
 from kneejax.files._mesh_health import Sheet, check_holes, read_sheets
 from kneejax.files._mesh_region import PATCH_MM, FitQuality, contact_regions, quality
 from kneejax.files._mirror import mirror_contact
@@ -23,13 +25,10 @@ from kneejax.geometry import (
     fit_condyle_spline,
     fit_plateau_spline,
 )
-from kneejax.mechanics import QUADRATURE, cartilage_law
+from kneejax.mechanics import QUADRATURE
 
 #: Distances from the fit over the contact region that are wished for, and refused, mm.
 TARGET_RMS_MM, WORST_RMS_MM = 0.1, 0.5
-#: How the layer's thickness may be given over a compartment.
-THICKNESSES = ("constant", "field")
-_SIDES = {"r": "right", "l": "left", "right": "right", "left": "left"}
 _POINT_DISTANCE_MM = 1.7
 _DIGITS = 5
 
@@ -126,7 +125,17 @@ def import_meshes(
         InputProblem: a file cannot be read or repaired, meshes are no femur and tibia that meet,
             cartilage is not thicker than zero, or the surfaces are none over these parameters.
     """
-    side = _checked(side, law, thickness)
+    side = choices.checked_side(side)
+    files = {
+        "--femur-cartilage": femoral_cartilage, "--tibia-cartilage": tibial_cartilage,
+        "--femur-bone": femur_bone, "--tibia-bone": tibia_bone,
+    }  # fmt: skip
+    choices.check_files(files)
+    choices.check_layer(
+        law, youngs_modulus_MPa, poisson_ratio, layer_thickness_mm, thickness,
+        bones=femur_bone is not None,
+    )  # fmt: skip
+    choices.check_region(axis_point_mm, axis_rotation_deg, angle_deg)
     left = side == "left"
     findings: list[str] = []
     tibia = (Pose.from_table([0.0] * 6) if reference_pose is None else reference_pose).placement
@@ -144,6 +153,9 @@ def import_meshes(
     notch, split = (None if at is None else sign * at for at in (notch_mm, split_mm))
     femur = anatomy.find_femur(femoral, findings, axis, notch)
     plateaus = anatomy.find_plateaus(tibial, femur, tibia, findings, split)
+    if split_mm is not None and len(plateaus) < 2:
+        expected = "a place along Z with cartilage of the tibia on both sides, mm"
+        raise InputProblem("--split", "compartments", split_mm, expected)
     bones = None
     if layer_thickness_mm is None and femur_bone is not None and tibia_bone is not None:
         bones = read(femur_bone), read(tibia_bone)
@@ -183,20 +195,10 @@ def import_meshes(
         findings.append(
             f"No bone meshes, no thickness: the layer is taken as {layer.ASSUMED_MM:g} mm thick."
         )
+    if layer_thickness_mm is not None and femur_bone is not None:
+        findings.append("The layer's thickness was given: the bone meshes were not read.")
     doubtful = any(fit.quality.rms > TARGET_RMS_MM for fit in fits.values())
     return MeshImport(contacts, tuple(findings), fits, doubtful)
-
-
-def _checked(side: str, law: str, thickness: str) -> str:
-    if side not in _SIDES:
-        raise InputProblem("--side", "side", side, "right or left", _SIDES)
-    if law not in cartilage_law.LAWS:
-        expected = f"one of {', '.join(cartilage_law.LAWS)}"
-        raise InputProblem("--law", "law", law, expected, cartilage_law.LAWS)
-    if thickness not in THICKNESSES:
-        expected = f"one of {', '.join(THICKNESSES)}"
-        raise InputProblem("--thickness", "thickness", thickness, expected, THICKNESSES)
-    return _SIDES[side]
 
 
 def _mirrored(sheet: Sheet) -> Sheet:

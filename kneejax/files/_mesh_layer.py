@@ -110,19 +110,12 @@ def chosen(
         plateau: over whose parameters a field is given.
         name: of the compartment.
         findings: to which a sentence is added.
-
-    Raises:
-        InputProblem: the thickness is not positive, or a field was asked for without bones.
     """
     if given_mm is not None:
-        if not 0.1 <= given_mm < 50.0:
-            expected = "a thickness in mm, at least 0.1 and below 50"
-            raise InputProblem("--layer-thickness", "thickness", given_mm, expected)
         return Layer(float(given_mm), "given at import")
     if kind == "constant":
         return found
-    if found.places is None or found.there_mm is None:
-        raise InputProblem("--thickness", "thickness", kind, "both bone meshes, for a field")
+    assert found.places is not None and found.there_mm is not None  # refused before
     surface = plateau.fit.surface
     local = in_frame(surface.frame, found.places)
     limits = [np.asarray(x) for x in (surface.x, surface.z)]

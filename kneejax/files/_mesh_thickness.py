@@ -67,11 +67,12 @@ def thickness(cartilage: Cloud, bone: list[Sheet], what: str) -> np.ndarray:
     share = float(np.average(known, weights=cartilage.areas))
     if share < 0.5:
         expected = f"bone below the {what} cartilage; do both meshes have one frame?"
-        raise InputProblem(name, "place", f"below {100 * share:.0f} % of it", expected)
+        value = f"below {100 * share:.0f} % of the cartilage"
+        raise InputProblem(name, "place", value, expected)
     below = float(np.average(found[known] < -TOUCHING_MM, weights=cartilage.areas[known]))
     if below > MOST_NEGATIVE:
         expected = f"a {what} cartilage thicker than zero, above its bone"
-        value = f"below the bone's surface in {100 * below:.0f} % of its area"
+        value = f"negative over {100 * below:.0f} % of the cartilage"
         raise InputProblem(name, "thickness", value, expected)
     return found
 

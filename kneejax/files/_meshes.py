@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kneejax.files._problem import InputProblem
+from kneejax.files._problem import InputProblem, counted
 from kneejax.files._text import read_bytes
 
 #: Endings of the files that can be read.
@@ -82,7 +82,7 @@ def _load(path: Path, data: bytes):
         reason = str(error) or type(error).__name__
         raise InputProblem(path, "file", reason, f"a triangle mesh in {kind.upper()}") from None
     if len(faces) < _FEWEST_TRIANGLES:
-        value = "no triangles" if len(faces) == 0 else f"{len(faces)} triangles"
+        value = "no triangles" if len(faces) == 0 else counted(len(faces), "triangle")
         expected = f"a triangle mesh of at least {_FEWEST_TRIANGLES} triangles"
         raise InputProblem(path, "faces", value, expected)
     if faces.min() < 0 or faces.max() >= len(mesh.vertices):

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from kneejax.files._bundled import bundled_knees, load_knee_file
+from kneejax.files._bundled import bundled_knees, check_kind, load_knee_file
 from kneejax.files._knee_file import KneeFile, read_knee
 from kneejax.files._knee_schema import check_knee
 from kneejax.files._opensim_edits import Edits
@@ -72,9 +72,16 @@ def export_osim(
     if SIDES.get(side) != document["side"]:
         expected = f"the side that was imported, {SIDES.get(side, side)}"
         raise InputProblem(knee_file.path, "side", document["side"], expected)
-    base = import_osim(
-        model, side=side, femur=origin.get("femur"), tibia=origin.get("tibia"), inside="straight"
-    )
+    try:
+        base = import_osim(
+            model, side=side, femur=origin.get("femur"), tibia=origin.get("tibia"),
+            inside="straight",
+        )  # fmt: skip
+    except InputProblem as problem:
+        if problem.field not in ("--femur", "--tibia"):
+            raise
+        expected = f"the model that the knee came from, {origin['file']}, which has this body"
+        raise InputProblem(model, "body", problem.value, expected) from None
     edits = Edits(base.model)
     _ligaments(edits, knee_file, base, origin.get("ligaments", {}))
     _wraps(edits, knee_file, base, origin.get("wraps", {}))
@@ -101,6 +108,7 @@ def _opened(knee: KneeFile | str | os.PathLike[str]) -> _Stated:
     if not path.is_file():
         known = load_knee_file(knee)  # says what is wrong with the name
         return _Stated(known.path, known.document, lambda: known)
+    check_kind(path)
     document = load_yaml(path, "a knee file")
     check_knee(Field(os.fspath(path), "", document))
     return _Stated(path, document, functools.cache(lambda: read_knee(path)))

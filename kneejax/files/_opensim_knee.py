@@ -76,12 +76,14 @@ def find_knee(
     joints = read_joints(model)
     above = {joint.child: joint for joint in joints}
     findings: list[str] = []
+    turned: list[str] = []
     if (femur is None) != (tibia is None):
         given = "--femur" if femur is not None else "--tibia"
         raise InputProblem(model.file.path, given, femur or tibia, "--femur and --tibia together")
     if femur is not None and tibia is not None:
         femur, tibia = _body(model, "--femur", femur), _body(model, "--tibia", tibia)
         found = _between(above, femur, tibia)
+        turned = _upside_down(above, femur, tibia)
     else:
         found = _guess(model, joints, above, side, findings)
         femur, tibia = found[0].parent, found[-1].child
@@ -103,7 +105,7 @@ def find_knee(
     placed = _placed(model, above, femur, doubts).inverse().after(
         _placed(model, above, tibia, doubts)
     )
-    doubts += _axes_doubts(joints, rigid) + _coupled(model, found)
+    doubts += turned + _axes_doubts(joints, rigid) + _coupled(model, found)
     pose = _pose(placed, side)
     return OsimKneeJoint(
         side, femur, tibia, tuple(found), rigid, pose, placed, tuple(findings),
@@ -191,6 +193,20 @@ def _between(above: dict[str, Joint], femur: str, tibia: str) -> list[Joint]:
     joints = [j for j in up if j not in shared] + [j for j in reversed(down) if j not in shared]
     # Welds within the way belong to a bone; so do locked joints unless nothing else is left.
     return [j for j in joints if not j.fixed] or [j for j in joints if j.coordinates] or joints
+
+
+def _upside_down(above: dict[str, Joint], femur: str, tibia: str) -> list[str]:
+    """Whether the tibia carries the femur, as in a model that stands on its foot, or by mistake."""
+    body, seen = femur, {femur}
+    while body in above and above[body].parent not in seen:
+        body = above[body].parent
+        seen.add(body)
+    if tibia not in seen or tibia == femur:
+        return []
+    return [
+        f"{tibia}, given as the tibia, carries {femur}, given as the femur: have --femur and "
+        "--tibia changed places?"
+    ]
 
 
 def _row(joints: list[Joint], body: str, knee: Joint) -> set[str]:

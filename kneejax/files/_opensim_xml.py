@@ -235,6 +235,8 @@ class _Reader:
 def _decoded(original: bytes, path, kind: str) -> tuple[bytes, str, bytes]:
     """The text in UTF-8, how it was encoded, and the mark before it."""
     encoding, mark = "", b""
+    if b"\x00" in original and not original.startswith((_MARKS[0][0], _MARKS[1][0])):
+        raise InputProblem(path, "file", "binary data", f"{kind}, which is text")
     for bytes_, name in _MARKS:
         if original.startswith(bytes_):
             encoding, mark = name, bytes_

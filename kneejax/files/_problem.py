@@ -75,6 +75,23 @@ def nearest_name(word: str, known: Iterable[str]) -> str | None:
     return by_lower[found[0]] if found else None
 
 
+def counted(count: int, noun: str) -> str:
+    """A number of things in words.
+
+    Args:
+        count: how many.
+        noun: one of them; its plural adds an s.
+
+    Returns:
+        The number and the noun, in the plural unless there is one.
+
+    Example:
+        >>> counted(1, "fibre"), counted(0, "pose")
+        ('1 fibre', '0 poses')
+    """
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
 def _shown(value: Any) -> str:
     text = _in_one_line(value if isinstance(value, str) else repr(value))
     if not text:

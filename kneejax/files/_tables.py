@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from kneejax.files._problem import InputProblem, nearest_name
+from kneejax.files._problem import InputProblem, counted, nearest_name
 from kneejax.files._text import read_text, write_text
 from kneejax.geometry import COLUMNS, CONVENTIONS, convert
 
@@ -50,10 +50,8 @@ def read_poses(
         if name not in COLUMNS:
             expected = f"the package's columns {', '.join(COLUMNS)}"
             raise InputProblem(file, "columns", name, expected, COLUMNS)
-    header, rows = _read_rows(file)
     sought = [names.get(name, name) for name in COLUMNS]
-    for name in sought:
-        _check_column(file, header, name)
+    header, rows = _read_rows(file, sought)
     if "convention" in header:
         position = header.index("convention")
         for number, (_, cells) in enumerate(rows, 1):
@@ -141,8 +139,8 @@ def write_rows(
     write_text(path, stream.getvalue())
 
 
-def _read_rows(file: str) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """The header, and the line number and cells of every row that is not blank."""
+def _read_rows(file: str, sought: list[str]) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """The header, which has the columns sought, and line number and cells of each row not blank."""
     reader = csv.reader(io.StringIO(read_text(file, "a CSV table"), newline=""), strict=True)
     lines: list[tuple[int, list[str]]] = []
     try:
@@ -155,22 +153,26 @@ def _read_rows(file: str) -> tuple[list[str], list[tuple[int, list[str]]]]:
     header = [name.strip() for name in lines[0][1]]
     if len(header) == 1 and any(mark in header[0] for mark in ";\t"):
         raise InputProblem(file, "header", header[0], "columns separated by commas")
+    for name in sought:
+        _check_column(file, header, name, sought)
     rows = lines[1:]
     if not rows:
         raise InputProblem(file, "rows", "none", "at least one row under the header")
     for number, (line, cells) in enumerate(rows, 1):
         if len(cells) != len(header):
             place = f"row {number} (line {line})"
-            raise InputProblem(file, place, f"{len(cells)} cells", f"{len(header)} cells")
+            expected = f"{counted(len(header), 'cell')}, as in the header"
+            raise InputProblem(file, place, counted(len(cells), "cell"), expected)
     return header, rows
 
 
-def _check_column(file: str, header: list[str], name: str) -> None:
+def _check_column(file: str, header: list[str], name: str, sought: list[str]) -> None:
     count = header.count(name)
     if count > 1:
         raise InputProblem(file, name, f"{count} columns", "one column of this name")
     if count == 0:
-        found = nearest_name(name, header)
+        # A column that is needed itself is no misspelling of another.
+        found = nearest_name(name, [other for other in header if other not in sought])
         what = f"this column among {', '.join(header)}"
         raise InputProblem(file, name, "missing", what, found)
 

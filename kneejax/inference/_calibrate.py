@@ -300,8 +300,9 @@ def _notes(problem: Problem, fit: Fit) -> tuple[str, ...]:
         )
     left_out = int((~problem.used).sum())
     if left_out:
+        poses = "1 pose was" if left_out == 1 else f"{left_out} poses were"
         notes.append(
-            f"{left_out} poses were left out: the start's parameters find no balance there "
+            f"{poses} left out: the start's parameters find no balance there "
             f"({Status.NOT_CONVERGED.sentence})."
         )
     return tuple(notes)

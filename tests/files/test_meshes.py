@@ -42,7 +42,7 @@ def refusal(path, unit="auto"):
     [
         ("a.stl", b"", "empty"),
         ("a.stl", b"solid x\nendsolid x\n", "no triangles"),
-        ("a.stl", TRIANGLE.encode(), "1 triangles"),
+        ("a.stl", TRIANGLE.encode(), "1 triangle:"),
         ("a.stl", b"hello, this is not a mesh", "triangle"),
         ("a.stl", bytes(range(256)) * 4, "triangle"),
         ("a.ply", b"hello, this is not a mesh", "a triangle mesh in PLY"),

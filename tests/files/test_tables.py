@@ -69,7 +69,7 @@ GOOD = "30,0,0,1,2,3"
         (rows(), "at least one row"),
         (rows(GOOD).replace("flexion_deg", "flexion_degree"), "did you mean flexion_degree?"),
         (rows(GOOD).replace("anterior_mm", "superior_mm"), "anterior_mm: missing"),
-        (rows(GOOD).replace("lateral_mm", "lateral_mm,lateral_mm"), "cells"),
+        (rows(GOOD).replace("lateral_mm", "lateral_mm,lateral_mm"), "2 columns"),
         (rows(GOOD).replace(",", ";"), "separated by commas"),
         (rows("30,0,0,0.001,-0.03,0.002"), "metres are suspected"),
         (rows(*(f"{0.4 * i:.1f},0.02,0.1,1,2,3" for i in range(5))), "radians are suspected"),

@@ -185,7 +185,7 @@ def test_a_flexion_where_the_start_finds_no_balance_counts_in_no_mean(knee, clea
     assert result.start_rmse["anterior"] == pytest.approx(1.0)
     assert result.start_objective == pytest.approx(24.0)
     assert result.fit.objective < 24.0
-    assert "left out" in " ".join(result.notes)
+    assert "1 pose was left out" in " ".join(result.notes)
 
 
 def test_measured_motion_of_the_bundled_knees_person(knee):
