@@ -22,6 +22,7 @@ from kneejax.files._meshes import MESH_UNITS as MESH_UNITS
 from kneejax.files._meshes import MeshPoints as MeshPoints
 from kneejax.files._meshes import read_mesh_points as read_mesh_points
 from kneejax.files._mirror import mirror_document as mirror_document
+from kneejax.files._opensim_example import SMALLEST_MODEL as SMALLEST_MODEL
 from kneejax.files._opensim_export import OsimExport as OsimExport
 from kneejax.files._opensim_export import export_osim as export_osim
 from kneejax.files._opensim_geometry import OsimGeometry as OsimGeometry

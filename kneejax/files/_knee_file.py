@@ -85,6 +85,14 @@ def read_knee(path: str | os.PathLike[str]) -> KneeFile:
 
     Raises:
         InputProblem: the file cannot be read or a field is missing, unknown or out of range.
+
+    Example:
+        >>> from kneejax.files import bundled_path
+        >>> read = read_knee(bundled_path("knees", "four_ligament"))
+        >>> read.knee.ligaments.names
+        ('ACL', 'PCL', 'MCL', 'LCL')
+        >>> read.document["side"]
+        'right'
     """
     document = load_yaml(path, "a knee file")
     sources = schema.check_knee(Field(os.fspath(path), "", document))
@@ -102,6 +110,12 @@ def format_knee(document: dict[str, Any]) -> str:
     Returns:
         YAML with fields in the order of the format, names in the order given, every float with
         the digits that it has; the same text for the same document.
+
+    Example:
+        >>> print(format_knee({"side": "right", "name": "small", "kneejax": 1}), end="")
+        kneejax: 1
+        name: small
+        side: right
     """
     return format_yaml(_ordered(_plain(document)))
 
@@ -115,6 +129,15 @@ def write_knee(document: dict[str, Any], path: str | os.PathLike[str]) -> None:
 
     Raises:
         InputProblem: a field is missing, unknown or out of range, or the file cannot be written.
+
+    Example:
+        >>> import tempfile
+        >>> from kneejax.files import load_knee_file
+        >>> document = load_knee_file("four_ligament").document
+        >>> path = Path(tempfile.mkdtemp()) / "knee.yaml"
+        >>> write_knee(document, path)
+        >>> load_knee_file(path).document == document
+        True
     """
     plain = _ordered(_plain(document))
     schema.check_knee(Field(os.fspath(path), "", plain))

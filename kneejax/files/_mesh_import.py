@@ -124,6 +124,12 @@ def import_meshes(
     Raises:
         InputProblem: a file cannot be read or repaired, meshes are no femur and tibia that meet,
             cartilage is not thicker than zero, or the surfaces are none over these parameters.
+
+    Example:
+        >>> found = import_meshes("femur.stl", "tibia.stl", side="r", poisson_ratio=0.5)
+        Traceback (most recent call last):
+        kneejax.files._problem.InputProblem: --poisson-ratio: Poisson's ratio: 0.5: expected a
+        Poisson's ratio, at least 0 and below 0.5
     """
     side = choices.checked_side(side)
     files = {

@@ -51,6 +51,15 @@ def read_mesh_points(path: str | os.PathLike[str], unit: str = "auto") -> MeshPo
     Raises:
         InputProblem: the file is not a mesh, has fewer than four triangles or corners that are
             not finite, or its unit is unknown or unclear.
+
+    Example:
+        >>> import tempfile
+        >>> path = Path(tempfile.mkdtemp()) / "corner.obj"
+        >>> corners = "v 0 0 0\\nv 30 0 0\\nv 0 20 0\\nv 0 0 10\\n"
+        >>> _ = path.write_text(corners + "f 1 3 2\\nf 1 2 4\\nf 1 4 3\\nf 2 3 4\\n")
+        >>> mesh = read_mesh_points(path)
+        >>> mesh.points_mm.shape, mesh.faces.shape, mesh.scale
+        ((4, 3), (4, 3), 1.0)
     """
     path = Path(path)
     if unit not in MESH_UNITS:

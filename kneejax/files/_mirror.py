@@ -39,6 +39,11 @@ def mirror_document(document: dict[str, Any]) -> dict[str, Any]:
 
     Returns:
         A new document of the other side; mirroring it again gives the first one back.
+
+    Example:
+        >>> document = {"side": "right", "loads": {"push": {"force_N": [1.0, 2.0, 3.0]}}}
+        >>> mirror_document(document)
+        {'side': 'left', 'loads': {'push': {'force_N': [1.0, 2.0, -3.0]}}}
     """
     twin = copy.deepcopy(document)
     twin["side"] = "left" if document["side"] == "right" else "right"

@@ -64,6 +64,18 @@ def export_osim(
     Raises:
         InputProblem: the model cannot be read, or the knee has a fibre, obstacle or via point that
             the model has not.
+
+    Example:
+        >>> import tempfile
+        >>> from kneejax.files import SMALLEST_MODEL, write_knee
+        >>> folder = Path(tempfile.mkdtemp())
+        >>> model, knee = folder / "smallest.osim", folder / "knee.yaml"
+        >>> _ = model.write_text(SMALLEST_MODEL)
+        >>> document = import_osim(model, side="r").document
+        >>> document["ligaments"]["LCL"]["stiffness_N"] = 2150.5
+        >>> write_knee(document, knee)
+        >>> export_osim(knee, model).changes
+        ('LCL.stiffness_N: 2000 -> 2150.5',)
     """
     knee_file = _opened(knee)
     document = knee_file.document

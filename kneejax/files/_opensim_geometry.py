@@ -48,6 +48,14 @@ def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimG
     Raises:
         InputProblem: the model has not exactly one contact of femur and tibia, a mesh is not in
             the folder, or it cannot be fitted.
+
+    Example:
+        >>> from kneejax.files import SMALLEST_MODEL, import_osim
+        >>> read = import_osim("smallest.osim", side="r", data=SMALLEST_MODEL.encode())
+        >>> add_osim_contacts(read, "no-such-folder")
+        Traceback (most recent call last):
+        kneejax.files._problem.InputProblem: --geometry: folder: no-such-folder: expected a folder
+        of meshes
     """
     folder = Path(folder)
     if not folder.is_dir():

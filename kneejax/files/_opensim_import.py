@@ -37,7 +37,7 @@ class OsimImport:
     """What a model gave.
 
     Attributes:
-        document: content of a knee file.
+        document: content of a knee file, in mm and N.
         model: the model as it was read.
         knee: its bones and joints.
         ligaments: name in the knee file -> fibre of the model.
@@ -99,6 +99,14 @@ def import_osim(
     Raises:
         InputProblem: the file is not a model that can be read, it has no knee of that side or
             several, no ligament spans it, or something in a ligament or wrap object is wrong.
+
+    Example:
+        >>> from kneejax.files import SMALLEST_MODEL
+        >>> read = import_osim("smallest.osim", side="r", data=SMALLEST_MODEL.encode())
+        >>> read.document["ligaments"]["LCL"]["tibial_attachment_mm"]
+        [-18.0, -52.0, 36.0]
+        >>> read.doubts
+        ()
     """
     if side not in SIDES:
         raise InputProblem(path, "--side", side, "r or l")

@@ -20,6 +20,15 @@ def format_import_report(read: OsimImport, geometry: tuple[str, ...] = ()) -> st
     Args:
         read: what a model gave.
         geometry: sentences of the fit of its meshes; without any, how to add contacts is said.
+
+    Returns:
+        The report, a section for each kind of thing that a model has.
+
+    Example:
+        >>> from kneejax.files import SMALLEST_MODEL, import_osim
+        >>> read = import_osim("smallest.osim", side="r", data=SMALLEST_MODEL.encode())
+        >>> print(format_import_report(read).splitlines()[6])
+        - femur_r was taken as the femur.
     """
     model, knee = read.model, read.knee
     name = model.root.name or model.file.path.name

@@ -124,6 +124,12 @@ def read_study(path: str | os.PathLike[str]) -> Study:
     Raises:
         InputProblem: the file or one that it names cannot be read, or a field is missing,
             unknown or out of range.
+
+    Example:
+        >>> from kneejax.files import study_path
+        >>> study = read_study(study_path("paper1"))
+        >>> study.knee, study.parameters
+        ('four_ligament', ('*.stiffness', '*.reference_strain'))
     """
     study = Field(os.fspath(path), "", load_yaml(path, "a study file"))
     study.mapping(
@@ -175,6 +181,12 @@ def read_measured(study: Study) -> np.ndarray:
     Raises:
         InputProblem: the table is faulty, or no pose lies within the limits.
         ValueError: the study has synthetic poses.
+
+    Example:
+        >>> from kneejax.files import study_path
+        >>> read_measured(read_study(study_path("paper1")))
+        Traceback (most recent call last):
+        ValueError: the study makes synthetic poses; there is no table to read
     """
     measured = study.measured
     if measured is None:

@@ -43,6 +43,14 @@ def read_poses(
     Raises:
         InputProblem: the file cannot be read, a column is missing, there are no rows, a cell is
             not a finite number, or the numbers look like metres or radians.
+
+    Example:
+        >>> import tempfile
+        >>> from pathlib import Path
+        >>> path = Path(tempfile.mkdtemp()) / "poses.csv"
+        >>> _ = path.write_text(",".join(COLUMNS) + "\\n30, 1.5, 4, 2, -28, 0.5\\n")
+        >>> read_poses(path).tolist()
+        [[30.0, 1.5, 4.0, 2.0, -28.0, 0.5]]
     """
     file, names = os.fspath(path), dict(columns or {})
     _check_convention(file, "convention", convention)
@@ -95,6 +103,14 @@ def write_poses(
     Raises:
         InputProblem: the convention is unknown or the file cannot be written.
         ValueError: lengths differ.
+
+    Example:
+        >>> import tempfile
+        >>> from pathlib import Path
+        >>> path = Path(tempfile.mkdtemp()) / "poses.csv"
+        >>> write_poses(path, np.array([[30.0, 1.5, 4.0, 2.0, -28.0, 0.5]]), converged=[True])
+        >>> print(path.read_text().splitlines()[1])
+        30.0,1.5,4.0,2.0,-28.0,0.5,true
     """
     _check_convention(os.fspath(path), "convention", convention)
     table = np.asarray(table, float).reshape(-1, len(COLUMNS))
@@ -127,6 +143,14 @@ def write_rows(
     Raises:
         InputProblem: the file cannot be written.
         ValueError: a row is longer or shorter than the header.
+
+    Example:
+        >>> import tempfile
+        >>> from pathlib import Path
+        >>> path = Path(tempfile.mkdtemp()) / "forces.csv"
+        >>> write_rows(path, ["ligament", "force_N"], [["ACL", 12.5]])
+        >>> path.read_text().splitlines()
+        ['ligament,force_N', 'ACL,12.5']
     """
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")

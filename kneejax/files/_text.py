@@ -73,6 +73,13 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
 
     Raises:
         InputProblem: the file cannot be written.
+
+    Example:
+        >>> import tempfile
+        >>> path = Path(tempfile.mkdtemp()) / "new" / "note.txt"
+        >>> write_text(path, "18.97 MPa")
+        >>> path.read_text()
+        '18.97 MPa'
     """
     write_bytes(path, text.encode("utf-8"))
 
@@ -86,6 +93,13 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
 
     Raises:
         InputProblem: the file cannot be written.
+
+    Example:
+        >>> import tempfile
+        >>> path = Path(tempfile.mkdtemp()) / "new.osim"
+        >>> write_bytes(path, b"<OpenSimDocument/>")
+        >>> path.read_bytes()
+        b'<OpenSimDocument/>'
     """
     path = Path(path)
     draft = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}.tmp")
