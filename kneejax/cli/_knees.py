@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 import argparse
+import textwrap
 
 from kneejax.files import (
     absent_measurement,
-    bundled_knees,
+    bundled_knee_descriptions,
     bundled_measurements,
     bundled_path,
     bundled_studies,
-    load_knee_file,
 )
 
 _INDENT = " " * 23
+_HANGING = {"subsequent_indent": _INDENT, "break_on_hyphens": False}
 
 
 def run(_: argparse.Namespace) -> int:
     """Print what is bundled, with its source."""
     print("Knees")
-    for name in bundled_knees():
-        knee_file = load_knee_file(name)
-        print(f"  {name:<20} {' '.join(knee_file.description.split())}")
+    for name, description in bundled_knee_descriptions().items():
+        print(textwrap.fill(description, 98, initial_indent=f"  {name:<20} ", **_HANGING))
     print("Studies")
     for name, title in bundled_studies().items():
         print(f"  {name:<20} {title}")

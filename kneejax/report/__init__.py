@@ -6,6 +6,7 @@ from kneejax.report._figures import parameters_figure as parameters_figure
 from kneejax.report._figures import partial_objectives_figure as partial_objectives_figure
 from kneejax.report._html import report_page as report_page
 from kneejax.report._html import write_report as write_report
+from kneejax.report._knee_text import knee_text as knee_text
 from kneejax.report._motion_figures import ligament_forces_figure as ligament_forces_figure
 from kneejax.report._motion_figures import motion_figure as motion_figure
 from kneejax.report._motion_figures import simulation_figure as simulation_figure

@@ -1,0 +1,61 @@
+"""A knee in words says what its file holds, briefly where there are many fibres."""
+
+import numpy as np
+import pytest
+
+from kneejax import report
+from kneejax.files import load_knee_file
+
+
+@pytest.fixture(scope="module")
+def full():
+    return load_knee_file("lenhart2015")
+
+
+def rows(text, section):
+    """Words of the lines of a section's table, by their first."""
+    part = text.split(section, 1)[1].split("\n\n", 1)[0].split("  groups:")[0]
+    return {words[0]: words[1:] for line in part.splitlines()[1:] if (words := line.split())}
+
+
+def test_many_fibres_are_gathered_and_nothing_is_lost(full):
+    text = report.knee_text(full.knee, full.document)
+    table = rows(text, "Ligaments: 55 fibres")
+    bundles = {name: row for name, row in table.items() if len(row) > 2 and row[0].isdigit()}
+    assert sum(int(row[0]) for row in bundles.values()) == 55
+    stiffness = sum(float(row[1]) for row in bundles.values())
+    assert stiffness == pytest.approx(float(np.sum(full.knee.ligaments.stiffness)))
+    assert "ACL = ACLpl + ACLam" in text
+    assert "around Med_LigP_r (4 of 5)" in text
+    assert all(len(line) < 100 for line in text.splitlines())
+
+
+def test_layer_form_points_and_fits_are_said(full):
+    text = report.knee_text(full.knee, full.document)
+    for name, part in full.document["contacts"].items():
+        m, n = part["points"]
+        assert f"Contact {name}: quadrature over {m} x {n} points, linear law" in text
+        assert f"layer {part['layer_thickness_mm']:g} mm" in text
+        assert f"{part['tibial_surface']['fit_rms_mm']:.3f} mm rms" in text
+    assert "ellipsoid on the tibia, semi-axes 30 x 18 x 12 mm, for 11 fibres" in text
+    assert " ".join(full.document["notes"].split()[:6]) in " ".join(text.split())
+
+
+def test_few_fibres_have_a_row_each_with_their_strain():
+    file = load_knee_file("four_ligament")
+    table = rows(report.knee_text(file.knee, file.document), "Ligaments: 4 fibres")
+    for i, name in enumerate(file.knee.ligaments.names):
+        stiffness, length, slack, strain = (float(x) for x in table[name])
+        assert stiffness == float(file.knee.ligaments.stiffness[i])
+        assert length / slack - 1.0 == pytest.approx(strain, abs=1e-4)
+        assert strain == pytest.approx(float(file.knee.reference_strain()[i]), abs=1e-4)
+
+
+def test_every_fibre_can_be_asked_for_also_around_obstacles(full):
+    """The model's author set slack lengths by strains of whole percents in extension."""
+    text = report.knee_text(full.knee, full.document, every_fibre=True)
+    found = rows(text, "Ligaments: 55 fibres")
+    for name in full.knee.ligaments.names:
+        _, length, slack, strain = (float(x) for x in found[name][:4])
+        assert length / slack - 1.0 == pytest.approx(strain, abs=1e-4)
+        assert strain == pytest.approx(round(strain, 2), abs=2e-4), name
