@@ -47,8 +47,15 @@ def bundled_path(kind: str, name: str) -> Path:
         kind: a folder of the bundled data: `knees`, `measurements` or `studies`.
         name: of the file, with or without its ending.
 
+    Returns:
+        Its path.
+
     Raises:
         InputProblem: there is no such file.
+
+    Example:
+        >>> bundled_path("knees", "four_ligament").name
+        'four_ligament.yaml'
     """
     if kind not in _ENDINGS:
         expected = f"one of {', '.join(_ENDINGS)}"
@@ -62,7 +69,12 @@ def bundled_path(kind: str, name: str) -> Path:
 
 
 def bundled_knees() -> dict[str, Path]:
-    """Name -> file of each knee that comes with the package, in alphabetical order."""
+    """Name -> file of each knee that comes with the package, in alphabetical order.
+
+    Example:
+        >>> "four_ligament" in bundled_knees()
+        True
+    """
     return _bundled("knees")
 
 
@@ -76,7 +88,12 @@ def bundled_knee_descriptions() -> dict[str, str]:
 
 
 def bundled_studies() -> dict[str, str]:
-    """Name -> title of each study that comes with the package."""
+    """Name -> title of each study that comes with the package.
+
+    Example:
+        >>> "paper1" in bundled_studies()
+        True
+    """
     answer = {}
     for name, path in _bundled("studies").items():
         document = load_yaml(path, "a study")
@@ -95,6 +112,10 @@ def absent_measurement(study: str) -> Path | None:
 
     Raises:
         InputProblem: there is no such study.
+
+    Example:
+        >>> absent_measurement("paper1") is None
+        True
     """
     path = bundled_path("studies", study)
     document = load_yaml(path, "a study")
@@ -134,12 +155,32 @@ def load_knee(name_or_path: str | os.PathLike[str]) -> Knee:
 
     Raises:
         InputProblem: there is no such knee or file, or the file is faulty.
+
+    Example:
+        >>> knee = load_knee("four_ligament")
+        >>> knee.side, knee.contact_names
+        ('right', ('medial', 'lateral'))
     """
     return load_knee_file(name_or_path).knee
 
 
 def load_knee_file(name_or_path: str | os.PathLike[str]) -> KneeFile:
-    """Load a knee with its sources. Arguments and errors as `load_knee`."""
+    """Load a knee with the sources of its numbers.
+
+    Args:
+        name_or_path: name of a bundled knee, or a knee file.
+
+    Returns:
+        The knee, its sources, and the document as it stands in the file.
+
+    Raises:
+        InputProblem: there is no such knee or file, or the file is faulty.
+
+    Example:
+        >>> read = load_knee_file("four_ligament")
+        >>> sorted(read.document["ligaments"])
+        ['ACL', 'LCL', 'MCL', 'PCL']
+    """
     path = _path("knees", "knee", name_or_path)
     check_kind(path)
     return read_knee(path)
@@ -169,8 +210,15 @@ def study_path(name_or_path: str | os.PathLike[str]) -> Path:
     Args:
         name_or_path: name of a bundled study, or a study file.
 
+    Returns:
+        Its path.
+
     Raises:
         InputProblem: there is no such study or file.
+
+    Example:
+        >>> study_path("paper1").name
+        'paper1.yaml'
     """
     return _path("studies", "study", name_or_path)
 

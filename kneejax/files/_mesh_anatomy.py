@@ -280,8 +280,11 @@ def _found_axis(cloud: Cloud, axis: Frame, name: str, findings: list[str]) -> Fr
         axis = _nearest_cylinder(cloud.points[rows], cloud.areas[rows], axis)
         turn = np.rad2deg(np.abs(np.asarray(axis.rotation)))
         if turn.max() > _STEEPEST_AXIS_DEG:
-            expected = f"a transverse axis within {_STEEPEST_AXIS_DEG:g} degrees of Z"
-            raise InputProblem(name, "frame", f"an axis {turn.max():.0f} degrees off", expected)
+            expected = (
+                f"a transverse axis within {_STEEPEST_AXIS_DEG:g} degrees of Z; are these femoral "
+                "condyles, with X anterior, Y superior, Z to the right?"
+            )
+            raise InputProblem(name, "frame", f"an axis {turn.max():.1f} degrees off", expected)
     x, y, _ = np.asarray(axis.origin)
     rx, ry, _ = np.rad2deg(np.asarray(axis.rotation))
     findings.append(
