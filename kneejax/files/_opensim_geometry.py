@@ -117,6 +117,8 @@ def _mesh(folder: Path, mesh: OsimMesh, scratch: Path, back: bool = False) -> Pa
     scaled = np.asarray(loaded.vertices) * np.asarray(mesh.scale)
     shift = np.asarray(mesh.frame.translation, float) * unit
     loaded.vertices = scaled @ mesh.frame.matrix.T + shift
-    moved = scratch / f"{'back' if back else 'front'}-{mesh.bone}.stl"
+    # What is said about it names the file that a person knows.
+    moved = scratch / mesh.bone / ("back" if back else "front") / f"{path.stem}.stl"
+    moved.parent.mkdir(parents=True, exist_ok=True)
     loaded.export(moved)
     return moved
