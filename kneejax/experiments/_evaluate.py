@@ -170,7 +170,7 @@ def _over_points(contact: Contact, poses: Pose):
     pressure = contact.point_pressure(sampled)
     share = pressure * points.area
     area = jnp.sum(contact.touching(sampled.depth) * points.area, axis=0)
-    wrench = contact.wrench_on_points(tibia, sampled)
+    wrench = contact.sampled_wrench(tibia, sampled)
     force, moment = (jnp.stack(tibia.turn_back(x)) for x in (wrench.force, wrench.moment))
     weight = share / jnp.sum(share, axis=0)
     place = contact.tibial.frame.placement.apply(points.point)

@@ -43,8 +43,10 @@ from kneejax.geometry._surface import scaled as scaled
 from kneejax.geometry._table_fitting import fit_condyle as fit_condyle
 from kneejax.geometry._table_fitting import fit_plateau as fit_plateau
 from kneejax.geometry._tangents import instantiate as instantiate
+from kneejax.geometry._vectors import Rotation as Rotation
 from kneejax.geometry._vectors import Vector as Vector
 from kneejax.geometry._vectors import add as add
+from kneejax.geometry._vectors import compose as compose
 from kneejax.geometry._vectors import cross as cross
 from kneejax.geometry._vectors import dot as dot
 from kneejax.geometry._vectors import full as full
@@ -52,6 +54,7 @@ from kneejax.geometry._vectors import norm as norm
 from kneejax.geometry._vectors import rotate as rotate
 from kneejax.geometry._vectors import scale as scale
 from kneejax.geometry._vectors import subtract as subtract
+from kneejax.geometry._vectors import times as times
 from kneejax.geometry._vectors import transpose as transpose
 from kneejax.geometry._vectors import vector as vector
 from kneejax.geometry._wrapping import Obstacle as Obstacle

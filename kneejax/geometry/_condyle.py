@@ -11,7 +11,7 @@ from kneejax.geometry._bases import CUBIC_SPLINE, POWER, checked_basis, table_pa
 from kneejax.geometry._pose import Frame
 from kneejax.geometry._safe import safe_sqrt
 from kneejax.geometry._surface import Jet, Surface, from_anterior, scaled
-from kneejax.geometry._vectors import Vector
+from kneejax.geometry._vectors import Rotation, Vector
 
 
 class Condyle(Surface):
@@ -93,40 +93,75 @@ class Condyle(Surface):
     def level(self, point: Vector) -> Array:
         x, y, z = point
         distance = safe_sqrt(x * x + y * y)
-        radius, by_angle, by_width = self._beyond(from_anterior(x, y), z)
+        radius, by_angle, by_width = self._beyond(from_anterior(x, y), z, 1)[0]
         steep = (by_angle / jnp.where(radius > 1.0, radius, 1.0)) ** 2 + by_width**2
         return (distance - radius) / jnp.sqrt(1.0 + steep)
 
     def level_and_slope(self, point: Vector) -> tuple[Array, Vector]:
+        level, slope, *_ = self._from_axis(point, 1)
+        return level, slope
+
+    def level_slope_and_bend(self, point: Vector) -> tuple[Array, Vector, Rotation]:
+        level, slope, (c, s), per_distance, (by_aa, by_ab, by_bb) = self._from_axis(point, 2)
+        # In directions outwards (c, s), around the axis (s, -c) and along it.
+        around = (1.0 - by_aa * per_distance) * per_distance
+        outwards_around = (c * slope[1] - s * slope[0]) * per_distance
+        around_along = -by_ab * per_distance
+        xx = s * s * around + 2.0 * c * s * outwards_around
+        yy = c * c * around - 2.0 * c * s * outwards_around
+        xy = (s * s - c * c) * outwards_around - c * s * around
+        xz, yz = s * around_along, -c * around_along
+        return level, slope, ((xx, xy, xz), (xy, yy, yz), (xz, yz, -by_bb))
+
+    def _from_axis(
+        self, point: Vector, order: int
+    ) -> tuple[Array, Vector, tuple[Array, Array], Array, tuple[Array, ...]]:
+        """Distance from the axis less the radius, its slope, the direction of the ray, one over
+        the distance, and the second derivatives of the radius (mm, rad) if they were asked for."""
         x, y, z = point
         angle = from_anterior(x, y)
         distance = safe_sqrt(x * x + y * y)
-        radius, by_angle, by_width = self._beyond(angle, z)
-        by_angle = jnp.where((angle > self.angle[0]) & (angle < self.angle[1]), by_angle, 0.0)
+        (radius, by_angle, by_width), second = self._beyond(angle, z, order)
+        beside = (angle > self.angle[0]) & (angle < self.angle[1])
+        across = (z > self.width[0]) & (z < self.width[1])
+        by_angle = jnp.where(beside, by_angle, 0.0)
         if self.basis == POWER:
-            by_width = jnp.where((z > self.width[0]) & (z < self.width[1]), by_width, 0.0)
+            by_width = jnp.where(across, by_width, 0.0)
+        if order == 2:
+            aa, ab, bb = second
+            both = beside & across
+            second = tuple(
+                jnp.where(where, d, 0.0) for where, d in ((beside, aa), (both, ab), (across, bb))
+            )
         per_distance = 1.0 / jnp.where(distance > 0, distance, 1.0)
         c, s, turn = x * per_distance, y * per_distance, by_angle * per_distance
-        return distance - radius, (c - turn * s, s + turn * c, -by_width)
+        slope = (c - turn * s, s + turn * c, -by_width)
+        return distance - radius, slope, (c, s), per_distance, second
 
     def _table(self, s: Array, t: Array, order: int) -> tuple[tuple[Array, ...], ...]:
         return table_partials(self.basis, self.coefficients, s, t, order)
 
-    def _beyond(self, angle: Array, width: Array) -> tuple[Array, Array, Array]:
-        """Radius, mm, and its slopes at the nearest place of the region, mm/rad and mm/mm."""
+    def _beyond(
+        self, angle: Array, width: Array, order: int
+    ) -> tuple[tuple[Array, Array, Array], tuple[Array, ...]]:
+        """Radius and its slopes at the nearest place of the region, in mm and rad; and its second
+        derivatives there by angle, by both, by width, if the order is 2."""
         nearest = jnp.clip(width, self.width[0], self.width[1])
         s, by_s = scaled(jnp.clip(angle, self.angle[0], self.angle[1]), self.angle)
         t, by_t = scaled(nearest, self.width)
         # Beyond its region a table says nothing: its edge value is held there.
-        (radius, slope_t), (slope_s,) = self._table(s, t, 1)
-        by_width = slope_t * by_t
+        d = self._table(s, t, order)
+        radius, by_angle, by_width = d[0][0], d[1][0] * by_s, d[0][1] * by_t
         if self.basis == CUBIC_SPLINE:
             # A spline reaches to the cartilage's borders, where it falls off towards the notch and
             # the epicondyle: an edge value held would be a bar of bone across the notch.
             away = width - nearest
             by_width = jnp.where(away == 0.0, by_width, -jnp.sign(away))
             radius = radius - jnp.abs(away)
-        return radius, slope_s * by_s, by_width
+        if order == 1:
+            return (radius, by_angle, by_width), ()
+        second = d[2][0] * by_s * by_s, d[1][1] * by_s * by_t, d[0][2] * by_t * by_t
+        return (radius, by_angle, by_width), second
 
     def start(self, direction: Vector) -> tuple[Array, Array]:
         angle = jnp.clip(from_anterior(direction[0], direction[1]), self.angle[0], self.angle[1])

@@ -34,6 +34,7 @@ import jax.numpy as jnp
 from jax import Array, lax
 
 from kneejax.geometry import _vectors as v
+from kneejax.geometry._arctangent import arctan2
 from kneejax.geometry._round_path import Section, Wrapped, choose, joined, section, unit
 from kneejax.geometry._vectors import Vector
 
@@ -301,7 +302,7 @@ def _plane(
         straight.append(stretched(v.subtract(spoke, out), jnp.ones_like(square)))
     first, last = spokes
     ends = v.cross(n, first), v.cross(n, last)
-    turn = jnp.arctan2(v.dot(ends[0], last), v.dot(first, last))
+    turn = arctan2(v.dot(ends[0], last), v.dot(first, last))
     # Behind the centre an arc is never negative, before it only by a little.
     turn = turn + 2.0 * jnp.pi * (turn < jnp.where(c < 0.1, 0.0, -1.0))
     # Directions at the half and at the quarters of the arc: each halves the angle of two others.

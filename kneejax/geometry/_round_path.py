@@ -26,6 +26,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from kneejax.geometry import _vectors as v
+from kneejax.geometry._arctangent import arctan2
 from kneejax.geometry._vectors import Vector
 
 #: Heights above the surface below this (relative, squared) count as on it: an end on the
@@ -112,9 +113,9 @@ def section(start: Vector, end: Vector) -> Section:
     last = v.scale(1.0 / distance[1], v.add(out_end, v.scale(tangents[1], back)))
     # Arguments of complex numbers add: one arctangent for the angle less its two free parts.
     free = 1.0 - tangents[0] * tangents[1], tangents[0] + tangents[1]
-    turn = jnp.arctan2(width * free[0] - along * free[1], along * free[0] + width * free[1])
+    turn = arctan2(width * free[0] - along * free[1], along * free[0] + width * free[1])
     # Round the other side the ends see each other at 2 pi less their angle.
-    opposite = turn - 2.0 * jnp.arctan2(width, along)
+    opposite = turn - 2.0 * arctan2(width, along)
     return Section(
         turn, (first, last), forward, pole, (tangents[0], tangents[1]), 2.0 * jnp.pi + opposite
     )

@@ -18,6 +18,7 @@ from jax import Array, lax
 from jax.typing import ArrayLike
 
 from kneejax.geometry import _vectors as v
+from kneejax.geometry._arctangent import arctan2
 from kneejax.geometry._pose import Frame
 from kneejax.geometry._safe import safe_sqrt
 from kneejax.geometry._vectors import Rotation, Vector
@@ -116,6 +117,11 @@ class Surface(eqx.Module):
         """The level, or a function with the same zeros that is cheaper, and its gradient."""
         point = v.full(point)
         return self.level(point), _gradient(self.level)(point)
+
+    def level_slope_and_bend(self, point: Vector) -> tuple[Array, Vector, Rotation]:
+        """As `level_and_slope`, with the rows of its second derivative in space."""
+        point = v.full(point)
+        return *self.level_and_slope(point), _rows(lambda p: self.level_and_slope(p)[1])(point)
 
     def outwards(self, point: Vector) -> Vector:
         """Direction that leads away from the solid at a point; need not have unit length."""
@@ -216,7 +222,7 @@ def inside(surface: Surface, a: Array, b: Array, margin: float = 0.0) -> Array:
 
 def from_anterior(x: Array, y: Array) -> Array:
     """Angle from anterior through distal, in -90 to 270 degrees: the jump is proximal."""
-    return 0.5 * jnp.pi - jnp.arctan2(x, -y)
+    return 0.5 * jnp.pi - arctan2(x, -y)
 
 
 def scaled(value: Array, limits: Array) -> tuple[Array, Array]:

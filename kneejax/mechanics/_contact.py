@@ -9,7 +9,6 @@ depths, at a cost in proportion to its points.
 from __future__ import annotations
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
@@ -21,12 +20,12 @@ from kneejax.geometry import (
     inside,
     partials,
     positive_part,
-    scale,
 )
 from kneejax.mechanics import _cartilage_law as law
 from kneejax.mechanics import _patch
 from kneejax.mechanics._patch import Gap
 from kneejax.mechanics._patch_force import Pressed, press
+from kneejax.mechanics._points_force import sampled_wrench, wrench_on_points
 from kneejax.mechanics._quadrature import Points, Sampled, midpoints, sample
 from kneejax.mechanics._wrench import Wrench
 
@@ -51,6 +50,7 @@ class Contact(eqx.Module):
         law: pressure law, one of `linear`, `log`, `ratio`.
         form: `elliptical_patch` or `quadrature`.
         points: quadrature points along the two parameters of the tibial surface.
+        placed: these points, where they have been computed beforehand.
     """
 
     femoral: Surface
@@ -63,6 +63,7 @@ class Contact(eqx.Module):
     law: str = eqx.field(static=True)
     form: str = eqx.field(static=True)
     points: tuple[int, int] = eqx.field(static=True)
+    placed: Points | None
 
     def __init__(
         self,
@@ -76,6 +77,7 @@ class Contact(eqx.Module):
         form: str = ELLIPTICAL_PATCH,
         points: tuple[int, int] = (24, 24),
         layer_variation: ArrayLike | None = None,
+        placed: Points | None = None,
     ):
         self.femoral = femoral
         self.tibial = tibial
@@ -88,6 +90,7 @@ class Contact(eqx.Module):
         self.law = law
         self.form = form
         self.points = points
+        self.placed = placed
 
     def __check_init__(self):
         if self.law not in law.LAWS:
@@ -137,11 +140,23 @@ class Contact(eqx.Module):
         """
         return inside(self.femoral, meeting[0], meeting[1]) & self.tibial.knows(point)
 
+    def quadrature_points(self) -> Points:
+        """Points of the tibial surface, along an axis before the lanes."""
+        if self.placed is not None:
+            return self.placed
+        return midpoints(self.tibial, self.points, jnp.ndim(self.onset_width))
+
+    def with_points_placed(self) -> Contact:
+        """The same contact for many poses: where its points are is computed once, here."""
+        if self.has_patch:
+            return self
+        return eqx.tree_at(
+            lambda c: c.placed, self, self.quadrature_points(), is_leaf=lambda x: x is None
+        )
+
     def sample(self, tibia: Placement) -> Sampled:
         """Depth at the quadrature points; see `Sampled`."""
-        motion = self.femur_to_plateau(tibia)
-        points = midpoints(self.tibial, self.points, jnp.ndim(motion.translation[0]))
-        return sample(self.femoral, points, motion)
+        return sample(self.femoral, self.quadrature_points(), self.femur_to_plateau(tibia))
 
     def layer(self, points: Points) -> Array:
         """Thickness of both cartilages at points of the tibial surface, mm."""
@@ -197,18 +212,13 @@ class Contact(eqx.Module):
         """Of the layer on the tibia, about the tibia's origin in femur axes."""
         if self.has_patch:
             return self.press(tibia, self.meeting(tibia)).wrench
-        return self.wrench_on_points(tibia, self.sample(tibia))
+        motion = self.femur_to_plateau(tibia)
+        wrench = wrench_on_points(self, self.quadrature_points(), motion)
+        return wrench.moved(self.tibial.frame.placement).turned(tibia)
 
-    def wrench_on_points(self, tibia: Placement, sampled: Sampled) -> Wrench:
-        """As `wrench`, from depths at the quadrature points.
-
-        A displacement of the tibia changes a depth by its slope, at the point where the normal's
-        line leaves the femur: the force is pressure times area times that slope, there.
-        """
-        share = -self.point_pressure(sampled) * sampled.points.area
-        each = Wrench.at(sampled.hit, scale(share, sampled.slope))
-        total = jax.tree.map(lambda x: jnp.sum(x, axis=0), each)
-        return total.moved(self.tibial.frame.placement).turned(tibia)
+    def sampled_wrench(self, tibia: Placement, sampled: Sampled) -> Wrench:
+        """As `wrench`, from depths at the quadrature points."""
+        return sampled_wrench(self, sampled).moved(self.tibial.frame.placement).turned(tibia)
 
     def energy(self, tibia: Placement) -> Array:
         """Elastic energy of the layer, N mm."""

@@ -132,20 +132,20 @@ class Course(eqx.Module):
 
     def _around(self, obstacle: Obstacle, start, end, tibia: Placement) -> Piece:
         place = self._place(obstacle, tibia)
-        ends = [place.apply_inverse(_in_femur(*node, tibia)) for node in (start, end)]
+        ends = [place.apply_inverse(_in_femur(bone, x, tibia)) for bone, x in (start, end)]
         path = taut(obstacle, ends[0], ends[1])
         pull = Wrench((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         # An end on the femur drags the obstacle's bone along; one on the tibia is dragged itself.
         sign = 1.0 if self.obstacle_bone == "tibia" else -1.0
-        for node, direction in ((start, path.pull_start), (end, path.pull_end)):
-            if node[0] != self.obstacle_bone:
-                arm = subtract(_in_femur(*node, tibia), tibia.translation)
+        for (bone, x), direction in ((start, path.pull_start), (end, path.pull_end)):
+            if bone != self.obstacle_bone:
+                arm = subtract(_in_femur(bone, x, tibia), tibia.translation)
                 pull = pull + Wrench.at(arm, scale(sign, place.turn(direction)))
         return Piece(path.length, pull, path)
 
 
 def _straight(start, end, tibia: Placement) -> Piece:
-    line = subtract(_in_femur(*end, tibia), _in_femur(*start, tibia))
+    line = subtract(_in_femur(end[0], end[1], tibia), _in_femur(start[0], start[1], tibia))
     length = norm(line)
     if start[0] == end[0]:
         return Piece(length, Wrench((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), None)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -79,6 +81,11 @@ class Knee(eqx.Module):
             return wrenches, energy, None
         pressed = self.map_patches(Contact.press, pose.placement, meeting)
         return [*wrenches, pressed.wrench], energy + jnp.sum(pressed.energy, axis=0), pressed
+
+    def for_many_poses(self) -> Knee:
+        """The same knee with what does not depend on the pose computed once."""
+        contacts = tuple(contact.with_points_placed() for contact in self.contacts)
+        return dataclasses.replace(self, contacts=contacts)
 
     def map_patches(self, function, tibia: Placement, meeting):
         """Apply `function(contact, tibia, meeting)` to each contact that has a patch.

@@ -135,7 +135,8 @@ class Ligaments(eqx.Module):
         for rows, (length, pulls) in zip(self._rows, self._ways(tibia), strict=True):
             tension = law.tension(
                 length / self._of(rows, self.slack_length) - 1.0,
-                *(self._of(rows, x) for x in (self.stiffness, self.transition_strain)),
+                self._of(rows, self.stiffness),
+                self._of(rows, self.transition_strain),
                 self._of(rows, self.transition_width),
             )
             pull = functools.reduce(operator.add, pulls)
@@ -181,30 +182,6 @@ class Ligaments(eqx.Module):
             found = course.ends_inside(*self._ends(course.rows), tibia)
             inside = inside.at[np.array(course.rows)].set(found)
         return inside
-
-    def polylines(self, tibia: Placement, count: int = 24) -> list[list[Vector]]:
-        """Points along each fibre in femur axes, for pictures.
-
-        Args:
-            tibia: where the tibia is.
-            count: points on a piece that goes around an obstacle.
-
-        Returns:
-            For each fibre its points; components are numbers or carry the pose's axes.
-        """
-        ends = _arm_and_line(self.femoral_attachment, self.tibial_attachment, tibia)
-        tibial = add(ends[0], tibia.translation)
-        lines: list[list[Vector]] = [[] for _ in self.names]
-        for row in self.straight:
-            first = tuple(self.femoral_attachment[row, k] for k in range(3))
-            lines[row] = [first, tuple(c[row] for c in tibial)]
-        for course in self.courses:
-            rows = course.rows
-            for piece in course.polylines(*self._ends(rows), tibia, count):
-                for i, row in enumerate(rows):
-                    points = [tuple(jnp.asarray(c)[i] for c in full(point)) for point in piece]
-                    lines[row] += points[1:] if lines[row] else points
-        return lines
 
     @property
     def _rows(self) -> list[tuple[int, ...]]:

@@ -119,7 +119,7 @@ def ray_depth(femoral: Surface, start: Vector, along: Vector) -> Array:
 
     # A loop, though it is short: looks that follow each other in one kernel are computed anew for
     # each use of what they found, and three of them took minutes to compile.
-    shape = jnp.broadcast_shapes(start[0].shape, along[0].shape)
+    shape = jnp.broadcast_shapes(jnp.shape(start[0]), jnp.shape(along[0]))
     return lax.fori_loop(0, _RAY_STEPS, nearer, jnp.zeros(shape))
 
 

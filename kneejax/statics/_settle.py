@@ -160,6 +160,7 @@ def _search(
 
     # One lane that starts from NaN would end the search of all.
     astray, reference = jnp.isnan(guess.q), first_guess(knee, flexion).q
+    knee = knee.for_many_poses()
     guess = Guess(
         jnp.where(astray, reference, guess.q), guess.meeting, jnp.nan_to_num(guess.tangent)
     )

@@ -143,15 +143,31 @@ def test_level_and_jet_of_spline_surfaces_agree_with_their_points(rng, central_d
             np.testing.assert_allclose(np.transpose(d), along, rtol=1e-6, atol=1e-6)
 
 
-def test_the_slope_of_the_level_agrees_with_central_differences_everywhere(rng, central_difference):
+@pytest.mark.parametrize("basis", ["cubic_spline", "power"])
+def test_slope_and_bend_of_the_level_agree_with_central_differences_everywhere(
+    basis, rng, central_difference
+):
     surface = spline_condyle(rng)
+    if basis == "power":
+        c = np.array([[20.0, 0.3, -1.0], [-2.0, 0.4, 0.2], [1.0, -0.3, 0.1]])
+        surface = geo.Condyle(c, surface.angle, surface.width)
     for point in ([5.0, -20.0, 3.0], [-18.0, -9.0, 15.0], [-18.0, -9.0, -15.0], [20.0, 6.0, 2.0]):
         def level(x):
             return np.asarray(surface.level_and_slope(tuple(jnp.asarray(c) for c in x))[0])
 
-        slope = surface.level_and_slope(tuple(jnp.array(c) for c in point))[1]
-        expected = central_difference(level, np.array(point), 1e-4)
-        np.testing.assert_allclose(v.full(slope), expected, rtol=1e-6, atol=1e-6)
+        def slope(x):
+            found = surface.level_and_slope(tuple(jnp.asarray(c) for c in x))[1]
+            return np.stack([np.asarray(c) for c in found])
+
+        at, x = tuple(jnp.array(c) for c in point), np.array(point)
+        value, by_place, bend = surface.level_slope_and_bend(at)
+        np.testing.assert_array_equal(value, level(x))
+        np.testing.assert_array_equal(v.full(by_place), slope(x))
+        expected = central_difference(level, x, 1e-4)
+        np.testing.assert_allclose(slope(x), expected, rtol=1e-6, atol=1e-6)
+        np.testing.assert_allclose(bend, central_difference(slope, x, 1e-3), rtol=1e-6, atol=1e-6)
+        of_any = geo.Surface.level_slope_and_bend(surface, at)[2]
+        np.testing.assert_allclose(of_any, bend, rtol=1e-10, atol=1e-12)
 
 
 def test_beyond_its_width_a_spline_condyle_falls_and_never_rises(rng):
