@@ -138,6 +138,13 @@ def _build_parser() -> argparse.ArgumentParser:
     view = commands.add_parser("view", help="draw a knee in space, at poses")
     view.add_argument("knee", help="bundled name or knee file")
     view.add_argument("poses", nargs="?", type=Path, help="CSV of poses; the reference pose else")
+    for bone in ("femur", "tibia"):
+        view.add_argument(
+            f"--{bone}-bone",
+            type=Path,
+            metavar="FILE",
+            help=f"mesh of the {bone} to show, in its frame, m or mm",
+        )
     view.add_argument("--out", type=Path, default=Path("kneejax-view"))
     _add_convention(view)
     view.set_defaults(run=_lazily("_view"))

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
 
 import numpy as np
 
 from kneejax import report
-from kneejax.files import InputProblem, load_knee, read_poses
+from kneejax.files import InputProblem, load_knee, read_mesh_points, read_poses
 from kneejax.geometry import Pose
+from kneejax.mechanics import Knee
+
+#: A bone whose nearest corner is farther than this from a ligament's end on it is in another frame.
+_FARTHEST_MM = 50.0
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -19,12 +24,15 @@ def run(arguments: argparse.Namespace) -> int:
         table = np.reshape(np.asarray(knee.reference_pose.to_table()), (1, 6))
     else:
         table = read_poses(arguments.poses, arguments.convention)
+    files = {"femur": arguments.femur_bone, "tibia": arguments.tibia_bone}
+    bones = [_bone(knee, bone, path) for bone, path in files.items() if path is not None]
     try:
         report.need_view_packages()
     except report.MissingPackage as problem:
         expected = f"{problem.package}, which comes with pip install 'kneejax[view]'"
         raise InputProblem("kneejax view", problem.package, "not installed", expected) from None
-    scenes = report.scenes(knee, Pose.from_table(table))
+    bones = [report.simplified(bone) for bone in bones]
+    scenes = report.scenes(knee, Pose.from_table(table), bones)
     written = [report.write_whole(out / "scene.html", report.scene_page(scenes).encode())]
     if knee.contacts:
         figure = report.pressure_figure(knee, Pose.from_table(table))
@@ -39,6 +47,21 @@ def run(arguments: argparse.Namespace) -> int:
     names = ", ".join(path.name for path in written)
     print(f"{len(table)} poses of {knee.name}; written to {out}: {names}")
     return status
+
+
+def _bone(knee: Knee, bone: str, path: Path) -> report.BoneMesh:
+    """A bone's mesh, if it is where the knee has that bone."""
+    mesh = read_mesh_points(path)
+    fibres = knee.ligaments
+    ends = fibres.femoral_attachment if bone == "femur" else fibres.tibial_attachment
+    # A left knee is stored as its mirrored twin; the mesh is as scanned.
+    ends = np.asarray(ends) * [1.0, 1.0, -1.0 if knee.side == "left" else 1.0]
+    far = max((np.linalg.norm(mesh.points_mm - end, axis=1).min() for end in ends), default=0.0)
+    if far > _FARTHEST_MM:
+        value = f"{far:.0f} mm from the end of a ligament"
+        expected = f"the {bone}'s mesh in its frame, within {_FARTHEST_MM:g} mm of every ligament"
+        raise InputProblem(path, f"--{bone}-bone", value, expected)
+    return report.BoneMesh(bone, mesh.points_mm, mesh.faces)
 
 
 def _pictures(scenes: tuple[report.Scene, ...]):

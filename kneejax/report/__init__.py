@@ -31,6 +31,7 @@ from kneejax.report._scene_render import VIEWS as VIEWS
 from kneejax.report._scene_render import CannotRender as CannotRender
 from kneejax.report._scene_render import MissingPackage as MissingPackage
 from kneejax.report._scene_render import need_view_packages as need_view_packages
+from kneejax.report._scene_render import simplified as simplified
 from kneejax.report._style import COORDINATES as COORDINATES
 from kneejax.report._style import Coordinate as Coordinate
 from kneejax.report._surface_figure import surface_fit_figure as surface_fit_figure

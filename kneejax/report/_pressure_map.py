@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 PRESSURE_COLOURS = "YlOrRd"
 _GROUND = "#ECEEF0"
 _MOST_PANELS = 12
+_LOT = 8
 
 
 @dataclasses.dataclass(frozen=True)
@@ -78,12 +79,18 @@ def plateau_pressures(
         (1, 48, 48)
     """
     poses = Pose.from_table(jnp.reshape(poses.to_table(), (-1, 6)))
+    count = np.shape(poses.flexion)[0]
     fields = []
     for name, contact in zip(knee.contact_names, knee.contacts, strict=True):
         lanes = add_lane_axis(_over_points(contact, points))
-        place, pressure, area = (np.asarray(x) for x in _field(lanes, poses))
+        parts = [[np.asarray(x) for x in _field(lanes, some)] for some in lots(poses)]
+        place, pressure, area = (
+            np.concatenate(part, axis=-1)[..., :count] for part in zip(*parts, strict=True)
+        )
         if contact.has_patch:
-            pressure = _around(pressure, place, np.asarray(_meeting(lanes, poses)), points)
+            meeting = [np.asarray(_meeting(lanes, some)) for some in lots(poses)]
+            meeting = np.concatenate(meeting, axis=-1)[..., :count]
+            pressure = _around(pressure, place, meeting, points)
         rim = rim_of(contact.tibial, points)
         covered = _inside(rim, place[:, :, 0])
         pressure = np.where(covered[:, None], pressure, 0.0)
@@ -103,6 +110,20 @@ def plateau_pressures(
             )
         )
     return tuple(fields)
+
+
+def lots(poses: Pose) -> list[Pose]:
+    """Poses in lots of one size, the last one filled up with its last pose.
+
+    Whatever the number of poses, the same program computes them: it is compiled once.
+
+    Example:
+        >>> [len(lot.flexion) for lot in lots(Pose.from_table(np.zeros((9, 6))))]
+        [8, 8]
+    """
+    table = np.asarray(poses.to_table())
+    rows = np.minimum(np.arange(-(-len(table) // _LOT) * _LOT), len(table) - 1)
+    return [Pose.from_table(table[rows[i : i + _LOT]]) for i in range(0, len(rows), _LOT)]
 
 
 def _over_points(contact: Contact, points: tuple[int, int]) -> Contact:
@@ -254,7 +275,7 @@ def pressure_figure(knee: Knee, poses: Pose, most: int = 8) -> Figure:
     figure = Figure(
         figsize=(
             max(columns * panel + 0.9, 4.2),
-            lines * (height + 0.32) + (0.45 if columns > 2 else 0.6),
+            lines * (height + 0.32) + (0.25 if columns > 2 else 0.6),
         ),
         layout="constrained",
     )
@@ -322,8 +343,7 @@ def _compass(axes: Axes, knee: Knee, box: tuple[float, float, float, float]) -> 
     middle = 0.5 * (box[0] + box[1])
     top = box[3] - 2.0
     arrow = {"arrowstyle": "-|>", "color": GREY, "lw": 0.7, "shrinkA": 0, "shrinkB": 0}
-    axes.annotate("", (middle, top), (middle, top - 9.0), arrowprops=arrow)
-    axes.text(middle, top - 10.0, "anterior", rotation=90, ha="center", va="top", fontsize=7,
-              color=GREY)  # fmt: skip
+    axes.annotate("", (middle, top), (middle, top - 8.0), arrowprops=arrow)
+    axes.text(middle, top - 8.5, "ant", ha="center", va="top", fontsize=7, color=GREY)
     axes.plot([middle - 5, middle + 5], [low + 0.4] * 2, color=BLACK, lw=1.2)
     axes.text(middle, low + 1.2, "10 mm", ha="center", va="bottom", fontsize=6.5)

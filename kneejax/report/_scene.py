@@ -12,7 +12,7 @@ import numpy as np
 
 from kneejax.geometry import Pose
 from kneejax.mechanics import Course, Knee, Ligaments, add_lane_axis
-from kneejax.report._pressure_map import PlateauPressure, lateral_sign, plateau_pressures
+from kneejax.report._pressure_map import PlateauPressure, lateral_sign, lots, plateau_pressures
 from kneejax.report._scene_grids import grid_triangles, obstacle_grid, surface_grid
 
 #: Points on a piece of a fibre that goes around an obstacle.
@@ -46,7 +46,8 @@ class Sheet:
 class Plateau:
     """A tibial surface with the pressure on it, `(m, n)`, and its centre, `(3,)`.
 
-    `faces` are the triangles of its points (row by row) that lie on the cartilage.
+    `faces` are the triangles of its points (row by row) that are cartilage; points just outside
+    its border have been moved there.
     """
 
     name: str
@@ -132,7 +133,7 @@ class Scene:
 
 
 def scenes(
-    knee: Knee, poses: Pose, bones: Sequence[BoneMesh] = (), points: tuple[int, int] = (48, 32)
+    knee: Knee, poses: Pose, bones: Sequence[BoneMesh] = (), points: tuple[int, int] = (48, 48)
 ) -> tuple[Scene, ...]:
     """Place everything that a picture of a knee shows, in the tibia's frame.
 
@@ -167,6 +168,7 @@ def scenes(
         for name, contact in zip(knee.contact_names, knee.contacts, strict=True)
     ]
     pressures = plateau_pressures(knee, batch, points) if knee.contacts else ()
+    drawn = [_to_the_rim(field) for field in pressures]
     lines, strain, tension = _fibres(knee, batch)
     groups = {fibre: name for name, members in reversed(knee.groups) for fibre in members}
     answer = []
@@ -196,7 +198,7 @@ def scenes(
                 condyles=tuple(
                     Sheet(sheet.name, seen(sheet.points_mm, "femur")) for sheet in condyles
                 ),
-                plateaus=tuple(_at_pose(field, i) for field in pressures),
+                plateaus=tuple(map(_at_pose, pressures, [i] * len(pressures), drawn)),
                 fibres=fibres,
                 obstacles=tuple(
                     Sheet("", seen(grid, bone))
@@ -217,11 +219,36 @@ def _rigid(poses: Pose) -> tuple[np.ndarray, np.ndarray]:
     return np.stack(turn, axis=-2), shift
 
 
-def _at_pose(field: PlateauPressure, row: int) -> Plateau:
+def _to_the_rim(field: PlateauPressure) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points and triangles up to the cartilage's border, and each point's pressed neighbour.
+
+    Points of the grid just outside are moved to the border, which would else have teeth.
+    """
+    covered = field.covered.ravel()
     faces = grid_triangles(*field.covered.shape)
-    faces = faces[field.covered.ravel()[faces].all(axis=1)]
-    pressure, center = field.pressure_MPa[row], field.center_mm[row]
-    return Plateau(field.name, field.points_mm, faces, pressure, center)
+    faces = faces[covered[faces].any(axis=1)]
+    points, own = field.points_mm.reshape(-1, 3).copy(), np.arange(len(covered))
+    outside = np.unique(faces[~covered[faces]])
+    if len(outside):
+        start = field.rim_mm
+        along = np.roll(start, -1, axis=0) - start
+        away = points[outside, None] - start
+        square = np.maximum(np.sum(along**2, axis=1), 1e-12)
+        share = np.clip(np.sum(away * along, axis=2) / square, 0.0, 1.0)
+        nearest = start + share[..., None] * along
+        best = np.argmin(np.sum((points[outside, None] - nearest) ** 2, axis=2), axis=1)
+        points[outside] = nearest[np.arange(len(outside)), best]
+        inside = np.flatnonzero(covered)
+        apart = points[outside, None] - points[inside]
+        own[outside] = inside[np.argmin(np.sum(apart**2, axis=2), axis=1)]
+    return points.reshape(field.points_mm.shape), faces, own
+
+
+def _at_pose(field: PlateauPressure, row: int, drawn) -> Plateau:
+    points, faces, own = drawn
+    pressure = field.pressure_MPa[row]
+    pressure = pressure.ravel()[own].reshape(pressure.shape)
+    return Plateau(field.name, points, faces, pressure, field.center_mm[row])
 
 
 def _placed(mesh: BoneMesh, seen, mirror: np.ndarray) -> BoneMesh:
@@ -235,16 +262,62 @@ def _fibres(knee: Knee, poses: Pose):
     """Courses in femur axes, each `(k, 3, poses)`; strains and tensions, `(fibres, poses)`."""
     if not knee.ligaments.names:
         return [], np.zeros((0, 1)), np.zeros((0, 1))
-    drawn, strain, tension = _drawn(add_lane_axis(knee.ligaments), poses)
+    ligaments = _by_kind(add_lane_axis(knee.ligaments))
+    kinds = ((ligaments.straight,) if ligaments.straight else ()) + tuple(
+        course.rows for course in ligaments.courses
+    )
+    parts = [_drawn(ligaments, some) for some in lots(poses)]
+    count = np.shape(poses.flexion)[0]
+
+    def joined(arrays) -> np.ndarray:
+        return np.concatenate([np.asarray(x) for x in arrays], axis=-1)[..., :count]
+
     lines = {}
-    for rows, points in drawn:
-        lines |= {int(row): np.asarray(points[:, :, i]) for i, row in enumerate(rows)}
-    return [lines[row] for row in range(len(lines))], np.asarray(strain), np.asarray(tension)
+    for rows, *drawn in zip(kinds, *(part[0] for part in parts), strict=True):
+        points = joined(drawn)
+        lines |= {row: points[:, :, i] for i, row in enumerate(rows)}
+    strain, tension = (joined(part[k] for part in parts) for k in (1, 2))
+    return [lines[row] for row in range(len(lines))], strain, tension
+
+
+def _by_kind(ligaments: Ligaments) -> Ligaments:
+    """The same fibres, those around obstacles of one kind on one bone in one course.
+
+    Every course is compiled by itself, which takes seconds, however many fibres it has.
+    """
+    kinds: dict[tuple, list[Course]] = {}
+    for course in ligaments.courses:
+        leaves, kind = jax.tree.flatten(course.obstacle)
+        shapes = tuple(jnp.shape(leaf) for leaf in leaves)
+        kinds.setdefault((kind, shapes, course.obstacle_bone, course.via_bones), []).append(course)
+    return eqx.tree_at(
+        lambda x: x.courses, ligaments, tuple(_together(many) for many in kinds.values())
+    )
+
+
+def _together(courses: list[Course]) -> Course:
+    first = courses[0]
+    if len(courses) == 1:
+        return first
+    counts = [len(course.rows) for course in courses]
+
+    def each(*leaves):
+        # A fibre's number comes before the lanes.
+        rows = [jnp.repeat(x[..., None, :], n, -2) for x, n in zip(leaves, counts, strict=True)]
+        return jnp.concatenate(rows, axis=-2)
+
+    return Course(
+        [row for course in courses for row in course.rows],
+        jnp.concatenate([course.via for course in courses], axis=1),
+        first.via_bones,
+        None if first.obstacle is None else jax.tree.map(each, *(c.obstacle for c in courses)),
+        first.obstacle_bone,
+    )
 
 
 @eqx.filter_jit
 def _drawn(ligaments: Ligaments, poses: Pose):
-    """Fibres of one kind of course together, `(k, 3, fibres, poses)`, with their rows.
+    """Fibres of one kind of course together, `(k, 3, fibres, poses)`; strain and tension.
 
     One array a kind: each point as a result of its own would take minutes to compile.
     """
@@ -262,8 +335,9 @@ def _drawn(ligaments: Ligaments, poses: Pose):
             jnp.stack([jnp.broadcast_to(jnp.asarray(c), shape) for c in point])
             for point in points
         ]
-        drawn.append((rows, jnp.stack(stacked)))
-    return drawn, ligaments.strain(tibia), ligaments.tension(tibia)
+        drawn.append(jnp.stack(stacked))
+    length = ligaments.length(tibia)
+    return drawn, length / ligaments.slack_length - 1.0, ligaments.tension_at(length)
 
 
 def _obstacles(knee: Knee, lines: list[np.ndarray], turn: np.ndarray, shift: np.ndarray):

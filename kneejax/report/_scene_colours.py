@@ -12,6 +12,7 @@ from kneejax.report._scene import Plateau, Scene
 #: Diverging colours of strain, grey at zero: a slack fibre is never white on white.
 STRAIN_COLOURS = "coolwarm"
 CONDYLE, GROUND, BONE, OBSTACLE = "#EADFCB", "#DDD6C8", "#E9E4D8", "#6FA8A0"
+BONE_OPACITY = {"femur": 0.25, "tibia": 0.4}
 
 
 def strain_limit(every: Sequence[Scene]) -> float:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kneejax.report._pressure_map import PRESSURE_COLOURS, degrees, spread
-from kneejax.report._scene import Scene
+from kneejax.report._scene import Fibre, Scene
 from kneejax.report._scene_colours import STRAIN_COLOURS, pressure_limit, strain_limit
 from kneejax.report._scene_render import VIEWS, Camera, camera, render
 from kneejax.report._style import BLACK, GREY, WIDTH, styled, verbatim
@@ -201,11 +201,7 @@ def _name_groups(axes: Axes, scene: Scene, view: Camera) -> None:
     groups = scene.groups
     if len(groups) > _MOST_LABELS:
         return
-    # Where each name points: the middle of its fibres' middles.
-    target = {
-        name: view.seen(np.mean([_middle(fibre.points_mm) for fibre in fibres], axis=0))
-        for name, fibres in groups.items()
-    }
+    target = {name: view.seen(_central(fibres)) for name, fibres in groups.items()}
     w, h = view.half_mm
     order = sorted(target, key=lambda name: target[name][0])
     half = len(order) // 2 if len(order) % 2 == 0 else int(np.sum(
@@ -258,6 +254,13 @@ def _middle(line: np.ndarray) -> np.ndarray:
     steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
     way = np.concatenate([[0.0], np.cumsum(steps)])
     return np.array([np.interp(0.5 * way[-1], way, line[:, k]) for k in range(3)])
+
+
+def _central(fibres: Sequence[Fibre]) -> np.ndarray:
+    """Middle of the fibre that is nearest to the middle of all."""
+    middles = np.array([_middle(fibre.points_mm) for fibre in fibres])
+    away = np.linalg.norm(middles - middles.mean(axis=0), axis=1)
+    return middles[np.argmin(np.round(away, 6))]
 
 
 def _triad(axes: Axes, scene: Scene, view: Camera, inset: float = 0.0) -> None:

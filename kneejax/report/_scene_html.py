@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import html
 from collections.abc import Sequence
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from kneejax.report._pressure_map import PRESSURE_COLOURS, spread
-from kneejax.report._scene import Fibre, Plateau, Scene, Sheet
+from kneejax.report._scene import BoneMesh, Fibre, Plateau, Scene, Sheet
 from kneejax.report._scene_colours import (
     BONE,
     CONDYLE,
@@ -24,6 +25,10 @@ from kneejax.report._scene_grids import grid_triangles
 from kneejax.report._scene_render import FEW_FIBRES, plotly
 
 _DECIMALS = 2
+#: The page does not sort triangles by depth: less pale bones would be mottled.
+_BONE_OPACITY = 0.25
+#: Bones reach so far above and below fibres and cartilage, mm.
+_SHAFT_MM = 15.0
 
 
 def scene_page(every: Sequence[Scene], most: int = 41) -> str:
@@ -46,14 +51,14 @@ def scene_page(every: Sequence[Scene], most: int = 41) -> str:
     if not every:
         raise ValueError("no scenes to draw")
     go = plotly()
-    shown = [every[row] for row in spread(len(every), most)]
+    shown = _with_short_shafts([every[row] for row in spread(len(every), most)])
     limits = strain_limit(shown), pressure_limit(shown)
     tibial = [bone for bone in shown[0].bones if bone.bone == "tibia"]
     still = [_bone(go, bone, number) for number, bone in enumerate(tibial)]
     still += _axes(go, shown[0])
     figure = go.Figure([*_traces(go, shown[0], *limits, first=True), *still])
     figure.frames = [
-        go.Frame(name=str(number), data=_traces(go, scene, *limits, first=False))
+        go.Frame(name=str(number), data=_moved(go, _traces(go, scene, *limits, first=False)))
         for number, scene in enumerate(shown)
         if len(shown) > 1
     ]
@@ -67,6 +72,42 @@ def scene_page(every: Sequence[Scene], most: int = 41) -> str:
     )
 
 
+def _with_short_shafts(every: Sequence[Scene]) -> list[Scene]:
+    """Bones cut at a distance from the knee, by their place in the first scene.
+
+    The whole of a long bone would make the knee small.
+    """
+    heights = every[0].points_mm[:, 1]
+    limits = heights.min() - _SHAFT_MM, heights.max() + _SHAFT_MM
+    cuts = [_cut(bone, *limits) for bone in every[0].bones]
+    answer = []
+    for scene in every:
+        bones = []
+        for bone, (start, end, share, faces) in zip(scene.bones, cuts, strict=True):
+            points = bone.points_mm[start] + share * (bone.points_mm[end] - bone.points_mm[start])
+            bones.append(dataclasses.replace(bone, points_mm=points, faces=faces))
+        answer.append(dataclasses.replace(scene, bones=tuple(bones)))
+    return answer
+
+
+def _cut(bone: BoneMesh, low: float, high: float):
+    """The part between two heights: its points as shares of the ways between two corners."""
+    height, faces = bone.points_mm[:, 1], np.asarray(bone.faces)
+    inside = (height > low) & (height < high)
+    faces = faces[inside[faces].any(axis=1)]
+    # A corner outside moves along an edge to the cut.
+    partner = np.arange(len(height))
+    inner = faces[np.arange(len(faces)), np.argmax(inside[faces], axis=1)]
+    for corner in faces.T:
+        outside = ~inside[corner]
+        partner[corner[outside]] = inner[outside]
+    way = height - height[partner]
+    to_cut = np.clip(height, low, high) - height[partner]
+    share = np.where(inside, 1.0, to_cut / np.where(way == 0, 1.0, way))
+    rows, places = np.unique(faces, return_inverse=True)
+    return partner[rows], rows, share[rows, None], places.reshape(-1, 3)
+
+
 def _traces(go, scene: Scene, strain: float, pressure: float, first: bool) -> list[Any]:
     """What changes with the pose, always in the same order."""
     bones = [bone for bone in scene.bones if bone.bone == "femur"]
@@ -74,7 +115,7 @@ def _traces(go, scene: Scene, strain: float, pressure: float, first: bool) -> li
     traces = [_bone(go, bone, number) for number, bone in enumerate(bones)]
     traces += [_plateau(go, plateau, pressure) for plateau in scene.plateaus]
     traces += [_sheet(go, sheet, CONDYLE, 0.45, "femoral surfaces") for sheet in scene.condyles]
-    traces += [_sheet(go, sheet, OBSTACLE, 0.18, "wrap obstacles") for sheet in scene.obstacles]
+    traces += [_sheet(go, sheet, OBSTACLE, 0.13, "wrap obstacles") for sheet in scene.obstacles]
     for plateau in scene.plateaus:
         traces.append(_center(go, plateau))
     for fibre in scene.fibres:
@@ -86,6 +127,19 @@ def _traces(go, scene: Scene, strain: float, pressure: float, first: bool) -> li
             trace.showlegend = trace.legendgroup not in named
             named.add(trace.legendgroup)
     return traces
+
+
+def _moved(go, traces: list[Any]) -> list[Any]:
+    """The same with what differs between poses alone: triangles, colours of sheets, names stay."""
+    answer = []
+    for trace in traces:
+        if not isinstance(trace, go.Mesh3d):
+            answer.append(trace)
+        elif trace.intensity is not None:  # the tibia stands still, its pressure changes
+            answer.append(go.Mesh3d(intensity=trace.intensity))
+        else:
+            answer.append(go.Mesh3d(x=trace.x, y=trace.y, z=trace.z))
+    return answer
 
 
 def _places(points_mm: np.ndarray) -> dict[str, np.ndarray]:
@@ -120,7 +174,7 @@ def _bone(go, bone, number: int):
         **_places(bone.points_mm),
         **_triangles(bone.faces),
         color=BONE,
-        opacity=0.3 if bone.bone == "femur" else 1.0,
+        opacity=_BONE_OPACITY,
         lighting=_LIGHT,
         hoverinfo="skip",
         legendgroup=bone.bone,

@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from kneejax.report._scene import Scene
+from kneejax.report._scene import BoneMesh, Scene
 from kneejax.report._scene_colours import (
     BONE,
+    BONE_OPACITY,
     CONDYLE,
     OBSTACLE,
     pressure_colours,
@@ -32,6 +33,9 @@ VIEWS = {
 #: With this many fibres or fewer each is drawn thick.
 FEW_FIBRES = 12
 _MARGIN_MM = 4.0
+#: Bones reach at most so far beyond fibres and cartilage, to the sides, mm.
+_BONE_MM = 16.0
+_END = "#555555"
 
 
 class MissingPackage(ImportError):
@@ -93,6 +97,14 @@ def camera(view: str, every: Sequence[Scene], aspect: float | None = None) -> Ca
     points = np.concatenate([scene.points_mm for scene in every])
     flat = np.stack([points @ right, points @ up], axis=-1)
     low, high = flat.min(axis=0) - _MARGIN_MM, flat.max(axis=0) + _MARGIN_MM
+    # Bones at that height, as far as they do not make all the rest small: shafts are cut.
+    for bone in (bone for scene in every for bone in scene.bones):
+        beside = bone.points_mm @ right
+        beside = beside[np.abs(bone.points_mm @ up - 0.5 * (low + high)[1]) < 0.5 * (high - low)[1]]
+        if len(beside):
+            wide = beside.min() - _MARGIN_MM, beside.max() + _MARGIN_MM
+            low[0] = min(low[0], max(wide[0], flat[:, 0].min() - _BONE_MM))
+            high[0] = max(high[0], min(wide[1], flat[:, 0].max() + _BONE_MM))
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     if aspect is not None:
         half = np.maximum(half, [half[1] * aspect, half[0] / aspect])
@@ -187,6 +199,25 @@ def _quiet() -> Iterator[None]:
         vtkLogger.SetStderrVerbosity(before)
 
 
+def simplified(bone: BoneMesh, most: int = 16_000) -> BoneMesh:
+    """A bone with fewer triangles, for pages and pictures.
+
+    Args:
+        bone: any mesh.
+        most: triangles, about; a mesh of fewer stays as it is.
+
+    Raises:
+        MissingPackage: PyVista is not installed.
+    """
+    if len(bone.faces) <= most:
+        return bone
+    mesh = pyvista().PolyData.from_regular_faces(np.asarray(bone.points_mm, float), bone.faces)
+    mesh = mesh.decimate(1.0 - most / len(bone.faces))
+    return dataclasses.replace(
+        bone, points_mm=np.asarray(mesh.points, float), faces=mesh.regular_faces
+    )
+
+
 def _fill(pv, plotter, scene: Scene, strain_limit: float, pressure_limit: float) -> None:
     plotter.set_background("white")
     plain = {
@@ -197,25 +228,43 @@ def _fill(pv, plotter, scene: Scene, strain_limit: float, pressure_limit: float)
     }
     for bone in scene.bones:
         mesh = pv.PolyData.from_regular_faces(np.asarray(bone.points_mm, float), bone.faces)
-        opacity = 0.25 if bone.bone == "femur" else 1.0
+        opacity = BONE_OPACITY[bone.bone]
         plotter.add_mesh(mesh, color=BONE, opacity=opacity, **plain)
     for sheet in scene.condyles:
         plotter.add_mesh(_sheet(pv, sheet.points_mm), color=CONDYLE, opacity=0.5, **plain)
     for sheet in scene.obstacles:
-        plotter.add_mesh(_sheet(pv, sheet.points_mm), color=OBSTACLE, opacity=0.2, **plain)
+        plotter.add_mesh(_sheet(pv, sheet.points_mm), color=OBSTACLE, opacity=0.13, **plain)
     for plateau in scene.plateaus:
         mesh = pv.PolyData.from_regular_faces(plateau.points_mm.reshape(-1, 3), plateau.faces)
         mesh.point_data["colour"] = pressure_colours(plateau, pressure_limit).reshape(-1, 3)
         plotter.add_mesh(mesh, scalars="colour", rgb=True, **plain)
+    if scene.fibres:
+        mesh = _fibres(pv, scene, strain_limit)
+        plotter.add_mesh(mesh, scalars="colour", rgb=True, **plain)
+
+
+def _fibres(pv, scene: Scene, limit: float):
+    """Tubes and balls at the ends of those that are pulled, in one mesh: that draws much faster."""
+    from matplotlib.colors import to_rgb
+
     radius = 1.1 if len(scene.fibres) <= FEW_FIBRES else 0.6
+    parts = []
     for fibre in scene.fibres:
-        line = pv.lines_from_points(fibre.points_mm)
-        tube = line.tube(radius=0.4 * radius if fibre.slack else radius, n_sides=16)
-        plotter.add_mesh(tube, color=strain_colour(fibre.strain, strain_limit), **plain)
+        thick = 0.4 * radius if fibre.slack else radius
+        tube = pv.lines_from_points(fibre.points_mm).tube(radius=thick, n_sides=12)
+        shapes = [(tube, strain_colour(fibre.strain, limit))]
         if not fibre.slack:
-            for end in (fibre.points_mm[0], fibre.points_mm[-1]):
-                ball = pv.Sphere(radius=1.4 * radius, center=end)
-                plotter.add_mesh(ball, color="#555555", **plain)
+            balls = (fibre.points_mm[0], fibre.points_mm[-1])
+            shapes += [(_ball(pv, 1.4 * radius, end), _END) for end in balls]
+        for shape, colour in shapes:
+            shape.clear_data()
+            shape.point_data["colour"] = np.tile(to_rgb(colour), (shape.n_points, 1))
+            parts.append(shape)
+    return pv.merge(parts, merge_points=False)
+
+
+def _ball(pv, radius: float, center: np.ndarray):
+    return pv.Sphere(radius=radius, center=center, theta_resolution=12, phi_resolution=12)
 
 
 def _sheet(pv, points_mm: np.ndarray):

@@ -24,6 +24,7 @@ def poses(tmp_path):
 def drawn(monkeypatch):
     """Pictures in space replaced by a word: this machine may draw none."""
     monkeypatch.setattr(report, "need_view_packages", lambda: None)
+    monkeypatch.setattr(report, "simplified", lambda bone: bone)
     monkeypatch.setattr(report, "scene_page", lambda scenes: f"page of {len(scenes)}")
     monkeypatch.setattr(report, "scene_figure", lambda scene: None)
     monkeypatch.setattr(report, "scenes_figure", lambda scenes: None)
@@ -73,3 +74,36 @@ def test_without_the_extra_nothing_is_written(poses, tmp_path, capsys, monkeypat
 def test_an_unknown_knee_is_refused(name, tmp_path, capsys):
     assert main(["view", name, "--out", str(tmp_path / "o")]) == 2
     assert not (tmp_path / "o").exists()
+
+
+def block(path, center_mm, unit=1.0):
+    """A box as an STL file."""
+    import trimesh
+
+    box = trimesh.creation.box((60.0 * unit, 60.0 * unit, 80.0 * unit))
+    box.apply_translation([x * unit for x in center_mm])
+    box.export(path)
+    return str(path)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-3])
+def test_bones_are_shown_in_mm(drawn, poses, tmp_path, monkeypatch, unit):
+    seen = []
+    monkeypatch.setattr(report, "scene_page", lambda scenes: seen.append(scenes) or "page")
+    femur = block(tmp_path / "femur.stl", (0.0, 20.0, 0.0), unit)
+    tibia = block(tmp_path / "tibia.stl", (0.0, -50.0, 0.0), unit)
+    bones = ["--femur-bone", femur, "--tibia-bone", tibia]
+    out = ["--out", str(tmp_path / "o")]
+    assert main(["view", "four_ligament", str(poses), *bones, *out]) == 0
+    assert [bone.bone for bone in seen[0][1].bones] == ["femur", "tibia"]
+    still = seen[0][1].bones[1].points_mm
+    assert still.max(axis=0) == pytest.approx([30.0, -20.0, 40.0], abs=1e-4)
+
+
+def test_a_bone_in_another_frame_is_refused(drawn, poses, tmp_path, capsys):
+    far = block(tmp_path / "femur.stl", (0.0, 700.0, 0.0))
+    out = tmp_path / "o"
+    assert main(["view", "four_ligament", "--femur-bone", far, "--out", str(out)]) == 2
+    said = capsys.readouterr().err
+    assert "--femur-bone" in said and "frame" in said and said.count("\n") == 1
+    assert not out.exists()

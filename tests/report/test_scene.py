@@ -277,3 +277,89 @@ def test_report_imports_without_the_extra():
     )
     environment = dict(os.environ, JAX_PLATFORMS="cpu")
     subprocess.run([sys.executable, "-c", program], check=True, env=environment, timeout=120)
+
+
+def test_fibres_around_obstacles_of_one_kind_are_drawn_together(tmp_path):
+    """Two balls of different size share a program; each fibre still goes around its own."""
+    made = document()
+    made["wraps"] |= {
+        "small": made["wraps"]["ball"] | {"center_mm": [2.0, -32.0, 40.0], "radius_mm": 5.0}
+    }
+    del made["ligaments"]["LCL"]["via_points"]
+    made["ligaments"]["LCL"]["wrap"] = "small"
+    write_knee(made, tmp_path / "knee.yaml")
+    knee = read_knee(tmp_path / "knee.yaml").knee
+    poses = Pose.from_table(TABLE)
+    found = kj.evaluate(knee, poses)
+    for i, scene in enumerate(report.scenes(knee, poses)):
+        strains = [fibre.strain for fibre in scene.fibres]
+        np.testing.assert_allclose(strains, found.strain[i], rtol=1e-9)
+        for row, center, radius in ((2, [6.0, -30.0, -24.0], 9.0), (3, [2.0, -32.0, 40.0], 5.0)):
+            away = np.linalg.norm(scene.fibres[row].points_mm - center, axis=1)
+            assert away.min() > radius - 1e-6
+            assert (scene.fibres[row].points_mm.shape[0] > 2) and away.min() < 3 * radius
+    assert float(found.wrap_angle[0, 2]) > 0
+
+
+def test_the_number_of_poses_does_not_change_a_pose(right, scenes):
+    table = np.linspace(TABLE[0], TABLE[1], 9)
+    many = report.scenes(right, Pose.from_table(table))
+    assert len(many) == 9
+    for ours, alone in ((many[0], scenes[0]), (many[8], scenes[1])):
+        for a, b in zip(ours.fibres, alone.fibres, strict=True):
+            np.testing.assert_allclose(a.points_mm, b.points_mm, atol=1e-9)
+        for a, b in zip(ours.plateaus, alone.plateaus, strict=True):
+            np.testing.assert_allclose(a.pressure_MPa, b.pressure_MPa, atol=1e-9)
+
+
+def test_plateaus_end_at_the_cartilages_border():
+    """The drawn triangles cover the outline's area, with no teeth of the grid."""
+    from kneejax.report._pressure_map import PlateauPressure
+    from kneejax.report._scene import _to_the_rim
+
+    turn = np.linspace(0.0, 2.0 * np.pi, 91)[:-1]
+    rim = np.stack([10.0 * np.cos(turn), 0.0 * turn, 7.0 * np.sin(turn)], axis=1)
+    x, z = np.meshgrid(np.linspace(-10, 10, 40), np.linspace(-7, 7, 40), indexing="ij")
+    points = np.stack([x, 0.0 * x, z], axis=-1)
+    covered = (x / 10.0) ** 2 + (z / 7.0) ** 2 < 1.0
+    pressure = np.where(covered, 1.0, 0.0)[None]
+    field = PlateauPressure("round", points, pressure, np.zeros((1, 3)), covered, rim)
+    placed, faces, own = _to_the_rim(field)
+    a, b, c = np.moveaxis(placed.reshape(-1, 3)[faces], 1, 0)
+    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+    assert area == pytest.approx(np.pi * 70.0, rel=0.01)
+    used = placed.reshape(-1, 3)[np.unique(faces)]
+    assert np.hypot(used[:, 0] / 10.0, used[:, 2] / 7.0).max() < 1.0 + 1e-9
+    assert covered.ravel()[own[np.unique(faces)]].all()
+
+
+def test_page_cuts_long_bones_at_a_height(right):
+    """A tube along Y, of rings: what is kept ends at the cut, and moves as the whole does."""
+    pytest.importorskip("plotly")
+    from kneejax.report._scene_html import _SHAFT_MM, _with_short_shafts
+
+    turn = np.linspace(0.0, 2.0 * np.pi, 13)[:-1]
+    heights = np.arange(-300.0, 301.0, 7.0)
+    ring = np.stack([20.0 * np.cos(turn), 0.0 * turn, 20.0 * np.sin(turn)], axis=1)
+    points = (ring[None] + heights[:, None, None] * [0.0, 1.0, 0.0]).reshape(-1, 3)
+    faces = grid_triangles(len(heights), len(turn))
+    bones = [report.BoneMesh(bone, points, faces) for bone in ("femur", "tibia")]
+    whole = report.scenes(right, Pose.from_table(TABLE), bones)
+    short = _with_short_shafts(whole)
+    low, high = (f(whole[0].points_mm[:, 1]) for f in (np.min, np.max))
+    for bone in short[0].bones:
+        assert bone.points_mm[:, 1].min() == pytest.approx(low - _SHAFT_MM)
+        assert bone.points_mm[:, 1].max() == pytest.approx(high + _SHAFT_MM)
+    shapes = [scene.bones[0].points_mm for scene in short]
+    sizes = [np.linalg.norm(shape - shape[0], axis=1) for shape in shapes]
+    np.testing.assert_allclose(sizes[0], sizes[1], atol=1e-9)  # the femur stays rigid
+
+
+def test_a_bone_of_many_triangles_is_simplified_where_it_was():
+    pv = pytest.importorskip("pyvista")
+    ball = pv.Sphere(radius=30.0, theta_resolution=120, phi_resolution=120)
+    bone = report.BoneMesh("femur", np.asarray(ball.points, float), ball.regular_faces)
+    fewer = report.simplified(bone, 4000)
+    assert 2000 < len(fewer.faces) <= 4400
+    np.testing.assert_allclose(np.linalg.norm(fewer.points_mm, axis=1), 30.0, atol=0.1)
+    assert report.simplified(fewer, 8000) is fewer
