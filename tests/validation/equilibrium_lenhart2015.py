@@ -70,7 +70,7 @@ def patellar_tendon(record: Record, rows, transition_width: float) -> Ligaments:
     return eqx.tree_at(lambda x: x.femoral_attachment, lanes, jnp.stack(upper))
 
 
-def standing(knee: Knee, record: Record, rows, tendon_share) -> Knee:
+def standing(knee: Knee, record: Record, rows, tendon_share: float) -> Knee:
     """The knee with what the record's ligaments and contact leave unbalanced, one lane a row.
 
     Ligament forces were recorded at some instants only and are computed at recorded poses, which
@@ -80,13 +80,12 @@ def standing(knee: Knee, record: Record, rows, tendon_share) -> Knee:
         knee: without loads, contacts as sums over points.
         record: what was recorded.
         rows: of the record.
-        tendon_share: 0 where all of the wrench is a load, 1 where the patellar tendon's fibres
-            give their part of it, for each row.
+        tendon_share: 0 if all of the wrench is a load, 1 if the patellar tendon's fibres give
+            their part of it.
     """
-    rows, share = np.asarray(rows), jnp.asarray(tendon_share, float)
     tibia = record.poses(rows).placement
     tendon = patellar_tendon(record, rows, float(knee.ligaments.transition_width.min()))
-    tendon = eqx.tree_at(lambda x: x.stiffness, tendon, tendon.stiffness * share)
+    tendon = eqx.tree_at(lambda x: x.stiffness, tendon, tendon.stiffness * tendon_share)
     lanes, nothing = add_lane_axis(knee), np.zeros((3, len(rows)))
     both = _together(lanes.ligaments, tendon, len(rows))
     alone = dataclasses.replace(lanes, ligaments=both, loads=(_load(nothing, nothing),))

@@ -4,8 +4,6 @@ Importer and mechanics are judged together: the model and its meshes go through 
 into a folder of the test, and what comes out is held against the record at all instants.
 """
 
-import os
-import subprocess
 import sys
 from pathlib import Path
 
@@ -15,6 +13,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parents[1] / "mechanics"))
 import equilibrium_lenhart2015 as equilibrium
+from imported_lenhart2015 import import_both
 from raycast_foundation import confined_modulus, load_mesh_mm, raycast_contact
 from recorded_lenhart2015 import (
     CONTACT_CRITERIA,
@@ -27,7 +26,6 @@ from recorded_lenhart2015 import (
 from second_knee import write_second_knee
 
 from kneejax import Pose, Status, evaluate
-from kneejax.files import load_knee_file
 
 pytestmark = [
     pytest.mark.skipif(not DATA.exists(), reason="lenhart2015 is not beside the checkout"),
@@ -46,27 +44,7 @@ def imported(tmp_path_factory):
     pytest.importorskip("trimesh")
     folder = tmp_path_factory.mktemp("import")
     second = write_second_knee(DATA / "lenhart2015.osim", DATA / "meshes", folder / "second")
-    orders = [
-        (DATA / "lenhart2015.osim", "r", DATA / "meshes", folder / "first"),
-        (second.model, second.side, second.model.parent, folder / "twin"),
-    ]
-    running = [_import(*order) for order in orders]
-    for process in running:
-        said = process.communicate(timeout=600)[0]
-        assert process.returncode == 0, said
-    return *(load_knee_file(order[-1] / "knee.yaml") for order in orders), second
-
-
-def _import(model, side, geometry, out):
-    command = [sys.executable, "-m", "kneejax.cli", "import", "osim", str(model), "--side", side]
-    # The fits are many small systems: threads of the linear algebra only wait for each other.
-    return subprocess.Popen(
-        [*command, "--geometry", str(geometry), "--out", str(out)],
-        env=os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
+    return *import_both(DATA, second, folder), second
 
 
 @pytest.fixture(scope="module")
@@ -133,37 +111,36 @@ def test_contact_against_rays_between_the_meshes(time, force_N, found, record):
 # ---- equilibrium ----
 
 
+INSTANTS = slice(None, None, 8)
+
+
 @pytest.fixture(scope="module")
-def standing(knee, record):
-    """The knee at some instants, without and then with the fibres of the patellar tendon."""
-    rows = np.arange(0, len(record.time), 8)
-    both, share = np.tile(rows, 2), np.repeat([0.0, 1.0], len(rows))
-    lanes, poses = equilibrium.standing(knee, record, both, share), record.poses(both)
-    footing = equilibrium.footing(lanes, poses)
-    return share == 1.0, footing, equilibrium.search_from_away(lanes, poses)
+def stood(knee, record):
+    """How firmly poses are held and where searches end, without and with the tendon's fibres."""
+    rows = np.arange(len(record.time))[INSTANTS]
+    poses = record.poses(rows)
+    knees = [equilibrium.standing(knee, record, rows, share) for share in (0.0, 1.0)]
+    return [(equilibrium.footing(x, poses), equilibrium.search_from_away(x, poses)) for x in knees]
 
 
-def test_equilibrium_returns_to_the_recorded_pose_or_says_why_not(standing, record):
+def test_equilibrium_returns_to_the_recorded_pose_or_says_why_not(stood, record):
     """The missing wrench as a dead load: a tendon's pull that does not turn with the tibia."""
-    tendon, footing, search = standing
-    dead = ~tendon
-    assert (search.back | ~footing.holds | (search.status == Status.NOT_CONVERGED))[dead].all()
+    footing, search = stood[0]
+    assert (search.back | ~footing.holds | (search.status == Status.NOT_CONVERGED)).all()
     # A pose that is held may take more steps than a search has; not often.
-    assert (search.back & footing.holds)[dead].sum() >= 0.95 * footing.holds[dead].sum()
-    # It is not held in one range of flexion only, and the reason is the same everywhere.
-    flexion = np.tile(record.flexion[::8], 2)
-    loose = dead & ~footing.holds
-    assert 0 < loose.sum() < 0.2 * dead.sum()
-    assert np.ptp(flexion[loose]) < 15.0
-    assert footing.eigenvalues[loose, 0].max() < 1.0 < footing.eigenvalues[~loose & dead, 0].min()
+    assert (search.back & footing.holds).sum() >= 0.95 * footing.holds.sum()
+    # Poses are loose in one range of flexion only, for want of stiffness.
+    loose, flexion = ~footing.holds, record.flexion[INSTANTS]
+    assert 0 < loose.sum() < 0.2 * len(loose) and np.ptp(flexion[loose]) < 15.0
+    assert footing.eigenvalues[loose, 0].max() < 1.0 < footing.eigenvalues[~loose, 0].min()
 
 
-def test_equilibrium_with_the_patellar_tendon_returns_everywhere(standing):
+def test_equilibrium_with_the_patellar_tendon_returns_everywhere(stood):
     """Its fibres from the recorded patella, the rest of the wrench as a load: nothing is loose."""
-    tendon, footing, search = standing
-    assert footing.holds[tendon].all() and footing.eigenvalues[tendon].min() > 1.0
-    assert search.back[tendon].all()
-    assert search.turned[tendon].max() < 0.2 and search.moved[tendon].max() < 0.2
+    footing, search = stood[1]
+    assert footing.holds.all() and footing.eigenvalues.min() > 1.0
+    assert search.back.all()
+    assert search.turned.max() < 0.2 and search.moved.max() < 0.2
 
 
 # ---- a knee that nobody has seen ----
