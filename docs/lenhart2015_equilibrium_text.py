@@ -67,7 +67,8 @@ the way is {drift[0]:.2f} degrees and {drift[1]:.3f} mm (median), which is what 
 
 *First direction of {len(stand["dead"]["searches"])}. `not_converged` is what kneejax says itself.
 Where it balances elsewhere it has found another stable pose, and cannot know that a different one
-was meant; whether such poses were held by their own stiffness is the column after it.*
+was meant; whether such poses were held by their own stiffness is the column after it. Where a pose
+that is not held ends depends on the last digits of the arithmetic.*
 
 {_tendon(results)}
 
