@@ -62,7 +62,7 @@ def march(knee: Knee, ligaments, own: Guess, angles: Array):
     Returns:
         Coordinates, meeting points, stability and steps, the first axis an angle.
     """
-    lanes = in_lanes(knee, *ligaments)
+    lanes = in_lanes(knee, *ligaments).for_many_poses()
 
     def pose(before, here):
         away, known, tangent = before

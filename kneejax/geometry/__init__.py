@@ -51,6 +51,7 @@ from kneejax.geometry._vectors import cross as cross
 from kneejax.geometry._vectors import dot as dot
 from kneejax.geometry._vectors import full as full
 from kneejax.geometry._vectors import norm as norm
+from kneejax.geometry._vectors import plus as plus
 from kneejax.geometry._vectors import rotate as rotate
 from kneejax.geometry._vectors import scale as scale
 from kneejax.geometry._vectors import subtract as subtract

@@ -25,7 +25,7 @@ from kneejax.mechanics import _cartilage_law as law
 from kneejax.mechanics import _patch
 from kneejax.mechanics._patch import Gap
 from kneejax.mechanics._patch_force import Pressed, press
-from kneejax.mechanics._points_force import sampled_wrench, wrench_on_points
+from kneejax.mechanics._points_force import press_points, sampled_wrench
 from kneejax.mechanics._quadrature import Points, Sampled, midpoints, sample
 from kneejax.mechanics._wrench import Wrench
 
@@ -212,9 +212,13 @@ class Contact(eqx.Module):
         """Of the layer on the tibia, about the tibia's origin in femur axes."""
         if self.has_patch:
             return self.press(tibia, self.meeting(tibia)).wrench
+        return self.press_points(tibia)[1]
+
+    def press_points(self, tibia: Placement) -> tuple[Array, Wrench]:
+        """Energy over points, N mm, and the wrench on the tibia as in `wrench`."""
         motion = self.femur_to_plateau(tibia)
-        wrench = wrench_on_points(self, self.quadrature_points(), motion)
-        return wrench.moved(self.tibial.frame.placement).turned(tibia)
+        energy, wrench = press_points(self, self.quadrature_points(), motion)
+        return energy, wrench.moved(self.tibial.frame.placement).turned(tibia)
 
     def sampled_wrench(self, tibia: Placement, sampled: Sampled) -> Wrench:
         """As `wrench`, from depths at the quadrature points."""
@@ -224,7 +228,10 @@ class Contact(eqx.Module):
         """Elastic energy of the layer, N mm."""
         if self.has_patch:
             return self.patch_energy(self.gap(tibia, self.meeting(tibia)))
-        sampled = self.sample(tibia)
+        return self.sampled_energy(self.sample(tibia))
+
+    def sampled_energy(self, sampled: Sampled) -> Array:
+        """As `energy`, from depths at the quadrature points."""
         layer, area = self.layer(sampled.points), sampled.points.area
         density = law.relative_energy(self.law, self.rounded(sampled.depth) / layer)
         return self.modulus * jnp.sum(area * layer * density, axis=0)

@@ -53,9 +53,11 @@ class Knee(eqx.Module):
             pose: one pose or a batch; the knee's leaves then carry the same trailing axes.
         """
         tibia = pose.placement
-        total = self.energy_without_patches(pose)
+        total = self.ligaments.energy(tibia)
+        for line in self.lines:
+            total = total + line.energy(pose.flexion, tibia)
         for contact in self.contacts:
-            total = total + (contact.energy(tibia) if contact.has_patch else 0.0)
+            total = total + contact.energy(tibia)
         return total
 
     def press(
@@ -76,7 +78,7 @@ class Knee(eqx.Module):
             along its first axis; energy in N mm; and the patches, with a leading axis of length
             `n`, or None if there are none.
         """
-        wrenches, energy = self.wrenches_without_patches(pose), self.energy_without_patches(pose)
+        wrenches, energy = self.press_without_patches(pose)
         if not self.patch_count:
             return wrenches, energy, None
         pressed = self.map_patches(Contact.press, pose.placement, meeting)
@@ -132,23 +134,18 @@ class Knee(eqx.Module):
         """Number of contacts that have a patch, hence a meeting point."""
         return sum(contact.has_patch for contact in self.contacts)
 
-    def energy_without_patches(self, pose: Pose) -> Array:
-        """Energy of all but the contacts that have a patch, N mm."""
+    def press_without_patches(self, pose: Pose) -> tuple[list[Wrench], Array]:
+        """As `press`, of all but the contacts that have a patch: wrenches and energy."""
         tibia = pose.placement
-        total = self.ligaments.energy(tibia)
+        wrenches, energy = self.ligaments.pull(tibia)
         for line in self.lines:
-            total = total + line.energy(pose.flexion, tibia)
+            energy = energy + line.energy(pose.flexion, tibia)
+            wrenches = [*wrenches, line.wrench(pose.flexion, tibia).alone()]
         for contact in self.contacts:
             if not contact.has_patch:
-                total = total + contact.energy(tibia)
-        return total
-
-    def wrenches_without_patches(self, pose: Pose) -> list[Wrench]:
-        """Of all but the contacts that have a patch and the loads; as from `press`."""
-        tibia = pose.placement
-        rest = [line.wrench(pose.flexion, tibia) for line in self.lines]
-        rest += [contact.wrench(tibia) for contact in self.contacts if not contact.has_patch]
-        return [*self.ligaments.wrenches(tibia), *(wrench.alone() for wrench in rest)]
+                of_contact, wrench = contact.press_points(tibia)
+                energy, wrenches = energy + of_contact, [*wrenches, wrench.alone()]
+        return wrenches, energy
 
     def load_work(self, pose: Pose) -> Array:
         """Generalised force of the loads on the five free coordinates, shape `(5, ...)`."""

@@ -126,34 +126,41 @@ class Ligaments(eqx.Module):
         )
 
     def wrenches(self, tibia: Placement) -> list[Wrench]:
-        """Of the fibres on the tibia, about the tibia's origin in femur axes.
+        """The wrenches of `pull`."""
+        return self.pull(tibia)[0]
 
-        Each item holds several fibres along its first axis; kinds of courses are kept apart,
-        since only their sum is wanted where speed matters.
+    def pull(self, tibia: Placement) -> tuple[list[Wrench], Array]:
+        """What the fibres do to the tibia.
+
+        Returns:
+            Wrenches about the tibia's origin in femur axes, and the energy of all fibres, N mm.
+            Each wrench holds several fibres along its first axis: kinds of courses are kept
+            apart, since only their sum is wanted where speed matters.
         """
-        answer = []
+        answer, energy = [], jnp.zeros(jnp.shape(tibia.translation[0]))
         for rows, (length, pulls) in zip(self._rows, self._ways(tibia), strict=True):
-            tension = law.tension(
-                length / self._of(rows, self.slack_length) - 1.0,
-                self._of(rows, self.stiffness),
-                self._of(rows, self.transition_strain),
-                self._of(rows, self.transition_width),
+            stiffness, slack_length, transition_strain, transition_width = (
+                self._of(rows, x)
+                for x in (
+                    self.stiffness,
+                    self.slack_length,
+                    self.transition_strain,
+                    self.transition_width,
+                )
             )
+            strain = length / slack_length - 1.0
+            tension = law.tension(strain, stiffness, transition_strain, transition_width)
             pull = functools.reduce(operator.add, pulls)
-            force, moment = scale(tension, pull.force), scale(tension, pull.moment)
-            answer.append(Wrench(full(force), full(moment)))
-        return answer
+            answer.append(
+                Wrench(full(scale(tension, pull.force)), full(scale(tension, pull.moment)))
+            )
+            each = law.energy(strain, stiffness, transition_strain, transition_width, slack_length)
+            energy = energy + jnp.sum(each, axis=0)
+        return answer, energy
 
     def energy(self, tibia: Placement) -> Array:
         """Energy of all fibres together, shape `(...)`, N mm."""
-        each = law.energy(
-            self.strain(tibia),
-            self.stiffness,
-            self.transition_strain,
-            self.transition_width,
-            self.slack_length,
-        )
-        return jnp.sum(each, axis=0)
+        return self.pull(tibia)[1]
 
     def length_and_wrap(self, tibia: Placement) -> tuple[Array, WrapState]:
         """Lengths, `(n, ...)`, mm, and how the fibres pass their obstacles.

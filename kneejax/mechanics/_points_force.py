@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 import jax
 import jax.numpy as jnp
+from jax import Array
 from jax.custom_derivatives import SymbolicZero
 
 from kneejax.geometry import (
@@ -30,6 +31,7 @@ from kneejax.geometry import (
     cross,
     dot,
     instantiate,
+    plus,
     rotate,
     scale,
     subtract,
@@ -60,22 +62,26 @@ def sampled_wrench(contact: Contact, sampled: Sampled) -> Wrench:
 
 
 @jax.custom_jvp
-def wrench_on_points(contact: Contact, points: Points, motion: Placement) -> Wrench:
-    """Wrench on the tibia in its surface's frame, with the stiffness against motions of the bones.
+def press_points(contact: Contact, points: Points, motion: Placement) -> tuple[Array, Wrench]:
+    """Energy and wrench of a layer over points.
 
     Args:
         contact: gives the femoral surface and the pressure law.
         points: of the tibial surface.
         motion: from the femoral to the tibial surface's frame.
+
+    Returns:
+        N mm, and the wrench on the tibia in its surface's frame.
     """
-    return sampled_wrench(contact, sample(contact.femoral, points, motion))
+    sampled = sample(contact.femoral, points, motion)
+    return contact.sampled_energy(sampled), sampled_wrench(contact, sampled)
 
 
-def _wrench_on_points_jvp(primals, tangents):
+def _press_points_jvp(primals, tangents):
     contact, points, motion = primals
     *of_parts, of_motion = tangents
     if not all(isinstance(t, SymbolicZero) for t in jax.tree.leaves(of_parts)):
-        return jax.jvp(wrench_on_points.fun, primals, instantiate(tangents))
+        return jax.jvp(press_points.fun, primals, instantiate(tangents))
     sampled = sample(contact.femoral, points, motion)
     by_shift, by_turn = stiffness(contact, sampled, motion)
     shift, turn = _twist(motion, instantiate(of_motion))
@@ -83,10 +89,13 @@ def _wrench_on_points_jvp(primals, tangents):
     change = Wrench((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     for rate, wrench in parts:
         change = change + Wrench(scale(rate, wrench.force), scale(rate, wrench.moment))
-    return sampled_wrench(contact, sampled), change
+    wrench = sampled_wrench(contact, sampled)
+    # The work of the wrench on the tibia, as the femur moves instead.
+    work = plus(dot(shift, wrench.force), dot(turn, wrench.moment))
+    return (contact.sampled_energy(sampled), wrench), (work, change)
 
 
-wrench_on_points.defjvp(_wrench_on_points_jvp, symbolic_zeros=True)
+press_points.defjvp(_press_points_jvp, symbolic_zeros=True)
 
 
 def stiffness(

@@ -162,7 +162,7 @@ def force_derivative_without_patches(
     pose = Pose.from_state(flexion, q)
 
     def residual(knee_: Knee) -> Array:
-        wrench = Wrench.total(knee_.wrenches_without_patches(pose))
+        wrench = Wrench.total(knee_.press_without_patches(pose)[0])
         return jnp.stack(_unbalanced(knee_, pose, wrench))
 
     return jax.jvp(residual, (knee,), (knee_tangent,))[1]
