@@ -20,9 +20,9 @@ from kneejax.files import (
 from kneejax.geometry import Pose
 from kneejax.mechanics import ligament_law
 
-
 WRAP = {
-    "kind": "sphere", "bone": "tibia", "center_mm": [0, 0, 0], "radius_mm": 9.0, "source": "assumed",
+    "kind": "sphere", "bone": "tibia", "center_mm": [0, 0, 0], "radius_mm": 9.0,
+    "source": "assumed",
 }  # fmt: skip
 
 
