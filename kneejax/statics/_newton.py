@@ -6,11 +6,11 @@ to a stable balance. Where the tangent is not positive definite, or a step was r
 of the identity is added to it. Lanes decide alone: one bad lane slows the others but never
 changes them.
 
-Where contacts have patches, a tangent is kept while steps still shrink by `_GOOD`, and computed anew
-when a quarter of the lanes that still search ask for that. With shared fusion it takes 0.10 ms over
-25 lanes and 1.1 ms over 256; a look, which is a force and a step of the meeting points, 0.03 and
-0.18 ms: a fourth to a sixth of that. Over points a tangent costs but two forces (0.29 and 0.14 ms a
-lane, 2 x 432 points): every look takes it along, and half as many looks are needed.
+Where contacts have patches, a tangent is kept while steps still shrink by `_GOOD`, and computed
+anew when a quarter of the lanes that still search ask for that. With shared fusion it takes 0.10 ms
+over 25 lanes and 1.1 ms over 256; a look, which is a force and a step of the meeting points, 0.03
+and 0.18 ms: a fourth to a sixth of that. Over points a tangent costs two forces (0.29 and 0.14 ms a
+lane, 2 x 432 points): every look takes one along, and 4 looks do where there were 9.
 """
 
 from __future__ import annotations
