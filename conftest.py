@@ -1,7 +1,15 @@
 """Tests and doctests compute in float64, and leave no compiled programs behind."""
 
-import jax
-import pytest
+import os
+
+# Tests wait for the compiler. Without fusion, as the package compiles by default, and without
+# optimising machine code they take two thirds of the time. XLA reads this once, hence here.
+os.environ.setdefault(
+    "XLA_FLAGS", "--xla_disable_hlo_passes=fusion --xla_backend_optimization_level=0"
+)
+
+import jax  # noqa: E402
+import pytest  # noqa: E402
 
 jax.config.update("jax_enable_x64", True)
 

@@ -11,7 +11,7 @@ import meshed_knee as made
 
 from kneejax.cli import main
 
-MODELS = Path(__file__).parents[1] / "files" / "opensim"
+MODELS = Path(__file__).parents[1] / "files" / "models"
 LEFT, RIGHT = MODELS / "left_schema4.osim", MODELS / "right_schema3.osim"
 HEADER = "flexion_deg,adduction_deg,internal_rotation_deg,anterior_mm,superior_mm,lateral_mm"
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from kneejax.files import InputProblem, KneeFile, export_osim, import_osim, read_knee, write_knee
 
-MODELS = Path(__file__).parent / "opensim"
+MODELS = Path(__file__).parent / "models"
 LEFT, RIGHT = MODELS / "left_schema4.osim", MODELS / "right_schema3.osim"
 LENHART = Path(__file__).parents[2] / "../shared/data/lenhart2015/lenhart2015.osim"
 CASES = [(LEFT, "l"), (RIGHT, "r"), (LENHART, "r")]

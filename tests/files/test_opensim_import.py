@@ -25,7 +25,7 @@ from kneejax.files._opensim_numbers import (
 from kneejax.geometry import Pose
 from kneejax.mechanics import cartilage_law
 
-MODELS = Path(__file__).parent / "opensim"
+MODELS = Path(__file__).parent / "models"
 LEFT, RIGHT = MODELS / "left_schema4.osim", MODELS / "right_schema3.osim"
 DATA = Path(__file__).parents[2] / "../shared/data/lenhart2015"
 needs_data = pytest.mark.skipif(not DATA.exists(), reason="the shared data are not here")

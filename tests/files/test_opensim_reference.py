@@ -11,7 +11,7 @@ from kneejax.files._opensim_functions import simm_spline
 from kneejax.geometry import Pose
 
 pytestmark = pytest.mark.opensim
-MODELS = Path(__file__).parent / "opensim"
+MODELS = Path(__file__).parent / "models"
 LENHART = Path(__file__).parents[2] / "../shared/data/lenhart2015/lenhart2015.osim"
 # Classes of OpenSim JAM that OpenSim does not have, and the one that our file leaves half empty.
 _FOREIGN = re.compile(
