@@ -61,10 +61,17 @@ def main(arguments: list[str] | None = None) -> int:
 
     try:
         _check_out(getattr(chosen, "out", None), folder=chosen.command != "export")
-        return chosen.run(chosen)
+        status = chosen.run(chosen)
+        sys.stdout.flush()
+        return status
     except (InputProblem, UnknownParameter, UnsuitableData) as problem:
         print(f"kneejax: {' '.join(str(problem).split())}", file=sys.stderr)
         return BAD_INPUT
+    except BrokenPipeError:
+        # Whoever reads has seen enough (`kneejax describe ... | head`). Python flushes once more
+        # when it ends, and would complain.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
     except OSError as problem:
         print(f"kneejax: {problem.filename}: {problem.strerror}", file=sys.stderr)
         return BAD_INPUT

@@ -233,3 +233,11 @@ def test_flexion_outside_the_surfaces_is_said(tmp_path, capsys):
     assert "160" in capsys.readouterr().out
     status = {row["flexion_deg"]: row["status"] for row in rows(tmp_path / "poses.csv")}
     assert status["0.0"] == "balanced" and status["160.0"] != "balanced"
+
+
+def test_a_reader_that_has_seen_enough_is_no_error():
+    command = [sys.executable, "-m", "kneejax.cli", "knees"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.close()
+        said = process.stderr.read()
+    assert (process.returncode, said) == (0, b"")
