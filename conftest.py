@@ -8,8 +8,8 @@ os.environ.setdefault(
     "XLA_FLAGS", "--xla_disable_hlo_passes=fusion --xla_backend_optimization_level=0"
 )
 
-import jax  # noqa: E402
-import pytest  # noqa: E402
+import jax
+import pytest
 
 jax.config.update("jax_enable_x64", True)
 
