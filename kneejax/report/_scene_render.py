@@ -189,8 +189,7 @@ def _imported(module: str, name: str) -> Any:
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
     """Without the remarks that VTK makes on its way from X to EGL to OSMesa."""
-    from vtkmodules.vtkCommonCore import vtkLogger
-
+    vtkLogger = _imported("vtkmodules.vtkCommonCore", "VTK").vtkLogger
     before = vtkLogger.GetCurrentVerbosityCutoff()
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
     try:
