@@ -1,8 +1,8 @@
-"""Pictures of the bundled knee `lenhart2015` in passive flexion: strain of fibres, pressure.
+"""Picture of the bundled knee `lenhart2015` in passive flexion: strain of fibres, pressure.
 
     python docs/figures/make_lenhart2015.py [--femur-bone FILE --tibia-bone FILE]
 
-The bones are meshes of the model, which are not bundled. The same pictures, larger, and a page that
+The bones are meshes of the model, which are not bundled. The same picture, larger, and a page that
 turns come from `kneejax simulate passive-flexion --knee lenhart2015 --flexion 0,30,60,90` and
 `kneejax view lenhart2015 POSES.csv`.
 """
@@ -47,7 +47,6 @@ def main() -> None:
             bones.append(report.BoneMesh(bone, mesh.points_mm, mesh.faces))
     scenes = report.scenes(knee, poses, bones)
     write(report.scenes_figure(scenes, VIEWS), "lenhart2015_motion.png", 1240)
-    write(report.pressure_figure(knee, poses), "lenhart2015_pressure.png", 1300)
 
 
 def write(figure, name: str, width: int) -> None:
