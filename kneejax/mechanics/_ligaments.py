@@ -14,7 +14,7 @@ from jax.typing import ArrayLike
 
 from kneejax.geometry import Placement, TautPath, Vector, add, full, norm, scale, subtract
 from kneejax.mechanics import _ligament_law as law
-from kneejax.mechanics._courses import Course, Piece
+from kneejax.mechanics._courses import Course, Piece, by_kind
 from kneejax.mechanics._wrench import Wrench
 
 
@@ -100,6 +100,11 @@ class Ligaments(eqx.Module):
         bent = {row for course in self.courses for row in course.rows}
         return tuple(row for row in range(len(self.names)) if row not in bent)
 
+    @property
+    def kinds(self) -> tuple[Course, ...]:
+        """The courses, with those in one that can be computed together."""
+        return by_kind(self.courses, self.stiffness.ndim > 1)
+
     def line(self, tibia: Placement) -> Vector:
         """Vector from femoral to tibial attachment in femur axes, components `(n, ...)`, mm."""
         return _arm_and_line(self.femoral_attachment, self.tibial_attachment, tibia)[1]
@@ -108,7 +113,8 @@ class Ligaments(eqx.Module):
         """Length of each fibre along its course, shape `(n, ...)`, mm."""
         if not self.courses:
             return norm(self.line(tibia))
-        return self._joined([length for length, _ in self._ways(tibia)])
+        kinds = self.kinds
+        return self._joined(kinds, [length for length, _ in self._ways(kinds, tibia)])
 
     def strain(self, tibia: Placement) -> Array:
         """Strain of each fibre: length over slack length, minus one."""
@@ -138,7 +144,8 @@ class Ligaments(eqx.Module):
             apart, since only their sum is wanted where speed matters.
         """
         answer, energy = [], jnp.zeros(jnp.shape(tibia.translation[0]))
-        for rows, (length, pulls) in zip(self._rows, self._ways(tibia), strict=True):
+        kinds = self.kinds
+        for rows, (length, pulls) in zip(self._rows(kinds), self._ways(kinds, tibia), strict=True):
             stiffness, slack_length, transition_strain, transition_width = (
                 self._of(rows, x)
                 for x in (
@@ -170,17 +177,17 @@ class Ligaments(eqx.Module):
         if not self.courses:
             length = norm(self.line(tibia))
             return length, _free(length)
-        lengths, states = [], []
+        kinds, lengths, states = self.kinds, [], []
         if self.straight:
             lengths = [norm(_arm_and_line(*self._ends(self.straight), tibia)[1])]
             states = [_free(lengths[0])]
-        for course in self.courses:
+        for course in kinds:
             pieces = self._pieces(course, tibia)
             lengths.append(functools.reduce(operator.add, (piece.length for piece in pieces)))
             bent = [piece.taut for piece in pieces if piece.taut is not None]
             states.append(functools.reduce(_more_bent, bent, _free(lengths[-1])))
-        wrap = jax.tree.map(lambda *x: self._joined(list(x)), *states)
-        return self._joined(lengths), wrap
+        wrap = jax.tree.map(lambda *x: self._joined(kinds, list(x)), *states)
+        return self._joined(kinds, lengths), wrap
 
     def ends_inside(self, tibia: Placement) -> Array:
         """Whether an end of each fibre lies inside the fibre's obstacle, `(n, ...)`."""
@@ -190,10 +197,9 @@ class Ligaments(eqx.Module):
             inside = inside.at[np.array(course.rows)].set(found)
         return inside
 
-    @property
-    def _rows(self) -> list[tuple[int, ...]]:
+    def _rows(self, kinds: tuple[Course, ...]) -> list[tuple[int, ...]]:
         straight = [self.straight] if self.straight else []
-        return [*straight, *(course.rows for course in self.courses)]
+        return [*straight, *(course.rows for course in kinds)]
 
     def _of(self, rows: tuple[int, ...], array: Array) -> Array:
         """Rows of an array; all of them, or neighbours, without a gather."""
@@ -205,24 +211,26 @@ class Ligaments(eqx.Module):
     def _ends(self, rows: tuple[int, ...]) -> tuple[Array, Array]:
         return self._of(rows, self.femoral_attachment), self._of(rows, self.tibial_attachment)
 
-    def _joined(self, parts: list[Array]) -> Array:
-        """What was computed kind by kind, in the order of the fibres."""
-        order = np.argsort([row for rows in self._rows for row in rows])
+    def _joined(self, kinds: tuple[Course, ...], parts: list[Array]) -> Array:
+        """What was computed kind by kind, straight fibres first, in the order of the fibres."""
+        order = np.argsort([row for rows in self._rows(kinds) for row in rows])
         shape = jnp.broadcast_shapes(*(part.shape[1:] for part in parts))
         return jnp.concatenate([jnp.broadcast_to(x, (len(x), *shape)) for x in parts])[order]
 
     def _pieces(self, course: Course, tibia: Placement) -> list[Piece]:
         return course.pieces(*self._ends(course.rows), tibia)
 
-    def _ways(self, tibia: Placement) -> list[tuple[Array, list[Wrench]]]:
-        """Of each kind of course: lengths, and wrenches of unit tensions."""
+    def _ways(
+        self, kinds: tuple[Course, ...], tibia: Placement
+    ) -> list[tuple[Array, list[Wrench]]]:
+        """Of straight fibres and each kind of course: lengths, and wrenches of unit tensions."""
         ways = []
         if self.straight:
             arm, line = _arm_and_line(*self._ends(self.straight), tibia)
             length = norm(line)
             unit = scale(-1.0 / jnp.where(length > 0, length, 1.0), line)
             ways.append((length, [Wrench.at(arm, unit)]))
-        for course in self.courses:
+        for course in kinds:
             pieces = self._pieces(course, tibia)
             length = functools.reduce(operator.add, (piece.length for piece in pieces))
             ways.append((length, [piece.pull for piece in pieces]))

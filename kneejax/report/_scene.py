@@ -262,10 +262,8 @@ def _fibres(knee: Knee, poses: Pose):
     """Courses in femur axes, each `(k, 3, poses)`; strains and tensions, `(fibres, poses)`."""
     if not knee.ligaments.names:
         return [], np.zeros((0, 1)), np.zeros((0, 1))
-    ligaments = _by_kind(add_lane_axis(knee.ligaments))
-    kinds = ((ligaments.straight,) if ligaments.straight else ()) + tuple(
-        course.rows for course in ligaments.courses
-    )
+    ligaments = add_lane_axis(knee.ligaments)
+    kinds = [course.rows for course in _courses(ligaments)]
     parts = [_drawn(ligaments, some) for some in lots(poses)]
     count = np.shape(poses.flexion)[0]
 
@@ -280,39 +278,9 @@ def _fibres(knee: Knee, poses: Pose):
     return [lines[row] for row in range(len(lines))], strain, tension
 
 
-def _by_kind(ligaments: Ligaments) -> Ligaments:
-    """The same fibres, those around obstacles of one kind on one bone in one course.
-
-    Every course is compiled by itself, which takes seconds, however many fibres it has.
-    """
-    kinds: dict[tuple, list[Course]] = {}
-    for course in ligaments.courses:
-        leaves, kind = jax.tree.flatten(course.obstacle)
-        shapes = tuple(jnp.shape(leaf) for leaf in leaves)
-        kinds.setdefault((kind, shapes, course.obstacle_bone, course.via_bones), []).append(course)
-    return eqx.tree_at(
-        lambda x: x.courses, ligaments, tuple(_together(many) for many in kinds.values())
-    )
-
-
-def _together(courses: list[Course]) -> Course:
-    first = courses[0]
-    if len(courses) == 1:
-        return first
-    counts = [len(course.rows) for course in courses]
-
-    def each(*leaves):
-        # A fibre's number comes before the lanes.
-        rows = [jnp.repeat(x[..., None, :], n, -2) for x, n in zip(leaves, counts, strict=True)]
-        return jnp.concatenate(rows, axis=-2)
-
-    return Course(
-        [row for course in courses for row in course.rows],
-        jnp.concatenate([course.via for course in courses], axis=1),
-        first.via_bones,
-        None if first.obstacle is None else jax.tree.map(each, *(c.obstacle for c in courses)),
-        first.obstacle_bone,
-    )
+def _courses(ligaments: Ligaments) -> list[Course]:
+    straight = [Course(ligaments.straight)] if ligaments.straight else []
+    return [*straight, *ligaments.kinds]
 
 
 @eqx.filter_jit
@@ -322,9 +290,8 @@ def _drawn(ligaments: Ligaments, poses: Pose):
     One array a kind: each point as a result of its own would take minutes to compile.
     """
     tibia = poses.placement
-    kinds = [Course(ligaments.straight)] if ligaments.straight else []
     drawn = []
-    for course in (*kinds, *ligaments.courses):
+    for course in _courses(ligaments):
         rows = np.array(course.rows)
         ends = ligaments.femoral_attachment[rows], ligaments.tibial_attachment[rows]
         shape = (len(rows), *jnp.shape(poses.flexion))

@@ -1,3 +1,4 @@
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -5,7 +6,7 @@ import pytest
 
 import kneejax.geometry as geo
 from kneejax.experiments import Way, evaluate, ways_of
-from kneejax.mechanics import Course, Knee, Ligaments, Wrench
+from kneejax.mechanics import Course, Knee, Ligaments, Wrench, add_lane_axis
 from kneejax.mechanics._wrench import wrench_of
 
 FEMORAL = [[-2.0, 30.0, 1.0], [3.0, 28.0, -2.0], [0.0, 33.0, 0.0]]
@@ -103,6 +104,39 @@ def test_fibres_keep_their_order_however_they_run():
     length, wrap = jax.jit(Ligaments.length_and_wrap)(together, tibia_at(POSE))
     np.testing.assert_allclose(np.asarray(length)[[0, 2]], alone, rtol=1e-14)
     assert np.isneginf(wrap.angle[1]) and np.isfinite(np.asarray(wrap.angle)[[0, 2]]).all()
+
+
+def test_courses_of_one_kind_are_one_program_and_each_keeps_its_obstacle():
+    """Also where one obstacle differs from lane to lane, and by derivatives by its numbers."""
+    sizes = {0: [9.0, 14.0, 11.0], 1: [12.0, 10.0, 8.0], 2: [8.0, 8.0, 15.0]}
+
+    def course(row):
+        frame = geo.Frame([-4.0 - row, 2.0, 0.5 * row], [0.3, 0.1 * row, -0.2])
+        return Course((row,), obstacle=geo.WrapEllipsoid(sizes[row], frame))
+
+    apart = [fibres([course(row)]) for row in sizes]
+    together = fibres([course(2), around("cylinder", "femur", (1,)), course(0)])
+    assert [kind.rows for kind in together.kinds] == [(2, 0), (1,)]
+    wanted = {row: pulled(apart[row], POSE)[1][row] for row in (0, 2)}
+    straight = pulled(fibres(), POSE)[1]
+    assert max(wanted[row] - straight[row] for row in wanted) > 0.1
+    one = pulled(together, POSE)[1]
+
+    def in_lanes(radius):
+        lanes = add_lane_axis(together)
+        axes = jnp.stack([jnp.full_like(radius, 8.0), radius, jnp.full_like(radius, 15.0)])
+        return eqx.tree_at(lambda x: x.courses[0].obstacle.semi_axes, lanes, axes)
+
+    radius = jnp.array([8.0, 9.0])
+    length = jax.jit(lambda r: in_lanes(r).length(tibia_at([POSE] * 2)))
+    for row, expected in wanted.items():
+        np.testing.assert_allclose(one[row], expected, rtol=1e-14)
+        np.testing.assert_allclose(length(radius)[row, 0], expected, rtol=1e-14)
+    slope = jax.jvp(length, (radius,), (jnp.ones(2),))[1]
+    step = 1e-5
+    central = (length(radius + step) - length(radius - step)) / (2 * step)
+    assert float(slope[2].min()) > 1e-3 and not np.asarray(slope)[:2].any()
+    np.testing.assert_allclose(slope, central, rtol=1e-6, atol=1e-9)
 
 
 def test_turning_femur_tibia_and_obstacle_together_changes_no_length():
