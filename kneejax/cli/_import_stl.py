@@ -38,6 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.femur_cartilage,
         arguments.tibia_cartilage,
         side=arguments.side,
+        patellar_cartilage=arguments.patella_cartilage,
         femur_bone=arguments.femur_bone,
         tibia_bone=arguments.tibia_bone,
         layer_thickness_mm=arguments.layer_thickness,
@@ -54,6 +55,8 @@ def run(arguments: argparse.Namespace) -> int:
         reference_pose=pose,
     )
     document = _contacts_only(arguments, found) if knee is None else _replaced(knee, found)
+    if found.surfaces:
+        document["surfaces"] = found.surfaces
     write_knee(document, arguments.out / "knee.yaml")
     write_rows(arguments.out / "fit_report.csv", list(_TABLE), _rows(found))
     write_text(arguments.out / "fit_report.md", _report(found))

@@ -191,6 +191,7 @@ def _add_import(parser: argparse.ArgumentParser) -> None:
     stl = kinds.add_parser("stl", help="cartilage (and bone) meshes")
     stl.add_argument("--femur-cartilage", type=Path, required=True)
     stl.add_argument("--tibia-cartilage", type=Path, required=True)
+    stl.add_argument("--patella-cartilage", type=Path, help="fitted and kept for later")
     stl.add_argument("--femur-bone", type=Path, help="for the layer's thickness")
     stl.add_argument("--tibia-bone", type=Path, help="for the layer's thickness")
     stl.add_argument("--side", choices=sides, required=True)

@@ -13,7 +13,7 @@ import jax
 import numpy as np
 
 from kneejax.files import _knee_schema as schema
-from kneejax.files._mirror import mirror_document
+from kneejax.files._mirror import mirror_document, mirror_part
 from kneejax.files._problem import InputProblem
 from kneejax.files._schema import Field
 from kneejax.files._text import write_text
@@ -62,6 +62,13 @@ class KneeFile:
     description: str
     path: Path
     document: dict[str, Any]
+
+    @property
+    def surfaces(self) -> dict[str, Surface]:
+        """Articular surfaces that no contact uses yet, by bone, mirrored if the knee is left."""
+        left = self.document["side"] == "left"
+        parts = self.document.get("surfaces", {}).items()
+        return {bone: build_surface(mirror_part(x) if left else x) for bone, x in parts}
 
     @property
     def adaptations(self) -> tuple[dict[str, Any], ...]:
@@ -357,6 +364,9 @@ def _ordered(document: dict[str, Any]) -> dict[str, Any]:
         parts = document.get(section)
         if isinstance(parts, dict):
             document[section] = {name: _sorted(part, fields) for name, part in parts.items()}
+    surfaces = document.get("surfaces")
+    if isinstance(surfaces, dict):
+        document["surfaces"] = {bone: _sorted_surface(x) for bone, x in surfaces.items()}
     return document
 
 
@@ -367,9 +377,14 @@ def _sorted(part: Any, fields: tuple[str, ...]) -> Any:
     names = [name for name in fields if name in part]
     answer = {name: part[name] for name in (*names, *(x for x in part if x not in names))}
     for name in ("femoral_surface", "tibial_surface"):
-        surface = answer.get(name)
-        if isinstance(surface, dict):
-            required, optional = schema.SURFACES.get(surface.get("kind"), ((), ()))  # pyright: ignore[reportCallIssue]
-            order = ("kind", required[0], *optional, *required[1:]) if required else ()
-            answer[name] = _sorted(surface, (*order, *schema.SURFACE_EXTRAS))
+        if name in answer:
+            answer[name] = _sorted_surface(answer[name])
     return answer
+
+
+def _sorted_surface(surface: Any) -> Any:
+    if not isinstance(surface, dict):
+        return surface
+    required, optional = schema.SURFACES.get(surface.get("kind"), ((), ()))  # pyright: ignore[reportCallIssue]
+    order = ("kind", required[0], *optional, *required[1:]) if required else ()
+    return _sorted(surface, (*order, *schema.SURFACE_EXTRAS))

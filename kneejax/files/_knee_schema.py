@@ -21,8 +21,8 @@ SIDES = ("right", "left")
 SLACK_FIELDS = ("reference_strain", "slack_length_mm", "reference_force_N")
 #: Fields of a knee file, in the order in which they are written; likewise those below.
 KNEE_FIELDS = (
-    "kneejax", "name", "side", "description", "reference_pose", "ligaments", "contacts", "wraps",
-    "groups", "lines", "loads", "adaptations", "notes", "imported_from",
+    "kneejax", "name", "side", "description", "reference_pose", "ligaments", "contacts", "surfaces",
+    "wraps", "groups", "lines", "loads", "adaptations", "notes", "imported_from",
 )
 POSE_FIELDS = (
     "flexion_deg", "adduction_deg", "internal_rotation_deg", "anterior_mm", "superior_mm",
@@ -38,6 +38,8 @@ CONTACT_FIELDS = (
     "form", "points", "law", "youngs_modulus_MPa", "poisson_ratio", "layer_thickness_mm",
     "layer_variation_mm", "onset_width_mm", "femoral_surface", "tibial_surface", "source",
 )
+#: Bones whose articular surface may stand in a file before any contact uses it.
+SURFACE_BONES = ("patella",)
 #: Kind of obstacle -> the sizes that it must have.
 WRAPS: dict[str, tuple[str, ...]] = {
     "sphere": ("radius_mm",),
@@ -105,6 +107,11 @@ def check_knee(document: Field) -> dict[str, str]:
         _check_contact(contact, sources)
     if not document["ligaments"].value and not document["contacts"].value:
         raise document["ligaments"].problem("a mapping from a name to a ligament, or contacts")
+    if "surfaces" in document:
+        surfaces = document["surfaces"].mapping((), SURFACE_BONES)
+        for surface in (surfaces[bone] for bone in surfaces.value):
+            check_surface(surface)
+            sources[surface.path] = surface["source"].text()
     if "groups" in document:
         _check_groups(document["groups"], tuple(document["ligaments"].value))
     for section, check in (("lines", _check_line), ("loads", _check_load)):

@@ -100,8 +100,8 @@ def find_femur(
         expected = f"a femoral cartilage {_WIDEST_MM[0]:g} to {_WIDEST_MM[1]:g} mm wide (along Z)"
         raise InputProblem(name, "width", f"{width:.3g} mm", expected + "; is the unit right?")
     center = _middle_circle(points) if axis is None else axis
-    facing = [_towards_joint(sheet, _radial(center, sheet), findings) for sheet in sheets]
-    facing = _outermost(facing, lambda p: _by_angle(center, p), "outer", findings)
+    facing = [towards_joint(sheet, _radial(center, sheet), findings) for sheet in sheets]
+    facing = outermost(facing, lambda p: _by_angle(center, p), "outer", findings)
     cloud = joined(facing)
     axis = _found_axis(cloud, center, name, findings) if axis is None else axis
     if notch_mm is None:
@@ -134,10 +134,10 @@ def find_plateaus(
     """
     name = sheets[0].name
     facing = [
-        _towards_joint(sheet, np.tile([0.0, 1.0, 0.0], (len(sheet.faces), 1)), findings)
+        towards_joint(sheet, np.tile([0.0, 1.0, 0.0], (len(sheet.faces), 1)), findings)
         for sheet in sheets
     ]
-    facing = _outermost(facing, _by_height, "upper", findings)
+    facing = outermost(facing, _by_height, "upper", findings)
     _check_meeting(femur, joined(facing), tibia, name)
     parts = _parted(facing, split_mm, findings)
     found: dict[str, Sheet] = {}
@@ -231,8 +231,14 @@ def _by_height(points: np.ndarray):
     return points[:, 0] / 3.0, points[:, 2] / 3.0, points[:, 1]
 
 
-def _towards_joint(sheet: Sheet, direction: np.ndarray, findings: list[str]) -> Sheet:
-    """The sheet with its articular side out; of a volume, its articular side alone."""
+def towards_joint(sheet: Sheet, direction: np.ndarray, findings: list[str]) -> Sheet:
+    """The sheet with its articular side out; of a volume, its articular side alone.
+
+    Args:
+        sheet: as read.
+        direction: towards the joint, one unit vector a triangle.
+        findings: to which a sentence is added where something was done.
+    """
     along = np.einsum("ij,ij->i", sheet.normals, direction)
     if not sheet.closed:
         if np.average(along, weights=sheet.face_areas) >= 0:
@@ -243,8 +249,15 @@ def _towards_joint(sheet: Sheet, direction: np.ndarray, findings: list[str]) -> 
     return sheet.kept(along > _FACING)
 
 
-def _outermost(sheets: list[Sheet], place, word: str, findings: list[str]) -> list[Sheet]:
-    """Without sheets that lie behind another one."""
+def outermost(sheets: list[Sheet], place, word: str, findings: list[str]) -> list[Sheet]:
+    """Without sheets that lie behind another one.
+
+    Args:
+        sheets: all of one bone.
+        place: points -> two parameters, in units of a cell, and the height over them.
+        word: for the sheet that is kept, in the sentence.
+        findings: to which a sentence is added for each sheet that is left out.
+    """
     kept: list[Sheet] = []
     grids = {id(sheet): _heights(*place(sheet.corners()[0])) for sheet in sheets}
     for sheet in sheets:

@@ -26,7 +26,7 @@ def checked_side(side: str) -> str:
 
 
 def check_files(files: Mapping[str, Path]) -> None:
-    """Whether four meshes are four files, and the bones both there or both not.
+    """Whether every mesh is a file of its own, and the bones both there or both not.
 
     Args:
         files: option -> path, or None if it is not given.

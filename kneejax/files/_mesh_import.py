@@ -14,8 +14,9 @@ from kneejax.files import _mesh_choices as choices
 from kneejax.files import _mesh_layer as layer
 from kneejax.files._mesh_choices import THICKNESSES as THICKNESSES
 from kneejax.files._mesh_health import Sheet, check_holes, read_sheets
+from kneejax.files._mesh_patella import fit_patella
 from kneejax.files._mesh_region import PATCH_MM, FitQuality, contact_regions, quality
-from kneejax.files._mirror import mirror_contact
+from kneejax.files._mirror import mirror_part
 from kneejax.files._problem import InputProblem
 from kneejax.geometry import (
     Frame,
@@ -55,14 +56,16 @@ class MeshImport:
     Attributes:
         contacts: name -> contact of a knee document, of the side that was given.
         findings: what was found, repaired and assumed, one sentence each.
-        fits: `medial condyle`, `medial plateau`, ... -> its fit.
+        fits: `medial condyle`, `medial plateau`, ..., `patella` -> its fit.
         doubtful: whether a fit misses the target.
+        surfaces: `patella` -> its articular surface, as contacts; empty without its mesh.
     """
 
     contacts: dict[str, dict[str, Any]]
     findings: tuple[str, ...]
     fits: dict[str, SheetFit]
     doubtful: bool
+    surfaces: dict[str, dict[str, Any]] = dataclasses.field(default_factory=dict)
 
 
 def import_meshes(
@@ -70,6 +73,7 @@ def import_meshes(
     tibial_cartilage: str | os.PathLike[str],
     *,
     side: str,
+    patellar_cartilage: str | os.PathLike[str] | None = None,
     femur_bone: str | os.PathLike[str] | None = None,
     tibia_bone: str | os.PathLike[str] | None = None,
     youngs_modulus_MPa: float = 10.0,
@@ -98,6 +102,7 @@ def import_meshes(
         femoral_cartilage: STL, PLY or OBJ file: an open sheet or a closed volume.
         tibial_cartilage: likewise, one sheet or two.
         side: `right` or `left` (or `r`, `l`).
+        patellar_cartilage: in the patella's frame. No contact uses its surface yet.
         femur_bone: for the layer's thickness.
         tibia_bone: likewise.
         youngs_modulus_MPa: of the layer.
@@ -119,7 +124,7 @@ def import_meshes(
         source: where the meshes come from; the files' names by default.
 
     Returns:
-        Contacts, findings and fits.
+        Contacts, the patella's surface, findings and fits.
 
     Raises:
         InputProblem: a file cannot be read or repaired, meshes are no femur and tibia that meet,
@@ -134,6 +139,7 @@ def import_meshes(
     side = choices.checked_side(side)
     files = {
         "--femur-cartilage": femoral_cartilage, "--tibia-cartilage": tibial_cartilage,
+        "--patella-cartilage": patellar_cartilage,
         "--femur-bone": femur_bone, "--tibia-bone": tibia_bone,
     }  # fmt: skip
     choices.check_files(files)
@@ -166,15 +172,16 @@ def import_meshes(
     if layer_thickness_mm is None and femur_bone is not None and tibia_bone is not None:
         bones = read(femur_bone), read(tibia_bone)
     stated = source or ", ".join(Path(p).name for p in (femoral_cartilage, tibial_cartilage))
-    contacts, fits = {}, {}
+    options = {
+        key: value
+        for key, value in (("cell_mm", cell_mm), ("smoothing_mm", smoothing_mm))
+        if value is not None
+    }
+    contacts, surfaces, fits = {}, {}, {}
     for name, sheet in plateaus.items():
-        options = {
-            key: value
-            for key, value in (("cell_mm", cell_mm), ("smoothing_mm", smoothing_mm))
-            if value is not None
-        }
         condyle, plateau = _compartment(name, sheet, femur, tibia, angle_deg, options)
-        _judge(name, condyle, plateau, stated, findings)
+        for kind, part in (("condyle", condyle), ("plateau", plateau)):
+            _judge(f"{name} {kind}", part, "in the contact region", stated, findings)
         fits |= {f"{name} condyle": condyle, f"{name} plateau": plateau}
         found = layer.find_layer(name, condyle, plateau, femur, sheet, bones, findings)
         found = layer.chosen(found, layer_thickness_mm, thickness, plateau, name, findings)
@@ -196,7 +203,12 @@ def import_meshes(
                 **({} if found.variation is None else {"layer_variation_mm": found.source}),
             },
         }
-        contacts[name] = mirror_contact(contact) if left else contact
+        contacts[name] = mirror_part(contact) if left else contact
+    if patellar_cartilage is not None:
+        stated = source or Path(patellar_cartilage).name
+        fits["patella"] = part = _patella(read(patellar_cartilage), options, stated, findings)
+        surface = _plateau_document(part, stated)
+        surfaces["patella"] = mirror_part(surface) if left else surface
     if layer_thickness_mm is None and bones is None:
         findings.append(
             f"No bone meshes, no thickness: the layer is taken as {layer.ASSUMED_MM:g} mm thick."
@@ -204,7 +216,7 @@ def import_meshes(
     if layer_thickness_mm is not None and femur_bone is not None:
         findings.append("The layer's thickness was given: the bone meshes were not read.")
     doubtful = any(fit.quality.rms > TARGET_RMS_MM for fit in fits.values())
-    return MeshImport(contacts, tuple(findings), fits, doubtful)
+    return MeshImport(contacts, tuple(findings), fits, doubtful, surfaces)
 
 
 def _mirrored(sheet: Sheet) -> Sheet:
@@ -252,21 +264,31 @@ def _compartment(name, sheet: Sheet, femur: anatomy.Femur, tibia: Placement, ang
     )
 
 
-def _judge(name, condyle: SheetFit, plateau: SheetFit, stated: str, findings: list[str]) -> None:
-    for kind, part in (("condyle", condyle), ("plateau", plateau)):
-        q = part.quality
-        findings.append(
-            f"{name} {kind}: {part.fit.cells[0]} x {part.fit.cells[1]} cells, smoothed below "
-            f"{part.fit.smoothing_mm:g} mm; in the contact region {q.rms:.3f} mm rms, "
-            f"{q.maximum:.2f} mm at most, {q.mean:+.4f} mm on average, {q.patch_maximum:.3f} mm on "
-            f"average over the worst {PATCH_MM:g} mm patch; held out {q.held_out_rms:.3f} mm rms "
-            "over the whole surface."
-        )
-        if q.rms > WORST_RMS_MM:
-            expected = f"one sheet, single-valued from the joint, within {WORST_RMS_MM} mm rms"
-            raise InputProblem(stated, f"{name} {kind}", f"{q.rms:.2f} mm rms", expected)
-        if q.rms > TARGET_RMS_MM:
-            findings.append(f"{name} {kind}: misses the target of {TARGET_RMS_MM:g} mm rms.")
+def _patella(sheets: list[Sheet], options, stated: str, findings: list[str]) -> SheetFit:
+    for sheet in sheets:
+        check_holes(sheet, findings)
+    fit = fit_patella(sheets, findings, options)
+    everywhere = np.ones(len(fit.points), bool)
+    across = anatomy.in_frame(fit.surface.frame, fit.points)[:, [0, 2]]
+    part = SheetFit(fit, everywhere, quality(fit, everywhere, across))
+    _judge("patella", part, "everywhere", stated, findings)
+    return part
+
+
+def _judge(name: str, part: SheetFit, where: str, stated: str, findings: list[str]) -> None:
+    q = part.quality
+    findings.append(
+        f"{name}: {part.fit.cells[0]} x {part.fit.cells[1]} cells, smoothed below "
+        f"{part.fit.smoothing_mm:g} mm; {where} {q.rms:.3f} mm rms, "
+        f"{q.maximum:.2f} mm at most, {q.mean:+.4f} mm on average, {q.patch_maximum:.3f} mm on "
+        f"average over the worst {PATCH_MM:g} mm patch; held out {q.held_out_rms:.3f} mm rms "
+        "over the whole surface."
+    )
+    if q.rms > WORST_RMS_MM:
+        expected = f"one sheet, single-valued from the joint, within {WORST_RMS_MM} mm rms"
+        raise InputProblem(stated, name, f"{q.rms:.2f} mm rms", expected)
+    if q.rms > TARGET_RMS_MM:
+        findings.append(f"{name}: misses the target of {TARGET_RMS_MM:g} mm rms.")
 
 
 def _points(surface) -> list[int]:

@@ -47,15 +47,15 @@ def mirror_document(document: dict[str, Any]) -> dict[str, Any]:
     """
     twin = copy.deepcopy(document)
     twin["side"] = "left" if document["side"] == "right" else "right"
-    for section in ("ligaments", "contacts", "wraps", "lines", "loads"):
+    for section in ("ligaments", "contacts", "surfaces", "wraps", "lines", "loads"):
         if section in twin:
             twin[section] = {name: _mirrored(part) for name, part in twin[section].items()}
     return twin
 
 
-def mirror_contact(contact: dict[str, Any]) -> dict[str, Any]:
-    """The other side's twin of a contact of a knee document."""
-    return _mirrored(copy.deepcopy(contact))
+def mirror_part(part: dict[str, Any]) -> dict[str, Any]:
+    """The other side's twin of a contact or a surface of a knee document."""
+    return _mirrored(copy.deepcopy(part))
 
 
 def _mirrored(part: dict[str, Any]) -> dict[str, Any]:

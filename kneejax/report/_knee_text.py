@@ -47,6 +47,8 @@ def knee_text(knee: Knee, document: Mapping[str, Any], every_fibre: bool = False
     lines += _wraps(document)
     for name, contact in zip(knee.contact_names, knee.contacts, strict=True):
         lines += ["", *_contact(name, contact, document["contacts"][name])]
+    for bone, surface in document.get("surfaces", {}).items():
+        lines += ["", f"Surface of the {bone}, not in contact: {_surface(surface)}"]
     lines += [""] * bool(knee.lines or knee.loads)
     for line in knee.lines:
         lines.append(f"Line {line.name}: {float(line.tension):g} N")
@@ -187,15 +189,18 @@ def _contact(name: str, contact: Contact, document: Mapping[str, Any]) -> list[s
         f"confined modulus {float(contact.modulus):.3f} MPa, layer {thickness}",
     ]
     for side in ("femoral_surface", "tibial_surface"):
-        surface = document[side]
-        said = surface["kind"]
-        if "coefficients_mm" in surface:
-            m, n = np.shape(surface["coefficients_mm"])
-            said += f", polynomial of degree {m - 1} x {n - 1}"
-            if surface.get("basis") == CUBIC_SPLINE:
-                said = f"{surface['kind']}, cubic spline of {m} x {n} values"
-        if "fit_rms_mm" in surface:
-            said += f", fit {surface['fit_rms_mm']:.3f} mm rms, "
-            said += f"{surface['fit_max_mm']:.2f} mm at most"
-        lines.append(f"  {side.replace('_', ' ')}: {said}")
+        lines.append(f"  {side.replace('_', ' ')}: {_surface(document[side])}")
     return lines
+
+
+def _surface(surface: Mapping[str, Any]) -> str:
+    said = surface["kind"]
+    if "coefficients_mm" in surface:
+        m, n = np.shape(surface["coefficients_mm"])
+        said += f", polynomial of degree {m - 1} x {n - 1}"
+        if surface.get("basis") == CUBIC_SPLINE:
+            said = f"{surface['kind']}, cubic spline of {m} x {n} values"
+    if "fit_rms_mm" in surface:
+        said += f", fit {surface['fit_rms_mm']:.3f} mm rms, "
+        said += f"{surface['fit_max_mm']:.2f} mm at most"
+    return said

@@ -22,7 +22,8 @@ def surface_fit_figure(
 ) -> Figure:
     """Residual of surface fits at the points that were fitted.
 
-    Condyles are unrolled: angle from anterior over width. Plateaus are seen from above.
+    Condyles are unrolled: angle from anterior over width. Plateaus are seen from above, a patella
+    from the front.
 
     Args:
         fits: title -> fit; one panel each.
@@ -63,7 +64,7 @@ def _draw(figure: Figure, axes, title: str, fit: SurfaceFit, here: np.ndarray) -
         axes.invert_yaxis()  # anterior is up, as on a plateau
     else:
         axes.set_xlabel("lateral, mm")
-        axes.set_ylabel("anterior, mm")
+        axes.set_ylabel(("anterior, mm", "superior, mm")[_upwards(fit.surface)])
         axes.set_aspect("equal")
     bar = figure.colorbar(dots, ax=axes, shrink=0.85)
     bar.set_label("distance outside the fit, mm")
@@ -71,7 +72,13 @@ def _draw(figure: Figure, axes, title: str, fit: SurfaceFit, here: np.ndarray) -
 
 def _flat(fit: SurfaceFit) -> tuple[np.ndarray, np.ndarray]:
     if not isinstance(fit.surface, Condyle):
-        return fit.points[:, 2], fit.points[:, 0]
+        return fit.points[:, 2], fit.points[:, _upwards(fit.surface)]
     local = fit.surface.frame.placement.apply_inverse(tuple(fit.points.T))
     x, y, z = (np.broadcast_to(np.asarray(c), len(fit.points)) for c in local)
     return z, np.rad2deg(0.5 * np.pi - np.arctan2(x, -y))
+
+
+def _upwards(surface) -> int:
+    """Axis of the bone, 0 anterior or 1 superior, that a plateau's own X is nearest to."""
+    along = surface.frame.placement.turn((1.0, 0.0, 0.0))
+    return int(abs(float(along[1])) > abs(float(along[0])))

@@ -25,6 +25,8 @@ def words(tmp_path):
 
 
 def test_contacts_alone(words, tmp_path, capsys):
+    patella = made.written(tmp_path / "patella.stl", made.patellar())
+    words += ["--patella-cartilage", str(patella)]
     assert main([*words, "--layer-thickness", "4.5", "--law", "log", "--modulus", "5"]) == 0
     out = tmp_path / "out"
     assert "contact region" in capsys.readouterr().out
@@ -37,9 +39,12 @@ def test_contacts_alone(words, tmp_path, capsys):
     with (out / "fit_report.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [row["surface"] for row in rows] == [
-        "medial condyle", "medial plateau", "lateral condyle", "lateral plateau",
+        "medial condyle", "medial plateau", "lateral condyle", "lateral plateau", "patella",
     ]  # fmt: skip
     assert all(float(row["rms_mm"]) < 0.01 for row in rows)
+    assert list(knee.surfaces) == ["patella"]
+    assert main(["describe", str(out / "knee.yaml")]) == 0
+    assert "Surface of the patella, not in contact: plateau, " in capsys.readouterr().out
     assert "| medial condyle |" in (out / "fit_report.md").read_text()
     assert (out / "figures" / "surface_fits.png").stat().st_size > 10000
 

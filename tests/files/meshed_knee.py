@@ -44,6 +44,20 @@ def plateau(name, down=0.0):
     return sheet(place, (middle - 11, middle + 11), (-17.0, 18.0), (20, 30))
 
 
+def patella_depth(y, z):
+    """Where the cartilage of a patella lies in front of its origin: two facets and a ridge."""
+    return -8.0 + 3.0 * np.sqrt(4.0 + (0.5 * z) ** 2) / 2.0 + 0.01 * (y - 2.0) ** 2 + 0.02 * z
+
+
+def patellar(forwards=0.0):
+    def place(y, z):
+        return patella_depth(y, z) + forwards, y, z
+
+    # Up crossed with lateral points forwards: wound the other way round.
+    points, faces = sheet(place, (-13.0, 15.0), (-20.0, 21.0), (24, 34))
+    return points, faces[:, ::-1]
+
+
 def joined(*parts):
     offset = np.cumsum([0, *(len(points) for points, _ in parts)])
     points = np.concatenate([points for points, _ in parts])

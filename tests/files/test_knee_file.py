@@ -102,6 +102,29 @@ def test_a_knee_may_lack_ligaments_or_contacts_but_not_both(tmp_path, knee_docum
         read_knee(write(tmp_path / "k.yaml", changed(bare, ["contacts"], {})))
 
 
+def test_a_surface_may_wait_for_its_contact(tmp_path, knee_document):
+    """Kept, mirrored with the rest, and no part of the mechanics."""
+    document = copy.deepcopy(knee_document)
+    document["surfaces"] = {"patella": document["contacts"]["medial"]["tibial_surface"]}
+    found = read_knee(write(tmp_path / "k.yaml", document))
+    assert found.document == document and list(found.surfaces) == ["patella"]
+    assert found.sources["surfaces.patella"] == "fitted"
+    assert len(jax.tree.leaves(found.knee)) == len(
+        jax.tree.leaves(read_knee(write(tmp_path / "without.yaml", knee_document)).knee)
+    )
+    twin = mirror_document(document)
+    assert twin["surfaces"] == {"patella": twin["contacts"]["medial"]["tibial_surface"]}
+    write_knee(twin, tmp_path / "left.yaml")
+    left = read_knee(tmp_path / "left.yaml").surfaces["patella"]
+    for a, b in zip(
+        jax.tree.leaves(left), jax.tree.leaves(found.surfaces["patella"]), strict=True
+    ):
+        np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12)
+    document["surfaces"]["patela"] = document["surfaces"].pop("patella")
+    with pytest.raises(InputProblem, match="patella"):
+        read_knee(write(tmp_path / "slip.yaml", document))
+
+
 def test_slack_lengths(tmp_path, knee_document):
     knee = read_knee(write(tmp_path / "k.yaml", knee_document)).knee
     lengths, strain = knee.reference_length(), knee.reference_strain()

@@ -12,7 +12,7 @@ import meshed_knee as made
 
 from kneejax.files import InputProblem, import_meshes
 from kneejax.files._knee_file import build_surface
-from kneejax.files._mirror import mirror_contact
+from kneejax.files._mirror import mirror_part
 from kneejax.geometry import Frame
 
 LENHART = Path(__file__).parents[2] / "../shared/data/lenhart2015/meshes"
@@ -87,7 +87,7 @@ def test_a_left_knee_is_the_mirrored_twin(right, tmp_path):
     found = import_meshes(*left, side="l", source="femur.stl, tibia.stl", **bones)
     assert list(found.contacts) == list(right.contacts)
     for name, contact in found.contacts.items():
-        twin, expected = mirror_contact(contact), right.contacts[name]
+        twin, expected = mirror_part(contact), right.contacts[name]
         for part in ("femoral_surface", "tibial_surface"):
             for field, value in expected[part].items():
                 if isinstance(value, str):
@@ -135,6 +135,38 @@ def test_an_axis_that_leans_is_found(right, tmp_path):
         assert fit.quality.rms < 0.03, name
 
 
+def patella_at(surface, y, z):
+    """How far outside a fitted patella its cartilage lies."""
+    point = made.patella_depth(y, z), y, z
+    return surface.level(surface.frame.placement.apply_inverse(tuple(map(jnp.asarray, point))))
+
+
+def test_a_patella_is_fitted_and_kept(tmp_path):
+    """Or turned, with its bone behind it, and left: the mirrored twin."""
+    grid = np.meshgrid(np.arange(-11.0, 14, 4), np.arange(-18.0, 20, 4))
+    femur, tibia = files(tmp_path)
+    sheet = made.written(tmp_path / "patella.ply", made.patellar())
+    right = import_meshes(femur, tibia, patellar_cartilage=sheet, side="r", **QUICK)
+    assert right.fits["patella"].region.all() and not right.doubtful
+    assert any(line.startswith("patella: ") for line in right.findings)
+    surface = right.surfaces["patella"]
+    # Corners between which a ridge of radius 5 mm is flattened by 0.04 mm.
+    assert np.abs(patella_at(build_surface(surface), *grid)).max() < 0.08
+
+    both = made.joined(made.patellar(), made.patellar(forwards=3.0))
+    turned = both[0], both[1][:, ::-1]
+    left = import_meshes(
+        *files(tmp_path, made.mirrored(made.femoral()), made.mirrored(made.tibial())), side="l",
+        patellar_cartilage=made.written(tmp_path / "left.ply", made.mirrored(turned)), **QUICK,
+    )  # fmt: skip
+    words = " ".join(left.findings)
+    assert "normals faced the bone" in words and "a second sheet behind the first" in words
+    twin = mirror_part(left.surfaces["patella"])
+    for field, value in surface.items():
+        if not isinstance(value, str):
+            np.testing.assert_allclose(twin[field], value, rtol=0, atol=1e-9, err_msg=field)
+
+
 def refusal(folder, *parts, **options):
     with pytest.raises(InputProblem) as caught:
         import_meshes(*files(folder, *parts), side=options.pop("side", "r"), **options, **QUICK)
@@ -156,6 +188,19 @@ def test_meshes_that_do_not_meet_are_refused(tmp_path):
     assert "side of the notch" in refusal(tmp_path, None, beside)
     one = made.condyle("medial")
     assert "wide" in refusal(tmp_path, one)
+
+
+def test_meshes_that_are_no_patella_are_refused(tmp_path):
+    def patella(points, faces):
+        return {"patellar_cartilage": made.written(tmp_path / "patella.ply", (points, faces))}
+
+    points, faces = made.patellar()
+    lying = points[:, [1, 0, 2]]
+    assert "faces backwards" in refusal(tmp_path, **patella(lying, faces))
+    assert "is the unit right?" in refusal(tmp_path, **patella(points * 4.0, faces))
+    assert "wide" in refusal(tmp_path, **patella(points * 0.2, faces))
+    apart = made.joined((points * 0.4, faces), (points * 0.4 + [0.0, 0.0, 40.0], faces))
+    assert "one sheet" in refusal(tmp_path, **patella(*apart))
 
 
 def test_cartilage_below_its_bone_is_refused(tmp_path):
@@ -202,8 +247,11 @@ def test_bad_choices_are_refused(tmp_path, options, words):
 
 @pytest.mark.skipif(not LENHART.is_dir(), reason="the public meshes are not here")
 def test_a_real_knee_is_met_within_the_target():
-    names = (LENHART / f"lenhart2015-R-{bone}-cartilage.stl" for bone in ("femur", "tibia"))
-    found = import_meshes(*names, side="r", cell_mm=4.5, smoothing_mm=0.2)
+    bones = ("femur", "tibia", "patella")
+    femur, tibia, patella = (LENHART / f"lenhart2015-R-{bone}-cartilage.stl" for bone in bones)
+    found = import_meshes(
+        femur, tibia, patellar_cartilage=patella, side="r", cell_mm=3.2, smoothing_mm=0.2
+    )
     assert list(found.contacts) == ["medial", "lateral"] and not found.doubtful
     for name, fit in found.fits.items():
         assert fit.quality.rms < 0.1 and abs(fit.quality.mean) < 2e-3, name
