@@ -16,8 +16,8 @@ from kneejax.files._knee_file import read_knee as read_knee
 from kneejax.files._knee_file import write_knee as write_knee
 from kneejax.files._mesh_import import THICKNESSES as THICKNESSES
 from kneejax.files._mesh_import import MeshImport as MeshImport
-from kneejax.files._mesh_import import SheetFit as SheetFit
 from kneejax.files._mesh_import import import_meshes as import_meshes
+from kneejax.files._mesh_region import SheetFit as SheetFit
 from kneejax.files._meshes import MESH_UNITS as MESH_UNITS
 from kneejax.files._meshes import MeshPoints as MeshPoints
 from kneejax.files._meshes import read_mesh_points as read_mesh_points

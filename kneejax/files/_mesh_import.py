@@ -15,14 +15,13 @@ from kneejax.files import _mesh_layer as layer
 from kneejax.files._mesh_choices import THICKNESSES as THICKNESSES
 from kneejax.files._mesh_health import Sheet, check_holes, read_sheets
 from kneejax.files._mesh_patella import fit_patella
-from kneejax.files._mesh_region import PATCH_MM, FitQuality, contact_regions, quality
+from kneejax.files._mesh_region import PATCH_MM, SheetFit, contact_regions, quality
 from kneejax.files._mirror import mirror_part
 from kneejax.files._problem import InputProblem
 from kneejax.geometry import (
     Frame,
     Placement,
     Pose,
-    SplineFit,
     fit_condyle_spline,
     fit_plateau_spline,
 )
@@ -32,21 +31,6 @@ from kneejax.mechanics import QUADRATURE
 TARGET_RMS_MM, WORST_RMS_MM = 0.1, 0.5
 _POINT_DISTANCE_MM = 1.7
 _DIGITS = 5
-
-
-@dataclasses.dataclass(frozen=True)
-class SheetFit:
-    """A fitted articular surface.
-
-    Attributes:
-        fit: the spline and its residuals, in the frames of a right knee.
-        region: mask of its points that lie in the contact region.
-        quality: what is left over there.
-    """
-
-    fit: SplineFit
-    region: np.ndarray
-    quality: FitQuality
 
 
 @dataclasses.dataclass(frozen=True)

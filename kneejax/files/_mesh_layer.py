@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kneejax.files._mesh_anatomy import Cloud, Femur, in_frame, joined
 from kneejax.files._mesh_health import Sheet
+from kneejax.files._mesh_region import SheetFit
 from kneejax.files._mesh_thickness import thickness as thickness_below
 from kneejax.files._problem import InputProblem
-
-if TYPE_CHECKING:
-    from kneejax.files._mesh_import import SheetFit
 
 #: Thickness of both cartilages where nothing is known of it, mm.
 ASSUMED_MM = 6.0

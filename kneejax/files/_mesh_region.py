@@ -45,6 +45,21 @@ class FitQuality:
     held_out_rms: float
 
 
+@dataclasses.dataclass(frozen=True)
+class SheetFit:
+    """A fitted articular surface.
+
+    Attributes:
+        fit: the spline and its residuals, in the frames of a right knee.
+        region: mask of its points that lie in the contact region.
+        quality: what is left over there.
+    """
+
+    fit: SplineFit
+    region: np.ndarray
+    quality: FitQuality
+
+
 def contact_regions(
     femur: Femur, condyle: SplineFit[Condyle], tibial: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
