@@ -87,7 +87,7 @@ def test_a_load_moves_the_tibia_its_way(tmp_path, capsys):
 
 def test_a_process_with_shared_fusion_finds_the_same_poses(tmp_path, capsys):
     """The command sets XLA up before anything is computed; a test's process is past that."""
-    asked = ["simulate", "passive-flexion", "--flexion", "0:60:20", "--load", "anterior=20"]
+    asked = ["simulate", "passive-flexion", "--flexion", "0:60:30", "--load", "anterior=20"]
     main([*asked, "--out", str(tmp_path / "here")])
     flags = {k: v for k, v in os.environ.items() if k != "XLA_FLAGS"}
     command = [sys.executable, "-m", "kneejax.cli", *asked, "--out", str(tmp_path / "there")]
