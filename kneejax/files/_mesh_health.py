@@ -90,7 +90,7 @@ def read_sheets(path: str | os.PathLike[str], unit: str = "auto") -> tuple[list[
     """Read a mesh, repair it, and take it apart into connected sheets.
 
     Args:
-        path: an STL, PLY or OBJ file.
+        path: as in `read_mesh_points`.
         unit: see `read_mesh_points`.
 
     Returns:

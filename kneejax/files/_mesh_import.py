@@ -83,7 +83,7 @@ def import_meshes(
     femoral axis, the notch, the compartments, the region of contact, cells and smoothing.
 
     Args:
-        femoral_cartilage: STL, PLY or OBJ file: an open sheet or a closed volume.
+        femoral_cartilage: STL, PLY, OBJ or VTP file: an open sheet or a closed volume.
         tibial_cartilage: likewise, one sheet or two.
         side: `right` or `left` (or `r`, `l`).
         patellar_cartilage: in the patella's frame. No contact uses its surface yet.

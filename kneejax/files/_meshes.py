@@ -1,4 +1,4 @@
-"""Meshes of bones and cartilage: STL, PLY and OBJ."""
+"""Meshes of bones and cartilage: STL, PLY, OBJ and, with VTK, VTP."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
+from kneejax.files._mesh_vtk import read_vtp
 from kneejax.files._problem import InputProblem, counted
 from kneejax.files._text import read_bytes
 
 #: Endings of the files that can be read.
-MESH_ENDINGS = (".stl", ".ply", ".obj")
+MESH_ENDINGS = (".stl", ".ply", ".obj", ".vtp")
 #: Unit of a mesh file -> mm; `auto` decides by size.
 MESH_UNITS = {"auto": None, "m": 1000.0, "mm": 1.0, "cm": 10.0}
 
@@ -41,7 +42,7 @@ def read_mesh_points(path: str | os.PathLike[str], unit: str = "auto") -> MeshPo
     """Read the corners of a triangle mesh.
 
     Args:
-        path: an STL, PLY or OBJ file.
+        path: an STL, PLY, OBJ or, where VTK is installed, VTP file.
         unit: of the file: `m`, `mm`, `cm`, or `auto`, which takes a bounding box with a diagonal
             below 1 as metres and between 10 and 2000 as mm.
 
@@ -85,8 +86,13 @@ def _load(path: Path, data: bytes):
 
     kind = path.suffix[1:].lower()
     try:
-        mesh = trimesh.load_mesh(io.BytesIO(data), file_type=kind, process=False)
+        if kind == "vtp":
+            mesh = trimesh.Trimesh(*read_vtp(path), process=False)
+        else:
+            mesh = trimesh.load_mesh(io.BytesIO(data), file_type=kind, process=False)
         faces = np.asarray(mesh.faces)
+    except InputProblem:
+        raise
     except Exception as error:  # parsers of damaged files raise whatever they stumble over
         reason = str(error) or type(error).__name__
         raise InputProblem(path, "file", reason, f"a triangle mesh in {kind.upper()}") from None

@@ -107,12 +107,12 @@ def test_meshes_of_no_knee(meshes, tmp_path, capsys):
     one = made.written(tmp_path / "one.stl", (points[:3], np.array([[0, 1, 2]])))
     far = made.written(tmp_path / "far.stl", (points - [0.0, 90.0, 0.0], faces))
     (tmp_path / "words.stl").write_text("solid ideas", encoding="utf-8")
-    (tmp_path / "knee.vtp").write_text("<VTKFile/>", encoding="utf-8")
+    (tmp_path / "knee.vtk").write_text("<VTKFile/>", encoding="utf-8")
     for changed, words in (
         ({"tibia": one}, "one.stl: faces: 1 triangle: expected"),
         ({"tibia": far}, "far.stl: place: 90 mm apart: expected within 50 mm"),
         ({"femur": tmp_path / "words.stl"}, "no triangles"),
-        ({"femur": tmp_path / "knee.vtp"}, "ending in .stl, .ply, .obj"),
+        ({"femur": tmp_path / "knee.vtk"}, "ending in .stl, .ply, .obj, .vtp"),
         ({"femur": meshes["tibia"], "tibia": meshes["femur"]}, "changed places?"),
         ({"tibia": meshes["femur"]}, "--tibia-cartilage: file: "),
     ):

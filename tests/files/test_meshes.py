@@ -1,3 +1,5 @@
+import sys
+
 import numpy as np
 import pytest
 import trimesh
@@ -72,3 +74,59 @@ def test_units(tmp_path):
 def test_a_directory_and_a_missing_file(tmp_path):
     assert "a directory" in refusal(tmp_path)
     assert "missing" in refusal(tmp_path / "a.stl")
+
+
+def written_by_vtk(path, mesh, ascii=False):
+    reason = "VTK is not here"
+    core = pytest.importorskip("vtkmodules.vtkCommonDataModel", reason=reason)
+    support = pytest.importorskip("vtkmodules.util.numpy_support", reason=reason)
+    points = pytest.importorskip("vtkmodules.vtkCommonCore", reason=reason).vtkPoints()
+    writer = pytest.importorskip("vtkmodules.vtkIOXML", reason=reason).vtkXMLPolyDataWriter()
+    points.SetData(support.numpy_to_vtk(np.ascontiguousarray(mesh.vertices), deep=True))
+    polygons, data = core.vtkCellArray(), core.vtkPolyData()
+    for face in mesh.faces:
+        polygons.InsertNextCell(len(face), [int(i) for i in face])
+    data.SetPoints(points)
+    data.SetPolys(polygons)
+    writer.SetInputData(data)
+    writer.SetFileName(str(path))
+    if ascii:
+        writer.SetDataModeToAscii()
+    assert writer.Write()
+
+
+class Box:
+    """Eight corners, six squares."""
+
+    vertices = np.array([[x, y, z] for x in (0, 0.03) for y in (0, 0.02) for z in (0, 0.01)], float)
+    faces = np.array(
+        [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    )
+
+
+def test_what_vtk_wrote(tmp_path, capfd):
+    ball = trimesh.creation.icosphere(2, radius=20.0)
+    ball.export(tmp_path / "ball.ply")
+    expected = read_mesh_points(tmp_path / "ball.ply")
+    for name in ("ball.vtp", "BALL.VTP"):
+        written_by_vtk(tmp_path / name, ball, ascii=name.isupper())
+        found = read_mesh_points(tmp_path / name)
+        np.testing.assert_allclose(found.points_mm, expected.points_mm, atol=1e-5)
+        np.testing.assert_array_equal(found.faces, expected.faces)
+    written_by_vtk(tmp_path / "box.vtp", Box)
+    box = read_mesh_points(tmp_path / "box.vtp")
+    assert (box.scale, box.points_mm.shape, box.faces.shape) == (1000.0, (8, 3), (12, 3))
+    assert (np.sum(box.normals * (box.points_mm - [15.0, 10.0, 5.0]), axis=1) > 0).all()
+    whole = (tmp_path / "ball.vtp").read_bytes()
+    for content in (whole[: len(whole) // 2], b"<VTKFile/>", b"hello, this is not a mesh"):
+        (tmp_path / "bad.vtp").write_bytes(content)
+        assert "no triangles" in refusal(tmp_path / "bad.vtp")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_without_vtk_its_files_are_refused_with_a_way_out(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "vtkmodules", None)
+    monkeypatch.setitem(sys.modules, "vtkmodules.vtkCommonCore", None)
+    (tmp_path / "bone.vtp").write_bytes(b"<VTKFile/>")
+    line = refusal(tmp_path / "bone.vtp")
+    assert "kneejax[view]" in line and "STL" in line
