@@ -9,7 +9,9 @@ from matplotlib.ticker import MaxNLocator
 from kneejax.report._style import BLACK, BLUE, GREEN, GREY, LIGHT, VERMILLION, WIDTH, styled
 
 FLEXION = "Flexion, degrees"
-_RECORDED = dict(color=BLACK, ls="none", marker="o", ms=3.6, mfc="white", mew=0.9)
+_RECORDED = dict(
+    color=BLACK, ls="none", marker="o", ms=3.6, mfc="white", mew=0.9, clip_on=False, zorder=4
+)
 
 
 @styled

@@ -59,6 +59,8 @@ def main(arguments: list[str] | None = None) -> int:
     from kneejax.files import InputProblem
     from kneejax.inference import UnknownParameter, UnsuitableData
 
+    # Of a command that is cut short: files may be missing, a mere answer was read as far as wanted.
+    status = DOUBTFUL if hasattr(chosen, "out") else DONE
     try:
         _check_out(getattr(chosen, "out", None), folder=chosen.command != "export")
         status = chosen.run(chosen)
@@ -71,7 +73,7 @@ def main(arguments: list[str] | None = None) -> int:
         # Whoever reads has seen enough (`kneejax describe ... | head`). Python flushes once more
         # when it ends, and would complain.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
+        return status
     except OSError as problem:
         print(f"kneejax: {problem.filename}: {problem.strerror}", file=sys.stderr)
         return BAD_INPUT

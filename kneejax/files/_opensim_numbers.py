@@ -9,7 +9,6 @@ double by 1000 is not, and the way back gives every digit again.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from decimal import Context, Decimal, localcontext
 
 #: Powers of ten from SI to the package's units.
@@ -104,11 +103,6 @@ def radians(x: float) -> Decimal:
             if degrees(read_decimal(write_decimal(angle))) == x:
                 break
     return angle
-
-
-def floats(values: Iterable[Decimal]) -> list[float]:
-    """The nearest doubles."""
-    return [float(value) for value in values]
 
 
 def _digits(value: Decimal) -> tuple[int, ...]:

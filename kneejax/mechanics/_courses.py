@@ -21,7 +21,6 @@ from kneejax.geometry import (
     Placement,
     TautPath,
     Vector,
-    add,
     dot,
     norm,
     path_points,
@@ -119,7 +118,7 @@ class Course(eqx.Module):
         nodes, lines = self._nodes(femoral, tibial), []
         for start, end in zip(nodes[:-1], nodes[1:], strict=True):
             if self.obstacle is None:
-                lines.append([_in_femur(*start, tibia), _in_femur(*end, tibia)])
+                lines.append([_in_femur(start, tibia), _in_femur(end, tibia)])
                 continue
             ends = [self._at_obstacle(self.obstacle, node, tibia) for node in (start, end)]
             points = path_points(self.obstacle, ends[0], ends[1], count)
@@ -209,15 +208,15 @@ def _side_by_side(arrays: list[Array], axis: int) -> Array:
 
 
 def _straight(start: _Node, end: _Node, tibia: Placement) -> Piece:
-    line = subtract(_in_femur(end[0], end[1], tibia), _in_femur(start[0], start[1], tibia))
+    line = subtract(_in_femur(end, tibia), _in_femur(start, tibia))
     length = norm(line)
-    if start[0] == end[0]:
+    if start.bone == end.bone:
         return Piece(length, Wrench((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), None)
-    tibial, sign = (end, -1.0) if end[0] == "tibia" else (start, 1.0)
-    arm = tibia.turn(tibial[1])
+    tibial, sign = (end, -1.0) if end.bone == "tibia" else (start, 1.0)
+    arm = tibia.turn(tibial.point)
     unit = scale(sign / jnp.where(length > 0, length, 1.0), line)
     return Piece(length, Wrench.at(arm, unit), None)
 
 
-def _in_femur(bone: str, point: Vector, tibia: Placement) -> Vector:
-    return add(tibia.turn(point), tibia.translation) if bone == "tibia" else point
+def _in_femur(node: _Node, tibia: Placement) -> Vector:
+    return tibia.apply(node.point) if node.bone == "tibia" else node.point

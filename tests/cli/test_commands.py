@@ -241,3 +241,33 @@ def test_a_reader_that_has_seen_enough_is_no_error():
         process.stdout.close()
         said = process.stderr.read()
     assert (process.returncode, said) == (0, b"")
+
+
+@pytest.mark.parametrize(
+    ("command", "ended", "status"),
+    [
+        ("simulate passive-flexion", 0, 0),
+        ("simulate passive-flexion", 1, 1),
+        ("simulate passive-flexion", BrokenPipeError, 1),
+        ("knees", BrokenPipeError, 0),
+    ],
+)
+def test_a_reader_that_has_seen_enough_hides_no_doubt(
+    tmp_path, monkeypatch, command, ended, status
+):
+    """What a command found stands; one that was cut short may not have written its files."""
+
+    def run(_):
+        print("a line")
+        if isinstance(ended, type):
+            raise ended
+        return ended
+
+    words = command.split()
+    monkeypatch.setattr(f"kneejax.cli._{words[0]}.run", run)
+    words += ["--out", str(tmp_path / "out")] if words[0] == "simulate" else []
+    reads, writes = os.pipe()
+    os.close(reads)
+    with os.fdopen(writes, "w") as closed:
+        monkeypatch.setattr(sys, "stdout", closed)
+        assert main(words) == status

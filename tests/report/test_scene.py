@@ -276,7 +276,10 @@ def test_report_imports_without_the_extra():
         "import sys; sys.modules['pyvista'] = sys.modules['plotly'] = None; import kneejax.report"
     )
     environment = dict(os.environ, JAX_PLATFORMS="cpu")
-    subprocess.run([sys.executable, "-c", program], check=True, env=environment, timeout=120)
+    done = subprocess.run(
+        [sys.executable, "-c", program], env=environment, capture_output=True, timeout=120
+    )
+    assert done.returncode == 0, done.stderr
 
 
 def test_fibres_around_obstacles_of_one_kind_are_drawn_together(tmp_path):
