@@ -105,7 +105,8 @@ def test_a_knee_may_lack_ligaments_or_contacts_but_not_both(tmp_path, knee_docum
 def test_a_surface_may_wait_for_its_contact(tmp_path, knee_document):
     """Kept, mirrored with the rest, and no part of the mechanics."""
     document = copy.deepcopy(knee_document)
-    document["surfaces"] = {"patella": document["contacts"]["medial"]["tibial_surface"]}
+    surface = copy.deepcopy(document["contacts"]["medial"]["tibial_surface"])
+    document["surfaces"] = {"patella": surface}
     found = read_knee(write(tmp_path / "k.yaml", document))
     assert found.document == document and list(found.surfaces) == ["patella"]
     assert found.sources["surfaces.patella"] == "fitted"
@@ -120,6 +121,9 @@ def test_a_surface_may_wait_for_its_contact(tmp_path, knee_document):
         jax.tree.leaves(left), jax.tree.leaves(found.surfaces["patella"]), strict=True
     ):
         np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12)
+    faulty = changed(copy.deepcopy(document), ["surfaces", "patella", "kind"], "plato")
+    with pytest.raises(InputProblem, match=r"surfaces\.patella\.kind.*did you mean plateau"):
+        read_knee(write(tmp_path / "faulty.yaml", faulty))
     document["surfaces"]["patela"] = document["surfaces"].pop("patella")
     with pytest.raises(InputProblem, match="patella"):
         read_knee(write(tmp_path / "slip.yaml", document))

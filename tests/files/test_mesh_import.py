@@ -16,6 +16,7 @@ from kneejax.files._mesh_health import read_sheets
 from kneejax.files._mesh_patella import fit_patella
 from kneejax.files._mirror import mirror_part
 from kneejax.geometry import Frame
+from kneejax.report import surface_fit_figure
 
 LENHART = Path(__file__).parents[2] / "../shared/data/lenhart2015/meshes"
 QUICK = {"cell_mm": 6.0, "smoothing_mm": 0.3}
@@ -154,6 +155,9 @@ def test_a_patella_is_fitted_and_kept(tmp_path):
     surface = right.surfaces["patella"]
     # Corners between which a ridge of radius 5 mm is flattened by 0.04 mm.
     assert np.abs(patella_at(build_surface(surface), *grid)).max() < 0.08
+    drawn = surface_fit_figure({name: part.fit for name, part in right.fits.items()}).axes
+    words = [axes.get_ylabel() for axes in drawn if axes.get_xlabel() == "lateral, mm"]
+    assert words == ["anterior, mm", "anterior, mm", "superior, mm"]
 
     both = made.joined(made.patellar(), made.patellar(forwards=3.0))
     turned = both[0], both[1][:, ::-1]

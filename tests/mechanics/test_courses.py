@@ -113,7 +113,7 @@ def test_courses_of_one_kind_are_one_program_and_each_keeps_its_obstacle():
     def course(row):
         return Course((row,), obstacle=geo.WrapSphere(radii[row], geo.Frame([-4.0 - row, 2.0, 0])))
 
-    together = fibres([course(2), around("cylinder", "femur", (1,)), course(0)])
+    together = fibres([course(2), around("sphere", "femur", (1,)), course(0)])
     assert [kind.rows for kind in together.kinds] == [(2, 0), (1,)]
     find = jax.jit(Ligaments.length)
     straight, one = (find(x, tibia_at(POSE)) for x in (fibres(), together))
@@ -121,14 +121,21 @@ def test_courses_of_one_kind_are_one_program_and_each_keeps_its_obstacle():
     assert all(float(wanted[row] - straight[row]) > 0.1 for row in radii)
 
     def in_lanes(radius):
-        lanes = add_lane_axis(together)
-        return eqx.tree_at(lambda x: x.courses[0].obstacle.radius, lanes, radius)
+        here, lanes = together.courses[0].obstacle.frame.origin, add_lane_axis(together)
+        origin = jnp.stack([here, here - 1.0], axis=1)
+        return eqx.tree_at(
+            lambda x: (x.courses[0].obstacle.radius, x.courses[0].obstacle.frame.origin),
+            lanes,
+            (radius, origin),
+        )
 
     radius = jnp.array([8.0, 9.0])
     length = jax.jit(lambda r: in_lanes(r).length(tibia_at([POSE] * 2)))
     for row, expected in wanted.items():
         np.testing.assert_allclose(one[row], expected, rtol=1e-14)
         np.testing.assert_allclose(length(radius)[row, 0], expected, rtol=1e-14)
+    np.testing.assert_allclose(length(radius)[0, 1], wanted[0], rtol=1e-14)
+    assert abs(float(length(radius)[2, 1] - wanted[2])) > 0.1
     slope = jax.jvp(length, (radius,), (jnp.ones(2),))[1]
     step = 1e-5
     central = (length(radius + step) - length(radius - step)) / (2 * step)
