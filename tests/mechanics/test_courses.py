@@ -120,6 +120,13 @@ def test_courses_of_one_kind_are_one_program_and_each_keeps_its_obstacle():
     wanted = {row: find(fibres([course(row)]), tibia_at(POSE))[row] for row in radii}
     assert all(float(wanted[row] - straight[row]) > 0.1 for row in radii)
 
+    two, other = around("sphere", "tibia"), Course((1,), obstacle=geo.WrapSphere(14.0))
+    uneven = find(fibres([two, other]), tibia_at(POSE))
+    for part in (two, other):
+        rows = np.array(part.rows)
+        alone = find(fibres([part]), tibia_at(POSE))[rows]
+        np.testing.assert_allclose(uneven[rows], alone, rtol=1e-14)
+
     def in_lanes(radius):
         here, lanes = together.courses[0].obstacle.frame.origin, add_lane_axis(together)
         origin = jnp.stack([here, here - 1.0], axis=1)
