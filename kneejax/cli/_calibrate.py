@@ -12,26 +12,11 @@ import time
 
 import numpy as np
 
+from kneejax.cli._study_problem import study_and_knee, with_measurement
 from kneejax.experiments import evaluate
-from kneejax.files import (
-    Study,
-    load_knee,
-    read_measured,
-    read_study,
-    study_path,
-    write_poses,
-    write_rows,
-    write_text,
-)
+from kneejax.files import Study, read_measured, write_poses, write_rows, write_text
 from kneejax.geometry import FREE_COORDINATES, Pose
-from kneejax.inference import (
-    Calibration,
-    calibrate,
-    compile_step,
-    select,
-    synthetic_motion,
-    with_values,
-)
+from kneejax.inference import Calibration, calibrate, compile_step, select
 from kneejax.mechanics import Knee
 from kneejax.statics import Status
 
@@ -39,30 +24,15 @@ from kneejax.statics import Status
 def run(arguments: argparse.Namespace) -> int:
     """Calibrate, print the answer, write results and the report."""
     begun = time.perf_counter()
-    study = read_study(study_path(arguments.study))
-    knee = with_values(load_knee(study.knee), study.overrides)
-    truth: dict[str, float] = {}
+    study, knee = study_and_knee(arguments.study)
     _progress(f"{study.title}: compiling, then balancing every pose")
     poses = len(study.synthetic.flexion_deg) if study.synthetic else len(read_measured(study))
     # XLA compiles without holding Python: what comes last gets ready beside the search.
     threading.Thread(target=_get_ready, args=(knee, study, poses)).start()
-    if study.synthetic is not None:
-        truth = dict(study.synthetic.parameters)
-        measured = synthetic_motion(
-            knee,
-            truth,
-            np.asarray(study.synthetic.flexion_deg),
-            study.parameters,
-            noise_mm=study.synthetic.noise_mm,
-            noise_deg=study.synthetic.noise_deg,
-            seed=study.synthetic.seed,
-        )
-    else:
-        measured = read_measured(study)
-    knee = with_values(knee, study.start)
+    problem = with_measurement(study, knee)
     result = calibrate(
-        knee,
-        measured,
+        problem.knee,
+        problem.measured,
         study.parameters,
         bounds=dict(study.bounds),
         weights=np.array([study.weights[name] for name in FREE_COORDINATES]),
@@ -72,7 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
         seed=study.seed,
         method=study.method,
         cycles=1,
-        truth=truth,
+        truth=problem.truth,
         title=study.title,
         settings=_settings(study),
     )

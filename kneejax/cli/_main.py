@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 from typing import NoReturn
 
+from kneejax.cli._study_commands import STUDY_COMMANDS
 from kneejax.files import nearest_name
 
 DONE, DOUBTFUL, BAD_INPUT = 0, 1, 2
@@ -143,6 +144,11 @@ def _build_parser() -> argparse.ArgumentParser:
     calibrate.add_argument("study", nargs="?", default="paper1", help="study file or bundled study")
     calibrate.add_argument("--out", type=Path, default=Path("kneejax-calibration"))
     calibrate.set_defaults(run=_lazily("_calibrate"))
+
+    for name, (help_line, add_arguments) in STUDY_COMMANDS.items():
+        command = commands.add_parser(name, help=help_line)
+        add_arguments(command)
+        command.set_defaults(run=_lazily(f"_{name}"))
 
     view = commands.add_parser("view", help="draw a knee in space, at poses")
     view.add_argument("knee", help="bundled name or knee file")

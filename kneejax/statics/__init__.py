@@ -14,4 +14,5 @@ from kneejax.statics._settle import first_guess as first_guess
 from kneejax.statics._settle import poses_on_the_way as poses_on_the_way
 from kneejax.statics._settle import settle as settle
 from kneejax.statics._settle import with_meeting as with_meeting
+from kneejax.statics._stations import Stations as Stations
 from kneejax.statics._status import Status as Status

@@ -1,0 +1,108 @@
+"""Arguments of the commands that ask what data and parameters tell about each other."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+
+
+def add_map(parser: argparse.ArgumentParser) -> None:
+    """Arguments of `kneejax map`."""
+    _add_study(parser)
+    parser.add_argument(
+        "--pair",
+        nargs=2,
+        action="append",
+        default=[],
+        metavar=("X", "Y"),
+        help="two parameters, e.g. PCL.stiffness PCL.reference_strain; may be repeated",
+    )
+    parser.add_argument("--all-pairs", action="store_true", help="every pair of the study's")
+    parser.add_argument("--grid", default="41", help="points a side, or as in 41x61")
+    parser.add_argument(
+        "--range",
+        action="append",
+        default=[],
+        metavar="NAME=LOW:HIGH",
+        dest="ranges",
+        help="of a parameter; the study's bounds otherwise",
+    )
+    parser.add_argument("--out", type=Path, default=Path("kneejax-map"))
+
+
+def add_sensitivity(parser: argparse.ArgumentParser) -> None:
+    """Arguments of `kneejax sensitivity`."""
+    _add_study(parser)
+    parser.add_argument(
+        "--sweep",
+        action="append",
+        default=[],
+        metavar="NAME=LOW:HIGH:COUNT",
+        help="values of a parameter, one at a time; all of the study's otherwise",
+    )
+    parser.add_argument(
+        "--scale",
+        choices=["prior", "percent"],
+        default="prior",
+        help="local derivatives per standard deviation of a prior, or per per cent",
+    )
+    parser.add_argument(
+        "--global",
+        choices=["sobol", "morris"],
+        dest="indices",
+        help="global indices of the motion too (package SALib)",
+    )
+    parser.add_argument("--samples", type=int, default=256, help="of Sobol, or Morris trajectories")
+    parser.add_argument(
+        "--knees",
+        nargs="+",
+        metavar="KNEE",
+        help="compare knees instead: varus and valgus moments, scores of paper 4",
+    )
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--out", type=Path, default=Path("kneejax-sensitivity"))
+
+
+def add_identify(parser: argparse.ArgumentParser) -> None:
+    """Arguments of `kneejax identify`."""
+    _add_study(parser)
+    parser.add_argument("--noise-mm", type=float, help="standard deviation of measured positions")
+    parser.add_argument("--noise-deg", type=float, help="standard deviation of measured rotations")
+    parser.add_argument(
+        "--prior",
+        action="append",
+        default=[],
+        metavar="NAME=MEAN:SD",
+        help="normal prior of a parameter or wildcard, for the posterior",
+    )
+    parser.add_argument("--posterior", action="store_true", help="sample it (package NumPyro)")
+    parser.add_argument("--chains", type=int, default=4)
+    parser.add_argument("--draws", type=int, default=1000, help="of each chain, after warm-up")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument(
+        "--next-tests", type=int, default=3, metavar="K", help="how many tests to choose"
+    )
+    parser.add_argument(
+        "--candidates", type=Path, help="CSV of tests to choose from; a usual set otherwise"
+    )
+    parser.add_argument("--out", type=Path, default=Path("kneejax-identify"))
+
+
+def add_reproduce(parser: argparse.ArgumentParser) -> None:
+    """Arguments of `kneejax reproduce`."""
+    parser.add_argument("paper", choices=["1", "4"])
+    parser.add_argument("--out", type=Path, default=Path("kneejax-reproduction"))
+
+
+def _add_study(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("study", nargs="?", default="paper1", help="study file or bundled study")
+
+
+#: Command -> one line of help, and what adds its arguments.
+STUDY_COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]] = {
+    "map": ("objective over pairs of parameters", add_map),
+    "sensitivity": ("what each parameter does to the motion", add_sensitivity),
+    "identify": ("what the data can and cannot tell", add_identify),
+    "reproduce": ("published claims, computed", add_reproduce),
+}

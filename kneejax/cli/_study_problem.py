@@ -1,0 +1,70 @@
+"""What every command on a study begins with: its knee, its start and what was measured."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from kneejax.files import Study, load_knee, read_measured, read_study, study_path
+from kneejax.inference import synthetic_motion, with_values
+from kneejax.mechanics import Knee
+
+
+@dataclasses.dataclass(frozen=True)
+class StudyProblem:
+    """A study, ready to be asked something.
+
+    Attributes:
+        study: as read.
+        knee: the study's knee, with its fixed values and its start.
+        measured: shape `(n, 6)`, degrees and mm; measured, or made by the knee itself.
+        truth: parameter -> value that made synthetic data; empty for measured data.
+    """
+
+    study: Study
+    knee: Knee
+    measured: np.ndarray
+    truth: dict[str, float]
+
+
+def study_problem(name: str) -> StudyProblem:
+    """Read a study and its knee, and read or make its measurement.
+
+    Args:
+        name: study file or bundled study.
+
+    Returns:
+        The `StudyProblem`.
+
+    Raises:
+        InputProblem: a file cannot be read or a field is at fault.
+        UnknownParameter: the study names a parameter that its knee does not have.
+        UnsuitableData: the knee that should make the data does not balance.
+    """
+    return with_measurement(*study_and_knee(name))
+
+
+def study_and_knee(name: str) -> tuple[Study, Knee]:
+    """A study and its knee with the values that stay fixed; nothing is computed yet."""
+    study = read_study(study_path(name))
+    return study, with_values(load_knee(study.knee), study.overrides)
+
+
+def with_measurement(study: Study, knee: Knee) -> StudyProblem:
+    """The second half of `study_problem`: synthetic data take a motion of the knee."""
+    truth: dict[str, float] = {}
+    if study.synthetic is not None:
+        truth = dict(study.synthetic.parameters)
+        measured = synthetic_motion(
+            knee,
+            truth,
+            np.asarray(study.synthetic.flexion_deg),
+            study.parameters,
+            noise_mm=study.synthetic.noise_mm,
+            noise_deg=study.synthetic.noise_deg,
+            seed=study.synthetic.seed,
+        )
+    else:
+        measured = read_measured(study)
+    return StudyProblem(study, with_values(knee, study.start), measured, truth)
