@@ -4,6 +4,10 @@ from kneejax.statics._balance import Balance as Balance
 from kneejax.statics._balance import balance as balance
 from kneejax.statics._balance import force as force
 from kneejax.statics._balance import force_derivative as force_derivative
+from kneejax.statics._batch import Balances as Balances
+from kneejax.statics._batch import Progress as Progress
+from kneejax.statics._batch import balance_lines as balance_lines
+from kneejax.statics._batch import balance_many as balance_many
 from kneejax.statics._compiled import compiled as compiled
 from kneejax.statics._compiled import compiler_options as compiler_options
 from kneejax.statics._compiled import use_shared_fusion as use_shared_fusion
@@ -16,3 +20,5 @@ from kneejax.statics._settle import settle as settle
 from kneejax.statics._settle import with_meeting as with_meeting
 from kneejax.statics._stations import Stations as Stations
 from kneejax.statics._status import Status as Status
+from kneejax.statics._walk import Vary as Vary
+from kneejax.statics._walk import in_lanes as in_lanes

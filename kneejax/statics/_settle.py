@@ -28,6 +28,8 @@ from kneejax.statics._status import Status
 SEARCH = EnergyNewton()
 #: Flexion between two poses on the way, rad.
 _STRIDE = np.deg2rad(5.0)
+# Backstop of the solver's loop; a search ends by its own `most_steps`.
+_MOST_ROUNDS = 256
 
 
 class Settled(eqx.Module):
@@ -133,6 +135,33 @@ def with_meeting(knee: Knee, flexion: Array, q: Array) -> Guess:
     return Guess(q, jnp.stack(found, axis=1))
 
 
+def search_one(
+    knee: Knee, flexion: Array, guess: Guess, search: EnergyNewton
+) -> tuple[Array, Array, dict[str, Array]]:
+    """As `settle` at one pose, without a derivative; the solver's numbers may be traced.
+
+    Returns:
+        Coordinates (NaN where they are no balance), meeting points, and the rest of `Settled`.
+    """
+    knee = knee.for_many_poses()
+    meeting = _known_meeting(knee, flexion, guess.q, guess.meeting)
+    found, state = _found(knee, flexion, Guess(guess.q, meeting, guess.tangent), search)
+    return _described(knee, flexion, found, state)
+
+
+def _found(knee: Knee, flexion: Array, guess: Guess, search: EnergyNewton):
+    solution = optx.root_find(
+        look,
+        search,
+        guess,
+        (knee, flexion),
+        has_aux=True,
+        max_steps=_MOST_ROUNDS,
+        throw=False,
+    )
+    return solution.value, solution.aux
+
+
 def _search(
     knee: Knee, flexion: Array, guess: Guess, start: Array, count: Array, search: EnergyNewton
 ):
@@ -143,19 +172,10 @@ def _search(
         # Secant predictor from the third pose on.
         q = jnp.where(k > 1, 2.0 * guess.q - last, guess.q)
         predicted = Guess(q, _known_meeting(knee, here, q, guess.meeting), guess.tangent)
-        solution = optx.root_find(
-            look,
-            search,
-            predicted,
-            (knee, here),
-            has_aux=True,
-            max_steps=search.most_steps + 2,
-            throw=False,
-        )
-        found = solution.aux
+        value, found = _found(knee, here, predicted, search)
         # A lane that is lost may have lost its meeting points: it looks for them from scratch.
         lost = Guess(guess.q, jnp.full_like(guess.meeting, jnp.nan), guess.tangent)
-        new = jax.tree.map(lambda x, y: jnp.where(found.done, x, y), solution.value, lost)
+        new = jax.tree.map(lambda x, y: jnp.where(found.done, x, y), value, lost)
         return new, jnp.where(found.done, guess.q, new.q), found
 
     # One lane that starts from NaN would end the search of all.

@@ -1,0 +1,295 @@
+"""Many balances: any parameters, any stations, on all cores, in order, in bounded memory.
+
+Nodes (a variant at a station) are laid out in paths along which one pose predicts the next, and the
+paths are dealt to threads in lots of a fixed size: answers depend neither on the number of cores
+nor on who was first.
+"""
+
+from __future__ import annotations
+
+import concurrent.futures
+import dataclasses
+import os
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import numpy as np
+
+from kneejax.mechanics import Knee
+from kneejax.statics._stations import Stations
+from kneejax.statics._status import Status
+from kneejax.statics._walk import LANES, Found, Paths, Vary, Walker
+
+#: Called with how many balances are done, and of how many.
+Progress = Callable[[int, int], None]
+
+#: Paths of a lot.
+_LOT = 512
+#: Flexion between two nodes on the way from the reference pose, rad, and steps of a load.
+_STRIDE, _LOAD_STEPS = np.deg2rad(5.0), 4
+
+
+@dataclasses.dataclass(frozen=True)
+class Balances:
+    """Balanced poses of variants at stations; arrays begin with the axes of the values.
+
+    Attributes:
+        q: free coordinates `(variants, stations, 5)`, rad and mm; NaN where there is no balance.
+        meeting: parameters of the meeting points, `(variants, stations, n, 2)`.
+        status: `Status` values, `(variants, stations)`.
+        steps: Newton steps taken, `(variants, stations)`.
+    """
+
+    q: np.ndarray
+    meeting: np.ndarray
+    status: np.ndarray
+    steps: np.ndarray
+
+    @property
+    def table(self) -> np.ndarray:
+        """Free coordinates in degrees and mm, `(variants, stations, 5)`."""
+        return self.q * np.r_[np.rad2deg([1.0, 1.0]), 1.0, 1.0, 1.0]
+
+    @property
+    def converged(self) -> np.ndarray:
+        """Where forces balance, `(variants, stations)`."""
+        return self.status < Status.TOO_DEEP
+
+
+def balance_many(
+    knee: Knee,
+    vary: Vary,
+    base: Any,
+    values: Any,
+    stations: Stations,
+    *,
+    progress: Progress | None = None,
+) -> Balances:
+    """Balance variants of a knee at stations.
+
+    Each variant walks along the stations, predicted from its distance to the motion of the knee
+    itself.
+
+    Args:
+        knee: gives all numbers that do not vary.
+        vary: makes a variant: `(knee, value) -> knee` of the same structure, hashable, e.g. the
+            bound method `selection.apply`.
+        base: the value of the knee itself.
+        values: like `base`, with a leading axis `(variants, ...)`.
+        stations: in an order in which neighbours are near each other.
+        progress: called now and then with balances done and asked for.
+
+    Returns:
+        The balances, in order.
+
+    Raises:
+        RuntimeError: float64 is switched off.
+    """
+    walker = _walker(knee, vary, base, values, stations, progress)
+    _walk_all(walker, _along_stations(walker))
+    # What was not reached on the way up may be reached from above.
+    _walk_all(walker, _gaps(walker, -1))
+    return _balances(walker, walker.found.status.shape[:1])
+
+
+def balance_lines(
+    knee: Knee,
+    vary: Vary,
+    base: Any,
+    values: Any,
+    stations: Stations,
+    begin: np.ndarray,
+    *,
+    near: Balances | None = None,
+    progress: Progress | None = None,
+) -> Balances:
+    """Balance variants that stand in lines, each near its neighbours.
+
+    At each station a line is walked from one of its points in both directions.
+
+    Args:
+        knee: as in `balance_many`; likewise `vary`, `base`, `stations`, `progress`.
+        values: like `base`, with leading axes `(lines, points, ...)`.
+        begin: the point of each line where the walk begins, `(lines,)`.
+        near: balances near those points, `(lines, stations)`; the knee's own motion by default.
+
+    Returns:
+        The balances, in order, with leading axes `(lines, points)`.
+
+    Raises:
+        RuntimeError: float64 is switched off.
+    """
+    lines, points = np.shape(jax.tree.leaves(values)[0])[:2]
+    flat = jax.tree.map(lambda x: np.reshape(x, (lines * points, *np.shape(x)[2:])), values)
+    walker = _walker(knee, vary, base, flat, stations, progress)
+    middle = np.arange(lines) * points + np.asarray(begin, int)
+    _walk_all(walker, _single_nodes(walker, middle, near))
+    up, down = (_arms(walker, middle, points, way) for way in (1, -1))
+    _walk_all(walker, _joined(up, down))
+    for way in (1, -1):
+        _walk_all(walker, _gaps(walker, way))
+    return _balances(walker, (lines, points))
+
+
+def _walker(knee, vary, base, values, stations, progress) -> Walker:
+    variants, size = len(jax.tree.leaves(values)[0]), len(stations)
+    own = _own_motion(knee, vary, base, stations)
+    found = Found.nothing(knee, variants, size)
+    report = _counter(progress, variants * size)
+    return Walker(knee, vary, values, stations, own, found, report)
+
+
+def _balances(walker: Walker, shape: tuple[int, ...]) -> Balances:
+    found = walker.found
+    arrays = (found.q, found.meeting, found.status, found.steps)
+    return Balances(*(np.reshape(x, (*shape, *x.shape[1:])) for x in arrays))
+
+
+def _counter(progress: Progress | None, total: int) -> Callable[[int], None]:
+    done = 0
+
+    def report(count: int) -> None:
+        nonlocal done
+        # Lost nodes are walked again.
+        done = min(done + count, total)
+        if progress is not None:
+            progress(done, total)
+
+    return report
+
+
+def _walk_all(walker: Walker, paths: Paths) -> None:
+    """Deal the paths to threads."""
+    count = len(paths)
+    size = int(np.clip(-(-count // 8), LANES, _LOT))
+    lots = [paths.take(slice(i, i + size)) for i in range(0, count, size)]
+    if len(lots) < 2:
+        for lot in lots:
+            walker.walk(lot)
+        return
+    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
+        # Ctrl-C or an error in one lot must not wait for all the others.
+        futures = [pool.submit(walker.walk, lot) for lot in lots]
+        try:
+            for future in futures:
+                future.result()
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def _paths(walker: Walker, variant, station, length, q=0.0, meeting=np.nan) -> Paths:
+    """Paths whose first node is expected so far from the own motion."""
+    count, patches = len(length), walker.found.meeting.shape[2]
+    return Paths(
+        variant,
+        station,
+        length,
+        np.broadcast_to(q, (count, 5)),
+        np.broadcast_to(meeting, (count, patches, 2)),
+    )
+
+
+def _along_stations(walker: Walker) -> Paths:
+    """Each variant along all stations, from the own motion."""
+    count, size = walker.found.status.shape
+    variant = np.broadcast_to(np.arange(count)[:, None], (count, size))
+    station = np.broadcast_to(np.arange(size), (count, size))
+    return _paths(walker, variant, station, np.full(count, size), meeting=0.0)
+
+
+def _single_nodes(walker: Walker, variants: np.ndarray, near: Balances | None) -> Paths:
+    """Some variants at all stations, each a path of one node."""
+    size = walker.found.status.shape[1]
+    variant, station = (
+        x.reshape(-1, 1) for x in np.meshgrid(variants, np.arange(size), indexing="ij")
+    )
+    one = np.ones(len(variant), int)
+    if near is None:
+        return _paths(walker, variant, station, one, meeting=0.0)
+    q, meeting = (
+        np.reshape(here - own, (-1, *own.shape[1:]))
+        for here, own in zip((near.q, near.meeting), walker.own, strict=True)
+    )
+    lost = np.isnan(q).any(axis=1)
+    meeting = np.where(lost[:, None, None], np.nan, meeting)
+    return _paths(walker, variant, station, one, np.where(lost[:, None], 0.0, q), meeting)
+
+
+def _arms(walker: Walker, middle: np.ndarray, points: int, way: int) -> Paths:
+    """From the middle of each line to one of its ends, at each station."""
+    size = walker.found.status.shape[1]
+    place = middle % points
+    length = points - 1 - place if way > 0 else place
+    away = np.minimum(np.arange(1, points), length[:, None])
+    variant = np.repeat(middle[:, None] + way * away, size, axis=0)
+    station = np.broadcast_to(np.tile(np.arange(size), len(middle))[:, None], variant.shape)
+    q, meeting = (
+        (here[middle] - own).reshape(-1, *own.shape[1:])
+        for here, own in zip((walker.found.q, walker.found.meeting), walker.own, strict=True)
+    )
+    lost = np.isnan(q).any(axis=1)
+    meeting = np.where(lost[:, None, None], np.nan, meeting)
+    return _paths(
+        walker, variant, station, np.repeat(length, size), np.where(lost[:, None], 0.0, q), meeting
+    )
+
+
+def _gaps(walker: Walker, way: int) -> Paths:
+    """Rows of stations that are not balanced, beginning beside one that is."""
+    known = walker.found.known[:, ::way]
+    variants, size = known.shape
+    length = np.zeros((variants, size + 1), int)
+    for s in range(size - 1, -1, -1):
+        length[:, s] = np.where(known[:, s], 0, 1 + length[:, s + 1])
+    row, before = np.nonzero(known[:, :-1] & ~known[:, 1:])
+    length = length[row, before + 1]
+    along = before[:, None] + 1 + np.arange(max(length, default=1))
+    station = np.minimum(along, size - 1)
+    if way < 0:
+        station, before = size - 1 - station, size - 1 - before
+    variant = np.broadcast_to(row[:, None], station.shape)
+    q, meeting = (
+        here[row, before] - own[before]
+        for here, own in zip((walker.found.q, walker.found.meeting), walker.own, strict=True)
+    )
+    return _paths(walker, variant, station, length, q, meeting)
+
+
+def _joined(*parts: Paths) -> Paths:
+    fields = [f.name for f in dataclasses.fields(Paths)]
+    return Paths(*(np.concatenate([getattr(part, name) for part in parts]) for name in fields))
+
+
+def _own_motion(knee: Knee, vary: Vary, base, stations: Stations):
+    """Coordinates and meeting points of the knee itself at the stations.
+
+    Each station is reached from the reference pose by itself, flexion and load growing together:
+    no answer depends on which other stations were asked for.
+    """
+    size, start = len(stations), float(knee.reference_pose.flexion)
+    farthest = float(np.max(np.abs(np.asarray(stations.flexion) - start), initial=0.0))
+    steps = max(int(np.ceil(farthest / _STRIDE)), _LOAD_STEPS if stations.loads else 1)
+    part = np.tile(np.arange(steps + 1) / steps, size)
+    last = jax.tree.map(lambda x: np.repeat(np.asarray(x), steps + 1, axis=0), stations)
+    way = Stations(
+        start + part * (last.flexion - start),
+        jax.tree.map(lambda x: x * part[:, None], last.loads),
+    )
+    found = Found.nothing(knee, 1, len(way))
+    reference = np.array([float(x) for x in knee.reference_pose.state])
+    rest = (np.broadcast_to(reference, (len(way), 5)), np.zeros(found.meeting.shape[1:]))
+    one = jax.tree.map(lambda x: np.asarray(x)[None], base)
+    walker = Walker(knee, vary, one, way, rest, found, lambda _: None)
+    station = np.arange(len(way)).reshape(size, steps + 1)
+    _walk_all(
+        walker, _paths(walker, np.zeros_like(station), station, np.full(size, steps + 1))
+    )
+    ends = station[:, -1]
+    known = np.flatnonzero(found.known[0, ends])
+    if not len(known):
+        return rest[0][:size], np.full((size, *found.meeting.shape[2:]), np.nan)
+    # Where the knee itself has no balance, searches begin from that of the nearest station.
+    nearest = known[np.abs(np.arange(size)[:, None] - known).argmin(axis=1)]
+    return found.q[0, ends[nearest]], found.meeting[0, ends[nearest]]
