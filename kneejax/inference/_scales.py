@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kneejax.inference._parameters import Selection, UnknownParameter, UnsuitableData
+
+T = TypeVar("T")
 
 #: Standard deviations in proportion to the value. Conventions rather than measurements: published
 #: values of one ligament differ by as much (ACL 3100 to 5900 N in papers 1 to 3).
@@ -53,25 +56,16 @@ def prior_scales(
         >>> prior_scales(both, [4500.0, 0.03], {"reference_strain": 0.01}).tolist()
         [1350.0, 0.01]
     """
-    values, given = np.asarray(values, float), given or {}
-    keys = [_keys(selection, i) for i in range(len(selection))]
-    known = {key for own in keys for key in own}
-    for key in given:
-        if key not in known:
-            near = difflib.get_close_matches(key, sorted(known), 1, 0.0)
-            raise UnknownParameter(
-                f"prior of {key!r}, which is not free; did you mean {near[0]!r}?"
-            )
-    scales = []
-    for i, own in enumerate(keys):
-        stated = [given[key] for key in own if key in given]
-        scales.append(float(stated[0]) if stated else _usual(selection.quantity(i), values[i]))
-        if not (np.isfinite(scales[-1]) and scales[-1] > 0):
+    values = np.asarray(values, float)
+    scales = np.empty(len(selection))
+    for i, own in enumerate(stated(selection, given or {}, "prior")):
+        scales[i] = _usual(selection.quantity(i), values[i]) if own is None else own
+        if not (np.isfinite(scales[i]) and scales[i] > 0):
             raise UnsuitableData(
-                f"{selection.names[i]}: prior of width {scales[-1]:g}: expected a standard "
+                f"{selection.names[i]}: prior of width {scales[i]:g}: expected a standard "
                 "deviation above zero; leave the parameter out if it is known exactly"
             )
-    return np.array(scales)
+    return scales
 
 
 def percent_scales(selection: Selection, values: ArrayLike) -> np.ndarray:
@@ -99,10 +93,30 @@ def percent_scales(selection: Selection, values: ArrayLike) -> np.ndarray:
     return np.array(scales)
 
 
-def _keys(selection: Selection, index: int) -> tuple[str, ...]:
-    """What may name a parameter, what is nearest to it first."""
-    quantity = selection.quantity(index)
-    return selection.names[index], f"*.{quantity}", quantity
+def stated(selection: Selection, given: Mapping[str, T], what: str) -> list[T | None]:
+    """What is given for each parameter; a name counts before a wildcard, that before a quantity.
+
+    Args:
+        selection: the parameters.
+        given: name, `*.quantity` or quantity -> anything.
+        what: is given, for the error.
+
+    Returns:
+        One entry a parameter, None where nothing is given.
+
+    Raises:
+        UnknownParameter: something is given that none of the parameters is.
+    """
+    keys = []
+    for i, name in enumerate(selection.names):
+        quantity = selection.quantity(i)
+        keys.append((name, f"*.{quantity}", quantity))
+    known = sorted({key for own in keys for key in own})
+    for key in given:
+        if key not in known:
+            near = difflib.get_close_matches(key, known, 1, 0.0)[0]
+            raise UnknownParameter(f"{what} of {key!r}, which is not free; did you mean {near!r}?")
+    return [next((given[key] for key in own if key in given), None) for own in keys]
 
 
 def _usual(quantity: str, value: float) -> float:
