@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import functools
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -138,6 +139,13 @@ def select(knee: Knee, names: list[str] | tuple[str, ...]) -> Selection:
         chosen += [match for match in matches if match not in chosen]
     selection = Selection(tuple(chosen), ligaments, knee.groups)
     _check_once(selection)
+    return _one(selection)
+
+
+@functools.cache
+def _one(selection: Selection) -> Selection:
+    """The same choice is the same object: its bound methods, which steer compiled functions, are
+    equal only then."""
     return selection
 
 

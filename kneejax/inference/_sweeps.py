@@ -18,7 +18,7 @@ from kneejax.inference._parameters import (
 )
 from kneejax.inference._physiological import unphysiological
 from kneejax.mechanics import Knee
-from kneejax.statics import Stations, Status, balance_lines, balance_many
+from kneejax.statics import Stations, Status, balance_lines
 
 #: Ranges of paper 1, section 3; other quantities go over their bounds.
 SWEEP_RANGES = {"stiffness": (300.0, 9300.0), "reference_strain": (-0.2, 0.2)}
@@ -86,9 +86,8 @@ def sweep(
 ) -> Sweeps:
     """Vary parameters one at a time and balance the knee at every value.
 
-    The walk over a parameter begins at the value nearest the knee's own and goes both ways, each
-    pose predicted from its neighbours, so that it stays on the branch of the knee as long as there
-    is one.
+    The walk over a parameter begins at the knee's own value and goes both ways, each pose predicted
+    from its neighbours, so that it stays on the branch of the knee as long as there is one.
 
     Args:
         knee: gives everything that is not varied.
@@ -113,20 +112,22 @@ def sweep(
     if not isinstance(stations, Stations):
         stations = Stations.at(np.unique(np.asarray(stations, float)))
     own = np.asarray(selection.read(knee))
-    # One shape for all lines: a short one stands at its last value.
-    longest = max(len(line) for line in values)
+    # Each line gets the knee's own value besides, where its walk begins. All have one shape: a
+    # short one stands at its last value.
+    begin = np.array([np.searchsorted(v, o) for v, o in zip(values, own, strict=True)])
+    longest = 1 + max(len(line) for line in values)
     lines = np.tile(own, (len(values), longest, 1))
     for i, line in enumerate(values):
-        lines[i, :, i] = np.pad(line, (0, longest - len(line)), mode="edge")
-    begin = np.array([np.argmin(np.abs(v - o)) for v, o in zip(values, own, strict=True)])
+        walked = np.insert(line, begin[i], own[i])
+        lines[i, :, i] = np.pad(walked, (0, longest - len(walked)), mode="edge")
 
-    vary, base = selection.apply, jnp.asarray(own)
-    itself = balance_many(knee, vary, base, own[None], stations)
-    found = balance_lines(knee, vary, base, lines, stations, begin, progress=progress)
-    motion = itself.table[0]
+    base = jnp.asarray(own)
+    found = balance_lines(knee, selection.apply, base, lines, stations, begin, progress=progress)
+    motion, outcome = found.table[0, begin[0]], found.status[0, begin[0]]
     sweeps = []
     for i, line in enumerate(values):
-        table, status = found.table[i, : len(line)], found.status[i, : len(line)]
+        asked = np.delete(np.arange(len(line) + 1), begin[i])
+        table, status = found.table[i, asked], found.status[i, asked]
         sweeps.append(
             Sweep(
                 selection.names[i],
@@ -139,7 +140,7 @@ def sweep(
             )
         )
     flexion = np.rad2deg(np.asarray(stations.flexion))
-    return Sweeps(flexion, motion, itself.status[0], tuple(sweeps))
+    return Sweeps(flexion, motion, outcome, tuple(sweeps))
 
 
 def _chosen(
