@@ -24,8 +24,11 @@ from kneejax.statics._walk import LANES, Found, Paths, Vary, Walker
 #: Called with how many balances are done, and of how many.
 Progress = Callable[[int, int], None]
 
-#: Paths of a lot.
-_LOT = 512
+#: Paths of a lot, at least and at most.
+_LOT = (2 * LANES, 8 * LANES)
+#: Lost nodes in a row after which a path is given up. Along stations the next ones may well
+#: balance (a knee too tight in extension); beyond the end of a branch nothing does.
+_ALONG_STATIONS, _ALONG_VALUES = 5, 2
 #: Flexion between two nodes on the way from the reference pose, rad, and steps of a load.
 _STRIDE, _LOAD_STEPS = np.deg2rad(5.0), 4
 
@@ -87,9 +90,9 @@ def balance_many(
         RuntimeError: float64 is switched off.
     """
     walker = _walker(knee, vary, base, values, stations, progress)
-    _walk_all(walker, _along_stations(walker))
+    _walk_all(walker, _along_stations(walker), _ALONG_STATIONS)
     # What was not reached on the way up may be reached from above.
-    _walk_all(walker, _gaps(walker, -1))
+    _walk_all(walker, _gaps(walker, -1), _ALONG_STATIONS)
     return _balances(walker, walker.found.status.shape[:1])
 
 
@@ -124,11 +127,11 @@ def balance_lines(
     flat = jax.tree.map(lambda x: np.reshape(x, (lines * points, *np.shape(x)[2:])), values)
     walker = _walker(knee, vary, base, flat, stations, progress)
     middle = np.arange(lines) * points + np.asarray(begin, int)
-    _walk_all(walker, _single_nodes(walker, middle, near))
+    _walk_all(walker, _single_nodes(walker, middle, near), _ALONG_VALUES)
     up, down = (_arms(walker, middle, points, way) for way in (1, -1))
-    _walk_all(walker, _joined(up, down))
+    _walk_all(walker, _joined(up, down), _ALONG_VALUES)
     for way in (1, -1):
-        _walk_all(walker, _gaps(walker, way))
+        _walk_all(walker, _gaps(walker, way), _ALONG_VALUES)
     return _balances(walker, (lines, points))
 
 
@@ -159,18 +162,18 @@ def _counter(progress: Progress | None, total: int) -> Callable[[int], None]:
     return report
 
 
-def _walk_all(walker: Walker, paths: Paths) -> None:
+def _walk_all(walker: Walker, paths: Paths, give_up: int) -> None:
     """Deal the paths to threads."""
     count = len(paths)
-    size = int(np.clip(-(-count // 8), LANES, _LOT))
+    size = int(np.clip(-(-count // 4), *_LOT))
     lots = [paths.take(slice(i, i + size)) for i in range(0, count, size)]
     if len(lots) < 2:
         for lot in lots:
-            walker.walk(lot)
+            walker.walk(lot, give_up)
         return
     with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
         # Ctrl-C or an error in one lot must not wait for all the others.
-        futures = [pool.submit(walker.walk, lot) for lot in lots]
+        futures = [pool.submit(walker.walk, lot, give_up) for lot in lots]
         try:
             for future in futures:
                 future.result()
@@ -283,9 +286,8 @@ def _own_motion(knee: Knee, vary: Vary, base, stations: Stations):
     one = jax.tree.map(lambda x: np.asarray(x)[None], base)
     walker = Walker(knee, vary, one, way, rest, found, lambda _: None)
     station = np.arange(len(way)).reshape(size, steps + 1)
-    _walk_all(
-        walker, _paths(walker, np.zeros_like(station), station, np.full(size, steps + 1))
-    )
+    paths = _paths(walker, np.zeros_like(station), station, np.full(size, steps + 1))
+    _walk_all(walker, paths, _ALONG_STATIONS)
     ends = station[:, -1]
     known = np.flatnonzero(found.known[0, ends])
     if not len(known):

@@ -31,8 +31,6 @@ Vary = Callable[[Knee, Any], Knee]
 LANES = 128
 #: Newton steps of a node that is predicted, and of one that was lost.
 _QUICK, _PATIENT = 8, 40
-#: Lost nodes in a row after which a path is given up.
-_GIVE_UP = 2
 _ACCURACY_MM = 1e-7
 
 
@@ -152,8 +150,13 @@ class Walker:
         self.found, self.report = found, report
         self._count = threading.Lock()
 
-    def walk(self, paths: Paths) -> None:
-        """Walk paths to their ends; the same paths give the same numbers, bit by bit."""
+    def walk(self, paths: Paths, give_up: int) -> None:
+        """Walk paths to their ends; the same paths give the same numbers, bit by bit.
+
+        Args:
+            paths: any number.
+            give_up: lost nodes in a row after which the rest of a path is left alone.
+        """
         count = len(paths)
         place, lost = np.zeros(count, int), np.zeros(count, int)
         patient, known = np.zeros(count, bool), np.zeros(count, int)
@@ -163,10 +166,13 @@ class Walker:
         tangent = np.zeros((count, 5, 5))
         while True:
             waiting = np.flatnonzero(place < paths.length)
-            quick = waiting[~patient[waiting]]
             if not len(waiting):
                 return
-            rows = quick if len(quick) else waiting
+            lost_ones = patient[waiting]
+            quick = waiting[~lost_ones]
+            # Patience first where a call would not be full: who is found walks on with the others.
+            patiently = len(quick) < LANES and bool(lost_ones.any())
+            rows = waiting[lost_ones] if patiently else quick
             rows = rows[np.argsort(place[rows], kind="stable")[:LANES]]
             here = paths.variant[rows, place[rows]], paths.station[rows, place[rows]]
             guess = (
@@ -174,7 +180,7 @@ class Walker:
                 self.own[1][here[1]] + _extrapolated(away_meeting[:, rows], known[rows]),
                 tangent[rows],
             )
-            q, meeting, stiffness, status, steps = self._call(*here, guess, not len(quick))
+            q, meeting, stiffness, status, steps = self._call(*here, guess, patiently)
             good = status < Status.TOO_DEEP
             self.found.steps[here] += steps
             won, nodes = rows[good], (here[0][good], here[1][good])
@@ -185,13 +191,14 @@ class Walker:
             )
             tangent[won] = stiffness[good]
             known[won], lost[won], patient[won] = known[won] + 1, 0, False
-            gone = rows[~good & patient[rows]]
-            known[gone], lost[gone] = 0, lost[gone] + 1
-            patient[rows[~good]] = ~patient[rows[~good]]
-            ended = good | np.isin(rows, gone)
+            patient[rows[~good]] = not patiently
+            if patiently:
+                known[rows[~good]] = 0
+                lost[rows[~good]] += 1
+            ended = good | patiently
             self.found.status[here[0][ended], here[1][ended]] = status[ended]
             place[rows[ended]] += 1
-            place[lost >= _GIVE_UP] = paths.length[lost >= _GIVE_UP]
+            place[lost >= give_up] = paths.length[lost >= give_up]
             with self._count:
                 self.report(int(ended.sum()))
 
