@@ -4,6 +4,13 @@ from kneejax.inference._bounded import BoundedLevenbergMarquardt as BoundedLeven
 from kneejax.inference._bounded import compile_step as compile_step
 from kneejax.inference._calibrate import calibrate as calibrate
 from kneejax.inference._calibrate import versions as versions
+from kneejax.inference._global_indices import GlobalIndices as GlobalIndices
+from kneejax.inference._global_indices import global_indices as global_indices
+from kneejax.inference._local_sensitivity import LocalSensitivity as LocalSensitivity
+from kneejax.inference._local_sensitivity import local_sensitivity as local_sensitivity
+from kneejax.inference._motion_indices import MotionIndices as MotionIndices
+from kneejax.inference._motion_indices import Output as Output
+from kneejax.inference._motion_indices import motion_indices as motion_indices
 from kneejax.inference._parameters import QUANTITIES as QUANTITIES
 from kneejax.inference._parameters import Selection as Selection
 from kneejax.inference._parameters import UnknownParameter as UnknownParameter
@@ -23,5 +30,9 @@ from kneejax.inference._scales import percent_scales as percent_scales
 from kneejax.inference._scales import prior_scales as prior_scales
 from kneejax.inference._search import PROCEDURES as PROCEDURES
 from kneejax.inference._search import run_procedure as run_procedure
+from kneejax.inference._sweeps import SWEEP_RANGES as SWEEP_RANGES
+from kneejax.inference._sweeps import Sweep as Sweep
+from kneejax.inference._sweeps import Sweeps as Sweeps
+from kneejax.inference._sweeps import sweep as sweep
 from kneejax.inference._synthetic import synthetic_motion as synthetic_motion
 from kneejax.inference._uncertainty import uncertainty as uncertainty

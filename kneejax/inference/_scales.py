@@ -94,7 +94,7 @@ def percent_scales(selection: Selection, values: ArrayLike) -> np.ndarray:
 
 
 def stated(selection: Selection, given: Mapping[str, T], what: str) -> list[T | None]:
-    """What is given for each parameter; a name counts before a wildcard, that before a quantity.
+    """What is given for each parameter, and nothing for anything else.
 
     Args:
         selection: the parameters.
@@ -102,21 +102,30 @@ def stated(selection: Selection, given: Mapping[str, T], what: str) -> list[T | 
         what: is given, for the error.
 
     Returns:
-        One entry a parameter, None where nothing is given.
+        As `looked_up`.
 
     Raises:
         UnknownParameter: something is given that none of the parameters is.
     """
-    keys = []
-    for i, name in enumerate(selection.names):
-        quantity = selection.quantity(i)
-        keys.append((name, f"*.{quantity}", quantity))
-    known = sorted({key for own in keys for key in own})
+    known = sorted({key for i in range(len(selection)) for key in _keys(selection, i)})
     for key in given:
         if key not in known:
             near = difflib.get_close_matches(key, known, 1, 0.0)[0]
             raise UnknownParameter(f"{what} of {key!r}, which is not free; did you mean {near!r}?")
+    return looked_up(selection, given)
+
+
+def looked_up(selection: Selection, given: Mapping[str, T]) -> list[T | None]:
+    """What is given for each parameter, or None; a name counts before a wildcard, that before a
+    quantity."""
+    keys = [_keys(selection, i) for i in range(len(selection))]
     return [next((given[key] for key in own if key in given), None) for own in keys]
+
+
+def _keys(selection: Selection, index: int) -> tuple[str, ...]:
+    """What may stand for a parameter, the nearest first."""
+    quantity = selection.quantity(index)
+    return selection.names[index], f"*.{quantity}", quantity
 
 
 def _usual(quantity: str, value: float) -> float:

@@ -1,0 +1,162 @@
+"""Global sensitivity of a knee's motion: indices whose model is the batch of balances."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+
+import jax.numpy as jnp
+import numpy as np
+
+from kneejax.geometry import FREE_COORDINATES
+from kneejax.inference._global_indices import GlobalIndices, global_indices
+from kneejax.inference._parameters import Selection, UnsuitableData, select
+from kneejax.inference._problem import DEFAULT_WEIGHTS
+from kneejax.inference._scales import looked_up, prior_scales, stated
+from kneejax.mechanics import Knee
+from kneejax.statics import Stations, Status, balance_many
+
+#: Half a range where none is stated, in standard deviations of the prior.
+_DEVIATIONS = 2.0
+#: Angles at which the coordinates themselves are outputs.
+_ANGLES = 5
+_UNITS = dict(zip(FREE_COORDINATES, ("deg", "deg", "mm", "mm", "mm"), strict=True))
+
+
+@dataclasses.dataclass(frozen=True)
+class Output:
+    """One number of a motion.
+
+    Attributes:
+        name: for tables.
+        unit: `mm`, `deg`, or empty.
+        coordinate: the free coordinate; empty for the objective.
+        flexion_deg: where; None for what sums over all angles.
+    """
+
+    name: str
+    unit: str
+    coordinate: str
+    flexion_deg: float | None
+
+
+@dataclasses.dataclass(frozen=True)
+class MotionIndices:
+    """Global indices of a knee's motion.
+
+    Attributes:
+        indices: see `GlobalIndices`; their outputs are, in order, those below.
+        outputs: each coordinate at some angles, then each coordinate's root mean square error
+            against the measurement, then the objective.
+    """
+
+    indices: GlobalIndices
+    outputs: tuple[Output, ...]
+
+    @property
+    def flexion_deg(self) -> tuple[float, ...]:
+        """Angles at which coordinates are outputs."""
+        angles = (one.flexion_deg for one in self.outputs if one.flexion_deg is not None)
+        return tuple(dict.fromkeys(angles))
+
+    def row(self, coordinate: str, flexion_deg: float | None = None) -> int:
+        """Row of an output; the objective is the coordinate without a name."""
+        wanted = (coordinate, flexion_deg)
+        return [(one.coordinate, one.flexion_deg) for one in self.outputs].index(wanted)
+
+
+def motion_indices(
+    knee: Knee,
+    parameters: Sequence[str],
+    measured: np.ndarray,
+    *,
+    weights: np.ndarray | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    ranges: Mapping[str, tuple[float, float]] | None = None,
+    method: str = "sobol",
+    samples: int = 256,
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> MotionIndices:
+    """Sobol or Morris indices of a motion and of how far it is from a measured one.
+
+    A run fails if the knee does not balance, or not stably, at any angle.
+
+    Args:
+        knee: gives everything that is not varied, and the middle of the ranges.
+        parameters: names or wildcards.
+        measured: poses to compare with, `(n, 6)`, degrees and mm.
+        weights: of the objective, `(5,)`; by default 8 per degree^2 and 1 per mm^2 (paper 1).
+        bounds: name, wildcard or quantity -> limits that no usual range exceeds.
+        ranges: likewise, ranges; two prior standard deviations to either side otherwise.
+        method: `sobol` or `morris`.
+        samples: points of the Sobol sequence (a power of two), or trajectories of Morris.
+        seed: of the sampling and of the bootstrap.
+        progress: called now and then with balances done and asked for.
+
+    Returns:
+        The `MotionIndices`.
+
+    Raises:
+        UnknownParameter: a name that the knee or the selection does not have.
+        UnsuitableData: see `global_indices`; or one parameter only, which explains all there is.
+    """
+    selection = select(knee, tuple(parameters))
+    if len(selection) < 2:
+        raise UnsuitableData(f"global indices of {selection}: expected at least two parameters")
+    base = np.asarray(selection.read(knee))
+    lower, upper = _ranges(selection, base, bounds or {}, ranges or {})
+    measured = np.asarray(measured, float)
+    # Stations ascend; a measurement may run to and fro.
+    flexion, row = np.unique(measured[:, 0], return_inverse=True)
+    stations = Stations.at(flexion)
+    at = np.unique(np.linspace(0, len(flexion) - 1, _ANGLES).round().astype(int))
+    weights = DEFAULT_WEIGHTS if weights is None else np.asarray(weights, float)
+
+    def model(values: np.ndarray) -> np.ndarray:
+        found = balance_many(
+            knee, selection.apply, jnp.asarray(base), values, stations, progress=progress
+        )
+        failed = (found.status >= Status.UNSTABLE).any(axis=1)
+        squares = (found.table[:, row] - measured[:, 1:]) ** 2
+        poses = np.swapaxes(found.table[:, at], 1, 2).reshape(len(values), -1)
+        rmse = np.sqrt(squares.mean(axis=1))
+        objective = squares.sum(axis=1) @ weights
+        return np.where(failed[:, None], np.nan, np.column_stack([poses, rmse, objective]))
+
+    outputs = _outputs(flexion[at])
+    indices = global_indices(
+        model,
+        selection.names,
+        lower,
+        upper,
+        method=method,
+        samples=samples,
+        seed=seed,
+        outputs=[one.name for one in outputs],
+    )
+    return MotionIndices(indices, outputs)
+
+
+def _outputs(flexion_deg: np.ndarray) -> tuple[Output, ...]:
+    poses = [
+        Output(f"{name} at {angle:g} deg", _UNITS[name], name, float(angle))
+        for name in FREE_COORDINATES
+        for angle in flexion_deg
+    ]
+    errors = [Output(f"rmse of {name}", _UNITS[name], name, None) for name in FREE_COORDINATES]
+    return (*poses, *errors, Output("objective", "", "", None))
+
+
+def _ranges(selection: Selection, base: np.ndarray, bounds, ranges):
+    """Ends of each parameter's range: as stated, or about the knee's own value."""
+    half = _DEVIATIONS * prior_scales(selection, base)
+    lower, upper = base - half, base + half
+    limits = looked_up(selection, bounds)
+    asked = stated(selection, ranges, "range")
+    for i in range(len(selection)):
+        if limits[i] is not None:
+            lower[i], upper[i] = max(lower[i], limits[i][0]), min(upper[i], limits[i][1])
+        if asked[i] is not None:
+            lower[i], upper[i] = asked[i]
+    return lower, upper
