@@ -1,0 +1,112 @@
+"""Balanced poses of a knee at any flexions and loads, with their exact Jacobian."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from kneejax.inference._parameters import Selection
+from kneejax.inference._problem import TABLE_UNITS, Evaluation
+from kneejax.mechanics import Knee, Load, add_lane_axis
+from kneejax.statics import Guess, Stations, compiled, first_guess, poses_on_the_way, settle
+
+#: Steps in which a load grows where the whole of it at once leads nowhere.
+_LOAD_STEPS = 8
+
+
+@dataclasses.dataclass(frozen=True)
+class StationDerivatives:
+    """Poses at stations, and how parameters move them; rows that failed are NaN.
+
+    Attributes:
+        table: free coordinates, degrees and mm, `(stations, 5)`.
+        jacobian: by the parameters, `(stations, 5, p)`.
+        status: `Status` values, `(stations,)`.
+    """
+
+    table: np.ndarray
+    jacobian: np.ndarray
+    status: np.ndarray
+
+
+def station_derivatives(
+    selection: Selection, knee: Knee, values: np.ndarray, stations: Stations
+) -> StationDerivatives:
+    """Balance a knee at flexions with loads, and differentiate each pose by the parameters.
+
+    Every station is reached from the reference pose under its whole load. Where that fails, the
+    pose without the load is found first, and the load grows in eight steps.
+
+    Args:
+        selection: the parameters.
+        knee: gives everything else.
+        values: of the parameters, `(p,)`.
+        stations: in any order; none depends on another.
+
+    Returns:
+        Poses, exact derivatives (the implicit function theorem) and outcomes.
+    """
+    x, flexion = jnp.asarray(values, float), stations.flexion
+    begin = jnp.broadcast_to(knee.reference_pose.flexion, flexion.shape)
+    count = poses_on_the_way(knee.reference_pose.flexion, flexion)
+    guess = first_guess(add_lane_axis(selection.apply(knee, x)), begin)
+    found = _evaluate(selection, knee, x, stations, guess, begin, jnp.asarray(count))
+    failed = ~np.asarray(found.settled.converged)
+    direct = _by_station(found)
+    if not failed.any():
+        return direct
+    grown = _by_station(_under_growing_load(selection, knee, x, stations, guess, begin, count))
+    return StationDerivatives(
+        np.where(failed[:, None], grown.table, direct.table),
+        np.where(failed[:, None, None], grown.jacobian, direct.jacobian),
+        np.where(failed, grown.status, direct.status),
+    )
+
+
+def _by_station(found: Evaluation) -> StationDerivatives:
+    return StationDerivatives(
+        np.asarray(found.table).T,
+        np.moveaxis(np.asarray(found.jacobian), 1, 0),
+        np.asarray(found.settled.status),
+    )
+
+
+def _under_growing_load(selection, knee, x, stations, guess, begin, count) -> Evaluation:
+    """The same balances, reached without the load first; each step starts from the last."""
+    free, once = _loaded_in_part(stations, 0.0), jnp.asarray(1)
+    found = _evaluate(selection, knee, x, free, guess, begin, jnp.asarray(count))
+    for step in range(1, _LOAD_STEPS + 1):
+        part = _loaded_in_part(stations, step / _LOAD_STEPS)
+        near = Guess(found.settled.q, found.settled.meeting, found.settled.tangent)
+        found = _evaluate(selection, knee, x, part, near, stations.flexion, once)
+    return found
+
+
+def _loaded_in_part(stations: Stations, part: float) -> Stations:
+    def scaled(load: Load) -> Load:
+        return dataclasses.replace(load, force=part * load.force, moment=part * load.moment)
+
+    return dataclasses.replace(stations, loads=tuple(scaled(load) for load in stations.loads))
+
+
+@compiled(static_argnums=(0,))
+def _evaluate(
+    selection: Selection,
+    knee: Knee,
+    values: Array,
+    stations: Stations,
+    guess: Guess,
+    start: Array,
+    count: Array,
+) -> Evaluation:
+    def table(x: Array):
+        loaded = stations.load(add_lane_axis(selection.apply(knee, x)))
+        settled = settle(loaded, stations.flexion, guess, start, count)
+        return settled.q * jnp.asarray(TABLE_UNITS)[:, None], settled
+
+    value, push, settled = jax.linearize(table, values, has_aux=True)
+    return Evaluation(value, jax.vmap(push, out_axes=-1)(jnp.eye(values.shape[0])), settled)
