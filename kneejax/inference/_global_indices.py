@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from collections.abc import Callable, Sequence
 
@@ -37,8 +38,8 @@ class GlobalIndices:
 
     Sobol: `first_order` is the part of an output's variance that a parameter explains by itself,
     `total_order` the part that it has a share in. Morris: `mu_star` is the mean size of the change
-    of an output over a parameter's range (by slopes across two thirds of it), `mu` the same with its
-    sign, `sigma` how much it depends on where everything stands.
+    of an output over a parameter's range (by slopes across two thirds of it), `mu` the same with
+    its sign, `sigma` how much it depends on where everything stands.
 
     Attributes:
         method: `sobol` or `morris`.
@@ -81,9 +82,9 @@ class GlobalIndices:
             return ""
         kind = "Saltelli blocks" if self.method == "sobol" else "trajectories"
         sentence = (
-            f"{self.failed} of {self.runs} runs failed; the {self.left_out} of {self.blocks} {kind} "
-            "that contain one were left out whole, so the indices describe the part of the ranges "
-            "in which the knee balances"
+            f"{self.failed} of {self.runs} runs failed; the {self.left_out} of {self.blocks} "
+            f"{kind} that contain one were left out whole, so the indices describe the part of the "
+            "ranges in which the model has an answer"
         )
         if self.blocks - self.left_out < FEWEST[self.method]:
             return sentence + ": too few are left, nothing was computed; narrow the ranges"
@@ -131,18 +132,14 @@ def global_indices(
     """
     lower, upper = np.asarray(lower, float), np.asarray(upper, float)
     _check(method, names, lower, upper, samples)
-    sample, analyse = _salib(method)
     problem = {
         "num_vars": len(names),
         "names": list(names),
         "bounds": np.column_stack([lower, upper]).tolist(),
     }
+    scheme = _sobol if method == "sobol" else _morris
     # To SALib a seed of 0 is none.
-    seed += 1
-    if method == "sobol":
-        x = sample(problem, samples, calc_second_order=False, seed=seed)
-    else:
-        x = sample(problem, samples, num_levels=_LEVELS, seed=seed)
+    x, analyse = scheme(problem, samples, seed + 1, confidence)
     y = np.asarray(model(x), float).reshape(len(x), len(outputs))
     sound = np.isfinite(y).all(axis=1)
     size = len(x) // samples
@@ -158,11 +155,7 @@ def global_indices(
         column = y[kept, row]
         if not enough or np.ptp(column) <= _CONSTANT * np.abs(column).max():
             continue
-        options = {"num_resamples": _RESAMPLES, "conf_level": confidence, "seed": seed}
-        if method == "sobol":
-            found = analyse(problem, column, calc_second_order=False, **options)
-        else:
-            found = analyse(problem, x[kept], column, num_levels=_LEVELS, **options)
+        found = analyse(x[kept], column)
         for name in measures:
             value, half_width = _SALIB_NAMES[name]
             measures[name][row] = found[value]
@@ -201,18 +194,38 @@ def _check(method: str, names, lower: np.ndarray, upper: np.ndarray, samples: in
         )
 
 
-def _salib(method: str):
-    """Sampling and analysis of a method."""
+def _sobol(problem: dict, samples: int, seed: int, confidence: float):
+    """The runs to make, `(runs, p)`, and what is to be done with their outputs."""
+    with _salib_installed():
+        from SALib.analyze.sobol import analyze
+        from SALib.sample.sobol import sample
+    options = {"num_resamples": _RESAMPLES, "conf_level": confidence, "seed": seed}
+
+    def analyse(x: np.ndarray, y: np.ndarray):
+        return analyze(problem, y, calc_second_order=False, **options)
+
+    return sample(problem, samples, calc_second_order=False, seed=seed), analyse
+
+
+def _morris(problem: dict, samples: int, seed: int, confidence: float):
+    """As `_sobol`."""
+    with _salib_installed():
+        from SALib.analyze.morris import analyze
+        from SALib.sample.morris import sample
+    options = {"num_resamples": _RESAMPLES, "conf_level": confidence, "seed": seed}
+
+    def analyse(x: np.ndarray, y: np.ndarray):
+        return analyze(problem, x, y, num_levels=_LEVELS, **options)
+
+    return sample(problem, samples, num_levels=_LEVELS, seed=seed), analyse
+
+
+@contextlib.contextmanager
+def _salib_installed():
     try:
-        if method == "sobol":
-            from SALib.analyze.sobol import analyze
-            from SALib.sample.sobol import sample
-        else:
-            from SALib.analyze.morris import analyze
-            from SALib.sample.morris import sample
+        yield
     except ModuleNotFoundError as missing:
         raise UnsuitableData(
             f"global indices need the package SALib ({missing.name} is missing): "
             "pip install 'kneejax[sensitivity]'"
         ) from None
-    return sample, analyze

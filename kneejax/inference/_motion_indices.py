@@ -16,8 +16,9 @@ from kneejax.inference._scales import looked_up, prior_scales, stated
 from kneejax.mechanics import Knee
 from kneejax.statics import Stations, Status, balance_many
 
-#: Half a range where none is stated, in standard deviations of the prior.
-_DEVIATIONS = 2.0
+#: Half a range where none is stated, in standard deviations of the prior: that of a uniform
+#: distribution is then the same.
+_DEVIATIONS = 3.0**0.5
 #: Angles at which the coordinates themselves are outputs.
 _ANGLES = 5
 _UNITS = dict(zip(FREE_COORDINATES, ("deg", "deg", "mm", "mm", "mm"), strict=True))
@@ -88,7 +89,7 @@ def motion_indices(
         measured: poses to compare with, `(n, 6)`, degrees and mm.
         weights: of the objective, `(5,)`; by default 8 per degree^2 and 1 per mm^2 (paper 1).
         bounds: name, wildcard or quantity -> limits that no usual range exceeds.
-        ranges: likewise, ranges; two prior standard deviations to either side otherwise.
+        ranges: likewise, ranges; those of the same standard deviation as the prior otherwise.
         method: `sobol` or `morris`.
         samples: points of the Sobol sequence (a power of two), or trajectories of Morris.
         seed: of the sampling and of the bootstrap.
@@ -117,7 +118,7 @@ def motion_indices(
         found = balance_many(
             knee, selection.apply, jnp.asarray(base), values, stations, progress=progress
         )
-        failed = (found.status >= Status.UNSTABLE).any(axis=1)
+        failed = np.any(found.status >= Status.UNSTABLE, axis=1)
         squares = (found.table[:, row] - measured[:, 1:]) ** 2
         poses = np.swapaxes(found.table[:, at], 1, 2).reshape(len(values), -1)
         rmse = np.sqrt(squares.mean(axis=1))
@@ -152,11 +153,10 @@ def _ranges(selection: Selection, base: np.ndarray, bounds, ranges):
     """Ends of each parameter's range: as stated, or about the knee's own value."""
     half = _DEVIATIONS * prior_scales(selection, base)
     lower, upper = base - half, base + half
-    limits = looked_up(selection, bounds)
-    asked = stated(selection, ranges, "range")
-    for i in range(len(selection)):
-        if limits[i] is not None:
-            lower[i], upper[i] = max(lower[i], limits[i][0]), min(upper[i], limits[i][1])
-        if asked[i] is not None:
-            lower[i], upper[i] = asked[i]
+    pairs = zip(looked_up(selection, bounds), stated(selection, ranges, "range"), strict=True)
+    for i, (limits, asked) in enumerate(pairs):
+        if limits is not None:
+            lower[i], upper[i] = max(lower[i], limits[0]), min(upper[i], limits[1])
+        if asked is not None:
+            lower[i], upper[i] = asked
     return lower, upper

@@ -109,8 +109,11 @@ def sweep(
     Source: paper 1, sections 3.1 and 3.2.
     """
     selection, values = _chosen(knee, parameters, count)
-    if not isinstance(stations, Stations):
-        stations = Stations.at(np.unique(np.asarray(stations, float)))
+    if isinstance(stations, Stations):
+        flexion = np.rad2deg(np.asarray(stations.flexion))
+    else:
+        flexion = np.unique(np.asarray(stations, float))
+        stations = Stations.at(flexion)
     own = np.asarray(selection.read(knee))
     # Each line gets the knee's own value besides, where its walk begins. All have one shape: a
     # short one stands at its last value.
@@ -139,7 +142,6 @@ def sweep(
                 unphysiological(table, motion),
             )
         )
-    flexion = np.rad2deg(np.asarray(stations.flexion))
     return Sweeps(flexion, motion, outcome, tuple(sweeps))
 
 
