@@ -10,6 +10,7 @@ from kneejax.files._bundled import bundled_studies as bundled_studies
 from kneejax.files._bundled import load_knee as load_knee
 from kneejax.files._bundled import load_knee_file as load_knee_file
 from kneejax.files._bundled import study_path as study_path
+from kneejax.files._checkpoints import Checkpoints as Checkpoints
 from kneejax.files._knee_file import KneeFile as KneeFile
 from kneejax.files._knee_file import format_knee as format_knee
 from kneejax.files._knee_file import read_knee as read_knee
@@ -22,6 +23,7 @@ from kneejax.files._meshes import MESH_UNITS as MESH_UNITS
 from kneejax.files._meshes import MeshPoints as MeshPoints
 from kneejax.files._meshes import read_mesh_points as read_mesh_points
 from kneejax.files._mirror import mirror_document as mirror_document
+from kneejax.files._netcdf import write_netcdf as write_netcdf
 from kneejax.files._opensim_example import SMALLEST_MODEL as SMALLEST_MODEL
 from kneejax.files._opensim_export import OsimExport as OsimExport
 from kneejax.files._opensim_export import export_osim as export_osim

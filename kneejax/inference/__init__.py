@@ -11,6 +11,11 @@ from kneejax.inference._local_sensitivity import local_sensitivity as local_sens
 from kneejax.inference._motion_indices import MotionIndices as MotionIndices
 from kneejax.inference._motion_indices import Output as Output
 from kneejax.inference._motion_indices import motion_indices as motion_indices
+from kneejax.inference._map import BlockStore as BlockStore
+from kneejax.inference._map import Condition as Condition
+from kneejax.inference._map import ParameterMap as ParameterMap
+from kneejax.inference._map import sensitivity_map as sensitivity_map
+from kneejax.inference._map import sensitivity_maps as sensitivity_maps
 from kneejax.inference._parameters import QUANTITIES as QUANTITIES
 from kneejax.inference._parameters import Selection as Selection
 from kneejax.inference._parameters import UnknownParameter as UnknownParameter

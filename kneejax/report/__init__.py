@@ -7,6 +7,8 @@ from kneejax.report._figures import partial_objectives_figure as partial_objecti
 from kneejax.report._html import report_page as report_page
 from kneejax.report._html import write_report as write_report
 from kneejax.report._knee_text import knee_text as knee_text
+from kneejax.report._map_figures import map_figure as map_figure
+from kneejax.report._map_figures import map_matrix_figure as map_matrix_figure
 from kneejax.report._motion_figures import ligament_forces_figure as ligament_forces_figure
 from kneejax.report._motion_figures import motion_figure as motion_figure
 from kneejax.report._motion_figures import simulation_figure as simulation_figure
