@@ -10,6 +10,8 @@ from kneejax.files._bundled import bundled_studies as bundled_studies
 from kneejax.files._bundled import load_knee as load_knee
 from kneejax.files._bundled import load_knee_file as load_knee_file
 from kneejax.files._bundled import study_path as study_path
+from kneejax.files._candidates import CandidateRow as CandidateRow
+from kneejax.files._candidates import read_candidates as read_candidates
 from kneejax.files._checkpoints import Checkpoints as Checkpoints
 from kneejax.files._knee_file import KneeFile as KneeFile
 from kneejax.files._knee_file import format_knee as format_knee
