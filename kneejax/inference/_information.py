@@ -15,22 +15,11 @@ from kneejax.inference._information_words import (
     loose_combination,
     reason,
 )
-from kneejax.inference._parameters import UnsuitableData
+from kneejax.inference._parameters import Selection, UnsuitableData
 from kneejax.inference._problem import Problem
+from kneejax.inference._scales import prior_scales
 from kneejax.mechanics import Knee
 
-#: What is known of a parameter before a knee is measured, by quantity: a standard deviation, and
-#: whether it is a part of the value. It is the size of what paper 1's calibration changed of the
-#: values of the literature: stiffnesses by 11 to 31 per cent, reference strains by 0.007 to 0.053.
-#: A slack length that is 2 per cent off is a reference strain that is 0.02 off.
-PRIOR_SPREAD = {
-    "stiffness": (0.3, True),
-    "reference_strain": (0.02, False),
-    "slack_length": (0.02, True),
-    "transition_strain": (0.3, True),
-    "transition_width": (0.3, True),
-}
-_ATTACHMENT_MM = 2.0
 # Singular values below this part of the largest are rounding.
 _ROUNDING = 1e-13
 # Sentences on the best and the worst known combinations.
@@ -112,7 +101,7 @@ def information(
             `kneejax.geometry.FREE_COORDINATES` (`noise_of`), or `(rows,)`, or one for all.
         names: of the parameters, `LIGAMENT.quantity`.
         values: of the parameters, `(p,)`.
-        scale: `(p,)`; `prior_scale` by default.
+        scale: `(p,)`; `prior_scales` by default.
         at_bound: parameters that are held on a bound, `(p,)`.
         flexion_deg: of the poses, `(n,)`; with `slack`, it serves the reasons.
         slack: ligament or group -> where it is slack, `(n,)` (`slack_poses`).
@@ -131,7 +120,9 @@ def information(
     """
     jacobian, values = np.asarray(jacobian, float), np.asarray(values, float)
     names, size = tuple(names), len(names)
-    scale = prior_scale(names, values) if scale is None else np.asarray(scale, float)
+    scale = (
+        prior_scales(Selection(names, ()), values) if scale is None else np.asarray(scale, float)
+    )
     held = np.zeros(size, bool) if at_bound is None else np.asarray(at_bound, bool)
     _check_sizes(jacobian, names, values, scale, held)
     rows, lost = _rows(jacobian, noise)
@@ -194,7 +185,7 @@ def fit_information(
             take the information that they need; the rest is what is told of the parameters.
         values: the answer, `(p,)` or with offsets behind.
         noise: as in `information`, `(5,)`.
-        scale: `(p,)`; `prior_scale` by default.
+        scale: `(p,)`; `prior_scales` by default.
         at_bound: parameters on a bound, `(p,)`.
 
     Returns:
@@ -234,29 +225,6 @@ def noise_of(noise_mm: float, noise_deg: float) -> np.ndarray:
         if not (np.isfinite(value) and value > 0):
             raise UnsuitableData(f"{name}: {value:g}: expected a standard deviation above 0")
     return np.array([noise_deg, noise_deg, noise_mm, noise_mm, noise_mm])
-
-
-def prior_scale(names: Sequence[str], values: np.ndarray) -> np.ndarray:
-    """What is known of parameters before a knee is measured: standard deviations, `(p,)`.
-
-    Args:
-        names: `LIGAMENT.quantity`.
-        values: of the parameters, `(p,)`.
-
-    Returns:
-        By `PRIOR_SPREAD`: 30 per cent of a stiffness, 0.02 of a reference strain, 2 per cent of a
-        slack length; 2 mm of an attachment.
-
-    Raises:
-        UnsuitableData: a part of a value that is zero.
-    """
-    spread = []
-    for name, value in zip(names, np.asarray(values, float), strict=True):
-        size, relative = PRIOR_SPREAD.get(name.split(".", 1)[-1], (_ATTACHMENT_MM, False))
-        spread.append(size * abs(value) if relative else size)
-        if not spread[-1] > 0:
-            raise UnsuitableData(f"{name} is {value:g}: a part of it is no scale; give one")
-    return np.array(spread)
 
 
 def slack_poses(
