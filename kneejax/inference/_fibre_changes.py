@@ -113,7 +113,7 @@ def changes_of(
     same, length = Fibres.of(knee), np.asarray(knee.reference_length())
 
     def one(ligament: str) -> Iterator[tuple[Change, Fibres]]:
-        rows = _rows(knee, ligament)
+        rows = fibre_rows(knee, ligament)
         for value in prestretch:
             slack = same.slack_length.copy()
             slack[rows] = length[rows] / (length[rows] / slack[rows] + value)
@@ -132,7 +132,8 @@ def changes_of(
     return tuple(change for change, _ in found), fibres
 
 
-def _rows(knee: Knee, ligament: str) -> list[int]:
+def fibre_rows(knee: Knee, ligament: str) -> list[int]:
+    """Rows of the fibres of a ligament or group; raises `UnknownParameter`."""
     names, groups = knee.ligaments.names, dict(knee.groups)
     if ligament not in names and ligament not in groups:
         near = difflib.get_close_matches(ligament, [*groups, *names], 1, 0.0)

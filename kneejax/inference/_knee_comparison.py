@@ -6,213 +6,41 @@ pressure and the place of that differ from the unchanged knee's, and scores by i
 
 from __future__ import annotations
 
-import dataclasses
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
-from kneejax.experiments import (
-    BODY_WEIGHT_N,
-    DIRECTIONS,
-    VarusValgus,
-    VarusValgusRamp,
-    peak_pressure,
-    varus_valgus,
-)
+from kneejax.experiments import DIRECTIONS, VarusValgus, peak_pressure, varus_valgus
 from kneejax.geometry import Pose
 from kneejax.inference._calibrate import versions
-from kneejax.inference._fibre_changes import Change, Fibres, changes_of, with_fibres
+from kneejax.inference._fibre_changes import Change, Fibres, changes_of, fibre_rows, with_fibres
 from kneejax.inference._knee_scores import LIMITS, score
+from kneejax.inference._one_at_a_time import (
+    Influence,
+    KneeComparison,
+    KneeStudy,
+    OneAtATime,
+    Outcome,
+)
 from kneejax.inference._parameters import UnsuitableData
 from kneejax.mechanics import Knee
 
 Progress = Callable[[int, int], None]
 
 
-@dataclasses.dataclass(frozen=True)
-class OneAtATime:
-    """Settings of the study; the defaults are paper 4's.
-
-    Attributes:
-        ligaments: names that every knee must have, of ligaments or groups.
-        prestretch: added to the reference strain.
-        modulus_MPa: added to Young's modulus.
-        reference_modulus_MPa: modulus that the knees' own stiffnesses stand for. A line has a
-            stiffness and no cross-section, so a change of modulus is taken as a change of stiffness
-            in proportion. 345 MPa was measured on fascicles of the ACL, PCL and LCL (Butler, Kay
-            and Stouffer 1986); with it, 100 MPa are 29 per cent.
-        full_Nm: moment that is aimed at.
-        body_weight_N: half of it is the axial load.
-        axial_steps: of the ramp.
-        moment_steps: likewise.
-        least_Nm: a variant that does not get so far is left out where pressures are compared.
-    """
-
-    ligaments: tuple[str, ...] = ("ACL", "PCL", "MCL", "LCL")
-    prestretch: tuple[float, ...] = (-0.1, -0.075, -0.05, -0.025, 0.025, 0.05, 0.075, 0.1)
-    modulus_MPa: tuple[float, ...] = (-100.0, -75.0, -50.0, -25.0, 25.0, 50.0, 75.0, 100.0)
-    reference_modulus_MPa: float = 345.0
-    full_Nm: float = 40.0
-    body_weight_N: float = BODY_WEIGHT_N
-    axial_steps: int = 4
-    moment_steps: int = 80
-    least_Nm: float = 10.0
-
-    def __post_init__(self):
-        lowest = -min(self.modulus_MPa, default=0.0)
-        if self.reference_modulus_MPa <= lowest:
-            raise UnsuitableData(
-                f"reference_modulus_MPa is {self.reference_modulus_MPa:g}; expected more than "
-                f"{lowest:g}, which a change takes away"
-            )
-        if not self.full_Nm >= self.least_Nm > 0:
-            raise UnsuitableData(
-                f"full_Nm is {self.full_Nm:g}; expected at least {self.least_Nm:g}, which is least_Nm "
-                "and has to be above 0"
-            )
-        for name in ("body_weight_N", "axial_steps", "moment_steps"):
-            if not getattr(self, name) > 0:
-                raise UnsuitableData(f"{name} is {getattr(self, name):g}; expected more than 0")
-
-    def ramp(self, direction: str) -> VarusValgusRamp:
-        """The loads in a direction."""
-        return VarusValgusRamp.towards(
-            direction, self.full_Nm, self.body_weight_N, self.axial_steps, self.moment_steps
-        )
-
-
-@dataclasses.dataclass(frozen=True)
-class Outcome:
-    """What a change did in one direction; contacts in the order of the knee's.
-
-    Attributes:
-        change: of one ligament.
-        direction: `varus` or `valgus`.
-        moment_reached_Nm: last moment held, positive in varus.
-        convergence_percent: difference in the last time held, of paper 4's time.
-        rmse_deg: of the varus rotation over the moments that both knees hold; NaN without one.
-        compared_at_Nm: moment at which pressures are compared; NaN where they are not.
-        peak_MPa: peak pressure of each contact.
-        unchanged_peak_MPa: likewise, of the unchanged knee.
-        center_mm: its place in the tibia's frame, `(contacts, 3)`.
-        unchanged_center_mm: likewise, of the unchanged knee.
-        pressure_percent: difference of the peak pressures, mean of the contacts. A contact that
-            the unchanged knee does not have counts nowhere.
-        displacement_mm: of the places, mean of the contacts that both knees have.
-        ending: what ended the ramp, as in `VarusValgus.ending`.
-    """
-
-    change: Change
-    direction: str
-    moment_reached_Nm: float
-    convergence_percent: float
-    rmse_deg: float
-    compared_at_Nm: float
-    peak_MPa: np.ndarray
-    unchanged_peak_MPa: np.ndarray
-    center_mm: np.ndarray
-    unchanged_center_mm: np.ndarray
-    pressure_percent: float
-    displacement_mm: float
-    ending: str
-
-
-@dataclasses.dataclass(frozen=True)
-class Influence:
-    """How much a parameter matters for an outcome.
-
-    Attributes:
-        parameter: e.g. `MCL.prestretch`.
-        outcome: a key of `LIMITS`.
-        average: direction -> mean over the values.
-        scores: direction -> score of that mean.
-    """
-
-    parameter: str
-    outcome: str
-    average: dict[str, float]
-    scores: dict[str, float]
-
-    @property
-    def score(self) -> float:
-        """Mean of the directions' scores; NaN where one is unknown."""
-        return float(np.mean(list(self.scores.values())))
-
-
-@dataclasses.dataclass(frozen=True)
-class KneeStudy:
-    """One knee's answers.
-
-    Attributes:
-        name: of the knee.
-        contacts: their names.
-        changes: in the order of the variants after the first, which is the unchanged knee.
-        runs: direction -> all variants on the ramp.
-        outcomes: one a change and direction.
-        influences: one a parameter and outcome.
-        doubts: sentences on what limits the answers.
-        seconds: spent.
-    """
-
-    name: str
-    contacts: tuple[str, ...]
-    changes: tuple[Change, ...]
-    runs: dict[str, VarusValgus]
-    outcomes: tuple[Outcome, ...]
-    influences: tuple[Influence, ...]
-    doubts: tuple[str, ...]
-    seconds: float
-
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        """Names of what is changed, in order."""
-        return tuple(dict.fromkeys(change.parameter for change in self.changes))
-
-    def influence(self, parameter: str, outcome: str) -> Influence | None:
-        """That of a parameter on an outcome; None if the knee has not got the parameter."""
-        for one in self.influences:
-            if (one.parameter, one.outcome) == (parameter, outcome):
-                return one
-        return None
-
-
-@dataclasses.dataclass(frozen=True)
-class KneeComparison:
-    """Knees side by side.
-
-    Attributes:
-        knees: one a knee.
-        settings: of the study.
-        versions: package -> version.
-    """
-
-    knees: tuple[KneeStudy, ...]
-    settings: OneAtATime
-    versions: dict[str, str]
-
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        """Parameters of all knees together, quantity by quantity."""
-        every = dict.fromkeys(name for knee in self.knees for name in knee.parameters)
-        quantities = list(dict.fromkeys(name.split(".")[1] for name in every))
-        return tuple(sorted(every, key=lambda name: quantities.index(name.split(".")[1])))
-
-    @property
-    def doubts(self) -> tuple[str, ...]:
-        """Those of all knees, with their names."""
-        return tuple(f"{knee.name}: {doubt}" for knee in self.knees for doubt in knee.doubts)
-
-
 def compare_knees(
-    knees: Sequence[Knee], settings: OneAtATime | None = None, progress: Progress | None = None
+    knees: Mapping[str, Knee],
+    settings: OneAtATime | None = None,
+    progress: Progress | None = None,
 ) -> KneeComparison:
     """Change one ligament at a time in several knees, under varus and valgus moments.
 
     Args:
-        knees: each with the ligaments of the settings.
+        knees: name -> knee, each with the ligaments of the settings.
         settings: paper 4's by default.
         progress: called with how many balances are done, and of how many.
 
@@ -221,23 +49,21 @@ def compare_knees(
 
     Raises:
         UnknownParameter: a knee lacks a ligament.
-        UnsuitableData: no knees, or two of one name.
+        UnsuitableData: no knees.
 
     Source: paper 4, sections 2.2 to 2.4.
     """
     settings = settings or OneAtATime()
-    names = [knee.name for knee in knees]
-    if not names or len(set(names)) < len(names):
-        given = ", ".join(names) or "none"
-        raise UnsuitableData(f"knees are {given}; expected one or more, each once")
+    if not knees:
+        raise UnsuitableData("no knees; expected one or more")
     # All are looked at before the first is computed.
-    work = [(knee, *_changes(knee, settings)) for knee in knees]
-    total = sum(len(changes) + 1 for _, changes, _ in work) * len(DIRECTIONS)
-    steps, done, studies = settings.axial_steps + settings.moment_steps, 0, []
-    for knee, changes, fibres in work:
-        shown = _from(progress, done * steps, total * steps)
-        studies.append(study_knee(knee, changes, fibres, settings, shown))
-        done += (len(changes) + 1) * len(DIRECTIONS)
+    work = {name: _changes(knee, settings) for name, knee in knees.items()}
+    variants = {name: len(changes) + 1 for name, (changes, _) in work.items()}
+    each, done, studies = settings.steps * len(DIRECTIONS), 0, []
+    for name, (changes, fibres) in work.items():
+        shown = _from(progress, done * each, sum(variants.values()) * each)
+        studies.append(_study(name, knees[name], changes, fibres, settings, shown))
+        done += variants[name]
     return KneeComparison(tuple(studies), settings, versions())
 
 
@@ -251,31 +77,26 @@ def _changes(knee: Knee, settings: OneAtATime) -> tuple[tuple[Change, ...], Fibr
     )
 
 
-def _from(progress: Progress | None, before: int, total: int) -> Progress | None:
-    return None if progress is None else lambda done, _: progress(before + done, total)
+def _from(progress: Progress | None, before: int, total: int | None) -> Progress | None:
+    """Progress of a part: what was done before it is added, and the whole's total said."""
+    if progress is None:
+        return None
+    return lambda done, own: progress(before + done, total or own)
 
 
-def study_knee(
+def _study(
+    name: str,
     knee: Knee,
     changes: tuple[Change, ...],
     fibres: Fibres,
     settings: OneAtATime,
-    progress: Progress | None = None,
+    progress: Progress | None,
 ) -> KneeStudy:
-    """One knee of `compare_knees`.
-
-    Args:
-        knee: unchanged.
-        changes: what is changed.
-        fibres: with a leading axis; those of the unchanged knee first.
-        settings: of the study.
-        progress: as there.
-    """
-    begun = time.perf_counter()
-    base = Fibres(*(x[0] for x in fibres))
-    steps, runs, outcomes = settings.axial_steps + settings.moment_steps, {}, []
+    """One knee; the fibres of the unchanged knee come first."""
+    begun, base = time.perf_counter(), jax.tree.map(lambda x: x[0], fibres)
+    runs, outcomes = {}, []
     for place, direction in enumerate(DIRECTIONS):
-        shown = _from(progress, place * len(fibres.stiffness) * steps, 0)
+        shown = _from(progress, place * (len(changes) + 1) * settings.steps, None)
         ramp = settings.ramp(direction)
         runs[direction] = varus_valgus(knee, ramp, with_fibres, base, fibres, shown)
         for parameter in dict.fromkeys(change.parameter for change in changes):
@@ -283,15 +104,24 @@ def study_knee(
             some = [changes[i - 1] for i in rows]
             outcomes += _outcomes(knee, runs[direction], direction, some, rows, settings)
     return KneeStudy(
-        knee.name,
+        name,
         knee.contact_names,
         changes,
         runs,
+        {direction: _tensions(knee, run, settings.ligaments) for direction, run in runs.items()},
         tuple(outcomes),
         _influences(outcomes),
         _doubts(runs, outcomes, settings),
         time.perf_counter() - begun,
     )
+
+
+def _tensions(knee: Knee, run: VarusValgus, ligaments: tuple[str, ...]) -> dict[str, float]:
+    """Of each ligament at the last step that the unchanged knee holds, N."""
+    step = max(int(run.reached[0]) - 1, 0)
+    pose = Pose.from_state(np.deg2rad(run.ramp.flexion_deg), jnp.asarray(run.balances.q[0, step]))
+    tension = np.asarray(knee.ligaments.tension(pose.placement))
+    return {name: float(tension[fibre_rows(knee, name)].sum()) for name in ligaments}
 
 
 def _outcomes(
