@@ -239,7 +239,7 @@ def _axes(axes: Axes, found: ParameterMap, left: bool, bottom: bool, small: bool
     axes.grid(False)
     axes.set_xlim(found.x[0], found.x[-1])
     axes.set_ylim(found.y[0], found.y[-1])
-    axes.locator_params(nbins=3 if small else 5)
+    axes.locator_params(nbins=3 if small else 4)
     x, y = (
         readable(name).replace(" ", "\n", 1 if small else 0) + (f", {unit}" if unit else "")
         for name, unit in zip(found.names, found.units, strict=True)

@@ -1,0 +1,186 @@
+"""Many bounded least squares at once: one motion each, some parameters held.
+
+Each fit is a Levenberg-Marquardt search of its own, with its own bounds, damping and end; the
+balances of all fits that still search are one batch. Constant offsets between frames enter
+linearly, so the best ones are taken out of every residual in closed form.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from kneejax.geometry import FREE_COORDINATES
+from kneejax.inference._bounded import BoundedLevenbergMarquardt
+from kneejax.inference._parameters import Selection
+from kneejax.inference._problem import TABLE_UNITS
+from kneejax.mechanics import Knee
+from kneejax.statics import Slopes, Stations, balance_with_slopes
+
+#: Relative decrease of an objective, and relative step, that end a fit.
+_RTOL, _ATOL = 1e-9, 1e-8
+
+
+@dataclasses.dataclass(frozen=True)
+class MotionData:
+    """A measured motion and how well it is known.
+
+    Attributes:
+        stations: where it was measured.
+        target: free coordinates, degrees and mm, `(stations, 5)`, or one set a fit
+            `(fits, stations, 5)`.
+        noise: standard deviation of each coordinate, degrees and mm, `(5,)`.
+        offsets: free coordinates whose constant difference to the measurement is free.
+        used: poses that count, `(stations,)`.
+    """
+
+    stations: Stations
+    target: np.ndarray
+    noise: np.ndarray
+    offsets: tuple[str, ...] = ()
+    used: np.ndarray | None = None
+
+    @property
+    def counted(self) -> np.ndarray:
+        """Poses that count, `(stations,)`."""
+        return np.ones(len(self.stations), bool) if self.used is None else self.used
+
+    @property
+    def count(self) -> int:
+        """Measured numbers that count."""
+        return 5 * int(self.counted.sum())
+
+    def take(self, rows) -> MotionData:
+        """The data of some of the fits."""
+        if self.target.ndim == 2:
+            return self
+        return dataclasses.replace(self, target=self.target[rows])
+
+    def residual(self, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
+        """Errors over their standard deviations `(fits, r)`, and by the parameters."""
+        units = TABLE_UNITS[:, None]
+        error = found.q * TABLE_UNITS - self.target
+        slope = found.jacobian * units
+        error, slope = error[:, self.counted], slope[:, self.counted]
+        for name in self.offsets:
+            column = FREE_COORDINATES.index(name)
+            error[..., column] -= error[..., column].mean(axis=1, keepdims=True)
+            slope[..., column, :] -= slope[..., column, :].mean(axis=1, keepdims=True)
+        error, slope = error / self.noise, slope / self.noise[:, None]
+        return error.reshape(len(error), -1), slope.reshape(len(slope), -1, slope.shape[-1])
+
+
+@dataclasses.dataclass(frozen=True)
+class ManyFits:
+    """Where fits ended.
+
+    Attributes:
+        slopes: balances and derivatives there; `slopes.values` are the parameters, `(fits, p)`.
+        chi2: sum of squared errors over their variances, `(fits,)`.
+        converged: whether a fit ended by itself, `(fits,)`.
+        evaluations: of all poses of one fit, summed over fits.
+    """
+
+    slopes: Slopes
+    chi2: np.ndarray
+    converged: np.ndarray
+    evaluations: int
+
+    @property
+    def values(self) -> np.ndarray:
+        """Parameters, `(fits, p)`."""
+        return self.slopes.values
+
+
+def fit_many(
+    knee: Knee,
+    selection: Selection,
+    data: MotionData,
+    begin: Slopes,
+    starts: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    *,
+    most: int = 60,
+) -> ManyFits:
+    """Fit parameters to motion, many times at once.
+
+    Args:
+        knee: gives everything else.
+        selection: the parameters.
+        data: measured motion, one for all or one a fit.
+        begin: known balances, one variant a fit, from which the starts are predicted.
+        starts: `(fits, p)`.
+        lower: bounds, `(fits, p)`; equal to `upper` holds a parameter.
+        upper: bounds.
+        most: evaluations of a fit before it is given up.
+
+    Returns:
+        The `ManyFits`. A fit whose start has no balance at some pose that counts ends at once,
+        with an infinite `chi2`.
+    """
+    starts = np.asarray(starts, float)
+    count, size = starts.shape
+    bounds = np.asarray(lower, float), np.asarray(upper, float)
+    state = _begin(starts, data.count)
+    known = begin.take(np.arange(count))
+    residual, slope = np.zeros((count, data.count)), np.zeros((count, data.count, size))
+    trial, active, evaluations = starts.copy(), np.ones(count, bool), 0
+    ended = np.zeros(count, bool)
+    for _ in range(most):
+        here = np.flatnonzero(active)
+        found = balance_with_slopes(
+            knee, selection.apply, trial[here], data.stations, known.take(here)
+        )
+        evaluations += len(here)
+        residual[here], slope[here] = data.take(here).residual(found)
+        lost = ~(np.isfinite(residual).all(axis=1) & np.isfinite(slope).all(axis=(1, 2)))
+        # A step into the void is refused for its infinite squares; no NaN may spread from there.
+        residual[lost], slope[lost] = np.inf, 0.0
+        following, state, *flags = _advance(bounds, state, trial, residual, slope, active)
+        stop, searching = map(np.asarray, flags)
+        better = np.asarray(state.accepted) & active
+        known.put(np.flatnonzero(better), found.take(better[here]))
+        ended |= active & stop
+        active &= ~stop & searching
+        trial = np.where(active[:, None], np.asarray(following), trial)
+        if not active.any():
+            break
+    chi2 = np.sum(np.asarray(state.residual) ** 2, axis=1)
+    return ManyFits(known, np.where(np.isfinite(chi2), chi2, np.inf), ended, evaluations)
+
+
+def _solver(lower, upper) -> BoundedLevenbergMarquardt:
+    return BoundedLevenbergMarquardt(  # pyright: ignore[reportCallIssue]
+        lower, upper, rtol=_RTOL, atol=_ATOL, first_damping=1e-3
+    )
+
+
+def _begin(starts: np.ndarray, rows: int):
+    """One state a fit."""
+    x, struct = jnp.zeros(starts.shape[1]), jax.ShapeDtypeStruct((rows,), float)
+    one = _solver(x, x).init(None, x, None, {}, struct, None, frozenset())
+    state = jax.tree.map(lambda x: jnp.broadcast_to(x, (len(starts), *x.shape)), one)
+    return eqx.tree_at(lambda s: s.x, state, jnp.asarray(starts))
+
+
+@eqx.filter_jit
+def _advance(bounds, state, trial, residual, slope, active):
+    """Judge trial points and propose the next ones; fits that ended stay as they are.
+
+    Returns:
+        Next points, states, which fits are done, and which have any balance to go on from.
+    """
+
+    def one(bounds, state, trial, residual, slope, active):
+        solver = _solver(*bounds)
+        following, new = solver.following(solver.judged(trial, residual, slope, state))
+        stop, _ = solver.terminate(None, following, None, {}, new, frozenset())
+        new = jax.tree.map(lambda x, y: jnp.where(active, x, y), new, state)
+        return following, new, stop, jnp.isfinite(jnp.sum(new.residual**2))
+
+    return jax.vmap(one)(bounds, state, trial, residual, slope, active)

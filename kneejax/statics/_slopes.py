@@ -1,0 +1,131 @@
+"""Balances with their exact derivatives by what varies, for many variants at many stations."""
+
+from __future__ import annotations
+
+import concurrent.futures
+import dataclasses
+import os
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from kneejax.mechanics import Knee
+from kneejax.statics._batch import balance_many
+from kneejax.statics._compiled import compiled
+from kneejax.statics._newton import EnergyNewton, Guess
+from kneejax.statics._settle import settle
+from kneejax.statics._stations import Stations
+from kneejax.statics._status import Status
+from kneejax.statics._walk import LANES, Vary, in_lanes
+
+#: Searches begin from a linear prediction; what is farther off is searched by `balance_many`.
+_SEARCH = EnergyNewton(atol=1e-8, most_steps=16)
+
+
+@dataclasses.dataclass(frozen=True)
+class Slopes:
+    """Balanced poses and their derivatives; arrays begin with variant and station.
+
+    Attributes:
+        values: what varies, `(variants, p)`.
+        q: free coordinates `(variants, stations, 5)`, rad and mm; NaN where there is no balance.
+        jacobian: of them by the values, `(variants, stations, 5, p)`.
+        meeting: parameters of the meeting points, `(variants, stations, n, 2)`.
+        meeting_jacobian: likewise, `(variants, stations, n, 2, p)`.
+        tangent: stiffness, `(variants, stations, 5, 5)`.
+        status: `Status` values, `(variants, stations)`.
+    """
+
+    values: np.ndarray
+    q: np.ndarray
+    jacobian: np.ndarray
+    meeting: np.ndarray
+    meeting_jacobian: np.ndarray
+    tangent: np.ndarray
+    status: np.ndarray
+
+    @property
+    def converged(self) -> np.ndarray:
+        """Where forces balance, `(variants, stations)`."""
+        return self.status < Status.TOO_DEEP
+
+    def take(self, rows) -> Slopes:
+        """Some of the variants, in the order of `rows`."""
+        return Slopes(*(getattr(self, f.name)[rows] for f in dataclasses.fields(self)))
+
+    def put(self, rows, others: Slopes) -> None:
+        """Replace some of the variants in place."""
+        for field in dataclasses.fields(self):
+            getattr(self, field.name)[rows] = getattr(others, field.name)
+
+
+@compiled(static_argnums=(0,))
+def _solve(vary: Vary, knee: Knee, values, stations: Stations, guess: Guess):
+    """One node in each lane, with its derivative by the lane's values."""
+
+    def poses(x):
+        lanes = stations.load(in_lanes(knee, vary, x))
+        settled = settle(lanes, stations.flexion, guess, search=_SEARCH)
+        return (settled.q, settled.meeting), settled
+
+    (q, meeting), push, settled = jax.linearize(poses, values, has_aux=True)
+    # Lanes do not touch each other: one direction moves the same number of all of them.
+    units = jnp.broadcast_to(jnp.eye(values.shape[1])[:, None], (values.shape[1], *values.shape))
+    slopes = jax.vmap(push, out_axes=-1)(units)
+    return q, slopes[0], meeting, slopes[1], settled.tangent, settled.status
+
+
+def balance_with_slopes(
+    knee: Knee, vary: Vary, values: np.ndarray, stations: Stations, near: Slopes | None = None
+) -> Slopes:
+    """Balance variants of a knee at stations, with exact derivatives by their values.
+
+    Args:
+        knee: gives all numbers that do not vary.
+        vary: see `balance_many`; its value is a vector here.
+        values: `(variants, p)`.
+        stations: as in `balance_many`.
+        near: of near values, one variant each, to predict from; by default each variant is
+            searched from the motion of the first one.
+
+    Returns:
+        The `Slopes`; a node without a balance is NaN by itself.
+    """
+    values = np.asarray(values, float)
+    if near is None:
+        found = balance_many(knee, vary, values[0], values, stations)
+        guess = found.q, found.meeting, np.zeros((*found.status.shape, 5, 5))
+    else:
+        step = values - near.values
+        q = near.q + np.einsum("vscp,vp->vsc", near.jacobian, step)
+        meeting = near.meeting + np.einsum("vsncp,vp->vsnc", near.meeting_jacobian, step)
+        guess = q, meeting, near.tangent
+    return _in_chunks(knee, vary, values, stations, guess)
+
+
+def _in_chunks(knee, vary, values, stations: Stations, guess) -> Slopes:
+    """Nodes dealt to lanes, chunks of lanes to threads."""
+    count, size = len(values), len(stations)
+    q, meeting, tangent = (x.reshape(count * size, *x.shape[2:]) for x in guess)
+    numbers = jax.tree.map(np.asarray, stations)
+
+    def chunk(first: int):
+        rows = np.minimum(np.arange(first, first + LANES), count * size - 1)
+        here = Guess(*(np.moveaxis(x[rows], 0, -1) for x in (q, meeting, tangent)))
+        at = jax.tree.map(lambda x: x[rows % size], numbers)
+        found = _solve(vary, knee, values[rows // size], at, here)
+        q_, slope, met, met_slope, stiffness, status = map(np.asarray, found)
+        return (
+            q_.T,
+            np.moveaxis(slope, 1, 0),
+            np.moveaxis(met, -1, 0),
+            np.moveaxis(met_slope, 2, 0),
+            np.moveaxis(stiffness, -1, 0),
+            status,
+        )
+
+    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
+        parts = list(pool.map(chunk, range(0, count * size, LANES)))
+    whole = (np.concatenate(x)[: count * size] for x in zip(*parts, strict=True))
+    return Slopes(values, *(x.reshape(count, size, *x.shape[1:]) for x in whole))
