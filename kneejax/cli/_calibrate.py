@@ -12,7 +12,7 @@ import time
 
 import numpy as np
 
-from kneejax.cli._study_problem import study_and_knee, with_measurement
+from kneejax.cli._study_problem import study_and_knee, study_settings, with_measurement
 from kneejax.experiments import evaluate
 from kneejax.files import Study, read_measured, write_poses, write_rows, write_text
 from kneejax.geometry import FREE_COORDINATES, Pose
@@ -44,7 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
         cycles=1,
         truth=problem.truth,
         title=study.title,
-        settings=_settings(study),
+        settings=study_settings(study),
     )
     seconds = dict(result.seconds, total=time.perf_counter() - begun)
     result = dataclasses.replace(result, seconds=seconds)
@@ -91,15 +91,6 @@ def _write(result: Calibration, out) -> int:
     print(f"written: {out}/report.html, result.json, parameters.csv, poses.csv, figures/")
     # Other procedures are there to compare; the answer decides the exit status.
     return 1 if warnings(dataclasses.replace(result, fits=result.fits[:1])) else 0
-
-
-def _settings(study: Study) -> dict:
-    """Everything needed to run it again, as plain numbers and words."""
-    return json.loads(json.dumps(dataclasses.asdict(study), default=_plain))
-
-
-def _plain(value):
-    return value.tolist() if isinstance(value, np.ndarray) else str(value)
 
 
 def _progress(words: str) -> None:

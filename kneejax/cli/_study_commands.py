@@ -38,8 +38,8 @@ def add_sensitivity(parser: argparse.ArgumentParser) -> None:
         "--sweep",
         action="append",
         default=[],
-        metavar="NAME=LOW:HIGH:COUNT",
-        help="values of a parameter, one at a time; all of the study's otherwise",
+        metavar="NAME[=LOW:HIGH[:COUNT]]",
+        help="a parameter, or as *.stiffness, one at a time; all of the study's otherwise",
     )
     parser.add_argument(
         "--scale",
@@ -48,12 +48,31 @@ def add_sensitivity(parser: argparse.ArgumentParser) -> None:
         help="local derivatives per standard deviation of a prior, or per per cent",
     )
     parser.add_argument(
+        "--prior",
+        action="append",
+        default=[],
+        metavar="NAME=SD",
+        help="standard deviation of a parameter, or as *.stiffness; usual ones otherwise",
+    )
+    parser.add_argument(
         "--global",
         choices=["sobol", "morris"],
         dest="indices",
         help="global indices of the motion too (package SALib)",
     )
-    parser.add_argument("--samples", type=int, default=256, help="of Sobol, or Morris trajectories")
+    parser.add_argument(
+        "--samples",
+        type=int,
+        help="points of Sobol's sequence (256), a power of two, or Morris trajectories (64)",
+    )
+    parser.add_argument(
+        "--range",
+        action="append",
+        default=[],
+        metavar="NAME=LOW:HIGH",
+        dest="ranges",
+        help="of a parameter, for global indices; as wide as its prior otherwise",
+    )
     parser.add_argument(
         "--knees",
         nargs="+",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 
 import numpy as np
 
@@ -68,3 +69,12 @@ def with_measurement(study: Study, knee: Knee) -> StudyProblem:
     else:
         measured = read_measured(study)
     return StudyProblem(study, with_values(knee, study.start), measured, truth)
+
+
+def study_settings(study: Study) -> dict:
+    """Everything needed to run a study again, as plain numbers and words."""
+    return json.loads(json.dumps(dataclasses.asdict(study), default=_plain))
+
+
+def _plain(value):
+    return value.tolist() if isinstance(value, np.ndarray) else str(value)

@@ -131,7 +131,7 @@ def global_indices(
         Environmental Modelling & Software 22, 2007; computed by SALib.
     """
     lower, upper = np.asarray(lower, float), np.asarray(upper, float)
-    _check(method, names, lower, upper, samples)
+    check_request(method, names, lower, upper, samples)
     problem = {
         "num_vars": len(names),
         "names": list(names),
@@ -177,7 +177,8 @@ def global_indices(
     )
 
 
-def _check(method: str, names, lower: np.ndarray, upper: np.ndarray, samples: int) -> None:
+def check_request(method: str, names, lower: np.ndarray, upper: np.ndarray, samples: int) -> None:
+    """Refuse, before anything is computed, what `global_indices` cannot do."""
     if method not in MEASURES:
         raise UnsuitableData(f"unknown method {method!r}: expected one of {', '.join(MEASURES)}")
     for name, low, high in zip(names, lower, upper, strict=True):

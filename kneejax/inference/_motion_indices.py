@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import jax.numpy as jnp
 import numpy as np
 
 from kneejax.geometry import FREE_COORDINATES
-from kneejax.inference._global_indices import GlobalIndices, global_indices
+from kneejax.inference._global_indices import GlobalIndices, check_request, global_indices
 from kneejax.inference._parameters import Selection, UnsuitableData, select
 from kneejax.inference._problem import DEFAULT_WEIGHTS
 from kneejax.inference._scales import looked_up, prior_scales, stated
 from kneejax.mechanics import Knee
-from kneejax.statics import Stations, Status, balance_many
+from kneejax.statics import Balances, Progress, Stations, Status, balance_many
 
 #: Half a range where none is stated, in standard deviations of the prior: that of a uniform
 #: distribution is then the same.
@@ -49,10 +49,12 @@ class MotionIndices:
         indices: see `GlobalIndices`; their outputs are, in order, those below.
         outputs: each coordinate at some angles, then each coordinate's root mean square error
             against the measurement, then the objective.
+        left_out_deg: measured angles that count nowhere: the knee itself does not balance there.
     """
 
     indices: GlobalIndices
     outputs: tuple[Output, ...]
+    left_out_deg: tuple[float, ...]
 
     @property
     def flexion_deg(self) -> tuple[float, ...]:
@@ -72,12 +74,14 @@ def motion_indices(
     measured: np.ndarray,
     *,
     weights: np.ndarray | None = None,
+    offsets: Sequence[str] = (),
     bounds: Mapping[str, tuple[float, float]] | None = None,
     ranges: Mapping[str, tuple[float, float]] | None = None,
+    priors: Mapping[str, float] | None = None,
     method: str = "sobol",
     samples: int = 256,
     seed: int = 0,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> MotionIndices:
     """Sobol or Morris indices of a motion and of how far it is from a measured one.
 
@@ -88,8 +92,11 @@ def motion_indices(
         parameters: names or wildcards.
         measured: poses to compare with, `(n, 6)`, degrees and mm.
         weights: of the objective, `(5,)`; by default 8 per degree^2 and 1 per mm^2 (paper 1).
+        offsets: free coordinates whose constant difference to the measurement is unknown; each
+            run gets the one that suits it best.
         bounds: name, wildcard or quantity -> limits that no usual range exceeds.
         ranges: likewise, ranges; those of the same standard deviation as the prior otherwise.
+        priors: likewise, standard deviations; usual ones otherwise (see `prior_scales`).
         method: `sobol` or `morris`.
         samples: points of the Sobol sequence (a power of two), or trajectories of Morris.
         seed: of the sampling and of the bootstrap.
@@ -106,23 +113,35 @@ def motion_indices(
     if len(selection) < 2:
         raise UnsuitableData(f"global indices of {selection}: expected at least two parameters")
     base = np.asarray(selection.read(knee))
-    lower, upper = _ranges(selection, base, bounds or {}, ranges or {})
+    half = _DEVIATIONS * prior_scales(selection, base, priors)
+    lower, upper = _ranges(selection, base - half, base + half, bounds or {}, ranges or {})
+    check_request(method, selection.names, lower, upper, samples)
     measured = np.asarray(measured, float)
     # Stations ascend; a measurement may run to and fro.
-    flexion, row = np.unique(measured[:, 0], return_inverse=True)
-    stations = Stations.at(flexion)
+    flexion = np.unique(measured[:, 0])
+
+    def balances(values: np.ndarray, angles: np.ndarray, show=None) -> Balances:
+        stations, start = Stations.at(angles), jnp.asarray(base)
+        return balance_many(knee, selection.apply, start, values, stations, progress=show)
+
+    sound = balances(base[None], flexion).status[0] < Status.UNSTABLE
+    if not sound.any():
+        raise UnsuitableData("the knee itself is balanced and stable at no measured flexion")
+    left_out, flexion = flexion[~sound], flexion[sound]
+    measured = measured[np.isin(measured[:, 0], flexion)]
+    row = np.searchsorted(flexion, measured[:, 0])
     at = np.unique(np.linspace(0, len(flexion) - 1, _ANGLES).round().astype(int))
     weights = DEFAULT_WEIGHTS if weights is None else np.asarray(weights, float)
+    free = [FREE_COORDINATES.index(name) for name in offsets]
 
     def model(values: np.ndarray) -> np.ndarray:
-        found = balance_many(
-            knee, selection.apply, jnp.asarray(base), values, stations, progress=progress
-        )
+        found = balances(values, flexion, progress)
         failed = np.any(found.status >= Status.UNSTABLE, axis=1)
-        squares = (found.table[:, row] - measured[:, 1:]) ** 2
+        error = found.table[:, row] - measured[:, 1:]
+        error[..., free] -= error[..., free].mean(axis=1, keepdims=True)
         poses = np.swapaxes(found.table[:, at], 1, 2).reshape(len(values), -1)
-        rmse = np.sqrt(squares.mean(axis=1))
-        objective = squares.sum(axis=1) @ weights
+        rmse = np.sqrt((error**2).mean(axis=1))
+        objective = (error**2).sum(axis=1) @ weights
         return np.where(failed[:, None], np.nan, np.column_stack([poses, rmse, objective]))
 
     outputs = _outputs(flexion[at])
@@ -136,7 +155,7 @@ def motion_indices(
         seed=seed,
         outputs=[one.name for one in outputs],
     )
-    return MotionIndices(indices, outputs)
+    return MotionIndices(indices, outputs, tuple(left_out.tolist()))
 
 
 def _outputs(flexion_deg: np.ndarray) -> tuple[Output, ...]:
@@ -149,10 +168,8 @@ def _outputs(flexion_deg: np.ndarray) -> tuple[Output, ...]:
     return (*poses, *errors, Output("objective", "", "", None))
 
 
-def _ranges(selection: Selection, base: np.ndarray, bounds, ranges):
-    """Ends of each parameter's range: as stated, or about the knee's own value."""
-    half = _DEVIATIONS * prior_scales(selection, base)
-    lower, upper = base - half, base + half
+def _ranges(selection: Selection, lower: np.ndarray, upper: np.ndarray, bounds, ranges):
+    """Ends of each parameter's range: as stated, or those given, within bounds."""
     pairs = zip(looked_up(selection, bounds), stated(selection, ranges, "range"), strict=True)
     for i, (limits, asked) in enumerate(pairs):
         if limits is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import jax.numpy as jnp
 import numpy as np
@@ -18,7 +18,7 @@ from kneejax.inference._parameters import (
 )
 from kneejax.inference._physiological import unphysiological
 from kneejax.mechanics import Knee
-from kneejax.statics import Stations, Status, balance_lines
+from kneejax.statics import Progress, Stations, Status, balance_lines
 
 #: Ranges of paper 1, section 3; other quantities go over their bounds.
 SWEEP_RANGES = {"stiffness": (300.0, 9300.0), "reference_strain": (-0.2, 0.2)}
@@ -82,7 +82,7 @@ def sweep(
     stations: ArrayLike | Stations,
     *,
     count: int = _COUNT,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Sweeps:
     """Vary parameters one at a time and balance the knee at every value.
 

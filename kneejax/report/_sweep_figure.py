@@ -41,13 +41,16 @@ _NOWHERE = "no balance"
 
 
 @styled
-def sweep_figure(sweeps: Sweeps, name: str, measured: np.ndarray | None = None) -> Figure:
+def sweep_figure(
+    sweeps: Sweeps, name: str, measured: np.ndarray | None = None, moved: bool = False
+) -> Figure:
     """Draw the motion over one parameter.
 
     Args:
         sweeps: with that parameter among them.
         name: the parameter.
         measured: poses `(n, 6)`, degrees and mm, drawn in black.
+        moved: whether constants were added to it because its frames are not known; said so.
 
     Returns:
         Translations on the left, rotations on the right, a line a value, coloured low to high.
@@ -75,7 +78,7 @@ def sweep_figure(sweeps: Sweeps, name: str, measured: np.ndarray | None = None) 
         last = spot in ((2, 0), (1, 1))
         _flexion_axis(axes, sweeps.flexion_deg, "Flexion, deg", last)
         axes.tick_params(labelbottom=last)
-    _legend(panels[2, 1], sweep, handles, faults)
+    _legend(panels[2, 1], sweep, handles, faults, moved)
     _colour_bar(figure, panels[2, 1], sweep)
     return figure
 
@@ -164,13 +167,14 @@ def _limits(axes: Axes, sweeps: Sweeps, sweep: Sweep, column: int, measured) -> 
     axes.set_ylim(low - pad, high + pad)
 
 
-def _legend(axes: Axes, sweep: Sweep, handles: dict[str, Any], faults) -> None:
+def _legend(axes: Axes, sweep: Sweep, handles: dict[str, Any], faults, moved: bool) -> None:
     from matplotlib.lines import Line2D
 
     axes.set_axis_off()
     entries = []
     if "measured" in handles:
-        entries.append((handles["measured"], "measured"))
+        words = "measured, moved onto the knee itself" if moved else "measured"
+        entries.append((handles["measured"], words))
     own = f"{trimmed(sweep.own)} {sweep.unit}".strip()
     entries.append((handles["own"], f"the knee itself ({own})"))
     for entry, (dashes, marker) in _DOUBTFUL.items():

@@ -1,0 +1,170 @@
+"""What a study of sensitivity found, on a terminal: which parameter moves what, and where."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kneejax.report._numbers import listed, number
+from kneejax.report._style import SHOWN
+from kneejax.report._sweep_figure import FREE_COLUMN
+from kneejax.report._text import _aligned, _wrapped
+from kneejax.statics._status import Status
+
+if TYPE_CHECKING:
+    from kneejax.inference._local_sensitivity import LocalSensitivity
+    from kneejax.inference._motion_indices import MotionIndices
+    from kneejax.inference._sweeps import Sweep, Sweeps
+
+#: Narrow names of the coordinates, in the order of `SHOWN`.
+_HEADS = ("lateral", "anterior", "superior", "adduction", "int.rot.")
+_PER = {"prior": "one standard deviation of its prior", "percent": "one per cent"}
+_MOST_ROWS = 24
+
+
+def sensitivity_summary(
+    local: LocalSensitivity, sweeps: Sweeps, found: MotionIndices | None = None
+) -> str:
+    """Say which parameter moves which coordinate most, where, and what failed on the way.
+
+    Args:
+        local: exact slopes.
+        sweeps: one at a time.
+        found: global indices, if any were asked for.
+
+    Returns:
+        Lines of fewer than 100 columns, without a final line break.
+    """
+    lines = _wrapped(
+        f"Largest change of each coordinate (mm, deg) by {_PER[local.scale]} of a parameter, and "
+        "the flexion where it occurs; * the largest of a column"
+    )
+    lines += _aligned(_largest_rows(local))
+    lines += _sweep_lines(sweeps)
+    if found is not None:
+        lines += ["", *_index_lines(found)]
+    return "\n".join(lines)
+
+
+def sensitivity_doubts(
+    local: LocalSensitivity, sweeps: Sweeps, found: MotionIndices | None = None
+) -> list[str]:
+    """What casts doubt on the results, a sentence each; empty if nothing does.
+
+    That a knee comes apart at the ends of a sweep is a finding. That it does so as it is, or in
+    much of the ranges that global indices stand for, is a doubt.
+
+    Args:
+        local: exact slopes.
+        sweeps: one at a time.
+        found: global indices, if any were asked for.
+
+    Returns:
+        Sentences without a full stop.
+    """
+    doubts = []
+    # Slopes and sweeps know the same poses; either may have lost one.
+    status = np.maximum(local.status, sweeps.status)
+    for outcome in (Status.OUTSIDE_REGION, Status.UNSTABLE, Status.TOO_DEEP, Status.NOT_CONVERGED):
+        angles = [f"{angle:g}" for angle in local.flexion_deg[status == outcome]]
+        if angles:
+            doubts.append(f"the knee itself at {listed(angles)} degrees: {outcome.sentence}")
+    if found is not None and found.left_out_deg:
+        angles = [f"{angle:g}" for angle in found.left_out_deg]
+        doubts.append(f"global indices without the poses at {listed(angles)} degrees")
+    if found is not None and found.indices.doubtful:
+        doubts.append(f"global indices: {found.indices.treatment}")
+    return doubts
+
+
+def _largest_rows(local: LocalSensitivity) -> list[list[str]]:
+    slopes, rows = local.largest()
+    order = [FREE_COLUMN[name] for name in SHOWN]
+    most = np.abs(slopes).argmax(axis=1)
+    table = [["parameter", *_HEADS]]
+    for i, name in enumerate(local.names[:_MOST_ROWS]):
+        cells = [
+            f"{slopes[c, i]:+.2f} at {local.flexion_deg[rows[c, i]]:3.0f}"
+            + ("*" if most[c] == i else " ")
+            for c in order
+        ]
+        table.append([name, *cells])
+    if len(local.names) > _MOST_ROWS:
+        rest = len(local.names) - _MOST_ROWS
+        table.append([f"({rest} more in local_sensitivity.csv)", *[""] * len(order)])
+    return table
+
+
+def _sweep_lines(sweeps: Sweeps) -> list[str]:
+    poses = sum(one.status.size for one in sweeps.sweeps)
+    lines = _wrapped(
+        f"Sweeps: {len(sweeps.sweeps)} parameters, {poses} poses; where the knee leaves what it "
+        "can do:"
+    )
+    at_fault = [one for one in sweeps.sweeps if (~one.sound | (one.status > 0)).any()]
+    if not at_fault:
+        return ["", lines[0].replace("; where the knee leaves what it can do:", ", all sound")]
+    head = ["parameter", "sound over", "outside", "unphysiol.", "unstable", "no balance"]
+    rows = [head]
+    for one in at_fault[:_MOST_ROWS]:
+        counts = [
+            int((one.status == Status.OUTSIDE_REGION).sum()),
+            int(one.unphysiological.sum()),
+            int((one.status == Status.UNSTABLE).sum()),
+            int((one.status >= Status.TOO_DEEP).sum()),
+        ]
+        rows.append([one.name, _sound_range(one), *(str(count or "-") for count in counts)])
+    if len(at_fault) > _MOST_ROWS:
+        rows.append([f"({len(at_fault) - _MOST_ROWS} more in sweeps.csv)", *[""] * 5])
+    return ["", *lines, *_aligned(rows, (0, 1))]
+
+
+def _sound_range(one: Sweep) -> str:
+    """Values about the knee's own at which every pose is sound."""
+    sound = np.all(one.sound, axis=1)
+    at = int(np.argmin(np.abs(one.values - one.own)))
+    if not sound[at]:
+        return "none"
+    bad = np.flatnonzero(~sound)
+    first = bad[bad < at].max(initial=-1) + 1
+    last = bad[bad > at].min(initial=len(sound)) - 1
+    return f"{number(one.values[first], 3)} to {number(one.values[last], 3)}"
+
+
+def _index_lines(found: MotionIndices) -> list[str]:
+    indices = found.indices
+    main, other = list(indices.measures)[:2]
+    kind = "Sobol" if indices.method == "sobol" else "Morris"
+    half, row = indices.half_widths[main], found.row("")
+    order = np.argsort(-np.nan_to_num(indices.measures[main][row]), kind="stable")
+    words = main.replace("_", " ")
+    table = [["parameter", "range", words, "+-", other.replace("_", " "), "largest for"]]
+    for i in order[:_MOST_ROWS]:
+        best = [
+            one.coordinate
+            for k, one in enumerate(found.outputs)
+            if one.coordinate
+            and one.flexion_deg is None
+            and np.nan_to_num(indices.measures[main][k]).argmax() == i
+            and np.isfinite(indices.measures[main][k]).any()
+        ]
+        names = [_HEADS[SHOWN.index(name)] for name in SHOWN if name in best]
+        table.append(
+            [
+                indices.names[i],
+                f"{number(indices.lower[i], 3)} to {number(indices.upper[i], 3)}",
+                number(indices.measures[main][row, i], 3),
+                number(half[row, i], 2),
+                number(indices.measures[other][row, i], 3),
+                ", ".join(names),
+            ]
+        )
+    lines = _wrapped(
+        f"{kind} indices of the objective ({indices.runs} motions, {100 * indices.confidence:g} % "
+        "intervals), and the coordinates whose error each parameter decides most"
+    )
+    lines += _aligned(table, (0, 1, 5))
+    if indices.treatment:
+        lines += _wrapped(indices.treatment + ".")
+    return lines
