@@ -12,10 +12,10 @@ from jax import Array
 from kneejax.inference._parameters import Selection
 from kneejax.inference._problem import TABLE_UNITS, Evaluation
 from kneejax.mechanics import Knee, Load, add_lane_axis
-from kneejax.statics import Guess, Stations, compiled, first_guess, poses_on_the_way, settle
+from kneejax.statics import Guess, Stations, Status, compiled, first_guess, poses_on_the_way, settle
 
-#: Steps in which a load grows where the whole of it at once leads nowhere.
-_LOAD_STEPS = 8
+#: Steps in which a load grows.
+_LOAD_STEPS = 4
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,8 +38,9 @@ def station_derivatives(
 ) -> StationDerivatives:
     """Balance a knee at flexions with loads, and differentiate each pose by the parameters.
 
-    Every station is reached from the reference pose under its whole load. Where that fails, the
-    pose without the load is found first, and the load grows in eight steps.
+    Every station is reached as a test is made: the knee is bent without the load, which then grows
+    in four steps. A lax knee may have several balanced poses; this is the one that a test finds.
+    Where it fails, the knee is bent under the whole load.
 
     Args:
         selection: the parameters.
@@ -54,16 +55,15 @@ def station_derivatives(
     begin = jnp.broadcast_to(knee.reference_pose.flexion, flexion.shape)
     count = poses_on_the_way(knee.reference_pose.flexion, flexion)
     guess = first_guess(add_lane_axis(selection.apply(knee, x)), begin)
-    found = _evaluate(selection, knee, x, stations, guess, begin, jnp.asarray(count))
-    failed = ~np.asarray(found.settled.converged)
-    direct = _by_station(found)
-    if not failed.any():
-        return direct
     grown = _by_station(_under_growing_load(selection, knee, x, stations, guess, begin, count))
+    failed = grown.status >= Status.TOO_DEEP
+    if not failed.any():
+        return grown
+    direct = _by_station(_evaluate(selection, knee, x, stations, guess, begin, jnp.asarray(count)))
     return StationDerivatives(
-        np.where(failed[:, None], grown.table, direct.table),
-        np.where(failed[:, None, None], grown.jacobian, direct.jacobian),
-        np.where(failed, grown.status, direct.status),
+        np.where(failed[:, None], direct.table, grown.table),
+        np.where(failed[:, None, None], direct.jacobian, grown.jacobian),
+        np.where(failed, direct.status, grown.status),
     )
 
 
@@ -76,7 +76,7 @@ def _by_station(found: Evaluation) -> StationDerivatives:
 
 
 def _under_growing_load(selection, knee, x, stations, guess, begin, count) -> Evaluation:
-    """The same balances, reached without the load first; each step starts from the last."""
+    """Balances reached without the load first; each step of it starts from the last."""
     free, once = _loaded_in_part(stations, 0.0), jnp.asarray(1)
     found = _evaluate(selection, knee, x, free, guess, begin, jnp.asarray(count))
     for step in range(1, _LOAD_STEPS + 1):

@@ -1,11 +1,23 @@
 """Results for people: text, JSON, figures and the HTML report."""
 
+from kneejax.report._design_figures import candidates_figure as candidates_figure
+from kneejax.report._design_figures import standard_errors_figure as standard_errors_figure
+from kneejax.report._design_text import CANDIDATE_COLUMNS as CANDIDATE_COLUMNS
+from kneejax.report._design_text import candidates_rows as candidates_rows
+from kneejax.report._design_text import design_text as design_text
 from kneejax.report._figures import convergence_figure as convergence_figure
 from kneejax.report._figures import correlation_figure as correlation_figure
+from kneejax.report._figures import correlation_matrix_figure as correlation_matrix_figure
 from kneejax.report._figures import parameters_figure as parameters_figure
 from kneejax.report._figures import partial_objectives_figure as partial_objectives_figure
 from kneejax.report._html import report_page as report_page
 from kneejax.report._html import write_report as write_report
+from kneejax.report._indices_figures import fit_indices_figure as fit_indices_figure
+from kneejax.report._indices_figures import pose_indices_figure as pose_indices_figure
+from kneejax.report._information_figures import spectrum_figure as spectrum_figure
+from kneejax.report._information_text import INFORMATION_COLUMNS as INFORMATION_COLUMNS
+from kneejax.report._information_text import information_rows as information_rows
+from kneejax.report._information_text import information_text as information_text
 from kneejax.report._knee_text import knee_text as knee_text
 from kneejax.report._map_figures import map_figure as map_figure
 from kneejax.report._map_figures import map_matrix_figure as map_matrix_figure
@@ -34,9 +46,14 @@ from kneejax.report._scene_render import CannotRender as CannotRender
 from kneejax.report._scene_render import MissingPackage as MissingPackage
 from kneejax.report._scene_render import need_view_packages as need_view_packages
 from kneejax.report._scene_render import simplified as simplified
+from kneejax.report._sensitivity_figures import local_curves_figure as local_curves_figure
+from kneejax.report._sensitivity_figures import local_heatmap_figure as local_heatmap_figure
+from kneejax.report._sensitivity_text import sensitivity_doubts as sensitivity_doubts
+from kneejax.report._sensitivity_text import sensitivity_summary as sensitivity_summary
 from kneejax.report._style import COORDINATES as COORDINATES
 from kneejax.report._style import Coordinate as Coordinate
 from kneejax.report._surface_figure import surface_fit_figure as surface_fit_figure
+from kneejax.report._sweep_figure import sweep_figure as sweep_figure
 from kneejax.report._text import calibration_summary as calibration_summary
 from kneejax.report._verdict import verdict as verdict
 from kneejax.report._verdict import warnings as warnings

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,6 +27,7 @@ from kneejax.report._verdict import PAPER_COUNTS, undetermined
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
 
     from kneejax.inference._result import Calibration, Estimate
 
@@ -202,7 +204,6 @@ def partial_objectives_figure(calibration: Calibration) -> Figure:
     return figure
 
 
-@styled
 def correlation_figure(calibration: Calibration) -> Figure:
     """Draw the correlation of the estimates; parameters not determined are hatched.
 
@@ -212,12 +213,27 @@ def correlation_figure(calibration: Calibration) -> Figure:
     Returns:
         A matrix with numbers in its cells where they are readable.
     """
+    estimates = calibration.fit.estimates
+    return correlation_matrix_figure([e.name for e in estimates], calibration.fit.correlation)
+
+
+@styled
+def correlation_matrix_figure(parameters: Sequence[str], correlation: ArrayLike) -> Figure:
+    """Draw a matrix of correlations; parameters without any are hatched.
+
+    Args:
+        parameters: their names, `LIGAMENT.quantity`.
+        correlation: `(p, p)`; NaN where there is none.
+
+    Returns:
+        A matrix with numbers in its cells where they are readable.
+    """
     from matplotlib.colors import LinearSegmentedColormap
     from matplotlib.figure import Figure
     from matplotlib.patches import Rectangle
 
-    matrix = np.array(calibration.fit.correlation, float)
-    names = [readable(e.name) for e in calibration.fit.estimates]
+    matrix = np.array(correlation, float)
+    names = [readable(name) for name in parameters]
     n = len(names)
     side = min(max(0.44 * n, 1.6), 5.0)
     longest = max((len(name) for name in names), default=8)
