@@ -18,6 +18,12 @@ from kneejax.report._information_figures import spectrum_figure as spectrum_figu
 from kneejax.report._information_text import INFORMATION_COLUMNS as INFORMATION_COLUMNS
 from kneejax.report._information_text import information_rows as information_rows
 from kneejax.report._information_text import information_text as information_text
+from kneejax.report._knee_comparison_figures import ramp_figure as ramp_figure
+from kneejax.report._knee_comparison_figures import score_figure as score_figure
+from kneejax.report._knee_comparison_text import CLAIM_COLUMNS as CLAIM_COLUMNS
+from kneejax.report._knee_comparison_text import claims_summary as claims_summary
+from kneejax.report._knee_comparison_text import comparison_document as comparison_document
+from kneejax.report._knee_comparison_text import comparison_summary as comparison_summary
 from kneejax.report._knee_text import knee_text as knee_text
 from kneejax.report._map_figures import map_figure as map_figure
 from kneejax.report._map_figures import map_matrix_figure as map_matrix_figure
@@ -27,6 +33,7 @@ from kneejax.report._motion_figures import simulation_figure as simulation_figur
 from kneejax.report._pressure_map import PlateauPressure as PlateauPressure
 from kneejax.report._pressure_map import plateau_pressures as plateau_pressures
 from kneejax.report._pressure_map import pressure_figure as pressure_figure
+from kneejax.report._reproduction_html import write_reproduction as write_reproduction
 from kneejax.report._results import PARAMETER_COLUMNS as PARAMETER_COLUMNS
 from kneejax.report._results import json_safe as json_safe
 from kneejax.report._results import parameters_rows as parameters_rows

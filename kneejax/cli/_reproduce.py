@@ -1,0 +1,15 @@
+"""`kneejax reproduce PAPER`: published claims, computed."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Reproduce paper 1 or paper 4.
+
+    A claim that is not reproduced is an answer like any other: status 0. Status 1 says that
+    something computed on the way is doubtful.
+    """
+    return importlib.import_module(f"kneejax.cli._reproduce_paper{arguments.paper}").run(arguments)
