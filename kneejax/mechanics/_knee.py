@@ -117,17 +117,17 @@ class Knee(eqx.Module):
             own = jax.tree.map(lambda x, r=rows: x if r == all_rows else x[jnp.array(r)], meeting)
             answers.append(jax.vmap(function)(alike, tibias, own))
             order += rows
+        lanes = jnp.shape(tibia.translation[0])
+
+        def with_lanes(*x: Array) -> list[Array]:
+            # What a plane answers may lack the lanes.
+            shape = jnp.broadcast_shapes(lanes, *(y.shape[1:] for y in x))
+            return [jax.vmap(lambda row: jnp.broadcast_to(row, shape))(y) for y in x]  # pyright: ignore[reportReturnType]
+
         if len(answers) == 1:
-            return answers[0]
+            return jax.tree.map(lambda x: with_lanes(x)[0], answers[0])
         back = jnp.argsort(jnp.array(order))
-
-        def joined(*x: Array) -> Array:
-            # A plane's answer may lack the lanes that a plateau's has.
-            shape = jnp.broadcast_shapes(*(y.shape[1:] for y in x))
-            x = [jax.vmap(lambda row: jnp.broadcast_to(row, shape))(y) for y in x]  # pyright: ignore[reportAssignmentType]
-            return jnp.concatenate(x)[back]
-
-        return jax.tree.map(joined, *answers)
+        return jax.tree.map(lambda *x: jnp.concatenate(with_lanes(*x))[back], *answers)
 
     @property
     def patch_count(self) -> int:

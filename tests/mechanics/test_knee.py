@@ -58,6 +58,19 @@ def test_contacts_of_unlike_kinds_keep_their_order(knee):
     assert gap.depth.shape == (3, 2) and gap.steepness.shape == (3, 2)
 
 
+def test_a_knee_on_planes_alone_answers_in_lanes(knee):
+    """A plane's slope is the same everywhere; what follows from it must not lose the lanes."""
+    contacts = [
+        Contact(geo.Sphere(22.0, geo.Frame([0, 0, z])), geo.Plane(geo.Frame([0, -22, z], tilt)))
+        for z, tilt in ((-20.0, [-0.03, 0, 0.03]), (20.0, [0.03, 0, 0.12]))
+    ]
+    on_planes = eqx.tree_at(lambda k: k.contacts, knee, tuple(map(add_lane_axis, contacts)))
+    tibia = POSE.placement
+    meeting = jnp.stack([contact.meeting(tibia) for contact in on_planes.contacts], axis=1)
+    pressed = on_planes.press(POSE, (meeting[0], meeting[1]))[2]
+    assert {leaf.shape for leaf in jax.tree.leaves(pressed)} == {(2, 2)}
+
+
 def test_every_number_is_a_leaf_and_nothing_else_is(small_knee):
     leaves = jax.tree.leaves(small_knee)
     assert all(isinstance(leaf, jax.Array) and leaf.dtype == jnp.float64 for leaf in leaves)
