@@ -16,7 +16,6 @@ from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference import (
     Condition,
     ParameterMap,
-    UnsuitableData,
     select,
     sensitivity_maps,
     versions,

@@ -12,7 +12,13 @@ import numpy as np
 
 from kneejax.experiments import evaluate as evaluate_mechanics
 from kneejax.geometry import COLUMNS, FREE_COORDINATES
-from kneejax.inference._parameters import QUANTITIES, UnsuitableData, default_bounds, select
+from kneejax.inference._parameters import (
+    QUANTITIES,
+    UnsuitableData,
+    select,
+    start_within,
+    stated_bounds,
+)
 from kneejax.inference._problem import DEFAULT_WEIGHTS, Evaluation, Problem
 from kneejax.inference._result import Calibration, Estimate, Fit, Motion
 from kneejax.inference._search import METHODS, Trail, run_procedure, several_starts
@@ -83,9 +89,11 @@ def calibrate(
     if not np.isfinite(problem.measured).all():
         row = int(np.flatnonzero(~np.isfinite(problem.measured).all(axis=1))[0])
         raise UnsuitableData(f"measured row {row} is not finite: leave it out")
-    lower, upper = _bounds(knee, selection, bounds or {}, offset_rows)
-    start = np.r_[np.asarray(selection.read(knee)), np.zeros(len(offset_rows))]
-    _check_start(selection.names, start, lower, upper)
+    lower, upper = stated_bounds(knee, selection, bounds or {})
+    start = np.r_[start_within(knee, selection, lower, upper), np.zeros(len(offset_rows))]
+    # A frame is rarely off by more than 10 mm or 10 degrees.
+    wide = np.full(len(offset_rows), 10.0)
+    lower, upper = np.r_[lower, -wide], np.r_[upper, wide]
 
     first = problem.poses(start)
     first.table.block_until_ready()
@@ -141,26 +149,6 @@ def versions() -> dict[str, str]:
         except importlib.metadata.PackageNotFoundError:
             found[package] = "not installed"
     return found
-
-
-def _bounds(knee, selection, given, offset_rows):
-    lower, upper = (np.array(b) for b in default_bounds(knee, selection))
-    for i, name in enumerate(selection.names):
-        quantity = selection.quantity(i)
-        for key in (quantity, f"*.{quantity}", name):
-            if key in given:
-                lower[i], upper[i] = given[key]
-    # A frame is rarely off by more than 10 mm or 10 degrees.
-    wide = np.full(len(offset_rows), 10.0)
-    return np.r_[lower, -wide], np.r_[upper, wide]
-
-
-def _check_start(names, start, lower, upper):
-    for name, value, low, high in zip(names, start, lower, upper, strict=False):
-        if not low < high:
-            raise UnsuitableData(f"{name}: bounds {low:g} to {high:g}: expected lower below upper")
-        if not low <= value <= high:
-            raise UnsuitableData(f"{name}: bounds {low:g} to {high:g} exclude the start {value:g}")
 
 
 def _fit(problem: Problem, procedure: str, trail: Trail, start, lower, upper, reached):

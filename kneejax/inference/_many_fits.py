@@ -106,6 +106,7 @@ def fit_many(
     upper: np.ndarray,
     *,
     most: int = 60,
+    far: bool = False,
 ) -> ManyFits:
     """Fit parameters to motion, many times at once.
 
@@ -118,6 +119,7 @@ def fit_many(
         lower: bounds, `(fits, p)`; equal to `upper` holds a parameter.
         upper: bounds.
         most: evaluations of a fit before it is given up.
+        far: whether the answers may be far from the starts; first steps are short then.
 
     Returns:
         The `ManyFits`. A fit whose start has no balance at some pose that counts ends at once,
@@ -126,7 +128,7 @@ def fit_many(
     starts = np.asarray(starts, float)
     count, size = starts.shape
     bounds = np.asarray(lower, float), np.asarray(upper, float)
-    state = _begin(starts, data.count)
+    state = _begin(starts, data.count, 1.0 if far else 1e-3)
     known = begin.take(np.arange(count))
     residual, slope = np.zeros((count, data.count)), np.zeros((count, data.count, size))
     trial, active, evaluations = starts.copy(), np.ones(count, bool), 0
@@ -156,16 +158,17 @@ def fit_many(
 
 def _solver(lower, upper) -> BoundedLevenbergMarquardt:
     return BoundedLevenbergMarquardt(  # pyright: ignore[reportCallIssue]
-        lower, upper, rtol=_RTOL, atol=_ATOL, first_damping=1e-3
+        lower, upper, rtol=_RTOL, atol=_ATOL
     )
 
 
-def _begin(starts: np.ndarray, rows: int):
+def _begin(starts: np.ndarray, rows: int, damping: float):
     """One state a fit."""
     x, struct = jnp.zeros(starts.shape[1]), jax.ShapeDtypeStruct((rows,), float)
     one = _solver(x, x).init(None, x, None, {}, struct, None, frozenset())
     state = jax.tree.map(lambda x: jnp.broadcast_to(x, (len(starts), *x.shape)), one)
-    return eqx.tree_at(lambda s: s.x, state, jnp.asarray(starts))
+    begin = jnp.asarray(starts), jnp.full(len(starts), damping)
+    return eqx.tree_at(lambda s: (s.x, s.damping), state, begin)
 
 
 @eqx.filter_jit

@@ -16,8 +16,8 @@ from kneejax.inference._parameters import (
     Selection,
     UnknownParameter,
     UnsuitableData,
-    default_bounds,
     select,
+    stated_bounds,
 )
 from kneejax.inference._physiological import unphysiological
 from kneejax.inference._problem import DEFAULT_WEIGHTS
@@ -154,7 +154,8 @@ class ParameterMap:
                 (column, row), (self.x, self.y), self.units, self.start, strict=True
             )
         }
-        weights = {f"weight_{n}": float(w) for n, w in zip(FREE_COORDINATES, self.weights)}
+        named = zip(FREE_COORDINATES, self.weights, strict=True)
+        weights = {f"weight_{name}": float(weight) for name, weight in named}
         own = {"start_objective": self.start_objective, "poses_left_out": self.left_out}
         return xarray.Dataset(content, coordinates, {**own, **weights, **(attributes or {})})
 
@@ -209,7 +210,8 @@ def sensitivity_maps(
     weights = DEFAULT_WEIGHTS if weights is None else np.asarray(weights, float)
     names = _distinct_names(knee, pairs)
     selection = select(knee, names)
-    limits = _limits(knee, selection, bounds or {})
+    pairs_of_bounds = np.stack(stated_bounds(knee, selection, bounds or {}), axis=1)
+    limits = dict(zip(selection.names, pairs_of_bounds, strict=True))
     if min(grid) < 2:
         shown = f"{grid[0]}x{grid[1]}"
         raise UnsuitableData(f"a grid of {shown} points: expected at least two along each axis")
@@ -244,20 +246,6 @@ def _distinct_names(knee: Knee, pairs: Sequence[tuple[str, str]]) -> tuple[str, 
         select(knee, [first, second])
         names += [name for name in (first, second) if name not in names]
     return tuple(names)
-
-
-def _limits(knee, selection: Selection, given) -> dict[str, tuple[float, float]]:
-    lower, upper = (np.array(b) for b in default_bounds(knee, selection))
-    limits = {}
-    for i, name in enumerate(selection.names):
-        quantity = selection.quantity(i)
-        low, high = lower[i], upper[i]
-        for key in (quantity, f"*.{quantity}", name):
-            low, high = given.get(key, (low, high))
-        if not (np.isfinite([low, high]).all() and low < high):
-            raise UnsuitableData(f"{name}: from {low:g} to {high:g}: expected lower below upper")
-        limits[name] = (float(low), float(high))
-    return limits
 
 
 @dataclasses.dataclass

@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+from collections.abc import Mapping
 import functools
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 
 from kneejax.mechanics import Knee, ligament_law
@@ -179,6 +181,46 @@ def default_bounds(knee: Knee, selection: Selection) -> tuple[Array, Array]:
         for i in range(len(selection))
     ]
     return jnp.array([p[0] for p in pairs]), jnp.array([p[1] for p in pairs])
+
+
+def stated_bounds(
+    knee: Knee, selection: Selection, given: Mapping[str, tuple[float, float]]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Bounds of a selection: those that are stated, default ones for the rest.
+
+    Args:
+        knee: gives the middle of default bounds of attachments.
+        selection: the parameters.
+        given: quantity, `*.quantity` or name -> lower and upper bound; the last of these counts.
+
+    Returns:
+        Lower and upper bounds, `(p,)` each.
+
+    Raises:
+        UnsuitableData: bounds that are reversed, equal or not finite.
+    """
+    lower, upper = (np.array(b) for b in default_bounds(knee, selection))
+    for i, name in enumerate(selection.names):
+        quantity = selection.quantity(i)
+        for key in (quantity, f"*.{quantity}", name):
+            if key in given:
+                lower[i], upper[i] = given[key]
+        if not (np.isfinite([lower[i], upper[i]]).all() and lower[i] < upper[i]):
+            raise UnsuitableData(
+                f"{name}: bounds {lower[i]:g} to {upper[i]:g}: expected lower below upper"
+            )
+    return lower, upper
+
+
+def start_within(
+    knee: Knee, selection: Selection, lower: np.ndarray, upper: np.ndarray
+) -> np.ndarray:
+    """The knee's own values, `(p,)`; raises `UnsuitableData` where bounds exclude one."""
+    start = np.asarray(selection.read(knee))
+    for name, value, low, high in zip(selection.names, start, lower, upper, strict=True):
+        if not low <= value <= high:
+            raise UnsuitableData(f"{name}: bounds {low:g} to {high:g} exclude the start {value:g}")
+    return start
 
 
 def _read(knee: Knee, rows: tuple[int, ...], quantity: str) -> Array:

@@ -59,6 +59,11 @@ class Profile:
         return not (self.low_open or self.high_open)
 
     @property
+    def lowest(self) -> np.ndarray:
+        """All parameters where chi squared is lowest, `(p,)`."""
+        return self.parameters[np.argmin(self.rise)]
+
+    @property
     def better(self) -> float:
         """How much lower than at the fit chi squared has been found; zero as it should be."""
         lowest = -float(np.min(self.rise))

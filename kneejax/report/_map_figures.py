@@ -219,9 +219,8 @@ def _marks(axes: Axes, found: ParameterMap, values: np.ndarray) -> dict[str, Any
     style = {"color": "white", "linestyle": "none", "clip_on": False, "zorder": 6}
     dark = {"markeredgecolor": "black", "markeredgewidth": 0.8}
     best = np.where(found.drawn, values, np.inf)
-    inside = all(
-        line[0] <= own <= line[-1] for line, own in zip((found.x, found.y), found.start, strict=True)
-    )
+    edges = zip((found.x, found.y), found.start, strict=True)
+    inside = all(line[0] <= own <= line[-1] for line, own in edges)
     if inside:
         (handles["start"],) = axes.plot(
             *found.start, "o", markersize=5, **{**style, **dark, "markerfacecolor": "white"}
