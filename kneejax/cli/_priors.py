@@ -1,0 +1,72 @@
+"""Priors as words of a command: `--prior NAME=MEAN:SD`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from kneejax.files import InputProblem
+from kneejax.inference import Selection
+
+_OPTION = "--prior"
+
+
+def parse_priors(words: Sequence[str], selection: Selection) -> dict[str, tuple[float, float]]:
+    """Read normal priors from the command line.
+
+    Args:
+        words: `NAME=MEAN:SD` each; a name is that of a free parameter, or `*.quantity` for all of
+            its kind. `SD` may be `inf`: flat between the bounds.
+        selection: the free parameters.
+
+    Returns:
+        Parameter -> mean and standard deviation. A prior of its own counts before a wildcard,
+        whichever comes first.
+
+    Raises:
+        InputProblem: a word of another form, a name that is not free (with the nearest that is), a
+            name given twice, a mean that is not finite, a standard deviation that is not positive.
+    """
+    given: dict[str, tuple[float, float]] = {}
+    for word in words:
+        name, prior = _read(word)
+        if not _meant(name, selection):
+            kinds = dict.fromkeys(f"*.{selection.quantity(i)}" for i in range(len(selection)))
+            known = (*selection.names, *kinds)
+            raise InputProblem(_OPTION, "name", name, "a free parameter or *.quantity", known)
+        if name in given:
+            raise InputProblem(_OPTION, name, word, "one prior of a name")
+        given[name] = prior
+    wild_first = sorted(given, key=lambda name: not name.startswith("*."))
+    return {parameter: given[name] for name in wild_first for parameter in _meant(name, selection)}
+
+
+def _read(word: str) -> tuple[str, tuple[float, float]]:
+    name, equals, numbers = word.partition("=")
+    mean, colon, sd = numbers.partition(":")
+    if not (name and equals and colon):
+        raise InputProblem(
+            _OPTION, name or "name", word, "NAME=MEAN:SD, e.g. ACL.stiffness=4500:900"
+        )
+    centre, width = _number(mean), _number(sd)
+    if not math.isfinite(centre):
+        raise InputProblem(_OPTION, name, mean, "a mean that is a finite number")
+    if not width > 0:
+        raise InputProblem(
+            _OPTION, name, sd, "a standard deviation above zero, or inf for none at all"
+        )
+    return name, (centre, width)
+
+
+def _number(word: str) -> float:
+    try:
+        return float(word)
+    except ValueError:
+        return math.nan
+
+
+def _meant(name: str, selection: Selection) -> list[str]:
+    """The parameters that a name or wildcard stands for."""
+    return [
+        own for i, own in enumerate(selection.names) if name in (own, f"*.{selection.quantity(i)}")
+    ]
