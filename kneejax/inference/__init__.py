@@ -27,6 +27,8 @@ from kneejax.inference._fibre_changes import changes_of as changes_of
 from kneejax.inference._fibre_changes import with_fibres as with_fibres
 from kneejax.inference._global_indices import GlobalIndices as GlobalIndices
 from kneejax.inference._global_indices import global_indices as global_indices
+from kneejax.inference._identify import Identification as Identification
+from kneejax.inference._identify import identify as identify
 from kneejax.inference._information import Information as Information
 from kneejax.inference._information import fit_information as fit_information
 from kneejax.inference._information import information as information
@@ -38,6 +40,9 @@ from kneejax.inference._knee_scores import score as score
 from kneejax.inference._local_sensitivity import LocalSensitivity as LocalSensitivity
 from kneejax.inference._local_sensitivity import local_sensitivity as local_sensitivity
 from kneejax.inference._made_up_knee import made_up_knee as made_up_knee
+from kneejax.inference._many_fits import ManyFits as ManyFits
+from kneejax.inference._many_fits import MotionData as MotionData
+from kneejax.inference._many_fits import fit_many as fit_many
 from kneejax.inference._map import BlockStore as BlockStore
 from kneejax.inference._map import Condition as Condition
 from kneejax.inference._map import ParameterMap as ParameterMap
@@ -61,6 +66,8 @@ from kneejax.inference._physiological import PHYSIOLOGICAL_LIMITS as PHYSIOLOGIC
 from kneejax.inference._physiological import unphysiological as unphysiological
 from kneejax.inference._problem import Problem as Problem
 from kneejax.inference._problem import evaluate_poses as evaluate_poses
+from kneejax.inference._profiles import Profile as Profile
+from kneejax.inference._profiles import profiles as profiles
 from kneejax.inference._result import Calibration as Calibration
 from kneejax.inference._result import Estimate as Estimate
 from kneejax.inference._result import Fit as Fit

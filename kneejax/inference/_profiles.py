@@ -225,10 +225,14 @@ def _profile(selection: Selection, i: int, arms: _Arms, size: int, error: float,
 
 
 def _crossing(arm: list[tuple[float, float, np.ndarray]], level: float) -> float:
-    """Where the root of the rise passes the level: a monotone cubic through the points."""
+    """The outermost place where the root of the rise passes the level, by a monotone cubic."""
     from scipy.interpolate import PchipInterpolator
+    from scipy.optimize import brentq
 
     values = np.array([p[0] for p in arm])
     roots = np.sqrt(np.maximum([p[1] for p in arm], 0.0))
-    roots, rows = np.unique(np.maximum.accumulate(roots), return_index=True)
-    return float(PchipInterpolator(roots, values[rows])(level))
+    inside = int(np.flatnonzero(roots < level)[-1])
+    along = np.abs(values - values[0])
+    curve = PchipInterpolator(along, roots)
+    place = brentq(lambda x: float(curve(x)) - level, along[inside], along[inside + 1])
+    return float(values[0] + np.sign(values[-1] - values[0]) * place)

@@ -12,6 +12,9 @@ from kneejax.report._figures import parameters_figure as parameters_figure
 from kneejax.report._figures import partial_objectives_figure as partial_objectives_figure
 from kneejax.report._html import report_page as report_page
 from kneejax.report._html import write_report as write_report
+from kneejax.report._identify_text import ESTIMATE_COLUMNS as ESTIMATE_COLUMNS
+from kneejax.report._identify_text import estimate_rows as estimate_rows
+from kneejax.report._identify_text import estimates_text as estimates_text
 from kneejax.report._indices_figures import fit_indices_figure as fit_indices_figure
 from kneejax.report._indices_figures import pose_indices_figure as pose_indices_figure
 from kneejax.report._information_figures import spectrum_figure as spectrum_figure
@@ -33,6 +36,7 @@ from kneejax.report._motion_figures import simulation_figure as simulation_figur
 from kneejax.report._pressure_map import PlateauPressure as PlateauPressure
 from kneejax.report._pressure_map import plateau_pressures as plateau_pressures
 from kneejax.report._pressure_map import pressure_figure as pressure_figure
+from kneejax.report._profile_figures import profiles_figure as profiles_figure
 from kneejax.report._reproduction_html import write_reproduction as write_reproduction
 from kneejax.report._results import PARAMETER_COLUMNS as PARAMETER_COLUMNS
 from kneejax.report._results import json_safe as json_safe

@@ -1,0 +1,223 @@
+"""`kneejax identify [STUDY.yaml]`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+
+from kneejax.cli._study_problem import StudyProblem, study_problem
+from kneejax.files import read_candidates, write_rows, write_text
+from kneejax.geometry import COLUMNS, FREE_COORDINATES
+from kneejax.inference import (
+    Candidate,
+    Design,
+    Identification,
+    Posterior,
+    design_tests,
+    identify,
+    versions,
+)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Say what the data of a study determine; write tables and figures."""
+    from kneejax.cli._priors import read_priors
+
+    begun = time.perf_counter()
+    candidates = _candidates(arguments.candidates)
+    asked = study_problem(arguments.study)
+    priors = read_priors(arguments.prior, asked.knee, asked.study.parameters)
+    noise_mm, noise_deg = _noise(asked, arguments)
+    found = identify(
+        asked.knee,
+        asked.measured,
+        asked.study.parameters,
+        noise_mm=noise_mm,
+        noise_deg=noise_deg,
+        bounds=dict(asked.study.bounds),
+        weights=np.array([asked.study.weights[name] for name in FREE_COORDINATES]),
+        offsets=tuple(name for name in asked.study.frame_offset if name != "flexion"),
+    )
+    sampled = _sampled(found, asked, arguments, priors) if arguments.posterior else None
+    design = design_tests(
+        found.selection,
+        asked.knee,
+        found.information,
+        found.noise,
+        candidates,
+        count=arguments.next_tests,
+    )
+    seconds = time.perf_counter() - begun
+    return _write(found, sampled, design, asked, arguments, seconds)
+
+
+def _noise(asked: StudyProblem, arguments) -> tuple[float | None, float | None]:
+    """As given; synthetic data know their own."""
+    made = asked.study.synthetic
+    noise = [arguments.noise_mm, arguments.noise_deg]
+    if made is not None:
+        own = made.noise_mm, made.noise_deg
+        noise = [n if n is not None else (o or None) for n, o in zip(noise, own, strict=True)]
+    return noise[0], noise[1]
+
+
+def _candidates(path: Path | None) -> list[Candidate] | None:
+    if path is None:
+        return None
+    return [
+        Candidate(row.name or f"row {i}", row.flexion_deg, row.force_N, row.moment_Nmm)
+        for i, row in enumerate(read_candidates(path), 1)
+    ]
+
+
+def _sampled(found: Identification, asked: StudyProblem, arguments, priors) -> Posterior:
+    from kneejax.inference import posterior
+
+    return posterior(
+        found.problem,
+        found.vector,
+        float(found.noise[2]),
+        float(found.noise[0]),
+        priors=priors,
+        bounds=dict(asked.study.bounds),
+        chains=arguments.chains,
+        draws=arguments.draws,
+        seed=arguments.seed,
+        truth=asked.truth,
+    )
+
+
+def _write(
+    found: Identification,
+    sampled: Posterior | None,
+    design: Design,
+    asked: StudyProblem,
+    arguments: argparse.Namespace,
+    seconds: float,
+) -> int:
+    from kneejax.report import (
+        CANDIDATE_COLUMNS,
+        ESTIMATE_COLUMNS,
+        candidates_rows,
+        design_text,
+        estimate_rows,
+        estimates_text,
+        information_text,
+        json_safe,
+    )
+
+    out = arguments.out
+    rows = estimate_rows(found, sampled)
+    write_rows(
+        out / "parameters.csv",
+        list(ESTIMATE_COLUMNS),
+        [[row[c] for c in ESTIMATE_COLUMNS] for row in rows],
+    )
+    write_rows(
+        out / "profiles.csv",
+        ["parameter", "value", "rise_of_chi2", *found.selection.names],
+        _profile_rows(found),
+    )
+    tests = candidates_rows(design)
+    write_rows(
+        out / "candidates.csv",
+        list(CANDIDATE_COLUMNS),
+        [[row[c] for c in CANDIDATE_COLUMNS] for row in tests],
+    )
+    files = ["parameters.csv", "profiles.csv", "candidates.csv"]
+    if sampled is not None:
+        write_rows(out / "posterior.csv", ["chain", "draw", *sampled.names], _draws(sampled))
+        files.append("posterior.csv")
+    _draw(found, sampled, design, asked, out)
+    doubts = [*found.warnings, *(sampled.warnings if sampled is not None else ())]
+    document = {
+        "study": asked.study.title,
+        "knee": asked.study.knee,
+        "parameters": {row["name"]: row for row in rows},
+        "frame_offset": found.offsets,
+        "noise": dict(zip(COLUMNS[1:], found.noise, strict=True)),
+        "noise_estimated": found.noise_estimated,
+        "chi2": found.chi2,
+        "measured_numbers": found.data,
+        "information": {
+            "eigenvalues": found.information.eigenvalues,
+            "eigenvectors": found.information.eigenvectors,
+            "scale": found.information.scale,
+            "correlation": found.information.correlation,
+            "sentences": [*found.information.stiff, *found.information.sloppy],
+        },
+        "next_tests": list(design.sentences),
+        "posterior": None if sampled is None else _posterior_document(sampled),
+        "truth": asked.truth,
+        "warnings": doubts,
+        "settings": {key: str(value) for key, value in vars(arguments).items() if key != "run"},
+        "seconds": {"total": seconds},
+        "versions": versions(),
+    }
+    del document["settings"]["parser"]
+    write_text(out / "result.json", json.dumps(json_safe(document), indent=1) + "\n")
+
+    print(f"{asked.study.title} (knee {asked.knee.name})\n")
+    print(estimates_text(found, sampled))
+    print(f"\n{information_text(found.information)}")
+    if sampled is not None:
+        from kneejax.report import posterior_summary
+
+        print(f"\n{posterior_summary(sampled)}")
+    print(f"\n{design_text(design)}")
+    print(f"\nwritten: {out}/{', '.join(files)}, result.json, figures/")
+    return 1 if doubts else 0
+
+
+def _profile_rows(found: Identification):
+    for profile in found.profiles:
+        for value, rise, others in zip(
+            profile.values, profile.rise, profile.parameters, strict=True
+        ):
+            yield [profile.name, value, rise, *others]
+
+
+def _draws(sampled: Posterior):
+    for chain, draws in enumerate(sampled.draws):
+        for number, draw in enumerate(draws):
+            yield [chain, number, *draw]
+
+
+def _posterior_document(sampled: Posterior) -> dict:
+    return {
+        "priors": {p.name: {"mean": p.mean, "sd": p.sd} for p in sampled.priors},
+        "divergences": sampled.divergences,
+        "draws_without_balance": sampled.unbalanced,
+        "evaluations": sampled.evaluations,
+        "seconds": sampled.seconds,
+        "seed": sampled.seed,
+    }
+
+
+def _draw(found, sampled, design: Design, asked: StudyProblem, out: Path) -> None:
+    from kneejax.report import (
+        candidates_figure,
+        information_correlation_figure,
+        profiles_figure,
+        save_figure,
+        spectrum_figure,
+        standard_errors_figure,
+    )
+
+    figures = {
+        "spectrum": spectrum_figure(found.information),
+        "correlation": information_correlation_figure(found.information),
+        "profiles": profiles_figure(found.profiles, asked.truth),
+        "next_tests": candidates_figure(design),
+        "standard_errors": standard_errors_figure(design),
+    }
+    if sampled is not None:
+        from kneejax.report import posterior_figures
+
+        figures |= posterior_figures(sampled)
+    for name, figure in figures.items():
+        save_figure(figure, out / "figures", name)
