@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 #: Narrow names of the coordinates, in the order of `SHOWN`.
 _HEADS = ("lateral", "anterior", "superior", "adduction", "int.rot.")
-_PER = {"prior": "one standard deviation of its prior", "percent": "one per cent"}
+_PER = {"prior": "standard deviation of a parameter's prior", "percent": "per cent of a parameter"}
 _MOST_ROWS = 24
 
 
@@ -37,8 +37,8 @@ def sensitivity_summary(
         Lines of fewer than 100 columns, without a final line break.
     """
     lines = _wrapped(
-        f"Largest change of each coordinate (mm, deg) by {_PER[local.scale]} of a parameter, and "
-        "the flexion where it occurs; * the largest of a column"
+        f"Largest change of each coordinate (mm, deg) per {_PER[local.scale]}, and the flexion "
+        "where it occurs; * the largest of a column"
     )
     lines += _aligned(_largest_rows(local))
     lines += _sweep_lines(sweeps)
