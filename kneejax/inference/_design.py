@@ -126,7 +126,8 @@ def design_tests(
             prior without width, parameters that are not those of the information.
     """
     tests = tuple(usual_candidates() if candidates is None else candidates)
-    _check(selection, known, tests, count, criterion, prior)
+    noise, prior = np.asarray(noise, float), None if prior is None else np.asarray(prior, float)
+    _check(selection, known, noise, tests, count, criterion, prior)
     found = station_derivatives(selection, knee, known.values, stations_of(tests))
     usable = found.status == Status.BALANCED
     if usable.sum() < (1 if repeat else count):
@@ -148,9 +149,7 @@ def design_tests(
         notes.append(f"On a bound at the fit, but counted as free here: {', '.join(bound)}.")
     chosen = choose(base, told, count, criterion, usable=usable, repeat=repeat)
     covariance = np.linalg.inv(base) * np.outer(known.scale, known.scale)
-    bends = departures(
-        selection, knee, known.values, covariance, np.asarray(noise), tests, chosen, found
-    )
+    bends = departures(selection, knee, known.values, covariance, noise, tests, chosen, found)
     notes += [
         f"{tests[row]}: the pose is far from a straight line over what the parameters may still be "
         f"({_off(bend)}). Take what it promises as a rough guide, and plan again after it."
@@ -268,7 +267,7 @@ def _greedy(base, told, count, criterion, usable, repeat) -> list[int]:
     return rows
 
 
-def _check(selection, known, tests, count, criterion, prior) -> None:
+def _check(selection, known, noise, tests, count, criterion, prior) -> None:
     if criterion not in CRITERIA:
         raise UnsuitableData(f"unknown criterion {criterion!r}: expected D or A")
     if known.names != selection.names:
@@ -277,16 +276,20 @@ def _check(selection, known, tests, count, criterion, prior) -> None:
         raise UnsuitableData(f"{count} tests: expected at least 1")
     if not tests:
         raise UnsuitableData("no candidates: expected at least one test to choose from")
-    if prior is not None:
-        for name, width in zip(known.names, np.asarray(prior, float), strict=True):
-            if not width > 0:
-                raise UnsuitableData(f"{name}: prior of width {width:g}: expected above 0")
+    if noise.shape != (5,) or not (np.isfinite(noise) & (noise > 0)).all():
+        raise UnsuitableData(f"noise {noise}: expected five standard deviations above 0")
+    if prior is None:
+        return
+    if prior.shape != known.scale.shape:
+        raise UnsuitableData(f"prior of shape {prior.shape}: expected {known.scale.shape}")
+    for name, width in zip(known.names, prior, strict=True):
+        if not width > 0:
+            raise UnsuitableData(f"{name}: prior of width {width:g}: expected above 0")
 
 
 def _base(known: Information, prior: np.ndarray | None):
     """Information before the tests, scaled; the prior in it; and what to say."""
     if prior is not None:
-        prior = np.asarray(prior, float)
         return known.matrix + np.diag((known.scale / prior) ** 2), prior, []
     eigenvalues = np.linalg.eigvalsh(known.matrix)
     if eigenvalues[0] > _SINGULAR * max(eigenvalues[-1], 1.0):

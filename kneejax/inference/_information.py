@@ -46,7 +46,7 @@ class Information:
         standard_error: in the parameter's unit, `(p,)`; infinite where data say nothing, NaN on a
             bound.
         correlation: of the estimates, `(p, p)`; NaN where there is none.
-        condition_number: largest eigenvalue over the smallest.
+        condition_number: largest eigenvalue over the smallest; infinite if that is zero.
         data: how many numbers were measured.
         stiff: sentences on the combinations that the data fix best.
         sloppy: sentences on those that they leave as they were.
@@ -116,7 +116,7 @@ def information(
         >>> found = information([[1.0, 1.0], [1.0, 1.0]], 0.1, ["ACL.stiffness", "PCL.stiffness"],
         ...                     [10.0, 10.0])
         >>> found.standard_error.tolist(), found.reasons[0].split(": ")[1]
-        ([inf, inf], 'PCL stiffness makes up for it exactly')
+        ([inf, inf], 'PCL stiffness makes up for it exactly.')
     """
     jacobian, values = np.asarray(jacobian, float), np.asarray(values, float)
     names, size = tuple(names), len(names)
@@ -141,8 +141,8 @@ def information(
     error = spread * scale
     eigenvalues = roots**2
     reasons = _reasons(weighted, names, scale, error, held, flexion_deg, slack or {})
-    with np.errstate(divide="ignore"):
-        condition = float(np.divide(eigenvalues[0], eigenvalues[-1])) if free.any() else np.nan
+    worst = eigenvalues.min(initial=np.inf)
+    condition = float(eigenvalues.max(initial=0.0) / worst) if worst > 0 else np.inf
     return Information(
         names=names,
         values=values,
