@@ -15,6 +15,8 @@ from kneejax.inference._claims import REPRODUCED as REPRODUCED
 from kneejax.inference._claims import VERDICTS as VERDICTS
 from kneejax.inference._claims import Claim as Claim
 from kneejax.inference._claims import judged as judged
+from kneejax.inference._claims_paper1 import Paper1Study as Paper1Study
+from kneejax.inference._claims_paper1 import paper1_claims as paper1_claims
 from kneejax.inference._claims_paper4 import paper4_claims as paper4_claims
 from kneejax.inference._design import Design as Design
 from kneejax.inference._design import choose as choose
