@@ -15,12 +15,13 @@ from kneejax.inference import (
     Claim,
     Paper1Study,
     calibrate,
+    in_convention,
     paper1_claims,
     sensitivity_maps,
     sweep,
     versions,
 )
-from kneejax.inference._claims_paper1 import LIGAMENTS
+from kneejax.inference._claims_paper1 import CONVENTION, LIGAMENTS, as_paper1_sees
 
 _STUDY, _GRID, _VALUES = "paper1", (61, 61), 37
 
@@ -59,6 +60,7 @@ def _study(asked: StudyProblem) -> Paper1Study:
             grid=_GRID,
             bounds=asked.study.bounds,
             weights=weights,
+            convention=CONVENTION,
             progress=progress,
         )
     calibration = calibrate(
@@ -73,7 +75,10 @@ def _study(asked: StudyProblem) -> Paper1Study:
         title=asked.study.title,
     )
     own = dict(zip(LIGAMENTS, maps[:4], strict=True))
-    return Paper1Study(sweeps, asked.measured, weights, maps[4], own, calibration)
+    flexion = asked.measured[:, 0]
+    seen = in_convention(asked.measured[:, 1:], flexion, CONVENTION)
+    measured = np.column_stack([flexion, seen])
+    return Paper1Study(as_paper1_sees(sweeps), measured, weights, maps[4], own, calibration)
 
 
 def _doubts(found: Paper1Study) -> list[str]:
@@ -95,7 +100,7 @@ def _write(asked: StudyProblem, found: Paper1Study, claims: tuple[Claim, ...], d
     figures = {}
     for number, one in enumerate(found.sweeps.sweeps, 3):
         figures[one.name.replace(".", "-")] = (
-            sweep_figure(found.sweeps, one.name, asked.measured),
+            sweep_figure(found.sweeps, one.name, found.measured),
             f"As Figure {number} of the paper: {one.name} over its range, the others by Table 1.",
         )
     mapped = [("PCL", "11"), ("LCL", "12")]
@@ -109,13 +114,13 @@ def _write(asked: StudyProblem, found: Paper1Study, claims: tuple[Claim, ...], d
         map_figure(found.cruciates),
         "As Figure 13 of the paper: objective over the stiffnesses of ACL and PCL.",
     )
+    noise = asked.study.synthetic.noise_mm if asked.study.synthetic else 0.0
     about = [
         "The paper's four ligaments with the values of its Table 1, on the articular surfaces of "
         "one healthy knee (lenhart2015), instead of its cadaver's. Its measured motion was not "
         "published: here it is made by the same knee with the parameters of its Table 3, with "
-        f"{asked.study.synthetic.noise_mm if asked.study.synthetic else 0:g} mm and degrees of "
-        "noise. What the paper reads off its figures is turned into criteria, stated with each "
-        "claim, that were fixed before anything was computed.",
+        f"{noise:g} mm and degrees of noise. Coordinates are the paper's, the femur in the tibia. "
+        "What the paper reads off its figures is turned into criteria, stated with each claim.",
         f"Verdicts: {', '.join(VERDICTS)}.",
     ]
     settings = {"study": _STUDY, "grid": list(_GRID), "values_of_a_sweep": _VALUES}

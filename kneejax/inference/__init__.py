@@ -48,6 +48,7 @@ from kneejax.inference._many_fits import fit_many as fit_many
 from kneejax.inference._map import BlockStore as BlockStore
 from kneejax.inference._map import Condition as Condition
 from kneejax.inference._map import ParameterMap as ParameterMap
+from kneejax.inference._map import in_convention as in_convention
 from kneejax.inference._map import sensitivity_map as sensitivity_map
 from kneejax.inference._map import sensitivity_maps as sensitivity_maps
 from kneejax.inference._motion_indices import MotionIndices as MotionIndices
@@ -66,6 +67,10 @@ from kneejax.inference._parameters import select as select
 from kneejax.inference._parameters import with_values as with_values
 from kneejax.inference._physiological import PHYSIOLOGICAL_LIMITS as PHYSIOLOGICAL_LIMITS
 from kneejax.inference._physiological import unphysiological as unphysiological
+from kneejax.inference._posterior import posterior as posterior
+from kneejax.inference._posterior_result import Posterior as Posterior
+from kneejax.inference._priors import Prior as Prior
+from kneejax.inference._priors import normal_priors as normal_priors
 from kneejax.inference._problem import Problem as Problem
 from kneejax.inference._problem import evaluate_poses as evaluate_poses
 from kneejax.inference._profiles import Profile as Profile

@@ -1,9 +1,10 @@
 """Claims of paper 1's section 3 against a computed knee, each with a criterion that can fail.
 
-An effect is the range of a coordinate over the values of a sweep, at one flexion; poses that are
-not balanced, not stable or not physiological do not count. The paper's claims are read off figures:
-where it says "no influence", less than a tenth of the largest effect is asked for here; where it
-says "most", the largest mean over flexion.
+Coordinates are those of the paper's Eq 1, the femur in the tibia. An effect is the range of a
+coordinate over the values of a sweep, at one flexion; poses that are not balanced, not stable or not
+physiological do not count. The paper's claims are read off figures: where it says "no influence",
+less than a tenth of the largest effect is asked for here; where it says "most", the largest mean
+over flexion.
 """
 
 from __future__ import annotations
@@ -15,10 +16,12 @@ import numpy as np
 
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference._claims import CANNOT_BE_JUDGED, Claim, judged
-from kneejax.inference._map import ParameterMap
+from kneejax.inference._map import ParameterMap, in_convention
 from kneejax.inference._result import Calibration
 from kneejax.inference._sweeps import Sweep, Sweeps
 
+#: The paper's coordinates: position and rotation of the femur in the tibia.
+CONVENTION = "femur-in-tibia"
 LIGAMENTS = ("ACL", "PCL", "MCL", "LCL")
 #: Displacements as the paper names them.
 _DISPLACEMENTS = {
@@ -40,8 +43,9 @@ class Paper1Study:
     """What the claims are judged by.
 
     Attributes:
-        sweeps: of every stiffness and reference strain, from the values of Table 1.
-        measured: the motion to be reached, `(n, 6)`.
+        sweeps: of every stiffness and reference strain, from the values of Table 1, in the
+            paper's coordinates (`as_paper1_sees`).
+        measured: the motion to be reached, `(n, 6)`, likewise.
         weights: of the objective, `(5,)`.
         cruciates: objective over the stiffnesses of ACL and PCL.
         own: ligament -> objective over its stiffness (x) and reference strain (y).
@@ -71,6 +75,17 @@ def paper1_claims(found: Paper1Study) -> tuple[Claim, ...]:
         _not_alone, _procedures, _table_2, _table_3,
     )  # fmt: skip
     return tuple(claim(found) for claim in claims)
+
+
+def as_paper1_sees(sweeps: Sweeps) -> Sweeps:
+    """The same sweeps in the coordinates of the femur in the tibia (paper 1, Eq 1)."""
+    flexion = sweeps.flexion_deg
+    seen = [
+        dataclasses.replace(one, table=in_convention(one.table, flexion, CONVENTION))
+        for one in sweeps.sweeps
+    ]
+    own = in_convention(sweeps.table, flexion, CONVENTION)
+    return dataclasses.replace(sweeps, table=own, sweeps=tuple(seen))
 
 
 def effect(sweep: Sweep) -> np.ndarray:
@@ -118,7 +133,8 @@ def _acl_stiffness(found: Paper1Study) -> Claim:
         "0 to about 40 degrees; biggest on anterior-posterior (3.1)",
         f"{beyond:.1%} above 40 degrees; {_words(means)}",
         judged(beyond < _NONE and most),
-        "" if most else "the largest displacement is another one",
+        _which(("up to 40 degrees", beyond < _NONE), ("most on anterior-posterior", most))
+        + _acting(found, "ACL", beyond < _NONE),
     )
 
 
@@ -138,6 +154,7 @@ def _pcl_stiffness(found: Paper1Study) -> Claim:
         "starts at about 60 degrees (3.1)",
         f"below 60 degrees {max(shares.values()):.1%} at most; {_words(means)}",
         judged(max(shares.values()) < _NONE and least),
+        _which(("from 60 degrees", max(shares.values()) < _NONE), ("displacements", least)),
     )
 
 
@@ -199,6 +216,7 @@ def _saturation(found: Paper1Study) -> Claim:
         "significant up to about 4000 N only (3.1)",
         ", ".join(f"{name} {share:.0%}" for name, share in shares.items()),
         judged(max(shares.values()) < _ALMOST),
+        _which(*((name, share < _ALMOST) for name, share in shares.items())),
     )
 
 
@@ -326,6 +344,8 @@ def _pcl_before_acl(found: Paper1Study) -> Claim:
         "much higher (3.3, Figure 13)",
         ", ".join(f"{c.replace('_', ' ')} {r:.1f} times" for c, r in ratios.items()),
         judged(min(ratios.values()) > 2.0),
+        _which(*((c.replace("_", " "), r > 2.0) for c, r in ratios.items()))
+        + _acting(found, "ACL", min(ratios.values()) > 2.0),
     )
 
 
@@ -411,6 +431,18 @@ def _table_3(found: Paper1Study) -> Claim:
         CANNOT_BE_JUDGED,
         "the bundled study makes a motion with the printed values and recovers them: that tests "
         "the method, not the paper",
+    )
+
+
+def _acting(found: Paper1Study, ligament: str, fine: bool) -> str:
+    """At how many flexions a ligament's stiffness matters on this knee; empty if all is fine."""
+    if fine:
+        return ""
+    own = _effect(found, f"{ligament}.stiffness", "anterior")
+    part = float(np.mean(own > _NONE * np.nanmax(own)))
+    return (
+        f"; the {ligament} of this knee, a single line between mean attachments, holds it at "
+        f"{part:.0%} of all flexions"
     )
 
 

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import jax.numpy as jnp
 import numpy as np
 
-from kneejax.geometry import FREE_COORDINATES
+from kneejax.geometry import FREE_COORDINATES, convert
 from kneejax.inference._parameters import (
     QUANTITIES,
     Selection,
@@ -176,6 +176,7 @@ def sensitivity_maps(
     bounds: Mapping[str, tuple[float, float]] | None = None,
     weights: np.ndarray | None = None,
     offsets: tuple[str, ...] = (),
+    convention: str = "femoral",
     store: BlockStore | None = None,
     progress: Progress | None = None,
 ) -> tuple[ParameterMap, ...]:
@@ -193,6 +194,8 @@ def sensitivity_maps(
         weights: `(5,)`; by default 8 per degree^2 and 1 per mm^2 (paper 1).
         offsets: free coordinates whose constant difference to the measurement is free: at every
             grid point the best one is taken.
+        convention: in whose coordinates errors are taken, one of `kneejax.geometry.CONVENTIONS`;
+            paper 1 takes those of the femur in the tibia.
         store: keeps finished blocks; what it has is not computed again.
         progress: called now and then with balances done and asked for.
 
@@ -217,7 +220,10 @@ def sensitivity_maps(
         raise UnsuitableData(f"a grid of {shown} points: expected at least two along each axis")
     flexion, back = np.unique(measured[:, 0], return_inverse=True)
     base = np.asarray(selection.read(knee))
-    study = _Study(knee, selection, base, Stations.at(flexion), back, measured, weights, offsets)
+    stations = Stations.at(flexion)
+    study = _Study(
+        knee, selection, base, stations, back, measured, weights, offsets, convention
+    )
     study.check_own_motion()
     total = len(pairs) * grid[0] * grid[1] * len(flexion)
     maps, done = [], 0
@@ -260,13 +266,12 @@ class _Study:
     measured: np.ndarray
     weights: np.ndarray
     offsets: tuple[str, ...]
+    convention: str
 
     def check_own_motion(self) -> None:
         """The knee's own motion: what is unphysiological is so against it."""
         base = jnp.asarray(self.base)
-        own = balance_many(
-            self.knee, self.selection.apply, base, self.base[None], self.stations
-        )
+        own = balance_many(self.knee, self.selection.apply, base, self.base[None], self.stations)
         self.own_table, self.used = own.table[0], own.converged[0][self.back]
         if not self.used.any():
             raise UnsuitableData("no measured flexion has a balance with the knee's own parameters")
@@ -345,8 +350,31 @@ class _Study:
     def _partial(self, table: np.ndarray) -> np.ndarray:
         """Sums of squared errors, coordinates first; `table` is `(..., stations, 5)`."""
         rows = self.back[self.used]
-        error = table[..., rows, :] - self.measured[self.used, 1:]
+        here = in_convention(table[..., rows, :], self.measured[self.used, 0], self.convention)
+        error = here - in_convention(
+            self.measured[self.used, 1:], self.measured[self.used, 0], self.convention
+        )
         for name in self.offsets:
             column = FREE_COORDINATES.index(name)
             error[..., column] -= error[..., column].mean(axis=-1, keepdims=True)
         return np.moveaxis((error**2).sum(axis=-2), -1, 0)
+
+
+def in_convention(table: np.ndarray, flexion_deg: np.ndarray, convention: str) -> np.ndarray:
+    """Free coordinates as another convention defines them.
+
+    Args:
+        table: femoral, degrees and mm, `(..., poses, 5)`.
+        flexion_deg: of the poses, `(poses,)`.
+        convention: one of `kneejax.geometry.CONVENTIONS`.
+
+    Returns:
+        Degrees and mm, `(..., poses, 5)`.
+    """
+    if convention == "femoral":
+        return table
+    flexion = np.broadcast_to(flexion_deg, table.shape[:-1])
+    units = np.r_[np.full(3, 180.0 / np.pi), np.ones(3)]
+    poses = np.moveaxis(np.concatenate([flexion[..., None], table], axis=-1) / units, -1, 0)
+    seen = np.moveaxis(np.asarray(convert(poses, "femoral", convention)), 0, -1)
+    return (seen * units)[..., 1:]
