@@ -6,18 +6,22 @@ import math
 from collections.abc import Sequence
 
 from kneejax.files import InputProblem
-from kneejax.inference import Selection
+from kneejax.inference import Selection, select
+from kneejax.mechanics import Knee
 
 _OPTION = "--prior"
 
 
-def parse_priors(words: Sequence[str], selection: Selection) -> dict[str, tuple[float, float]]:
+def read_priors(
+    words: Sequence[str], knee: Knee, parameters: Sequence[str]
+) -> dict[str, tuple[float, float]]:
     """Read normal priors from the command line.
 
     Args:
         words: `NAME=MEAN:SD` each; a name is that of a free parameter, or `*.quantity` for all of
             its kind. `SD` may be `inf`: flat between the bounds.
-        selection: the free parameters.
+        knee: that has the parameters.
+        parameters: that are free, wildcards included.
 
     Returns:
         Parameter -> mean and standard deviation. A prior of its own counts before a wildcard,
@@ -26,8 +30,10 @@ def parse_priors(words: Sequence[str], selection: Selection) -> dict[str, tuple[
     Raises:
         InputProblem: a word of another form, a name that is not free (with the nearest that is), a
             name given twice, a mean that is not finite, a standard deviation that is not positive.
+        UnknownParameter: `parameters` has one that the knee does not have.
     """
     given: dict[str, tuple[float, float]] = {}
+    selection = select(knee, tuple(parameters))
     for word in words:
         name, prior = _read(word)
         if not _meant(name, selection):

@@ -14,8 +14,8 @@ from kneejax.inference._problem import TABLE_UNITS, Evaluation, Problem
 from kneejax.mechanics import Knee
 from kneejax.statics import EnergyNewton, Guess, in_lanes, settle
 
-# A pose that is 1e-7 mm off moves the log density of the most exact motion by nothing that counts.
-_SEARCH = EnergyNewton(atol=1e-7)
+# A hundred numbers that are this much off, mm, move a log density by less than 1e-4.
+_SEARCH = EnergyNewton(atol=1e-8)
 
 
 class MotionDensity(eqx.Module):

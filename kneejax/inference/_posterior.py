@@ -21,8 +21,8 @@ from kneejax.inference._posterior_result import LEVELS, Posterior, doubts
 from kneejax.inference._priors import normal_priors
 from kneejax.inference._problem import Problem
 
-# Draws of each chain whose motion is computed, and noise drawn for each motion.
-_MOTIONS, _NOISES = 100, 25
+# Draws of all chains whose motion is computed, and noise drawn for each motion.
+_MOTIONS, _NOISES = 400, 25
 
 
 def posterior(
@@ -157,7 +157,7 @@ def _density_at(problem: Problem, density: MotionDensity, position) -> tuple[flo
 
 def _motions(problem: Problem, values: np.ndarray) -> np.ndarray:
     """Motion of evenly spread draws, frame offset included, `(chains, k, n, 5)`."""
-    rows = np.unique(np.linspace(0, values.shape[1] - 1, _MOTIONS).astype(int))
+    rows = np.unique(np.linspace(0, values.shape[1] - 1, _MOTIONS // len(values)).astype(int))
     chosen = values[:, rows].reshape(-1, values.shape[-1])
     used = problem.used
     tables = [problem.target + problem.error(x, problem.poses(x)) for x in chosen]

@@ -24,7 +24,7 @@ class Posterior:
     """Draws of the parameters that a motion and the priors leave possible.
 
     Attributes:
-        names: of the parameters; `frame_offset.COORDINATE` for offsets.
+        names: of the parameters; `offset.COORDINATE` for those of frames.
         units: of the parameters.
         draws: `(chains, draws, p)`.
         log_density: of each draw but for a constant, `(chains, draws)`.
@@ -35,8 +35,8 @@ class Posterior:
         unbalanced: those of them that ran into parameters with which a pose has no balance.
         measured: the motion, `(n, 6)`, degrees and mm; rows that count.
         noise: its standard deviations, `(5,)`, degrees and mm.
-        motions: of a hundred draws of each chain, evenly spread, without noise and with the frame
-            offset: `(chains, k, n, 5)`.
+        motions: of four hundred draws, evenly spread over the chains, without noise and with the
+            frame offset: `(chains, k, n, 5)`.
         levels: probabilities of the quantiles.
         motion_quantiles: of the motion that the model makes, `(5, n, levels)`.
         predictive_quantiles: of a new measurement of it, noise included, `(5, n, levels)`.
@@ -79,6 +79,11 @@ class Posterior:
     warnings: tuple[str, ...]
     versions: dict[str, str]
     settings: dict[str, float]
+
+    @property
+    def seed(self) -> int:
+        """Of the random numbers."""
+        return int(self.settings["seed"])
 
     @property
     def divergences(self) -> int:

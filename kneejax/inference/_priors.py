@@ -10,7 +10,7 @@ from jax.scipy.stats import truncnorm
 from numpy.typing import ArrayLike
 
 from kneejax.geometry import FREE_COORDINATES
-from kneejax.inference._parameters import UnsuitableData, default_bounds
+from kneejax.inference._parameters import UnsuitableData, stated_bounds
 from kneejax.inference._problem import Problem
 from kneejax.inference._scales import prior_scales, stated
 
@@ -87,19 +87,18 @@ def normal_priors(
         UnsuitableData: a standard deviation that is not positive, a mean that is not finite or
             outside the bounds, bounds in the wrong order.
     """
-    selection, given = problem.selection, given or {}
+    selection = problem.selection
     values = np.asarray(selection.read(problem.knee))
     usual = prior_scales(selection, values)
-    lower, upper = (np.array(b) for b in default_bounds(problem.knee, selection))
+    stated(selection, bounds or {}, "bounds")
+    lower, upper = stated_bounds(problem.knee, selection, bounds or {})
     found = []
-    own_bounds = stated(selection, bounds or {}, "bounds")
-    own_priors = stated(selection, given, "prior")
-    for i, (own, limits) in enumerate(zip(own_priors, own_bounds, strict=True)):
+    for i, own in enumerate(stated(selection, given or {}, "prior")):
         mean, sd = own or (values[i], usual[i])
-        low, high = limits or (lower[i], upper[i])
-        found.append(_checked(Prior(selection.names[i], *map(float, (mean, sd, low, high)))))
+        numbers = map(float, (mean, sd, lower[i], upper[i]))
+        found.append(_checked(Prior(selection.names[i], *numbers)))
     for coordinate in problem.offsets:
-        name = f"frame_offset.{FREE_COORDINATES[coordinate]}"
+        name = f"offset.{FREE_COORDINATES[coordinate]}"
         found.append(Prior(name, 0.0, _OFFSET_SD, -_OFFSET_BOUND, _OFFSET_BOUND))
     return tuple(found)
 
@@ -112,9 +111,9 @@ def _checked(prior: Prior) -> Prior:
         )
     if not np.isfinite(prior.mean):
         raise UnsuitableData(f"{prior.name}: prior of mean {prior.mean:g}: expected a number")
-    between = f"bounds {prior.lower:g} to {prior.upper:g}"
-    if not (np.isfinite([prior.lower, prior.upper]).all() and prior.lower < prior.upper):
-        raise UnsuitableData(f"{prior.name}: {between}: expected lower below upper, both finite")
     if not prior.lower <= prior.mean <= prior.upper:
-        raise UnsuitableData(f"{prior.name}: {between} exclude the prior's mean {prior.mean:g}")
+        raise UnsuitableData(
+            f"{prior.name}: bounds {prior.lower:g} to {prior.upper:g} exclude the prior's mean "
+            f"{prior.mean:g}"
+        )
     return prior

@@ -3,24 +3,26 @@
 import numpy as np
 import pytest
 
-from kneejax.cli._priors import parse_priors
+import kneejax as kj
+from kneejax.cli._priors import read_priors
 from kneejax.files import InputProblem
-from kneejax.inference import Selection
 
-SELECTION = Selection(
-    ("ACL.stiffness", "PCL.stiffness", "ACL.reference_strain", "PCL.reference_strain"),
-    ("ACL", "PCL"),
-)
+PARAMETERS = ("ACL.stiffness", "PCL.stiffness", "ACL.reference_strain", "PCL.reference_strain")
 
 
-def test_a_wildcard_stands_for_all_and_a_name_counts_before_it():
+@pytest.fixture(scope="module")
+def knee():
+    return kj.load_knee("four_ligament")
+
+
+def test_a_wildcard_stands_for_all_and_a_name_counts_before_it(knee):
     words = ["ACL.stiffness=5000:900", "*.stiffness=4000:1200", "PCL.reference_strain=-0.1:inf"]
-    assert parse_priors(words, SELECTION) == {
+    assert read_priors(words, knee, PARAMETERS) == {
         "ACL.stiffness": (5000.0, 900.0),
         "PCL.stiffness": (4000.0, 1200.0),
         "PCL.reference_strain": (-0.1, np.inf),
     }
-    assert parse_priors([], SELECTION) == {}
+    assert read_priors([], knee, PARAMETERS) == {}
 
 
 @pytest.mark.parametrize(
@@ -39,12 +41,12 @@ def test_a_wildcard_stands_for_all_and_a_name_counts_before_it():
         ("ACL.stiffness=stiff:9", "stiff: expected a mean"),
     ],
 )
-def test_a_prior_that_is_none_is_refused_in_one_line(word, says):
+def test_a_prior_that_is_none_is_refused_in_one_line(knee, word, says):
     with pytest.raises(InputProblem, match=says) as caught:
-        parse_priors([word], SELECTION)
+        read_priors([word], knee, PARAMETERS)
     assert "\n" not in str(caught.value)
 
 
-def test_a_prior_given_twice_is_refused():
+def test_a_prior_given_twice_is_refused(knee):
     with pytest.raises(InputProblem, match=r"\*\.stiffness.*expected one prior of a name"):
-        parse_priors(["*.stiffness=1:1", "*.stiffness=2:1"], SELECTION)
+        read_priors(["*.stiffness=1:1", "*.stiffness=2:1"], knee, PARAMETERS)

@@ -1,0 +1,161 @@
+"""The posterior of a knee's parameters: against Laplace, its density against the solver's poses."""
+
+import dataclasses
+import re
+import sys
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import kneejax as kj
+from kneejax.inference import Problem, UnsuitableData, select, synthetic_motion
+from kneejax.inference._motion_density import MotionDensity
+from kneejax.inference._posterior import posterior
+from kneejax.inference._priors import normal_priors
+from kneejax.statics import compiled
+
+pytest.importorskip("blackjax")
+pytest.importorskip("arviz")
+
+STRAINS = ("*.reference_strain",)
+FLEXION = np.arange(0.0, 121.0, 5.0)
+#: Between the bounds anything goes.
+FLAT = {"reference_strain": (0.0, np.inf)}
+NOISE = 0.05
+
+
+@pytest.fixture(scope="module")
+def knee():
+    return kj.load_knee("four_ligament")
+
+
+@pytest.fixture(scope="module")
+def problem(knee):
+    motion = synthetic_motion(knee, {}, FLEXION, STRAINS, noise_mm=NOISE, noise_deg=NOISE, seed=2)
+    return Problem(knee, select(knee, STRAINS), motion, np.ones(5))
+
+
+@pytest.fixture(scope="module")
+def fitted(problem, knee):
+    fit = np.asarray(problem.selection.read(knee))
+    return posterior(problem, fit, NOISE, NOISE, priors=FLAT, draws=250, warmup=75, seed=1)
+
+
+@pytest.fixture(scope="module")
+def shifted(problem, knee):
+    """The density of four strains and an anterior frame offset, with priors that matter."""
+    shifted = dataclasses.replace(
+        problem, offsets=(2,), weights=np.full(5, NOISE**-2.0), measured=problem.measured + 0.3
+    )
+    priors = normal_priors(shifted, {"*.reference_strain": (0.01, 0.02)})
+    values = np.r_[np.asarray(problem.selection.read(knee)), -0.2]
+    found = shifted.poses(values)
+    shifted.keep(values, found)
+    density = MotionDensity.of(shifted, np.full(5, NOISE), priors, (values, found))
+    return shifted, priors, density, values
+
+
+@compiled()
+def look(density, position):
+    return density(position)
+
+
+def test_laplace_and_nuts_agree_where_the_posterior_is_nearly_normal(fitted):
+    deviation = np.sqrt(np.diag(fitted.laplace_covariance))
+    assert (np.abs(fitted.mean - fitted.laplace_mean) / deviation).max() < 0.1
+    assert np.abs(fitted.sd / deviation - 1.0).max() < 0.1
+    # What chance alone may do to a mean of so many effective draws is well below that.
+    assert (fitted.effective_sample_size > 800).all()
+    assert (fitted.r_hat < 1.01).all() and fitted.divergences == 0
+
+
+def test_the_truth_lies_in_the_posterior_and_the_motion_in_its_bands(fitted, problem, knee):
+    scores = (np.asarray(problem.selection.read(knee)) - fitted.mean) / fitted.sd
+    assert np.abs(scores).max() < 3.5
+    low, high = fitted.predictive_quantiles[..., 0], fitted.predictive_quantiles[..., -1]
+    inside = (problem.target > low) & (problem.target < high)
+    # 125 measured numbers: 95 % of them, give or take three standard deviations.
+    assert 0.89 < inside.mean() < 1.0
+    # The motion itself is known better than one measurement of it.
+    bands = fitted.motion_quantiles
+    assert (bands[..., -1] - bands[..., 0] < 0.7 * (high - low)).all()
+    assert np.all(np.diff(bands, axis=-1) >= 0)
+
+
+def test_arviz_takes_it_over(fitted):
+    import arviz
+
+    data = fitted.to_arviz()
+    groups = {"posterior", "sample_stats", "posterior_predictive", "observed_data"}
+    assert groups <= set(data.groups())
+    assert data.posterior["ACL.reference_strain"].shape == (4, 250)
+    assert data.posterior_predictive["motion"].dims == ("chain", "draw", "pose", "coordinate")
+    summary = arviz.summary(data, round_to="none")
+    assert np.allclose(summary["mean"].to_numpy(), fitted.mean)
+    assert np.allclose(summary["r_hat"].to_numpy(), fitted.r_hat)
+    assert np.allclose(summary["ess_bulk"].to_numpy(), fitted.effective_sample_size)
+
+
+def test_the_density_is_that_of_the_poses(shifted, central_difference):
+    """Its value by the poses of `Problem`, its gradient by central differences."""
+    problem, priors, density, values = shifted
+    values = values + [0.004, -0.006, 0.005, 0.003, 0.1]
+    position = np.asarray(density.position(jnp.asarray(values)))
+    value, gradient = look(density, jnp.tile(position, (4, 1)))
+    residual, _ = problem.residual(values, problem.poses(values))
+    bells = sum(((x - p.mean) / p.sd) ** 2 for x, p in zip(values, priors, strict=True))
+    part = (values - density.lower) / (density.upper - density.lower)
+    # The last: how the density widens where the bounds are taken away.
+    expected = -0.5 * (residual @ residual + bells) + float(jnp.sum(jnp.log(part * (1 - part))))
+    assert value == pytest.approx(np.full(4, expected), rel=1e-9)
+
+    def alone(x):
+        return look(density, jnp.tile(jnp.asarray(x), (4, 1)))[0][0]
+
+    slopes = central_difference(alone, position, 1e-4)
+    assert np.allclose(gradient, slopes, rtol=1e-6, atol=1e-6 * np.abs(slopes).max())
+
+
+def test_parameters_without_balance_have_no_density_and_leave_others_alone(shifted):
+    """A knee of slack ligaments falls apart; the others' poses are found as exactly as before."""
+    *_, density, values = shifted
+    good = np.tile(values, (4, 1)) + 0.002 * np.arange(4)[:, None]
+    bad = good.copy()
+    bad[2, :4] = -0.199
+    (value, gradient), (mixed, mixed_gradient) = (
+        look(density, density.position(jnp.asarray(x))) for x in (good, bad)
+    )
+    assert np.isfinite(value).all()
+    assert mixed[2] == -np.inf and not mixed_gradient[2].any()
+    others = np.array([0, 1, 3])
+    assert np.allclose(mixed[others], value[others], rtol=0, atol=1e-4)
+    assert np.allclose(mixed_gradient[others], gradient[others], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        ({"noise_mm": 0.0}, "noise_mm: 0: expected a standard deviation above 0"),
+        ({"noise_deg": np.nan}, "noise_deg: nan"),
+        ({"chains": 1}, "chains: 1: expected 2 or more"),
+        ({"draws": 3}, "draws: 3: expected 20 or more"),
+        ({"warmup": 0}, "warmup: 0: expected 1 or more"),
+        ({"priors": {"*.reference_strain": (0.0, 0.0)}}, "prior of width 0"),
+        ({"priors": {"PCL.reference_strain": (0.5, 0.1)}}, "bounds -0.2 to 0.2 exclude"),
+        ({"priors": {"PCL.reference_strian": (0.0, 0.1)}}, "did you mean 'PCL.reference_strain'"),
+        ({"bounds": {"reference_strain": (0.1, -0.1)}}, "expected lower below upper"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(problem, knee, wrong, says):
+    fit = np.asarray(problem.selection.read(knee))
+    with pytest.raises(ValueError, match=re.escape(says)):
+        posterior(problem, fit, **{"noise_mm": NOISE, "noise_deg": NOISE, **wrong})
+
+
+@pytest.mark.parametrize("package", ["blackjax", "arviz"])
+def test_a_missing_package_is_named(problem, knee, monkeypatch, package):
+    monkeypatch.setitem(sys.modules, package, None)
+    fit = np.asarray(problem.selection.read(knee))
+    with pytest.raises(UnsuitableData, match=f"needs {package}.*pip install 'kneejax.posterior.'"):
+        posterior(problem, fit, NOISE, NOISE)
