@@ -33,6 +33,13 @@ from kneejax.report._map_figures import map_matrix_figure as map_matrix_figure
 from kneejax.report._motion_figures import ligament_forces_figure as ligament_forces_figure
 from kneejax.report._motion_figures import motion_figure as motion_figure
 from kneejax.report._motion_figures import simulation_figure as simulation_figure
+from kneejax.report._posterior_figures import marginals_figure as marginals_figure
+from kneejax.report._posterior_figures import pairs_figure as pairs_figure
+from kneejax.report._posterior_figures import posterior_figures as posterior_figures
+from kneejax.report._posterior_figures import predictive_figure as predictive_figure
+from kneejax.report._posterior_text import POSTERIOR_COLUMNS as POSTERIOR_COLUMNS
+from kneejax.report._posterior_text import posterior_rows as posterior_rows
+from kneejax.report._posterior_text import posterior_summary as posterior_summary
 from kneejax.report._pressure_map import PlateauPressure as PlateauPressure
 from kneejax.report._pressure_map import plateau_pressures as plateau_pressures
 from kneejax.report._pressure_map import pressure_figure as pressure_figure
