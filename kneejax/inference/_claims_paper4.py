@@ -8,10 +8,10 @@ up to 0.75, and differ beyond.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 
 import numpy as np
-from scipy.stats import spearmanr
 
 from kneejax.experiments import VALGUS, VARUS
 from kneejax.inference._claims import CANNOT_BE_JUDGED, Claim, judged
@@ -25,18 +25,28 @@ OUTCOME_WORDS = dict(zip(LIMITS, ("convergence", "rotation", "pressure", "place"
 _MEDIUM, _SIMILAR, _MATTERS = 2.0, 0.75, 1.5
 #: Part of the tension in the other direction below which a ligament counts as slack.
 _SLACK = 0.1
+#: Claims on how alike or unlike knees are.
+_BETWEEN_KNEES = ("4.4", "4.5", "4.8", "4.9", "4.12", "4.13")
 
 
-def paper4_claims(found: KneeComparison) -> tuple[Claim, ...]:
+def paper4_claims(found: KneeComparison, kinship: str = "") -> tuple[Claim, ...]:
     """Judge the findings of paper 4.
 
     Args:
         found: several knees with the paper's four ligaments.
+        kinship: a sentence on what the knees share, for claims that compare them.
 
     Returns:
         One claim a finding of its abstract, section 3 and section 4.
     """
-    return (*(claim(found) for claim in _COMPUTED), *NOT_JUDGED)
+    computed = [claim(found) for claim in _COMPUTED]
+    return (*(_with_kinship(claim, kinship) for claim in computed), *NOT_JUDGED)
+
+
+def _with_kinship(claim: Claim, kinship: str) -> Claim:
+    if claim.number not in _BETWEEN_KNEES:
+        return claim
+    return dataclasses.replace(claim, reason=f"{claim.reason} {kinship}".strip())
 
 
 def _prestretch_matters(found: KneeComparison) -> Claim:
@@ -274,6 +284,8 @@ def _slack_on_the_closing_side(found: KneeComparison) -> Claim:
 
 
 def _outcomes_go_together(found: KneeComparison) -> Claim:
+    from scipy.stats import spearmanr
+
     rows = np.array(
         [
             [_score(knee, name, o) for o in (ROTATION, PRESSURE, PLACE)]
@@ -283,8 +295,7 @@ def _outcomes_go_together(found: KneeComparison) -> Claim:
     )
     rows = rows[np.isfinite(rows).all(axis=1)]
     with_pressure, with_place = (
-        float(spearmanr(rows[:, 0], rows[:, i]).statistic) if len(rows) > 2 else np.nan
-        for i in (1, 2)
+        float(spearmanr(rows[:, 0], rows[:, i])[0]) if len(rows) > 2 else np.nan for i in (1, 2)
     )
     both = [with_pressure, with_place]
     return Claim(

@@ -11,12 +11,16 @@ from kneejax.inference._knee_scores import LIMITS
 from kneejax.report._style import (
     BLACK,
     BLUE,
+    GREEN,
     GREY,
+    ORANGE,
+    PURPLE,
     VERMILLION,
     WIDTH,
     styled,
     verbatim,
 )
+from kneejax.report._sweep_figure import _map
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,7 +38,9 @@ _OUTCOMES = dict(
 )
 _MARKERS = {"varus": "^", "valgus": "v"}
 _CONTACT_COLOURS = (BLUE, VERMILLION)
-_MOST_COLUMNS = 4
+_MOST_COLUMNS = 5
+#: A score that is not known.
+_UNKNOWN = {"hatch": "////", "facecolor": "#F7F7F7", "edgecolor": "#A0A0A0", "linewidth": 0}
 
 
 def parameter_words(parameter: str) -> str:
@@ -65,16 +71,16 @@ def ramp_figure(found: KneeComparison, parameter: str) -> Figure:
     knees = [knee for knee in found.knees if parameter in knee.parameters]
     blocks = -(-len(knees) // _MOST_COLUMNS)
     columns = min(len(knees), _MOST_COLUMNS)
-    height = 6.4 * blocks + 0.75
+    height = 6.6 * blocks + 0.75
     figure = Figure(figsize=(WIDTH, height))
     panels = figure.subplots(3 * blocks, columns, sharey="row", squeeze=False)
     figure.subplots_adjust(
         left=0.085,
         right=0.985,
-        top=1 - 0.45 / height,
+        top=1 - 0.48 / height,
         bottom=1.0 / height,
         wspace=0.08,
-        hspace=0.34,
+        hspace=0.44,
     )
     colours, scale = _colours(knees[0], parameter)
     for number, knee in enumerate(knees):
@@ -92,7 +98,9 @@ def ramp_figure(found: KneeComparison, parameter: str) -> Figure:
     for axes in panels[2::3].flat:
         axes.set_ylim(bottom=0.0)
     _empty(panels, len(knees), columns)
-    figure.suptitle(parameter_words(parameter), x=0.012, ha="left", fontsize=9)
+    figure.suptitle(
+        parameter_words(parameter), x=0.012, y=1 - 0.08 / height, ha="left", va="top", fontsize=9
+    )
     _legend(figure, knees[0], height, colours, scale, parameter)
     return figure
 
@@ -106,17 +114,15 @@ def _empty(panels: np.ndarray, count: int, columns: int) -> None:
 
 
 def _colours(knee: KneeStudy, parameter: str):
-    import matplotlib
     from matplotlib.colors import Normalize
 
     values = [change.value for change in knee.changes if change.parameter == parameter]
     if parameter.endswith(ATTACHMENT):
-        shades = {1.0: BLUE, 2.0: VERMILLION, 3.0: "#7A4B9A"}
+        shades = dict(zip(HALVES, (GREEN, ORANGE, PURPLE), strict=True))
         return shades.__getitem__, None
     largest = max(abs(value) for value in values)
-    scale, shades = Normalize(-largest, largest), matplotlib.colormaps["turbo"]
-    # The ends of this scale are nearly black.
-    return lambda value: shades(0.06 + 0.88 * float(scale(value))), scale
+    scale, shades = Normalize(-largest, largest), _map()
+    return lambda value: shades(float(scale(value))), scale
 
 
 def _rotation(axes: Axes, knee: KneeStudy, parameter: str, colours) -> None:
@@ -130,6 +136,9 @@ def _rotation(axes: Axes, knee: KneeStudy, parameter: str, colours) -> None:
         y = run.adduction_deg[0, shown]
         axes.plot(x, y, color=BLACK, linewidth=1.4, linestyle="--")
     axes.set_xlabel("Moment, N m")
+    full = max(run.ramp.full_Nm for run in knee.runs.values())
+    axes.set_xlim(-1.2 * full, 1.2 * full)
+    axes.set_xticks([-full, 0.0, full])
     axes.axhline(0, color=GREY, linewidth=0.5, zorder=0)
 
 
@@ -178,13 +187,12 @@ def _value_axis(axes: Axes, knee: KneeStudy, parameter: str, labelled: bool) -> 
     quantity = parameter.split(".")[1]
     values = [change.value for change in knee.changes if change.parameter == parameter]
     if quantity == ATTACHMENT:
-        words = ["as is", *(word.split()[0] for word in HALVES.values())]
-        axes.set_xticks([0.0, *HALVES], words)
-        axes.tick_params(axis="x", labelsize=7)
-        axes.set_xlim(-0.4, 3.4)
+        axes.set_xticks([0.0, *HALVES], ["as is", "femur", "tibia", "both"])
+        axes.tick_params(axis="x", labelsize=6.3)
+        axes.set_xlim(-0.5, 3.5)
     else:
         largest = max(abs(value) for value in values)
-        axes.set_xlim(-1.1 * largest, 1.1 * largest)
+        axes.set_xlim(-1.25 * largest, 1.25 * largest)
         axes.set_xticks([-largest, 0.0, largest])
     axes.set_xlabel(_value_words(quantity) if labelled else "")
 
@@ -254,7 +262,7 @@ def score_figure(found: KneeComparison) -> Figure:
     below = (0.38 + 0.055 * max(len(knee.name) for knee in knees)) / height
     axes = figure.add_axes((0.2, below, 0.67, 1 - below - 0.3 / height))
     shades, scale = matplotlib.colormaps["YlGnBu"], Normalize(0, 3.4)
-    ticks = []
+    ticks, hatched, size = [], False, 6.4 - 0.3 * len(knees)
     for block, outcome in enumerate(_OUTCOMES):
         left = block * (len(knees) + gap)
         axes.text(
@@ -265,7 +273,7 @@ def score_figure(found: KneeComparison) -> Figure:
             for row, parameter in enumerate(parameters):
                 one = knee.influence(parameter, outcome)
                 number = np.nan if one is None else one.score
-                _cell(axes, (left + column, row), number, shades, scale)
+                hatched |= _cell(axes, (left + column, row), number, shades, scale, size)
     width = 4 * len(knees) + 3 * gap
     axes.set_xlim(0, width)
     axes.set_ylim(len(parameters), 0)
@@ -284,25 +292,29 @@ def score_figure(found: KneeComparison) -> Figure:
     bar.ax.set_yticklabels(["0 none", "1 small", "2 medium", "3 large"], fontsize=7)
     bar.ax.tick_params(length=2)
     bar.outline.set_visible(False)
-    hatched = Rectangle((0, 0), 1, 1, hatch="////", fc="#F7F7F7", ec="#A0A0A0", lw=0)
-    figure.legend(
-        [hatched], ["not in this knee, or not compared"], loc="lower left",
-        bbox_to_anchor=(0.01, 0.02), fontsize=7, borderaxespad=0, handlelength=1.4,
-    )  # fmt: skip
+    if hatched:
+        figure.legend(
+            [Rectangle((0, 0), 1, 1, **_UNKNOWN)], ["not in this knee, or not compared"],
+            loc="lower left", bbox_to_anchor=(0.01, 0.02), fontsize=7, borderaxespad=0,
+            handlelength=1.4,
+        )  # fmt: skip
     return figure
 
 
-def _cell(axes: Axes, corner: tuple[float, float], number: float, shades, scale) -> None:
+def _cell(
+    axes: Axes, corner: tuple[float, float], number: float, shades, scale, size: float
+) -> bool:
+    """One score; whether it is unknown comes back."""
     from matplotlib.patches import Rectangle
 
     if np.isnan(number):
-        style = {"hatch": "////", "facecolor": "#F7F7F7", "edgecolor": "#A0A0A0", "linewidth": 0}
-        axes.add_patch(Rectangle(corner, 1, 1, **style))
-        return
+        axes.add_patch(Rectangle(corner, 1, 1, **_UNKNOWN))
+        return True
     axes.add_patch(
         Rectangle(corner, 1, 1, facecolor=shades(scale(number)), edgecolor="white", linewidth=1)
     )
     axes.text(
-        corner[0] + 0.5, corner[1] + 0.5, f"{number:g}", ha="center", va="center", fontsize=6,
+        corner[0] + 0.5, corner[1] + 0.5, f"{number:g}", ha="center", va="center", fontsize=size,
         color="white" if number > 1.8 else BLACK,
     )  # fmt: skip
+    return False
