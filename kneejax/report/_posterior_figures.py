@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -49,12 +50,15 @@ def marginals_figure(found: Posterior) -> Figure:
     from matplotlib.figure import Figure
 
     rows = -(-len(found.names) // _COLUMNS)
-    height = 1.55 * rows + 0.5
+    titles = [_title(found, index) for index in range(len(found.names))]
+    two_lines = 0.13 * any("\n" in title for title in titles)
+    height = (1.55 + two_lines) * rows + 0.5
     figure = Figure(figsize=(WIDTH, height))
     panels = figure.subplots(rows, min(_COLUMNS, len(found.names)), squeeze=False)
     figure.subplots_adjust(
-        left=0.03, right=0.98, top=1 - 0.25 / height, bottom=0.65 / height, wspace=0.18, hspace=0.55
-    )
+        left=0.03, right=0.98, top=1 - (0.25 + two_lines) / height, bottom=0.65 / height,
+        wspace=0.18, hspace=0.55 + two_lines,
+    )  # fmt: skip
     handles: dict[str, Any] = {}
     for index, axes in enumerate(panels.flat):
         if index < len(found.names):
@@ -71,8 +75,8 @@ def marginals_figure(found: Posterior) -> Figure:
 def _marginal(axes: Axes, found: Posterior, index: int) -> dict[str, Any]:
     from matplotlib.ticker import MaxNLocator
 
-    prior, unit = found.priors[index], found.units[index]
-    axes.set_title(readable(found.names[index]) + (f", {unit}" if unit else ""), fontsize=8)
+    prior = found.priors[index]
+    axes.set_title(_title(found, index), fontsize=8)
     draws = found.draws[..., index].ravel()
     centre = found.laplace_mean[index]
     deviation = float(np.sqrt(found.laplace_covariance[index, index]))
@@ -102,6 +106,12 @@ def _marginal(axes: Axes, found: Posterior, index: int) -> dict[str, Any]:
     axes.xaxis.set_major_locator(MaxNLocator(3, min_n_ticks=2, steps=[1, 2, 5, 10]))
     axes.xaxis.set_major_formatter(_short)
     return handles
+
+
+def _title(found: Posterior, index: int) -> str:
+    """Name and unit, broken where a panel is too narrow for them."""
+    unit = found.units[index]
+    return textwrap.fill(readable(found.names[index]) + (f", {unit}" if unit else ""), 24)
 
 
 def _short(value: float, _) -> str:
@@ -134,8 +144,7 @@ def pairs_figure(found: Posterior) -> Figure:
 
     chosen = _most_correlated(found)
     count = len(chosen)
-    size = max(WIDTH, 3.0)
-    figure = Figure(figsize=(size, 0.94 * size))
+    figure = Figure(figsize=(WIDTH, 0.94 * WIDTH))
     panels = figure.subplots(count, count, squeeze=False)
     figure.subplots_adjust(
         left=0.115, right=0.99, top=0.955, bottom=0.105, wspace=0.08, hspace=0.08
@@ -149,7 +158,7 @@ def pairs_figure(found: Posterior) -> Figure:
             axis.set_major_locator(MaxNLocator(2, min_n_ticks=2, steps=[1, 2, 5, 10]))
             axis.set_major_formatter(_short)
         if i > j:
-            handles |= _pair(axes, found, column, row)
+            handles |= _pair(axes, found, column, row, 0.6 + 8.0 / count)
         elif i == j:
             axes.hist(
                 found.draws[..., row].ravel(), np.linspace(*_range(found, row), 31), color=BLUE,
@@ -185,13 +194,13 @@ def _most_correlated(found: Posterior) -> list[int]:
     return sorted(int(i) for i in strongest)
 
 
-def _pair(axes: Axes, found: Posterior, column: int, row: int) -> dict[str, Any]:
+def _pair(axes: Axes, found: Posterior, column: int, row: int, size: float) -> dict[str, Any]:
     from matplotlib.lines import Line2D
 
     flat = found.draws.reshape(-1, len(found.names))
     thin = flat[:: max(len(flat) // _POINTS, 1)]
     axes.plot(
-        thin[:, column], thin[:, row], ".", color=BLUE, markersize=1.6, markeredgewidth=0,
+        thin[:, column], thin[:, row], ".", color=BLUE, markersize=size, markeredgewidth=0,
         alpha=0.35, rasterized=True,
     )  # fmt: skip
     # One that can be seen in the legend.

@@ -48,8 +48,8 @@ def posterior_summary(found: Posterior) -> str:
         found: the posterior.
 
     Returns:
-        Lines of fewer than 100 columns, without a final line break; `Laplace` is the normal
-        approximation at the most probable parameters, `eff.` the effective number of draws.
+        Lines of fewer than 100 columns, without a final line break; `Laplace sd` is that of the
+        normal approximation at the most probable parameters, `eff.` the effective number of draws.
     """
     chains, draws, _ = found.draws.shape
     lines = _wrapped(
@@ -58,9 +58,7 @@ def posterior_summary(found: Posterior) -> str:
         f"{found.divergences} divergent, {number(found.seconds['total'], 3)} s "
         f"({number(found.seconds['compile'], 3)} s until the first draws)"
     )
-    rows = [
-        ("parameter", "mean", "sd", "2.5 %", "97.5 %", "unit", "Laplace", "sd", "R-hat", "eff.")
-    ]
+    rows = [("parameter", "mean", "sd", "2.5 %", "97.5 %", "unit", "Laplace sd", "R-hat", "eff.")]
     for row in posterior_rows(found):
         mean, sd = with_error(row["mean"], row["sd"])
         decimals = len(mean.partition(".")[2])
@@ -72,7 +70,7 @@ def posterior_summary(found: Posterior) -> str:
                 f"{row['quantile_025']:.{decimals}f}",
                 f"{row['quantile_975']:.{decimals}f}",
                 row["unit"],
-                *with_error(row["laplace_mean"], row["laplace_sd"]),
+                with_error(row["laplace_mean"], row["laplace_sd"])[1],
                 f"{row['r_hat']:.3f}",
                 f"{row['effective_sample_size']:.0f}",
             )

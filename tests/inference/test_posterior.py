@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 import kneejax as kj
-from kneejax.inference import Problem, UnsuitableData, select, synthetic_motion
+from kneejax.inference import Problem, UnsuitableData, posterior, select, synthetic_motion
 from kneejax.inference._motion_density import MotionDensity
-from kneejax.inference._posterior import posterior
 from kneejax.inference._priors import normal_priors
 from kneejax.statics import compiled
 
