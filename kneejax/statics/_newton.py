@@ -214,8 +214,16 @@ class EnergyNewton(optx.AbstractRootFinder):
             sum(rate * by for rate, by in zip(rates, shift, strict=True))
             for rates in zip(*state.forces.drift, strict=True)
         )
-        meeting = guess.meeting + jnp.stack([a, b], axis=1)
-        return Guess(guess.q + jnp.stack(shift), meeting, guess.tangent)
+        moved = guess.q + jnp.stack(shift), guess.meeting + jnp.stack([a, b], axis=1), guess.tangent
+        # A lane whose numbers are not finite stands still: the solver would end the search of all.
+        astray = functools.reduce(
+            jnp.logical_or, [~jnp.all(jnp.isfinite(x), axis=tuple(range(x.ndim - 1))) for x in moved]
+        )
+        still = guess.q, guess.meeting, jnp.zeros_like(guess.tangent)
+        q, meeting, tangent = (
+            jnp.where(astray, old, new) for old, new in zip(still, moved, strict=True)
+        )
+        return Guess(q, meeting, tangent)
 
     def _is_lower(self, residual, here: Forces, q: Array, state: SearchState) -> Array:
         before = state.forces

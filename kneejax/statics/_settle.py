@@ -150,6 +150,7 @@ def search_one(
 
 
 def _found(knee: Knee, flexion: Array, guess: Guess, search: EnergyNewton):
+    guess = Guess(guess.q, jnp.nan_to_num(guess.meeting), guess.tangent)
     solution = optx.root_find(
         look,
         search,

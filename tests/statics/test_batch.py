@@ -1,0 +1,156 @@
+"""Many balances: each is the balance of its own knee, whatever stands beside it."""
+
+import equinox as eqx
+import numpy as np
+import pytest
+
+import kneejax as kj
+from kneejax.mechanics import Load
+from kneejax.statics import (
+    Stations,
+    Status,
+    balance_lines,
+    balance_many,
+    balance_with_slopes,
+    in_lanes,
+)
+
+FLEXION = np.array([0.0, 30.0, 75.0, 120.0])
+UNITS = np.array([1 / 30, 1 / 30, 1.0, 1.0, 1.0])
+
+
+@pytest.fixture(scope="module")
+def knee():
+    return kj.load_knee("four_ligament")
+
+
+@pytest.fixture(scope="module")
+def chosen(knee):
+    return kj.select(knee, ("*.stiffness", "*.reference_strain"))
+
+
+@pytest.fixture(scope="module")
+def base(knee, chosen):
+    return np.asarray(chosen.read(knee))
+
+
+@pytest.fixture(scope="module")
+def values(base):
+    """Knees within a third of the stiffness and 0.02 of the strain."""
+    draw = np.random.default_rng(3)
+    stiffness = base[:4] * draw.uniform(0.7, 1.3, (40, 4))
+    return np.hstack([stiffness, base[4:] + draw.uniform(-0.02, 0.02, (40, 4))])
+
+
+@pytest.fixture(scope="module")
+def found(knee, chosen, base, values):
+    return balance_many(knee, chosen.apply, base, values, Stations.at(FLEXION))
+
+
+def test_each_variant_has_the_motion_of_its_own_knee(knee, chosen, values, found):
+    assert found.q.shape == (40, 4, 5)
+    assert found.converged.all()
+    for row in (0, 17, 39):
+        alone = kj.passive_flexion(chosen.apply(knee, values[row]), FLEXION)
+        np.testing.assert_allclose(found.q[row] / UNITS, np.asarray(alone.settled.q).T / UNITS,
+                                   atol=2e-6)  # fmt: skip
+        np.testing.assert_array_equal(found.status[row], np.asarray(alone.status))
+        np.testing.assert_allclose(found.table[row], np.asarray(alone.to_table())[:, 1:], atol=1e-4)
+
+
+def test_answers_stand_in_the_order_of_the_values(knee, chosen, base, values, found):
+    order = np.random.default_rng(0).permutation(len(values))
+    again = balance_many(knee, chosen.apply, base, values[order], Stations.at(FLEXION))
+    np.testing.assert_allclose(again.q / UNITS, found.q[order] / UNITS, atol=2e-6)
+
+
+def test_the_same_call_gives_the_same_bits(knee, chosen, base, values, found):
+    again = balance_many(knee, chosen.apply, base, values, Stations.at(FLEXION))
+    np.testing.assert_array_equal(again.q, found.q)
+    np.testing.assert_array_equal(again.steps, found.steps)
+
+
+def test_one_knee_that_nothing_can_balance_fails_alone(knee, chosen, base, values, found):
+    spoilt = values.copy()
+    spoilt[5, 4] = np.nan
+    again = balance_many(knee, chosen.apply, base, spoilt, Stations.at(FLEXION))
+    assert (again.status[5] == Status.NOT_CONVERGED).all()
+    assert np.isnan(again.q[5]).all()
+    others = np.arange(40) != 5
+    assert again.converged[others].all()
+    np.testing.assert_allclose(again.q[others] / UNITS, found.q[others] / UNITS, atol=2e-6)
+
+
+def test_lines_walk_to_the_same_balances(knee, chosen, base):
+    """Two lines of nine points, from their middle and from one end."""
+    lines = np.tile(base, (2, 9, 1))
+    lines[0, :, 0], lines[1, :, 5] = np.linspace(300, 9000, 9), np.linspace(-0.15, -0.05, 9)
+    begin = np.array([4, 0])
+    walked = balance_lines(knee, chosen.apply, base, lines, Stations.at(FLEXION), begin)
+    alone = balance_many(
+        knee, chosen.apply, base, lines.reshape(18, 8), Stations.at(FLEXION)
+    )
+    assert walked.q.shape == (2, 9, 4, 5)
+    assert walked.converged.all()
+    np.testing.assert_allclose(walked.q.reshape(alone.q.shape) / UNITS, alone.q / UNITS, atol=2e-6)
+
+
+def test_loads_of_stations_are_loads_of_the_knee(knee, chosen, base):
+    """A drawer at two flexions, against a knee that carries the same load always."""
+    forces = [[100.0, 0.0, 0.0], [-100.0, 0.0, 0.0], [100.0, 0.0, 0.0]]
+    stations = Stations.at([20.0, 20.0, 90.0], (Load(forces, axes="tibia"),))
+    found = balance_many(knee, chosen.apply, base, base[None], stations)
+    assert found.converged.all()
+    assert found.table[0, 0, 2] > found.table[0, 1, 2] + 1.0
+    for row, (flexion, force) in enumerate(zip([20.0, 20.0, 90.0], forces, strict=True)):
+        loaded = eqx.tree_at(lambda k: k.loads, knee, (*knee.loads, Load(force, axes="tibia")))
+        alone = kj.passive_flexion(loaded, [flexion])
+        np.testing.assert_allclose(found.q[0, row], np.asarray(alone.settled.q)[:, 0], atol=1e-6)
+
+
+def test_progress_counts_to_the_end(knee, chosen, base, values):
+    seen = []
+    balance_many(knee, chosen.apply, base, values, Stations.at(FLEXION),
+                 progress=lambda done, total: seen.append((done, total)))  # fmt: skip
+    done = [d for d, _ in seen]
+    assert done == sorted(done)
+    assert seen[-1] == (160, 160)
+
+
+def test_only_what_varies_gets_lanes_of_its_own(knee, chosen, values):
+    lanes = in_lanes(knee, chosen.apply, values)
+    assert lanes.ligaments.stiffness.shape == (4, 40)
+    assert lanes.ligaments.slack_length.shape == (4, 40)
+    assert lanes.ligaments.femoral_attachment.shape == (4, 3, 1)
+    own = chosen.apply(knee, values[7])
+    np.testing.assert_allclose(lanes.ligaments.slack_length[:, 7], own.ligaments.slack_length)
+
+
+def test_slopes_are_those_of_neighbouring_balances(knee, chosen, base):
+    stations = Stations.at(FLEXION)
+    exact = balance_with_slopes(knee, chosen.apply, base[None], stations)
+    # Strains by less than the rounding of the law's corners, 0.001.
+    step = np.r_[2e-3 * base[:4], np.full(4, 3e-4)]
+    moves = np.array([-2.0, -1.0, 1.0, 2.0])[:, None, None] * np.diag(step)
+    moved = (base + moves).reshape(32, 8)
+    near = exact.take(np.zeros(32, int))
+    far, close, right, farther = (
+        balance_with_slopes(knee, chosen.apply, moved, stations, near).q.reshape(4, 8, 4, 5)
+    )
+    numeric = (8.0 * (right - close) - (farther - far)) / (12.0 * step[:, None, None])
+    slopes = np.moveaxis(exact.jacobian[0], -1, 0)
+    largest = np.abs(slopes).max(axis=(0, 1))
+    scale = np.abs(slopes).max(axis=1, keepdims=True) + 1e-6 * largest
+    np.testing.assert_array_less(np.abs(numeric - slopes) / scale, 1e-6)
+
+
+def test_a_variant_beyond_a_linear_guess_says_so(knee, chosen, base):
+    exact = balance_with_slopes(knee, chosen.apply, base[None], Stations.at(FLEXION))
+    lost = base.copy()
+    lost[4] = np.nan
+    both = balance_with_slopes(
+        knee, chosen.apply, np.stack([lost, base]), Stations.at(FLEXION), exact.take([0, 0])
+    )
+    assert np.isnan(both.q[0]).all() and (both.status[0] == Status.NOT_CONVERGED).all()
+    np.testing.assert_allclose(both.q[1], exact.q[0], atol=1e-9)
+    assert np.isfinite(both.jacobian[1]).all()
