@@ -20,8 +20,6 @@ from kneejax.statics import Status
 #: What a choice of tests makes small: D the volume of the joint confidence region, A the mean
 #: squared standard error in units of the parameters' scales.
 CRITERIA = ("D", "A")
-# An information matrix whose scaled smallest eigenvalue is below this part of 1 has no inverse.
-_SINGULAR = 1e-12
 # Departure from a straight line from which on a promise is rough.
 _FAR = 0.5
 # Exchanges that gain less are rounding.
@@ -114,8 +112,9 @@ def design_tests(
         count: how many tests to choose.
         criterion: `D` or `A`.
         prior: standard deviations of what is known besides data, `(p,)`, e.g. `known.scale`.
-            Data that leave a combination of parameters open need one: no finite standard error
-            can be compared else. `known.scale` is then taken, and a note says so.
+            Data that leave a combination of parameters less certain than that need one, or the
+            choice would go after numbers without meaning; `known.scale` is then taken, and a note
+            says so.
         repeat: whether a test may be made several times.
 
     Returns:
@@ -291,12 +290,12 @@ def _base(known: Information, prior: np.ndarray | None):
     """Information before the tests, scaled; the prior in it; and what to say."""
     if prior is not None:
         return known.matrix + np.diag((known.scale / prior) ** 2), prior, []
-    eigenvalues = np.linalg.eigvalsh(known.matrix)
-    if eigenvalues[0] > _SINGULAR * max(eigenvalues[-1], 1.0):
+    if np.linalg.eigvalsh(known.matrix)[0] >= 1.0:
         return known.matrix, None, []
     note = (
-        "The data alone leave combinations of parameters open. What is known of any knee (the "
-        "scale of each parameter, as a standard deviation) is therefore part of every number here."
+        "The data alone leave combinations of parameters less certain than they are for any knee. "
+        "What is known of any knee (the scale of each parameter, as a standard deviation) is "
+        "therefore part of every number here."
     )
     return known.matrix + np.eye(len(known.names)), known.scale, [note]
 

@@ -200,12 +200,17 @@ def reason(
 
 
 def _rivals(row: int, names: Sequence[str], weighted: np.ndarray, held: np.ndarray) -> str:
-    """Which other parameters make up for a change of one, and how well."""
+    """Which other parameters make up for a change of one, and how well.
+
+    How well is said by all others together, free to move anywhere. Who, by the least movement that
+    does it: in a spectrum over decades, the weakest would else carry the largest numbers.
+    """
     others = np.flatnonzero(~held & (np.arange(len(names)) != row))
     column, rest = weighted[:, row], weighted[:, others]
-    share = np.linalg.lstsq(rest, column, rcond=None)[0]
-    left = np.linalg.norm(column - rest @ share) / np.linalg.norm(column)
-    part = np.abs(share) * np.linalg.norm(rest, axis=0)
+    anywhere = np.linalg.lstsq(rest, column, rcond=None)[0]
+    left = np.linalg.norm(column - rest @ anywhere) / np.linalg.norm(column)
+    least = np.linalg.solve(rest.T @ rest + np.eye(len(others)), rest.T @ column)
+    part = np.abs(least) * np.linalg.norm(rest, axis=0)
     order = [i for i in np.argsort(-part)[:_MOST] if part[i] >= 0.5 * part.max()]
     who = joined([plain(names[int(others[i])]) for i in order])
     verb = "make" if len(order) > 1 else "makes"

@@ -1,5 +1,7 @@
 """The next best test: choices by hand, against random ones, and what they promise."""
 
+import dataclasses
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -268,6 +270,17 @@ def test_departures_from_a_line_shrink_with_what_is_still_unknown(cases):
     )
     assert 0.0 < narrow < wide
     assert wide / narrow == pytest.approx(10.0, rel=0.1)
+
+
+def test_weak_data_borrow_the_prior_where_they_know_less_than_it(cases):
+    knee, selection, data, *_ = cases[0]
+    row = data.eigenvectors[:, :7] * np.sqrt(data.eigenvalues[:7])
+    weakest = data.eigenvectors[:, 7:]
+    for size, borrowed in ((0.9, True), (1.1, False)):
+        matrix = row @ row.T + size * weakest @ weakest.T
+        weak = dataclasses.replace(data, matrix=matrix)
+        design = design_tests(selection, knee, weak, NOISE, count=1)
+        assert (design.prior is not None) == borrowed
 
 
 def test_a_promise_that_no_line_can_hold_is_called_rough(cases):
