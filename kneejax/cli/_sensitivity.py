@@ -6,6 +6,7 @@ import argparse
 import contextlib
 import importlib.metadata
 import json
+import textwrap
 import time
 
 import numpy as np
@@ -99,7 +100,7 @@ def _write(
     print(f"{problem.study.title} (knee {problem.knee.name})")
     print(sensitivity_summary(local, sweeps, indices))
     for sentence in doubts:
-        print(f"warning: {sentence}")
+        print(textwrap.fill(f"warning: {sentence}", 98, subsequent_indent=" " * 9))
     print(f"written: {out}/{', '.join(files)}, result.json, figures/")
     return 1 if doubts else 0
 

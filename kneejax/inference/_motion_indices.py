@@ -14,7 +14,7 @@ from kneejax.inference._parameters import Selection, UnsuitableData, select
 from kneejax.inference._problem import DEFAULT_WEIGHTS
 from kneejax.inference._scales import looked_up, prior_scales, stated
 from kneejax.mechanics import Knee
-from kneejax.statics import Balances, Progress, Stations, Status, balance_many
+from kneejax.statics import Progress, Stations, Status, balance_lines, balance_many
 
 #: Half a range where none is stated, in standard deviations of the prior: that of a uniform
 #: distribution is then the same.
@@ -120,11 +120,10 @@ def motion_indices(
     # Stations ascend; a measurement may run to and fro.
     flexion = np.unique(measured[:, 0])
 
-    def balances(values: np.ndarray, angles: np.ndarray, show=None) -> Balances:
-        stations, start = Stations.at(angles), jnp.asarray(base)
-        return balance_many(knee, selection.apply, start, values, stations, progress=show)
-
-    sound = balances(base[None], flexion).status[0] < Status.UNSTABLE
+    vary, start = selection.apply, jnp.asarray(base)
+    # A line of one point: each station for itself.
+    itself = balance_lines(knee, vary, start, base[None, None], Stations.at(flexion), np.zeros(1))
+    sound = itself.status[0, 0] < Status.UNSTABLE
     if not sound.any():
         raise UnsuitableData("the knee itself is balanced and stable at no measured flexion")
     left_out, flexion = flexion[~sound], flexion[sound]
@@ -135,7 +134,8 @@ def motion_indices(
     free = [FREE_COORDINATES.index(name) for name in offsets]
 
     def model(values: np.ndarray) -> np.ndarray:
-        found = balances(values, flexion, progress)
+        stations = Stations.at(flexion)
+        found = balance_many(knee, vary, start, values, stations, progress=progress)
         failed = np.any(found.status >= Status.UNSTABLE, axis=1)
         error = found.table[:, row] - measured[:, 1:]
         error[..., free] -= error[..., free].mean(axis=1, keepdims=True)

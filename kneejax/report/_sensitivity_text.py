@@ -98,13 +98,11 @@ def _largest_rows(local: LocalSensitivity) -> list[list[str]]:
 
 def _sweep_lines(sweeps: Sweeps) -> list[str]:
     poses = sum(one.status.size for one in sweeps.sweeps)
-    lines = _wrapped(
-        f"Sweeps: {len(sweeps.sweeps)} parameters, {poses} poses; where the knee leaves what it "
-        "can do:"
-    )
+    parameters = f"{len(sweeps.sweeps)} parameter{'s' * (len(sweeps.sweeps) > 1)}"
     at_fault = [one for one in sweeps.sweeps if (~one.sound | (one.status > 0)).any()]
     if not at_fault:
-        return ["", lines[0].replace("; where the knee leaves what it can do:", ", all sound")]
+        return ["", f"Sweeps: {parameters}, {poses} poses, all of them sound"]
+    lines = _wrapped(f"Sweeps: {parameters}, {poses} poses; those that are not sound:")
     head = ["parameter", "sound over", "outside", "unphysiol.", "unstable", "no balance"]
     rows = [head]
     for one in at_fault[:_MOST_ROWS]:
@@ -157,7 +155,7 @@ def _index_lines(found: MotionIndices) -> list[str]:
                 number(indices.measures[main][row, i], 3),
                 number(half[row, i], 2),
                 number(indices.measures[other][row, i], 3),
-                ", ".join(names),
+                "all errors" if len(names) == len(SHOWN) else ", ".join(names),
             ]
         )
     lines = _wrapped(

@@ -1,0 +1,154 @@
+"""`kneejax sensitivity` end to end: files, exit status, one line for every bad input."""
+
+import csv
+import json
+import re
+
+import numpy as np
+import pytest
+
+from kneejax.cli import main
+
+pytest.importorskip("SALib")
+
+STUDY = """\
+title: Two parameters
+knee: four_ligament
+synthetic:
+  parameters: {{ACL.reference_strain: 0.04}}
+  flexion_deg: 0,20,50
+parameters: [ACL.stiffness, ACL.reference_strain]
+start: {{{start}}}
+frame_offset: {offset}
+"""
+
+
+def study_file(folder, start="", offset="false"):
+    path = folder / "study.yaml"
+    path.write_text(STUDY.format(start=start, offset=offset))
+    return str(path)
+
+
+def rows(path):
+    with path.open() as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    """One run with everything; the folder, the exit status and what was printed."""
+    import contextlib
+    import io
+
+    folder = tmp_path_factory.mktemp("sensitivity")
+    printed = io.StringIO()
+    words = ["sensitivity", study_file(folder), "--sweep", "ACL.stiffness=1000:9000:3"]
+    words += ["--sweep", "*.reference_strain=0.03:0.1:2", "--global", "morris", "--samples", "4"]
+    with contextlib.redirect_stdout(printed):
+        status = main([*words, "--out", str(folder / "out")])
+    return folder / "out", status, printed.getvalue()
+
+
+def test_everything_is_written(done):
+    out, status, printed = done
+    assert status == 0
+    names = {path.name for path in (out / "figures").glob("*.png")}
+    assert names == {
+        "sweep_ACL_stiffness.png",
+        *(f"sweep_{name}_reference_strain.png" for name in ("ACL", "PCL", "MCL", "LCL")),
+        "local_curves.png",
+        "local_heatmap.png",
+        "morris_fit.png",
+        "morris_poses.png",
+    }
+    assert f"written: {out}/sweeps.csv" in printed
+    result = json.loads((out / "result.json").read_text())
+    assert result["doubts"] == [] and result["own_motion"] == ["balanced"] * 3
+    assert {"jax", "numpy", "SALib"} <= set(result["versions"])
+    assert result["options"]["samples"] == 4 and result["global"]["runs"] == 12
+    assert result["study"]["parameters"] == ["ACL.stiffness", "ACL.reference_strain"]
+    assert set(result["seconds"]) == {"local", "sweeps", "global", "figures"}
+
+
+def test_tables_agree_with_each_other(done):
+    out, _, _ = done
+    swept = rows(out / "sweeps.csv")
+    assert len(swept) == (3 + 4 * 2) * 3
+    assert {row["status"] for row in swept} == {"balanced"}
+    slopes = rows(out / "local_sensitivity.csv")
+    assert [row["flexion_deg"] for row in slopes] == ["0.0", "20.0", "50.0"] * 2
+    for row in slopes:
+        per_unit, per_step = float(row["anterior_mm_per_unit"]), float(row["anterior_mm_per_step"])
+        assert per_step == pytest.approx(per_unit * float(row["step"]))
+    # A stiffer ACL, a tibia further back: the sweep's sign is the slope's.
+    at = {
+        float(row["value"]): float(row["anterior_mm"])
+        for row in swept
+        if row["parameter"] == "ACL.stiffness" and row["flexion_deg"] == "20.0"
+    }
+    assert at[9000.0] < at[5000.0] < at[1000.0]
+    assert float(slopes[1]["anterior_mm_per_unit"]) < 0
+    indices = rows(out / "global_indices.csv")
+    assert {row["parameter"] for row in indices} == {"ACL.stiffness", "ACL.reference_strain"}
+    assert len(indices) == 2 * (5 * 3 + 5 + 1)
+    assert all(np.isfinite(float(row["mu_star_half_width"])) for row in indices)
+
+
+def test_the_screen_is_narrow_ascii_and_says_who_moves_what(done):
+    _, _, printed = done
+    lines = printed.splitlines()
+    assert printed.isascii() and max(map(len, lines[:-1])) < 100
+    table = {line.split()[0]: line for line in reversed(lines) if line.startswith("ACL.")}
+    assert "*" in table["ACL.reference_strain"]
+    assert re.search(r"[+-]\d\.\d\d at +\d+", table["ACL.stiffness"])
+    assert "Morris indices of the objective (12 motions" in printed
+
+
+def test_a_knee_that_does_not_balance_itself_is_doubtful(tmp_path, capsys):
+    study = study_file(tmp_path, "MCL.reference_strain: -0.1", "[anterior]")
+    words = ["--sweep", "*.reference_strain=0.03:0.1:2", "--sweep", "ACL.stiffness=1000:9000:3"]
+    out = tmp_path / "out"
+    assert main(["sensitivity", study, *words, "--out", str(out)]) == 1
+    printed = capsys.readouterr().out
+    assert "warning: the knee itself at 0 degrees: no balance found" in " ".join(printed.split())
+    result = json.loads((out / "result.json").read_text())
+    assert result["own_motion"][0] == "not_converged" and len(result["doubts"]) == 1
+    slopes = [row for row in rows(out / "local_sensitivity.csv") if row["flexion_deg"] == "0.0"]
+    assert {row["anterior_mm_per_step"] for row in slopes} == {"nan"}
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["--sweep", "ACL.stifness"], "did you mean 'ACL.stiffness'"),
+        (["--sweep", "ACL.stiffness=300:9000:1"], "a whole count of at least 2"),
+        (["--sweep", "ACL.stiffness=300:9000:2.5"], "a whole count of at least 2"),
+        (["--sweep", "ACL.stiffness=9000:300"], "the lower end first"),
+        (["--sweep", "ACL.stiffness=weak:strong"], "finite numbers"),
+        (["--sweep", "ACL.stiffness", "--sweep", "ACL.stiffness=1:2"], "every parameter once"),
+        (["--sweep", "*.stiffness", "--sweep", "ACL.stiffness"], "is swept twice"),
+        (["--prior", "ACL.stiffness=0"], "prior of width 0"),
+        (["--prior", "ACL.stifness=5"], "did you mean 'ACL.stiffness'"),
+        (["--prior", "ACL.stiffness"], "NAME=SD"),
+        (["--prior", "ACL.stiffness=5", "--scale", "percent"], "--scale prior"),
+        (["--global", "sobol", "--samples", "4"], "at least 32"),
+        (["--global", "sobol", "--samples", "0"], "at least 32"),
+        (["--global", "sobol", "--samples", "100"], "such as 128"),
+        (["--global", "morris", "--samples", "2"], "at least 4"),
+        (["--samples", "64"], "--global sobol or morris"),
+        (["--range", "ACL.stiffness=1:2"], "--global sobol or morris"),
+        (["--global", "morris", "--range", "ACL.stiffness=2:1"], "the lower end first"),
+        (["--global", "morris", "--range", "ALC.strain=1:2"], "did you mean"),
+        (["--global", "sobl"], "did you mean sobol"),
+    ],
+)
+def test_bad_input_is_one_line_and_writes_nothing(tmp_path, capsys, words, expected):
+    out = tmp_path / "out"
+    try:
+        status = main(["sensitivity", study_file(tmp_path), *words, "--out", str(out)])
+    except SystemExit as stopped:
+        status = stopped.code
+    assert status == 2
+    error = capsys.readouterr().err
+    assert expected in error and error.count("\n") == 1
+    assert not out.exists()
