@@ -110,7 +110,7 @@ def changes_of(
     Raises:
         UnknownParameter: the knee has no such ligament.
     """
-    same, length = Fibres.of(knee), np.asarray(knee.reference_length())
+    same, length = Fibres.of(knee), _lengths(knee)
 
     def one(ligament: str) -> Iterator[tuple[Change, Fibres]]:
         rows = fibre_rows(knee, ligament)
@@ -132,6 +132,16 @@ def changes_of(
     return tuple(change for change, _ in found), fibres
 
 
+def _lengths(knee: Knee) -> np.ndarray:
+    return np.asarray(_reference_length(knee))
+
+
+@eqx.filter_jit
+def _reference_length(knee: Knee) -> jax.Array:
+    # Compiled: ways around obstacles are slow to find operation by operation.
+    return knee.reference_length()
+
+
 def fibre_rows(knee: Knee, ligament: str) -> list[int]:
     """Rows of the fibres of a ligament or group; raises `UnknownParameter`."""
     names, groups = knee.ligaments.names, dict(knee.groups)
@@ -151,7 +161,7 @@ def _halved(knee: Knee, same: Fibres, length: np.ndarray, rows: list[int], value
     if value != 1.0:
         tibial[rows] = _gathered(tibial[rows], -tibial[rows][:, 1])
     moved = same._replace(femoral_attachment=femoral, tibial_attachment=tibial)
-    now = np.asarray(with_fibres(knee, Fibres(*map(jnp.asarray, moved))).reference_length())
+    now = _lengths(with_fibres(knee, Fibres(*map(jnp.asarray, moved))))
     return moved._replace(slack_length=same.slack_length * now / length)
 
 
