@@ -41,13 +41,13 @@ def fit_indices_figure(found: MotionIndices) -> Figure:
     from matplotlib.figure import Figure
 
     shown = _largest(found)
-    height = 3 * (0.62 + 0.21 * len(shown)) + 0.6
+    height = 3 * (0.62 + 0.21 * len(shown)) + 0.7
     figure = Figure(figsize=(WIDTH, height))
     panels = figure.subplots(3, 2, sharey=True, sharex=found.indices.method == "sobol")
     # Morris' effects have units: each panel has its own axis then, which takes room.
     gap = 0.42 if found.indices.method == "sobol" else 0.58
     figure.subplots_adjust(
-        left=0.2, right=0.985, top=1 - 0.3 / height, bottom=0.85 / height, wspace=0.08,
+        left=0.2, right=0.985, top=1 - 0.3 / height, bottom=0.95 / height, wspace=0.08,
         hspace=gap / (height / 3 - 0.5),
     )  # fmt: skip
     handles: dict = {}
@@ -62,10 +62,9 @@ def fit_indices_figure(found: MotionIndices) -> Figure:
         axes.set_title(title)
         if found.indices.method == "sobol":
             axes.tick_params(labelbottom=k > 3)
-    axes = panels[2, 0]
-    axes.legend(
-        handles.values(), handles, loc="upper left", bbox_to_anchor=(0.0, -0.28), ncols=3,
-        borderaxespad=0,
+    figure.legend(
+        handles.values(), handles, loc="lower center", bbox_to_anchor=(0.59, 0.36 / height),
+        ncols=3, borderaxespad=0,
     )  # fmt: skip
     _say_what_is_left_out(figure, found)
     return figure
@@ -110,17 +109,17 @@ def pose_indices_figure(found: MotionIndices) -> Figure:
     indices, angles, shown = found.indices, found.flexion_deg, _largest(found)
     measure = _MAIN[indices.method]
     half = indices.half_widths[measure]
-    figure = Figure(figsize=(WIDTH, 7.6))
+    figure = Figure(figsize=(WIDTH, 7.9))
     panels = figure.subplots(5, 1, sharex=True, sharey=indices.method == "sobol")
-    figure.subplots_adjust(left=0.085, right=0.985, top=0.965, bottom=0.15, hspace=0.32)
+    figure.subplots_adjust(left=0.085, right=0.985, top=0.965, bottom=0.178, hspace=0.32)
     width = 0.84 / len(shown)
-    styles = looks(indices.names)
+    styles = looks(tuple(indices.names[i] for i in shown))
     handles = {}
     for axes, name in zip(panels, SHOWN, strict=True):
         rows = [found.row(name, angle) for angle in angles]
         for k, i in enumerate(shown):
             places = np.arange(len(angles)) + (k - (len(shown) - 1) / 2) * width
-            colour, quantity = styles[i]
+            colour, quantity = styles[k]
             handles[readable(indices.names[i])] = axes.bar(
                 places, indices.measures[measure][rows, i], 0.9 * width, facecolor=colour,
                 edgecolor="white", hatch=_HATCHES[quantity % len(_HATCHES)], linewidth=0,
@@ -163,7 +162,8 @@ def _say_what_is_left_out(figure: Figure, found: MotionIndices) -> None:
         )
     if hidden > 0:
         notes.append(f"{hidden} parameters with smaller indices not shown")
-    figure.text(0.085, 0.008, "; ".join(notes), fontsize=7.5, color=GREY)
+    below = 0.07 / figure.get_size_inches()[1]
+    figure.text(0.085, below, "\n".join(notes), fontsize=7.5, color=GREY)
 
 
 def _say_if_empty(axes: Axes, values: np.ndarray) -> None:

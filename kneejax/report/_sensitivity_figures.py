@@ -31,6 +31,8 @@ _PER = {"prior": "per prior SD", "percent": "per %"}
 _DASHES = ("-", (0, (4, 1.5)), (0, (1, 1)), (0, (5, 1.2, 1, 1.2)))
 #: Parameters that one panel can show as curves or bars.
 MOST_PARAMETERS = 12
+#: Rows of a heatmap.
+_MOST_ROWS = 40
 _TRANSLATIONS = ("lateral", "anterior", "superior")
 
 
@@ -67,7 +69,8 @@ def local_curves_figure(local: LocalSensitivity) -> Figure:
     figure = Figure(figsize=(WIDTH, 6.3))
     panels = figure.subplots(3, 2, sharex=True)
     figure.subplots_adjust(left=0.085, right=0.985, top=0.96, bottom=0.075, wspace=0.2, hspace=0.24)
-    shown, styles = _most_moving(local), looks(local.names)
+    shown = most_moving(local, MOST_PARAMETERS)
+    styles = looks(tuple(local.names[i] for i in shown))
     drawn: list = []
     marks: dict = {}
     for coordinate, spot in zip(SHOWN, SPOTS, strict=True):
@@ -75,8 +78,7 @@ def local_curves_figure(local: LocalSensitivity) -> Figure:
         axes.set_title(f"{COORDINATES[coordinate].axis_label} {_PER[local.scale]}")
         axes.axhline(0.0, color=GREY, linewidth=0.7)
         lines = []
-        for i in shown:
-            colour, quantity = styles[i]
+        for i, (colour, quantity) in zip(shown, styles, strict=True):
             dashes = _DASHES[quantity % len(_DASHES)]
             lines += axes.plot(local.flexion_deg, slopes[:, i], color=colour, linestyle=dashes)
         drawn = [(line, readable(local.names[i])) for line, i in zip(lines, shown, strict=True)]
@@ -87,7 +89,11 @@ def local_curves_figure(local: LocalSensitivity) -> Figure:
     words = panels[2, 1]
     words.set_axis_off()
     drawn += [(handle, entry) for entry, handle in marks.items()]
-    _part_legend(words, drawn, (0.0, 0.84), ncols=2 if len(drawn) > 5 else 1, handlelength=2.6)
+    few = len(drawn) <= 10
+    _part_legend(
+        words, drawn, (0.0, 0.84), ncols=2 if len(drawn) > 5 else 1, handlelength=2.6,
+        labelspacing=0.5 if few else 0.22,
+    )  # fmt: skip
     note = f"Change of the pose by {scale_words(local)}"
     left_out = len(local.names) - len(shown)
     note += f"; {left_out} that move it less are not shown" if left_out else ""
@@ -95,12 +101,12 @@ def local_curves_figure(local: LocalSensitivity) -> Figure:
     return figure
 
 
-def _most_moving(local: LocalSensitivity) -> list[int]:
-    """Parameters to draw, in their own order."""
+def most_moving(local: LocalSensitivity, most: int) -> list[int]:
+    """Parameters to draw, at most so many, in their own order."""
     size = np.nan_to_num(np.abs(local.scaled)).max(axis=0)
     # mm and degrees are judged each against their own coordinate.
     share = (size / np.maximum(size.max(axis=1, keepdims=True), 1e-300)).max(axis=0)
-    return sorted(np.argsort(-share, kind="stable")[:MOST_PARAMETERS].tolist())
+    return sorted(np.argsort(-share, kind="stable")[:most].tolist())
 
 
 @styled
@@ -108,7 +114,7 @@ def local_heatmap_figure(local: LocalSensitivity) -> Figure:
     """Draw the same slopes as colours: parameters down, flexion across, a panel a coordinate.
 
     Args:
-        local: what to draw, all parameters.
+        local: what to draw; of more than forty parameters, those that move the knee most.
 
     Returns:
         Translations on the left and rotations on the right, each kind on one scale of colours
@@ -116,8 +122,9 @@ def local_heatmap_figure(local: LocalSensitivity) -> Figure:
     """
     from matplotlib.figure import Figure
 
-    rows = len(local.names)
-    height = 3 * (0.55 + 0.145 * max(rows, 6)) + 0.3
+    shown = most_moving(local, _MOST_ROWS)
+    rows, pitch = len(shown), 0.145 if len(local.names) <= 16 else 0.1
+    height = 3 * (0.55 + pitch * max(rows, 6)) + 0.3
     figure = Figure(figsize=(WIDTH, height))
     panels = figure.subplots(3, 2, sharex=True, sharey=True)
     figure.subplots_adjust(
@@ -130,12 +137,13 @@ def local_heatmap_figure(local: LocalSensitivity) -> Figure:
         axes, shift = panels[spot], coordinate in _TRANSLATIONS
         axes.set_title(COORDINATES[coordinate].label)
         limit = _limit(local, shift)
-        slopes = local.scaled[:, FREE_COLUMN[coordinate]].T
+        slopes = local.scaled[:, FREE_COLUMN[coordinate], shown].T
         colours[shift] = axes.pcolormesh(
             edges, np.arange(rows + 1), slopes, cmap="RdBu_r", vmin=-limit, vmax=limit
         )
         _hatch_failed(axes, edges, rows, np.isnan(slopes).all(axis=0))
-        axes.set_yticks(np.arange(rows) + 0.5, [readable(name) for name in local.names])
+        axes.set_yticks(np.arange(rows) + 0.5, [readable(local.names[i]) for i in shown])
+        axes.tick_params(axis="y", labelsize=min(8.0, 60 * pitch))
         axes.set_ylim(rows, 0)
         axes.grid(False)
         axes.tick_params(axis="y", length=0)
@@ -145,15 +153,18 @@ def local_heatmap_figure(local: LocalSensitivity) -> Figure:
         axes.tick_params(labelbottom=last)
     words = panels[2, 1]
     words.set_axis_off()
-    for place, shift, kind in ((0.62, True, "translations, mm"), (0.12, False, "rotations, deg")):
-        if shift in colours:
-            bar = figure.colorbar(
-                colours[shift],  # pyright: ignore[reportArgumentType]
-                cax=words.inset_axes((0.05, place, 0.9, 0.09)),
-                orientation="horizontal",
-            )
-            bar.set_label(f"{kind} {_PER[local.scale]}")
-            bar.outline.set_linewidth(0.5)  # pyright: ignore[reportCallIssue, reportAttributeAccessIssue]
+    inch = 1 / (height * words.get_position().height)
+    for place, shift, kind in ((0.75, True, "translations, mm"), (1.45, False, "rotations, deg")):
+        bar = figure.colorbar(
+            colours[shift],  # pyright: ignore[reportArgumentType]
+            cax=words.inset_axes((0.05, 1 - place * inch, 0.9, 0.13 * inch)),
+            orientation="horizontal",
+        )
+        bar.set_label(f"{kind} {_PER[local.scale]}")
+        bar.outline.set_linewidth(0.5)  # pyright: ignore[reportCallIssue, reportAttributeAccessIssue]
+    if len(local.names) > rows:
+        note = f"{len(local.names) - rows} parameters that move\nthe knee less are not shown"
+        words.text(0.05, 1 - 2.2 * inch, note, fontsize=7.5, transform=words.transAxes)
     return figure
 
 
