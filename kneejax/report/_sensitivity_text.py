@@ -102,7 +102,7 @@ def _sweep_lines(sweeps: Sweeps) -> list[str]:
     at_fault = [one for one in sweeps.sweeps if (~one.sound | (one.status > 0)).any()]
     if not at_fault:
         return ["", f"Sweeps: {parameters}, {poses} poses, all of them sound"]
-    lines = _wrapped(f"Sweeps: {parameters}, {poses} poses; those that are not sound:")
+    lines = _wrapped(f"Sweeps: {parameters}, {poses} poses; poses at fault:")
     head = ["parameter", "sound over", "outside", "unphysiol.", "unstable", "no balance"]
     rows = [head]
     for one in at_fault[:_MOST_ROWS]:
