@@ -17,6 +17,9 @@ from kneejax.report._identify_text import estimate_rows as estimate_rows
 from kneejax.report._identify_text import estimates_text as estimates_text
 from kneejax.report._indices_figures import fit_indices_figure as fit_indices_figure
 from kneejax.report._indices_figures import pose_indices_figure as pose_indices_figure
+from kneejax.report._information_figures import (
+    information_correlation_figure as information_correlation_figure,
+)
 from kneejax.report._information_figures import spectrum_figure as spectrum_figure
 from kneejax.report._information_text import INFORMATION_COLUMNS as INFORMATION_COLUMNS
 from kneejax.report._information_text import information_rows as information_rows

@@ -1,4 +1,4 @@
-"""The spectrum of what data tell about parameters, as a figure."""
+"""Figures of what data tell: the spectrum of the information, and how estimates depend."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kneejax.report._figures import correlation_matrix_figure
 from kneejax.report._style import BLUE, GREY, VERMILLION, readable, styled
 
 if TYPE_CHECKING:
@@ -109,3 +110,15 @@ def spectrum_figure(found: Information) -> Figure:
     bar.set_ylabel("Part", fontsize=7.5)
     bar.yaxis.set_label_position("right")
     return figure
+
+
+def information_correlation_figure(found: Information) -> Figure:
+    """Draw the correlation of estimates that the data promise; those without one are hatched.
+
+    Args:
+        found: what the data tell.
+
+    Returns:
+        A matrix with numbers in its cells where they are readable.
+    """
+    return correlation_matrix_figure(found.names, found.correlation)
