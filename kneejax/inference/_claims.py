@@ -16,7 +16,8 @@ class Claim:
     Attributes:
         number: e.g. `1.4`.
         statement: what is claimed, in our words.
-        criterion: what has to hold of computed numbers, fixed before they are looked at.
+        criterion: what has to hold of computed numbers; the reason says so if it was changed after
+            they were seen.
         printed: what the paper prints for it.
         ours: what was computed.
         verdict: one of `VERDICTS`.
