@@ -46,9 +46,10 @@ def departures(
         sizes, directions = np.linalg.eigh(jacobian @ covariance @ jacobian.T)
         step = covariance @ jacobian.T @ directions[:, -1] / np.sqrt(sizes[-1])
         # As many stations as there were candidates: one shape, one compilation.
-        alike = stations_of([candidates[row]] * len(candidates))
+        copies = [row] * len(candidates)
+        alike, near = stations_of([candidates[i] for i in copies]), foreseen.take(copies)
         for side in (step, -step):
-            moved = station_derivatives(selection, knee, values + side, alike).table[0]
+            moved = station_derivatives(selection, knee, values + side, alike, near).table[0]
             change, straight = (moved - foreseen.table[row]) / noise, jacobian @ side
             part = np.linalg.norm(change - straight) / np.linalg.norm(straight)
             parts[row] = max(parts.get(row, 0.0), float(np.nan_to_num(part, nan=np.inf)))

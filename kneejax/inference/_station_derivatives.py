@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
@@ -26,15 +27,28 @@ class StationDerivatives:
         table: free coordinates, degrees and mm, `(stations, 5)`.
         jacobian: by the parameters, `(stations, 5, p)`.
         status: `Status` values, `(stations,)`.
+        meeting: parameters of the meeting points, `(stations, n, 2)`.
     """
 
     table: np.ndarray
     jacobian: np.ndarray
     status: np.ndarray
+    meeting: np.ndarray
+
+    def take(self, rows: Sequence[int]) -> StationDerivatives:
+        """Some of the stations, in the order of `rows`."""
+        place = list(rows)
+        return StationDerivatives(
+            self.table[place], self.jacobian[place], self.status[place], self.meeting[place]
+        )
 
 
 def station_derivatives(
-    selection: Selection, knee: Knee, values: np.ndarray, stations: Stations
+    selection: Selection,
+    knee: Knee,
+    values: np.ndarray,
+    stations: Stations,
+    near: StationDerivatives | None = None,
 ) -> StationDerivatives:
     """Balance a knee at flexions with loads, and differentiate each pose by the parameters.
 
@@ -47,11 +61,17 @@ def station_derivatives(
         knee: gives everything else.
         values: of the parameters, `(p,)`.
         stations: in any order; none depends on another.
+        near: balanced poses at these stations, of parameters close by, to begin at instead.
 
     Returns:
         Poses, exact derivatives (the implicit function theorem) and outcomes.
     """
     x, flexion = jnp.asarray(values, float), stations.flexion
+    if near is not None:
+        q, meeting = near.table.T / TABLE_UNITS[:, None], np.moveaxis(near.meeting, 0, -1)
+        beside = Guess(jnp.asarray(q), jnp.asarray(meeting))
+        once = jnp.asarray(1)
+        return _by_station(_evaluate(selection, knee, x, stations, beside, flexion, once))
     begin = jnp.broadcast_to(knee.reference_pose.flexion, flexion.shape)
     count = poses_on_the_way(knee.reference_pose.flexion, flexion)
     guess = first_guess(add_lane_axis(selection.apply(knee, x)), begin)
@@ -60,10 +80,15 @@ def station_derivatives(
     if not failed.any():
         return grown
     direct = _by_station(_evaluate(selection, knee, x, stations, guess, begin, jnp.asarray(count)))
+
+    def better(by_load: np.ndarray, at_once: np.ndarray) -> np.ndarray:
+        return np.where(failed.reshape(-1, *(1,) * (by_load.ndim - 1)), at_once, by_load)
+
     return StationDerivatives(
-        np.where(failed[:, None], direct.table, grown.table),
-        np.where(failed[:, None, None], direct.jacobian, grown.jacobian),
-        np.where(failed, direct.status, grown.status),
+        better(grown.table, direct.table),
+        better(grown.jacobian, direct.jacobian),
+        better(grown.status, direct.status),
+        better(grown.meeting, direct.meeting),
     )
 
 
@@ -72,6 +97,7 @@ def _by_station(found: Evaluation) -> StationDerivatives:
         np.asarray(found.table).T,
         np.moveaxis(np.asarray(found.jacobian), 1, 0),
         np.asarray(found.settled.status),
+        np.moveaxis(np.asarray(found.settled.meeting), -1, 0),
     )
 
 
