@@ -82,8 +82,9 @@ def posterior(
     beliefs = normal_priors(problem, priors, bounds)
     likely, found = most_probable(problem, beliefs, np.asarray(fit, float))
     covariance = laplace_covariance(problem, likely, found, beliefs)
-    density = MotionDensity.of(problem, noise, beliefs, (likely, found))
-    origin, spread = _without_bounds(problem, density, likely, found, covariance)
+    deviation = np.sqrt(np.diag(covariance))
+    density = MotionDensity.of(problem, noise, beliefs, (likely, found), deviation)
+    origin, spread = _without_bounds(problem, density, beliefs, likely, found, deviation)
     start = _starts(problem, density, origin, spread, chains, seed)
     begun_drawing = time.perf_counter()
     drawn = sample(
@@ -114,19 +115,18 @@ def _check_counts(chains: int, draws: int, warmup: int) -> None:
             raise UnsuitableData(f"{name}: {value}: expected {least} or more")
 
 
-def _without_bounds(problem: Problem, density: MotionDensity, likely, found, covariance):
+def _without_bounds(problem, density: MotionDensity, priors, likely, found, deviation):
     """A middle and a covariance in the coordinates that have no bounds."""
-    lower, upper = np.asarray(density.lower), np.asarray(density.upper)
-    width = upper - lower
-    # Near a bound those coordinates are of no use: inside by a standard deviation.
-    room = np.fmin(np.sqrt(np.diag(covariance)), 0.25 * width)
-    values = np.clip(likely, lower + room, upper - room)
-    part = (values - lower) / width
-    rate = width * part * (1.0 - part)
+    lower, upper = (np.array([getattr(p, end) for p in priors]) for end in ("lower", "upper"))
+    # At a bound those coordinates are of no use: inside by a standard deviation.
+    room = np.fmin(deviation, 0.25 * (upper - lower))
+    values = jnp.asarray(np.clip(likely, lower + room, upper - room))
+    middle, each = density.position(values), jnp.ones(len(likely))
+    rate = np.asarray(jax.jvp(density.values, (middle,), (each,))[1])
+    bend = np.asarray(jax.jvp(jax.grad(density.widening), (middle,), (each,))[1])
     _, jacobian = problem.residual(likely, found)
     precision = jacobian.T @ jacobian + np.diag(np.asarray(density.precision))
-    precision = precision * np.outer(rate, rate) + np.diag(2.0 * part * (1.0 - part))
-    return np.asarray(density.position(jnp.asarray(values))), np.linalg.inv(precision)
+    return np.asarray(middle), np.linalg.inv(precision * np.outer(rate, rate) - np.diag(bend))
 
 
 def _starts(problem: Problem, density: MotionDensity, origin, spread, chains, seed) -> ChainState:

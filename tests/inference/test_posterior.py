@@ -51,7 +51,8 @@ def shifted(problem, knee):
     values = np.r_[np.asarray(problem.selection.read(knee)), -0.2]
     found = shifted.poses(values)
     shifted.keep(values, found)
-    density = MotionDensity.of(shifted, np.full(5, NOISE), priors, (values, found))
+    deviation = np.array([0.001, 0.002, 0.001, np.nan, 0.1])
+    density = MotionDensity.of(shifted, np.full(5, NOISE), priors, (values, found), deviation)
     return shifted, priors, density, values
 
 
@@ -99,27 +100,55 @@ def test_arviz_takes_it_over(fitted):
 def test_the_density_is_that_of_the_poses(shifted, central_difference):
     """Its value by the poses of `Problem`, its gradient by central differences."""
     problem, priors, density, values = shifted
-    values = values + [0.004, -0.006, 0.005, 0.003, 0.1]
+    values = values + np.array([[0.004, -0.006, 0.005, 0.003, 0.1], [0.0, 0.02, 0.0, -0.01, 9.7]])
     position = np.asarray(density.position(jnp.asarray(values)))
-    value, gradient = look(density, jnp.tile(position, (4, 1)))
-    residual, _ = problem.residual(values, problem.poses(values))
-    bells = sum(((x - p.mean) / p.sd) ** 2 for x, p in zip(values, priors, strict=True))
-    part = (values - density.lower) / (density.upper - density.lower)
-    # The last: how the density widens where the bounds are taken away.
-    expected = -0.5 * (residual @ residual + bells) + float(jnp.sum(jnp.log(part * (1 - part))))
-    assert value == pytest.approx(np.full(4, expected), rel=1e-9)
+    assert np.allclose(density.values(jnp.asarray(position)), values, rtol=1e-9)
+    value, gradient = look(density, jnp.asarray(position[[0, 1, 0, 1]]))
+    expected = []
+    for x, place in zip(values, position, strict=True):
+        residual, _ = problem.residual(x, problem.poses(x))
+        bells = sum(((v - p.mean) / p.sd) ** 2 for v, p in zip(x, priors, strict=True))
+        # How much room a step takes up where the bounds are taken away.
+        rates = np.diag(central_difference(lambda u: density.values(jnp.asarray(u)), place, 1e-5))
+        expected.append(-0.5 * (residual @ residual + bells) + np.log(rates).sum())
+    assert value[0] - value[1] == pytest.approx(expected[0] - expected[1], rel=1e-9)
+    assert value[2] == pytest.approx(value[0]) and value[3] == pytest.approx(value[1])
 
     def alone(x):
         return look(density, jnp.tile(jnp.asarray(x), (4, 1)))[0][0]
 
-    slopes = central_difference(alone, position, 1e-4)
-    assert np.allclose(gradient, slopes, rtol=1e-6, atol=1e-6 * np.abs(slopes).max())
+    for row, place in enumerate(position):
+        slopes = central_difference(alone, place, 1e-4)
+        assert np.allclose(gradient[row], slopes, rtol=1e-6, atol=1e-6 * np.abs(slopes).max())
+
+
+def test_positions_bend_at_bounds_and_priors_follow(knee, shifted, central_difference):
+    """Stiffness in its logarithm, strain as it is; the priors' mass is the same in both worlds."""
+    named = select(knee, ("ACL.stiffness", "PCL.reference_strain"))
+    problem = dataclasses.replace(shifted[0], selection=named, offsets=())
+    priors = normal_priors(problem)
+    near = np.array([4500.0, -0.1]), shifted[0].poses(shifted[3])
+    density = MotionDensity.of(problem, np.full(5, NOISE), priors, near, np.array([450.0, 0.002]))
+    values = np.array([[4000.0, -0.09], [301.0, -0.1999], [9990.0, 0.1999], [6000.0, 0.0]])
+    position = np.asarray(density.position(jnp.asarray(values)))
+    assert np.allclose(density.values(jnp.asarray(position)), values, rtol=1e-9)
+    # Far from the bounds nothing is bent.
+    assert position[3] == pytest.approx([np.log(6000.0), 0.0], abs=1e-3)
+    logs = [
+        sum(np.log(p.density(v)) for p, v in zip(priors, row, strict=True))
+        + np.log(np.diag(central_difference(density.values, place, 1e-5))).sum()
+        for row, place in zip(values, position, strict=True)
+    ]
+    found = np.asarray(density.prior(jnp.asarray(position)))
+    assert np.allclose(found - found[0], np.array(logs) - logs[0], rtol=1e-7)
+    beyond = np.asarray(density.values(jnp.array([[-50.0, -9.0], [50.0, 9.0]])))
+    assert np.allclose(beyond, [[300.0, -0.2], [10000.0, 0.2]])
 
 
 def test_parameters_without_balance_have_no_density_and_leave_others_alone(shifted):
     """A knee of slack ligaments falls apart; the others' poses are found as exactly as before."""
     *_, density, values = shifted
-    good = np.tile(values, (4, 1)) + 0.002 * np.arange(4)[:, None]
+    good = np.tile(values, (4, 1)) + 2e-4 * np.arange(4)[:, None]
     bad = good.copy()
     bad[2, :4] = -0.199
     (value, gradient), (mixed, mixed_gradient) = (
