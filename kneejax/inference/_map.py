@@ -22,7 +22,7 @@ from kneejax.inference._parameters import (
 from kneejax.inference._physiological import unphysiological
 from kneejax.inference._problem import DEFAULT_WEIGHTS
 from kneejax.mechanics import Knee
-from kneejax.statics import Balances, Progress, Stations, Status, balance_lines, balance_many
+from kneejax.statics import Balances, Progress, Stations, Status, balance_lines, own_motion
 
 #: Balances of a block, about: enough to fill all cores, few enough to hold in memory. A map that
 #: was stopped goes on with its next block.
@@ -270,8 +270,10 @@ class _Study:
 
     def check_own_motion(self) -> None:
         """The knee's own motion: what is unphysiological is so against it."""
-        base = jnp.asarray(self.base)
-        own = balance_many(self.knee, self.selection.apply, base, self.base[None], self.stations)
+        self.own = own_motion(
+            self.knee, self.selection.apply, jnp.asarray(self.base), self.stations
+        )
+        own = self.own
         self.own_table, self.used = own.table[0], own.converged[0][self.back]
         if not self.used.any():
             raise UnsuitableData("no measured flexion has a balance with the knee's own parameters")
@@ -328,8 +330,9 @@ class _Study:
     def _lines(self, values, begin, near, progress=None) -> Balances:
         vary, base = self.selection.apply, jnp.asarray(self.base)
         return balance_lines(
-            self.knee, vary, base, values, self.stations, begin, near=near, progress=progress
-        )
+            self.knee, vary, base, values, self.stations, begin,
+            near=near, own=self.own, progress=progress,
+        )  # fmt: skip
 
     def _reduced(self, found: Balances) -> dict[str, np.ndarray]:
         """Of poses, what a map keeps: a few numbers a grid point."""

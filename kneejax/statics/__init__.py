@@ -8,6 +8,7 @@ from kneejax.statics._batch import Balances as Balances
 from kneejax.statics._batch import Progress as Progress
 from kneejax.statics._batch import balance_lines as balance_lines
 from kneejax.statics._batch import balance_many as balance_many
+from kneejax.statics._batch import own_motion as own_motion
 from kneejax.statics._compiled import compiled as compiled
 from kneejax.statics._compiled import compiler_options as compiler_options
 from kneejax.statics._compiled import use_shared_fusion as use_shared_fusion

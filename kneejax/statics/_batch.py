@@ -67,6 +67,7 @@ def balance_many(
     values: Any,
     stations: Stations,
     *,
+    own: Balances | None = None,
     progress: Progress | None = None,
 ) -> Balances:
     """Balance variants of a knee at stations.
@@ -81,6 +82,7 @@ def balance_many(
         base: the value of the knee itself.
         values: like `base`, with a leading axis `(variants, ...)`.
         stations: in an order in which neighbours are near each other.
+        own: the knee's own motion (`own_motion`) if it is known; computed by default.
         progress: called now and then with balances done and asked for.
 
     Returns:
@@ -89,7 +91,7 @@ def balance_many(
     Raises:
         RuntimeError: float64 is switched off.
     """
-    walker = _walker(knee, vary, base, values, stations, progress)
+    walker = _walker(knee, vary, base, values, stations, own, progress)
     _walk_all(walker, _along_stations(walker), _ALONG_STATIONS)
     # What was not reached on the way up may be reached from above.
     _walk_all(walker, _gaps(walker, -1), _ALONG_STATIONS)
@@ -105,6 +107,7 @@ def balance_lines(
     begin: np.ndarray,
     *,
     near: Balances | None = None,
+    own: Balances | None = None,
     progress: Progress | None = None,
 ) -> Balances:
     """Balance variants that stand in lines, each near its neighbours.
@@ -112,7 +115,7 @@ def balance_lines(
     At each station a line is walked from one of its points in both directions.
 
     Args:
-        knee: as in `balance_many`; likewise `vary`, `base`, `stations`, `progress`.
+        knee: as in `balance_many`; likewise `vary`, `base`, `stations`, `own`, `progress`.
         values: like `base`, with leading axes `(lines, points, ...)`.
         begin: the point of each line where the walk begins, `(lines,)`.
         near: balances near those points, `(lines, stations)`; the knee's own motion by default.
@@ -125,7 +128,7 @@ def balance_lines(
     """
     lines, points = np.shape(jax.tree.leaves(values)[0])[:2]
     flat = jax.tree.map(lambda x: np.reshape(x, (lines * points, *np.shape(x)[2:])), values)
-    walker = _walker(knee, vary, base, flat, stations, progress)
+    walker = _walker(knee, vary, base, flat, stations, own, progress)
     middle = np.arange(lines) * points + np.asarray(begin, int)
     _walk_all(walker, _single_nodes(walker, middle, near), _ALONG_VALUES)
     up, down = (_arms(walker, middle, points, way) for way in (1, -1))
@@ -135,12 +138,57 @@ def balance_lines(
     return _balances(walker, (lines, points))
 
 
-def _walker(knee, vary, base, values, stations, progress) -> Walker:
+def own_motion(knee: Knee, vary: Vary, base: Any, stations: Stations) -> Balances:
+    """Balance the knee itself at stations.
+
+    Each station is reached from the reference pose by itself, flexion and load growing together:
+    no answer depends on which other stations were asked for.
+
+    Args:
+        knee: as in `balance_many`; likewise `vary`, `base`.
+        stations: in any order.
+
+    Returns:
+        The balances of one variant.
+    """
+    size, start = len(stations), float(knee.reference_pose.flexion)
+    farthest = float(np.max(np.abs(np.asarray(stations.flexion) - start), initial=0.0))
+    steps = max(int(np.ceil(farthest / _STRIDE)), _LOAD_STEPS if stations.loads else 1)
+    part = np.tile(np.arange(steps + 1) / steps, size)
+    last = jax.tree.map(lambda x: np.repeat(np.asarray(x), steps + 1, axis=0), stations)
+    way = Stations(
+        start + part * (last.flexion - start),
+        jax.tree.map(lambda x: x * part[:, None], last.loads),
+    )
+    found = Found.nothing(knee, 1, len(way))
+    reference = np.array([float(x) for x in knee.reference_pose.state])
+    rest = (np.broadcast_to(reference, (len(way), 5)), np.zeros(found.meeting.shape[1:]))
+    one = jax.tree.map(lambda x: np.asarray(x)[None], base)
+    walker = Walker(knee, vary, one, way, rest, found, lambda _: None)
+    station = np.arange(len(way)).reshape(size, steps + 1)
+    paths = _paths(walker, np.zeros_like(station), station, np.full(size, steps + 1))
+    _walk_all(walker, paths, _ALONG_STATIONS)
+    ends = station[:, -1]
+    return Balances(*(x[:, ends] for x in (found.q, found.meeting, found.status, found.steps)))
+
+
+def _walker(knee, vary, base, values, stations, own: Balances | None, progress) -> Walker:
     variants, size = len(jax.tree.leaves(values)[0]), len(stations)
-    own = _own_motion(knee, vary, base, stations)
+    start = _filled(own or own_motion(knee, vary, base, stations), knee)
     found = Found.nothing(knee, variants, size)
     report = _counter(progress, variants * size)
-    return Walker(knee, vary, values, stations, own, found, report)
+    return Walker(knee, vary, values, stations, start, found, report)
+
+
+def _filled(own: Balances, knee: Knee) -> tuple[np.ndarray, np.ndarray]:
+    """Where searches begin; where the knee itself has no balance, at that of a near station."""
+    size = own.q.shape[1]
+    known = np.flatnonzero(own.converged[0])
+    if not len(known):
+        reference = np.array([float(x) for x in knee.reference_pose.state])
+        return np.broadcast_to(reference, (size, 5)), own.meeting[0]
+    nearest = known[np.abs(np.arange(size)[:, None] - known).argmin(axis=1)]
+    return own.q[0, nearest], own.meeting[0, nearest]
 
 
 def _balances(walker: Walker, shape: tuple[int, ...]) -> Balances:
@@ -263,35 +311,3 @@ def _gaps(walker: Walker, way: int) -> Paths:
 def _joined(*parts: Paths) -> Paths:
     fields = [f.name for f in dataclasses.fields(Paths)]
     return Paths(*(np.concatenate([getattr(part, name) for part in parts]) for name in fields))
-
-
-def _own_motion(knee: Knee, vary: Vary, base, stations: Stations):
-    """Coordinates and meeting points of the knee itself at the stations.
-
-    Each station is reached from the reference pose by itself, flexion and load growing together:
-    no answer depends on which other stations were asked for.
-    """
-    size, start = len(stations), float(knee.reference_pose.flexion)
-    farthest = float(np.max(np.abs(np.asarray(stations.flexion) - start), initial=0.0))
-    steps = max(int(np.ceil(farthest / _STRIDE)), _LOAD_STEPS if stations.loads else 1)
-    part = np.tile(np.arange(steps + 1) / steps, size)
-    last = jax.tree.map(lambda x: np.repeat(np.asarray(x), steps + 1, axis=0), stations)
-    way = Stations(
-        start + part * (last.flexion - start),
-        jax.tree.map(lambda x: x * part[:, None], last.loads),
-    )
-    found = Found.nothing(knee, 1, len(way))
-    reference = np.array([float(x) for x in knee.reference_pose.state])
-    rest = (np.broadcast_to(reference, (len(way), 5)), np.zeros(found.meeting.shape[1:]))
-    one = jax.tree.map(lambda x: np.asarray(x)[None], base)
-    walker = Walker(knee, vary, one, way, rest, found, lambda _: None)
-    station = np.arange(len(way)).reshape(size, steps + 1)
-    paths = _paths(walker, np.zeros_like(station), station, np.full(size, steps + 1))
-    _walk_all(walker, paths, _ALONG_STATIONS)
-    ends = station[:, -1]
-    known = np.flatnonzero(found.known[0, ends])
-    if not len(known):
-        return rest[0][:size], np.full((size, *found.meeting.shape[2:]), np.nan)
-    # Where the knee itself has no balance, searches begin from that of the nearest station.
-    nearest = known[np.abs(np.arange(size)[:, None] - known).argmin(axis=1)]
-    return found.q[0, ends[nearest]], found.meeting[0, ends[nearest]]

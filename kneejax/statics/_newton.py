@@ -216,9 +216,8 @@ class EnergyNewton(optx.AbstractRootFinder):
         )
         moved = guess.q + jnp.stack(shift), guess.meeting + jnp.stack([a, b], axis=1), guess.tangent
         # A lane whose numbers are not finite stands still: the solver would end the search of all.
-        astray = functools.reduce(
-            jnp.logical_or, [~jnp.all(jnp.isfinite(x), axis=tuple(range(x.ndim - 1))) for x in moved]
-        )
+        finite = [jnp.all(jnp.isfinite(x), axis=tuple(range(x.ndim - 1))) for x in moved]
+        astray = ~functools.reduce(jnp.logical_and, finite)
         still = guess.q, guess.meeting, jnp.zeros_like(guess.tangent)
         q, meeting, tangent = (
             jnp.where(astray, old, new) for old, new in zip(still, moved, strict=True)

@@ -137,16 +137,17 @@ def with_meeting(knee: Knee, flexion: Array, q: Array) -> Guess:
 
 def search_one(
     knee: Knee, flexion: Array, guess: Guess, search: EnergyNewton
-) -> tuple[Array, Array, dict[str, Array]]:
+) -> tuple[Guess, dict[str, Array]]:
     """As `settle` at one pose, without a derivative; the solver's numbers may be traced.
 
     Returns:
-        Coordinates (NaN where they are no balance), meeting points, and the rest of `Settled`.
+        Where the search ended, whether in a balance or not, and the rest of `Settled`.
     """
     knee = knee.for_many_poses()
     meeting = _known_meeting(knee, flexion, guess.q, guess.meeting)
     found, state = _found(knee, flexion, Guess(guess.q, meeting, guess.tangent), search)
-    return _described(knee, flexion, found, state)
+    _, _, rest = _described(knee, flexion, found, state)
+    return found, rest
 
 
 def _found(knee: Knee, flexion: Array, guess: Guess, search: EnergyNewton):

@@ -29,8 +29,13 @@ Vary = Callable[[Knee, Any], Knee]
 
 #: Lanes of a call: what a step needs stays in the processor's cache (benchmarks/batch.py).
 LANES = 128
-#: Newton steps of a node that is predicted, and of one that was lost.
-_QUICK, _PATIENT = 8, 40
+#: Of a node that is predicted, and of one that was lost: Newton steps, and the part of all lanes
+#: that must ask before tangents are computed anew.
+_QUICK, _PATIENT = (5, 0.1), (40, 0.0)
+#: Quick calls in which a node may go on from where the last one left it.
+_GOES_ON = 2
+#: Flexion between stations beyond which distances from the own motion are not extrapolated, rad.
+_FAR = np.deg2rad(12.0)
 _ACCURACY_MM = 1e-7
 
 
@@ -58,9 +63,10 @@ def in_lanes(knee: Knee, vary: Vary, values: Any) -> Knee:
 def _step(vary: Vary, knee: Knee, values, stations: Stations, guess: Guess, patience):
     """One node in each lane."""
     lanes = stations.load(in_lanes(knee, vary, values))
-    search = EnergyNewton(atol=_ACCURACY_MM, most_steps=patience, least_share=0.1)
-    q, meeting, rest = search_one(lanes, stations.flexion, guess, search)
-    return q, meeting, rest["tangent"], rest["status"], rest["steps"]
+    most_steps, least_share = patience
+    search = EnergyNewton(atol=_ACCURACY_MM, most_steps=most_steps, least_share=least_share)
+    reached, rest = search_one(lanes, stations.flexion, guess, search)
+    return reached.q, reached.meeting, rest["tangent"], rest["status"], rest["steps"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -149,6 +155,8 @@ class Walker:
         self.stations = jax.tree.map(np.asarray, stations)
         self.found, self.report = found, report
         self._count = threading.Lock()
+        numbers = [np.reshape(x, (len(stations), -1)) for x in jax.tree.leaves(self.stations)]
+        self._marks = np.hstack(numbers)
 
     def walk(self, paths: Paths, give_up: int) -> None:
         """Walk paths to their ends; the same paths give the same numbers, bit by bit.
@@ -164,23 +172,34 @@ class Walker:
         away_q = np.repeat(paths.q[None], 3, axis=0)
         away_meeting = np.repeat(paths.meeting[None], 3, axis=0)
         tangent = np.zeros((count, 5, 5))
+        # What a call left unfinished: how often, and where.
+        begun, left_q, left_meeting = np.zeros(count, int), paths.q.copy(), paths.meeting.copy()
         while True:
             waiting = np.flatnonzero(place < paths.length)
             if not len(waiting):
                 return
-            lost_ones = patient[waiting]
-            quick = waiting[~lost_ones]
+            quick, aside = waiting[~patient[waiting]], waiting[patient[waiting]]
             # Patience first where a call would not be full: who is found walks on with the others.
-            patiently = len(quick) < LANES and bool(lost_ones.any())
-            rows = waiting[lost_ones] if patiently else quick
-            rows = rows[np.argsort(place[rows], kind="stable")[:LANES]]
+            patiently = len(quick) < LANES and len(aside) > 0
+            rows = aside if patiently else quick[np.argsort(place[quick], kind="stable")]
+            rows = rows[:LANES]
             here = paths.variant[rows, place[rows]], paths.station[rows, place[rows]]
-            guess = (
-                self.own[0][here[1]] + _extrapolated(away_q[:, rows], known[rows]),
-                self.own[1][here[1]] + _extrapolated(away_meeting[:, rows], known[rows]),
-                tangent[rows],
+            # What was lost may have been led astray by its prediction.
+            ahead = self._even(paths, rows, place[rows]) & ~patient[rows]
+            trusted = np.where(ahead, known[rows], 0)
+            guess = [
+                np.where(
+                    (begun[rows] > 0).reshape(-1, *(1,) * (own.ndim - 1)),
+                    left[rows],
+                    own[here[1]] + _extrapolated(away[:, rows], trusted),
+                )
+                for left, own, away in zip(
+                    (left_q, left_meeting), self.own, (away_q, away_meeting), strict=True
+                )
+            ]
+            q, meeting, stiffness, status, steps = self._call(
+                *here, (*guess, tangent[rows]), patiently
             )
-            q, meeting, stiffness, status, steps = self._call(*here, guess, patiently)
             good = status < Status.TOO_DEEP
             self.found.steps[here] += steps
             won, nodes = rows[good], (here[0][good], here[1][good])
@@ -190,17 +209,32 @@ class Walker:
                 [meeting[good] - self.own[1][nodes[1]], *away_meeting[:2, won]]
             )
             tangent[won] = stiffness[good]
-            known[won], lost[won], patient[won] = known[won] + 1, 0, False
-            patient[rows[~good]] = not patiently
-            if patiently:
-                known[rows[~good]] = 0
-                lost[rows[~good]] += 1
-            ended = good | patiently
+            known[won], lost[won], patient[won], begun[won] = known[won] + 1, 0, False, 0
+            gone = ~good & patient[rows]
+            more = ~good & ~gone & (begun[rows] < _GOES_ON) & np.isfinite(q).all(axis=1)
+            left_q[rows[more]], left_meeting[rows[more]] = q[more], meeting[more]
+            tangent[rows[more]] = stiffness[more]
+            begun[rows[more]] += 1
+            set_aside = ~good & ~gone & ~more
+            begun[rows[set_aside]], tangent[rows[set_aside]] = 0, 0.0
+            patient[rows[set_aside]], patient[rows[gone]] = True, False
+            known[rows[gone]] = 0
+            lost[rows[gone]] += 1
+            ended = good | gone
             self.found.status[here[0][ended], here[1][ended]] = status[ended]
             place[rows[ended]] += 1
             place[lost >= give_up] = paths.length[lost >= give_up]
             with self._count:
                 self.report(int(ended.sum()))
+
+    def _even(self, paths: Paths, rows: np.ndarray, place: np.ndarray) -> np.ndarray:
+        """Whether a path's last two strides and the next one are alike, and short."""
+        last, before = (paths.station[rows, np.maximum(place - k, 0)] for k in (1, 2))
+        here = self._marks[paths.station[rows, place]]
+        stride, former = here - self._marks[last], self._marks[last] - self._marks[before]
+        size = np.abs(stride).max(axis=1)
+        alike = np.abs(stride - former).max(axis=1) <= 1e-6 * size
+        return (alike | (place < 2)) & (np.abs(stride[:, 0]) <= _FAR)
 
     def _call(self, variant, station, guess, patiently: bool):
         """One node in each lane; a short row is filled up with its own nodes."""
@@ -213,7 +247,7 @@ class Walker:
             jax.tree.map(lambda x: x[variant[full]], self.values),
             jax.tree.map(lambda x: x[station[full]], self.stations),
             Guess(q, meeting, tangent),
-            np.asarray(_PATIENT if patiently else _QUICK),
+            _PATIENT if patiently else _QUICK,
         )
         return (np.moveaxis(np.asarray(x), -1, 0)[:size] for x in found)
 
