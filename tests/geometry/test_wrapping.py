@@ -1,5 +1,7 @@
 """Paths around spheres and cylinders: closed forms, symmetries, limits, derivatives."""
 
+from typing import NamedTuple
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -20,6 +22,11 @@ number = st.floats(-60.0, 60.0, allow_nan=False)
 point = st.tuples(number, number, number)
 
 
+# One program for each kind of obstacle and each shape of the ends.
+taut = jax.jit(geo.taut)
+path_points = jax.jit(geo.path_points, static_argnums=3)
+
+
 @jax.jit
 def path_of(obstacle, start, end):
     return geo.taut(obstacle, geo.vector(start), geo.vector(end), WIDTH)
@@ -29,9 +36,61 @@ def _array(vector):
     return np.stack([np.asarray(c) for c in vector])
 
 
+def _length(obstacle, ends):
+    return path_of(obstacle, ends[:3], ends[3:]).length
+
+
 def _pulls(obstacle, ends):
     path = path_of(obstacle, ends[:3], ends[3:])
     return jnp.stack([*path.pull_start, *path.pull_end])
+
+
+class ByEnds(NamedTuple):
+    """Derivatives by the six coordinates of the ends.
+
+    Attributes:
+        length: of the length.
+        forward: of the pulls, `(6, 6)`.
+        reverse: the same in reverse mode.
+        hessian: second ones of the length.
+    """
+
+    length: jax.Array
+    forward: jax.Array
+    reverse: jax.Array
+    hessian: jax.Array
+
+
+@jax.jit
+def by_ends(obstacle, ends):
+    def length(x):
+        return _length(obstacle, x)
+
+    def pulls(x):
+        return _pulls(obstacle, x)
+
+    return ByEnds(
+        jax.grad(length)(ends),
+        jax.jacfwd(pulls)(ends),
+        jax.jacrev(pulls)(ends),
+        jax.hessian(length)(ends),
+    )
+
+
+@jax.jit
+def length_and_pulls(obstacle, size, ends):
+    """Of an obstacle of another size: radius, or semi-axes."""
+    _, *rest = jax.tree.leaves(obstacle)
+    resized = jax.tree.unflatten(jax.tree.structure(obstacle), [size, *rest])
+    return jnp.stack([_length(resized, ends), *_pulls(resized, ends)])
+
+
+@jax.jit
+def by_size(obstacle, ends):
+    """Derivatives of `length_and_pulls` by the size, in both modes."""
+    size = jax.tree.leaves(obstacle)[0]
+    modes = (jax.jacfwd, jax.jacrev)
+    return [mode(lambda x: length_and_pulls(obstacle, x, ends))(size) for mode in modes]
 
 
 def _straight(start, end):
@@ -147,48 +206,37 @@ def test_gradients_and_second_derivatives(kind, angle, central_difference):
     """Wrapped, inside the hand-over, and free."""
     obstacle = KINDS[kind]
     ends = ENDS if angle is None else _brought_to(obstacle, ENDS, angle)
-    pulls = _pulls(obstacle, ends)
-
-    def length(x):
-        return path_of(obstacle, x[:3], x[3:]).length
-
+    pulls, exact = _pulls(obstacle, ends), by_ends(obstacle, ends)
     step = 2e-4 if angle is not None and abs(angle) < WIDTH else 1e-3
-    np.testing.assert_allclose(pulls, central_difference(length, ends, step), atol=2e-7)
-    np.testing.assert_allclose(jax.grad(length)(jnp.asarray(ends)), pulls, atol=1e-13)
-    second = jax.jacfwd(lambda x: _pulls(obstacle, x))(jnp.asarray(ends))
+    differences = central_difference(lambda x: _length(obstacle, x), ends, step)
+    np.testing.assert_allclose(pulls, differences, atol=2e-7)
+    np.testing.assert_allclose(exact.length, pulls, atol=1e-13)
     differences = central_difference(lambda x: _pulls(obstacle, x), ends, step)
-    np.testing.assert_allclose(second, differences, atol=1e-6)
-    np.testing.assert_allclose(second, second.T, atol=1e-10)
-    np.testing.assert_allclose(jax.hessian(length)(jnp.asarray(ends)), second, atol=1e-10)
+    np.testing.assert_allclose(exact.forward, differences, atol=1e-6)
+    np.testing.assert_allclose(exact.forward, exact.forward.T, atol=1e-10)
+    np.testing.assert_allclose(exact.hessian, exact.forward, atol=1e-10)
 
 
 @every_kind
 def test_derivatives_by_the_shape(kind, central_difference):
-    leaves, structure = jax.tree.flatten(KINDS[kind])
-    sizes = jnp.atleast_1d(leaves[0])
-
-    def built(sizes):
-        first = sizes if kind == "ellipsoid" else sizes[0]
-        return jax.tree.unflatten(structure, [first, *leaves[1:]])
-
-    def results(sizes):
-        path = path_of(built(sizes), ENDS[:3], ENDS[3:])
-        return jnp.stack([path.length, *path.pull_start, *path.pull_end])
-
-    exact = jax.jacfwd(results)(sizes)
-    np.testing.assert_allclose(exact, central_difference(results, sizes, 1e-3), atol=1e-6)
-    np.testing.assert_allclose(jax.jacrev(results)(sizes), exact, atol=1e-12)
+    obstacle = KINDS[kind]
+    forward, reverse = by_size(obstacle, ENDS)
+    differences = central_difference(
+        lambda size: length_and_pulls(obstacle, size, ENDS), jax.tree.leaves(obstacle)[0], 1e-3
+    )
+    np.testing.assert_allclose(forward, differences, atol=1e-6)
+    np.testing.assert_allclose(reverse, forward, atol=1e-12)
 
 
 @every_kind
 def test_continuous_through_the_hand_over(kind):
     """Length, pull and stiffness are continuous where the blend begins and ends."""
     obstacle = KINDS[kind]
-    jacobian = jax.jit(jax.jacfwd(lambda x: _pulls(obstacle, x)))
     for edge in (-WIDTH, WIDTH):
         below, above = (_brought_to(obstacle, ENDS, edge + d) for d in (-1e-7, 1e-7))
         np.testing.assert_allclose(_pulls(obstacle, below), _pulls(obstacle, above), atol=1e-6)
-        np.testing.assert_allclose(jacobian(below), jacobian(above), atol=1e-4)
+        stiffness = [by_ends(obstacle, ends).forward for ends in (below, above)]
+        np.testing.assert_allclose(*stiffness, atol=1e-4)
 
 
 def test_hand_over_error_is_quadratic_in_the_width(slope_on_log_axes):
@@ -196,10 +244,10 @@ def test_hand_over_error_is_quadratic_in_the_width(slope_on_log_axes):
     heights = np.linspace(11.0, 13.0, 4001)
     start = (np.full_like(heights, -20.0), heights, 0.0 * heights)
     end = (np.full_like(heights, 24.0), heights, 0.0 * heights)
-    exact = geo.taut(sphere, start, end, 1e-6).length
+    exact = taut(sphere, start, end, 1e-6).length
     widths = [0.01, 0.02, 0.04]
     errors = [
-        float(jnp.max(jnp.abs(geo.taut(sphere, start, end, w).length - exact))) for w in widths
+        float(jnp.max(jnp.abs(taut(sphere, start, end, w).length - exact))) for w in widths
     ]
     assert slope_on_log_axes(widths, errors) == pytest.approx(2.0, abs=0.1)
     assert errors[1] < 3e-4
@@ -219,9 +267,9 @@ def test_vmap_is_a_loop(kind, rng):
 def test_fibres_by_lanes_and_an_obstacle_in_lanes():
     start = tuple(jnp.full((3, 5), c) for c in (-20.0, 1.0, 2.0))
     radii = jnp.linspace(5.0, 12.0, 5)
-    path = geo.taut(geo.WrapSphere(radii), start, (20.0, 1.0, 2.0), WIDTH)
+    path = taut(geo.WrapSphere(radii), start, (20.0, 1.0, 2.0), WIDTH)
     assert path.length.shape == (3, 5)
-    single = geo.taut(geo.WrapSphere(radii[3]), (-20.0, 1.0, 2.0), (20.0, 1.0, 2.0), WIDTH)
+    single = path_of(geo.WrapSphere(radii[3]), np.array([-20.0, 1, 2]), np.array([20.0, 1, 2]))
     assert path.length[1, 3] == pytest.approx(float(single.length), rel=1e-14)
 
 
@@ -248,20 +296,12 @@ def test_nothing_is_nan(kind, case):
     axes = np.minimum([float(a) for a in obstacle.semi_axes_along_frame], 1e3)
     start = np.array([axes[0], 0.0, 0.0]) if start is None else np.asarray(start)
     end = np.array([-0.6 * axes[0], 0.8 * axes[1], 0.0]) if end is None else np.asarray(end)
-    ends = jnp.asarray(np.concatenate([start, end]))
-    path = path_of(obstacle, ends[:3], ends[3:])
+    path = path_of(obstacle, start, end)
     assert not any(np.isnan(leaf).any() for leaf in jax.tree.leaves(path))
-    length = jax.grad(lambda x: path_of(obstacle, x[:3], x[3:]).length)(ends)
-    second = jax.jacfwd(lambda x: _pulls(obstacle, x))(ends)
-    back = jax.jacrev(lambda x: _pulls(obstacle, x))(ends)
-    assert np.isfinite(length).all() and np.isfinite(second).all() and np.isfinite(back).all()
-    leaves, structure = jax.tree.flatten(obstacle)
-
-    def by_shape(first):
-        grown = jax.tree.unflatten(structure, [first, *leaves[1:]])
-        return jnp.stack([*_pulls(grown, ends), path_of(grown, ends[:3], ends[3:]).length])
-
-    assert np.isfinite(jax.jacfwd(by_shape)(leaves[0])).all()
+    ends = np.concatenate([start, end])
+    exact = by_ends(obstacle, ends)
+    for slope in (exact.length, exact.forward, exact.reverse, *by_size(obstacle, ends)):
+        assert np.isfinite(slope).all()
 
 
 def test_line_through_a_sphere_goes_round_by_a_half_circle():
@@ -279,11 +319,11 @@ def test_inside_is_straight_and_says_so(kind):
 @every_kind
 def test_path_flips_where_the_other_side_is_as_short(kind):
     """Past the centre the side turns over, and the detour shrinks to nothing on the way."""
-    heights = jnp.array([2.0, 0.5, 0.02, -0.02, -0.5, -2.0])
-    zero = jnp.zeros(6)
+    heights = np.array([2.0, 0.5, 0.02, -0.02, -0.5, -2.0])
+    zero = np.zeros(6)
     # An ellipsoid's least way round is over its least axis.
     across = (zero, heights) if kind == "ellipsoid" else (heights, zero)
-    path = geo.taut(KINDS[kind], (zero - 25.0, *across), (zero + 25.0, *across), WIDTH)
+    path = taut(KINDS[kind], (zero - 25.0, *across), (zero + 25.0, *across), WIDTH)
     assert (np.diff(path.detour_other_side[:3]) < 0).all() and path.detour_other_side[2] < 0.1
     side = _array(path.side)
     assert side[:, 2] @ side[:, 3] == pytest.approx(-1.0)
@@ -292,14 +332,16 @@ def test_path_flips_where_the_other_side_is_as_short(kind):
 
 @every_kind
 def test_drawn_points_have_the_path_s_length(kind):
-    start, end = geo.vector(ENDS[:3]), geo.vector(ENDS[3:])
-    points = np.asarray(geo.path_points(KINDS[kind], start, end, 401))
+    free = np.array([30.0, 0.0, 0.0, 30.0, 9.0, 0.0])
+    points, beside = (
+        np.asarray(path_points(KINDS[kind], tuple(ends[:3]), tuple(ends[3:]), 401))
+        for ends in (ENDS, free)
+    )
     assert points.shape == (401, 3)
     np.testing.assert_allclose(points[[0, -1]], [ENDS[:3], ENDS[3:]])
     length = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
-    assert length == pytest.approx(float(geo.taut(KINDS[kind], start, end).length), abs=1e-3)
-    free = np.asarray(geo.path_points(KINDS[kind], (30.0, 0.0, 0.0), (30.0, 9.0, 0.0), 5))
-    np.testing.assert_allclose(free[:, 1], np.linspace(0.0, 9.0, 5))
+    assert length == pytest.approx(float(_length(KINDS[kind], ENDS)), abs=1e-3)
+    np.testing.assert_allclose(beside[:, 1], np.linspace(0.0, 9.0, 401))
 
 
 @given(start=point, end=point, axes=st.tuples(*[st.floats(4.0, 20.0)] * 3))
