@@ -3,6 +3,7 @@
 import csv
 from pathlib import Path
 
+import jax
 import numpy as np
 import pytest
 
@@ -40,10 +41,14 @@ def _obstacle(wrap):
     return geo.WrapEllipsoid(size, frame)
 
 
-def _compared():
+taut = jax.jit(geo.taut)
+
+
+@pytest.fixture(scope="module")
+def compared():
     """Name, path, length error and force error of every wrapped fibre over all instants."""
     wraps = {row["name"]: row for row in _rows(DATA / "wraps.csv")}
-    recorded = {}
+    recorded, found = {}, []
     for row in _rows(RECORDED / "jam_passive_flexion_fibre_golden.csv"):
         if float(row["time"]) >= 0.5:
             recorded.setdefault(row["name"], {})[f"{float(row['time']):.2f}"] = row
@@ -56,21 +61,23 @@ def _compared():
         place = tibia.after(own) if wrap["body"] == TIBIA else own
         start = place.apply_inverse(tuple(_point_mm(fibre, "p1_")))
         end = place.apply_inverse(tibia.apply(tuple(_point_mm(fibre, "p2_"))))
-        path = geo.taut(obstacle, start, end)
+        path = taut(obstacle, *(jax.tree.map(np.asarray, x) for x in (start, end)))
         strain = path.length / (1e3 * float(fibre["slack_length_m"])) - 1.0
         force = ligament_law.exact_tension(
             strain, float(fibre["linear_stiffness_N_per_strain"]), 0.06
         )
         lengths = np.array([1e3 * float(row["length_m"]) for row in rows.values()])
         forces = np.array([float(row["force_spring_N"]) for row in rows.values()])
-        yield fibre["name"], path, np.asarray(path.length) - lengths, np.asarray(force), forces
+        error = np.asarray(path.length) - lengths
+        found.append((fibre["name"], path, error, np.asarray(force), forces))
+    return found
 
 
 @needs_data
-def test_wrapped_fibres_agree_with_the_recorded_ones():
+def test_wrapped_fibres_agree_with_the_recorded_ones(compared):
     """The peer picks a plane by rule and sums chords; measured here: 0.004 mm and 0.04 N apart."""
     names, wrapped = [], 0
-    for name, path, length_error, force, recorded in _compared():
+    for name, path, length_error, force, recorded in compared:
         names.append(name)
         wrapped += int((path.angle > 0).sum())
         assert np.abs(length_error).max() < 0.005, name
@@ -80,9 +87,9 @@ def test_wrapped_fibres_agree_with_the_recorded_ones():
 
 
 @needs_data
-def test_an_attachment_inside_its_obstacle_is_straight_as_the_peer_has_it():
-    inside = {name for name, path, *_ in _compared() if path.inside.all()}
+def test_an_attachment_inside_its_obstacle_is_straight_as_the_peer_has_it(compared):
+    inside = {name for name, path, *_ in compared if path.inside.all()}
     assert inside
-    for name, path, length_error, *_ in _compared():
+    for name, path, length_error, *_ in compared:
         if name in inside:
             assert (path.excess == 0.0).all() and np.abs(length_error).max() < 1e-4
