@@ -62,13 +62,22 @@ def _all_failed(calibration):
     return dataclasses.replace(calibration, fits=(fit,))
 
 
-def test_files_are_complete_and_the_page_needs_nothing_else(tmp_path):
-    calibration = made_up.calibration()
-    paths = report.write_report(calibration, tmp_path / "new")
-    assert paths[0] == tmp_path / "new" / "report.html"
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("report") / "new"
+
+
+@pytest.fixture(scope="module")
+def paths(folder):
+    """Files of the made-up calibration."""
+    return report.write_report(made_up.calibration(), folder)
+
+
+def test_files_are_complete_and_the_page_needs_nothing_else(folder, paths):
+    assert paths[0] == folder / "report.html"
     assert len(paths) == 13
     assert all(path.stat().st_size > 1000 for path in paths)
-    assert sorted(p for p in (tmp_path / "new").rglob("*") if p.is_file()) == sorted(paths)
+    assert sorted(p for p in folder.rglob("*") if p.is_file()) == sorted(paths)
     page = paths[0].read_text(encoding="utf-8")
     assert not re.search(r"""(?:src|href)\s*=\s*["']?\s*(?:https?:)?//""", page)
     assert not re.search(r"<script|<link|@import|url\((?!#)", page)
@@ -77,9 +86,8 @@ def test_files_are_complete_and_the_page_needs_nothing_else(tmp_path):
     assert len(identifiers) == len(set(identifiers))
 
 
-def test_page_names_every_parameter_and_warning(tmp_path):
-    calibration = made_up.calibration()
-    page = report.write_report(calibration, tmp_path)[0].read_text(encoding="utf-8")
+def test_page_names_every_parameter_and_warning(paths):
+    calibration, page = made_up.calibration(), paths[0].read_text(encoding="utf-8")
     text = html.unescape(page)
     for estimate in calibration.fit.estimates:
         assert f"<td>{estimate.name}</td>" in page
@@ -93,11 +101,9 @@ def test_page_names_every_parameter_and_warning(tmp_path):
         assert f">{count}</td>" in page
 
 
-def test_report_is_the_same_every_time(tmp_path):
-    calibration = made_up.calibration()
-    first = report.write_report(calibration, tmp_path / "a")
-    second = report.write_report(calibration, tmp_path / "b")
-    assert [p.read_bytes() for p in first] == [p.read_bytes() for p in second]
+def test_report_is_the_same_every_time(paths, tmp_path):
+    again = report.write_report(made_up.calibration(), tmp_path)
+    assert [p.read_bytes() for p in paths] == [p.read_bytes() for p in again]
 
 
 @pytest.mark.parametrize(
