@@ -16,7 +16,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from kneejax.mechanics import Knee
+from kneejax.mechanics import Knee, Load
 from kneejax.statics._stations import Stations
 from kneejax.statics._status import Status
 from kneejax.statics._walk import LANES, Found, Paths, Vary, Walker
@@ -141,8 +141,9 @@ def balance_lines(
 def own_motion(knee: Knee, vary: Vary, base: Any, stations: Stations) -> Balances:
     """Balance the knee itself at stations.
 
-    Each station is reached from the reference pose by itself, flexion and load growing together:
-    no answer depends on which other stations were asked for.
+    Each station is reached as a test is made: the knee is bent from the reference pose without the
+    load, which then grows. A lax knee may have several balances; this is the one that a test finds,
+    and it does not depend on which other stations were asked for.
 
     Args:
         knee: as in `balance_many`; likewise `vary`, `base`.
@@ -151,15 +152,16 @@ def own_motion(knee: Knee, vary: Vary, base: Any, stations: Stations) -> Balance
     Returns:
         The balances of one variant.
     """
+    stations = stations.plain()
     size, start = len(stations), float(knee.reference_pose.flexion)
-    farthest = float(np.max(np.abs(np.asarray(stations.flexion) - start), initial=0.0))
-    steps = max(int(np.ceil(farthest / _STRIDE)), _LOAD_STEPS if stations.loads else 1)
-    part = np.tile(np.arange(steps + 1) / steps, size)
-    last = jax.tree.map(lambda x: np.repeat(np.asarray(x), steps + 1, axis=0), stations)
-    way = Stations(
-        start + part * (last.flexion - start),
-        jax.tree.map(lambda x: x * part[:, None], last.loads),
-    )
+    flexion, loads = np.asarray(stations.flexion), jax.tree.map(np.asarray, stations.loads)
+    bends = max(int(np.ceil(np.max(np.abs(flexion - start), initial=0.0) / _STRIDE)), 1)
+    grows = _LOAD_STEPS * any(x.any() for load in loads for x in (load.force, load.moment))
+    steps = bends + grows
+    bent = np.tile(np.minimum(np.arange(steps + 1) / bends, 1.0), size)
+    loaded = np.tile(np.maximum(np.arange(steps + 1) - bends, 0) / max(grows, 1), size)
+    last = jax.tree.map(lambda x: np.repeat(x, steps + 1, axis=0), (flexion, loads))
+    way = Stations(start + bent * (last[0] - start), tuple(_part(x, loaded) for x in last[1]))
     found = Found.nothing(knee, 1, len(way))
     reference = np.array([float(x) for x in knee.reference_pose.state])
     rest = (np.broadcast_to(reference, (len(way), 5)), np.zeros(found.meeting.shape[1:]))
@@ -172,12 +174,18 @@ def own_motion(knee: Knee, vary: Vary, base: Any, stations: Stations) -> Balance
     return Balances(*(x[:, ends] for x in (found.q, found.meeting, found.status, found.steps)))
 
 
+def _part(load: Load, part: np.ndarray) -> Load:
+    return dataclasses.replace(
+        load, force=part[:, None] * load.force, moment=part[:, None] * load.moment
+    )
+
+
 def _walker(knee, vary, base, values, stations, own: Balances | None, progress) -> Walker:
     variants, size = len(jax.tree.leaves(values)[0]), len(stations)
     start = _filled(own or own_motion(knee, vary, base, stations), knee)
     found = Found.nothing(knee, variants, size)
     report = _counter(progress, variants * size)
-    return Walker(knee, vary, values, stations, start, found, report)
+    return Walker(knee, vary, values, stations.plain(), start, found, report)
 
 
 def _filled(own: Balances, knee: Knee) -> tuple[np.ndarray, np.ndarray]:

@@ -108,7 +108,7 @@ def _in_chunks(knee, vary, values, stations: Stations, guess) -> Slopes:
     """Nodes dealt to lanes, chunks of lanes to threads."""
     count, size = len(values), len(stations)
     q, meeting, tangent = (x.reshape(count * size, *x.shape[2:]) for x in guess)
-    numbers = jax.tree.map(np.asarray, stations)
+    numbers = jax.tree.map(np.asarray, stations.plain())
 
     def chunk(first: int):
         rows = np.minimum(np.arange(first, first + LANES), count * size - 1)

@@ -46,6 +46,15 @@ class Stations(eqx.Module):
         """Some of the stations, in the order of `rows`."""
         return jax.tree.map(lambda x: x[rows], self)
 
+    def plain(self) -> Stations:
+        """The same with at least one load and without names: one compiled program serves more."""
+        nothing = Load(jnp.zeros((len(self), 3)), jnp.zeros((len(self), 3)),
+                       jnp.zeros((len(self), 3)), axes="tibia")  # fmt: skip
+        loads = self.loads or (nothing,)
+        return Stations(
+            self.flexion, tuple(dataclasses.replace(x, name="load") for x in loads)
+        )
+
     def load(self, knee: Knee) -> Knee:
         """A knee whose leaves end in lanes, one lane a station, with these loads added."""
         loads = jax.tree.map(lambda x: jnp.moveaxis(x, 0, -1), self.loads)
