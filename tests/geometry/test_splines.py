@@ -1,5 +1,7 @@
 """Cubic B-splines against SciPy's, their derivatives, and what surfaces make of them."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,9 +11,19 @@ from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
 import kneejax.geometry as geo
+from kneejax.geometry import _splines
 from kneejax.geometry import _vectors as v
 from kneejax.geometry._polynomials import partials
-from kneejax.geometry._splines import spline_partials
+
+# One program for each shape, where operation by operation would be a hundred small ones.
+spline_partials = jax.jit(_splines.spline_partials, static_argnums=3)
+point_of = jax.jit(lambda surface, a, b: v.full(surface.point(a, b)))
+level_of = jax.jit(lambda surface, point: surface.level(point))
+slope_of = jax.jit(lambda surface, point: surface.level_and_slope(point))
+bend_of = jax.jit(lambda surface, point: surface.level_slope_and_bend(point))
+any_bend_of = jax.jit(geo.Surface.level_slope_and_bend)
+jet_of = jax.jit(lambda surface, a, b: surface.jet(a, b, order=3))
+covered = jax.jit(lambda surface, a, b, step: surface.covered(a, b, step))
 
 PAIRS = [(i, j) for i in range(4) for j in range(4 - i)]
 
@@ -75,14 +87,19 @@ def test_derivatives_through_it_agree_with_central_differences(rng, central_diff
     c, point = rng.normal(size=(7, 6)), rng.uniform(-0.9, 0.9, 2)
 
     def table(flat, order):
-        d = spline_partials(flat[2:].reshape(7, 6), flat[0], flat[1], order)
+        d = _splines.spline_partials(flat[2:].reshape(7, 6), flat[0], flat[1], order)
         return jnp.stack([x for row in d for x in row])
+
+    @partial(jax.jit, static_argnums=1)
+    def followed(flat, order):
+        value, push = jax.linearize(lambda x: table(x, order), flat)
+        (backward,) = jax.vmap(jax.linear_transpose(push, flat))(jnp.eye(value.size))
+        return value, jax.vmap(push, out_axes=-1)(jnp.eye(flat.size)), backward
 
     x = np.r_[point, c.ravel()]
     for order in (0, 1, 2):
-        forward = jax.jacfwd(lambda y, o=order: table(y, o))(jnp.asarray(x))
-        backward = jax.jacrev(lambda y, o=order: table(y, o))(jnp.asarray(x))
-        expected = central_difference(lambda y, o=order: table(jnp.asarray(y), o), x, 1e-4)
+        _, forward, backward = followed(x, order)
+        expected = central_difference(lambda y, o=order: followed(y, o)[0], x, 1e-4)
         np.testing.assert_allclose(forward, expected, rtol=1e-6, atol=1e-6)
         np.testing.assert_allclose(backward, forward, rtol=1e-12, atol=1e-12)
 
@@ -128,15 +145,15 @@ def test_level_and_jet_of_spline_surfaces_agree_with_their_points(rng, central_d
         (spline_plateau(rng), (-19.0, -10.0), (21.0, 11.0)),
     ):
         a, b = (jnp.asarray(rng.uniform(lo, hi, 20)) for lo, hi in zip(low, high, strict=True))
-        point = surface.point(a, b)
-        np.testing.assert_allclose(surface.level(point), 0.0, atol=1e-9)
-        np.testing.assert_allclose(surface.level_and_slope(point)[0], 0.0, atol=1e-9)
-        local = surface.jet(a, b, order=3)
+        point = point_of(surface, a, b)
+        np.testing.assert_allclose(level_of(surface, point), 0.0, atol=1e-9)
+        np.testing.assert_allclose(slope_of(surface, point)[0], 0.0, atol=1e-9)
+        local = jet_of(surface, a, b)
         for k in (0, 7):
             at = np.array([float(a[k]), float(b[k])])
 
             def place(x):
-                return np.array(v.full(surface.point(jnp.array(x[0]), jnp.array(x[1]))))
+                return np.array(point_of(surface, x[0], x[1]))
 
             d = central_difference(place, at, 1e-4)
             along = [[float(c[k]) for c in v.full(local.vector(w))] for w in (local.a, local.b)]
@@ -153,20 +170,19 @@ def test_slope_and_bend_of_the_level_agree_with_central_differences_everywhere(
         surface = geo.Condyle(c, surface.angle, surface.width)
     for point in ([5.0, -20.0, 3.0], [-18.0, -9.0, 15.0], [-18.0, -9.0, -15.0], [20.0, 6.0, 2.0]):
         def level(x):
-            return np.asarray(surface.level_and_slope(tuple(jnp.asarray(c) for c in x))[0])
+            return np.asarray(slope_of(surface, tuple(x))[0])
 
         def slope(x):
-            found = surface.level_and_slope(tuple(jnp.asarray(c) for c in x))[1]
-            return np.stack([np.asarray(c) for c in found])
+            return np.stack([np.asarray(c) for c in slope_of(surface, tuple(x))[1]])
 
-        at, x = tuple(jnp.array(c) for c in point), np.array(point)
-        value, by_place, bend = surface.level_slope_and_bend(at)
+        x = np.array(point)
+        value, by_place, bend = bend_of(surface, tuple(x))
         np.testing.assert_array_equal(value, level(x))
         np.testing.assert_array_equal(v.full(by_place), slope(x))
         expected = central_difference(level, x, 1e-4)
         np.testing.assert_allclose(slope(x), expected, rtol=1e-6, atol=1e-6)
         np.testing.assert_allclose(bend, central_difference(slope, x, 1e-3), rtol=1e-6, atol=1e-6)
-        of_any = geo.Surface.level_slope_and_bend(surface, at)[2]
+        of_any = any_bend_of(surface, tuple(x))[2]
         np.testing.assert_allclose(of_any, bend, rtol=1e-10, atol=1e-12)
 
 
@@ -175,7 +191,7 @@ def test_beyond_its_width_a_spline_condyle_falls_and_never_rises(rng):
     angle = jnp.linspace(0.5, 3.0, 9)
     for edge, outwards in zip((-12.0, 12.0), (-1.0, 1.0), strict=True):
         levels = [
-            surface.level((20 * jnp.cos(angle), -20 * jnp.sin(angle), edge + outwards * step))
+            level_of(surface, (20 * jnp.cos(angle), -20 * jnp.sin(angle), edge + outwards * step))
             for step in (0.0, 1.0, 5.0, 40.0)
         ]
         for near, far in zip(levels, levels[1:], strict=False):
@@ -195,7 +211,7 @@ def test_an_outline_covers_its_own_area(rng):
         a = jnp.asarray(-20 + step[0] * (np.arange(count) + 0.5))
         b = jnp.asarray(-11 + step[1] * (np.arange(count) + 0.5))
         a, b = (x.ravel() for x in jnp.meshgrid(a, b, indexing="ij"))
-        share = plateau.covered(a, b, step)
+        share = covered(plateau, a, b, step)
         assert ((share >= 0) & (share <= 1)).all()
         errors.append(abs(float(share.sum()) * step[0] * step[1] / expected - 1))
         # Lanes: every knee its own outline.
@@ -203,7 +219,7 @@ def test_an_outline_covers_its_own_area(rng):
             plateau.coefficients[..., None], plateau.x[:, None], plateau.z[:, None],
             basis="cubic_spline", outline=jnp.stack([plateau.outline, plateau.outline + 1], -1),
         )
-        both = lanes.covered(a[:, None], b[:, None], step)
+        both = covered(lanes, a[:, None], b[:, None], step)
         np.testing.assert_allclose(both[:, 0], share)
     assert max(errors) < 5e-3
     assert spline_plateau(rng).covered(a, b, step) == 1.0
