@@ -1,6 +1,6 @@
 """How many equilibria a second, over random four-ligament knees and 25 angles?
 
-    python benchmarks/batch.py [--knees 8192] [--chunk 128] [--threads 2] [--peers 20]
+    python benchmarks/batch.py [--knees 8192] [--peers 20]
 
 Beside it, in the same run: a loop of `scipy.optimize.root` over the same equations in plain NumPy
 (`_numpy_knee.py`), with the same prediction from angle to angle, on the first few knees.
@@ -11,21 +11,31 @@ from __future__ import annotations
 import time
 
 import numpy as np
-from _engine import Engine, random_knees
 from _numpy_knee import UNITS, NumpyKnee
 from _protocol import ANGLES, arguments, finish, load, peak_memory_mb
+from _variants import motion_of, random_knees, timed_batch
 from scipy import optimize
 
+from kneejax.statics import Status
 
-def peer(knee, engine, stiffness, slack_length, analytic: bool):
-    """Poses `(angles, 5, knees)` of a SciPy loop, its seconds and evaluations a pose."""
-    model, count = NumpyKnee(knee), stiffness.shape[1]
-    poses = np.full((len(ANGLES), 5, count), np.nan)
+
+def peer(knee, own, stiffness, slack_length, analytic: bool):
+    """Poses `(knees, angles, 5)` of a SciPy loop, its seconds and evaluations a pose.
+
+    Args:
+        knee: gives everything else.
+        own: its own motion, where searches begin.
+        stiffness: `(knees, ligaments)`.
+        slack_length: likewise.
+        analytic: whether the search gets a Jacobian.
+    """
+    model, count = NumpyKnee(knee), len(stiffness)
+    poses = np.full((count, len(ANGLES), 5), np.nan)
     calls, begun = 0, time.perf_counter()
     for row in range(count):
-        model.stiffness, model.slack = stiffness[:, row, None], slack_length[:, row, None]
-        model.meeting = np.moveaxis(engine.own.meeting[..., 0], 0, 1)[..., None]
-        past = [engine.own.q[:, 0] / UNITS]
+        model.stiffness, model.slack = stiffness[row, :, None], slack_length[row, :, None]
+        model.meeting = own.meeting[0, 0].T[..., None]
+        past = [own.q[0, 0] / UNITS]
         for k, angle in enumerate(np.deg2rad(ANGLES)):
             if len(past) < 3:
                 guess = 2 * past[-1] - past[-2] if len(past) == 2 and k > 1 else past[-1]
@@ -37,48 +47,41 @@ def peer(knee, engine, stiffness, slack_length, analytic: bool):
             calls += found.nfev + found.get("njev", 0)
             if found.success:
                 past = ([] if k == 0 else past[-2:]) + [found.x]
-                poses[k, :, row] = found.x * UNITS
+                poses[row, k] = found.x * UNITS
     return poses, time.perf_counter() - begun, calls / (count * len(ANGLES))
 
 
 def main() -> None:
-    options = arguments("batch", __doc__, knees=8192, chunk=128, threads=2, peers=20, seed=0)
+    options = arguments("batch", __doc__, knees=8192, peers=20, seed=0)
     knee = load(options.knee)
     stiffness, slack_length = random_knees(knee, options.knees, options.seed)
-    begun = time.perf_counter()
-    engine = Engine(knee, ANGLES, options.chunk, options.threads)
-    first = slice(0, min(options.chunk, options.knees))
-    engine.solve(stiffness[:, first], slack_length[:, first])
-    ready = time.perf_counter() - begun
-    done = engine.solve(stiffness, slack_length)
-    total = options.knees * len(ANGLES)
+    few = slice(0, min(options.peers, options.knees))
+    ready, _ = timed_batch(knee, (stiffness[few], slack_length[few]), ANGLES)
+    begun = time.process_time()
+    seconds, found = timed_batch(knee, (stiffness, slack_length), ANGLES)
     rows = {
         "knees": options.knees,
-        "chunk": options.chunk,
-        "threads": options.threads,
-        "equilibria": total,
-        "equilibria_per_second": total / done["seconds"][-1],
-        "seconds_after_each_pass": done["seconds"],
+        "equilibria": found.status.size,
+        "equilibria_per_second": found.status.size / seconds,
+        "processor_seconds": time.process_time() - begun,
         "seconds_until_ready": ready,
-        "converged_after_each_pass": done["converged"],
-        "stable": float(done["stable"].mean()),
-        "mean_steps": float(done["steps"].mean()),
+        "converged": float(found.converged.mean()),
+        "stable": float((found.status < Status.UNSTABLE).mean()),
+        "mean_steps": float(found.steps.mean()),
         "peak_memory_MB": peak_memory_mb(),
     }
-    few = slice(0, min(options.peers, options.knees))
+    own = motion_of(knee, ANGLES)
     for name, analytic in (("hybr", False), ("hybr_with_jacobian", True)):
-        poses, seconds, calls = peer(
-            knee, engine, stiffness[:, few], slack_length[:, few], analytic
-        )
-        apart = np.abs(poses - done["q"][..., few]) / UNITS[:, None]
-        same = np.nanmax(apart, axis=1) < 1e-5
+        poses, spent, calls = peer(knee, own, stiffness[few], slack_length[few], analytic)
+        apart = np.abs(poses - found.q[few]) / UNITS
+        same = np.nanmax(apart, axis=2) < 1e-5
+        a_second = apart.shape[0] * apart.shape[1] / spent
         rows |= {
-            f"scipy_{name}_per_second": apart.shape[0] * apart.shape[2] / seconds,
+            f"scipy_{name}_per_second": a_second,
             f"scipy_{name}_evaluations_per_pose": calls,
-            f"scipy_{name}_converged": float(np.isfinite(poses[:, 0]).mean()),
+            f"scipy_{name}_converged": float(np.isfinite(poses[..., 0]).mean()),
             f"scipy_{name}_same_to_1e-5": float(same.mean()),
-            f"times_faster_than_{name}": (total / done["seconds"][-1])
-            / (apart.shape[0] * apart.shape[2] / seconds),
+            f"times_faster_than_{name}": found.status.size / seconds / a_second,
         }
     finish(options.out, "Equilibria a second over random knees", rows)
 

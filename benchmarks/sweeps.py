@@ -12,8 +12,8 @@ from __future__ import annotations
 import time
 
 import numpy as np
-from _engine import Engine
 from _protocol import ANGLES, arguments, finish, first_and_median, load, peak_memory_mb
+from _variants import motion_of
 from batch import peer
 
 from kneejax import passive_flexion, with_values
@@ -58,11 +58,10 @@ def main() -> None:
 
     varied = [with_values(knee, {name: value}) for name, value in few]
     stiffness, slack = (
-        np.stack([np.asarray(getattr(k.ligaments, field)) for k in varied], axis=-1)
+        np.stack([np.asarray(getattr(k.ligaments, field)) for k in varied])
         for field in ("stiffness", "slack_length")
     )
-    engine = Engine(knee, ANGLES, 128, 1)
-    _, spent, _ = peer(knee, engine, stiffness, slack, True)
+    _, spent, _ = peer(knee, motion_of(knee, ANGLES), stiffness, slack, True)
     rows["seconds_of_a_scipy_loop"] = spent * status.size / (len(few) * len(ANGLES))
     rows["times_faster_than_scipy"] = rows["seconds_of_a_scipy_loop"] / seconds
     finish(options.out, "Figures 3 to 10 of paper 1", rows)

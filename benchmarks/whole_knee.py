@@ -1,6 +1,6 @@
 """How fast is a knee with every fibre, obstacles and contact summed over points?
 
-    python benchmarks/whole_knee.py [--knee lenhart2015] [--poses 20000] [--knees 512] [--chunk 64]
+    python benchmarks/whole_knee.py [--knee lenhart2015] [--poses 20000] [--knees 512]
 
 Poses that are given, a second: straight fibres alone, all fibres, and all fibres with contact. Then
 equilibria a second of random variations of the knee's ligaments over flexion.
@@ -12,13 +12,14 @@ import dataclasses
 
 import equinox as eqx
 import numpy as np
-from _engine import Engine
 from _protocol import arguments, finish, first_and_median, load, peak_memory_mb
+from _variants import timed_batch
 
 import kneejax as kj
 from kneejax.experiments import evaluate
 from kneejax.geometry import Pose
 from kneejax.mechanics import Knee
+from kneejax.statics import Status
 
 FLEXION = np.arange(0.0, 91.0, 5.0)
 
@@ -42,7 +43,7 @@ def poses_near(knee: Knee, count: int) -> Pose:
 
 
 def main() -> None:
-    options = arguments("whole_knee", __doc__, poses=20000, knees=512, chunk=64, threads=2)
+    options = arguments("whole_knee", __doc__, poses=20000, knees=512)
     knee = load("lenhart2015" if options.knee == "four_ligament" else options.knee)
     poses = poses_near(knee, options.poses)
     rows = {"knee": knee.name, "fibres": len(knee.ligaments.names), "poses": options.poses}
@@ -56,29 +57,25 @@ def main() -> None:
         rows[f"{name}_first_call_seconds"] = first
         print(f"{name}: {options.poses / again:,.0f} poses a second", flush=True)
 
-    stiffness, slack_length = varied(knee, options.knees)
-    engine = Engine(knee, FLEXION, options.chunk, options.threads)
-    some = slice(0, options.chunk)
-    engine.solve(stiffness[:, some], slack_length[:, some])
-    done = engine.solve(stiffness, slack_length)
-    total = options.knees * len(FLEXION)
+    values = varied(knee, options.knees)
+    timed_batch(knee, tuple(x[:32] for x in values), FLEXION)
+    seconds, found = timed_batch(knee, values, FLEXION)
     rows |= {
-        "equilibria": total,
-        "equilibria_per_second": total / done["seconds"][-1],
-        "balanced_and_stable": float(np.mean(done["stable"])),
-        "converged_by_pass": done["converged"],
-        "steps_median": float(np.median(done["steps"])),
+        "equilibria": found.status.size,
+        "equilibria_per_second": found.status.size / seconds,
+        "balanced_and_stable": float((found.status < Status.UNSTABLE).mean()),
+        "steps_median": float(np.median(found.steps)),
         "peak_memory_mb": peak_memory_mb(),
     }
     finish(options.out, "How fast is a whole knee?", rows)
 
 
 def varied(knee: Knee, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Stiffness within 20 and slack length within 2 per cent of the knee's, `(fibres, count)`."""
+    """Stiffness within 20 and slack length within 2 per cent of the knee's, `(count, fibres)`."""
     draw = np.random.default_rng(0)
     ligaments = knee.ligaments
-    own = (np.asarray(x)[:, None] for x in (ligaments.stiffness, ligaments.slack_length))
-    size = (len(ligaments.names), count)
+    own = (np.asarray(x) for x in (ligaments.stiffness, ligaments.slack_length))
+    size = (count, len(ligaments.names))
     return tuple(
         x * (1.0 + part * draw.uniform(-1.0, 1.0, size))
         for x, part in zip(own, (0.2, 0.02), strict=True)
