@@ -45,7 +45,8 @@ def posterior(
     The likelihood is that of independent normal noise on the five free coordinates at each measured
     flexion; priors are normal within bounds. Parameters with which a pose has no balance have
     density zero. Chains begin around the most probable parameters, twice as far apart as the normal
-    density there, and move in coordinates in which that has unit covariance.
+    density there, and move in coordinates in which that has unit covariance. Drawing is some five
+    times faster after `kneejax.use_shared_fusion()`, which the command line calls.
 
     Args:
         problem: what is fitted; its knee is where the calibration began. Its weights are not used.

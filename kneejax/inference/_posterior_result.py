@@ -15,6 +15,8 @@ from kneejax.inference._priors import Prior
 LEVELS = (0.025, 0.25, 0.5, 0.75, 0.975)
 #: Above this R-hat, below this effective size, chains are not to be trusted (Vehtari et al. 2021).
 _R_HAT, _EFFECTIVE_PER_CHAIN = 1.01, 100.0
+# Of all trajectories; fewer than that only count (`Posterior.divergences`).
+_FEW = 1e-3
 # A posterior as wide as this part of its prior says little beyond it.
 _LITTLE = 0.9
 
@@ -154,7 +156,7 @@ def doubts(result: Posterior) -> tuple[str, ...]:
             "has no balance; the posterior ends there. Narrower priors or bounds keep away from it."
         )
     diverged = result.divergences - result.unbalanced
-    if diverged > 0:
+    if diverged > _FEW * count:
         said.append(
             f"{diverged} of {count} trajectories diverged: the posterior bends more sharply than "
             "the step size follows. Draw longer warm-ups, or give narrower priors."

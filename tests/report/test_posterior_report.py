@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from kneejax.inference import Posterior, Prior
+from kneejax.inference._posterior_result import doubts
 from kneejax.report import (
     POSTERIOR_COLUMNS,
     posterior_figures,
@@ -124,3 +125,23 @@ def test_the_motion_is_drawn_in_the_order_of_flexion():
     first, second = (predictive_figure(each).axes for each in (found, shuffled))
     for one, other in zip(first, second, strict=True):
         assert np.array_equal(one.lines[0].get_xydata(), other.lines[0].get_xydata())
+
+
+def test_every_trouble_has_its_sentence():
+    said = doubts(made_up())
+    assert [sentence.split(":")[0][:40] for sentence in said] == [
+        "1 of 800 trajectories ran into parameter",
+        "1 of 800 trajectories diverged",
+        "The chains disagree about offset.interna",
+        "Fewer than 400 effective draws of offset",
+    ]
+    calm = dataclasses.replace(
+        made_up(divergences=0), r_hat=np.ones(4), effective_sample_size=np.full(4, 500.0),
+        tail_effective_sample_size=np.full(4, 500.0),
+    )  # fmt: skip
+    assert doubts(calm) == ()
+    narrow = Prior(NAMES[1], 0.02, 0.002, -0.2, 0.2)
+    idle = dataclasses.replace(calm, priors=(calm.priors[0], narrow, *calm.priors[2:]))
+    assert doubts(idle)[0].startswith("These data say little about MCL.reference_strain:")
+    few = dataclasses.replace(calm, measured=np.zeros((0, 6)))
+    assert doubts(few)[0].startswith("0 measured numbers for 4 parameters")
