@@ -16,7 +16,13 @@ from kneejax.files import read_poses as read_poses
 from kneejax.geometry import Pose as Pose
 from kneejax.inference import Calibration as Calibration
 from kneejax.inference import calibrate as calibrate
+from kneejax.inference import design_tests as design_tests
+from kneejax.inference import identify as identify
+from kneejax.inference import local_sensitivity as local_sensitivity
 from kneejax.inference import select as select
+from kneejax.inference import sensitivity_map as sensitivity_map
+from kneejax.inference import sensitivity_maps as sensitivity_maps
+from kneejax.inference import sweep as sweep
 from kneejax.inference import with_values as with_values
 from kneejax.mechanics import Knee as Knee
 from kneejax.statics import Status as Status

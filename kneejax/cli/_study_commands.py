@@ -95,7 +95,9 @@ def add_identify(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=MEAN:SD",
         help="normal prior of a parameter or wildcard, for the posterior",
     )
-    parser.add_argument("--posterior", action="store_true", help="sample it (packages BlackJAX, ArviZ)")
+    parser.add_argument(
+        "--posterior", action="store_true", help="sample it (packages BlackJAX and ArviZ)"
+    )
     parser.add_argument("--chains", type=int, default=4)
     parser.add_argument("--draws", type=int, default=1000, help="of each chain, after warm-up")
     parser.add_argument("--seed", type=int, default=0)

@@ -95,9 +95,7 @@ class BoundedLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         predicted = self._predicted(state, y)
         accept = jnp.isfinite(after) & ((after <= before) | ~state.seen)
         good = accept & (before - after > 0.5 * predicted)
-        change = jnp.where(
-            good, 1.0 / self.lower_by, jnp.where(accept, 1.0, self.raise_by)
-        )
+        change = jnp.where(good, 1.0 / self.lower_by, jnp.where(accept, 1.0, self.raise_by))
         return _State(
             x=jnp.where(accept, y, state.x),
             residual=jnp.where(accept, residual, state.residual),

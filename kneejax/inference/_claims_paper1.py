@@ -1,10 +1,10 @@
 """Claims of paper 1's section 3 against a computed knee, each with a criterion that can fail.
 
 Coordinates are those of the paper's Eq 1, the femur in the tibia. An effect is the range of a
-coordinate over the values of a sweep, at one flexion; poses that are not balanced, not stable or not
-physiological do not count. The paper's claims are read off figures: where it says "no influence",
-less than a tenth of the largest effect is asked for here; where it says "most", the largest mean
-over flexion.
+coordinate over the values of a sweep, at one flexion; poses that are not balanced, not stable or
+not physiological do not count. The paper's claims are read off figures: where it says "no
+influence", less than a tenth of the largest effect is asked for here; where it says "most", the
+largest mean over flexion.
 """
 
 from __future__ import annotations
@@ -277,7 +277,7 @@ def _unphysiological(found: Paper1Study) -> Claim:
     inside, outside, parts = [], [], []
     for name, (low, high) in _PHYSIOLOGICAL.items():
         one = found.sweeps[f"{name}.reference_strain"]
-        sound = one.sound.all(axis=1)
+        sound = np.asarray(one.sound.all(axis=1))
         within = (one.values >= low - 1e-9) & (one.values <= high + 1e-9)
         inside.append(bool(sound[within].all()))
         outside.append(bool((~sound[~within]).mean() > 0.5) if (~within).any() else True)

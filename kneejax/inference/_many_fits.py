@@ -157,9 +157,8 @@ def fit_many(
 
 
 def _solver(lower, upper) -> BoundedLevenbergMarquardt:
-    return BoundedLevenbergMarquardt(  # pyright: ignore[reportCallIssue]
-        lower, upper, rtol=_RTOL, atol=_ATOL
-    )
+    tolerances = {"rtol": _RTOL, "atol": _ATOL}
+    return BoundedLevenbergMarquardt(lower, upper, **tolerances)  # pyright: ignore
 
 
 def _begin(starts: np.ndarray, rows: int, damping: float):

@@ -58,6 +58,20 @@ class Condition(enum.IntEnum):
         return self.name.lower()
 
 
+def worst_condition(status: np.ndarray, unphysiological: np.ndarray) -> np.ndarray:
+    """What became of motions: the worst `Condition` over the poses, the last axis of both."""
+    condition = np.zeros(np.shape(status)[:-1], np.int8)
+    worst = [
+        (status == Status.OUTSIDE_REGION, Condition.OUTSIDE_REGION),
+        (unphysiological, Condition.UNPHYSIOLOGICAL),
+        (status == Status.UNSTABLE, Condition.UNSTABLE),
+        (status >= Status.TOO_DEEP, Condition.NO_BALANCE),
+    ]
+    for where, what in worst:
+        condition[where.any(axis=-1)] = what
+    return condition
+
+
 class BlockStore(Protocol):
     """Keeps the finished blocks of a map, so that it can go on where it was stopped."""
 
@@ -173,6 +187,7 @@ def sensitivity_maps(
     pairs: Sequence[tuple[str, str]],
     *,
     grid: tuple[int, int] = (41, 41),
+    at: Mapping[str, float] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     weights: np.ndarray | None = None,
     offsets: tuple[str, ...] = (),
@@ -190,6 +205,8 @@ def sensitivity_maps(
         measured: `(n, 6)` in the order of `kneejax.geometry.COLUMNS`, degrees and mm.
         pairs: of parameters; the first of a pair goes along x.
         grid: points along x and y.
+        at: parameter -> value of a knee that differs from the one given. Maps with the same names
+            here, of any pair of them, share what is compiled.
         bounds: by name, `*.quantity` or quantity; those of paper 1 by default.
         weights: `(5,)`; by default 8 per degree^2 and 1 per mm^2 (paper 1).
         offsets: free coordinates whose constant difference to the measurement is free: at every
@@ -211,15 +228,17 @@ def sensitivity_maps(
     """
     measured = np.asarray(measured, float)
     weights = DEFAULT_WEIGHTS if weights is None else np.asarray(weights, float)
-    names = _distinct_names(knee, pairs)
-    selection = select(knee, names)
+    at = dict(at or {})
+    selection = select(knee, tuple(dict.fromkeys((*at, *_distinct_names(knee, pairs)))))
     pairs_of_bounds = np.stack(stated_bounds(knee, selection, bounds or {}), axis=1)
     limits = dict(zip(selection.names, pairs_of_bounds, strict=True))
     if min(grid) < 2:
         shown = f"{grid[0]}x{grid[1]}"
         raise UnsuitableData(f"a grid of {shown} points: expected at least two along each axis")
     flexion, back = np.unique(measured[:, 0], return_inverse=True)
-    base = np.asarray(selection.read(knee))
+    base = np.array(selection.read(knee))
+    for name, value in at.items():
+        base[selection.names.index(name)] = value
     stations = Stations.at(flexion)
     study = _Study(
         knee, selection, base, stations, back, measured, weights, offsets, convention
@@ -228,7 +247,10 @@ def sensitivity_maps(
     total = len(pairs) * grid[0] * grid[1] * len(flexion)
     maps, done = [], 0
     for pair in pairs:
-        x, y = (np.linspace(*limits[name], points) for name, points in zip(pair, grid, strict=True))
+        x, y = (
+            np.linspace(limits[name][0], limits[name][1], points)
+            for name, points in zip(pair, grid, strict=True)
+        )
 
         def report(count: int, _: int, before: int = done) -> None:
             if progress is not None:
@@ -337,17 +359,8 @@ class _Study:
     def _reduced(self, found: Balances) -> dict[str, np.ndarray]:
         """Of poses, what a map keeps: a few numbers a grid point."""
         table, status = found.table, found.status[..., np.unique(self.back[self.used])]
-        strange = unphysiological(table, self.own_table).any(axis=-1)
+        condition = worst_condition(status, unphysiological(table, self.own_table))
         lost = (found.status[..., self.back[self.used]] >= Status.TOO_DEEP).sum(axis=-1)
-        condition = np.zeros(lost.shape, np.int8)
-        worst = [
-            ((status == Status.OUTSIDE_REGION).any(axis=-1), Condition.OUTSIDE_REGION),
-            (strange, Condition.UNPHYSIOLOGICAL),
-            ((status == Status.UNSTABLE).any(axis=-1), Condition.UNSTABLE),
-            (lost > 0, Condition.NO_BALANCE),
-        ]
-        for where, what in worst:
-            condition[where] = what
         return {"partial": self._partial(table), "condition": condition, "lost": lost}
 
     def _partial(self, table: np.ndarray) -> np.ndarray:

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
-from collections.abc import Mapping
 import functools
+from collections.abc import Mapping
 
 import equinox as eqx
 import jax.numpy as jnp

@@ -267,13 +267,7 @@ def _single_nodes(walker: Walker, variants: np.ndarray, near: Balances | None) -
     one = np.ones(len(variant), int)
     if near is None:
         return _paths(walker, variant, station, one, meeting=0.0)
-    q, meeting = (
-        np.reshape(here - own, (-1, *own.shape[1:]))
-        for here, own in zip((near.q, near.meeting), walker.own, strict=True)
-    )
-    lost = np.isnan(q).any(axis=1)
-    meeting = np.where(lost[:, None, None], np.nan, meeting)
-    return _paths(walker, variant, station, one, np.where(lost[:, None], 0.0, q), meeting)
+    return _paths(walker, variant, station, one, *_away(walker, near.q, near.meeting))
 
 
 def _arms(walker: Walker, middle: np.ndarray, points: int, way: int) -> Paths:
@@ -281,17 +275,21 @@ def _arms(walker: Walker, middle: np.ndarray, points: int, way: int) -> Paths:
     size = walker.found.status.shape[1]
     place = middle % points
     length = points - 1 - place if way > 0 else place
-    away = np.minimum(np.arange(1, points), length[:, None])
-    variant = np.repeat(middle[:, None] + way * away, size, axis=0)
+    walked = np.minimum(np.arange(1, points), length[:, None])
+    variant = np.repeat(middle[:, None] + way * walked, size, axis=0)
     station = np.broadcast_to(np.tile(np.arange(size), len(middle))[:, None], variant.shape)
-    q, meeting = (
-        (here[middle] - own).reshape(-1, *own.shape[1:])
-        for here, own in zip((walker.found.q, walker.found.meeting), walker.own, strict=True)
-    )
-    lost = np.isnan(q).any(axis=1)
-    meeting = np.where(lost[:, None, None], np.nan, meeting)
-    return _paths(
-        walker, variant, station, np.repeat(length, size), np.where(lost[:, None], 0.0, q), meeting
+    away = _away(walker, walker.found.q[middle], walker.found.meeting[middle])
+    return _paths(walker, variant, station, np.repeat(length, size), *away)
+
+
+def _away(walker: Walker, q: np.ndarray, meeting: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How far poses `(rows, stations, ...)` are from the own motion; none where they are lost."""
+    lost = np.asarray(np.isnan(q).any(axis=-1)).reshape(-1)
+    away_q = (q - walker.own[0]).reshape(-1, 5)
+    away_meeting = (meeting - walker.own[1]).reshape(-1, *meeting.shape[2:])
+    return (
+        np.where(lost[:, None], 0.0, away_q),
+        np.where(lost[:, None, None], np.nan, away_meeting),
     )
 
 
