@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from kneejax.cli._study_problem import StudyProblem, study_problem
-from kneejax.files import read_candidates, write_rows, write_text
+from kneejax.files import InputProblem, read_candidates, write_rows, write_text
 from kneejax.geometry import COLUMNS, FREE_COORDINATES
 from kneejax.inference import (
     Candidate,
@@ -19,6 +19,7 @@ from kneejax.inference import (
     Posterior,
     design_tests,
     identify,
+    load_words,
     versions,
 )
 
@@ -28,6 +29,8 @@ def run(arguments: argparse.Namespace) -> int:
     from kneejax.cli._priors import read_priors
 
     begun = time.perf_counter()
+    if arguments.next_tests < 1:
+        raise InputProblem("--next-tests", "tests", str(arguments.next_tests), "one or more")
     candidates = _candidates(arguments.candidates)
     asked = study_problem(arguments.study)
     priors = read_priors(arguments.prior, asked.knee, asked.study.parameters)
@@ -69,8 +72,13 @@ def _candidates(path: Path | None) -> list[Candidate] | None:
     if path is None:
         return None
     return [
-        Candidate(row.name or f"row {i}", row.flexion_deg, row.force_N, row.moment_Nmm)
-        for i, row in enumerate(read_candidates(path), 1)
+        Candidate(
+            row.name or load_words(row.force_N, row.moment_Nmm),
+            row.flexion_deg,
+            row.force_N,
+            row.moment_Nmm,
+        )
+        for row in read_candidates(path)
     ]
 
 

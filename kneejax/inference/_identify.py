@@ -116,6 +116,9 @@ def identify(
     if not np.isfinite(measured).all():
         row = int(np.flatnonzero(~np.isfinite(measured).all(axis=1))[0])
         raise UnsuitableData(f"measured row {row} is not finite: leave it out")
+    for name, value in (("noise_mm", noise_mm), ("noise_deg", noise_deg)):
+        if value is not None and not (np.isfinite(value) and value > 0):
+            raise UnsuitableData(f"{name}: {value:g}: expected a standard deviation above 0")
     lower, upper = stated_bounds(knee, selection, bounds or {})
     start = start_within(knee, selection, lower, upper)
     stations = Stations.at(measured[:, 0])

@@ -1,0 +1,148 @@
+"""Maps, identification and reproductions from the command line."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from kneejax.cli import main
+
+STUDY = """
+title: A short motion
+knee: four_ligament
+synthetic:
+  parameters: {PCL.stiffness: 2814, PCL.reference_strain: -0.047}
+  flexion_deg: "0:120:5"
+  noise_mm: 0.1
+  noise_deg: 0.1
+parameters: [PCL.stiffness, PCL.reference_strain]
+procedures: [III]
+"""
+PAIR = ("--pair", "PCL.stiffness", "PCL.reference_strain")
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    path = tmp_path_factory.mktemp("study") / "study.yaml"
+    path.write_text(STUDY, encoding="utf-8")
+    return str(path)
+
+
+def table(path):
+    with open(path, encoding="utf-8", newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+@pytest.fixture(scope="module")
+def mapped(study, tmp_path_factory):
+    out = tmp_path_factory.mktemp("map") / "out"
+    return out, main(["map", study, *PAIR, "--grid", "7x5", "--out", str(out)])
+
+
+def test_a_map_is_written_as_data_table_and_figure(mapped):
+    xarray = pytest.importorskip("xarray")
+    out, status = mapped
+    assert status == 0
+    with xarray.open_dataset(out / "map.nc") as data:
+        assert dict(data.sizes) == {"PCL.stiffness": 7, "PCL.reference_strain": 5}
+        assert data["PCL.stiffness"].attrs["units"] == "N"
+        lowest = float(data["objective"].min())
+        assert "kneejax" in json.loads(data.attrs["versions"])
+    row = table(out / "maps.csv")[0]
+    assert float(row["objective_minimum"]) == pytest.approx(lowest)
+    assert sum(int(row[word]) for word in ("sound", "outside_region", "no_balance")) <= 35
+    assert (out / "figures" / "map.png").stat().st_size > 20_000
+    assert not (out / "parts").exists()
+    assert json.loads((out / "result.json").read_text())["about"]["grid"] == "7x5"
+
+
+def test_the_folder_of_a_map_belongs_to_its_study(mapped, study, capsys):
+    pytest.importorskip("xarray")
+    out, _ = mapped
+    before = (out / "map.nc").read_bytes()
+    assert main(["map", study, *PAIR, "--grid", "9", "--out", str(out)]) == 2
+    said = capsys.readouterr().err
+    assert "its grid is 7x5, not 9x9" in said and said.count("\n") == 1
+    assert (out / "map.nc").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--pair", "PCL.stifness", "ACL.stiffness"], "did you mean 'PCL.stiffness'"),
+        (["--pair", "PCL.stiffness", "PCL.stiffness"], "two different parameters"),
+        ([*PAIR, *PAIR], "every pair once"),
+        ([*PAIR, "--grid", "1"], "two or more points"),
+        ([*PAIR, "--grid", "4y5"], "as in 41 or 41x61"),
+        ([*PAIR, "--range", "PCL.stiffness=900:300"], "lower bound first"),
+        ([*PAIR, "--range", "PCL.stifness=300:900"], "did you mean PCL.stiffness?"),
+        ([*PAIR, "--range", "PCL.stiffness=300"], "NAME=LOW:HIGH"),
+        ([], "--pair X Y, or --all-pairs"),
+        ([*PAIR, "--gird", "4"], "did you mean --grid?"),
+    ],
+)
+def test_mistakes_in_a_map_are_said(study, words, said, tmp_path, capsys):
+    out = tmp_path / "out"
+    try:
+        status = main(["map", study, *words, "--out", str(out)])
+    except SystemExit as ended:
+        status = ended.code
+    assert status == 2
+    assert said in (line := capsys.readouterr().err) and line.count("\n") == 1
+    assert not out.exists()
+
+
+@pytest.fixture(scope="module")
+def identified(study, tmp_path_factory):
+    out = tmp_path_factory.mktemp("identify") / "out"
+    candidates = out.parent / "tests.csv"
+    candidates.write_text(
+        "flexion_deg,anterior_N,name\n20,100,Lachman\n90,-100,drawer\n20,0,none\n", encoding="utf-8"
+    )
+    words = ["identify", study, "--candidates", str(candidates), "--next-tests", "2"]
+    return out, main([*words, "--out", str(out)])
+
+
+def test_identify_writes_estimates_profiles_and_tests(identified):
+    out, status = identified
+    assert status == 0
+    rows = {row["name"]: row for row in table(out / "parameters.csv")}
+    assert list(rows) == ["PCL.stiffness", "PCL.reference_strain"]
+    stiffness = rows["PCL.stiffness"]
+    assert float(stiffness["profile_low"]) < 2814.0 < float(stiffness["profile_high"])
+    assert not stiffness["profile_low_open"] and not stiffness["profile_high_open"]
+    followed = [row for row in table(out / "profiles.csv") if row["parameter"] == "PCL.stiffness"]
+    assert min(float(row["rise_of_chi2"]) for row in followed) == pytest.approx(0.0, abs=1e-6)
+    assert len(table(out / "candidates.csv")) == 3
+    document = json.loads((out / "result.json").read_text())
+    assert len(document["next_tests"]) == 2
+    assert "kneejax" in document["versions"] and document["warnings"] == []
+    assert np.isfinite(document["chi2"])
+    for name in ("profiles", "spectrum", "correlation", "next_tests", "standard_errors"):
+        assert (out / "figures" / f"{name}.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--noise-mm", "0"], "noise_mm"),
+        (["--noise-deg", "-1"], "noise_deg"),
+        (["--next-tests", "0"], "--next-tests"),
+        (["--prior", "PCL.stiffness=3000:0"], "PCL.stiffness"),
+        (["--prior", "PCL.stifness=3000:10"], "PCL.stiffness"),
+        (["--candidates", "nowhere.csv"], "nowhere.csv"),
+    ],
+)
+def test_mistakes_in_identify_are_said(study, words, said, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main(["identify", study, *words, "--out", str(out)]) == 2
+    assert said in (line := capsys.readouterr().err) and line.count("\n") == 1
+    assert not out.exists()
+
+
+def test_only_judged_papers_can_be_asked_for(capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["reproduce", "2"])
+    assert ended.value.code == 2
+    assert "invalid choice: '2'" in capsys.readouterr().err
