@@ -238,7 +238,13 @@ def _axes(axes: Axes, found: ParameterMap, left: bool, bottom: bool, small: bool
     axes.grid(False)
     axes.set_xlim(found.x[0], found.x[-1])
     axes.set_ylim(found.y[0], found.y[-1])
-    axes.locator_params(nbins=3 if small else 4)
+    if small:
+        from matplotlib.ticker import MaxNLocator
+
+        for along in (axes.xaxis, axes.yaxis):
+            along.set_major_locator(MaxNLocator(3, prune="both"))
+    else:
+        axes.locator_params(nbins=4)
     x, y = (
         readable(name).replace(" ", "\n", 1 if small else 0) + (f", {unit}" if unit else "")
         for name, unit in zip(found.names, found.units, strict=True)

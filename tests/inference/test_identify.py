@@ -184,7 +184,7 @@ def test_doubt_is_said(knee, measured, found):
     tight = identify(
         knee, measured, NAMES, noise_mm=0.01, noise_deg=0.01, bounds=BOUNDS, with_profiles=False
     )
-    assert any("misses the data by 1" in w for w in tight.warnings)
+    assert any("misses the data by 9" in w for w in tight.warnings)
     few = identify(
         knee, measured[[0]], NAMES, noise_mm=0.1, noise_deg=0.1, bounds=BOUNDS, with_profiles=False
     )
