@@ -39,6 +39,8 @@ from kneejax.inference._information import slack_poses as slack_poses
 from kneejax.inference._knee_comparison import compare_knees as compare_knees
 from kneejax.inference._knee_scores import LIMITS as LIMITS
 from kneejax.inference._knee_scores import score as score
+from kneejax.inference._live_motion import LiveMotion as LiveMotion
+from kneejax.inference._live_motion import Moved as Moved
 from kneejax.inference._local_sensitivity import LocalSensitivity as LocalSensitivity
 from kneejax.inference._local_sensitivity import local_sensitivity as local_sensitivity
 from kneejax.inference._made_up_knee import made_up_knee as made_up_knee

@@ -10,7 +10,7 @@ import numpy as np
 
 from kneejax.geometry import FREE_COORDINATES, Pose
 from kneejax.inference._information import Information, information, slack_poses
-from kneejax.inference._many_fits import ManyFits, MotionData, fit_many
+from kneejax.inference._many_fits import ManyFits, MotionData, best_offsets, fit_many
 from kneejax.inference._parameters import (
     Selection,
     UnsuitableData,
@@ -18,7 +18,7 @@ from kneejax.inference._parameters import (
     start_within,
     stated_bounds,
 )
-from kneejax.inference._problem import DEFAULT_WEIGHTS, TABLE_UNITS, Problem
+from kneejax.inference._problem import DEFAULT_WEIGHTS, Problem
 from kneejax.inference._profiles import CONFIDENCE, Profile, profiles
 from kneejax.inference._uncertainty import uncertainty
 from kneejax.mechanics import Knee
@@ -168,7 +168,7 @@ def identify(
         lower,
         upper,
         at_bound,
-        dict(zip(offsets, _offsets(data, fit.slopes), strict=True)),
+        dict(zip(offsets, best_offsets(data, fit.slopes), strict=True)),
         noise,
         estimated,
         float(residual[0] @ residual[0]),
@@ -221,12 +221,6 @@ def _noise_left(data: MotionData, fit: Slopes, lower, upper) -> np.ndarray:
         share = 1.0 - freed[group].sum() / (len(group) * poses)
         found[group] /= np.sqrt(max(share, 1e-9))
     return np.maximum(found, 1e-9)
-
-
-def _offsets(data: MotionData, fit: Slopes) -> list[float]:
-    """The best constant of each coordinate whose frames may differ: added to the model's."""
-    error = (fit.q[0] * TABLE_UNITS - data.target)[data.counted]
-    return [-float(error[:, FREE_COORDINATES.index(name)].mean()) for name in data.offsets]
 
 
 def _warnings(answer: Identification, used: np.ndarray, spare: int) -> tuple[str, ...]:

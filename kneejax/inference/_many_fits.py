@@ -156,6 +156,20 @@ def fit_many(
     return ManyFits(known, np.where(np.isfinite(chi2), chi2, np.inf), ended, evaluations)
 
 
+def best_offsets(data: MotionData, fit: Slopes) -> list[float]:
+    """The best constant of each coordinate whose frames may differ, to be added to the model's.
+
+    Args:
+        data: measured motion, one for all.
+        fit: balances of one variant.
+
+    Returns:
+        Degrees or mm, in the order of `data.offsets`.
+    """
+    error = (fit.q[0] * TABLE_UNITS - data.target)[data.counted]
+    return [-float(error[:, FREE_COORDINATES.index(name)].mean()) for name in data.offsets]
+
+
 def _solver(lower, upper) -> BoundedLevenbergMarquardt:
     tolerances = {"rtol": _RTOL, "atol": _ATOL}
     return BoundedLevenbergMarquardt(lower, upper, **tolerances)  # pyright: ignore

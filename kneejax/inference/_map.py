@@ -238,6 +238,10 @@ def sensitivity_maps(
     flexion, back = np.unique(measured[:, 0], return_inverse=True)
     base = np.array(selection.read(knee))
     for name, value in at.items():
+        if name not in selection.names:
+            raise UnknownParameter(f"{name!r} is many parameters: name each")
+        if not np.isfinite(value):
+            raise UnsuitableData(f"{name}: {value} is not finite")
         base[selection.names.index(name)] = value
     stations = Stations.at(flexion)
     study = _Study(

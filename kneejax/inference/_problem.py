@@ -62,14 +62,6 @@ def evaluate_poses(
     return Evaluation(value, jax.vmap(push, out_axes=-1)(jnp.eye(values.shape[0])), settled)
 
 
-@compiled(static_argnums=(0,))
-def _evaluate_many(selection, knee, values, flexion, guess, start, count) -> Evaluation:
-    def one(x: Array, near: Guess) -> Evaluation:
-        return evaluate_poses(selection, knee, x, flexion, near, start, count)
-
-    return jax.vmap(one)(values, guess)
-
-
 @dataclasses.dataclass
 class Problem:
     """A calibration problem: poses of a model against measured poses.
@@ -120,43 +112,6 @@ class Problem:
         )
         self.equilibria += self.measured.shape[0] * int(count)
         return found
-
-    def many_poses(self, values: np.ndarray, known) -> Evaluation:
-        """Model poses of several parameter vectors `(s, p)` at once, under vmap.
-
-        Args:
-            values: one row a start.
-            known: parameters and poses to start from (`nearest_many`); None marches from the
-                reference pose.
-        """
-        x = jnp.asarray(values[:, : len(self.selection)])
-        start, count = self.flexion, 1
-        if known is None:
-            start = jnp.broadcast_to(self.knee.reference_pose.flexion, self.flexion.shape)
-            count = poses_on_the_way(0.0, self.flexion)
-            knee = add_lane_axis(self.selection.apply(self.knee, x[0]))
-            one = first_guess(knee, start)
-            count_of_starts = len(values)
-            guess = jax.tree.map(
-                lambda leaf: jnp.broadcast_to(leaf, (count_of_starts, *leaf.shape)), one
-            )
-        else:
-            guess = jax.vmap(_predicted)(x, *known)
-        self.equilibria += values.shape[0] * self.measured.shape[0] * int(count)
-        return _evaluate_many(
-            self.selection, self.knee, x, self.flexion, guess, start, jnp.asarray(count)
-        )
-
-    def nearest_many(self, values: np.ndarray, found: Evaluation, accepted: np.ndarray, known):
-        """Parameters and poses of each start to begin the next search from."""
-        new = (jnp.asarray(values[:, : len(self.selection)]), found)
-        if known is None:
-            return new
-
-        def choose(fresh: Array, old: Array) -> Array:
-            return jnp.where(accepted.reshape(-1, *(1,) * (fresh.ndim - 1)), fresh, old)
-
-        return jax.tree.map(choose, new, known)
 
     def keep(self, values: np.ndarray, found: Evaluation) -> None:
         """Remember balanced poses to start from."""

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference._bounded import BoundedLevenbergMarquardt
+from kneejax.inference._many_fits import MotionData, best_offsets, fit_many
 from kneejax.inference._problem import Evaluation, Problem
 from kneejax.inference._result import Iteration
+from kneejax.statics import Stations, balance_with_slopes
 
 #: The stages of a procedure of paper 1: which quantities are free in turn. Frame offsets are
 #: free in every stage.
@@ -239,11 +241,11 @@ def several_starts(
     upper: np.ndarray,
     steps: int = 40,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Run procedure III from several starts at once, under vmap.
+    """Run procedure III from several starts at once.
 
     Args:
-        problem: what is fitted; its poses at the first start must be known (`keep`).
-        starts: `(s, p)`.
+        problem: what is fitted.
+        starts: `(s, p)`; offsets need no start, the best ones are known at every step.
         lower: bounds.
         upper: bounds.
         steps: evaluations of each start.
@@ -251,33 +253,16 @@ def several_starts(
     Returns:
         End points `(s, p)` and their objectives `(s,)`, infinite where a start found no balance.
     """
-    solver = BoundedLevenbergMarquardt(  # pyright: ignore[reportCallIssue]
-        jnp.asarray(lower), jnp.asarray(upper), jacobian_from_aux=True
-    )
-    count, size = len(starts), problem.target.size
-    struct = jax.ShapeDtypeStruct((size,), float)
-    first = solver.init(None, jnp.asarray(starts[0]), None, {}, struct, None, frozenset())
-    state = jax.tree.map(lambda x: jnp.broadcast_to(x, (count, *x.shape)), first)
-    y = jnp.asarray(starts)
-    state = eqx.tree_at(lambda s: s.x, state, y)
-    known = None
-    for _ in range(steps):
-        found = problem.many_poses(np.asarray(y), known)
-        pairs = [
-            problem.residual(np.asarray(y[k]), jax.tree.map(lambda x, k=k: x[k], found))
-            for k in range(count)
-        ]
-        residual, jacobian = (jnp.stack([jnp.asarray(pair[i]) for pair in pairs]) for i in (0, 1))
-        trial = y
-        y, state = _update_many(solver, y, residual, jacobian, state)
-        known = problem.nearest_many(np.asarray(trial), found, np.asarray(state.accepted), known)
-    objective = np.asarray(jnp.sum(state.residual**2, axis=1))
-    return np.asarray(state.x), np.where(np.isfinite(objective), objective, np.inf)
-
-
-@eqx.filter_jit
-def _update_many(solver, y, residual, jacobian, state):
-    def one(y, residual, jacobian, state):
-        return solver.following(solver.judged(y, residual, jacobian, state))
-
-    return jax.vmap(one)(y, residual, jacobian, state)
+    size, count = len(problem.selection), len(starts)
+    with np.errstate(divide="ignore"):
+        noise = 1.0 / np.sqrt(problem.weights)
+    offsets = tuple(FREE_COORDINATES[row] for row in problem.offsets)
+    stations = Stations.at(problem.measured[:, 0])
+    data = MotionData(stations, problem.target.T, noise, offsets, problem.used)
+    knee, vary, values = problem.knee, problem.selection.apply, starts[:, :size]
+    begin = balance_with_slopes(knee, vary, values, stations)
+    box = (np.tile(bound[:size], (count, 1)) for bound in (lower, upper))
+    found = fit_many(knee, problem.selection, data, begin, values, *box, most=steps, far=True)
+    problem.equilibria += found.evaluations * len(stations)
+    shifts = [best_offsets(data, found.slopes.take([row])) for row in range(count)]
+    return np.hstack([found.values, np.reshape(shifts, (count, -1))]), found.chi2
