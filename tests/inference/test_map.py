@@ -136,6 +136,16 @@ def test_several_maps_share_a_call(knee, measured, found):
     assert seen[-1] == (2 * 9 * 4, 2 * 9 * 4)
 
 
+def test_a_map_elsewhere_is_that_of_the_knee_there(knee, measured):
+    at = {"PCL.stiffness": 3000.0, "PCL.reference_strain": -0.06, "ACL.stiffness": 5500.0}
+    there = sensitivity_map(knee, measured, PAIR, grid=(3, 3), at=at)
+    moved = sensitivity_map(kj.with_values(knee, at), measured, PAIR, grid=(3, 3))
+    assert there.start == (3000.0, -0.06) == pytest.approx(moved.start)
+    assert there.start_objective == pytest.approx(moved.start_objective, rel=1e-6)
+    np.testing.assert_array_equal(there.condition, moved.condition)
+    np.testing.assert_allclose(there.objective, moved.objective, rtol=1e-6)
+
+
 def test_a_data_set_has_coordinates_units_and_flags(found):
     pytest.importorskip("xarray")
     made = found.to_dataset({"study": "a test"})
@@ -198,6 +208,9 @@ def test_a_tilted_valley_is_seen_as_tilted(found):
         ([PAIR], {"grid": (1, 5)}, UnsuitableData, "at least two"),
         ([PAIR], {"bounds": {"stiffness": (900.0, 300.0)}}, UnsuitableData, "lower below upper"),
         ([], {}, UnsuitableData, "name two"),
+        ([PAIR], {"at": {"ACL.stifness": 1.0}}, UnknownParameter, "did you mean 'ACL.stiffness'"),
+        ([PAIR], {"at": {"*.stiffness": 1.0}}, UnknownParameter, "many parameters"),
+        ([PAIR], {"at": {"ACL.stiffness": np.nan}}, UnsuitableData, "nan is not finite"),
     ],
 )
 def test_mistakes_are_said(knee, measured, pairs, options, error, words):
