@@ -12,6 +12,7 @@ import numpy as np
 
 from kneejax.experiments import evaluate as evaluate_mechanics
 from kneejax.geometry import COLUMNS, FREE_COORDINATES
+from kneejax.inference._information import slack_poses
 from kneejax.inference._parameters import (
     QUANTITIES,
     UnsuitableData,
@@ -231,15 +232,10 @@ def _motion(problem: Problem, x: np.ndarray, found: Evaluation) -> Motion:
 
 
 def _slack_ligaments(problem: Problem, x: np.ndarray, found: Evaluation) -> dict[str, float]:
+    """Ligament or group -> part of the poses at which it is slack."""
     knee = problem.selection.apply(problem.knee, jnp.asarray(x[: len(problem.selection)]))
-    mechanics = evaluate_mechanics(knee, found.settled.pose, found.settled.meeting)
-    names, slack = knee.ligaments.names, np.asarray(mechanics.strain) <= 0.0
-    parts = {name: np.nanmean(column) for name, column in zip(names, slack.T, strict=True)}
-    for group, fibres in knee.groups:
-        # A group is slack where all of its fibres are.
-        rows = [names.index(fibre) for fibre in fibres]
-        parts[group] = np.nanmean(slack[:, rows].all(axis=1))
-    return parts
+    slack = slack_poses(knee, found.settled.pose, found.settled.meeting)
+    return {name: float(np.mean(where)) for name, where in slack.items()}
 
 
 def _squares(problem: Problem, error: np.ndarray) -> np.ndarray:

@@ -5,11 +5,10 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 
-import jax.numpy as jnp
 import numpy as np
 
-from kneejax.geometry import FREE_COORDINATES, Pose
-from kneejax.inference._information import Information, information, slack_poses
+from kneejax.geometry import FREE_COORDINATES
+from kneejax.inference._information import Information, fit_information
 from kneejax.inference._many_fits import ManyFits, MotionData, best_offsets, fit_many
 from kneejax.inference._parameters import (
     Selection,
@@ -157,7 +156,7 @@ def identify(
         # A profile has found a lower valley: the fit moves there.
         near = balance_with_slopes(knee, selection.apply, best.lowest[None], stations)
         fit = fit_many(knee, selection, data, near, near.values, *box, far=True)
-    residual, slope = data.residual(fit.slopes)
+    residual, _ = data.residual(fit.slopes)
     values, width = fit.values[0], upper - lower
     at_bound = (values - lower < 1e-9 * width) | (upper - values < 1e-9 * width)
     problem = Problem(knee, selection, measured, 1.0 / noise**2, rows)
@@ -174,27 +173,12 @@ def identify(
         float(residual[0] @ residual[0]),
         data.count,
         bool(fit.converged[0]),
-        _information(knee, selection, data, fit.slopes, slope[0], at_bound),
+        fit_information(knee, selection, data, fit.slopes, at_bound=at_bound),
         followed,
         problem,
         (),
     )
     return dataclasses.replace(answer, warnings=_warnings(answer, used, spare))
-
-
-def _information(knee, selection, data: MotionData, fit: Slopes, slope, at_bound) -> Information:
-    poses = Pose.from_state(data.stations.flexion, jnp.asarray(fit.q[0].T))
-    meeting = jnp.moveaxis(jnp.asarray(fit.meeting[0]), 0, -1)
-    slack = slack_poses(selection.apply(knee, jnp.asarray(fit.values[0])), poses, meeting)
-    return information(
-        slope,
-        1.0,
-        selection.names,
-        fit.values[0],
-        at_bound=at_bound,
-        flexion_deg=np.rad2deg(np.asarray(data.stations.flexion))[data.counted],
-        slack={name: where[data.counted] for name, where in slack.items()},
-    )
 
 
 def _threshold(spare: int | None) -> float:

@@ -15,10 +15,11 @@ from kneejax.inference._information_words import (
     loose_combination,
     reason,
 )
+from kneejax.inference._many_fits import MotionData
 from kneejax.inference._parameters import Selection, UnsuitableData
-from kneejax.inference._problem import Problem
 from kneejax.inference._scales import prior_scales
 from kneejax.mechanics import Knee
+from kneejax.statics import Slopes
 
 # Singular values below this part of the largest are rounding.
 _ROUNDING = 1e-13
@@ -171,48 +172,46 @@ def information(
 
 
 def fit_information(
-    problem: Problem,
-    values: np.ndarray,
-    noise: np.ndarray,
+    knee: Knee,
+    selection: Selection,
+    data: MotionData,
+    fit: Slopes,
     *,
     scale: np.ndarray | None = None,
     at_bound: np.ndarray | None = None,
 ) -> Information:
-    """Fisher information of a calibration's data at its answer.
+    """Fisher information of a motion's data at a fit, with the reasons that slack ligaments give.
 
     Args:
-        problem: the data, the knee and what is free. Constant frame offsets that are fitted too
-            take the information that they need; the rest is what is told of the parameters.
-        values: the answer, `(p,)` or with offsets behind.
-        noise: as in `information`, `(5,)`.
+        knee: gives everything that is not free.
+        selection: the parameters.
+        data: the motion. Constant frame offsets take the information that they need; the rest is
+            what is told of the parameters.
+        fit: balances and derivatives at the fit, one variant (`balance_with_slopes`).
         scale: `(p,)`; `prior_scales` by default.
         at_bound: parameters on a bound, `(p,)`.
 
     Returns:
-        The `Information` of the parameters, with the reasons that slack ligaments give.
+        The `Information`.
     """
-    size = len(problem.selection)
-    x = np.asarray(values, float)
-    found = problem.poses(x)
-    counted = problem.used & np.asarray(found.settled.converged)
-    jacobian = np.where(counted[:, None], problem.jacobian(found), np.nan)
-    rows, lost = _rows(jacobian, noise)
-    if problem.offsets:
-        basis, _ = np.linalg.qr(rows[:, size:])
-        rows = rows - basis @ (basis.T @ rows)
-    knee = problem.selection.apply(problem.knee, jnp.asarray(x[:size]))
-    slack = slack_poses(knee, found.settled.pose, found.settled.meeting)
+    counted = data.counted & fit.converged[0]
+    _, rows = dataclasses.replace(data, used=counted).residual(fit)
+    poses = Pose.from_state(data.stations.flexion, jnp.asarray(fit.q[0].T))
+    meeting = jnp.moveaxis(jnp.asarray(fit.meeting[0]), 0, -1)
+    slack = slack_poses(selection.apply(knee, jnp.asarray(fit.values[0])), poses, meeting)
     answer = information(
-        rows[:, :size],
+        rows[0],
         1.0,
-        problem.selection.names,
-        x[:size],
+        selection.names,
+        fit.values[0],
         scale=scale,
         at_bound=at_bound,
-        flexion_deg=problem.measured[counted, 0],
+        flexion_deg=np.rad2deg(np.asarray(data.stations.flexion))[counted],
         slack={name: where[counted] for name, where in slack.items()},
     )
-    return dataclasses.replace(answer, notes=_notes(len(rows), answer.names, answer.at_bound, lost))
+    lost = int(data.counted.sum() - counted.sum())
+    notes = _notes(len(rows[0]), answer.names, answer.at_bound, lost)
+    return dataclasses.replace(answer, notes=notes)
 
 
 def noise_of(noise_mm: float, noise_deg: float) -> np.ndarray:

@@ -9,7 +9,7 @@ import pytest
 import kneejax as kj
 from kneejax.inference import (
     Candidate,
-    Problem,
+    MotionData,
     UnsuitableData,
     choose,
     criterion_of,
@@ -26,8 +26,7 @@ from kneejax.inference import (
     usual_candidates,
 )
 from kneejax.inference._linearity import departures
-from kneejax.inference._problem import DEFAULT_WEIGHTS
-from kneejax.statics import Stations, Status
+from kneejax.statics import Stations, Status, balance_with_slopes
 
 PARAMETERS = ("*.stiffness", "*.reference_strain")
 NOISE = noise_of(0.1, 0.1)
@@ -56,17 +55,12 @@ def variant(seed):
 
 def known(knee):
     """What a passive motion tells of a knee, at its own parameters."""
-    flexion = np.arange(0.0, 121.0, 5.0)
-    table = np.zeros((len(flexion), 6))
-    table[:, 0] = flexion
-    selection = select(knee, PARAMETERS)
+    selection, stations = select(knee, PARAMETERS), Stations.at(np.arange(0.0, 121.0, 5.0))
     values = np.asarray(selection.read(knee))
-    problem = Problem(knee, selection, table, DEFAULT_WEIGHTS)
-    return (
-        selection,
-        fit_information(problem, values, NOISE),
-        np.asarray(problem.poses(values).table),
-    )
+    fit = balance_with_slopes(knee, selection.apply, values[None], stations)
+    data = MotionData(stations, np.zeros((25, 5)), NOISE)
+    table = fit.q[0] * np.r_[np.rad2deg([1.0, 1.0]), 1.0, 1.0, 1.0]
+    return selection, fit_information(knee, selection, data, fit), table.T
 
 
 @pytest.fixture(scope="module")

@@ -93,7 +93,8 @@ def test_an_open_end_says_so():
     closed = profiles_figure([a_profile()])
     texts = [t.get_text() for axes in closed.axes for t in axes.texts]
     assert texts == []
-    opened = profiles_figure([a_profile(high_open="its bound"), a_profile()], {"PCL.stiffness": 9e3})
+    beside = [a_profile(high_open="its bound"), a_profile()]
+    opened = profiles_figure(beside, {"PCL.stiffness": 9e3})
     texts = [t.get_text() for axes in opened.axes for t in axes.texts]
     assert "open: bound" in texts
     assert texts.count("truth beyond") == 2
