@@ -1,6 +1,7 @@
-"""Tests and doctests compute in float64, and leave no compiled programs behind."""
+"""Tests and doctests compute in float64, and keep within a process's memory maps."""
 
 import os
+from pathlib import Path
 
 # Tests wait for the compiler. Without fusion, as the package compiles by default, and without
 # optimising machine code they take two thirds of the time. XLA reads this once, hence here.
@@ -13,13 +14,24 @@ import pytest
 
 jax.config.update("jax_enable_x64", True)
 
+#: Some thousand small programs, and about 1 GB. Linux grants a process 65,530 maps.
+MOST_MAPS = 5_000
+
 
 @pytest.fixture(autouse=True, scope="module")
-def _compiled_programs_of_one_file():
-    """Forget what a file compiled.
+def _compiled_programs():
+    """Forget compiled programs after a file, once there are many.
 
-    Every compiled program takes memory maps, of which Linux grants a process 65,530; all tests
-    in one process need more, and the process dies without a word.
+    Every program takes memory maps, of which all tests in one process need more than there are,
+    and the process dies without a word. Small programs are the same in most files: they are kept.
     """
     yield
-    jax.clear_caches()
+    if _memory_maps() > MOST_MAPS:
+        jax.clear_caches()
+
+
+def _memory_maps() -> float:
+    try:
+        return Path("/proc/self/maps").read_bytes().count(b"\n")
+    except OSError:  # not Linux: nobody counts them
+        return float("inf")
