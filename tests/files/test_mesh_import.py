@@ -197,16 +197,22 @@ def test_meshes_that_do_not_meet_are_refused(tmp_path):
 
 
 def test_meshes_that_are_no_patella_are_refused(tmp_path):
-    def patella(points, faces):
-        return {"patellar_cartilage": made.written(tmp_path / "patella.ply", (points, faces))}
+    def written(points, faces):
+        return made.written(tmp_path / "patella.ply", (points, faces))
+
+    def alone(points, faces):
+        with pytest.raises(InputProblem, match="^[^\n]*expected [^\n]*$") as caught:
+            fit_patella(read_sheets(written(points, faces))[0], [], QUICK)
+        return str(caught.value)
 
     points, faces = made.patellar()
     lying = points[:, [1, 0, 2]]
-    assert "faces backwards" in refusal(tmp_path, **patella(lying, faces))
-    assert "is the unit right?" in refusal(tmp_path, **patella(points * 4.0, faces))
-    assert "wide" in refusal(tmp_path, **patella(points * 0.2, faces))
+    assert "faces backwards" in refusal(tmp_path, patellar_cartilage=written(lying, faces))
+    assert "faces backwards" in alone(lying, faces)
+    assert "is the unit right?" in alone(points * 4.0, faces)
+    assert "wide" in alone(points * 0.2, faces)
     apart = made.joined((points * 0.4, faces), (points * 0.4 + [0.0, 0.0, 40.0], faces))
-    assert "one sheet" in refusal(tmp_path, **patella(*apart))
+    assert "one sheet" in alone(*apart)
 
 
 def test_cartilage_below_its_bone_is_refused(tmp_path):
