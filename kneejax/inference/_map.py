@@ -338,7 +338,8 @@ class _Study:
             tuple(QUANTITIES[self.selection.quantity(i)] for i in (column, row)),
             x,
             y,
-            np.tensordot(self.weights, whole["partial"], 1),
+            # Not by a product of matrices, whose rounding depends on how arrays lie in memory.
+            (self.weights[:, None, None] * whole["partial"]).sum(axis=0),
             whole["partial"],
             whole["condition"],
             whole["lost"],

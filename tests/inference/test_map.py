@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import kneejax as kj
+from kneejax.files import Checkpoints
 from kneejax.inference import (
     Condition,
     UnknownParameter,
@@ -34,21 +35,18 @@ def measured(knee):
     return np.asarray(kj.passive_flexion(true, FLEXION).to_table())
 
 
-class Store:
-    """Keeps blocks in memory, and can be cut off."""
+class CutOff(Checkpoints):
+    """Kept on disk, and stopped after some parts."""
 
-    def __init__(self, most=99):
-        self.kept, self.loaded, self.most = {}, 0, most
-
-    def load(self, name):
-        found = self.kept.get(name)
-        self.loaded += found is not None
-        return found
+    def __init__(self, folder, most):
+        super().__init__(folder, {"study": "a test"}, b"data")
+        self.left = most
 
     def save(self, name, arrays):
-        if len(self.kept) == self.most:
+        if not self.left:
             raise KeyboardInterrupt
-        self.kept[name] = arrays
+        self.left -= 1
+        super().save(name, arrays)
 
 
 @pytest.fixture(scope="module")
@@ -90,21 +88,18 @@ def test_what_means_nothing_is_not_drawn(knee, measured):
     assert found.minimum[2] == found.objective[~bad].min()
 
 
-def test_a_map_goes_on_where_it_was_stopped(knee, measured, monkeypatch):
+def test_a_map_goes_on_where_it_was_stopped(knee, measured, monkeypatch, tmp_path):
     """Blocks of four rows; the second run loads the first block and computes the others."""
     from kneejax.inference import _map
 
     monkeypatch.setattr(_map, "_BLOCK", 1)
     monkeypatch.setattr(_map, "_FEWEST_ROWS", 4)
-    whole = Store()
-    complete = sensitivity_map(knee, measured, PAIR, grid=(5, 12), store=whole)
-    assert len(whole.kept) == 3
-    cut = Store(most=1)
+    complete = sensitivity_map(knee, measured, PAIR, grid=(5, 12))
     with pytest.raises(KeyboardInterrupt):
-        sensitivity_map(knee, measured, PAIR, grid=(5, 12), store=cut)
-    cut.most = 99
-    resumed = sensitivity_map(knee, measured, PAIR, grid=(5, 12), store=cut)
-    assert cut.loaded == 1
+        sensitivity_map(knee, measured, PAIR, grid=(5, 12), store=CutOff(tmp_path, 1))
+    store = CutOff(tmp_path, 2)
+    resumed = sensitivity_map(knee, measured, PAIR, grid=(5, 12), store=store)
+    assert store.resumed == 1 and store.left == 0
     for name in ("objective", "partial_objectives", "condition", "lost"):
         np.testing.assert_array_equal(getattr(resumed, name), getattr(complete, name))
 
