@@ -19,6 +19,7 @@ from kneejax.inference import (
     Posterior,
     design_tests,
     identify,
+    imported,
     load_words,
     versions,
 )
@@ -31,6 +32,10 @@ def run(arguments: argparse.Namespace) -> int:
     begun = time.perf_counter()
     if arguments.next_tests < 1:
         raise InputProblem("--next-tests", "tests", str(arguments.next_tests), "one or more")
+    if arguments.posterior:
+        # Better known before the work than after it.
+        for module, package in (("blackjax", "BlackJAX"), ("arviz", "ArviZ")):
+            imported(module, package)
     candidates = _candidates(arguments.candidates)
     asked = study_problem(arguments.study)
     priors = read_priors(arguments.prior, asked.knee, asked.study.parameters)
@@ -142,6 +147,7 @@ def _write(
         files.append("posterior.csv")
     _draw(found, sampled, design, asked, out)
     doubts = [*found.warnings, *(sampled.warnings if sampled is not None else ())]
+    doubts += [reason for reason in found.information.reasons if reason]
     document = {
         "study": asked.study.title,
         "knee": asked.study.knee,
@@ -164,7 +170,7 @@ def _write(
         "warnings": doubts,
         "settings": {key: str(value) for key, value in vars(arguments).items() if key != "run"},
         "seconds": {"total": seconds},
-        "versions": versions(),
+        "versions": versions() if sampled is None else sampled.versions,
     }
     del document["settings"]["parser"]
     write_text(out / "result.json", json.dumps(json_safe(document), indent=1) + "\n")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import importlib.metadata
 import itertools
 import json
 
@@ -16,11 +17,13 @@ from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference import (
     Condition,
     ParameterMap,
+    imported,
     select,
     sensitivity_maps,
     versions,
 )
 
+_PACKAGES = ("xarray", "h5netcdf")
 _COLUMNS = (
     "x", "y", "x_minimum", "y_minimum", "objective_minimum", "x_start", "y_start",
     "objective_start", *(condition.word for condition in Condition),
@@ -29,6 +32,9 @@ _COLUMNS = (
 
 def run(arguments: argparse.Namespace) -> int:
     """Compute maps of the objective, write them, draw them."""
+    for package in _PACKAGES:
+        # Better known before the work than after it.
+        imported(package, package, "maps")
     grid = _grid(arguments.grid)
     ranges = dict(_range(word) for word in arguments.ranges)
     asked = study_problem(arguments.study)
@@ -37,9 +43,9 @@ def run(arguments: argparse.Namespace) -> int:
     about = {
         "study": asked.study.title,
         "knee": asked.study.knee,
-        "pairs": [" ".join(pair) for pair in pairs],
+        "pairs": ", ".join(" ".join(pair) for pair in pairs),
         "grid": f"{grid[0]}x{grid[1]}",
-        "ranges": {name: list(limits) for name, limits in bounds.items()},
+        "ranges": ", ".join(f"{name} {low:g} to {high:g}" for name, (low, high) in bounds.items()),
     }
     store = Checkpoints(arguments.out, about, _fingerprint(asked, about))
     weights = np.array([asked.study.weights[name] for name in FREE_COORDINATES])
@@ -119,8 +125,8 @@ def _fingerprint(asked: StudyProblem, about: dict) -> bytes:
 def _write(maps: tuple[ParameterMap, ...], out, about: dict) -> list[str]:
     from kneejax.report import map_figure, map_matrix_figure, save_figure
 
-    made = {**{key: json.dumps(value) for key, value in about.items()}}
-    made["versions"] = json.dumps(versions())
+    packages = versions() | {name: importlib.metadata.version(name) for name in _PACKAGES}
+    made = {**about, "versions": json.dumps(packages)}
     files = []
     for one in maps:
         tail = "" if len(maps) == 1 else f"-{one.names[0]}-{one.names[1]}"
@@ -132,7 +138,7 @@ def _write(maps: tuple[ParameterMap, ...], out, about: dict) -> list[str]:
     if len(maps) > 2:
         save_figure(map_matrix_figure(maps), out / "figures", "maps")
     write_text(
-        out / "result.json", json.dumps({"about": about, "versions": versions()}, indent=1) + "\n"
+        out / "result.json", json.dumps({"about": about, "versions": packages}, indent=1) + "\n"
     )
     return [*shown, "maps.csv", "result.json", "figures/"]
 

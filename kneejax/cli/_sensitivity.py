@@ -19,6 +19,7 @@ from kneejax.inference import (
     LocalSensitivity,
     MotionIndices,
     Sweeps,
+    imported,
     local_sensitivity,
     motion_indices,
     sweep,
@@ -41,6 +42,9 @@ def run(arguments: argparse.Namespace) -> int:
               for name, text in _pairs("--prior", arguments.prior)}  # fmt: skip
     ranges = {name: _interval(name, text) for name, text in _pairs("--range", arguments.ranges)}
     _check_used(arguments)
+    if arguments.indices:
+        # Better known before the work than after it.
+        imported("SALib", "SALib", "sensitivity")
     problem = study_problem(arguments.study)
     parameters = problem.study.parameters
     flexion, seconds = np.unique(problem.measured[:, 0]), {}

@@ -61,6 +61,7 @@ from kneejax.inference._one_at_a_time import KneeComparison as KneeComparison
 from kneejax.inference._one_at_a_time import KneeStudy as KneeStudy
 from kneejax.inference._one_at_a_time import OneAtATime as OneAtATime
 from kneejax.inference._one_at_a_time import Outcome as Outcome
+from kneejax.inference._optional import imported as imported
 from kneejax.inference._parameters import QUANTITIES as QUANTITIES
 from kneejax.inference._parameters import Selection as Selection
 from kneejax.inference._parameters import UnknownParameter as UnknownParameter

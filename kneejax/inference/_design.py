@@ -139,9 +139,10 @@ def design_tests(
     left_out = int((~usable).sum())
     if left_out:
         words = sorted({Status(s).word.replace("_", " ") for s in found.status[~usable]})
+        verb, them = ("is", "it") if left_out == 1 else ("are", "them")
         notes.append(
-            f"{left_out} of {len(tests)} candidates are left out, since the model does not foresee "
-            f"them well ({', '.join(words)})."
+            f"{left_out} of {len(tests)} candidates {verb} left out, since the model does not "
+            f"foresee {them} well ({', '.join(words)})."
         )
     if known.at_bound.any():
         bound = [plain(n) for n, on in zip(known.names, known.at_bound, strict=True) if on]

@@ -15,6 +15,7 @@ from kneejax.inference._parameters import UnknownParameter, UnsuitableData, sele
 from kneejax.inference._physiological import unphysiological
 from kneejax.inference._problem import DEFAULT_WEIGHTS, Evaluation, Problem
 from kneejax.mechanics import Knee
+from kneejax.statics import Status
 
 #: The longest way in one step: part of a stiffness's own value, and of any strain.
 _STRIDES = {"stiffness": 0.5, "reference_strain": 0.04}
@@ -54,7 +55,7 @@ class LiveMotion:
     """A knee whose balanced poses follow its parameters at once.
 
     A move begins at the linear prediction of the last poses, which their exact Jacobian gives for
-    nothing. A long way is taken in strides, as if the hand had gone all of it. Where a pose is lost
+    nothing. A long way is taken in strides, as if the hand had gone all of it. Where a pose gets lost
     or a curve is torn, which may be another branch, the knee walks from its reference pose as
     in `passive_flexion`, which takes ten times as long; what stays lost begins the next move at
     its last balance.
@@ -142,7 +143,7 @@ class LiveMotion:
         for part in np.arange(1, count + 1) / count:
             here = goal if part == 1 else begin + part * (goal - begin)
             found = self._problem.poses(here)
-            if part == 1 and self._doubtful(found):
+            if part == 1 and self._doubtful(found, count > 1):
                 found = _joined(self._march.poses(goal), found)
             # What is lost begins the next stride at its last balance.
             self._last = _joined(found, self._last)
@@ -151,12 +152,14 @@ class LiveMotion:
         self.now = self._described(found)
         return self.now
 
-    def _doubtful(self, found: Evaluation) -> bool:
-        """Whether a pose is lost, or has left its neighbours in flexion: another branch."""
+    def _doubtful(self, found: Evaluation, far: bool) -> bool:
+        """Whether a pose is newly lost, or has left its neighbours in flexion: another branch."""
         order = np.argsort(self._problem.measured[:, 0], kind="stable")
         away = np.asarray(found.table).T[order] - self._own[order]
         kinks = np.abs(np.diff(away, 2, axis=0))
-        return bool(np.isnan(found.table).any() or (kinks > _KINK).any())
+        lost = ~np.asarray(found.settled.converged)
+        news = lost if far else lost & (self.now.status < Status.TOO_DEEP)
+        return bool(news.any() or (kinks > _KINK).any())
 
     def _described(self, found: Evaluation) -> Moved:
         problem, table = self._problem, np.asarray(found.table)

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from kneejax.geometry import FREE_COORDINATES, convert
+from kneejax.inference._optional import imported
 from kneejax.inference._parameters import (
     QUANTITIES,
     Selection,
@@ -98,8 +99,8 @@ class ParameterMap:
             `(5, ny, nx)`, in the order of `kneejax.geometry.FREE_COORDINATES`.
         condition: `Condition` values, `(ny, nx)`.
         lost: number of poses without a balance, `(ny, nx)`.
-        start: the knee's own values of the two.
-        start_objective: objective of the knee itself.
+        start: values of the two in the knee itself, or those of `at`.
+        start_objective: objective there; NaN where a pose has no balance.
         left_out: number of measured poses that count nowhere, since the knee itself has no
             balance there.
         weights: of the objective, `(5,)`, per degree^2 and per mm^2.
@@ -141,12 +142,7 @@ class ParameterMap:
         Raises:
             UnsuitableData: the package xarray is not installed.
         """
-        try:
-            import xarray
-        except ImportError:
-            raise UnsuitableData(
-                "maps as data sets need the package xarray: pip install 'kneejax[maps]'"
-            ) from None
+        xarray = imported("xarray", "xarray", "maps")
         column, row = self.names
         axes = (row, column)
         squares = ["degree2", "degree2", "mm2", "mm2", "mm2"]
@@ -205,7 +201,7 @@ def sensitivity_maps(
         measured: `(n, 6)` in the order of `kneejax.geometry.COLUMNS`, degrees and mm.
         pairs: of parameters; the first of a pair goes along x.
         grid: points along x and y.
-        at: parameter -> value of a knee that differs from the one given. Maps with the same names
+        at: parameter -> value, where others than the knee's own are kept. Maps with the same names
             here, of any pair of them, share what is compiled.
         bounds: by name, `*.quantity` or quantity; those of paper 1 by default.
         weights: `(5,)`; by default 8 per degree^2 and 1 per mm^2 (paper 1).
@@ -295,15 +291,17 @@ class _Study:
     convention: str
 
     def check_own_motion(self) -> None:
-        """The knee's own motion: what is unphysiological is so against it."""
-        self.own = own_motion(
-            self.knee, self.selection.apply, jnp.asarray(self.base), self.stations
-        )
-        own = self.own
-        self.own_table, self.used = own.table[0], own.converged[0][self.back]
+        """The knee's own motion says what counts and what is physiological; searches begin at the
+        motion of `base`."""
+        vary, own = self.selection.apply, np.asarray(self.selection.read(self.knee))
+        here = own_motion(self.knee, vary, jnp.asarray(self.base), self.stations)
+        same = np.array_equal(own, self.base)
+        home = here if same else own_motion(self.knee, vary, jnp.asarray(own), self.stations)
+        self.own, self.own_table = here, home.table[0]
+        self.used = home.converged[0][self.back]
         if not self.used.any():
             raise UnsuitableData("no measured flexion has a balance with the knee's own parameters")
-        self.start_objective = float(self.weights @ self._partial(self.own_table[None])[:, 0])
+        self.start_objective = float(self.weights @ self._partial(here.table)[:, 0])
 
     def map(self, pair, x, y, store: BlockStore | None, report: Progress) -> ParameterMap:
         column, row = (self.selection.names.index(name) for name in pair)

@@ -31,6 +31,7 @@ def imported(module: str, package: str, extra: str = "posterior") -> Any:
     except ImportError as problem:
         if problem.name and not module.startswith(problem.name.split(".")[0]):
             raise
+        what = f"the {extra} needs" if extra == "posterior" else f"{extra} need"
         raise UnsuitableData(
-            f"the {extra} needs {package}, which is not installed: pip install 'kneejax[{extra}]'"
+            f"{what} {package}, which is not installed: pip install 'kneejax[{extra}]'"
         ) from problem

@@ -123,6 +123,17 @@ def test_identify_writes_estimates_profiles_and_tests(identified):
         assert (out / "figures" / f"{name}.png").stat().st_size > 10_000
 
 
+def test_a_parameter_that_is_not_determined_is_a_doubt(tmp_path, capsys):
+    """A PCL that is slack in extension leaves no trace in a motion up to 30 degrees."""
+    study, out = tmp_path / "slack.yaml", tmp_path / "out"
+    slack = STUDY.replace("-0.047", "-0.19").replace("0:120:5", "0:30:5")
+    study.write_text(slack, encoding="utf-8")
+    assert main(["identify", str(study), "--out", str(out)]) == 1
+    assert "not determined" in capsys.readouterr().out
+    warnings = json.loads((out / "result.json").read_text())["warnings"]
+    assert any("not determined" in warning for warning in warnings)
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
