@@ -37,6 +37,10 @@ def spectrum_figure(found: Information) -> Figure:
     names = [readable(name) for name, on in zip(found.names, free, strict=True) if on]
     vectors, better = found.eigenvectors[free], np.sqrt(found.eigenvalues)
     n = len(names)
+    if not n:
+        figure = Figure(figsize=(5.0, 0.6))
+        figure.text(0.5, 0.5, "Every parameter is on a bound: nothing is free.", ha="center")
+        return figure
     cell = min(0.44, 6.0 / max(n, 1))
     left, right = 0.062 * max(map(len, names), default=8) + 0.15, 1.0
     above, bars, between, below = 0.32, 1.35, 0.12, 0.55

@@ -141,3 +141,12 @@ def test_standard_errors_before_and_after_stand_in_their_units():
     assert {"before", "after", "N", "240", "after all 3 tests"} <= set(words)
     one = dataclasses.replace(planned(chosen=(4,)), names=NAMES)
     assert "after the test" in assert_inside(report.standard_errors_figure(one))
+
+
+def test_a_fit_with_nothing_free_is_said_on_the_spectrum():
+    held = information(
+        np.eye(2), 1.0, ["ACL.stiffness", "PCL.stiffness"], np.ones(2), at_bound=np.ones(2, bool)
+    )
+    figure = report.spectrum_figure(held)
+    assert "nothing is free" in figure.texts[0].get_text()
+    assert report.picture_png(figure)
