@@ -8,6 +8,9 @@ from pathlib import Path
 os.environ.setdefault(
     "XLA_FLAGS", "--xla_disable_hlo_passes=fusion --xla_backend_optimization_level=0"
 )
+# Processes side by side leave the threads of each other's linear algebra only to wait. NumPy reads
+# this once too: what pytest-xdist starts inherits it.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import jax
 import pytest
