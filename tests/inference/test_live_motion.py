@@ -80,6 +80,15 @@ def test_what_has_no_balance_says_so_and_comes_back(live, measured):
     np.testing.assert_allclose(back.table, measured, atol=1e-6)
 
 
+def test_a_drag_through_lost_poses_and_back_changes_nothing(live, measured):
+    lost = []
+    for strain in [*np.linspace(0.07, -0.1, 18), *np.linspace(-0.1, 0.07, 18)]:
+        moved = live.move("MCL.reference_strain", strain)
+        lost.append((moved.status >= kj.Status.TOO_DEEP).any())
+    assert any(lost) and not lost[-1]
+    np.testing.assert_allclose(moved.table, measured, atol=1e-6)
+
+
 def test_bad_moves_change_nothing(live):
     before = live.now
     with pytest.raises(inference.UnknownParameter, match=r"ACL.slack_length.*selected are"):

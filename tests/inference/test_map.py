@@ -141,6 +141,12 @@ def test_a_map_elsewhere_is_that_of_the_knee_there(knee, measured):
     np.testing.assert_allclose(there.objective, moved.objective, rtol=1e-6)
 
 
+def test_a_pose_that_is_lost_there_still_counts(knee, measured):
+    at = {"PCL.stiffness": 1e6, "PCL.reference_strain": 0.2, "ACL.stiffness": 1e6}
+    there = sensitivity_map(knee, measured, PAIR, grid=(3, 3), at=at)
+    assert np.isnan(there.start_objective) and there.left_out == 0
+
+
 def test_a_data_set_has_coordinates_units_and_flags(found):
     pytest.importorskip("xarray")
     made = found.to_dataset({"study": "a test"})
