@@ -23,7 +23,7 @@ from kneejax.inference import (
     versions,
 )
 
-_PACKAGES = ("xarray", "h5netcdf")
+_PACKAGES = ("xarray", "h5netcdf", "h5py")
 _COLUMNS = (
     "x", "y", "x_minimum", "y_minimum", "objective_minimum", "x_start", "y_start",
     "objective_start", *(condition.word for condition in Condition),
