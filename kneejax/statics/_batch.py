@@ -227,7 +227,9 @@ def _walk_all(walker: Walker, paths: Paths, give_up: int) -> None:
         for lot in lots:
             walker.walk(lot, give_up)
         return
-    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
+    # One thread more than cores: while one prepares its call in Python another computes (a map of
+    # 101 x 101 points on two cores: 3.4 instead of 3.9 s).
+    with concurrent.futures.ThreadPoolExecutor((os.cpu_count() or 1) + 1) as pool:
         # Ctrl-C or an error in one lot must not wait for all the others.
         futures = [pool.submit(walker.walk, lot, give_up) for lot in lots]
         try:
