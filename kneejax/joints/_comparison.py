@@ -1,0 +1,340 @@
+"""How well joint models foretell measured motion: the statistics of paper 5, Tables 1 to 5."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import stats
+
+from kneejax.joints._clinical import MEASURES
+from kneejax.joints._repeated_measures import (
+    FEWEST_SUBJECTS,
+    RepeatedMeasures,
+    UnsuitableMotions,
+    repeated_measures,
+    standard_error,
+)
+
+#: Name of the measured motion among the models.
+MEASURED = "measured"
+_FEWEST_POINTS = 3
+
+
+@dataclasses.dataclass(frozen=True)
+class Summary:
+    """One motion over the subjects (paper 5, Tables 1 to 3).
+
+    Attributes:
+        motion: `measured` or a model.
+        conditions: names of the rows: each flexion; `average` over all and, where some are left
+            out, `average compared`; `min`, `max` and `ROM` of each subject's own motion.
+        mean: shape `(conditions, 5)`, mm and degrees, in the order of `MEASURES`.
+        sd: likewise. As in the paper, that of an average is the mean of its rows'. NaN of a single
+            subject.
+    """
+
+    motion: str
+    conditions: tuple[str, ...]
+    mean: np.ndarray
+    sd: np.ndarray
+
+
+@dataclasses.dataclass(frozen=True)
+class Difference:
+    """One motion minus another (paper 5, Table 4).
+
+    Attributes:
+        first: `measured` or a model.
+        second: a model.
+        conditions: each compared flexion, then `average`.
+        mean: shape `(conditions, 5)`, mm and degrees: first - second over the subjects.
+        standard_error: likewise; that of the average is of the subjects' own averages. NaN of a
+            single subject.
+    """
+
+    first: str
+    second: str
+    conditions: tuple[str, ...]
+    mean: np.ndarray
+    standard_error: np.ndarray
+
+
+@dataclasses.dataclass(frozen=True)
+class Prediction:
+    """How well a model foretells measured values (paper 5, Table 5).
+
+    Attributes:
+        model: its name.
+        points: how many values each number is of: subjects times compared flexions.
+        r2: shape `(5,)`: of the straight line, with an intercept, that foretells measured from
+            modelled values of all subjects and compared flexions together: the square of their
+            correlation. NaN where the model does not move.
+        adjusted_r2: `1 - (1 - r2) (points - 1) / (points - 2)`: one predictor.
+        rmse: shape `(5,)`, mm and degrees: root mean square of measured - modelled, which no line
+            adjusts.
+    """
+
+    model: str
+    points: int
+    r2: np.ndarray
+    adjusted_r2: np.ndarray
+    rmse: np.ndarray
+
+
+@dataclasses.dataclass(frozen=True)
+class Comparison:
+    """Models held against measured motion.
+
+    Attributes:
+        flexion_deg: shape `(n,)`; means where subjects were flexed a little differently.
+        compared: shape `(n,)`: false where a model was calibrated, so that it foretells nothing.
+        measured: shape `(subjects, n, 5)`, mm and degrees, in the order of `MEASURES`.
+        models: name -> likewise; NaN where a model has no pose.
+        summaries: of the measured motion and of each model.
+        differences: of measured and models, then of models among each other.
+        predictions: one a model.
+        tests: one a measure and compared flexion, measure by measure; None where a model has no
+            pose. Empty where there is no analysis of variance.
+        alpha: level of the tests.
+        notes: sentences that belong to the tables.
+        doubts: sentences on what is missing in them.
+    """
+
+    flexion_deg: np.ndarray
+    compared: np.ndarray
+    measured: np.ndarray
+    models: dict[str, np.ndarray]
+    summaries: tuple[Summary, ...]
+    differences: tuple[Difference, ...]
+    predictions: tuple[Prediction, ...]
+    tests: tuple[RepeatedMeasures | None, ...]
+    alpha: float
+    notes: tuple[str, ...]
+    doubts: tuple[str, ...]
+
+    @property
+    def motions(self) -> dict[str, np.ndarray]:
+        """The measured motion, then the models."""
+        return {MEASURED: self.measured, **self.models}
+
+    def test(self, measure: str, flexion: int) -> RepeatedMeasures | None:
+        """The test of a measure at one of the compared flexions, counted from 0."""
+        row = [one.name for one in MEASURES].index(measure)
+        return self.tests[row * int(self.compared.sum()) + flexion] if self.tests else None
+
+
+def compare_motions(
+    flexion_deg: ArrayLike,
+    measured: ArrayLike,
+    models: Mapping[str, ArrayLike],
+    *,
+    calibrated_at_deg: Sequence[float] = (),
+    anova: bool | None = None,
+    alpha: float = 0.01,
+) -> Comparison:
+    """Hold models against measured motion, as paper 5 does.
+
+    Args:
+        flexion_deg: shape `(n,)`, the conditions.
+        measured: shape `(subjects, n, 5)`, mm and degrees, in the order of `MEASURES`.
+        models: name -> what it says for the same subjects and flexions, likewise; NaN where it
+            has no pose.
+        calibrated_at_deg: the flexions at which models were calibrated: in the summaries, but not
+            compared.
+        anova: whether to test: by default if there are three subjects or more. True with fewer
+            is an error.
+        alpha: level of the tests and of their confidence intervals.
+
+    Returns:
+        The `Comparison`.
+
+    Raises:
+        UnsuitableMotions: shapes differ, a measured value is missing, a name is taken, a flexion
+            of calibration is none of the conditions, too little is left to compare, or the tests
+            need more subjects or a package.
+
+    Source: paper 5, sections 2.6 and 3.
+    """
+    flexion = np.atleast_1d(np.asarray(flexion_deg, float))
+    seen, given = _checked(flexion, measured, models)
+    compared = _compared(flexion, calibrated_at_deg)
+    subjects, points = len(seen), len(seen) * int(compared.sum())
+    if points < _FEWEST_POINTS:
+        raise UnsuitableMotions(
+            f"{points} values to compare ({subjects} subjects, {int(compared.sum())} flexions "
+            f"beside those of the calibration): expected at least {_FEWEST_POINTS}"
+        )
+    if not 0.0 < alpha < 1.0:
+        raise UnsuitableMotions(f"alpha is {alpha:g}: expected a number between 0 and 1")
+    motions = {MEASURED: seen, **given}
+    tested = subjects >= FEWEST_SUBJECTS if anova is None else anova
+    tests = _tests(motions, compared, alpha) if tested else ()
+    doubts = [
+        f"{name} has no pose for {gaps} of {one[..., 0].size} values: they are left out of its "
+        "numbers, and its flexions out of the tests."
+        for name, one in given.items()
+        if (gaps := int(np.isnan(one).any(axis=-1).sum()))
+    ]
+    return Comparison(
+        flexion,
+        compared,
+        seen,
+        given,
+        tuple(_summary(name, one, flexion, compared) for name, one in motions.items()),
+        tuple(
+            _difference(first, second, motions, flexion, compared)
+            for first, second in itertools.combinations(motions, 2)
+        ),
+        tuple(_prediction(name, one, seen, compared) for name, one in given.items()),
+        tests,
+        alpha,
+        tuple(_notes(flexion, compared, subjects, bool(tests), alpha)),
+        tuple(doubts),
+    )
+
+
+def _checked(
+    flexion: np.ndarray, measured: ArrayLike, models: Mapping[str, ArrayLike]
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    seen = np.asarray(measured, float)
+    given = {name: np.asarray(one, float) for name, one in models.items()}
+    if not given:
+        raise UnsuitableMotions("no model to compare: expected at least one")
+    for name, one in {MEASURED: seen, **given}.items():
+        expected = (len(seen), len(flexion), len(MEASURES))
+        if one.shape != expected:
+            raise UnsuitableMotions(
+                f"{name} has the shape {one.shape}: expected (subjects, flexions, measures), "
+                f"{expected}"
+            )
+    if MEASURED in given:
+        raise UnsuitableMotions(f"a model is called {MEASURED}: expected another name")
+    if not np.isfinite(seen).all():
+        raise UnsuitableMotions("a measured value is missing: expected finite numbers")
+    return seen, given
+
+
+def _compared(flexion: np.ndarray, calibrated_at: Sequence[float]) -> np.ndarray:
+    compared = np.ones(len(flexion), bool)
+    for angle in calibrated_at:
+        own = np.isclose(flexion, angle, atol=1e-6)
+        if not own.any():
+            known = ", ".join(f"{x:g}" for x in flexion)
+            raise UnsuitableMotions(
+                f"calibrated at {angle:g} degrees, which was not measured: expected some of {known}"
+            )
+        compared &= ~own
+    return compared
+
+
+def _summary(name: str, one: np.ndarray, flexion: np.ndarray, compared: np.ndarray) -> Summary:
+    def mean(x):
+        return np.nanmean(x, axis=0) if np.isfinite(x).all() else _where_finite(np.nanmean, x)
+
+    def sd(x):
+        return _where_finite(_sd, x)
+
+    rows = {f"{angle:g}": (mean(one[:, i]), sd(one[:, i])) for i, angle in enumerate(flexion)}
+    whole = list(rows.values())
+    rows["average"] = _average(whole)
+    if not compared.all():
+        rows["average compared"] = _average([whole[i] for i in np.flatnonzero(compared)])
+    low, high = (_where_finite(f, np.moveaxis(one, 1, 0)) for f in (np.nanmin, np.nanmax))
+    for label, x in (("min", low), ("max", high), ("ROM", high - low)):
+        rows[label] = mean(x), sd(x)
+    means, sds = zip(*rows.values(), strict=True)
+    return Summary(name, tuple(rows), np.array(means), np.array(sds))
+
+
+def _average(rows: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    mean, sd = np.mean(rows, axis=0)
+    return mean, sd
+
+
+def _sd(x: np.ndarray, axis: int) -> np.ndarray:
+    return np.nanstd(x, axis=axis, ddof=1)
+
+
+def _where_finite(statistic, x: np.ndarray) -> np.ndarray:
+    """A statistic over the first axis of what is known; NaN where that is too little."""
+    enough = np.isfinite(x).sum(axis=0) >= (2 if statistic is _sd else 1)
+    padded = np.where(enough, x, np.arange(len(x)).reshape(-1, *[1] * (x.ndim - 1)))
+    return np.where(enough, statistic(padded, axis=0), np.nan) if len(x) > 1 else (
+        np.where(enough, x[0], np.nan)
+    )
+
+
+def _difference(
+    first: str,
+    second: str,
+    motions: Mapping[str, np.ndarray],
+    flexion: np.ndarray,
+    compared: np.ndarray,
+) -> Difference:
+    apart = (motions[first] - motions[second])[:, compared]
+    columns = [*np.moveaxis(apart, 1, 0), apart.mean(axis=1)]
+    known = [[x[np.isfinite(x)] for x in column.T] for column in columns]
+    mean = [[x.mean() if x.size else np.nan for x in row] for row in known]
+    error = [[standard_error(x) for x in row] for row in known]
+    names = (*(f"{angle:g}" for angle in flexion[compared]), "average")
+    return Difference(first, second, names, np.array(mean), np.array(error))
+
+
+def _prediction(
+    name: str, one: np.ndarray, measured: np.ndarray, compared: np.ndarray
+) -> Prediction:
+    x, y = (part[:, compared].reshape(-1, len(MEASURES)) for part in (one, measured))
+    known = np.isfinite(x).all(axis=1)
+    x, y = x[known], y[known]
+    r2 = np.array([_r2(*columns) for columns in zip(x.T, y.T, strict=True)])
+    count = len(x)
+    adjusted = 1.0 - (1.0 - r2) * (count - 1) / (count - 2) if count > 2 else np.full(5, np.nan)
+    rmse = np.sqrt(((y - x) ** 2).mean(axis=0)) if count else np.full(5, np.nan)
+    return Prediction(name, count, r2, adjusted, rmse)
+
+
+def _r2(x: np.ndarray, y: np.ndarray) -> float:
+    if len(x) < _FEWEST_POINTS or np.ptp(x) < 1e-9 or np.ptp(y) < 1e-9:
+        return float("nan")
+    return float(stats.linregress(x, y).rvalue ** 2)
+
+
+def _tests(
+    motions: Mapping[str, np.ndarray], compared: np.ndarray, alpha: float
+) -> tuple[RepeatedMeasures | None, ...]:
+    """One analysis a measure and flexion, like the paper's fifteen."""
+    answer = []
+    for measure, i in itertools.product(range(len(MEASURES)), np.flatnonzero(compared)):
+        groups = {name: one[:, i, measure] for name, one in motions.items()}
+        whole = all(np.isfinite(x).all() for x in groups.values())
+        answer.append(repeated_measures(groups, alpha) if whole else None)
+    return tuple(answer)
+
+
+def _notes(flexion: np.ndarray, compared: np.ndarray, subjects: int, tested: bool, alpha: float):
+    if not compared.all():
+        left_out = ", ".join(f"{x:g}" for x in flexion[~compared])
+        yield (
+            f"Models were calibrated at {left_out} degrees: these are in the summaries, but not in "
+            "differences, R2, RMSE and tests."
+        )
+    yield (
+        "R2 is that of the straight line from modelled to measured values, subjects and compared "
+        "flexions together; adjusted for one predictor. RMSE is of the values as they are."
+    )
+    if tested:
+        yield (
+            "Tests: one-way repeated-measures analyses of variance, a measure and flexion each, "
+            "Greenhouse-Geisser corrected; pairs Bonferroni-adjusted, significant (*) up to "
+            f"p = {alpha:g}, intervals of {1.0 - alpha:.0%}."
+        )
+    elif subjects < FEWEST_SUBJECTS:
+        one = "One subject" if subjects == 1 else f"{subjects} subjects"
+        yield (
+            f"{one}: numbers describe, and nothing is tested; an analysis of variance needs "
+            f"{FEWEST_SUBJECTS} subjects or more."
+        )

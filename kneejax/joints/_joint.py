@@ -1,0 +1,280 @@
+"""The moving-axis joint of paper 5, its special case the hinge, and its generalisation.
+
+The tibia turns about an axis through a medial and a lateral point, which femur and tibia both
+know; both points move with flexion. Given flexion, a pose follows in closed form.
+"""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.core import Tracer
+from jax.typing import ArrayLike
+
+from kneejax.geometry import (
+    Pose,
+    Rotation,
+    angles_from_rotation,
+    compose,
+    dot,
+    full,
+    norm,
+    rotate,
+    scale,
+    subtract,
+    transpose,
+    vector,
+)
+from kneejax.joints._interpolation import between, monotone_slopes
+
+#: How points move between calibration angles: straight (paper 5), or along monotone cubics.
+INTERPOLATIONS = ("linear", "monotone")
+
+_SAME_FLEXION = np.deg2rad(1e-6)
+_STEEPEST = np.deg2rad(45.0)
+
+
+class Joint(eqx.Module):
+    """A joint whose axis passes through points that move with flexion.
+
+    Frames are those of `kneejax.geometry.Pose`: X anterior, Y superior, Z lateral of a right knee.
+    Beyond the first and the last calibration angle the axis stays where it was there.
+
+    Attributes:
+        flexion: calibration angles, shape `(k,)`, rad, increasing; one makes a hinge.
+        femoral: medial and lateral point of the axis in the femur at each angle, shape
+            `(k, 2, 3)`, mm.
+        tibial: the same points in the tibia, shape `(k, 2, 3)`, mm.
+        interpolation: one of `INTERPOLATIONS`; `linear` is paper 5's, `monotone` is continuously
+            differentiable from the first calibration angle to the last.
+
+    Source: paper 5, Eqs 1 to 4.
+
+    Example:
+        >>> axis = [[0.0, 0.0, -20.0], [0.0, 0.0, 20.0]]
+        >>> joint = hinge(axis, Pose.from_table([0.0, 0.0, 0.0, 0.0, -30.0, 0.0]))
+        >>> joint.pose(jnp.deg2rad(jnp.array([90.0]))).to_table().round(9).tolist()
+        [[90.0, 0.0, 0.0, -30.0, -0.0, 0.0]]
+    """
+
+    flexion: Array
+    femoral: Array
+    tibial: Array
+    interpolation: str = eqx.field(static=True, default="linear")
+
+    def __check_init__(self):
+        """Refuse shapes that do not belong together.
+
+        Raises:
+            ValueError: one does not, or `interpolation` is unknown.
+        """
+        expected = (*jnp.shape(self.flexion), 2, 3)
+        if len(expected) != 3 or expected[0] < 1:
+            raise ValueError(f"flexion has shape {jnp.shape(self.flexion)}; expected (k,)")
+        for name in ("femoral", "tibial"):
+            found = jnp.shape(getattr(self, name))
+            if found != expected:
+                raise ValueError(f"{name} has shape {found}; expected {expected}")
+        if self.interpolation not in INTERPOLATIONS:
+            raise ValueError(f"interpolation is {self.interpolation!r}: one of {INTERPOLATIONS}")
+
+    def axis_points(self, flexion: ArrayLike) -> tuple[Array, Array]:
+        """Medial and lateral point of the axis.
+
+        Args:
+            flexion: shape `(lanes,)`, rad.
+
+        Returns:
+            In the femur and in the tibia, each of shape `(2, 3, lanes)`, mm.
+        """
+        flexion = jnp.asarray(flexion, float)
+        bent = self.interpolation == "monotone" and len(self.flexion) > 1
+        femoral, tibial = (
+            between(
+                self.flexion,
+                points,
+                monotone_slopes(self.flexion, points) if bent else None,
+                flexion,
+            )
+            for points in (self.femoral, self.tibial)
+        )
+        return femoral, tibial
+
+    def pose(self, flexion: ArrayLike) -> Pose:
+        """Pose of the tibia in the femur.
+
+        Args:
+            flexion: shape `(lanes,)`, rad, within a half turn.
+
+        Returns:
+            The pose with just this flexion, fields of shape `(lanes,)`.
+        """
+        flexion = jnp.asarray(flexion, float)
+        femoral, tibial = self.axis_points(flexion)
+        rotation = _rotation(flexion, _untwisted(femoral), _untwisted(tibial))
+        _, adduction, internal = angles_from_rotation(rotation)
+        shift = full(subtract(vector(femoral[0]), rotate(rotation, vector(tibial[0]))))
+        return Pose(flexion, adduction, internal, *shift)
+
+
+def hinge(femoral: ArrayLike, pose: Pose) -> Joint:
+    """A hinge: the axis through two points of the femur, fixed in both bones.
+
+    Args:
+        femoral: medial and lateral point, shape `(2, 3)`, mm; paper 5 takes the epicondyles.
+        pose: where the tibia is known to be, fields of shape `()`.
+
+    Returns:
+        The joint, exact at that pose.
+
+    Raises:
+        ValueError: the points do not make a transverse axis.
+    """
+    femoral = jnp.asarray(femoral, float)
+    return _calibrated(femoral[None], jax.tree.map(lambda x: jnp.asarray(x)[None], pose), "linear")
+
+
+def moving_axis(femoral: ArrayLike, poses: Pose) -> Joint:
+    """Paper 5's joint: the axis moves linearly with flexion between two poses.
+
+    Args:
+        femoral: extension, then flexion facet centres, medial then lateral, shape `(2, 2, 3)`, mm.
+        poses: the two calibration poses, fields of shape `(2,)`, by increasing flexion.
+
+    Returns:
+        The joint, exact at both poses.
+
+    Raises:
+        ValueError: there are not two poses, both have the same flexion, or the points do not make
+            a transverse axis.
+
+    Source: paper 5, section 2.5.
+    """
+    femoral = jnp.asarray(femoral, float)
+    if jnp.shape(femoral) != (2, 2, 3) or jnp.shape(poses.flexion) != (2,):
+        shapes = f"{jnp.shape(femoral)} and {jnp.shape(poses.flexion)}"
+        raise ValueError(f"points and poses of shapes {shapes}; expected (2, 2, 3) and (2,)")
+    return _calibrated(femoral, poses, "linear")
+
+
+def generalised_axis(femoral: ArrayLike, poses: Pose, interpolation: str = "monotone") -> Joint:
+    """The moving axis through any number of poses, along smooth lines.
+
+    Args:
+        femoral: medial and lateral point at each pose, shape `(k, 2, 3)`, mm; see `axis_between`.
+        poses: calibration poses, fields of shape `(k,)`, by increasing flexion.
+        interpolation: one of `INTERPOLATIONS`.
+
+    Returns:
+        The joint, exact at every pose.
+
+    Raises:
+        ValueError: shapes differ, flexion does not increase, or the points do not make a
+            transverse axis.
+    """
+    return _calibrated(jnp.asarray(femoral, float), poses, interpolation)
+
+
+def axis_between(extension: ArrayLike, flexed: ArrayLike, flexion: ArrayLike) -> Array:
+    """Points of the femur on the way from extension to flexion centres, in proportion to flexion.
+
+    Args:
+        extension: medial and lateral point at the first angle, shape `(2, 3)`, mm.
+        flexed: at the last, likewise.
+        flexion: shape `(k,)`, increasing.
+
+    Returns:
+        Points at each angle, shape `(k, 2, 3)`, mm.
+    """
+    flexion = jnp.asarray(flexion, float)
+    share = (flexion - flexion[0]) / (flexion[-1] - flexion[0])
+    extension, flexed = jnp.asarray(extension, float), jnp.asarray(flexed, float)
+    return extension + share[:, None, None] * (flexed - extension)
+
+
+def _calibrated(femoral: Array, poses: Pose, interpolation: str) -> Joint:
+    flexion = jnp.asarray(poses.flexion, float)
+    if femoral.shape != (*flexion.shape, 2, 3) or flexion.ndim != 1:
+        shapes = f"{femoral.shape} and {flexion.shape}"
+        raise ValueError(f"points and poses of shapes {shapes}; expected (k, 2, 3) and (k,)")
+    placement = poses.placement
+    tibial = jnp.stack(
+        [
+            jnp.stack(placement.apply_inverse(vector(femoral[:, side].T)), axis=-1)
+            for side in range(2)
+        ],
+        axis=1,
+    )
+    _check_flexion(flexion)
+    for bone, points in (("femur", femoral), ("tibia", tibial)):
+        _check_axis(bone, points)
+    return Joint(flexion, femoral, tibial, interpolation)
+
+
+def _check_flexion(flexion: Array) -> None:
+    if isinstance(flexion, Tracer):
+        return
+    steps = np.diff(np.asarray(flexion))
+    if not np.isfinite(steps).all():
+        raise ValueError("the flexion of a calibration pose is not finite")
+    if (np.abs(steps) < _SAME_FLEXION).any():
+        i = int(np.argmin(np.abs(steps)))
+        same = f"calibration poses {i + 1} and {i + 2} have the same flexion"
+        raise ValueError(f"{same}, {np.rad2deg(float(flexion[i])):g} degrees")
+    if (steps < 0).any():
+        raise ValueError("the flexion of the calibration poses does not increase")
+
+
+def _check_axis(bone: str, points: Array) -> None:
+    if isinstance(points, Tracer):
+        return
+    axis = np.asarray(points[:, 1] - points[:, 0])
+    if not np.isfinite(axis).all():
+        raise ValueError(f"a point of the axis in the {bone} is not finite")
+    if (axis[:, 2] <= 0).any():
+        raise ValueError(
+            f"the lateral point of the axis in the {bone} is not lateral of the medial one; have "
+            "they changed places, or is this a left knee that was not mirrored?"
+        )
+    tilt = np.arccos(np.clip(axis[:, 2] / np.linalg.norm(axis, axis=1), -1.0, 1.0)).max()
+    if tilt > _STEEPEST:
+        raise ValueError(
+            f"the axis in the {bone} is {np.rad2deg(tilt):.0f} degrees off the medial-lateral "
+            f"direction; expected at most {np.rad2deg(_STEEPEST):.0f}"
+        )
+
+
+def _untwisted(points: Array) -> Rotation:
+    """Axes whose Z lies along the axis, not turned about Z in the sequence Z, X, Y: `Rx Ry`.
+
+    An invisible segment of paper 5. With Z known, sine and cosine of both angles are algebraic.
+    """
+    line = subtract(vector(points[1]), vector(points[0]))
+    x, y, z = scale(1.0 / norm(line), line)
+    cosine = jnp.sqrt(y * y + z * z)
+    up, forward = z / cosine, -y / cosine  # cosine and sine of the turn about X
+    return (cosine, 0.0, x), (forward * x, up, y), (-up * x, forward, z)
+
+
+def _rotation(flexion: Array, femoral: Rotation, tibial: Rotation) -> Rotation:
+    """The turn about the common axis that makes flexion what it shall be, in closed form.
+
+    `R = femoral Rz(-turn) tibial^T` has this flexion where its second column, the tibia's long
+    axis, is normal to `n = (cos, -sin, 0)`: `a cos(turn) + b sin(turn) + c = 0`. Of the two roots
+    the one is taken that lets the tibia point away from the femur.
+    """
+    u, v, w = transpose(femoral)
+    p, q, r = tibial[1]
+    n = (jnp.cos(flexion), -jnp.sin(flexion), 0.0)
+    nu, nv, nw = dot(n, u), dot(n, v), dot(n, w)
+    a, b, c = nu * p + nv * q, nu * q - nv * p, nw * r
+    # a^2 + b^2 - c^2, with u, v, w and p, q, r orthonormal.
+    root = jnp.sqrt(1.0 - nw * nw - r * r)
+    size = a * a + b * b
+    cosine, sine = (b * root - a * c) / size, -(a * root + b * c) / size
+    turn = (cosine, sine, 0.0), (-sine, cosine, 0.0), (0.0, 0.0, 1.0)
+    return compose(compose(femoral, turn), transpose(tibial))
+

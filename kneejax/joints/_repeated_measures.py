@@ -1,0 +1,146 @@
+"""Statistics of paired motions, by SciPy and pingouin: normality, one ANOVA, its post hoc pairs."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import warnings
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+#: Subjects below which neither Shapiro-Wilk nor the analysis of variance is defined.
+FEWEST_SUBJECTS = 3
+
+
+class UnsuitableMotions(ValueError):
+    """Motions that cannot be compared as asked; one sentence says why and what would do."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Pair:
+    """A post hoc comparison of two groups of paired values.
+
+    Attributes:
+        first: name of the one.
+        second: name of the other.
+        difference: mean of first - second.
+        standard_error: of that mean.
+        p: of the paired t-test, Bonferroni-adjusted: times the number of pairs, at most 1.
+        lower: of the confidence interval, which is Bonferroni-adjusted too.
+        upper: likewise.
+    """
+
+    first: str
+    second: str
+    difference: float
+    standard_error: float
+    p: float
+    lower: float
+    upper: float
+
+
+@dataclasses.dataclass(frozen=True)
+class RepeatedMeasures:
+    """A one-way repeated-measures analysis of variance.
+
+    Attributes:
+        normality: group -> p of Shapiro-Wilk; small where values are not normal.
+        f: variance between groups over that of the error.
+        df: degrees of freedom of both, before the correction.
+        epsilon: Greenhouse and Geisser's: 1 where groups are equally correlated, 1 / (groups - 1)
+            at worst.
+        p: with both degrees of freedom multiplied by epsilon.
+        p_uncorrected: without.
+        pairs: each group against each later one.
+    """
+
+    normality: dict[str, float]
+    f: float
+    df: tuple[int, int]
+    epsilon: float
+    p: float
+    p_uncorrected: float
+    pairs: tuple[Pair, ...]
+
+
+def repeated_measures(groups: Mapping[str, np.ndarray], alpha: float = 0.01) -> RepeatedMeasures:
+    """Compare groups of values of the same subjects.
+
+    Args:
+        groups: name -> values, shape `(subjects,)`, in one order of subjects; at least two groups.
+        alpha: confidence intervals hold all pairs at once with probability 1 - alpha.
+
+    Returns:
+        The `RepeatedMeasures`.
+
+    Raises:
+        UnsuitableMotions: fewer than three subjects, or pingouin is not installed.
+
+    Source: paper 5, section 2.6: Shapiro-Wilk, Greenhouse-Geisser, Bonferroni with alpha 0.01.
+    Here the first and the last are SciPy's (`shapiro`, `ttest_rel`), the analysis is pingouin's
+    (`rm_anova`).
+    """
+    pingouin = _pingouin()
+    count = len(next(iter(groups.values())))
+    if count < FEWEST_SUBJECTS:
+        raise UnsuitableMotions(
+            f"repeated measures of {count} subject{'s' * (count != 1)}: expected at least "
+            f"{FEWEST_SUBJECTS}; without an analysis of variance, means and errors are still given"
+        )
+    import pandas
+
+    with warnings.catch_warnings():
+        # Values without any spread: the numbers say so (inf and NaN). pandas 3 announces 4.
+        warnings.simplefilter("ignore")
+        table = pingouin.rm_anova(pandas.DataFrame(dict(groups)), correction=True, detailed=True)
+        normality = {name: float(stats.shapiro(x).pvalue) for name, x in groups.items()}
+        pairs = _pairs(groups, alpha)
+    between, error = table.iloc[0], table.iloc[1]
+    p = float(between["p_unc"])
+    return RepeatedMeasures(
+        normality,
+        float(between["F"]),
+        (int(between["DF"]), int(error["DF"])),
+        float(between["eps"]),
+        # Two groups cannot violate sphericity, and pingouin corrects nothing.
+        float(between.get("p_GG_corr", p)),
+        p,
+        pairs,
+    )
+
+
+def _pairs(groups: Mapping[str, np.ndarray], alpha: float) -> tuple[Pair, ...]:
+    chosen = list(itertools.combinations(groups, 2))
+    answer = []
+    for first, second in chosen:
+        apart = groups[first] - groups[second]
+        test = stats.ttest_rel(groups[first], groups[second])
+        interval = test.confidence_interval(1.0 - alpha / len(chosen))
+        p = min(1.0, len(chosen) * float(test.pvalue))
+        answer.append(
+            Pair(
+                first, second, float(apart.mean()), standard_error(apart),
+                p, float(interval.low), float(interval.high),
+            )
+        )  # fmt: skip
+    return tuple(answer)
+
+
+def standard_error(values: np.ndarray) -> float:
+    """Standard error of the mean of values of several subjects; NaN of a single one."""
+    return float(np.std(values, ddof=1) / np.sqrt(len(values))) if len(values) > 1 else np.nan
+
+
+def _pingouin() -> Any:
+    """pingouin, which only this question needs; pandas comes with it."""
+    try:
+        import pingouin
+    except ImportError as problem:
+        raise UnsuitableMotions(
+            "the analysis of variance needs pingouin, which is not installed: "
+            "pip install 'kneejax[statistics]'"
+        ) from problem
+    return pingouin
