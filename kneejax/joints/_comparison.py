@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -232,40 +232,33 @@ def _compared(flexion: np.ndarray, calibrated_at: Sequence[float]) -> np.ndarray
 
 
 def _summary(name: str, one: np.ndarray, flexion: np.ndarray, compared: np.ndarray) -> Summary:
-    def mean(x):
-        return np.nanmean(x, axis=0) if np.isfinite(x).all() else _where_finite(np.nanmean, x)
-
-    def sd(x):
-        return _where_finite(_sd, x)
-
-    rows = {f"{angle:g}": (mean(one[:, i]), sd(one[:, i])) for i, angle in enumerate(flexion)}
-    whole = list(rows.values())
-    rows["average"] = _average(whole)
+    rows = {f"{angle:g}": _mean_and_sd(one[:, i]) for i, angle in enumerate(flexion)}
+    each = np.array(list(rows.values()))
+    rows["average"] = each.mean(axis=0)
     if not compared.all():
-        rows["average compared"] = _average([whole[i] for i in np.flatnonzero(compared)])
-    low, high = (_where_finite(f, np.moveaxis(one, 1, 0)) for f in (np.nanmin, np.nanmax))
-    for label, x in (("min", low), ("max", high), ("ROM", high - low)):
-        rows[label] = mean(x), sd(x)
-    means, sds = zip(*rows.values(), strict=True)
-    return Summary(name, tuple(rows), np.array(means), np.array(sds))
+        rows["average compared"] = each[compared].mean(axis=0)
+    low, high = one.min(axis=1), one.max(axis=1)
+    rows |= {"min": _mean_and_sd(low), "max": _mean_and_sd(high), "ROM": _mean_and_sd(high - low)}
+    mean, sd = np.moveaxis(np.array(list(rows.values())), 1, 0)
+    return Summary(name, tuple(rows), mean, sd)
 
 
-def _average(rows: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
-    mean, sd = np.mean(rows, axis=0)
-    return mean, sd
+def _mean_and_sd(values: np.ndarray) -> np.ndarray:
+    return np.array([_over_known(np.mean, values), _over_known(_sd, values)])
 
 
-def _sd(x: np.ndarray, axis: int) -> np.ndarray:
-    return np.nanstd(x, axis=axis, ddof=1)
+def _sd(values: np.ndarray) -> float:
+    return float(np.std(values, ddof=1)) if len(values) > 1 else np.nan
 
 
-def _where_finite(statistic, x: np.ndarray) -> np.ndarray:
-    """A statistic over the first axis of what is known; NaN where that is too little."""
-    enough = np.isfinite(x).sum(axis=0) >= (2 if statistic is _sd else 1)
-    padded = np.where(enough, x, np.arange(len(x)).reshape(-1, *[1] * (x.ndim - 1)))
-    return np.where(enough, statistic(padded, axis=0), np.nan) if len(x) > 1 else (
-        np.where(enough, x[0], np.nan)
-    )
+def _over_known(statistic: Callable[[np.ndarray], float], values: np.ndarray) -> np.ndarray:
+    """A statistic over the first axis, of what is known; NaN where nothing is."""
+
+    def of_known(x: np.ndarray) -> float:
+        known = x[np.isfinite(x)]
+        return float(statistic(known)) if known.size else np.nan
+
+    return np.apply_along_axis(of_known, 0, values)
 
 
 def _difference(
@@ -276,12 +269,14 @@ def _difference(
     compared: np.ndarray,
 ) -> Difference:
     apart = (motions[first] - motions[second])[:, compared]
-    columns = [*np.moveaxis(apart, 1, 0), apart.mean(axis=1)]
-    known = [[x[np.isfinite(x)] for x in column.T] for column in columns]
-    mean = [[x.mean() if x.size else np.nan for x in row] for row in known]
-    error = [[standard_error(x) for x in row] for row in known]
-    names = (*(f"{angle:g}" for angle in flexion[compared]), "average")
-    return Difference(first, second, names, np.array(mean), np.array(error))
+    apart = np.concatenate([apart, apart.mean(axis=1, keepdims=True)], axis=1)
+    return Difference(
+        first,
+        second,
+        (*(f"{angle:g}" for angle in flexion[compared]), "average"),
+        _over_known(np.mean, apart),
+        _over_known(standard_error, apart),
+    )
 
 
 def _prediction(
@@ -315,7 +310,9 @@ def _tests(
     return tuple(answer)
 
 
-def _notes(flexion: np.ndarray, compared: np.ndarray, subjects: int, tested: bool, alpha: float):
+def _notes(
+    flexion: np.ndarray, compared: np.ndarray, subjects: int, tested: bool, alpha: float
+) -> Iterator[str]:
     if not compared.all():
         left_out = ", ".join(f"{x:g}" for x in flexion[~compared])
         yield (
