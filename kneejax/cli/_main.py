@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 from typing import NoReturn
 
+from kneejax.cli import _joint
 from kneejax.cli._study_commands import STUDY_COMMANDS
 from kneejax.files import nearest_name
 
@@ -163,6 +164,10 @@ def _build_parser() -> argparse.ArgumentParser:
     view.add_argument("--out", type=Path, default=Path("kneejax-view"))
     _add_convention(view)
     view.set_defaults(run=_lazily("_view"))
+
+    joint = commands.add_parser("joint", help="simple joints: fit, compare and export them")
+    _joint.add_arguments(joint)
+    joint.set_defaults(run=_lazily("_joint"))
 
     _add_import(commands.add_parser("import", help="make a knee from a model or from meshes"))
     _add_export(commands.add_parser("export", help="write a knee's numbers into a model"))

@@ -13,6 +13,10 @@ from kneejax.files._bundled import study_path as study_path
 from kneejax.files._candidates import CandidateRow as CandidateRow
 from kneejax.files._candidates import read_candidates as read_candidates
 from kneejax.files._checkpoints import Checkpoints as Checkpoints
+from kneejax.files._joint_file import JointFile as JointFile
+from kneejax.files._joint_file import format_joint as format_joint
+from kneejax.files._joint_file import read_joint as read_joint
+from kneejax.files._joint_file import write_joint as write_joint
 from kneejax.files._knee_file import KneeFile as KneeFile
 from kneejax.files._knee_file import format_knee as format_knee
 from kneejax.files._knee_file import read_knee as read_knee

@@ -13,6 +13,7 @@ from kneejax.joints._comparison import compare_motions as compare_motions
 from kneejax.joints._joint import INTERPOLATIONS as INTERPOLATIONS
 from kneejax.joints._joint import Joint as Joint
 from kneejax.joints._joint import axis_between as axis_between
+from kneejax.joints._joint import check_joint as check_joint
 from kneejax.joints._joint import generalised_axis as generalised_axis
 from kneejax.joints._joint import hinge as hinge
 from kneejax.joints._joint import moving_axis as moving_axis

@@ -56,8 +56,8 @@ class Joint(eqx.Module):
     Example:
         >>> axis = [[0.0, 0.0, -20.0], [0.0, 0.0, 20.0]]
         >>> joint = hinge(axis, Pose.from_table([0.0, 0.0, 0.0, 0.0, -30.0, 0.0]))
-        >>> joint.pose(jnp.deg2rad(jnp.array([90.0]))).to_table().round(9).tolist()
-        [[90.0, 0.0, 0.0, -30.0, -0.0, 0.0]]
+        >>> joint.pose(jnp.array([0.0, jnp.pi / 2])).anterior.round(9).tolist()
+        [0.0, -30.0]
     """
 
     flexion: Array
@@ -208,17 +208,31 @@ def _calibrated(femoral: Array, poses: Pose, interpolation: str) -> Joint:
         ],
         axis=1,
     )
-    _check_flexion(flexion)
-    for bone, points in (("femur", femoral), ("tibia", tibial)):
+    joint = Joint(flexion, femoral, tibial, interpolation)
+    check_joint(joint)
+    return joint
+
+
+def check_joint(joint: Joint) -> None:
+    """Refuse calibration angles or axes that no knee has; numbers being traced pass.
+
+    Args:
+        joint: any joint.
+
+    Raises:
+        ValueError: flexion does not increase, a number is not finite, or an axis is not transverse
+            (within 45 degrees of Z, its lateral point lateral).
+    """
+    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(joint)):
+        return
+    _check_flexion(joint.flexion)
+    for bone, points in (("femur", joint.femoral), ("tibia", joint.tibial)):
         _check_axis(bone, points)
-    return Joint(flexion, femoral, tibial, interpolation)
 
 
 def _check_flexion(flexion: Array) -> None:
-    if isinstance(flexion, Tracer):
-        return
     steps = np.diff(np.asarray(flexion))
-    if not np.isfinite(steps).all():
+    if not np.isfinite(np.asarray(flexion)).all():
         raise ValueError("the flexion of a calibration pose is not finite")
     if (np.abs(steps) < _SAME_FLEXION).any():
         i = int(np.argmin(np.abs(steps)))
@@ -229,8 +243,6 @@ def _check_flexion(flexion: Array) -> None:
 
 
 def _check_axis(bone: str, points: Array) -> None:
-    if isinstance(points, Tracer):
-        return
     axis = np.asarray(points[:, 1] - points[:, 0])
     if not np.isfinite(axis).all():
         raise ValueError(f"a point of the axis in the {bone} is not finite")
