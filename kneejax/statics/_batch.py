@@ -8,6 +8,7 @@ nor on who was first.
 from __future__ import annotations
 
 import concurrent.futures
+import copy
 import dataclasses
 import os
 from collections.abc import Callable
@@ -17,9 +18,22 @@ import jax
 import numpy as np
 
 from kneejax.mechanics import Knee, Load
+from kneejax.statics._newton import UNITS
+from kneejax.statics._paths import (
+    Found,
+    Own,
+    Paths,
+    arms,
+    gaps,
+    joined,
+    nodes_at,
+    paths,
+    single_nodes,
+)
 from kneejax.statics._stations import Stations
 from kneejax.statics._status import Status
-from kneejax.statics._walk import LANES, Found, Paths, Vary, Walker
+from kneejax.statics._stretch import Vary
+from kneejax.statics._walk import LANES, Walker
 
 #: Called with how many balances are done, and of how many.
 Progress = Callable[[int, int], None]
@@ -31,6 +45,10 @@ _LOT = (2 * LANES, 8 * LANES)
 _ALONG_STATIONS, _ALONG_VALUES = 5, 2
 #: Flexion between two nodes on the way from the reference pose, rad, and steps of a load.
 _STRIDE, _LOAD_STEPS = np.deg2rad(5.0), 4
+#: Steps in which the knee itself is changed into a variant that is far from it.
+_CHANGES = 8
+#: So many at a time, to bound memory.
+_LINES = 1024
 
 
 @dataclasses.dataclass(frozen=True)
@@ -91,10 +109,12 @@ def balance_many(
     Raises:
         RuntimeError: float64 is switched off.
     """
-    walker = _walker(knee, vary, base, values, stations, own, progress)
-    _walk_all(walker, _along_stations(walker), _ALONG_STATIONS)
-    # What was not reached on the way up may be reached from above.
-    _walk_all(walker, _gaps(walker, -1), _ALONG_STATIONS)
+    own = own or own_motion(knee, vary, base, stations)
+    walker = _walker(knee, vary, values, stations, own, progress)
+    _lead(walker, base, own.converged[0])
+    for inner in (False, True):
+        _walk_all(walker, gaps(walker.found, walker.segments, inner=inner), _ALONG_STATIONS)
+    _fill_by_changing(walker, base)
     return _balances(walker, walker.found.status.shape[:1])
 
 
@@ -128,13 +148,15 @@ def balance_lines(
     """
     lines, points = np.shape(jax.tree.leaves(values)[0])[:2]
     flat = jax.tree.map(lambda x: np.reshape(x, (lines * points, *np.shape(x)[2:])), values)
-    walker = _walker(knee, vary, base, flat, stations, own, progress)
+    own = own or own_motion(knee, vary, base, stations)
+    walker = _walker(knee, vary, flat, stations, own, progress)
     middle = np.arange(lines) * points + np.asarray(begin, int)
-    _walk_all(walker, _single_nodes(walker, middle, near), _ALONG_VALUES)
-    up, down = (_arms(walker, middle, points, way) for way in (1, -1))
-    _walk_all(walker, _joined(up, down), _ALONG_VALUES)
+    poses = None if near is None else (near.q, near.meeting)
+    _walk_all(walker, single_nodes(walker.found, middle, poses), _ALONG_VALUES)
+    up, down = (arms(walker.found, middle, points, way) for way in (1, -1))
+    _walk_all(walker, joined(up, down), _ALONG_VALUES)
     for way in (1, -1):
-        _walk_all(walker, _gaps(walker, way), _ALONG_VALUES)
+        _walk_all(walker, gaps(walker.found, walker.segments, (way,)), _ALONG_VALUES)
     return _balances(walker, (lines, points))
 
 
@@ -162,14 +184,15 @@ def own_motion(knee: Knee, vary: Vary, base: Any, stations: Stations) -> Balance
     loaded = np.tile(np.maximum(np.arange(steps + 1) - bends, 0) / max(grows, 1), size)
     last = jax.tree.map(lambda x: np.repeat(x, steps + 1, axis=0), (flexion, loads))
     way = Stations(start + bent * (last[0] - start), tuple(_part(x, loaded) for x in last[1]))
-    found = Found.nothing(knee, 1, len(way))
     reference = np.array([float(x) for x in knee.reference_pose.state])
-    rest = (np.broadcast_to(reference, (len(way), 5)), np.zeros(found.meeting.shape[1:]))
+    still = np.tile(reference, (len(way), 1)), np.zeros((len(way), knee.patch_count, 2))
+    found = Found.nothing(1, still)
     one = jax.tree.map(lambda x: np.asarray(x)[None], base)
-    walker = Walker(knee, vary, one, way, rest, found, lambda _: None)
+    # From a pose that stands still any motion is far.
+    walker = Walker(knee, vary, one, way, found, lambda _: None, reach_mm=(np.inf, 0.0))
     station = np.arange(len(way)).reshape(size, steps + 1)
-    paths = _paths(walker, np.zeros_like(station), station, np.full(size, steps + 1))
-    _walk_all(walker, paths, _ALONG_STATIONS)
+    bent_and_loaded = paths(found, np.zeros_like(station), station, np.full(size, steps + 1))
+    _walk_all(walker, bent_and_loaded, _ALONG_STATIONS)
     ends = station[:, -1]
     return Balances(*(x[:, ends] for x in (found.q, found.meeting, found.status, found.steps)))
 
@@ -180,15 +203,14 @@ def _part(load: Load, part: np.ndarray) -> Load:
     )
 
 
-def _walker(knee, vary, base, values, stations, own: Balances | None, progress) -> Walker:
-    variants, size = len(jax.tree.leaves(values)[0]), len(stations)
-    start = _filled(own or own_motion(knee, vary, base, stations), knee)
-    found = Found.nothing(knee, variants, size)
-    report = _counter(progress, variants * size)
-    return Walker(knee, vary, values, stations.plain(), start, found, report)
+def _walker(knee, vary, values, stations, own: Balances, progress) -> Walker:
+    variants = len(jax.tree.leaves(values)[0])
+    found = Found.nothing(variants, _filled(own, knee))
+    report = _counter(progress, variants * len(stations))
+    return Walker(knee, vary, values, stations.plain(), found, report)
 
 
-def _filled(own: Balances, knee: Knee) -> tuple[np.ndarray, np.ndarray]:
+def _filled(own: Balances, knee: Knee) -> Own:
     """Where searches begin; where the knee itself has no balance, at that of a near station."""
     size = own.q.shape[1]
     known = np.flatnonzero(own.converged[0])
@@ -218,20 +240,19 @@ def _counter(progress: Progress | None, total: int) -> Callable[[int], None]:
     return report
 
 
-def _walk_all(walker: Walker, paths: Paths, give_up: int) -> None:
+def _walk_all(walker: Walker, rows: Paths, give_up: int, led_to: bool = True) -> None:
     """Deal the paths to threads."""
-    count = len(paths)
-    size = int(np.clip(-(-count // 4), *_LOT))
-    lots = [paths.take(slice(i, i + size)) for i in range(0, count, size)]
+    count = len(rows)
+    most = int(np.clip(-(-count // 4), *_LOT))
+    size = -(-count // max(-(-count // most), 1)) or 1
+    lots = [rows.take(slice(i, i + size)) for i in range(0, count, size)]
     if len(lots) < 2:
         for lot in lots:
-            walker.walk(lot, give_up)
+            walker.walk(lot, give_up, led_to)
         return
-    # One thread more than cores: while one prepares its call in Python another computes (a map of
-    # 101 x 101 points on two cores: 3.4 instead of 3.9 s).
-    with concurrent.futures.ThreadPoolExecutor((os.cpu_count() or 1) + 1) as pool:
+    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
         # Ctrl-C or an error in one lot must not wait for all the others.
-        futures = [pool.submit(walker.walk, lot, give_up) for lot in lots]
+        futures = [pool.submit(walker.walk, lot, give_up, led_to) for lot in lots]
         try:
             for future in futures:
                 future.result()
@@ -240,82 +261,101 @@ def _walk_all(walker: Walker, paths: Paths, give_up: int) -> None:
             raise
 
 
-def _paths(walker: Walker, variant, station, length, q=0.0, meeting=np.nan) -> Paths:
-    """Paths whose first node is expected so far from the own motion."""
-    count, patches = len(length), walker.found.meeting.shape[2]
-    return Paths(
-        variant,
-        station,
-        length,
-        np.broadcast_to(q, (count, 5)),
-        np.broadcast_to(meeting, (count, patches, 2)),
-    )
+def _lead(walker: Walker, base: Any, balanced: np.ndarray) -> None:
+    """Balance each variant at one station of each segment, on the branch of the knee itself.
+
+    Where a short search from the own motion does not do, at any of three stations, the knee itself
+    is changed into the variant step by step. A long search from afar may end on another branch,
+    and all of the variant's motion with it; it is all that is left where the knee itself balances
+    nowhere.
+    """
+    if not balanced.any():
+        everyone = np.arange(len(walker.found.status))
+        _walk_all(walker, single_nodes(walker.found, everyone, None), _ALONG_STATIONS)
+        return
+    choices = [
+        dict.fromkeys(stations[int(part * len(stations))] for part in (0.5, 0.25, 0.75))
+        for segment in walker.segments
+        if len(stations := segment[balanced[segment]])
+    ]
+    ranks = [np.array(x) for x in zip(*(_padded(list(c)) for c in choices), strict=True)]
+    for stations in ranks:
+        nodes = _without_lead(walker, stations[stations >= 0])
+        _walk_all(walker, nodes_at(walker.found, *nodes), _ALONG_VALUES, led_to=False)
+    for stations in ranks:
+        _change_into(walker, base, *_without_lead(walker, stations[stations >= 0]))
 
 
-def _along_stations(walker: Walker) -> Paths:
-    """Each variant along all stations, from the own motion."""
-    count, size = walker.found.status.shape
-    variant = np.broadcast_to(np.arange(count)[:, None], (count, size))
-    station = np.broadcast_to(np.arange(size), (count, size))
-    return _paths(walker, variant, station, np.full(count, size), meeting=0.0)
+def _padded(stations: list[int]) -> list[int]:
+    return stations + [-1] * (3 - len(stations))
 
 
-def _single_nodes(walker: Walker, variants: np.ndarray, near: Balances | None) -> Paths:
-    """Some variants at all stations, each a path of one node."""
-    size = walker.found.status.shape[1]
-    variant, station = (
-        x.reshape(-1, 1) for x in np.meshgrid(variants, np.arange(size), indexing="ij")
-    )
-    one = np.ones(len(variant), int)
-    if near is None:
-        return _paths(walker, variant, station, one, meeting=0.0)
-    return _paths(walker, variant, station, one, *_away(walker, near.q, near.meeting))
+def _without_lead(walker: Walker, stations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Variants at these stations that have no balance in all the segment yet."""
+    row, place = np.nonzero(~_led(walker)[:, stations])
+    return row, stations[place]
 
 
-def _arms(walker: Walker, middle: np.ndarray, points: int, way: int) -> Paths:
-    """From the middle of each line to one of its ends, at each station."""
-    size = walker.found.status.shape[1]
-    place = middle % points
-    length = points - 1 - place if way > 0 else place
-    walked = np.minimum(np.arange(1, points), length[:, None])
-    variant = np.repeat(middle[:, None] + way * walked, size, axis=0)
-    station = np.broadcast_to(np.tile(np.arange(size), len(middle))[:, None], variant.shape)
-    away = _away(walker, walker.found.q[middle], walker.found.meeting[middle])
-    return _paths(walker, variant, station, np.repeat(length, size), *away)
+def _led(walker: Walker) -> np.ndarray:
+    """Whether a variant has a balance in the segment of a station, `(variants, stations)`."""
+    starts = [segment[0] for segment in walker.segments]
+    led = np.logical_or.reduceat(walker.found.known, starts, axis=1)
+    return np.repeat(led, [len(segment) for segment in walker.segments], axis=1)
 
 
-def _away(walker: Walker, q: np.ndarray, meeting: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """How far poses `(rows, stations, ...)` are from the own motion; none where they are lost."""
-    lost = np.asarray(np.isnan(q).any(axis=-1)).reshape(-1)
-    away_q = (q - walker.own[0]).reshape(-1, 5)
-    away_meeting = (meeting - walker.own[1]).reshape(-1, *meeting.shape[2:])
-    return (
-        np.where(lost[:, None], 0.0, away_q),
-        np.where(lost[:, None, None], np.nan, away_meeting),
-    )
+def _fill_by_changing(walker: Walker, base: Any) -> None:
+    """What walks have lost, from the knee itself; alone in its segment a node was led there."""
+    alone = np.concatenate([np.full(len(s), len(s) == 1) for s in walker.segments])
+    _change_into(walker, base, *np.nonzero(~walker.found.known & _led(walker) & ~alone))
 
 
-def _gaps(walker: Walker, way: int) -> Paths:
-    """Rows of stations that are not balanced, beginning beside one that is."""
-    known = walker.found.known[:, ::way]
-    variants, size = known.shape
-    length = np.zeros((variants, size + 1), int)
-    for s in range(size - 1, -1, -1):
-        length[:, s] = np.where(known[:, s], 0, 1 + length[:, s + 1])
-    row, before = np.nonzero(known[:, :-1] & ~known[:, 1:])
-    length = length[row, before + 1]
-    along = before[:, None] + 1 + np.arange(max(length, default=1))
-    station = np.minimum(along, size - 1)
-    if way < 0:
-        station, before = size - 1 - station, size - 1 - before
-    variant = np.broadcast_to(row[:, None], station.shape)
-    q, meeting = (
-        here[row, before] - own[before]
-        for here, own in zip((walker.found.q, walker.found.meeting), walker.own, strict=True)
-    )
-    return _paths(walker, variant, station, length, q, meeting)
+def _change_into(walker: Walker, base: Any, variants: np.ndarray, stations: np.ndarray) -> None:
+    """The knee itself, changed step by step into variants, each at a station."""
+    for first in range(0, len(variants), _LINES):
+        some = slice(first, first + _LINES)
+        _change_some(walker, base, variants[some], stations[some])
 
 
-def _joined(*parts: Paths) -> Paths:
-    fields = [f.name for f in dataclasses.fields(Paths)]
-    return Paths(*(np.concatenate([getattr(part, name) for part in parts]) for name in fields))
+def _change_some(walker: Walker, base: Any, variants: np.ndarray, stations: np.ndarray) -> None:
+    part = np.arange(1, _CHANGES + 1) / _CHANGES
+
+    def changed(own, values):
+        own, values = np.asarray(own, float), np.asarray(values, float)[variants]
+        steps = own + part.reshape(-1, *(1,) * own.ndim) * (values - own)[:, None]
+        return steps.reshape(-1, *own.shape)
+
+    way, found = copy.copy(walker), walker.found
+    way.values = jax.tree.map(changed, base, walker.values)
+    way.found = Found.nothing(len(variants) * _CHANGES, found.own)
+    way.report = lambda _: None
+    points = np.arange(len(variants) * _CHANGES).reshape(-1, _CHANGES)
+    station = np.repeat(stations[:, None], _CHANGES, axis=1)
+    lines = paths(way.found, points, station, np.full(len(points), _CHANGES), meeting=0.0)
+    _walk_all(way, lines, _ALONG_VALUES)
+    node, last = (variants, stations), (points[:, -1], stations)
+    found.steps[node] += way.found.steps[last]
+    reached = np.flatnonzero(way.found.known[last])
+    while len(reached):
+        here = variants[reached], stations[reached]
+        joins = _joins(walker, here, way.found.q[last][reached])
+        if not joins.any():
+            return
+        taken, here = reached[joins], (here[0][joins], here[1][joins])
+        for name in ("q", "meeting", "status"):
+            getattr(found, name)[here] = getattr(way.found, name)[last][taken]
+        reached = reached[~joins]
+
+
+def _joins(walker: Walker, node: tuple[np.ndarray, np.ndarray], q: np.ndarray) -> np.ndarray:
+    """Whether poses carry on the motion of their variant: those known at the next stations of the
+    segment are near, and there is one, or nothing in the segment is known."""
+    (variant, station), found = node, walker.found
+    beside_known, contradicted = np.zeros((2, len(variant)), bool)
+    for way in (1, -1):
+        beside = np.clip(station + way, 0, found.status.shape[1] - 1)
+        reach = walker.reach(station, beside)
+        change = (q - found.own[0][station]) - (found.q[variant, beside] - found.own[0][beside])
+        known = found.known[variant, beside] & np.isfinite(reach)
+        beside_known |= known
+        contradicted |= known & (np.abs(change / UNITS).max(axis=1) > reach)
+    return (beside_known | ~_led(walker)[node]) & ~contradicted

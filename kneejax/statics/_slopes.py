@@ -17,10 +17,13 @@ from kneejax.statics._newton import EnergyNewton, Guess
 from kneejax.statics._settle import settle
 from kneejax.statics._stations import Stations
 from kneejax.statics._status import Status
-from kneejax.statics._walk import LANES, Vary, in_lanes
+from kneejax.statics._stretch import Vary, in_lanes
 
 #: Searches begin from a linear prediction; what is farther off is searched by `balance_many`.
 _SEARCH = EnergyNewton(atol=1e-8, most_steps=16)
+#: Lanes of a call; each takes Python half as long as the compiled program (benchmarks/profiles.py:
+#: eight profiles in 0.22 s, with 64 lanes in 0.55 s).
+_LANES = 128
 
 
 @dataclasses.dataclass(frozen=True)
@@ -111,7 +114,7 @@ def _in_chunks(knee, vary, values, stations: Stations, guess) -> Slopes:
     numbers = jax.tree.map(np.asarray, stations.plain())
 
     def chunk(first: int):
-        rows = np.minimum(np.arange(first, first + LANES), count * size - 1)
+        rows = np.minimum(np.arange(first, first + _LANES), count * size - 1)
         here = Guess(*(np.moveaxis(x[rows], 0, -1) for x in (q, meeting, tangent)))
         at = jax.tree.map(lambda x: x[rows % size], numbers)
         found = _solve(vary, knee, values[rows // size], at, here)
@@ -126,6 +129,6 @@ def _in_chunks(knee, vary, values, stations: Stations, guess) -> Slopes:
         )
 
     with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
-        parts = list(pool.map(chunk, range(0, count * size, LANES)))
+        parts = list(pool.map(chunk, range(0, count * size, _LANES)))
     whole = (np.concatenate(x)[: count * size] for x in zip(*parts, strict=True))
     return Slopes(values, *(x.reshape(count, size, *x.shape[1:]) for x in whole))

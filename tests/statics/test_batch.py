@@ -95,6 +95,27 @@ def test_lines_walk_to_the_same_balances(knee, chosen, base):
     np.testing.assert_allclose(walked.q.reshape(alone.q.shape) / UNITS, alone.q / UNITS, atol=2e-6)
 
 
+def test_what_a_knee_reaches_depends_neither_on_lanes_nor_on_stretches(knee, chosen, base):
+    """More variants than lanes, more stations than a stretch has nodes, and an MCL so lax that the
+    knee does not balance in extension.
+
+    The laxer the MCL, the earlier the motion ends: a search that begins where there is no balance
+    once found another branch, 8 degrees and 5 mm away, and all of the motion with it.
+    """
+    values = np.tile(base, (70, 1))
+    values[:, 6] = np.linspace(-0.02, 0.06, 70)
+    stations = Stations.at(np.linspace(0.0, 120.0, 41))
+    together = balance_many(knee, chosen.apply, base, values, stations)
+    assert together.converged[:, 5:].all() and together.converged[40:].all()
+    assert not together.converged[:20, 0].any()
+    stride = np.abs(np.diff(together.q / UNITS, axis=1)).max(axis=2)
+    assert np.nanmax(stride) < 3.0
+    few = [0, 9, 23, 69]
+    apart = balance_many(knee, chosen.apply, base, values[few], stations)
+    # At the very end of a motion who is found may depend on who is searched beside it.
+    np.testing.assert_allclose(apart.q[:, 5:] / UNITS, together.q[few, 5:] / UNITS, atol=2e-6)
+
+
 def test_loads_of_stations_are_loads_of_the_knee(knee, chosen, base):
     """A drawer at two flexions, against a knee that carries the same load always."""
     forces = [[100.0, 0.0, 0.0], [-100.0, 0.0, 0.0], [100.0, 0.0, 0.0]]
