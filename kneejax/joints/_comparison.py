@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import stats
 
 from kneejax.joints._clinical import MEASURES
 from kneejax.joints._repeated_measures import (
@@ -295,7 +294,7 @@ def _prediction(
 def _r2(x: np.ndarray, y: np.ndarray) -> float:
     if len(x) < _FEWEST_POINTS or np.ptp(x) < 1e-9 or np.ptp(y) < 1e-9:
         return float("nan")
-    return float(stats.linregress(x, y).rvalue ** 2)
+    return float(np.corrcoef(x, y)[0, 1] ** 2)
 
 
 def _tests(

@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from kneejax.geometry import Pose, convert_pose
+from kneejax.geometry import Pose, rotation_from_angles
 from kneejax.joints import (
     MEASURES,
     UnsuitableMotions,
     clinical_measures,
     compare_motions,
+    hinge,
     poses_from_clinical,
     repeated_measures,
 )
@@ -239,11 +240,26 @@ def test_without_pingouin_the_sentence_says_what_to_install(cohort, monkeypatch)
     assert not compare_motions(FLEXION, measured, models, anova=False).tests
 
 
-def test_clinical_measures_are_grood_and_suntays_with_the_papers_signs(rng):
+def test_clinical_measures_are_projections_onto_grood_and_suntays_axes(rng):
+    """Against axes written out as vectors, paper 5, section 2.4."""
     table = rng.normal(size=(7, 6)) * 10.0 + [60.0, 0.0, 0.0, 0.0, -30.0, 0.0]
-    seen = np.asarray(convert_pose(Pose.from_table(table), "grood-suntay"))
-    _, adduction, rotation, anterior, superior, lateral = seen
-    expected = [lateral, anterior, -superior, np.rad2deg(adduction), np.rad2deg(rotation)]
-    assert clinical_measures(table) == pytest.approx(np.array(expected).T)
-    assert poses_from_clinical(table[:, 0], clinical_measures(table)) == pytest.approx(table)
+    found = clinical_measures(table)
+    for row, seen in zip(table, found, strict=True):
+        pose = Pose.from_table(row)
+        turn = np.array(rotation_from_angles(pose.flexion, pose.adduction, pose.internal_rotation))
+        lateral, long_axis = np.array([0.0, 0.0, 1.0]), turn[:, 1]
+        floating = np.cross(long_axis, lateral)
+        floating /= np.linalg.norm(floating)
+        expected = [row[3:] @ lateral, row[3:] @ floating, -row[3:] @ long_axis, *row[1:3]]
+        assert seen == pytest.approx(expected)
+    assert poses_from_clinical(table[:, 0], found) == pytest.approx(table)
     assert [one.column for one in MEASURES] == ["ML_mm", "AP_mm", "CD_mm", "AA_deg", "IE_deg"]
+
+
+def test_a_hinge_through_the_origin_of_the_femur_neither_compresses_nor_distracts():
+    """As in paper 5's Table 3, whose CD is fixed: true of projections only."""
+    axis = [[0.0, -3.0, -40.0], [0.0, 3.0, 40.0]]
+    joint = hinge(axis, Pose.from_table([0.0, 3.0, -5.0, -6.0, -35.0, 4.0]))
+    measures = clinical_measures(joint.pose(np.deg2rad(np.linspace(0.0, 110.0, 12))).to_table())
+    assert np.ptp(measures[:, 2]) < 1e-9
+    assert np.ptp(measures[:, 3]) > 1.0
