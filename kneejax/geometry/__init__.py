@@ -7,6 +7,8 @@ from kneejax.geometry._condyle import Condyle as Condyle
 from kneejax.geometry._conventions import CONVENTIONS as CONVENTIONS
 from kneejax.geometry._conventions import convert as convert
 from kneejax.geometry._conventions import convert_pose as convert_pose
+from kneejax.geometry._cylinder_fitting import CylinderFit as CylinderFit
+from kneejax.geometry._cylinder_fitting import fit_cylinder as fit_cylinder
 from kneejax.geometry._fitting import SurfaceFit as SurfaceFit
 from kneejax.geometry._fitting import fit_ellipsoid as fit_ellipsoid
 from kneejax.geometry._fitting import fit_plane as fit_plane

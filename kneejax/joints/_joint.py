@@ -56,8 +56,8 @@ class Joint(eqx.Module):
     Example:
         >>> axis = [[0.0, 0.0, -20.0], [0.0, 0.0, 20.0]]
         >>> joint = hinge(axis, Pose.from_table([0.0, 0.0, 0.0, 0.0, -30.0, 0.0]))
-        >>> joint.pose(jnp.array([0.0, jnp.pi / 2])).anterior.round(9).tolist()
-        [0.0, -30.0]
+        >>> [f"{x:.6f}" for x in joint.pose(jnp.array([0.0, jnp.pi / 2])).anterior]
+        ['0.000000', '-30.000000']
     """
 
     flexion: Array
