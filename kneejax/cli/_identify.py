@@ -58,6 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
         found.noise,
         candidates,
         count=arguments.next_tests,
+        criterion=arguments.criterion,
     )
     seconds = time.perf_counter() - begun
     return _write(found, sampled, design, asked, arguments, seconds)

@@ -105,6 +105,13 @@ def add_identify(parser: argparse.ArgumentParser) -> None:
         "--next-tests", type=int, default=3, metavar="K", help="how many tests to choose"
     )
     parser.add_argument(
+        "--criterion",
+        choices=["D", "A"],
+        default="D",
+        help="what they make small: the volume of the confidence region (D), or the mean squared "
+        "standard error (A)",
+    )
+    parser.add_argument(
         "--candidates", type=Path, help="CSV of tests to choose from; a usual set otherwise"
     )
     parser.add_argument("--out", type=Path, default=Path("kneejax-identify"))
