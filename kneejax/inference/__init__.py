@@ -18,6 +18,7 @@ from kneejax.inference._claims import judged as judged
 from kneejax.inference._claims_paper1 import Paper1Study as Paper1Study
 from kneejax.inference._claims_paper1 import paper1_claims as paper1_claims
 from kneejax.inference._claims_paper4 import paper4_claims as paper4_claims
+from kneejax.inference._claims_paper5 import paper5_claims as paper5_claims
 from kneejax.inference._design import Design as Design
 from kneejax.inference._design import choose as choose
 from kneejax.inference._design import criterion_of as criterion_of
@@ -62,6 +63,8 @@ from kneejax.inference._one_at_a_time import KneeStudy as KneeStudy
 from kneejax.inference._one_at_a_time import OneAtATime as OneAtATime
 from kneejax.inference._one_at_a_time import Outcome as Outcome
 from kneejax.inference._optional import imported as imported
+from kneejax.inference._paper5_study import Paper5Study as Paper5Study
+from kneejax.inference._paper5_study import paper5_study as paper5_study
 from kneejax.inference._parameters import QUANTITIES as QUANTITIES
 from kneejax.inference._parameters import Selection as Selection
 from kneejax.inference._parameters import UnknownParameter as UnknownParameter

@@ -1,0 +1,214 @@
+"""Paper 5 made again from its printed means and a stand-in for its axis points."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from kneejax.geometry import Pose
+from kneejax.inference import _printed_paper5 as printed
+from kneejax.inference._calibrate import versions
+from kneejax.inference._paper5_axes import FACETS, AxisPoints, axis_points
+from kneejax.joints import (
+    Comparison,
+    clinical_measures,
+    compare_motions,
+    hinge,
+    moving_axis,
+    poses_from_clinical,
+)
+from kneejax.mechanics import Knee
+
+#: Sets of axis points that are drawn to see how much depends on them.
+DRAWS = 500
+#: Standard deviations of a draw, mm: of the epicondyles' midpoint against all centres, and of each
+#: centre, in the sagittal plane. And the range of sizes: the donor is a small woman, the ten are
+#: men of 1.82 m.
+MIDPOINT_SD_MM, CENTRE_SD_MM, SIZES = 3.0, 3.0, (1.0, 1.15)
+#: Assumed correlations of a subject's measures between flexions, and cohorts drawn for each.
+CORRELATIONS, COHORTS = (0.25, 0.5, 0.75), 20
+
+
+@dataclasses.dataclass(frozen=True)
+class Paper5Study:
+    """What the claims are judged by.
+
+    Attributes:
+        points: the stand-in for the axis points.
+        moving_axis: facets -> clinical measures of the moving axis on the printed mean poses, at
+            the five flexions, shape `(5, 5)`.
+        spread: the same of drawn axis points, shape `(DRAWS, 5, 5)`.
+        hinge: of one hinge through the femur's origin, put at the first row of Table 3, whose tilt
+            is fitted to its other rows, shape `(5, 5)`.
+        hinge_tilt_deg: of its axis in the frontal plane; lateral end up is positive.
+        stays_fixed: largest move of the axis points beyond the calibration angles, mm.
+        cohorts: assumed correlation -> comparisons of synthetic cohorts of ten; the first of each
+            is tested.
+        seed: of all that is drawn.
+        versions: package -> version.
+    """
+
+    points: AxisPoints
+    moving_axis: dict[str, np.ndarray]
+    spread: np.ndarray
+    hinge: np.ndarray
+    hinge_tilt_deg: float
+    stays_fixed: float
+    cohorts: dict[float, tuple[Comparison, ...]]
+    seed: int
+    versions: dict[str, str]
+
+
+def paper5_study(knee: Knee, seed: int = 5) -> Paper5Study:
+    """Compute what paper 5's claims are judged by.
+
+    Args:
+        knee: whose condyles stand in for those of the ten men.
+        seed: of drawn axis points and synthetic cohorts.
+
+    Returns:
+        The `Paper5Study`.
+
+    Raises:
+        UnsuitableMotions: pingouin, for the analysis of variance, is not installed.
+    """
+    rng = np.random.default_rng(seed)
+    points = axis_points(knee)
+    mean = printed.MEAN[printed.EOS]
+    flexion = np.deg2rad(printed.REACHED_DEG)
+    own = {
+        name: moving_axis_measures(axis_points(knee, name).facets[None], mean[None])[0]
+        for name in FACETS
+    }
+    drawn = np.array([_drawn(knee, rng) for _ in range(DRAWS)])
+    tilt, hinged = _printed_hinge()
+    joint = moving_axis(points.facets, _poses(mean[[0, -1]], flexion[[0, -1]]))
+    beyond = np.abs(
+        np.asarray(joint.axis_points(jnp.array([flexion[0] - 0.3, flexion[-1] + 0.3]))[0])
+        - np.asarray(joint.axis_points(jnp.array([flexion[0], flexion[-1]]))[0])
+    )
+    return Paper5Study(
+        points,
+        own,
+        moving_axis_measures(drawn, np.broadcast_to(mean, (DRAWS, *mean.shape))),
+        hinged,
+        tilt,
+        float(beyond.max()),
+        {
+            rho: tuple(_cohort(knee, rho, rng, tested=i == 0) for i in range(COHORTS))
+            for rho in CORRELATIONS
+        },
+        seed,
+        versions(),
+    )
+
+
+def moving_axis_measures(facets: np.ndarray, measures: np.ndarray) -> np.ndarray:
+    """Motion of moving axes that are calibrated on the first and the last of five poses.
+
+    Args:
+        facets: extension and flexion centres, shape `(joints, 2, 2, 3)`, mm.
+        measures: clinical measures at the printed flexions, shape `(joints, 5, 5)`.
+
+    Returns:
+        What the joints say at the same flexions, shape `(joints, 5, 5)`.
+    """
+    tables = poses_from_clinical(printed.REACHED_DEG, measures)[:, [0, -1]]
+    return clinical_measures(_moving_tables(jnp.asarray(facets), jnp.asarray(tables)))
+
+
+@jax.jit
+@jax.vmap
+def _moving_tables(facets: jax.Array, table: jax.Array) -> jax.Array:
+    joint = moving_axis(facets, Pose.from_table(table))
+    return joint.pose(jnp.deg2rad(printed.REACHED_DEG)).to_table()
+
+
+def _poses(measures: np.ndarray, flexion: np.ndarray) -> Pose:
+    return Pose.from_table(poses_from_clinical(np.rad2deg(flexion), measures))
+
+
+def _drawn(knee: Knee, rng: np.random.Generator) -> np.ndarray:
+    """Facet centres of somebody like the donor: another size, other centres, other landmarks."""
+    kind = list(FACETS)[rng.integers(len(FACETS))]
+    sagittal = np.array([1.0, 1.0, 0.0])
+    centres = axis_points(knee, kind).facets * rng.uniform(*SIZES)
+    centres = centres + MIDPOINT_SD_MM * rng.normal(size=3) * sagittal
+    return centres + CENTRE_SD_MM * rng.normal(size=centres.shape) * sagittal
+
+
+def hinge_measures(epicondyles: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """Motion of hinges, each put at clinical measures at the first of the printed flexions.
+
+    Args:
+        epicondyles: medial and lateral, shape `(joints, 2, 3)`, mm.
+        first: shape `(joints, 5)`.
+
+    Returns:
+        What the joints say at the printed flexions, shape `(joints, 5, 5)`.
+    """
+    tables = poses_from_clinical(printed.REACHED_DEG[0], first)
+    return clinical_measures(_hinge_tables(jnp.asarray(epicondyles), jnp.asarray(tables)))
+
+
+@jax.jit
+@jax.vmap
+def _hinge_tables(epicondyles: jax.Array, table: jax.Array) -> jax.Array:
+    joint = hinge(epicondyles, Pose.from_table(table))
+    return joint.pose(jnp.deg2rad(printed.REACHED_DEG)).to_table()
+
+
+def _tilted(tilt_deg: float) -> np.ndarray:
+    """Points of an axis through the femur's origin, in the frontal plane."""
+    direction = np.array([0.0, np.sin(np.deg2rad(tilt_deg)), np.cos(np.deg2rad(tilt_deg))])
+    return 40.0 * np.array([-direction, direction])
+
+
+def _printed_hinge() -> tuple[float, np.ndarray]:
+    """The tilt that comes nearest to Table 3 in units of its standard errors, and its rows."""
+    from scipy.optimize import minimize_scalar
+
+    rows = printed.MEAN[printed.HINGE]
+    errors = printed.SD[printed.HINGE] / np.sqrt(printed.SUBJECTS)
+
+    def motion(tilt_deg: float) -> np.ndarray:
+        return hinge_measures(_tilted(tilt_deg)[None], rows[:1])[0]
+
+    def misfit(tilt_deg: float) -> float:
+        return float((((motion(tilt_deg) - rows) / errors) ** 2).sum())
+
+    tilt = float(minimize_scalar(misfit, bounds=(-20.0, 20.0), method="bounded").x)
+    return tilt, motion(tilt)
+
+
+def _cohort(knee: Knee, rho: float, rng: np.random.Generator, tested: bool) -> Comparison:
+    """Ten synthetic subjects with the printed means and standard deviations.
+
+    A subject's measures at two flexions are correlated by `rho`. Each has axis points of its own,
+    drawn like `_drawn`, and a hinge between its epicondyles, put at its own pose at 0 degrees.
+    """
+    mean, sd = printed.MEAN[printed.EOS], printed.SD[printed.EOS]
+    count = printed.SUBJECTS
+    shared = rng.normal(size=(count, 1, 5))
+    own = rng.normal(size=(count, *mean.shape))
+    measured = mean + sd * (np.sqrt(rho) * shared + np.sqrt(1.0 - rho) * own)
+    facets = np.array([_drawn(knee, rng) for _ in range(count)])
+    tilts = rng.normal(axis_tilt_deg(axis_points(knee)), 2.0, size=count)
+    hinges = hinge_measures(np.array([_tilted(tilt) for tilt in tilts]), measured[:, 0])
+    return compare_motions(
+        printed.FLEXION_DEG,
+        measured,
+        {"moving axis": moving_axis_measures(facets, measured), "hinge": hinges},
+        calibrated_at_deg=(0.0, 90.0),
+        anova=tested,
+        alpha=printed.ALPHA,
+    )
+
+
+def axis_tilt_deg(points: AxisPoints) -> float:
+    """Angle of the epicondylar axis in the frontal plane; lateral end up is positive."""
+    across = points.epicondyles[1] - points.epicondyles[0]
+    return float(np.rad2deg(np.arctan2(across[1], across[2])))
