@@ -14,6 +14,8 @@ from kneejax.geometry._fitting import points_and_weights
 _DIRECTIONS, _FOLLOWED = 64, 3
 # The axis is sought within about 45 degrees of a start, which is then renewed.
 _RENEWALS = 2
+# Centres of circles that are tried, in standard deviations of the points along their arc.
+_CENTERS = np.array([-16.0, -8.0, -4.0, -2.0, -1.0, 1.0, 2.0, 4.0, 8.0, 16.0])
 # A cylinder leaves less than this share of what a plane leaves.
 _SHARE_OF_PLANE = 0.9
 
@@ -48,7 +50,10 @@ class CylinderFit:
 
 
 def fit_cylinder(
-    points: ArrayLike, weights: ArrayLike | None = None, along: ArrayLike | None = None
+    points: ArrayLike,
+    weights: ArrayLike | None = None,
+    along: ArrayLike | None = None,
+    turned: bool = True,
 ) -> CylinderFit:
     """Fit a cylinder by the squared distances of the points.
 
@@ -57,6 +62,7 @@ def fit_cylinder(
         weights: shape `(n,)`; equal by default.
         along: direction, within some 45 degrees of the axis, to which the fit's shall point;
             without it every direction is tried.
+        turned: whether the axis may turn against `along`.
 
     Returns:
         The cylinder.
@@ -75,9 +81,11 @@ def fit_cylinder(
     middle = np.average(p, axis=0, weights=w)
     root = np.sqrt(w / w.mean())
     starts = _starts(p - middle, root) if along is None else [np.asarray(along, float)]
-    fits = [_followed(p - middle, root, start / np.linalg.norm(start)) for start in starts]
+    turned = turned or along is None
+    fits = [_followed(p - middle, root, s / np.linalg.norm(s), turned) for s in starts]
     best = min((fit for fit in fits if fit is not None), key=lambda fit: fit[0], default=None)
-    flat = np.linalg.svd((p - middle) * root[:, None], compute_uv=False)[-1] ** 2 / len(p)
+    seen = p - middle if turned else (p - middle) @ _across(starts[0] / np.linalg.norm(starts[0]))
+    flat = np.linalg.svd(seen * root[:, None], compute_uv=False)[-1] ** 2 / len(p)
     if best is None or not best[0] < _SHARE_OF_PLANE**2 * flat:
         raise ValueError("a plane fits as well as a cylinder: is the arc long enough?")
     _, center, direction, radius, jacobian = best
@@ -105,56 +113,74 @@ def _across(direction: np.ndarray) -> np.ndarray:
 
 
 def _circle(flat: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, float]:
-    """Centre and radius of the circle near points of a plane, and its mean square."""
+    """Centre and radius of a circle near points of a plane, and its mean square.
+
+    The linear fit of a circle is drawn to small ones where points scatter about a short arc, so
+    circles on either side of the points are tried beside it.
+    """
     # |p - c|^2 = r^2 is linear in c and r^2 - |c|^2.
     columns = np.c_[2.0 * flat, np.ones(len(flat))]
-    (x, y, rest), *_ = np.linalg.lstsq(
+    (x, y, _), *_ = np.linalg.lstsq(
         columns * root[:, None], (flat**2).sum(axis=1) * root, rcond=None
     )
-    radius = np.sqrt(max(rest + x * x + y * y, 0.0))
-    distance = np.hypot(flat[:, 0] - x, flat[:, 1] - y) - radius
-    return np.array([x, y, radius]), float(np.mean((distance * root) ** 2))
+    _, size, axes = np.linalg.svd(flat * root[:, None], full_matrices=False)
+    length = size[0] / np.sqrt(len(flat))
+    centers = np.r_[[[x, y]], np.outer(length * _CENTERS, axes[1])]
+    distance = np.linalg.norm(flat - centers[:, None], axis=2)
+    radius = np.average(distance, axis=1, weights=root**2)
+    mean_square = np.mean(((distance - radius[:, None]) * root) ** 2, axis=1)
+    best = int(np.argmin(mean_square))
+    return np.r_[centers[best], radius[best]], float(mean_square[best])
 
 
-def _followed(p: np.ndarray, root: np.ndarray, direction: np.ndarray):
+def _followed(p: np.ndarray, root: np.ndarray, direction: np.ndarray, turned: bool):
     """Mean square, centre, direction, radius and Jacobian of the cylinder near a direction.
 
     None if there is none. Unknown are the axis' foot in the plane through the origin across the
     start, its two slopes against the start, and the radius.
     """
     solution, foot, wanted = None, np.zeros(3), direction
-    for _ in range(_RENEWALS):
+    free = np.array([True, True, turned, turned, True])
+    for _ in range(_RENEWALS if turned else 1):
         plane = _across(direction)
         axes = np.c_[plane, direction]
         local = p @ axes
         circle, _ = _circle(local[:, :2], root)
         start = np.r_[circle[:2], 0.0, 0.0, circle[2]]
         solution = least_squares(
-            _distances, start, _slopes, method="lm", xtol=1e-12, ftol=1e-15, gtol=1e-15,
-            args=(local, root), x_scale=np.r_[1.0, 1.0, 0.1, 0.1, 1.0], max_nfev=200,
+            _distances, start[free], _slopes, method="lm", xtol=1e-12, ftol=1e-15, gtol=1e-15,
+            args=(local, root, free), x_scale=np.array([1.0, 1.0, 0.1, 0.1, 1.0])[free],
+            max_nfev=200,
         )  # fmt: skip
         if not np.isfinite(solution.x).all():
             return None
-        slope = np.r_[solution.x[2:4], 1.0]
-        foot, direction = axes @ np.r_[solution.x[:2], 0.0], axes @ slope / np.linalg.norm(slope)
+        y = _all_unknowns(solution.x, free)
+        slope = np.r_[y[2:4], 1.0]
+        foot, direction = axes @ np.r_[y[:2], 0.0], axes @ slope / np.linalg.norm(slope)
     if solution is None or solution.status <= 0:
         return None
     center = foot - (foot @ direction) * direction
     direction = direction * (1.0 if direction @ wanted >= 0 else -1.0)
     mean_square = 2.0 * solution.cost / len(p)
-    return mean_square, center, direction, float(solution.x[4]), solution.jac
+    return mean_square, center, direction, float(solution.x[-1]), solution.jac
 
 
-def _distances(y: np.ndarray, p: np.ndarray, root: np.ndarray) -> np.ndarray:
-    _, away, _, _ = _from_axis(y, p)
-    return (np.linalg.norm(away, axis=1) - y[4]) * root
+def _all_unknowns(y: np.ndarray, free: np.ndarray) -> np.ndarray:
+    whole = np.zeros(5)
+    whole[free] = y
+    return whole
 
 
-def _slopes(y: np.ndarray, p: np.ndarray, root: np.ndarray) -> np.ndarray:
-    place, away, along, size = _from_axis(y, p)
+def _distances(y: np.ndarray, p: np.ndarray, root: np.ndarray, free: np.ndarray) -> np.ndarray:
+    _, away, _, _ = _from_axis(_all_unknowns(y, free), p)
+    return (np.linalg.norm(away, axis=1) - y[-1]) * root
+
+
+def _slopes(y: np.ndarray, p: np.ndarray, root: np.ndarray, free: np.ndarray) -> np.ndarray:
+    place, away, along, size = _from_axis(_all_unknowns(y, free), p)
     toward = -away[:, :2] / np.linalg.norm(away, axis=1)[:, None]
     columns = np.c_[toward, toward * (place / size)[:, None], -np.ones(len(p))]
-    return columns * root[:, None]
+    return columns[:, free] * root[:, None]
 
 
 def _from_axis(y: np.ndarray, p: np.ndarray):
@@ -174,6 +200,9 @@ def _errors(jacobian: np.ndarray, residual: np.ndarray) -> tuple[float, float]:
         covariance = variance * np.linalg.inv(jacobian.T @ jacobian)
     except np.linalg.LinAlgError:
         return float("inf"), float("inf")
-    worst = [np.linalg.eigvalsh(covariance[i : i + 2, i : i + 2])[-1] for i in (0, 2)]
+    worst = [
+        np.linalg.eigvalsh(covariance[i : i + 2, i : i + 2])[-1] if i < len(covariance) - 1 else 0.0
+        for i in (0, 2)
+    ]
     center, slope = np.sqrt(np.maximum(worst, 0.0))
     return float(center), float(np.rad2deg(slope))

@@ -1,0 +1,186 @@
+"""Anatomical frames of femur and tibia from landmarks, after paper 5 and Grood and Suntay.
+
+The frames have the package's names: X anterior, Y superior, Z lateral of a right knee. (Paper 5
+calls them Y, Z and, to medial, X.)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jax.typing import ArrayLike
+
+from kneejax.geometry import Placement, Pose, SurfaceFit, angles_from_rotation, fit_sphere, full
+
+# Medial and lateral landmarks of an adult's knee are about 80 mm apart, of a child's half of that.
+_WIDTH_MM = (20.0, 200.0)
+_LEAST_ANGLE_DEG = 10.0
+_FEWEST_POINTS = 20
+
+
+class UnsuitableLandmarks(ValueError):
+    """Landmarks that make no anatomical frame."""
+
+
+def femur_frame(
+    hip_center: ArrayLike,
+    medial_epicondyle: ArrayLike,
+    lateral_epicondyle: ArrayLike,
+    anterior: ArrayLike | None = (1.0, 0.0, 0.0),
+) -> Placement:
+    """Frame of the femur: Y to the hip's centre, Z along the epicondyles as far as normal to Y.
+
+    Args:
+        hip_center: centre of the femoral head, shape `(3,)`, mm, in any frame (the mesh's).
+        medial_epicondyle: likewise.
+        lateral_epicondyle: likewise.
+        anterior: roughly forwards in that frame, to tell a right knee from a left one; None leaves
+            it untold.
+
+    Returns:
+        The motion from the anatomical frame, whose origin is midway between the epicondyles, to
+        the frame of the landmarks.
+
+    Raises:
+        UnsuitableLandmarks: they are nearly collinear, not a knee's width apart in mm, or the
+            frame's X points backwards.
+
+    Source: paper 5, Figure 2; Grood and Suntay (1983).
+
+    Example:
+        >>> frame = femur_frame([0.0, 400.0, 5.0], [0.0, 0.0, -40.0], [0.0, 0.0, 50.0])
+        >>> [float(x) for x in frame.translation], [float(x) for x in frame.turn((0.0, 1.0, 0.0))]
+        ([0.0, 0.0, 5.0], [0.0, 1.0, 0.0])
+    """
+    return _frame(
+        ("hip centre", "medial epicondyle", "lateral epicondyle"),
+        (hip_center, medial_epicondyle, lateral_epicondyle),
+        1.0,
+        anterior,
+    )
+
+
+def tibia_frame(
+    ankle_center: ArrayLike,
+    medial_edge: ArrayLike,
+    lateral_edge: ArrayLike,
+    anterior: ArrayLike | None = (1.0, 0.0, 0.0),
+) -> Placement:
+    """Frame of the tibia: Y from the ankle's centre, Z along the plateau's edges, normal to Y.
+
+    Args:
+        ankle_center: centre of the talocrural joint, or midway between the malleoli, shape `(3,)`,
+            mm, in any frame (the mesh's).
+        medial_edge: of the plateau, likewise.
+        lateral_edge: likewise.
+        anterior: roughly forwards in that frame; None leaves it untold.
+
+    Returns:
+        The motion from the anatomical frame, whose origin is midway between the edges, to the
+        frame of the landmarks.
+
+    Raises:
+        UnsuitableLandmarks: as in `femur_frame`.
+
+    Source: paper 5, Figure 2; Grood and Suntay (1983).
+    """
+    return _frame(
+        ("ankle centre", "medial edge", "lateral edge"),
+        (ankle_center, medial_edge, lateral_edge),
+        -1.0,
+        anterior,
+    )
+
+
+def pose_between(pose: Pose, femur: Placement, tibia: Placement) -> Pose:
+    """A pose between other frames of the bones.
+
+    Args:
+        pose: of the tibia's old frame in the femur's, fields of shape `(lanes,)`.
+        femur: from the femur's new frame to its old one, as of `femur_frame`.
+        tibia: likewise.
+
+    Returns:
+        The pose of the tibia's new frame in the femur's.
+    """
+    new = femur.inverse().after(pose.placement).after(tibia)
+    return Pose(*angles_from_rotation(new.rotation), *full(new.translation))
+
+
+def in_frame(frame: Placement, points: ArrayLike) -> np.ndarray:
+    """Points in an anatomical frame.
+
+    Args:
+        frame: from the anatomical frame to the points'.
+        points: shape `(n, 3)`, mm.
+
+    Returns:
+        Shape `(n, 3)`, mm.
+    """
+    local = frame.apply_inverse(tuple(np.asarray(points, float).T))
+    return np.stack(np.broadcast_arrays(*map(np.asarray, local)), axis=1)
+
+
+def joint_center(points: ArrayLike, near: ArrayLike, within_mm: float) -> SurfaceFit:
+    """Centre of a ball of bone (femoral head, half a malleolus or talus): a sphere near a place.
+
+    Args:
+        points: of the bone's mesh, shape `(n, 3)`, mm.
+        near: roughly the centre, shape `(3,)`, mm.
+        within_mm: points as near as this belong to the ball.
+
+    Returns:
+        The sphere; its centre is `surface.frame.origin`.
+
+    Raises:
+        UnsuitableLandmarks: fewer than 20 points are as near, or they lie on no sphere.
+    """
+    points = np.asarray(points, float)
+    rows = np.linalg.norm(points - np.asarray(near, float), axis=1) < within_mm
+    if rows.sum() < _FEWEST_POINTS:
+        raise UnsuitableLandmarks(
+            f"{int(rows.sum())} points within {within_mm:g} mm of {_place(near)}; expected at "
+            f"least {_FEWEST_POINTS}: does the mesh reach there, and is it in mm?"
+        )
+    try:
+        return fit_sphere(points[rows])
+    except ValueError as error:
+        raise UnsuitableLandmarks(f"no sphere at {_place(near)}: {error}") from None
+
+
+def _frame(names, landmarks, sense: float, anterior) -> Placement:
+    far, medial, lateral = (np.asarray(x, float) for x in landmarks)
+    for name, point in zip(names, (far, medial, lateral), strict=True):
+        if point.shape != (3,) or not np.isfinite(point).all():
+            raise UnsuitableLandmarks(f"{name}: {point.tolist()}; expected three finite numbers")
+    across = lateral - medial
+    width = float(np.linalg.norm(across))
+    if not _WIDTH_MM[0] < width < _WIDTH_MM[1]:
+        doubt = "are they in metres?" if width < 1.0 else "are they of one knee, in mm?"
+        raise UnsuitableLandmarks(
+            f"{names[1]} and {names[2]} are {width:.3g} mm apart; expected {_WIDTH_MM[0]:g} to "
+            f"{_WIDTH_MM[1]:g}: {doubt}"
+        )
+    origin = 0.5 * (medial + lateral)
+    long = sense * (far - origin)
+    length = np.linalg.norm(long)
+    normal = np.cross(long, across)
+    sine = np.linalg.norm(normal) / max(width * length, 1e-9)
+    if sine < np.sin(np.deg2rad(_LEAST_ANGLE_DEG)):
+        angle = np.rad2deg(np.arcsin(sine))
+        raise UnsuitableLandmarks(
+            f"{', '.join(names)} are nearly collinear ({angle:.1f} degrees); expected an angle of "
+            f"at least {_LEAST_ANGLE_DEG:g} degrees"
+        )
+    x, y = normal / np.linalg.norm(normal), long / length
+    if anterior is not None and x @ np.asarray(anterior, float) <= 0:
+        raise UnsuitableLandmarks(
+            f"{', '.join(names)} make a frame whose X points backwards; have {names[1]} and "
+            f"{names[2]} changed places, or is this a left knee that was not mirrored?"
+        )
+    columns = np.stack([x, y, np.cross(x, y)], axis=1)
+    rows = tuple(tuple(float(c) for c in row) for row in columns)
+    return Placement(rows, tuple(float(c) for c in origin))
+
+
+def _place(point: ArrayLike) -> str:
+    return "(" + ", ".join(f"{x:.0f}" for x in np.asarray(point, float)) + ") mm"
