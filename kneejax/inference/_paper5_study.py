@@ -76,14 +76,15 @@ def paper5_study(knee: Knee, seed: int = 5) -> Paper5Study:
         UnsuitableMotions: pingouin, for the analysis of variance, is not installed.
     """
     rng = np.random.default_rng(seed)
-    points = axis_points(knee)
+    stand_ins = {name: axis_points(knee, name) for name in FACETS}
+    points = stand_ins["contact"]
     mean = printed.MEAN[printed.EOS]
     flexion = np.deg2rad(printed.REACHED_DEG)
     own = {
-        name: moving_axis_measures(axis_points(knee, name).facets[None], mean[None])[0]
-        for name in FACETS
+        name: moving_axis_measures(one.facets[None], mean[None])[0]
+        for name, one in stand_ins.items()
     }
-    drawn = np.array([_drawn(knee, rng) for _ in range(DRAWS)])
+    drawn = np.array([_drawn(stand_ins, rng) for _ in range(DRAWS)])
     tilt, hinged = _printed_hinge()
     joint = moving_axis(points.facets, _poses(mean[[0, -1]], flexion[[0, -1]]))
     beyond = np.abs(
@@ -98,7 +99,7 @@ def paper5_study(knee: Knee, seed: int = 5) -> Paper5Study:
         tilt,
         float(beyond.max()),
         {
-            rho: tuple(_cohort(knee, rho, rng, tested=i == 0) for i in range(COHORTS))
+            rho: tuple(_cohort(stand_ins, rho, rng, tested=i == 0) for i in range(COHORTS))
             for rho in CORRELATIONS
         },
         seed,
@@ -131,11 +132,11 @@ def _poses(measures: np.ndarray, flexion: np.ndarray) -> Pose:
     return Pose.from_table(poses_from_clinical(np.rad2deg(flexion), measures))
 
 
-def _drawn(knee: Knee, rng: np.random.Generator) -> np.ndarray:
+def _drawn(stand_ins: dict[str, AxisPoints], rng: np.random.Generator) -> np.ndarray:
     """Facet centres of somebody like the donor: another size, other centres, other landmarks."""
-    kind = list(FACETS)[rng.integers(len(FACETS))]
+    own = list(stand_ins.values())[rng.integers(len(stand_ins))]
     sagittal = np.array([1.0, 1.0, 0.0])
-    centres = axis_points(knee, kind).facets * rng.uniform(*SIZES)
+    centres = own.facets * rng.uniform(*SIZES)
     centres = centres + MIDPOINT_SD_MM * rng.normal(size=3) * sagittal
     return centres + CENTRE_SD_MM * rng.normal(size=centres.shape) * sagittal
 
@@ -184,7 +185,9 @@ def _printed_hinge() -> tuple[float, np.ndarray]:
     return tilt, motion(tilt)
 
 
-def _cohort(knee: Knee, rho: float, rng: np.random.Generator, tested: bool) -> Comparison:
+def _cohort(
+    stand_ins: dict[str, AxisPoints], rho: float, rng: np.random.Generator, tested: bool
+) -> Comparison:
     """Ten synthetic subjects with the printed means and standard deviations.
 
     A subject's measures at two flexions are correlated by `rho`. Each has axis points of its own,
@@ -195,8 +198,8 @@ def _cohort(knee: Knee, rho: float, rng: np.random.Generator, tested: bool) -> C
     shared = rng.normal(size=(count, 1, 5))
     own = rng.normal(size=(count, *mean.shape))
     measured = mean + sd * (np.sqrt(rho) * shared + np.sqrt(1.0 - rho) * own)
-    facets = np.array([_drawn(knee, rng) for _ in range(count)])
-    tilts = rng.normal(axis_tilt_deg(axis_points(knee)), 2.0, size=count)
+    facets = np.array([_drawn(stand_ins, rng) for _ in range(count)])
+    tilts = rng.normal(axis_tilt_deg(stand_ins["contact"]), 2.0, size=count)
     hinges = hinge_measures(np.array([_tilted(tilt) for tilt in tilts]), measured[:, 0])
     return compare_motions(
         printed.FLEXION_DEG,
