@@ -45,17 +45,18 @@ def _add_fit(parser: argparse.ArgumentParser) -> None:
         "--landmarks", type=Path, metavar="FILE", help="YAML: femur's axes, in the mesh's frame"
     )
     parser.add_argument(
-        "--extension-facet", type=float, nargs=2, metavar="DEGREES", default=(65.0, 100.0),
+        "--extension-facet", type=float, nargs=2, metavar="DEGREES", default=(65.0, 110.0),
         help="from anterior through distal, about the transverse axis",
     )  # fmt: skip
     parser.add_argument(
-        "--flexion-facet", type=float, nargs=2, metavar="DEGREES", default=(110.0, 200.0)
+        "--flexion-facet", type=float, nargs=2, metavar="DEGREES", default=(110.0, 190.0)
     )
     parser.add_argument("--medial-epicondyle", **point, help="mm, for the hinge")
     parser.add_argument("--lateral-epicondyle", **point)
     parser.add_argument(
         "--interpolation", choices=["linear", "monotone"], help="monotone from three poses on"
     )
+    parser.add_argument("--flexion", default="0:120:5", help="of the tables: first:last:step")
     parser.add_argument("--out", type=Path, default=Path("kneejax-joint"))
 
 

@@ -10,9 +10,15 @@ from kneejax.files._bundled import bundled_studies as bundled_studies
 from kneejax.files._bundled import load_knee as load_knee
 from kneejax.files._bundled import load_knee_file as load_knee_file
 from kneejax.files._bundled import study_path as study_path
+from kneejax.files._calibrated import Calibrated as Calibrated
+from kneejax.files._calibrated import read_calibrated as read_calibrated
 from kneejax.files._candidates import CandidateRow as CandidateRow
 from kneejax.files._candidates import read_candidates as read_candidates
 from kneejax.files._checkpoints import Checkpoints as Checkpoints
+from kneejax.files._joint_axes import AxisPoints as AxisPoints
+from kneejax.files._joint_axes import FemurLandmarks as FemurLandmarks
+from kneejax.files._joint_axes import read_axis_points as read_axis_points
+from kneejax.files._joint_axes import read_femur_landmarks as read_femur_landmarks
 from kneejax.files._joint_file import JointFile as JointFile
 from kneejax.files._joint_file import format_joint as format_joint
 from kneejax.files._joint_file import read_joint as read_joint

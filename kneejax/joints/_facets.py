@@ -26,6 +26,7 @@ FACETS = ("extension", "flexion")
 FEWEST_POINTS = 30
 # The condyles from distal to posterior, where they are round together; and how far they reach.
 _ROUND_DEG, _FARTHEST_MM, _NOTCH_MM = (75.0, 200.0), 45.0, 5.0
+_WIDTH_MM = (30.0, 200.0)
 _RADIUS_MM, _AXIS_ROUNDS = 24.0, 4
 # A facet's axis that is turned further, or known worse, takes the direction of the transverse axis.
 _STEEPEST_DEG, _WORST_KNOWN_DEG = 25.0, 10.0
@@ -135,6 +136,13 @@ def condyle_axes(
     """
     p = np.asarray(points, float)
     n = None if normals is None else np.asarray(normals, float)
+    width = float(np.ptp(p[:, 2])) if len(p) else 0.0
+    if not _WIDTH_MM[0] < width < _WIDTH_MM[1]:
+        doubt = "; is the mesh in metres?" if width < 1.0 else ""
+        raise UnsuitableMesh(
+            f"the femur is {width:.3g} mm wide (along Z); expected {_WIDTH_MM[0]:g} to "
+            f"{_WIDTH_MM[1]:g}{doubt}"
+        )
     transverse = _transverse_axis(p, n, width_mm)
     angle, _, _ = transverse.place(p)
     facets = []

@@ -24,6 +24,17 @@ from kneejax.report._information_figures import spectrum_figure as spectrum_figu
 from kneejax.report._information_text import INFORMATION_COLUMNS as INFORMATION_COLUMNS
 from kneejax.report._information_text import information_rows as information_rows
 from kneejax.report._information_text import information_text as information_text
+from kneejax.report._joint_axes_figure import joint_axes_figure as joint_axes_figure
+from kneejax.report._joint_axes_figure import joint_motion_figure as joint_motion_figure
+from kneejax.report._joint_comparison_figures import (
+    joint_comparison_figure as joint_comparison_figure,
+)
+from kneejax.report._joint_comparison_text import (
+    joint_comparison_document as joint_comparison_document,
+)
+from kneejax.report._joint_comparison_text import (
+    joint_comparison_summary as joint_comparison_summary,
+)
 from kneejax.report._knee_comparison_figures import ramp_figure as ramp_figure
 from kneejax.report._knee_comparison_figures import score_figure as score_figure
 from kneejax.report._knee_comparison_text import CLAIM_COLUMNS as CLAIM_COLUMNS

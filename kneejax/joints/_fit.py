@@ -1,0 +1,108 @@
+"""Joints from measured poses and the axis points of a femur."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from jax.typing import ArrayLike
+
+from kneejax.geometry import Pose
+from kneejax.joints._joint import Joint, axis_between, generalised_axis, hinge, moving_axis
+
+#: A calibration pose is at most this far from the flexion that was asked for, degrees.
+FARTHEST_DEG = 5.0
+
+
+class UnsuitablePoses(ValueError):
+    """Measured poses on which no joint can be calibrated."""
+
+
+@dataclasses.dataclass(frozen=True)
+class JointFit:
+    """Simple joints of one knee.
+
+    Attributes:
+        moving: the axis that moves from the extension to the flexion centres; through two poses
+            paper 5's joint, through more its generalisation.
+        hinge: the fixed axis, exact at the first calibration pose.
+        rows: of the measured poses that were used, by increasing flexion.
+        poses: those poses, shape `(k, 6)`, degrees and mm, in the order of
+            `kneejax.geometry.COLUMNS`.
+        rmse: of the moving joint and of the hinge over all measured poses at their flexion, shape
+            `(2, 5)`, degrees and mm, in the order of `kneejax.geometry.FREE_COORDINATES`.
+    """
+
+    moving: Joint
+    hinge: Joint
+    rows: tuple[int, ...]
+    poses: np.ndarray
+    rmse: np.ndarray
+
+
+def fit_joints(
+    poses: ArrayLike,
+    points: ArrayLike,
+    hinge_points: ArrayLike,
+    at_deg: Sequence[float] = (),
+    interpolation: str | None = None,
+) -> JointFit:
+    """Calibrate a moving axis and a hinge on measured poses.
+
+    Args:
+        poses: measured, shape `(n, 6)`, degrees and mm, in the package's convention.
+        points: medial and lateral point of the extension, then of the flexion axis, in the femur,
+            shape `(2, 2, 3)`, mm.
+        hinge_points: of the hinge's axis, shape `(2, 3)`, mm; paper 5 takes the epicondyles.
+        at_deg: flexions whose nearest poses are used; the first and the last in flexion otherwise.
+        interpolation: `linear` or `monotone`; by default linear through two poses, as in paper 5,
+            and monotone through more.
+
+    Returns:
+        The joints.
+
+    Raises:
+        UnsuitablePoses: fewer than two poses, two at the same flexion, or none near one asked for.
+        ValueError: the points make no transverse axis.
+
+    Source: paper 5, section 2.5.
+    """
+    table = np.asarray(poses, float).reshape(-1, 6)
+    rows = _rows(table[:, 0], at_deg)
+    used = Pose.from_table(table[rows])
+    if len(rows) == 2 and interpolation in (None, "linear"):
+        moving = moving_axis(points, used)
+    else:
+        extension, flexed = np.asarray(points, float)
+        femoral = axis_between(extension, flexed, used.flexion)
+        moving = generalised_axis(femoral, used, interpolation or "monotone")
+    fixed = hinge(hinge_points, Pose.from_table(table[rows[0]]))
+    wanted = np.deg2rad(table[:, 0])
+    apart = [np.asarray(j.pose(wanted).to_table()) - table for j in (moving, fixed)]
+    rmse = np.sqrt(np.mean(np.square(apart), axis=1))[:, 1:]
+    return JointFit(moving, fixed, tuple(int(i) for i in rows), table[rows], rmse)
+
+
+def _rows(flexion: np.ndarray, at_deg: Sequence[float]) -> np.ndarray:
+    if len(flexion) < 2:
+        raise UnsuitablePoses(f"{len(flexion)} measured pose; expected two or more")
+    if not len(at_deg):
+        at_deg = [flexion.min(), flexion.max()]
+    if len(at_deg) < 2:
+        raise UnsuitablePoses(f"one flexion, {at_deg[0]:g} degrees; expected two or more")
+    rows = np.array([np.argmin(np.abs(flexion - angle)) for angle in at_deg])
+    for angle, row in zip(at_deg, rows, strict=True):
+        if abs(flexion[row] - angle) > FARTHEST_DEG:
+            raise UnsuitablePoses(
+                f"no pose within {FARTHEST_DEG:g} degrees of {angle:g}; the nearest is at "
+                f"{flexion[row]:.1f}"
+            )
+    rows = rows[np.argsort(flexion[rows], kind="stable")]
+    for one, other in zip(rows, rows[1:], strict=False):
+        if np.isclose(flexion[one], flexion[other], rtol=0.0, atol=1e-6):
+            raise UnsuitablePoses(
+                f"two calibration poses at the same flexion, {flexion[one]:g} degrees (rows "
+                f"{one + 1} and {other + 1})"
+            )
+    return rows
