@@ -19,6 +19,8 @@ from kneejax.files._joint_axes import AxisPoints as AxisPoints
 from kneejax.files._joint_axes import FemurLandmarks as FemurLandmarks
 from kneejax.files._joint_axes import read_axis_points as read_axis_points
 from kneejax.files._joint_axes import read_femur_landmarks as read_femur_landmarks
+from kneejax.files._joint_export import JointExport as JointExport
+from kneejax.files._joint_export import export_joint as export_joint
 from kneejax.files._joint_file import JointFile as JointFile
 from kneejax.files._joint_file import format_joint as format_joint
 from kneejax.files._joint_file import read_joint as read_joint

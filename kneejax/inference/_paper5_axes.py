@@ -74,8 +74,8 @@ def _surface_points(knee: Knee) -> np.ndarray:
     made = []
     for contact in knee.contacts:
         condyle = contact.femoral
-        angles = np.linspace(*np.asarray(condyle.angle), 120)
-        widths = np.linspace(*np.asarray(condyle.width), 40)
+        angle, width = np.asarray(condyle.bounds())
+        angles, widths = np.linspace(angle[0], angle[1], 120), np.linspace(width[0], width[1], 40)
         a, b = (x.ravel() for x in np.meshgrid(angles, widths))
         there = condyle.frame.placement.apply(condyle.point(a, b))
         made.append(np.stack([np.asarray(x) for x in there], axis=1))

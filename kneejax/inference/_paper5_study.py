@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from kneejax.geometry import Pose
 from kneejax.inference import _printed_paper5 as printed
@@ -170,8 +172,6 @@ def _tilted(tilt_deg: float) -> np.ndarray:
 
 def _printed_hinge() -> tuple[float, np.ndarray]:
     """The tilt that comes nearest to Table 3 in units of its standard errors, and its rows."""
-    from scipy.optimize import minimize_scalar
-
     rows = printed.MEAN[printed.HINGE]
     errors = printed.SD[printed.HINGE] / np.sqrt(printed.SUBJECTS)
 
@@ -181,7 +181,8 @@ def _printed_hinge() -> tuple[float, np.ndarray]:
     def misfit(tilt_deg: float) -> float:
         return float((((motion(tilt_deg) - rows) / errors) ** 2).sum())
 
-    tilt = float(minimize_scalar(misfit, bounds=(-20.0, 20.0), method="bounded").x)
+    found: Any = minimize_scalar(misfit, bounds=(-20.0, 20.0), method="bounded")
+    tilt = float(found.x)
     return tilt, motion(tilt)
 
 

@@ -313,10 +313,9 @@ def _notes(
     flexion: np.ndarray, compared: np.ndarray, subjects: int, tested: bool, alpha: float
 ) -> Iterator[str]:
     if not compared.all():
-        left_out = ", ".join(f"{x:g}" for x in flexion[~compared])
         yield (
-            f"Models were calibrated at {left_out} degrees: these are in the summaries, but not in "
-            "differences, R2, RMSE and tests."
+            f"Models were calibrated at {_left_out(flexion, compared)} degrees: these are in the "
+            "summaries, but not in differences, R2, RMSE and tests."
         )
     yield (
         "R2 is that of the straight line from modelled to measured values, subjects and compared "
@@ -334,3 +333,12 @@ def _notes(
             f"{one}: numbers describe, and nothing is tested; an analysis of variance needs "
             f"{FEWEST_SUBJECTS} subjects or more."
         )
+
+
+def _left_out(flexion: np.ndarray, compared: np.ndarray) -> str:
+    """Flexions that are not compared, neighbours as a range."""
+    order = np.argsort(flexion, kind="stable")
+    rows = np.flatnonzero(~compared[order])
+    runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
+    ends = [flexion[order][[run[0], run[-1]]] for run in runs]
+    return ", ".join(f"{a:g}" if a == b else f"{a:.1f} to {b:.1f}" for a, b in ends)
