@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.linalg import solve_banded
 
 from kneejax.files._opensim_xml import Element
 
@@ -90,57 +91,73 @@ def describe(function: Element) -> str:
 
 
 def simm_spline(knots: np.ndarray, values: np.ndarray, x: float) -> float:
-    """The cubic spline of SIMM and OpenSim.
-
-    Twice continuously differentiable; its third derivative in the first and last interval is that
-    of the cubic through the first and last four points; straight outside.
+    """The cubic spline of SIMM and OpenSim at one place; see `simm_splines`.
 
     Args:
-        knots: shape `(n,)`, increasing.
+        knots: shape `(n,)`, increasing; where they are not, or are two, lines join them.
         values: shape `(n,)`.
         x: where.
-
-    Source: Forsythe, Malcolm and Moler, Computer Methods for Mathematical Computations (1977).
 
     Example:
         >>> t = np.array([0.0, 1.0, 3.0, 4.0, 6.0])
         >>> round(simm_spline(t, t**3 - t, 2.0), 12)
         6.0
     """
-    count = len(knots)
-    if count == 2 or np.any(np.diff(knots) <= 0):
+    if len(knots) == 2 or np.any(np.diff(knots) <= 0):
         return _between(knots, values, x)
+    return float(simm_splines(knots, values, np.array([x]))[0])
+
+
+def simm_splines(knots: np.ndarray, values: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Cubic splines of SIMM and OpenSim, with the same knots.
+
+    Twice continuously differentiable; its third derivative in the first and last interval is that
+    of the cubic through the first and last four points; straight outside.
+
+    Args:
+        knots: shape `(n,)`, increasing, three or more.
+        values: shape `(n, ...)`.
+        x: where, shape `(m,)`.
+
+    Returns:
+        Shape `(m, ...)`.
+
+    Source: Forsythe, Malcolm and Moler, Computer Methods for Mathematical Computations (1977).
+    """
+    count = len(knots)
+    wide = (-1, *[1] * (values.ndim - 1))
     step = np.diff(knots)
-    slope = np.diff(values) / step
-    system = np.zeros((count, count))
-    wanted = np.zeros(count)
-    for i in range(1, count - 1):
-        system[i, i - 1 : i + 2] = step[i - 1], 2.0 * (step[i - 1] + step[i]), step[i]
-        wanted[i] = slope[i] - slope[i - 1]
-    system[0, :2] = -1.0, 1.0
-    system[-1, -2:] = -1.0, 1.0
+    slope = np.diff(values, axis=0) / step.reshape(wide)
+    # Three diagonals: above, on and below the main one, each at the column that it multiplies.
+    above, main, below = np.zeros((3, count))
+    above[2:], below[:-2] = step[1:], step[:-1]
+    main[1:-1] = 2.0 * (step[:-1] + step[1:])
+    above[1], main[0], main[-1], below[-2] = 1.0, -1.0, 1.0, -1.0
+    wanted = np.zeros(values.shape)
+    wanted[1:-1] = np.diff(slope, axis=0)
     if count > 3:
         wanted[0] = step[0] * _third_difference(knots[:4], values[:4])
         wanted[-1] = step[-1] * _third_difference(knots[-4:], values[-4:])
-    bend = np.linalg.solve(system, wanted)  # a sixth of the second derivative at the knots
-    first = slope[0] - step[0] * (bend[1] + 2.0 * bend[0])
+    # A sixth of the second derivative at the knots.
+    bend = solve_banded((1, 1), np.stack([above, main, below]), wanted.reshape(count, -1))
+    bend = bend.reshape(values.shape)
     last = slope[-1] + step[-1] * (bend[-2] + 2.0 * bend[-1])
-    if x < knots[0]:
-        return float(values[0] + (x - knots[0]) * first)
-    if x > knots[-1]:
-        return float(values[-1] + (x - knots[-1]) * last)
-    i = min(int(np.searchsorted(knots, x, side="right")) - 1, count - 2)
-    t = x - knots[i]
-    tangent = slope[i] - step[i] * (bend[i + 1] + 2.0 * bend[i])
-    third = (bend[i + 1] - bend[i]) / step[i]
-    return float(values[i] + t * (tangent + t * (3.0 * bend[i] + t * third)))
+    inside = np.clip(x, knots[0], knots[-1])
+    i = np.clip(np.searchsorted(knots, inside, side="right") - 1, 0, count - 2)
+    t, width = (inside - knots[i]).reshape(wide), step[i].reshape(wide)
+    tangent = slope[i] - width * (bend[i + 1] + 2.0 * bend[i])
+    third = (bend[i + 1] - bend[i]) / width
+    within = values[i] + t * (tangent + t * (3.0 * bend[i] + t * third))
+    first = slope[0] - step[0] * (bend[1] + 2.0 * bend[0])
+    beyond = (x - inside).reshape(wide)
+    return within + beyond * np.where(beyond < 0, first, last)
 
 
-def _third_difference(x: np.ndarray, y: np.ndarray) -> float:
+def _third_difference(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Divided difference of four points."""
     for order in range(1, 4):
-        y = np.diff(y) / (x[order:] - x[:-order])
-    return float(y[0])
+        y = np.diff(y, axis=0) / (x[order:] - x[:-order]).reshape(-1, *[1] * (y.ndim - 1))
+    return y[0]
 
 
 def _between(knots: np.ndarray, values: np.ndarray, x: float) -> float:
