@@ -119,7 +119,7 @@ def add_identify(parser: argparse.ArgumentParser) -> None:
 
 def add_reproduce(parser: argparse.ArgumentParser) -> None:
     """Arguments of `kneejax reproduce`."""
-    parser.add_argument("paper", choices=["1", "4"])
+    parser.add_argument("paper", choices=["1", "4", "5"])
     parser.add_argument("--out", type=Path, default=Path("kneejax-reproduction"))
 
 

@@ -410,8 +410,7 @@ def _cohort_r2(found: Paper5Study) -> Claim:
         verdict,
         "It says nothing against Table 5, which follows from its own tables (5.7): subjects are "
         "invented, only means and standard deviations are the paper's, and what a person's "
-        "flexions share is assumed. Hinges are put at the pose at 0 degrees, those of the paper at "
-        "that in MRI.",
+        "flexions share is assumed.",
     )
 
 

@@ -47,6 +47,7 @@ from kneejax.report._map_figures import map_matrix_figure as map_matrix_figure
 from kneejax.report._motion_figures import ligament_forces_figure as ligament_forces_figure
 from kneejax.report._motion_figures import motion_figure as motion_figure
 from kneejax.report._motion_figures import simulation_figure as simulation_figure
+from kneejax.report._paper5_figure import paper5_figure as paper5_figure
 from kneejax.report._posterior_figures import marginals_figure as marginals_figure
 from kneejax.report._posterior_figures import pairs_figure as pairs_figure
 from kneejax.report._posterior_figures import posterior_figures as posterior_figures

@@ -57,7 +57,7 @@ def joint_comparison_figure(
         len(MEASURES), len(names), sharex=True, sharey="row", squeeze=False
     )
     figure.subplots_adjust(
-        left=0.62 / width, right=1.0 - 0.08 / width, top=0.925, bottom=0.055, wspace=0.07,
+        left=0.78 / width, right=1.0 - 0.08 / width, top=0.925, bottom=0.055, wspace=0.07,
         hspace=0.12,
     )  # fmt: skip
     colors = [BLACK] if subjects == 1 else [PARTS[i % len(PARTS)] for i in range(subjects)]
