@@ -188,8 +188,7 @@ def own_motion(knee: Knee, vary: Vary, base: Any, stations: Stations) -> Balance
     still = np.tile(reference, (len(way), 1)), np.zeros((len(way), knee.patch_count, 2))
     found = Found.nothing(1, still)
     one = jax.tree.map(lambda x: np.asarray(x)[None], base)
-    # From a pose that stands still any motion is far.
-    walker = Walker(knee, vary, one, way, found, lambda _: None, reach_mm=(np.inf, 0.0))
+    walker = Walker(knee, vary, one, way, found, lambda _: None)
     station = np.arange(len(way)).reshape(size, steps + 1)
     bent_and_loaded = paths(found, np.zeros_like(station), station, np.full(size, steps + 1))
     _walk_all(walker, bent_and_loaded, _ALONG_STATIONS)

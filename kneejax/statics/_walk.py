@@ -35,8 +35,9 @@ _FAR = np.deg2rad(12.0)
 #: What the distance from the own motion changes by at most in such a stride, mm (rotations at
 #: 30 mm): at least, and for each degree. In 61,000 strides of 5 degrees of 3,072 random knees
 #: (stiffness within 90 %, strains within 0.1) it was below 4.7 mm on one branch; a search that had
-#: left it ended 7.9 to 10.6 mm away, and 3.3 mm and more after strides of 3 degrees.
-REACH_MM = (1.0, 1.0)
+#: left it ended 7.9 to 10.6 mm away, and 3.3 mm and more after strides of 3 degrees. The own
+#: motion is held to it as well: no knee turns by 9 degrees or slides by 5 mm while it bends by 5.
+_REACH_MM = (1.0, 1.0)
 
 
 class Walker:
@@ -54,7 +55,6 @@ class Walker:
         stations: Stations,
         found: Found,
         report: Callable[[int], None],
-        reach_mm: tuple[float, float] = REACH_MM,
     ):
         """Prepare.
 
@@ -65,12 +65,11 @@ class Walker:
             stations: where variants are balanced.
             found: to be filled.
             report: called with the number of nodes that are done.
-            reach_mm: see `REACH_MM`.
         """
         self.knee, self.vary = knee, vary
         self.values = jax.tree.map(np.asarray, values)
         self.stations = jax.tree.map(np.asarray, stations)
-        self.found, self.report, self._reach_mm = found, report, reach_mm
+        self.found, self.report = found, report
         self._count = threading.Lock()
         numbers = [np.reshape(x, (len(stations), -1)) for x in jax.tree.leaves(self.stations)]
         self._marks = np.hstack(numbers)
@@ -156,12 +155,12 @@ class Walker:
         return (ended & known).sum(axis=0), (ended & ~known).any(axis=0)
 
     def reach(self, here: np.ndarray, there: np.ndarray) -> np.ndarray:
-        """How far the distance from the own motion may change between stations, mm; see `REACH_MM`.
+        """How far the distance from the own motion may change between stations, mm (`_REACH_MM`).
         Where they are far apart or loaded differently nothing is known."""
         stride = self._marks[here] - self._marks[there]
         size = np.abs(stride[..., 0])
         alike = np.abs(stride[..., 1:]).max(axis=-1) <= 1e-6 * size
-        least, each_degree = self._reach_mm
+        least, each_degree = _REACH_MM
         within = np.maximum(least, each_degree * np.rad2deg(size))
         return np.where((size <= _FAR) & (size > 0) & alike, within, np.inf)
 
