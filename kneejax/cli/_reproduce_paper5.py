@@ -116,7 +116,7 @@ def _about() -> list[str]:
         "flexions of any one of them. What can be checked without those: whether its tables agree "
         "with each other, and whether its hinge is one hinge.",
         "For the moving axis, facet centres and epicondyles of the bundled knee "
-        f"{DONOR} stand in (one woman, not ten men): cylinders along the crests of its condyles, "
+        f"{DONOR} stand in (one person, not ten men): cylinders along the crests of its condyles, "
         "and its collateral ligaments' attachments less their mean distance from the epicondyles "
         "(LaPrade et al. 2003, 2007). The joint is calibrated on the mean EOS poses at 3.48 and "
         "86.59 degrees; its motion is one joint's, not the mean of ten. "

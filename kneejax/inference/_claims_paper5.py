@@ -230,7 +230,7 @@ def _closer(_: Paper5Study) -> Claim:
         "better overall; almost exclusively (3)",
         f"moving axis {_row(axis)}; hinge {_row(other)}",
         judged(bool(closer.all())),
-        f"not {', '.join(farther)}, as the discussion says too" if farther else "",
+        f"not {', '.join(farther)}, which the discussion calls overestimated" if farther else "",
     )
 
 

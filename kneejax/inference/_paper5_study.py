@@ -27,8 +27,8 @@ from kneejax.mechanics import Knee
 #: Sets of axis points that are drawn to see how much depends on them.
 DRAWS = 500
 #: Standard deviations of a draw, mm: of the epicondyles' midpoint against all centres, and of each
-#: centre, in the sagittal plane. And the range of sizes: the donor is a small woman, the ten are
-#: men of 1.82 m.
+#: centre, in the sagittal plane. And the range of sizes: the ten are men of 1.82 m on average, the
+#: donor is smaller.
 MIDPOINT_SD_MM, CENTRE_SD_MM, SIZES = 3.0, 3.0, (1.0, 1.15)
 #: Assumed correlations of a subject's measures between flexions, and cohorts drawn for each.
 CORRELATIONS, COHORTS = (0.25, 0.5, 0.75), 20

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
@@ -78,7 +79,7 @@ def joint_comparison_figure(
                 axes.plot(shown[i, kept], found.measured[i, kept, row], "o", markersize=size,
                           color=color, markeredgewidth=0.8)  # fmt: skip
             if row == 0:
-                axes.set_title(verbatim(name.replace("_", " ")))
+                axes.set_title(_wrapped_title(name, len(names)))
             if column == 0:
                 axes.set_ylabel(f"{_NAMES[measure.name]}\n{measure.name}, {measure.unit}")
             if row == len(MEASURES) - 1:
@@ -97,3 +98,9 @@ def joint_comparison_figure(
     figure.legend(handles=handles, loc="upper left", ncols=3, bbox_to_anchor=(0.0, 1.0),
                   handlelength=1.6, columnspacing=1.2)  # fmt: skip
     return figure
+
+
+def _wrapped_title(name: str, columns: int) -> str:
+    """A model's name in lines as wide as its column."""
+    lines = textwrap.wrap(name.replace("_", " "), 20 if columns > 2 else 30)
+    return verbatim("\n".join(lines[:2]))
