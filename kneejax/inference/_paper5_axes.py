@@ -53,7 +53,7 @@ def axis_points(knee: Knee, facets: str = "contact") -> AxisPoints:
         The points. The long axis is taken to be the femur's Y.
     """
     extension_deg, flexion_deg = FACETS[facets]
-    centres = condyle_axes(_surface_points(knee), None, extension_deg, flexion_deg).points
+    centres = condyle_axes(condyle_points(knee), None, extension_deg, flexion_deg).points
     names = list(knee.ligaments.names)
     attachments = np.asarray(knee.ligaments.femoral_attachment)
     epicondyles = np.array(
@@ -69,8 +69,15 @@ def axis_points(knee: Knee, facets: str = "contact") -> AxisPoints:
     return AxisPoints((centres - origin) @ axes.T, (epicondyles - origin) @ axes.T)
 
 
-def _surface_points(knee: Knee) -> np.ndarray:
-    """Points all over both condyles, in femur axes."""
+def condyle_points(knee: Knee) -> np.ndarray:
+    """Points all over the condyles of a knee, for `kneejax.joints.condyle_axes`.
+
+    Args:
+        knee: whose femoral surfaces are condyles.
+
+    Returns:
+        Shape `(n, 3)`, mm, in femur axes.
+    """
     made = []
     for contact in knee.contacts:
         condyle = contact.femoral

@@ -204,3 +204,24 @@ def test_too_few_conditions(tmp_path, axes, capsys):
     words = [str(file), "--calibrate-at", "0", "90", "--axes", axes]
     assert main(["joint", "compare", *words, "--out", str(tmp_path / "out")]) == 2
     assert "1 values to compare" in capsys.readouterr().err
+
+
+def test_paper_5_is_reproduced_with_synthetic_numbers_labelled(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("pingouin")
+    from kneejax.inference import _paper5_study
+
+    monkeypatch.setattr(_paper5_study, "COHORTS", 1)
+    monkeypatch.setattr(_paper5_study, "DRAWS", 50)
+    out = tmp_path / "out"
+    assert main(["reproduce", "5", "--out", str(out)]) == 0
+    assert "cannot be judged" in capsys.readouterr().out
+    claims = rows(out / "reproduction.csv")
+    assert {row["verdict"] for row in claims} == {
+        "reproduced", "not reproduced", "cannot be judged"
+    }  # fmt: skip
+    assert "SYNTHETIC" in (out / "report.html").read_text()
+    assert {path.name for path in out.glob("synthetic_*.csv")} == {
+        f"synthetic_{name}.csv" for name in ("summary", "differences", "predictions", "tests")
+    }
+    sources = {(row["motion"], row["source"]) for row in rows(out / "means.csv")}
+    assert ("EOS", "printed") in sources and ("moving axis", "ours, facets contact") in sources
