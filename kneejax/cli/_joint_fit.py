@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
+from pathlib import Path
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from kneejax.geometry import FREE_COORDINATES
 from kneejax.joints import (
     CondyleAxes,
     JointFit,
+    JointProblem,
     UnsuitableLandmarks,
     UnsuitableMesh,
     UnsuitablePoses,
@@ -64,17 +66,16 @@ def run(arguments: argparse.Namespace) -> int:
             measured, axes.points, axes.hinge, arguments.at or (), arguments.interpolation
         )
     except UnsuitablePoses as error:
-        raise InputProblem(
-            arguments.poses, "flexion_deg", str(error), "poses at different flexions"
-        ) from None
+        raise _problem(arguments.poses, error) from None
     except ValueError as error:
-        source = arguments.femur or arguments.axes
-        raise InputProblem(source, "axis", str(error), "a transverse axis") from None
+        found, _, rest = str(error).partition("; ")
+        expected = "a transverse axis" + (f"; {rest}" if rest else "")
+        raise InputProblem(arguments.femur or arguments.axes, "axis", found, expected) from None
     _write(arguments, fit, axes, measured, flexion)
     print(_summary(fit, axes, len(measured)))
     files = ["joint.yaml", "hinge.yaml", "poses.csv", "hinge_poses.csv", "result.json"]
     files += ["facets.csv"] if axes.facets else []
-    print(f"written: {arguments.out}/{', '.join(files)}, figures/")
+    print(f"written to {arguments.out}:\n{', '.join(files)}, figures/")
     return 0
 
 
@@ -101,9 +102,7 @@ def _from_mesh(arguments: argparse.Namespace) -> _Axes:
             points, normals, tuple(arguments.extension_facet), tuple(arguments.flexion_facet)
         )
     except UnsuitableMesh as error:
-        raise InputProblem(
-            arguments.femur, "condyles", str(error), "two condyles of a femur in its frame"
-        ) from None
+        raise _problem(arguments.femur, error) from None
     if epicondyles is not None:
         return _Axes(found.points, epicondyles, "the epicondyles", points, found)
     axis = found.transverse
@@ -111,6 +110,10 @@ def _from_mesh(arguments: argparse.Namespace) -> _Axes:
     ends = axis.center + along[:, None] * axis.direction
     source = "the cylinder through both condyles (no epicondyles are given)"
     return _Axes(found.points, ends, source, points, found)
+
+
+def _problem(file: Path, error: JointProblem) -> InputProblem:
+    return InputProblem(file, error.part, error.found, error.expected)
 
 
 def _given_epicondyles(arguments: argparse.Namespace) -> np.ndarray | None:
@@ -133,8 +136,7 @@ def _anatomical(arguments: argparse.Namespace, points: np.ndarray, epicondyles):
             hip = np.asarray(joint_center(points, hip, known.head_within).surface.frame.origin)
         frame = femur_frame(hip, *epicondyles, anterior=None)
     except UnsuitableLandmarks as error:
-        expected = "landmarks of one femur, mm"
-        raise InputProblem(arguments.landmarks, "landmarks", str(error), expected) from None
+        raise _problem(arguments.landmarks, error) from None
     return frame, in_frame(frame, epicondyles)
 
 

@@ -15,14 +15,11 @@ from kneejax.joints._facets import FLEXION_DEG as FLEXION_DEG
 from kneejax.joints._facets import CondyleAxes as CondyleAxes
 from kneejax.joints._facets import Facet as Facet
 from kneejax.joints._facets import TransverseAxis as TransverseAxis
-from kneejax.joints._facets import UnsuitableMesh as UnsuitableMesh
 from kneejax.joints._facets import at_distance as at_distance
 from kneejax.joints._facets import condyle_axes as condyle_axes
 from kneejax.joints._facets import touching_rows as touching_rows
 from kneejax.joints._fit import JointFit as JointFit
-from kneejax.joints._fit import UnsuitablePoses as UnsuitablePoses
 from kneejax.joints._fit import fit_joints as fit_joints
-from kneejax.joints._frames import UnsuitableLandmarks as UnsuitableLandmarks
 from kneejax.joints._frames import femur_frame as femur_frame
 from kneejax.joints._frames import in_frame as in_frame
 from kneejax.joints._frames import joint_center as joint_center
@@ -35,6 +32,10 @@ from kneejax.joints._joint import check_joint as check_joint
 from kneejax.joints._joint import generalised_axis as generalised_axis
 from kneejax.joints._joint import hinge as hinge
 from kneejax.joints._joint import moving_axis as moving_axis
+from kneejax.joints._problems import JointProblem as JointProblem
+from kneejax.joints._problems import UnsuitableLandmarks as UnsuitableLandmarks
+from kneejax.joints._problems import UnsuitableMesh as UnsuitableMesh
+from kneejax.joints._problems import UnsuitablePoses as UnsuitablePoses
 from kneejax.joints._repeated_measures import Pair as Pair
 from kneejax.joints._repeated_measures import RepeatedMeasures as RepeatedMeasures
 from kneejax.joints._repeated_measures import UnsuitableMotions as UnsuitableMotions

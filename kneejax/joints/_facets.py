@@ -15,6 +15,7 @@ from jax.typing import ArrayLike
 from scipy.spatial import KDTree
 
 from kneejax.geometry import CylinderFit, Pose, fit_cylinder
+from kneejax.joints._problems import UnsuitableMesh
 
 #: Regions of a condyle's facets, degrees from anterior through distal about the transverse axis.
 EXTENSION_DEG, FLEXION_DEG = (65.0, 110.0), (110.0, 190.0)
@@ -31,11 +32,8 @@ _RADIUS_MM, _AXIS_ROUNDS = 24.0, 4
 # A facet's axis that is turned further, or known worse, takes the direction of the transverse axis.
 _STEEPEST_DEG, _WORST_KNOWN_DEG = 25.0, 10.0
 _OUTWARD = 0.3
+_ROUND = "condyles that are round below and behind, X anterior, Y superior, Z lateral"
 _BIN_MM = 2.0
-
-
-class UnsuitableMesh(ValueError):
-    """A mesh in which axes of condyles cannot be found."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -138,11 +136,9 @@ def condyle_axes(
     n = None if normals is None else np.asarray(normals, float)
     width = float(np.ptp(p[:, 2])) if len(p) else 0.0
     if not _WIDTH_MM[0] < width < _WIDTH_MM[1]:
-        doubt = "; is the mesh in metres?" if width < 1.0 else ""
-        raise UnsuitableMesh(
-            f"the femur is {width:.3g} mm wide (along Z); expected {_WIDTH_MM[0]:g} to "
-            f"{_WIDTH_MM[1]:g}{doubt}"
-        )
+        expected = f"{_WIDTH_MM[0]:g} to {_WIDTH_MM[1]:g} mm"
+        expected += "; is the mesh in metres?" if width < 1.0 else ""
+        raise UnsuitableMesh("width of the femur (along Z)", f"{width:.3g} mm", expected)
     transverse = _transverse_axis(p, n, width_mm)
     angle, _, _ = transverse.place(p)
     facets = []
@@ -182,8 +178,9 @@ def at_distance(medial: ArrayLike, lateral: CylinderFit, distance: float) -> np.
     if square < 0:
         nearest = np.sqrt(away @ away - along**2)
         raise UnsuitableMesh(
-            f"the lateral flexion axis passes the medial flexion centre at {nearest:.1f} mm, "
-            f"farther than the extension centres are apart ({distance:.1f} mm)"
+            "lateral flexion axis",
+            f"{nearest:.1f} mm from the medial flexion centre",
+            f"no farther than the extension centres are apart, {distance:.1f} mm",
         )
     shifts = -along + np.sqrt(square) * np.array([-1.0, 1.0])
     return lateral.center + shifts[np.argmin(np.abs(shifts))] * lateral.direction
@@ -221,20 +218,19 @@ def _transverse_axis(p: np.ndarray, normals: np.ndarray | None, width: float) ->
         for side, rows in zip(SIDES, strips, strict=True):
             if len(rows) < FEWEST_POINTS:
                 raise UnsuitableMesh(
-                    f"{len(rows)} points of a {side} condyle below and behind the femur's middle; "
-                    f"expected at least {FEWEST_POINTS}: X anterior, Y superior, Z lateral, mm, "
-                    "Z = 0 between the condyles"
+                    f"{side} condyle",
+                    f"{len(rows)} points below and behind the middle",
+                    f"at least {FEWEST_POINTS}: X anterior, Y superior, Z lateral, mm, Z = 0 "
+                    "between the condyles",
                 )
         try:
             fit = fit_cylinder(p[np.concatenate(strips)], along=(0.0, 0.0, 1.0))
         except ValueError as error:
-            raise UnsuitableMesh(f"transverse axis: {error}") from None
+            raise UnsuitableMesh("transverse axis", str(error), _ROUND) from None
         tilt = np.rad2deg(np.arccos(min(1.0, fit.direction[2])))
         if tilt > _STEEPEST_DEG:
-            raise UnsuitableMesh(
-                f"the transverse axis is {tilt:.0f} degrees off Z; are these condyles, with X "
-                "anterior, Y superior, Z lateral?"
-            )
+            expected = f"at most {_STEEPEST_DEG:g}: {_ROUND}"
+            raise UnsuitableMesh("transverse axis", f"{tilt:.0f} degrees off Z", expected)
         foot = fit.center - fit.center[2] / fit.direction[2] * fit.direction
         axis = TransverseAxis(foot, fit.direction, fit.radius)
     return axis
@@ -255,10 +251,8 @@ def _strip(axis, p, normals, region, side, width) -> np.ndarray:
 def _facet(side, name, p, normals, axis, region, width_mm, words) -> Facet:
     rows = _strip(axis, p, normals, region, side, width_mm)
     if len(rows) < FEWEST_POINTS:
-        raise UnsuitableMesh(
-            f"{side} {name} facet: {len(rows)} points {words} in a strip of {width_mm:g} mm; "
-            f"expected at least {FEWEST_POINTS}"
-        )
+        expected = f"at least {FEWEST_POINTS} in a strip of {width_mm:g} mm along the crest"
+        raise UnsuitableMesh(f"{side} {name} facet", f"{len(rows)} points {words}", expected)
     try:
         own = fit_cylinder(p[rows], along=axis.direction)
         tilt = np.rad2deg(np.arccos(min(1.0, own.direction @ axis.direction)))
@@ -266,7 +260,7 @@ def _facet(side, name, p, normals, axis, region, width_mm, words) -> Facet:
             return Facet(side, name, rows, own, True)
         kept = fit_cylinder(p[rows], along=axis.direction, turned=False)
     except ValueError as error:
-        raise UnsuitableMesh(f"{side} {name} facet: {error}") from None
+        raise UnsuitableMesh(f"{side} {name} facet", str(error), "part of a cylinder") from None
     return Facet(side, name, rows, kept, False)
 
 

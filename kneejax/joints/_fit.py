@@ -10,13 +10,10 @@ from jax.typing import ArrayLike
 
 from kneejax.geometry import Pose
 from kneejax.joints._joint import Joint, axis_between, generalised_axis, hinge, moving_axis
+from kneejax.joints._problems import UnsuitablePoses
 
 #: A calibration pose is at most this far from the flexion that was asked for, degrees.
 FARTHEST_DEG = 5.0
-
-
-class UnsuitablePoses(ValueError):
-    """Measured poses on which no joint can be calibrated."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -86,23 +83,30 @@ def fit_joints(
 
 def _rows(flexion: np.ndarray, at_deg: Sequence[float]) -> np.ndarray:
     if len(flexion) < 2:
-        raise UnsuitablePoses(f"{len(flexion)} measured pose; expected two or more")
-    if not len(at_deg):
-        at_deg = [flexion.min(), flexion.max()]
+        raise UnsuitablePoses("poses", str(len(flexion)), "two or more")
+    order = np.argsort(flexion, kind="stable")
+    rows = order[[0, -1]] if not len(at_deg) else _nearest(flexion, at_deg)
+    rows = rows[np.argsort(flexion[rows], kind="stable")]
+    for one, other in zip(rows, rows[1:], strict=False):
+        if np.isclose(flexion[one], flexion[other], rtol=0.0, atol=1e-6):
+            which = f"row {one + 1} twice" if one == other else f"rows {one + 1} and {other + 1}"
+            raise UnsuitablePoses(
+                "calibration poses",
+                f"{which} at the same flexion, {flexion[one]:g} degrees",
+                "poses at different flexions",
+            )
+    return rows
+
+
+def _nearest(flexion: np.ndarray, at_deg: Sequence[float]) -> np.ndarray:
     if len(at_deg) < 2:
-        raise UnsuitablePoses(f"one flexion, {at_deg[0]:g} degrees; expected two or more")
+        raise UnsuitablePoses("flexion", f"{at_deg[0]:g} degrees alone", "two flexions or more")
     rows = np.array([np.argmin(np.abs(flexion - angle)) for angle in at_deg])
     for angle, row in zip(at_deg, rows, strict=True):
         if abs(flexion[row] - angle) > FARTHEST_DEG:
             raise UnsuitablePoses(
-                f"no pose within {FARTHEST_DEG:g} degrees of {angle:g}; the nearest is at "
-                f"{flexion[row]:.1f}"
-            )
-    rows = rows[np.argsort(flexion[rows], kind="stable")]
-    for one, other in zip(rows, rows[1:], strict=False):
-        if np.isclose(flexion[one], flexion[other], rtol=0.0, atol=1e-6):
-            raise UnsuitablePoses(
-                f"two calibration poses at the same flexion, {flexion[one]:g} degrees (rows "
-                f"{one + 1} and {other + 1})"
+                f"pose at {angle:g} degrees",
+                f"the nearest is at {flexion[row]:.1f}",
+                f"one within {FARTHEST_DEG:g} degrees",
             )
     return rows

@@ -10,15 +10,12 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from kneejax.geometry import Placement, Pose, SurfaceFit, angles_from_rotation, fit_sphere, full
+from kneejax.joints._problems import UnsuitableLandmarks
 
 # Medial and lateral landmarks of an adult's knee are about 80 mm apart, of a child's half of that.
 _WIDTH_MM = (20.0, 200.0)
 _LEAST_ANGLE_DEG = 10.0
 _FEWEST_POINTS = 20
-
-
-class UnsuitableLandmarks(ValueError):
-    """Landmarks that make no anatomical frame."""
 
 
 def femur_frame(
@@ -138,27 +135,29 @@ def joint_center(points: ArrayLike, near: ArrayLike, within_mm: float) -> Surfac
     rows = np.linalg.norm(points - np.asarray(near, float), axis=1) < within_mm
     if rows.sum() < _FEWEST_POINTS:
         raise UnsuitableLandmarks(
-            f"{int(rows.sum())} points within {within_mm:g} mm of {_place(near)}; expected at "
-            f"least {_FEWEST_POINTS}: does the mesh reach there, and is it in mm?"
+            f"points within {within_mm:g} mm of {_place(near)}",
+            str(int(rows.sum())),
+            f"at least {_FEWEST_POINTS}; does the mesh reach there, and is it in mm?",
         )
     try:
         return fit_sphere(points[rows])
     except ValueError as error:
-        raise UnsuitableLandmarks(f"no sphere at {_place(near)}: {error}") from None
+        raise UnsuitableLandmarks(f"ball at {_place(near)}", str(error), "a sphere") from None
 
 
 def _frame(names, landmarks, sense: float, anterior) -> Placement:
     far, medial, lateral = (np.asarray(x, float) for x in landmarks)
     for name, point in zip(names, (far, medial, lateral), strict=True):
         if point.shape != (3,) or not np.isfinite(point).all():
-            raise UnsuitableLandmarks(f"{name}: {point.tolist()}; expected three finite numbers")
+            raise UnsuitableLandmarks(name, str(point.tolist()), "three finite numbers")
     across = lateral - medial
     width = float(np.linalg.norm(across))
     if not _WIDTH_MM[0] < width < _WIDTH_MM[1]:
         doubt = "are they in metres?" if width < 1.0 else "are they of one knee, in mm?"
         raise UnsuitableLandmarks(
-            f"{names[1]} and {names[2]} are {width:.3g} mm apart; expected {_WIDTH_MM[0]:g} to "
-            f"{_WIDTH_MM[1]:g}: {doubt}"
+            f"{names[1]} and {names[2]}",
+            f"{width:.3g} mm apart",
+            f"{_WIDTH_MM[0]:g} to {_WIDTH_MM[1]:g} mm; {doubt}",
         )
     origin = 0.5 * (medial + lateral)
     long = sense * (far - origin)
@@ -168,14 +167,17 @@ def _frame(names, landmarks, sense: float, anterior) -> Placement:
     if sine < np.sin(np.deg2rad(_LEAST_ANGLE_DEG)):
         angle = np.rad2deg(np.arcsin(sine))
         raise UnsuitableLandmarks(
-            f"{', '.join(names)} are nearly collinear ({angle:.1f} degrees); expected an angle of "
-            f"at least {_LEAST_ANGLE_DEG:g} degrees"
+            ", ".join(names),
+            f"nearly collinear ({angle:.1f} degrees)",
+            f"an angle of at least {_LEAST_ANGLE_DEG:g} degrees",
         )
     x, y = normal / np.linalg.norm(normal), long / length
     if anterior is not None and x @ np.asarray(anterior, float) <= 0:
         raise UnsuitableLandmarks(
-            f"{', '.join(names)} make a frame whose X points backwards; have {names[1]} and "
-            f"{names[2]} changed places, or is this a left knee that was not mirrored?"
+            ", ".join(names),
+            "X of the frame points backwards",
+            f"X forwards; have {names[1]} and {names[2]} changed places, or is this a left knee "
+            "that was not mirrored?",
         )
     columns = np.stack([x, y, np.cross(x, y)], axis=1)
     rows = tuple(tuple(float(c) for c in row) for row in columns)
