@@ -144,12 +144,15 @@ def joint_comparison_summary(found: Comparison) -> str:
             spread = ": mean +- standard error" if count > 1 else ""
             lines += ["", f"{one.first} - {one.second}{spread}"]
             lines += _aligned([_head(), *_difference_lines(found, one)])
-    lines += ["", "R2 (adjusted), and root mean square error"]
+    lines += ["", "R2 (adjusted), and root mean square error (RMSE)"]
     rows = [_head()]
     for one in found.predictions:
         both = [f"{_text(a)} ({_text(b)})" for a, b in zip(one.r2, one.adjusted_r2, strict=True)]
-        rows += [[one.model, *both], ["", *(_text(x) for x in one.rmse)]]
-    lines += _aligned(rows)
+        rows += [["R2", *both], ["RMSE", *(_text(x) for x in one.rmse)]]
+    table = _aligned(rows)
+    lines += [f"  {table[0]}"]
+    for i, one in enumerate(found.predictions):
+        lines += [one.model, *(f"  {line}" for line in table[1 + 2 * i : 3 + 2 * i])]
     for note in found.notes:
         lines += ["", *_wrapped(note)]
     for doubt in found.doubts:
