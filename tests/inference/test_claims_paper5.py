@@ -9,7 +9,7 @@ import kneejax as kj
 from kneejax.inference import CANNOT_BE_JUDGED, NOT_REPRODUCED, REPRODUCED, paper5_claims
 from kneejax.inference import _paper5_study as study
 from kneejax.inference import _printed_paper5 as printed
-from kneejax.inference._claims_paper5 import pooled_r2
+from kneejax.inference._claims_paper5_tables import pooled_r2
 from kneejax.inference._paper5_axes import DONOR, axis_points
 from kneejax.joints import MEASURES, UnsuitableMotions
 
