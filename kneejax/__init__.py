@@ -12,6 +12,7 @@ from kneejax.experiments import passive_flexion as passive_flexion
 from kneejax.files import InputProblem as InputProblem
 from kneejax.files import load_knee as load_knee
 from kneejax.files import load_knee_file as load_knee_file
+from kneejax.files import read_joint as read_joint
 from kneejax.files import read_poses as read_poses
 from kneejax.geometry import Pose as Pose
 from kneejax.inference import Calibration as Calibration
@@ -24,6 +25,11 @@ from kneejax.inference import sensitivity_map as sensitivity_map
 from kneejax.inference import sensitivity_maps as sensitivity_maps
 from kneejax.inference import sweep as sweep
 from kneejax.inference import with_values as with_values
+from kneejax.joints import Joint as Joint
+from kneejax.joints import fit_joints as fit_joints
+from kneejax.joints import generalised_axis as generalised_axis
+from kneejax.joints import hinge as hinge
+from kneejax.joints import moving_axis as moving_axis
 from kneejax.mechanics import Knee as Knee
 from kneejax.statics import Status as Status
 from kneejax.statics import use_shared_fusion as use_shared_fusion

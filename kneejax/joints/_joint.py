@@ -110,7 +110,8 @@ class Joint(eqx.Module):
             flexion: shape `(lanes,)`, rad, within a half turn.
 
         Returns:
-            The pose with just this flexion, fields of shape `(lanes,)`.
+            The pose with just this flexion, fields of shape `(lanes,)`. Make tables of it outside
+            a `jax.jit` of your own: stacks inside may cost more than the poses.
         """
         flexion = jnp.asarray(flexion, float)
         femoral, tibial = self.axis_points(flexion)
