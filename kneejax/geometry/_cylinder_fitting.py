@@ -6,7 +6,6 @@ import dataclasses
 
 import numpy as np
 from jax.typing import ArrayLike
-from scipy.optimize import least_squares
 
 from kneejax.geometry._fitting import points_and_weights
 
@@ -139,6 +138,8 @@ def _followed(p: np.ndarray, root: np.ndarray, direction: np.ndarray, turned: bo
     None if there is none. Unknown are the axis' foot in the plane through the origin across the
     start, its two slopes against the start, and the radius.
     """
+    from scipy.optimize import least_squares  # 0.2 s that no other command should wait for
+
     solution, foot, wanted = None, np.zeros(3), direction
     free = np.array([True, True, turned, turned, True])
     for _ in range(_RENEWALS if turned else 1):

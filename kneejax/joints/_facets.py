@@ -12,7 +12,6 @@ import dataclasses
 
 import numpy as np
 from jax.typing import ArrayLike
-from scipy.spatial import KDTree
 
 from kneejax.geometry import CylinderFit, Pose, fit_cylinder
 from kneejax.joints._problems import UnsuitableMesh
@@ -200,6 +199,8 @@ def touching_rows(
     Returns:
         Truth values, shape `(n,)`.
     """
+    from scipy.spatial import KDTree
+
     there = pose.placement.apply(tuple(np.asarray(tibial, float).T))
     moved = np.stack([np.asarray(c) for c in there], axis=1)
     distance, _ = KDTree(moved).query(np.asarray(points, float), distance_upper_bound=within_mm)
