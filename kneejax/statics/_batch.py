@@ -191,7 +191,8 @@ def own_motion(knee: Knee, vary: Vary, base: Any, stations: Stations) -> Balance
     walker = Walker(knee, vary, one, way, found, lambda _: None)
     station = np.arange(len(way)).reshape(size, steps + 1)
     bent_and_loaded = paths(found, np.zeros_like(station), station, np.full(size, steps + 1))
-    _walk_all(walker, bent_and_loaded, _ALONG_STATIONS)
+    # A knee that opens in extension may be lost for many short strides: none is given up.
+    _walk_all(walker, bent_and_loaded, give_up=len(way))
     ends = station[:, -1]
     return Balances(*(x[:, ends] for x in (found.q, found.meeting, found.status, found.steps)))
 

@@ -43,6 +43,7 @@ class Nodes(eqx.Module):
         length: places of each lane, `(lanes,)`; none where a lane is not needed.
         led: whether a lane's path has been near a balance, `(lanes,)`. The search of a node
             that nothing leads to may not go on: it would end anywhere.
+        begun: whether a balance lies behind a lane, `(lanes,)`; from elsewhere any way is long.
     """
 
     values: Any
@@ -53,6 +54,7 @@ class Nodes(eqx.Module):
     reach: Any
     length: Any
     led: Any
+    begun: Any
 
 
 class Memory(eqx.Module):
@@ -165,7 +167,8 @@ def walk_stretch(
         reached, rest = search_one(knees, here[1].flexion, guess, search)
         units = jnp.asarray(UNITS)[:, None]
         change = jnp.max(jnp.abs(reached.q - own[0] - memory.away_q[0][:, lane]) / units, axis=0)
-        far = (rest["status"] < Status.TOO_DEEP) & (change > nodes.reach[at])
+        begun = nodes.begun[lane] | (memory.known[lane] > 0)
+        far = begun & (rest["status"] < Status.TOO_DEEP) & (change > nodes.reach[at])
         status = jnp.where(far, Status.NOT_CONVERGED, rest["status"])
         return reached, rest | {"status": status}, own, far
 

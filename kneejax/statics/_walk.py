@@ -18,6 +18,7 @@ import numpy as np
 
 from kneejax.mechanics import Knee
 from kneejax.statics._paths import Found, Paths
+from kneejax.statics._settle import longest_stride_mm
 from kneejax.statics._stations import Stations
 from kneejax.statics._status import Status
 from kneejax.statics._stretch import Memory, Nodes, Patience, Reached, Vary, walk_stretch
@@ -32,12 +33,6 @@ _STRETCH = 16
 _QUICK, _PATIENT = Patience(5, 0.1, 2), Patience(40, 0.0, 0)
 #: Flexion between stations beyond which distances from the own motion are not extrapolated, rad.
 _FAR = np.deg2rad(12.0)
-#: What the distance from the own motion changes by at most in such a stride, mm (rotations at
-#: 30 mm): at least, and for each degree. In 61,000 strides of 5 degrees of 3,072 random knees
-#: (stiffness within 90 %, strains within 0.1) it was below 4.7 mm on one branch; a search that had
-#: left it ended 7.9 to 10.6 mm away, and 3.3 mm and more after strides of 3 degrees. The own
-#: motion is held to it as well: no knee turns by 9 degrees or slides by 5 mm while it bends by 5.
-_REACH_MM = (1.0, 1.0)
 
 
 class Walker:
@@ -86,6 +81,8 @@ class Walker:
         """
         place, lost = (np.zeros(len(paths), int) for _ in range(2))
         patient, led = np.zeros(len(paths), bool), np.full(len(paths), led_to)
+        # Paths that do not begin at their own first station begin at a balance beside it.
+        begun = paths.origin != paths.station[:, :1].reshape(-1)
         memory = _nothing_behind(paths)
         while (left := paths.length - place).any():
             quick, aside = np.flatnonzero((left > 0) & ~patient), np.flatnonzero(patient)
@@ -95,12 +92,12 @@ class Walker:
             rows = rows[:LANES]
             ahead = np.minimum(left[rows], 1 if patiently else _STRETCH)
             reached = self._stretch(
-                paths, rows, place[rows], ahead, led[rows], memory, patiently
+                paths, rows, place[rows], ahead, (led[rows], begun[rows]), memory, patiently
             )
             good, bad = self._note(paths, rows, place[rows], reached)
             place[rows] += good
             lost[rows[good > 0]] = 0
-            led[rows[good > 0]] = True
+            led[rows[good > 0]] = begun[rows[good > 0]] = True
             again = bad & led[rows] & (not patiently)
             gone = bad & ~again
             patient[rows] = again
@@ -112,7 +109,7 @@ class Walker:
                 self.report(int(good.sum() + gone.sum()))
 
     def _stretch(
-        self, paths: Paths, rows, place, ahead, led, memory: Memory, patiently
+        self, paths: Paths, rows, place, ahead, known, memory: Memory, patiently
     ) -> Reached:
         """Walk some paths for so many nodes; keeps their memory."""
         # Lanes beyond the rows have nothing ahead of them.
@@ -131,7 +128,8 @@ class Walker:
             even=even & (not patiently),
             reach=reach,
             length=length,
-            led=led[lane],
+            led=known[0][lane],
+            begun=known[1][lane],
         )
         behind = jax.tree.map(lambda x: x[..., row], memory)
         patience = _PATIENT if patiently else _QUICK
@@ -155,14 +153,13 @@ class Walker:
         return (ended & known).sum(axis=0), (ended & ~known).any(axis=0)
 
     def reach(self, here: np.ndarray, there: np.ndarray) -> np.ndarray:
-        """How far the distance from the own motion may change between stations, mm (`_REACH_MM`).
+        """How far the distance from the own motion may change between stations, mm.
         Where they are far apart or loaded differently nothing is known."""
         stride = self._marks[here] - self._marks[there]
         size = np.abs(stride[..., 0])
         alike = np.abs(stride[..., 1:]).max(axis=-1) <= 1e-6 * size
-        least, each_degree = _REACH_MM
-        within = np.maximum(least, each_degree * np.rad2deg(size))
-        return np.where((size <= _FAR) & (size > 0) & alike, within, np.inf)
+        near = (size <= _FAR) & (size > 0) & alike
+        return np.where(near, longest_stride_mm(np.rad2deg(size)), np.inf)
 
     @functools.cached_property
     def segments(self) -> list[np.ndarray]:
