@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy import stats
 
 from kneejax.inference import _printed_paper5 as printed
 from kneejax.inference._claims import Claim, judged
@@ -97,6 +96,8 @@ def _difference_averages() -> Claim:
 
 
 def _post_hoc() -> Claim:
+    from scipy import stats
+
     mean, error, p, low, high = np.moveaxis(printed.POST_HOC, -1, 0)
     freedom = printed.SUBJECTS - 1
     ours = np.minimum(1.0, 3.0 * 2.0 * stats.t.sf(np.abs(mean / error), freedom))

@@ -8,7 +8,6 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from kneejax.geometry import Pose
 from kneejax.inference import _printed_paper5 as printed
@@ -180,6 +179,8 @@ def _printed_hinge() -> tuple[float, np.ndarray]:
 
     def misfit(tilt_deg: float) -> float:
         return float((((motion(tilt_deg) - rows) / errors) ** 2).sum())
+
+    from scipy.optimize import minimize_scalar
 
     found: Any = minimize_scalar(misfit, bounds=(-20.0, 20.0), method="bounded")
     tilt = float(found.x)

@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
 #: Subjects below which neither Shapiro-Wilk nor the analysis of variance is defined.
 FEWEST_SUBJECTS = 3
@@ -91,6 +90,7 @@ def repeated_measures(groups: Mapping[str, np.ndarray], alpha: float = 0.01) -> 
             f"{FEWEST_SUBJECTS}; without an analysis of variance, means and errors are still given"
         )
     import pandas
+    from scipy import stats
 
     with warnings.catch_warnings():
         # Values without any spread: the numbers say so (inf and NaN). pandas 3 announces 4.
@@ -113,6 +113,8 @@ def repeated_measures(groups: Mapping[str, np.ndarray], alpha: float = 0.01) -> 
 
 
 def _pairs(groups: Mapping[str, np.ndarray], alpha: float) -> tuple[Pair, ...]:
+    from scipy import stats
+
     chosen = list(itertools.combinations(groups, 2))
     answer = []
     for first, second in chosen:
