@@ -3,7 +3,7 @@
 A lane predicts its next node from the last three and searches it. A node that a few Newton steps
 do not balance goes on from there in the next round, and stops its lane when that does not help.
 All of it is one compiled loop: with a call for each node, Python between the calls took as long as
-the balances (a map of 101 x 101 points: 3.4 s, and 1.4 s with this; benchmarks/map.py).
+the balances (a map of 101 x 101 points: 3.4 s, and 1.4 to 1.7 s with this; benchmarks/map.py).
 """
 
 from __future__ import annotations
