@@ -185,6 +185,7 @@ def _correlations() -> Claim:
 
 
 def measures_row(values: np.ndarray, digits: int = 2) -> str:
+    """Five numbers with the names of their clinical measures, for a row of the report."""
     pairs = zip(_NAMES, values, strict=True)
     return ", ".join(f"{name} {value:.{digits}f}" for name, value in pairs)
 

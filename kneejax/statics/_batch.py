@@ -90,8 +90,8 @@ def balance_many(
 ) -> Balances:
     """Balance variants of a knee at stations.
 
-    Each variant walks along the stations, predicted from its distance to the motion of the knee
-    itself.
+    Each variant is led onto the knee's own branch at one station and walks from there along the
+    others, predicted from its distance to the motion of the knee itself.
 
     Args:
         knee: gives all numbers that do not vary.

@@ -97,7 +97,9 @@ def test_a_terminal_says_what_to_measure_next(criterion):
 
 
 def test_many_tests_fit_on_a_terminal():
-    plain(report.design_text(planned(chosen=tuple(range(20, 32)))))
+    lines = plain(report.design_text(planned(chosen=tuple(range(20, 32))))).splitlines()
+    assert max(map(len, lines)) <= 100
+    assert any(line.startswith("12. Then:") for line in lines)
 
 
 @pytest.mark.parametrize("count", [1, 4, 30])

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import kneejax as kj
-from kneejax.mechanics import Load
+from kneejax.mechanics import Load, add_lane_axis
 from kneejax.statics import (
     Stations,
     Status,
@@ -110,6 +110,12 @@ def test_what_a_knee_reaches_depends_neither_on_lanes_nor_on_stretches(knee, cho
     assert not together.converged[:20, 0].any()
     stride = np.abs(np.diff(together.q / UNITS, axis=1)).max(axis=2)
     assert np.nanmax(stride) < 3.0
+    for contact, at in zip(knee.contacts, range(2), strict=True):
+        pose = kj.Pose.from_state(stations.flexion[5:], np.moveaxis(together.q[:, 5:], -1, 0))
+        meeting = np.moveaxis(together.meeting[:, 5:, at], -1, 0)
+        lanes = add_lane_axis(add_lane_axis(contact))
+        # A tilt of 1e-6 rad had tilted forces, and poses by 3e-5 mm.
+        assert float(np.max(lanes.gap(pose.placement, meeting).tilt)) < 1e-8
     few = [0, 9, 23, 69]
     apart = balance_many(knee, chosen.apply, base, values[few], stations)
     # At the very end of a motion who is found may depend on who is searched beside it.

@@ -179,6 +179,18 @@ def test_a_lane_whose_meeting_points_are_lost_finds_them_again(knee, motion):
     assert np.allclose(found.q, here.q[:, 4:5], atol=1e-9)
 
 
+def test_a_motion_does_not_jump_to_another_balance(knee):
+    """With a lax MCL the extended knee also balances 20 degrees of internal rotation away, and a
+    search on the way there once ended so, said to be balanced."""
+    lax = kj.with_values(knee, {"MCL.reference_strain": 0.02})
+    motion = kj.passive_flexion(lax, np.linspace(0.0, 12.0, 25))
+    balanced = np.asarray(motion.settled.converged)
+    assert balanced.sum() > 20
+    q = np.asarray(motion.settled.q)[:, balanced] * np.array([30.0, 30.0, 1.0, 1.0, 1.0])[:, None]
+    bend = np.diff(np.linspace(0.0, 12.0, 25)[balanced])
+    assert (np.abs(np.diff(q, axis=1)).max(axis=0) <= np.maximum(1.0, bend)).all()
+
+
 def test_status_says_what_to_do_next():
     for status in Status:
         assert len(status.sentence.split()) > 2
