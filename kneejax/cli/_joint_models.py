@@ -6,24 +6,12 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
-from kneejax.experiments import passive_flexion
-from kneejax.files import (
-    Calibrated,
-    InputProblem,
-    counted,
-    load_knee,
-    read_axis_points,
-    read_calibrated,
-    read_joint,
-)
-from kneejax.geometry import COORDINATES
-from kneejax.inference import with_values
+from kneejax.cli._contact_knee import passive_motion, read_contact_knee
+from kneejax.files import InputProblem, counted, read_axis_points, read_joint
 from kneejax.joints import Joint, UnsuitablePoses, clinical_measures, fit_joints
-from kneejax.statics import Status
 
 #: Flexions of the curves that figures draw.
 _CURVE = 25
@@ -149,28 +137,11 @@ def knee_model(name: str, flexion_deg: np.ndarray) -> tuple[str, Modelled]:
     Raises:
         InputProblem: there is no such knee.
     """
-    read = Calibrated(name, {}, {})
-    if Path(name).suffix == ".json":
-        read = read_calibrated(name)
-    knee = load_knee(read.knee)
-    if read.values:
-        knee = with_values(knee, read.values)
+    read = read_contact_knee(name)
     over = curve_flexion(flexion_deg)
     angles, back = np.unique(np.concatenate([flexion_deg.ravel(), over]), return_inverse=True)
-    motion = jax.block_until_ready(passive_flexion(knee, angles))
-    table = np.array(motion.to_table())
-    for coordinate, shift in read.frame_offset.items():
-        table[:, COORDINATES.index(coordinate)] += shift
-    status = np.asarray(motion.status)
-    usable = np.array([Status(s).usable for s in status])
-    seen = np.where(usable[:, None], clinical_measures(table), np.nan)[back]
-    doubts = tuple(
-        f"{knee.name}: {counted(int((status == s).sum()), 'pose')} {Status(s).word}: "
-        f"{Status(s).sentence}"
-        for s in np.unique(status)
-        if s != Status.BALANCED
-    )
+    motion = passive_motion(read, angles)
+    seen = clinical_measures(motion.table)[back]
     measures = seen[: flexion_deg.size].reshape(*flexion_deg.shape, -1)
     curve = seen[None, flexion_deg.size :]
-    title = f"{knee.name} calibrated" if read.values else knee.name
-    return title, Modelled(measures, curve, (name,), doubts=doubts)
+    return read.title, Modelled(measures, curve, (name,), doubts=motion.doubts)
