@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
+from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -15,6 +17,7 @@ from kneejax.inference._calibrate import versions
 from kneejax.inference._paper5_axes import FACETS, AxisPoints, axis_points
 from kneejax.joints import (
     Comparison,
+    Joint,
     clinical_measures,
     compare_motions,
     hinge,
@@ -31,6 +34,7 @@ DRAWS = 500
 MIDPOINT_SD_MM, CENTRE_SD_MM, SIZES = 3.0, 3.0, (1.0, 1.15)
 #: Assumed correlations of a subject's measures between flexions, and cohorts drawn for each.
 CORRELATIONS, COHORTS = (0.25, 0.5, 0.75), 20
+_BEYOND_DEG = np.array([-17.0, 17.0])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -80,25 +84,19 @@ def paper5_study(knee: Knee, seed: int = 5) -> Paper5Study:
     stand_ins = {name: axis_points(knee, name) for name in FACETS}
     points = stand_ins["contact"]
     mean = printed.MEAN[printed.EOS]
-    flexion = np.deg2rad(printed.REACHED_DEG)
     own = {
         name: moving_axis_measures(one.facets[None], mean[None])[0]
         for name, one in stand_ins.items()
     }
     drawn = np.array([_drawn(stand_ins, rng) for _ in range(DRAWS)])
     tilt, hinged = _printed_hinge()
-    joint = moving_axis(points.facets, _poses(mean[[0, -1]], flexion[[0, -1]]))
-    beyond = np.abs(
-        np.asarray(joint.axis_points(jnp.array([flexion[0] - 0.3, flexion[-1] + 0.3]))[0])
-        - np.asarray(joint.axis_points(jnp.array([flexion[0], flexion[-1]]))[0])
-    )
     return Paper5Study(
         points,
         own,
         moving_axis_measures(drawn, np.broadcast_to(mean, (DRAWS, *mean.shape))),
         hinged,
         tilt,
-        float(beyond.max()),
+        _moves_beyond(points.facets, mean),
         {
             rho: tuple(_cohort(stand_ins, tilt, rho, rng, tested=i == 0) for i in range(COHORTS))
             for rho in CORRELATIONS
@@ -119,18 +117,7 @@ def moving_axis_measures(facets: np.ndarray, measures: np.ndarray) -> np.ndarray
         What the joints say at the same flexions, shape `(joints, 5, 5)`.
     """
     tables = poses_from_clinical(printed.REACHED_DEG, measures)[:, [0, -1]]
-    return clinical_measures(_moving_tables(jnp.asarray(facets), jnp.asarray(tables)))
-
-
-@jax.jit
-@jax.vmap
-def _moving_tables(facets: jax.Array, table: jax.Array) -> jax.Array:
-    joint = moving_axis(facets, Pose.from_table(table))
-    return joint.pose(jnp.deg2rad(printed.REACHED_DEG)).to_table()
-
-
-def _poses(measures: np.ndarray, flexion: np.ndarray) -> Pose:
-    return Pose.from_table(poses_from_clinical(np.rad2deg(flexion), measures))
+    return clinical_measures(_tables(moving_axis, jnp.asarray(facets), jnp.asarray(tables)))
 
 
 def _drawn(stand_ins: dict[str, AxisPoints], rng: np.random.Generator) -> np.ndarray:
@@ -153,14 +140,28 @@ def hinge_measures(epicondyles: np.ndarray, first: np.ndarray) -> np.ndarray:
         What the joints say at the printed flexions, shape `(joints, 5, 5)`.
     """
     tables = poses_from_clinical(printed.REACHED_DEG[0], first)
-    return clinical_measures(_hinge_tables(jnp.asarray(epicondyles), jnp.asarray(tables)))
+    return clinical_measures(_tables(hinge, jnp.asarray(epicondyles), jnp.asarray(tables)))
 
 
-@jax.jit
-@jax.vmap
-def _hinge_tables(epicondyles: jax.Array, table: jax.Array) -> jax.Array:
-    joint = hinge(epicondyles, Pose.from_table(table))
-    return joint.pose(jnp.deg2rad(printed.REACHED_DEG)).to_table()
+@functools.partial(jax.jit, static_argnums=0)
+def _tables(
+    make: Callable[[jax.Array, Pose], Joint], points: jax.Array, calibration: jax.Array
+) -> jax.Array:
+    """Motions at the printed flexions of joints, each made of its points and calibration poses."""
+
+    def motion(own: jax.Array, poses: jax.Array) -> jax.Array:
+        joint = make(own, Pose.from_table(poses))
+        return joint.pose(jnp.deg2rad(printed.REACHED_DEG)).to_table()
+
+    return jax.vmap(motion)(points, calibration)
+
+
+def _moves_beyond(facets: np.ndarray, mean: np.ndarray) -> float:
+    """Largest move of a moving axis's points 17 degrees beyond its calibration angles, mm."""
+    ends_deg = printed.REACHED_DEG[[0, -1]]
+    joint = moving_axis(facets, Pose.from_table(poses_from_clinical(ends_deg, mean[[0, -1]])))
+    at, beyond = (joint.axis_points(np.deg2rad(ends_deg + off))[0] for off in (0.0, _BEYOND_DEG))
+    return float(np.abs(np.asarray(beyond) - np.asarray(at)).max())
 
 
 def _tilted(tilt_deg: float) -> np.ndarray:
