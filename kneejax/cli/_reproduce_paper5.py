@@ -118,8 +118,8 @@ def _about() -> list[str]:
         "For the moving axis, facet centres and epicondyles of the bundled knee "
         f"{DONOR} stand in (one person, not ten men): cylinders along the crests of its condyles, "
         "and its collateral ligaments' attachments less their mean distance from the epicondyles "
-        "(LaPrade et al. 2003, 2007). The joint is calibrated on the mean EOS poses at 3.48 and "
-        "86.59 degrees; its motion is one joint's, not the mean of ten. "
+        "(LaPrade et al. 2003, 2007, as their abstracts give it). The joint is calibrated on the "
+        "mean EOS poses at 3.48 and 86.59 degrees; its motion is one joint's, not the mean of ten. "
         f"{DRAWS} further sets of axis points, of other sizes, landmarks and centres, show how "
         "much depends on them.",
         f"The statistics run on SYNTHETIC cohorts: {COHORTS} of ten subjects for each of three "

@@ -12,13 +12,15 @@ from kneejax.mechanics import Knee
 #: Whose condyles and ligaments stand in, and how its ligaments are called.
 DONOR, _LCL, _MCL = "lenhart2015_reduced", "LCL", "MCLs"
 #: From the epicondyles to the femoral attachments of the LCL and of the superficial MCL: posterior
-#: and proximal, mm. LaPrade et al. (2003; 2007).
+#: and proximal, mm. LaPrade et al., Am J Sports Med 31 (2003), ten knees; J Bone Joint Surg Am 89
+#: (2007), eight; both as their abstracts say. Across they say nothing, and 0 is assumed.
 _LCL_FROM_EPICONDYLE, _MCL_FROM_EPICONDYLE = (-3.1, 1.4, 0.0), (-4.8, 3.2, 0.0)
 #: Ends of the extension and of the flexion facet, degrees from anterior through distal. `contact`:
 #: within 30 degrees of where the tibia touches at 0 and at 87 degrees, as the paper selects them.
-#: `iwaki`: before and after 25 degrees of flexion, about where Iwaki et al. (2000) see the medial
-#: radius change.
-FACETS = {"contact": ((60.0, 120.0), (147.0, 207.0)), "iwaki": ((60.0, 115.0), (115.0, 207.0))}
+#: `arcs`: before and after 25 degrees of flexion. Martelli and Pinskerova, J Bone Joint Surg Br 84
+#: (2002), see the tibia leave the front segment at 20 +- 10 degrees (abstract). No verdict changes
+#: from 15 to 35 degrees.
+FACETS = {"contact": ((60.0, 120.0), (147.0, 207.0)), "arcs": ((60.0, 115.0), (115.0, 207.0))}
 
 
 @dataclasses.dataclass(frozen=True)

@@ -10,7 +10,7 @@ from kneejax.inference import CANNOT_BE_JUDGED, NOT_REPRODUCED, REPRODUCED, pape
 from kneejax.inference import _paper5_study as study
 from kneejax.inference import _printed_paper5 as printed
 from kneejax.inference._claims_paper5_tables import pooled_r2
-from kneejax.inference._paper5_axes import DONOR, axis_points
+from kneejax.inference._paper5_axes import DONOR, FACETS, axis_points
 from kneejax.joints import MEASURES, UnsuitableMotions
 
 pytest.importorskip("pingouin")
@@ -75,9 +75,10 @@ def test_verdicts_on_the_means_follow_the_motion(found):
     assert verdicts(dataclasses.replace(found, stays_fixed=1.0))["5.14"] == NOT_REPRODUCED
 
 
-def test_the_stand_in_has_radii_and_centres_like_those_of_iwaki():
+@pytest.mark.parametrize("facets", FACETS)
+def test_the_stand_in_stands_as_a_femur_does(facets):
     """Extension centres before and above the flexion centres; epicondyles level with the origin."""
-    points = axis_points(kj.load_knee(DONOR), "iwaki")
+    points = axis_points(kj.load_knee(DONOR), facets)
     extension, flexion = points.facets
     assert (extension[:, 0] > flexion[:, 0]).all() and (extension[:, 1] > flexion[:, 1]).all()
     distances = np.linalg.norm(points.facets[:, 1] - points.facets[:, 0], axis=1)

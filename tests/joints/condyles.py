@@ -1,4 +1,4 @@
-"""A made-up femur: two condyles of two arcs each, as in the drawings of Iwaki et al. (2000)."""
+"""A made-up femur: two condyles of two arcs each, of radii that adults have."""
 
 from __future__ import annotations
 

@@ -102,10 +102,15 @@ def test_bad_meshes_are_named():
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="the measured knee is not here")
 def test_a_real_knees_condyles_are_those_of_the_literature():
-    """Iwaki et al.: medially 32 mm in extension and 22 in flexion, laterally 21 in flexion."""
+    """Rear radii, and the medial front one a third larger (Monk et al. 2014: 35 %).
+
+    The radii 22 and 21 mm are what the field quotes of Iwaki et al. (2000), which was not at hand;
+    six digitised knees have 23 +- 2 and 20 +- 4 mm (abstract, springerlink.com/content/
+    jgrkj6ccf3d7yabh).
+    """
     mesh = read_mesh_points(SHARED / "lenhart2015-R-femur-cartilage.stl")
     found = condyle_axes(mesh.points_mm, mesh.normals)
     radius = [facet.cylinder.radius for facet in found.facets]
-    assert radius[0] == pytest.approx(32.0, abs=3.0)
     assert radius[2:] == pytest.approx([22.0, 21.0], abs=1.5)
+    assert radius[0] / radius[2] == pytest.approx(1.35, abs=0.1)
     assert all(facet.cylinder.rms < 0.35 for facet in found.facets)
