@@ -200,13 +200,23 @@ def touching_rows(
 
     Returns:
         Truth values, shape `(n,)`.
+
+    Raises:
+        UnsuitableMesh: none is as near.
     """
     from scipy.spatial import KDTree
 
     there = pose.placement.apply(tuple(np.asarray(tibial, float).T))
     moved = np.stack([np.asarray(c) for c in there], axis=1)
-    distance, _ = KDTree(moved).query(np.asarray(points, float), distance_upper_bound=within_mm)
-    return np.isfinite(distance)
+    distance, _ = KDTree(moved).query(np.asarray(points, float))
+    touching = distance < within_mm
+    if not touching.any():
+        raise UnsuitableMesh(
+            f"femur and tibia at {np.rad2deg(float(pose.flexion)):.1f} degrees",
+            f"{distance.min():.1f} mm apart",
+            f"corners nearer than {within_mm:g} mm; are both bones in the frames of the poses?",
+        )
+    return touching
 
 
 def _transverse_axis(p: np.ndarray, normals: np.ndarray | None, width: float) -> TransverseAxis:
@@ -284,4 +294,3 @@ def _crest(along: np.ndarray, radius: np.ndarray) -> float:
     # Cells with few points are the condyle's rim.
     mean[count < 0.25 * np.median(count[count > 0])] = -np.inf
     return float(along.min() + (np.argmax(mean) + 0.5) * _BIN_MM)
-

@@ -290,4 +290,3 @@ def _rotation(flexion: Array, femoral: Rotation, tibial: Rotation) -> Rotation:
     cosine, sine = (b * root - a * c) / size, -(a * root + b * c) / size
     turn = (cosine, sine, 0.0), (-sine, cosine, 0.0), (0.0, 0.0, 1.0)
     return compose(compose(femoral, turn), transpose(tibial))
-
