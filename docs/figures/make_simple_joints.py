@@ -23,8 +23,8 @@ jax.config.update("jax_enable_x64", True)
 
 import kneejax as kj  # noqa: E402
 from kneejax.files import read_poses, write_poses  # noqa: E402
-from kneejax.inference import condyle_points  # noqa: E402
 from kneejax.joints import condyle_axes  # noqa: E402
+from kneejax.mechanics import condyle_points  # noqa: E402
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 from make_what_data_tell import HERE, keep  # noqa: E402
@@ -83,7 +83,7 @@ def write_inputs(measured: Path, folder: Path) -> None:
     ends = np.abs(table[:, :1] - [10.0, 45.0]).min(axis=1) <= 2.0
     write_poses(folder / "ends.csv", table[ends])
     (folder / "ends.yaml").write_text(STUDY)
-    points = condyle_axes(condyle_points(kj.load_knee("lenhart2015_reduced"))).points
+    points = condyle_axes(*condyle_points(kj.load_knee("lenhart2015_reduced"))).points
     axes = {"extension": points[0], "flexion": points[1], "epicondyles": np.array(EPICONDYLES)}
     document = {
         name: {"medial_mm": two[0].round(2).tolist(), "lateral_mm": two[1].round(2).tolist()}

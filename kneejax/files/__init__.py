@@ -16,9 +16,8 @@ from kneejax.files._candidates import CandidateRow as CandidateRow
 from kneejax.files._candidates import read_candidates as read_candidates
 from kneejax.files._checkpoints import Checkpoints as Checkpoints
 from kneejax.files._joint_axes import AxisPoints as AxisPoints
-from kneejax.files._joint_axes import FemurLandmarks as FemurLandmarks
 from kneejax.files._joint_axes import read_axis_points as read_axis_points
-from kneejax.files._joint_axes import read_femur_landmarks as read_femur_landmarks
+from kneejax.files._joint_axes import write_axis_points as write_axis_points
 from kneejax.files._joint_export import JointExport as JointExport
 from kneejax.files._joint_export import export_joint as export_joint
 from kneejax.files._joint_file import JointFile as JointFile
@@ -29,6 +28,10 @@ from kneejax.files._knee_file import KneeFile as KneeFile
 from kneejax.files._knee_file import format_knee as format_knee
 from kneejax.files._knee_file import read_knee as read_knee
 from kneejax.files._knee_file import write_knee as write_knee
+from kneejax.files._landmarks import FemurLandmarks as FemurLandmarks
+from kneejax.files._landmarks import TibiaLandmarks as TibiaLandmarks
+from kneejax.files._landmarks import read_femur_landmarks as read_femur_landmarks
+from kneejax.files._landmarks import read_tibia_landmarks as read_tibia_landmarks
 from kneejax.files._mesh_import import THICKNESSES as THICKNESSES
 from kneejax.files._mesh_import import MeshImport as MeshImport
 from kneejax.files._mesh_import import import_meshes as import_meshes

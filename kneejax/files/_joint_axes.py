@@ -1,16 +1,24 @@
-"""Axis points and landmarks of a femur by coordinates, in YAML."""
+"""Axis points of a femur by coordinates, in YAML or CSV."""
 
 from __future__ import annotations
 
 import dataclasses
 import os
+from pathlib import Path
 
 import numpy as np
 
+from kneejax.files._problem import InputProblem
 from kneejax.files._schema import Field
+from kneejax.files._tables import _number, _read_rows, write_rows
 from kneejax.files._yaml import load_yaml
 
-_SIDES = ("medial_mm", "lateral_mm")
+SIDES = ("medial", "lateral")
+_AXES, _FURTHER = ("extension", "flexion"), "epicondyles"
+_COORDINATES = ("anterior_mm", "superior_mm", "lateral_mm")
+_COLUMNS = ("axis", "side", *_COORDINATES)
+# Medial and lateral points of a knee in mm are farther apart; in metres they are not.
+_METRES_BELOW = 1.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -27,86 +35,116 @@ class AxisPoints:
     epicondyles: np.ndarray | None
 
 
-@dataclasses.dataclass(frozen=True)
-class FemurLandmarks:
-    """Landmarks of a femur, in its mesh's frame.
-
-    Attributes:
-        hip_center: centre of the femoral head, shape `(3,)`, mm; only roughly, if `head_within`
-            is given.
-        epicondyles: medial, then lateral, shape `(2, 3)`, mm.
-        head_within: points of the mesh as near to `hip_center` as this, mm, are the femoral head;
-            None if the centre is given.
-    """
-
-    hip_center: np.ndarray
-    epicondyles: np.ndarray
-    head_within: float | None
-
-
 def read_axis_points(path: str | os.PathLike[str], side: str = "right") -> AxisPoints:
     """Read axis points: `extension`, `flexion` and, if known, `epicondyles`.
 
-    Each has `medial_mm` and `lateral_mm`, three coordinates each, in the frame in which the femur's
-    poses are measured: X anterior, Y superior, Z to the person's right.
+    A YAML file gives each axis `medial_mm` and `lateral_mm`, three coordinates each, in the frame
+    in which the femur's poses are measured: X anterior, Y superior, Z to the person's right. A CSV
+    table (ending in `.csv`) has a row a point with the columns `axis`, `side` (`medial` or
+    `lateral`), `anterior_mm`, `superior_mm`, `lateral_mm`: by meaning, the same for both knees.
 
     Args:
-        path: a YAML file.
-        side: `right`, or `left`: mirrored to the right.
+        path: the file.
+        side: `right`, or `left`: the points of a YAML file are mirrored to the right.
 
     Returns:
         The points of a right knee.
 
     Raises:
-        InputProblem: the file cannot be read, or a field is missing, unknown or no point.
+        InputProblem: the file cannot be read, a field, column or row is missing, unknown, no
+            point, or there twice, or the points look like metres.
 
     Example:
         >>> import tempfile, pathlib
-        >>> path = pathlib.Path(tempfile.mkdtemp()) / "axes.yaml"
-        >>> _ = path.write_text('''
+        >>> folder = pathlib.Path(tempfile.mkdtemp())
+        >>> _ = (folder / "axes.yaml").write_text('''
         ... extension: {medial_mm: [6, 8, -21], lateral_mm: [1, 11, 23]}
         ... flexion: {medial_mm: [0, 2, -21], lateral_mm: [-2, 1, 24]}
         ... ''')
-        >>> read_axis_points(path).points[1].tolist()
+        >>> found = read_axis_points(folder / "axes.yaml")
+        >>> found.points[1].tolist()
         [[0.0, 2.0, -21.0], [-2.0, 1.0, 24.0]]
+        >>> write_axis_points(found, folder / "axes.csv")
+        >>> bool((read_axis_points(folder / "axes.csv").points == found.points).all())
+        True
     """
-    whole = Field(os.fspath(path), "", load_yaml(path, "axis points"))
-    whole.mapping(("extension", "flexion"), ("epicondyles",))
-    points = np.stack([_both(whole[name], side) for name in ("extension", "flexion")])
-    known = _both(whole["epicondyles"], side) if "epicondyles" in whole else None
-    return AxisPoints(points, known)
+    is_table = Path(path).suffix.lower() == ".csv"
+    axes = _from_table(os.fspath(path)) if is_table else _from_yaml(os.fspath(path), side)
+    for name, (medial, lateral) in axes.items():
+        width = float(np.linalg.norm(lateral - medial))
+        if width < _METRES_BELOW:
+            found = f"medial and lateral point {width:.3g} mm apart"
+            raise InputProblem(path, name, found, "points in mm; metres are suspected")
+    return AxisPoints(np.stack([axes[name] for name in _AXES]), axes.get(_FURTHER))
 
 
-def read_femur_landmarks(path: str | os.PathLike[str], side: str = "right") -> FemurLandmarks:
-    """Read landmarks: `epicondyles`, and `hip_center_mm` or `femoral_head`.
+def write_axis_points(axes: AxisPoints, path: str | os.PathLike[str]) -> None:
+    """Write axis points as a CSV table, completely or not at all.
 
     Args:
-        path: a YAML file. `epicondyles` has `medial_mm` and `lateral_mm`; `femoral_head`, to fit a
-            sphere to the mesh, has `near_mm` and `within_mm`.
-        side: `right`, or `left`: mirrored to the right.
-
-    Returns:
-        The landmarks of a right knee.
+        axes: the points.
+        path: the table, ending in `.csv`.
 
     Raises:
-        InputProblem: the file cannot be read, or a field is missing, unknown or no point.
+        InputProblem: it cannot be written.
     """
-    whole = Field(os.fspath(path), "", load_yaml(path, "landmarks of a femur"))
-    whole.mapping(("epicondyles",), ("hip_center_mm", "femoral_head"))
-    if ("hip_center_mm" in whole) == ("femoral_head" in whole):
-        raise whole.problem("hip_center_mm or femoral_head, one of both")
-    epicondyles = _both(whole["epicondyles"], side)
-    if "hip_center_mm" in whole:
-        return FemurLandmarks(_point(whole["hip_center_mm"], side), epicondyles, None)
-    head = whole["femoral_head"].mapping(("near_mm", "within_mm"))
-    within = head["within_mm"].number(above=0)
-    return FemurLandmarks(_point(head["near_mm"], side), epicondyles, within)
+    named = dict(zip(_AXES, axes.points, strict=True))
+    if axes.epicondyles is not None:
+        named[_FURTHER] = axes.epicondyles
+    rows = [
+        [axis, side, *map(float, point)]
+        for axis, pair in named.items()
+        for side, point in zip(SIDES, pair, strict=True)
+    ]
+    write_rows(path, list(_COLUMNS), rows)
 
 
-def _both(field: Field, side: str) -> np.ndarray:
-    field.mapping(_SIDES)
-    return np.stack([_point(field[name], side) for name in _SIDES])
+def _from_yaml(file: str, side: str) -> dict[str, np.ndarray]:
+    whole = Field(file, "", load_yaml(file, "axis points")).mapping(_AXES, (_FURTHER,))
+    return {name: both_points(whole[name], side) for name in whole.value}
 
 
-def _point(field: Field, side: str) -> np.ndarray:
+def _from_table(file: str) -> dict[str, np.ndarray]:
+    header, rows = _read_rows(file, list(_COLUMNS))
+    for name in header:
+        if name not in _COLUMNS:
+            raise InputProblem(file, "header", name, f"only {', '.join(_COLUMNS)}")
+    known = (*_AXES, _FURTHER)
+    points: dict[tuple[str, str], np.ndarray] = {}
+    first: dict[tuple[str, str], int] = {}
+    for number, (line, cells) in enumerate(rows, 1):
+        row, place = dict(zip(header, cells, strict=True)), f"row {number} (line {line})"
+        axis = _choice(file, f"{place}, axis", row["axis"], known)
+        point = axis, _choice(file, f"{place}, side", row["side"], SIDES)
+        if first.setdefault(point, number) != number:
+            found = f"{' '.join(point)} again, as row {first[point]}"
+            raise InputProblem(file, place, found, "every point once")
+        points[point] = np.array([_number(file, f"{place}, {c}", row[c]) for c in _COORDINATES])
+    given = {axis for axis, _ in points}
+    for axis in known:
+        for side in SIDES:
+            if (axis in given or axis != _FURTHER) and (axis, side) not in points:
+                among = ", ".join(" ".join(point) for point in points)
+                raise InputProblem(file, f"{axis} {side}", "missing", f"this row beside {among}")
+    return {
+        axis: np.stack([points[axis, side] for side in SIDES]) for axis in known if axis in given
+    }
+
+
+def _choice(file: str, place: str, cell: str, known: tuple[str, ...]) -> str:
+    word = cell.strip()
+    if word not in known:
+        raise InputProblem(file, place, word, f"one of {', '.join(known)}", known)
+    return word
+
+
+def both_points(field: Field, side: str) -> np.ndarray:
+    """Medial, then lateral point of a field, of a right knee, shape `(2, 3)`, mm."""
+    names = [f"{name}_mm" for name in SIDES]
+    field.mapping(names)
+    return np.stack([point(field[name], side) for name in names])
+
+
+def point(field: Field, side: str) -> np.ndarray:
+    """A point as that of a right knee, shape `(3,)`, mm."""
     return np.array(field.numbers(3)) * [1.0, 1.0, -1.0 if side == "left" else 1.0]

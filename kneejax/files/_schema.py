@@ -42,7 +42,7 @@ class Field:
     def mapping(self, required: Sequence[str], optional: Sequence[str] = ()) -> Field:
         """This field, which must be a mapping with these fields and no others."""
         if not isinstance(self.value, dict):
-            raise self.problem(f"a mapping with the fields {', '.join(required)}")
+            raise self.problem(f"a mapping with the fields {', '.join(required or optional)}")
         known = (*required, *optional)
         prefix = f"{self.path}." if self.path else ""
         for name, value in self.value.items():

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from kneejax.joints import condyle_axes
-from kneejax.mechanics import Knee
+from kneejax.mechanics import Knee, condyle_points
 
 #: Whose condyles and ligaments stand in, and how its ligaments are called.
 DONOR, _LCL, _MCL = "lenhart2015_reduced", "LCL", "MCLs"
@@ -55,7 +55,7 @@ def axis_points(knee: Knee, facets: str = "contact") -> AxisPoints:
         The points. The long axis is taken to be the femur's Y.
     """
     extension_deg, flexion_deg = FACETS[facets]
-    centres = condyle_axes(condyle_points(knee), None, extension_deg, flexion_deg).points
+    centres = condyle_axes(*condyle_points(knee), extension_deg, flexion_deg).points
     names = list(knee.ligaments.names)
     attachments = np.asarray(knee.ligaments.femoral_attachment)
     epicondyles = np.array(
@@ -69,23 +69,3 @@ def axis_points(knee: Knee, facets: str = "contact") -> AxisPoints:
     c, s = np.cos(turn), np.sin(turn)
     axes = np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
     return AxisPoints((centres - origin) @ axes.T, (epicondyles - origin) @ axes.T)
-
-
-def condyle_points(knee: Knee) -> np.ndarray:
-    """Points all over the condyles of a knee, for `kneejax.joints.condyle_axes`.
-
-    Args:
-        knee: whose femoral surfaces are condyles.
-
-    Returns:
-        Shape `(n, 3)`, mm, in femur axes.
-    """
-    made = []
-    for contact in knee.contacts:
-        condyle = contact.femoral
-        angle, width = np.asarray(condyle.bounds())
-        angles, widths = np.linspace(angle[0], angle[1], 120), np.linspace(width[0], width[1], 40)
-        a, b = (x.ravel() for x in np.meshgrid(angles, widths))
-        there = condyle.frame.placement.apply(condyle.point(a, b))
-        made.append(np.stack([np.asarray(x) for x in there], axis=1))
-    return np.concatenate(made)

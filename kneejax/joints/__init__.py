@@ -19,6 +19,7 @@ from kneejax.joints._facets import at_distance as at_distance
 from kneejax.joints._facets import condyle_axes as condyle_axes
 from kneejax.joints._facets import touching_rows as touching_rows
 from kneejax.joints._fit import JointFit as JointFit
+from kneejax.joints._fit import calibration_rows as calibration_rows
 from kneejax.joints._fit import fit_joints as fit_joints
 from kneejax.joints._frames import femur_frame as femur_frame
 from kneejax.joints._frames import in_frame as in_frame

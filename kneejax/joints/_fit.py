@@ -48,7 +48,8 @@ def fit_joints(
     """Calibrate a moving axis and a hinge on measured poses.
 
     Args:
-        poses: measured, shape `(n, 6)`, degrees and mm, in the package's convention.
+        poses: measured, or of a contact knee, shape `(n, 6)`, degrees and mm, in the package's
+            convention; rows of NaN, poses that are not known, count nowhere.
         points: medial and lateral point of the extension, then of the flexion axis, in the femur,
             shape `(2, 2, 3)`, mm.
         hinge_points: of the hinge's axis, shape `(2, 3)`, mm; paper 5 takes the epicondyles.
@@ -60,13 +61,13 @@ def fit_joints(
         The joints.
 
     Raises:
-        UnsuitablePoses: fewer than two poses, two at the same flexion, or none near one asked for.
+        UnsuitablePoses: as in `calibration_rows`.
         ValueError: the points make no transverse axis.
 
     Source: paper 5, section 2.5.
     """
     table = np.asarray(poses, float).reshape(-1, 6)
-    rows = _rows(table[:, 0], at_deg)
+    rows = calibration_rows(table, at_deg)
     used = Pose.from_table(table[rows])
     if len(rows) == 2 and interpolation in (None, "linear"):
         moving = moving_axis(points, used)
@@ -75,18 +76,40 @@ def fit_joints(
         femoral = axis_between(extension, flexed, used.flexion)
         moving = generalised_axis(femoral, used, interpolation or "monotone")
     fixed = hinge(hinge_points, Pose.from_table(table[rows[0]]))
-    wanted = np.deg2rad(table[:, 0])
-    apart = [np.asarray(j.pose(wanted).to_table()) - table for j in (moving, fixed)]
+    known = table[np.isfinite(table).all(axis=1)]
+    wanted = np.deg2rad(known[:, 0])
+    apart = [np.asarray(j.pose(wanted).to_table()) - known for j in (moving, fixed)]
     rmse = np.sqrt(np.mean(np.square(apart), axis=1))[:, 1:]
     return JointFit(moving, fixed, tuple(int(i) for i in rows), table[rows], rmse)
 
 
-def _rows(flexion: np.ndarray, at_deg: Sequence[float]) -> np.ndarray:
-    if len(flexion) < 2:
-        raise UnsuitablePoses("poses", str(len(flexion)), "two or more")
-    order = np.argsort(flexion, kind="stable")
-    rows = order[[0, -1]] if not len(at_deg) else _nearest(flexion, at_deg)
+def calibration_rows(poses: ArrayLike, at_deg: Sequence[float] = ()) -> np.ndarray:
+    """Which poses a joint is calibrated on.
+
+    Args:
+        poses: shape `(n, 6)`, degrees and mm; rows of NaN are passed over.
+        at_deg: flexions whose nearest poses are used; the first and the last in flexion otherwise.
+
+    Returns:
+        Their rows, by increasing flexion.
+
+    Raises:
+        UnsuitablePoses: fewer than two poses, two at the same flexion, or none near one asked for.
+
+    Example:
+        >>> table = np.zeros((4, 6))
+        >>> table[:, 0] = [90.0, 45.0, 0.0, 20.0]
+        >>> calibration_rows(table).tolist(), calibration_rows(table, (1.0, 43.0)).tolist()
+        ([2, 0], [2, 1])
+    """
+    table = np.asarray(poses, float).reshape(-1, 6)
+    known = np.flatnonzero(np.isfinite(table).all(axis=1))
+    flexion = table[:, 0]
+    if len(known) < 2:
+        raise UnsuitablePoses("poses", str(len(known)), "two or more")
+    rows = _nearest(flexion, known, at_deg) if len(at_deg) else known
     rows = rows[np.argsort(flexion[rows], kind="stable")]
+    rows = rows if len(at_deg) else rows[[0, -1]]
     for one, other in zip(rows, rows[1:], strict=False):
         if np.isclose(flexion[one], flexion[other], rtol=0.0, atol=1e-6):
             which = f"row {one + 1} twice" if one == other else f"rows {one + 1} and {other + 1}"
@@ -98,10 +121,10 @@ def _rows(flexion: np.ndarray, at_deg: Sequence[float]) -> np.ndarray:
     return rows
 
 
-def _nearest(flexion: np.ndarray, at_deg: Sequence[float]) -> np.ndarray:
+def _nearest(flexion: np.ndarray, known: np.ndarray, at_deg: Sequence[float]) -> np.ndarray:
     if len(at_deg) < 2:
         raise UnsuitablePoses("flexion", f"{at_deg[0]:g} degrees alone", "two flexions or more")
-    rows = np.array([np.argmin(np.abs(flexion - angle)) for angle in at_deg])
+    rows = np.array([known[np.argmin(np.abs(flexion[known] - angle))] for angle in at_deg])
     for angle, row in zip(at_deg, rows, strict=True):
         if abs(flexion[row] - angle) > FARTHEST_DEG:
             raise UnsuitablePoses(

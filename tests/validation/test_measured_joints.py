@@ -11,8 +11,8 @@ import yaml
 import kneejax as kj
 from kneejax.cli import main
 from kneejax.files import read_poses, write_poses
-from kneejax.inference import condyle_points
 from kneejax.joints import condyle_axes
+from kneejax.mechanics import condyle_points
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data" / "lenhart2015"
 TABLE = SHARED / "measured" / "dynamic_mri_passive_knee_kinematics.csv"
@@ -30,7 +30,7 @@ def test_between_its_two_ends_the_moving_axis_follows_where_the_hinge_does_not(t
     """Calibrated on the frames within 2 degrees of 10 and of 45, averaged; 41 frames between."""
     measured, axes, out = (tmp_path / name for name in ("mri.csv", "axes.yaml", "out"))
     write_poses(measured, read_poses(TABLE, columns=COLUMNS))
-    points = condyle_axes(condyle_points(kj.load_knee("lenhart2015_reduced"))).points
+    points = condyle_axes(*condyle_points(kj.load_knee("lenhart2015_reduced"))).points
     named = zip(("extension", "flexion", "epicondyles"), (*points, EPICONDYLES), strict=True)
     sides = ("medial_mm", "lateral_mm")
     axes.write_text(
