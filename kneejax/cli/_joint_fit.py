@@ -1,4 +1,4 @@
-"""`kneejax joint fit POSES.csv --femur MESH | --axes FILE`."""
+"""`kneejax joint fit`: a moving axis and a hinge, of measured poses or of a contact knee."""
 
 from __future__ import annotations
 
@@ -9,163 +9,296 @@ from pathlib import Path
 
 import numpy as np
 
+from kneejax.cli._contact_knee import ContactKnee, passive_motion, read_contact_knee
+from kneejax.cli._joint import CONVENTIONS, degrees
+from kneejax.cli._joint_axes import (
+    FemurAxes,
+    FindAxes,
+    axes_from_file,
+    axes_from_knee,
+    axes_from_mesh,
+    problem,
+)
 from kneejax.files import (
+    AxisPoints,
     InputProblem,
     JointFile,
+    counted,
     parse_flexion,
-    read_axis_points,
-    read_femur_landmarks,
-    read_mesh_points,
     read_poses,
+    write_axis_points,
     write_joint,
     write_poses,
     write_rows,
     write_text,
 )
-from kneejax.geometry import FREE_COORDINATES
+from kneejax.geometry import FREE_COORDINATES, Pose
 from kneejax.joints import (
     CondyleAxes,
     JointFit,
     JointProblem,
-    UnsuitableLandmarks,
-    UnsuitableMesh,
     UnsuitablePoses,
-    condyle_axes,
-    femur_frame,
+    calibration_rows,
     fit_joints,
-    in_frame,
-    joint_center,
 )
+from kneejax.statics import Status
 
-_MIRROR = np.array([1.0, 1.0, -1.0])
 _FACET_COLUMNS = (
     "side", "facet", "points", "radius_mm", "rms_mm", "center_anterior_mm", "center_superior_mm",
     "center_lateral_mm", "center_error_mm", "direction_anterior", "direction_superior",
     "direction_lateral", "direction_error_deg", "own_direction",
 )  # fmt: skip
+# Options that mean nothing without another, and that mean nothing beside another.
+_NEEDED = {
+    "convention": "poses",
+    "unit": "femur",
+    "landmarks": "femur",
+    "tibia": "femur",
+    "touching_within": "tibia",
+}
+_EXCLUDED = {"extension_facet": ("axes", "tibia"), "flexion_facet": ("axes", "tibia")}
 
 
 @dataclasses.dataclass(frozen=True)
-class _Axes:
-    """Axis points of the femur, in the frame of the poses, and where they come from."""
+class _Motion:
+    """Poses that joints are made of and held against.
 
-    points: np.ndarray
-    hinge: np.ndarray
-    hinge_source: str
-    mesh: np.ndarray | None = None
-    facets: CondyleAxes | None = None
+    Attributes:
+        table: shape `(n, 6)`, degrees and mm; NaN where a contact knee has no balance.
+        at_deg: flexions to calibrate at; empty for the first and the last.
+        name: in tables and figures.
+        source: the file, or the knee.
+        status: of a contact knee's poses.
+        doubts: sentences on them.
+    """
+
+    table: np.ndarray
+    at_deg: tuple[float, ...]
+    name: str
+    source: str
+    status: tuple[Status, ...] = ()
+    doubts: tuple[str, ...] = ()
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of `kneejax joint fit`."""
+    point = {"type": float, "nargs": 3, "metavar": ("X", "Y", "Z")}
+    parser.add_argument(
+        "poses", type=Path, nargs="?", help="CSV of two or more measured poses; or --knee"
+    )
+    parser.add_argument("--convention", choices=CONVENTIONS, help="of the poses; femoral")
+    parser.add_argument(
+        "--knee",
+        help="passive flexion of a contact knee instead of poses: bundled name, knee file, or the "
+        "result.json of a calibration; without --femur and --axes its condyles give the axes",
+    )
+    parser.add_argument(
+        "--at",
+        type=degrees,
+        nargs="+",
+        metavar="DEGREES",
+        help="calibrate on the poses nearest to these flexions; on the first and last otherwise, "
+        "of a knee at both ends of --flexion",
+    )
+    femur = parser.add_mutually_exclusive_group()
+    femur.add_argument("--femur", type=Path, metavar="MESH", help="bone or cartilage")
+    femur.add_argument("--axes", type=Path, metavar="FILE", help="YAML or CSV of axis points")
+    parser.add_argument(
+        "--tibia",
+        type=Path,
+        metavar="MESH",
+        help="facets are where the femur meets it, at the first and at the last calibration pose",
+    )
+    parser.add_argument(
+        "--touching-within", type=_millimetres, metavar="MM", help="how near that is (4)"
+    )
+    parser.add_argument("--unit", choices=["auto", "m", "mm", "cm"], help="of the meshes; auto")
+    parser.add_argument("--side", choices=["right", "left"], help="right, or the knee's")
+    parser.add_argument(
+        "--landmarks",
+        type=Path,
+        metavar="FILE",
+        help="YAML: axes of femur and tibia, in the frames of their meshes",
+    )
+    parser.add_argument(
+        "--extension-facet", type=float, nargs=2, metavar="DEGREES",
+        help="from anterior through distal, about the transverse axis (65 110)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--flexion-facet", type=float, nargs=2, metavar="DEGREES", help="likewise (110 190)"
+    )
+    parser.add_argument("--medial-epicondyle", **point, help="mm, for the hinge")
+    parser.add_argument("--lateral-epicondyle", **point)
+    parser.add_argument(
+        "--interpolation", choices=["linear", "monotone"], help="monotone from three poses on"
+    )
+    parser.add_argument(
+        "--flexion", default="0:120:5", help="of the tables: first:last:step or a,b,c"
+    )
+    parser.add_argument("--out", type=Path, default=Path("kneejax-joint"))
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Calibrate the joints, write them, their motion and figures, print a summary."""
-    measured = read_poses(arguments.poses, arguments.convention)
+    _check_options(arguments)
     flexion = parse_flexion(arguments.flexion)
-    axes = _from_file(arguments) if arguments.femur is None else _from_mesh(arguments)
+    # All that can be at fault is read before a knee is bent, which takes long.
+    read = None if arguments.knee is None else read_contact_knee(arguments.knee)
+    side = _side(arguments, read)
+    find_axes = _axes(arguments, side, read)
+    motion = _measured(arguments) if read is None else _bent(arguments, read, flexion)
     try:
+        rows = calibration_rows(motion.table, motion.at_deg)
+        axes = find_axes(Pose.from_table(motion.table[rows]))
         fit = fit_joints(
-            measured, axes.points, axes.hinge, arguments.at or (), arguments.interpolation
+            motion.table, axes.points, axes.hinge, motion.at_deg, arguments.interpolation
         )
     except UnsuitablePoses as error:
-        raise _problem(arguments.poses, error) from None
-    except ValueError as error:
-        found, _, rest = str(error).partition("; ")
-        expected = "a transverse axis" + (f"; {rest}" if rest else "")
-        raise InputProblem(arguments.femur or arguments.axes, "axis", found, expected) from None
-    _write(arguments, fit, axes, measured, flexion)
-    print(_summary(fit, axes, len(measured)))
-    files = ["joint.yaml", "hinge.yaml", "poses.csv", "hinge_poses.csv", "result.json"]
-    files += ["facets.csv"] if axes.facets else []
+        raise problem(motion.source, error) from None
+    except JointProblem as error:
+        raise problem(arguments.femur or arguments.axes or arguments.knee, error) from None
+    files = _write(arguments, fit, axes, motion, flexion, side)
+    print(_summary(fit, axes, motion))
+    for doubt in motion.doubts:
+        print(f"! {doubt}")
     print(f"written to {arguments.out}:\n{', '.join(files)}, figures/")
-    return 0
+    return 1 if motion.doubts else 0
 
 
-def _from_file(arguments: argparse.Namespace) -> _Axes:
-    found = read_axis_points(arguments.axes, arguments.side)
-    given = _given_epicondyles(arguments)
-    known = found.epicondyles if given is None else given
-    if known is not None:
-        return _Axes(found.points, known, "the epicondyles")
-    return _Axes(found.points, found.points[0], "the extension axis (no epicondyles are given)")
+def _check_options(arguments: argparse.Namespace) -> None:
+    """Every option must be of use: none is silently ignored."""
+    if (arguments.poses is None) == (arguments.knee is None):
+        found = "none" if arguments.poses is None else f"{arguments.poses} and {arguments.knee}"
+        raise InputProblem("joint fit", "poses", found, "a CSV of measured poses, or --knee")
+    if arguments.knee is None and arguments.femur is None and arguments.axes is None:
+        expected = "--femur MESH, --axes FILE or, of a contact knee, --knee"
+        raise InputProblem("joint fit", "axis points", "none", expected)
+    given = {name for name, value in vars(arguments).items() if value is not None}
+    for name, other in _NEEDED.items():
+        if name in given and other not in given:
+            expected = f"this option beside {_option(other)} only"
+            raise InputProblem(_option(name), "option", _shown(arguments, name), expected)
+    for name, others in _EXCLUDED.items():
+        for other in others:
+            if {name, other} <= given:
+                expected = f"this option or {_option(other)}, one of both"
+                raise InputProblem(_option(name), "option", _shown(arguments, name), expected)
 
 
-def _from_mesh(arguments: argparse.Namespace) -> _Axes:
-    mesh = read_mesh_points(arguments.femur, arguments.unit)
-    points, normals = mesh.points_mm, mesh.normals
-    if arguments.side == "left":
-        points, normals = points * _MIRROR, normals * _MIRROR
-    epicondyles = _given_epicondyles(arguments)
-    if arguments.landmarks is not None:
-        frame, epicondyles = _anatomical(arguments, points, epicondyles)
-        points, normals = in_frame(frame, points), _turned_back(frame, normals)
+def _option(name: str) -> str:
+    return "a CSV of poses" if name == "poses" else f"--{name.replace('_', '-')}"
+
+
+def _shown(arguments: argparse.Namespace, name: str) -> str:
+    value = getattr(arguments, name)
+    return " ".join(f"{x:g}" for x in value) if isinstance(value, list) else str(value)
+
+
+def _millimetres(text: str) -> float:
     try:
-        found = condyle_axes(
-            points, normals, tuple(arguments.extension_facet), tuple(arguments.flexion_facet)
-        )
-    except UnsuitableMesh as error:
-        raise _problem(arguments.femur, error) from None
-    if epicondyles is not None:
-        return _Axes(found.points, epicondyles, "the epicondyles", points, found)
-    axis = found.transverse
-    along = (found.points[0] - axis.center) @ axis.direction
-    ends = axis.center + along[:, None] * axis.direction
-    source = "the cylinder through both condyles (no epicondyles are given)"
-    return _Axes(found.points, ends, source, points, found)
+        length = float(text)
+    except ValueError:
+        length = 0.0
+    if not 0.0 < length < np.inf:
+        raise argparse.ArgumentTypeError(f"{text}: expected mm above 0")
+    return length
 
 
-def _problem(file: Path, error: JointProblem) -> InputProblem:
-    return InputProblem(file, error.part, error.found, error.expected)
+def _side(arguments: argparse.Namespace, read: ContactKnee | None) -> str:
+    if read is None:
+        return arguments.side or "right"
+    if arguments.side not in (None, read.knee.side):
+        raise InputProblem("--side", "side", arguments.side, f"{read.knee.side}, as {read.title}")
+    return read.knee.side
 
 
-def _given_epicondyles(arguments: argparse.Namespace) -> np.ndarray | None:
-    both = arguments.medial_epicondyle, arguments.lateral_epicondyle
-    if both == (None, None):
-        return None
-    if None in both:
-        missing = "--medial-epicondyle" if both[0] is None else "--lateral-epicondyle"
-        raise InputProblem(missing, "point", "missing", "both epicondyles, or none")
-    return np.array(both) * (_MIRROR if arguments.side == "left" else 1.0)
+def _axes(arguments: argparse.Namespace, side: str, read: ContactKnee | None) -> FindAxes:
+    if arguments.axes is not None:
+        return axes_from_file(arguments, side)
+    if arguments.femur is None and read is not None:
+        return axes_from_knee(arguments, read)
+    return axes_from_mesh(arguments, side)
 
 
-def _anatomical(arguments: argparse.Namespace, points: np.ndarray, epicondyles):
-    """The anatomical frame of the femur in its mesh's, and the epicondyles in it."""
-    known = read_femur_landmarks(arguments.landmarks, arguments.side)
-    epicondyles = known.epicondyles if epicondyles is None else epicondyles
-    try:
-        hip = known.hip_center
-        if known.head_within is not None:
-            hip = np.asarray(joint_center(points, hip, known.head_within).surface.frame.origin)
-        frame = femur_frame(hip, *epicondyles, anterior=None)
-    except UnsuitableLandmarks as error:
-        raise _problem(arguments.landmarks, error) from None
-    return frame, in_frame(frame, epicondyles)
+def _measured(arguments: argparse.Namespace) -> _Motion:
+    table = read_poses(arguments.poses, arguments.convention or "femoral")
+    return _Motion(table, tuple(arguments.at or ()), "measured", str(arguments.poses))
 
 
-def _turned_back(frame, normals: np.ndarray) -> np.ndarray:
-    return np.stack([np.asarray(c) for c in frame.turn_back(tuple(normals.T))], axis=1)
+def _bent(arguments: argparse.Namespace, read: ContactKnee, flexion: np.ndarray) -> _Motion:
+    """Passive flexion of a contact knee, balanced where joints are calibrated on it."""
+    at = tuple(arguments.at or (flexion.min(), flexion.max()))
+    if not arguments.at and flexion.min() == flexion.max():
+        expected = "two flexions or more, or --at"
+        raise InputProblem("--flexion", "flexion_deg", arguments.flexion, expected)
+    if arguments.at:
+        parse_flexion(",".join(map(str, at)), "--at", "degrees")
+    angles = np.unique(np.concatenate([flexion, at]))
+    found = passive_motion(read, angles)
+    usable = np.array([status.usable for status in found.status])
+    for angle in sorted(at):
+        status = found.status[int(np.searchsorted(angles, angle))]
+        if not status.usable:
+            expected = "a pose with balance to calibrate on; choose by --at"
+            if usable.any():
+                expected += f", from {angles[usable].min():g} to {angles[usable].max():g} degrees"
+            place = f"pose at {angle:g} degrees"
+            raise InputProblem(arguments.knee, place, status.word, expected)
+    table = found.table
+    table[:, 0] = angles
+    return _Motion(table, at, read.title, arguments.knee, found.status, found.doubts)
 
 
-def _write(arguments, fit: JointFit, axes: _Axes, measured, flexion) -> None:
-    from kneejax.inference import versions
-    from kneejax.report import joint_axes_figure, joint_motion_figure, save_figure
-
+def _write(
+    arguments: argparse.Namespace,
+    fit: JointFit,
+    axes: FemurAxes,
+    motion: _Motion,
+    flexion: np.ndarray,
+    side: str,
+) -> list[str]:
+    """Write everything; the names of the files."""
     out, name = arguments.out, arguments.out.name or "joint"
     origin = arguments.femur or arguments.axes
+    whence = "its condyles" if origin is None else origin.name
     angles = ", ".join(f"{x:.1f}" for x in fit.poses[:, 0])
-    source = f"{arguments.poses.name} at {angles} degrees; axes from {origin.name}"
-    for joint, file, what in (
-        (fit.moving, "joint.yaml", source),
-        (fit.hinge, "hinge.yaml", f"{arguments.poses.name}; axis through {axes.hinge_source}"),
+    whose = f"{motion.name}, passive flexion" if motion.status else arguments.poses.name
+    for joint, file, title, source in (
+        (fit.moving, "joint.yaml", name, f"{whose} at {angles} degrees; axes from {whence}"),
+        (fit.hinge, "hinge.yaml", f"{name} hinge", f"{whose}; axis through {axes.hinge_source}"),
     ):
-        kind = name if file == "joint.yaml" else f"{name} hinge"
-        write_joint(JointFile(joint, kind, arguments.side, what), out / file)
+        write_joint(JointFile(joint, title, side, source), out / file)
     for joint, file in ((fit.moving, "poses.csv"), (fit.hinge, "hinge_poses.csv")):
         write_poses(out / file, np.asarray(joint.pose(np.deg2rad(flexion)).to_table()))
+    files = ["joint.yaml", "hinge.yaml", "poses.csv", "hinge_poses.csv", "result.json"]
+    if motion.status:
+        write_poses(out / "knee_poses.csv", motion.table, status=motion.status)
+        files.append("knee_poses.csv")
     if axes.facets is not None:
         write_rows(out / "facets.csv", list(_FACET_COLUMNS), _facet_rows(axes.facets))
-    document = {
-        "poses": arguments.poses.name,
-        "convention": arguments.convention,
-        "axes": origin.name,
+        write_axis_points(AxisPoints(axes.points, axes.epicondyles), out / "axes.csv")
+        files += ["facets.csv", "axes.csv"]
+    document = _document(arguments, fit, axes, motion, side, whence)
+    write_text(out / "result.json", json.dumps(document, indent=1) + "\n")
+    _write_figures(out / "figures", fit, axes, motion, flexion)
+    return files
+
+
+def _document(arguments, fit: JointFit, axes: FemurAxes, motion: _Motion, side, whence) -> dict:
+    from kneejax.inference import versions
+
+    settings = {
+        name: str(value) if isinstance(value, Path) else value
+        for name, value in vars(arguments).items()
+        if name not in ("command", "kind", "run", "parser", "out")
+    }
+    return {
+        "poses": None if motion.status else arguments.poses.name,
+        "knee": motion.name if motion.status else None,
+        "convention": arguments.convention or "femoral",
+        "side": side,
+        "axes": whence,
+        "facets": axes.regions or None,
         "calibration_flexion_deg": fit.poses[:, 0].tolist(),
         "interpolation": fit.moving.interpolation,
         "hinge": axes.hinge_source,
@@ -173,15 +306,21 @@ def _write(arguments, fit: JointFit, axes: _Axes, measured, flexion) -> None:
             joint: dict(zip(FREE_COORDINATES, row.tolist(), strict=True))
             for joint, row in zip(("moving", "hinge"), fit.rmse, strict=True)
         },
+        "doubts": list(motion.doubts),
+        "settings": settings,
         "versions": versions(),
     }
-    write_text(out / "result.json", json.dumps(document, indent=1) + "\n")
-    figures = out / "figures"
-    drawn = joint_axes_figure(fit.moving, fit.hinge, axes.mesh, axes.facets)
-    save_figure(drawn, figures, "axes")
+
+
+def _write_figures(folder: Path, fit: JointFit, axes: FemurAxes, motion: _Motion, flexion) -> None:
+    from kneejax.report import joint_axes_figure, joint_motion_figure, save_figure
+
+    drawn = joint_axes_figure(fit.moving, fit.hinge, axes.surface, axes.facets)
+    save_figure(drawn, folder, "axes")
     dense = np.linspace(flexion.min(), flexion.max(), 241)
     joints = {_kind(fit): fit.moving, "hinge": fit.hinge}
-    save_figure(joint_motion_figure(joints, measured, fit.rows, dense), figures, "motion")
+    drawn = joint_motion_figure(joints, motion.table, fit.rows, dense, motion.name)
+    save_figure(drawn, folder, "motion")
 
 
 def _facet_rows(axes: CondyleAxes) -> list[list]:
@@ -199,11 +338,12 @@ def _kind(fit: JointFit) -> str:
     return "moving axis" if len(fit.rows) == 2 else f"axis through {len(fit.rows)} poses"
 
 
-def _summary(fit: JointFit, axes: _Axes, count: int) -> str:
+def _summary(fit: JointFit, axes: FemurAxes, motion: _Motion) -> str:
     angles = ", ".join(f"{x:.1f}" for x in fit.poses[:, 0])
     lines = [f"{_kind(fit)}, {fit.moving.interpolation}: calibrated at {angles} degrees"]
     lines.append(f"hinge: through {axes.hinge_source}, exact at {fit.poses[0, 0]:.1f} degrees")
     if axes.facets is not None:
+        lines.append(f"facets: {axes.regions}")
         head = f"{'facet, mm':<20}{'points':>7}{'radius':>9}{'rms':>7}{'centre known to':>17}"
         lines.append(head)
         for f in axes.facets.facets:
@@ -211,7 +351,12 @@ def _summary(fit: JointFit, axes: _Axes, count: int) -> str:
             row += f"{f.cylinder.rms:>7.2f}{f.cylinder.center_error:>17.2f}"
             row += "" if f.turned else "  (direction of the transverse axis)"
             lines.append(row)
-    lines.append(f"RMSE over {count} measured poses, degrees and mm:")
+    known = motion.table[np.isfinite(motion.table).all(axis=1), 0]
+    over = f"{len(known)} measured poses"
+    if motion.status:
+        over = f"passive flexion of {motion.name}, {counted(len(known), 'pose')} "
+        over += f"from {known.min():g} to {known.max():g} degrees"
+    lines.append(f"RMSE over {over}, degrees and mm:")
     head = ("adduction", "int.rot.", "anterior", "superior", "lateral")
     lines.append(" " * 22 + "".join(f"{name:>11}" for name in head))
     for name, row in zip((_kind(fit), "hinge"), fit.rmse, strict=True):

@@ -23,6 +23,7 @@ from kneejax.report._style import (
     VERMILLION,
     WIDTH,
     styled,
+    verbatim,
 )
 
 if TYPE_CHECKING:
@@ -96,7 +97,11 @@ def joint_axes_figure(
 
 @styled
 def joint_motion_figure(
-    joints: Mapping[str, Joint], measured: ArrayLike, rows: ArrayLike, flexion_deg: ArrayLike
+    joints: Mapping[str, Joint],
+    measured: ArrayLike,
+    rows: ArrayLike,
+    flexion_deg: ArrayLike,
+    label: str = "measured",
 ) -> Figure:
     """The five coordinates of joints over flexion, beside measured poses.
 
@@ -105,6 +110,7 @@ def joint_motion_figure(
         measured: shape `(n, 6)`, degrees and mm, in the order of `kneejax.geometry.COLUMNS`.
         rows: of the measured poses on which the first joint was calibrated.
         flexion_deg: where the joints are drawn, shape `(m,)`, increasing.
+        label: what the poses are called; those of a contact knee were not measured.
 
     Returns:
         The figure.
@@ -112,6 +118,7 @@ def joint_motion_figure(
     from matplotlib.figure import Figure
 
     measured, flexion = np.asarray(measured, float), np.asarray(flexion_deg, float)
+    label = verbatim(label)
     figure = Figure(figsize=(WIDTH, 4.3), layout="constrained")
     panels = figure.subplots(2, 3).ravel()
     handles: dict[str, object] = {}
@@ -120,12 +127,12 @@ def joint_motion_figure(
     for panel, name in zip(panels, SHOWN, strict=False):
         i = list(COORDINATES).index(name)
         small = {"markersize": 2.6, "markeredgewidth": 0, "alpha": 0.55, "linestyle": "none"}
-        (handles["measured"],) = panel.plot(
+        (handles[label],) = panel.plot(
             measured[:, 0], measured[:, i], marker="o", color=GREY, **small
         )
-        for color, (label, table) in zip(_CURVES, tables.items(), strict=False):
+        for color, (joint, table) in zip(_CURVES, tables.items(), strict=False):
             dashes = "-" if color == _CURVES[0] else "--"
-            (handles[label],) = panel.plot(flexion, table[:, i], color=color, linestyle=dashes)
+            (handles[joint],) = panel.plot(flexion, table[:, i], color=color, linestyle=dashes)
         used = measured[np.asarray(rows, int)]
         (handles["calibration poses"],) = panel.plot(
             used[:, 0], used[:, i], "o", markersize=5, markerfacecolor="none", color=MEASURED

@@ -1,0 +1,229 @@
+"""Where the axis points of `kneejax joint fit` come from: a file, a mesh, or a contact knee."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from kneejax.cli._contact_knee import ContactKnee
+from kneejax.files import (
+    InputProblem,
+    read_axis_points,
+    read_femur_landmarks,
+    read_mesh_points,
+    read_tibia_landmarks,
+)
+from kneejax.geometry import COORDINATES, Placement, Pose
+from kneejax.joints import (
+    EXTENSION_DEG,
+    FLEXION_DEG,
+    CondyleAxes,
+    JointProblem,
+    UnsuitableLandmarks,
+    UnsuitableMesh,
+    condyle_axes,
+    femur_frame,
+    in_frame,
+    joint_center,
+    tibia_frame,
+    touching_rows,
+)
+from kneejax.mechanics import condyle_points
+
+#: Points of the femur as near to the tibia as this, mm, meet it.
+TOUCHING_MM = 4.0
+
+_MIRROR = np.array([1.0, 1.0, -1.0])
+
+
+@dataclasses.dataclass(frozen=True)
+class FemurAxes:
+    """Axis points of a femur, in the frame of the poses.
+
+    Attributes:
+        points: medial and lateral point of the extension, then of the flexion axis, shape
+            `(2, 2, 3)`, mm.
+        hinge: medial and lateral point of the hinge's axis, shape `(2, 3)`, mm.
+        hinge_source: what that axis goes through, in words.
+        epicondyles: medial, then lateral, shape `(2, 3)`, mm; None if they are not known.
+        surface: points of the mesh or of the knee's condyles, shape `(n, 3)`, mm, if there are any.
+        facets: the cylinders that were fitted to them.
+        regions: how the facets were chosen, in words.
+    """
+
+    points: np.ndarray
+    hinge: np.ndarray
+    hinge_source: str
+    epicondyles: np.ndarray | None
+    surface: np.ndarray | None = None
+    facets: CondyleAxes | None = None
+    regions: str = ""
+
+
+#: Given the calibration poses, finds the axes: where the tibia is may matter.
+FindAxes = Callable[[Pose], FemurAxes]
+
+
+def axes_from_file(arguments: argparse.Namespace, side: str) -> FindAxes:
+    """Axis points by coordinates (`--axes`).
+
+    Raises:
+        InputProblem: of the file.
+    """
+    found = read_axis_points(arguments.axes, side)
+    given = _given_epicondyles(arguments, side)
+    known = found.epicondyles if given is None else given
+    if known is None:
+        words = "the extension axis (no epicondyles are given)"
+        return lambda _: FemurAxes(found.points, found.points[0], words, None)
+    return lambda _: FemurAxes(found.points, known, "the epicondyles", known)
+
+
+def axes_from_mesh(arguments: argparse.Namespace, side: str) -> FindAxes:
+    """Axis points of a mesh (`--femur`), placed by `--landmarks`, touched by that of `--tibia`.
+
+    Raises:
+        InputProblem: of a mesh or the landmarks; likewise when the axes are sought.
+    """
+    femur = read_mesh_points(arguments.femur, arguments.unit or "auto")
+    points, normals = femur.points_mm * _mirror(side), femur.normals * _mirror(side)
+    epicondyles = _given_epicondyles(arguments, side)
+    if arguments.landmarks is not None:
+        frame, epicondyles = _femur_placed(arguments.landmarks, side, points, epicondyles)
+        points, normals = in_frame(frame, points), _turned_back(frame, normals)
+        epicondyles = in_frame(frame, epicondyles)
+    tibia = None if arguments.tibia is None else _tibia(arguments, side)
+    return lambda poses: _fitted(
+        arguments, arguments.femur, points, normals, epicondyles, tibia, poses
+    )
+
+
+def axes_from_knee(arguments: argparse.Namespace, read: ContactKnee) -> FindAxes:
+    """Axis points of a contact knee's own condyles (`--knee`), moved with its frame offset.
+
+    Raises:
+        InputProblem: the knee has no condyles; or no axes are found, when they are sought.
+    """
+    try:
+        points, normals = condyle_points(read.knee)
+    except ValueError as error:
+        expected = "condyles; or axis points, by --femur or --axes"
+        raise InputProblem(arguments.knee, "contacts", str(error), expected) from None
+    shift = np.array([read.frame_offset.get(name, 0.0) for name in COORDINATES[3:]])
+    epicondyles = _given_epicondyles(arguments, read.knee.side)
+    return lambda poses: _fitted(
+        arguments, arguments.knee, points + shift, normals, epicondyles, None, poses
+    )
+
+
+def problem(file: str | Path, error: JointProblem) -> InputProblem:
+    """The error of a command for what no joint can be made of."""
+    return InputProblem(file, error.part, error.found, error.expected)
+
+
+def _fitted(
+    arguments: argparse.Namespace,
+    file: str | Path,
+    points: np.ndarray,
+    normals: np.ndarray,
+    epicondyles: np.ndarray | None,
+    tibia: np.ndarray | None,
+    poses: Pose,
+) -> FemurAxes:
+    extension = tuple(arguments.extension_facet or EXTENSION_DEG)
+    flexion = tuple(arguments.flexion_facet or FLEXION_DEG)
+    regions = " and ".join(f"{low:g} to {high:g}" for low, high in (extension, flexion))
+    regions += " degrees, from anterior through distal"
+    touching = None
+    if tibia is not None:
+        within = arguments.touching_within or TOUCHING_MM
+        touching = _touching(arguments.tibia, points, tibia, poses, within)
+        first, last = np.rad2deg(np.asarray(poses.flexion)[[0, -1]])
+        regions = f"within {within:g} mm of the tibia at {first:.1f} and {last:.1f} degrees"
+    try:
+        found = condyle_axes(points, normals, extension, flexion, touching=touching)
+    except UnsuitableMesh as error:
+        raise problem(file, error) from None
+    hinge, words = epicondyles, "the epicondyles"
+    if hinge is None:
+        axis = found.transverse
+        along = (found.points[0] - axis.center) @ axis.direction
+        hinge = axis.center + along[:, None] * axis.direction
+        words = "the cylinder through both condyles (no epicondyles are given)"
+    return FemurAxes(found.points, hinge, words, epicondyles, points, found, regions)
+
+
+def _touching(
+    file: Path, points: np.ndarray, tibia: np.ndarray, poses: Pose, within: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Which points meet the tibia at the first and at the last calibration pose."""
+    table = np.asarray(poses.to_table())
+    try:
+        first, last = (
+            touching_rows(points, tibia, Pose.from_table(row), within) for row in table[[0, -1]]
+        )
+    except UnsuitableMesh as error:
+        raise problem(file, error) from None
+    return first, last
+
+
+def _tibia(arguments: argparse.Namespace, side: str) -> np.ndarray:
+    """Points of the tibia's mesh, in its anatomical frame if there are landmarks."""
+    mesh = read_mesh_points(arguments.tibia, arguments.unit or "auto")
+    points = mesh.points_mm * _mirror(side)
+    if arguments.landmarks is None:
+        return points
+    known = read_tibia_landmarks(arguments.landmarks, side)
+    try:
+        ankle = _centers(points, known.ankle, known.ankle_within).mean(axis=0)
+        frame = tibia_frame(ankle, *known.plateau, anterior=None)
+    except UnsuitableLandmarks as error:
+        raise problem(arguments.landmarks, error) from None
+    return in_frame(frame, points)
+
+
+def _femur_placed(
+    file: Path, side: str, points: np.ndarray, epicondyles: np.ndarray | None
+) -> tuple[Placement, np.ndarray]:
+    """The anatomical frame of the femur in its mesh's, and the epicondyles in the mesh's."""
+    known = read_femur_landmarks(file, side)
+    epicondyles = known.epicondyles if epicondyles is None else epicondyles
+    try:
+        (hip,) = _centers(points, known.hip_center[None], (known.head_within,))
+        return femur_frame(hip, *epicondyles, anterior=None), epicondyles
+    except UnsuitableLandmarks as error:
+        raise problem(file, error) from None
+
+
+def _centers(
+    mesh: np.ndarray, places: np.ndarray, within: Sequence[float | None]
+) -> np.ndarray:
+    """The places, or the centres of the balls of bone about them."""
+    return np.array(
+        [
+            place if near is None else joint_center(mesh, place, near).surface.frame.origin
+            for place, near in zip(places, within, strict=True)
+        ]
+    )
+
+
+def _given_epicondyles(arguments: argparse.Namespace, side: str) -> np.ndarray | None:
+    both = arguments.medial_epicondyle, arguments.lateral_epicondyle
+    if both == (None, None):
+        return None
+    if None in both:
+        missing = "--medial-epicondyle" if both[0] is None else "--lateral-epicondyle"
+        raise InputProblem(missing, "point", "missing", "both epicondyles, or none")
+    return np.array(both) * _mirror(side)
+
+
+def _mirror(side: str) -> np.ndarray:
+    return _MIRROR if side == "left" else np.ones(3)
+
+
+def _turned_back(frame: Placement, normals: np.ndarray) -> np.ndarray:
+    return np.stack([np.asarray(c) for c in frame.turn_back(tuple(normals.T))], axis=1)
