@@ -8,18 +8,26 @@ from pathlib import Path
 
 import numpy as np
 
+from kneejax.cli._contact_knee import read_contact_knee
+from kneejax.cli._joint import degrees
 from kneejax.cli._joint_models import (
     Modelled,
     curve_flexion,
+    each_subject,
     fitted_models,
     joint_models,
     knee_model,
 )
 from kneejax.files import InputProblem, counted, read_poses, write_rows, write_text
+from kneejax.geometry import CONVENTIONS
 from kneejax.inference import UnsuitableData, versions
-from kneejax.joints import Comparison, UnsuitableMotions, clinical_measures, compare_motions
-
-_CONVENTIONS = ("femoral", "grood-suntay", "tibial", "femur-in-tibia")
+from kneejax.joints import (
+    Comparison,
+    UnsuitableMotions,
+    clinical_measures,
+    compare_motions,
+    is_tested,
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "measured", type=Path, nargs="+", help="CSV of measured poses, one file a subject"
     )
-    parser.add_argument("--convention", choices=_CONVENTIONS, default="femoral")
+    parser.add_argument("--convention", choices=CONVENTIONS, default="femoral")
     parser.add_argument(
         "--joint",
         action="append",
@@ -44,12 +52,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--calibrate-at",
-        type=float,
+        type=degrees,
         nargs="+",
         default=[],
         metavar="DEGREES",
-        help="fit moving axis and hinge here, on the poses at these flexions with the points of "
-        "--axes; and leave those poses out of the comparison",
+        help="fit moving axis and hinge here, each subject's on its own poses at these flexions "
+        "with the points of --axes; and leave those poses out of the comparison",
     )
     parser.add_argument(
         "--average-within",
@@ -59,7 +67,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="poses as near as this to a flexion of calibration are averaged for it (0.5)",
     )
     parser.add_argument(
-        "--axes", type=Path, metavar="FILE", help="YAML of axis points, as for kneejax joint fit"
+        "--axes",
+        action="append",
+        default=[],
+        metavar="FILE[,FILE...]",
+        help="axis points, as for kneejax joint fit: one file for all subjects, or one for each, "
+        "in their order",
+    )
+    parser.add_argument(
+        "--side",
+        choices=["right", "left"],
+        default="right",
+        help="of the knees whose points --axes gives, with Z to the person's right; poses go by "
+        "clinical meaning on either side",
     )
     parser.add_argument(
         "--spread",
@@ -79,24 +99,49 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Compare, print tables, write them with a figure."""
+    _check_options(arguments)
     tables = _measured(arguments)
     flexion = tables[..., 0]
-    # All that can be at fault is read before the knees, which take long.
-    calibration, used = _calibration(arguments, tables)
-    models = joint_models(arguments.joint, flexion)
-    models |= fitted_models(arguments.axes, calibration, flexion) if used.any() else {}
+    # All that can be at fault is read before the knees move, which takes long.
+    used = _calibration_rows(arguments, flexion.mean(axis=0))
+    models = _joints(arguments, tables, used)
+    knees = {}
     for name in arguments.knee:
-        title, model = knee_model(name, flexion)
-        if title in models:
-            raise InputProblem("--knee", "knee", name, f"every model once; {title} is twice")
-        models[title] = model
-    if not models:
+        read = read_contact_knee(name)
+        if read.title in (*models, *knees):
+            raise InputProblem("--knee", "knee", name, f"every model once; {read.title} is twice")
+        knees[read.title] = (read, name)
+    if not models and not knees:
         expected = "a model: --joint, --knee, or --calibrate-at with --axes"
         raise InputProblem("joint compare", "models", "none", expected)
+    for title, (read, name) in knees.items():
+        models[title] = knee_model(read, name, flexion)
     found = _compared(arguments, tables, models, used)
     doubts = (*(doubt for one in models.values() for doubt in one.doubts), *found.doubts)
     _write(arguments, found, models, flexion, doubts)
     return 1 if doubts else 0
+
+
+def _check_options(arguments: argparse.Namespace) -> None:
+    """What needs no file to be wrong."""
+    for name, value in (
+        ("--spread", arguments.spread), ("--average-within", arguments.average_within)
+    ):  # fmt: skip
+        if not 0.0 <= value < np.inf:
+            raise InputProblem(name, "degrees", f"{value:g}", "a number of at least 0")
+    if not 0.0 < arguments.alpha < 1.0:
+        expected = "a number between 0 and 1, as 0.01"
+        raise InputProblem("--alpha", "level", f"{arguments.alpha:g}", expected)
+    for i, file in enumerate(arguments.measured):
+        if file in arguments.measured[:i]:
+            raise InputProblem("joint compare", "measured", str(file), "every subject once")
+    if bool(arguments.calibrate_at) != bool(arguments.axes):
+        missing = "--calibrate-at" if arguments.axes else "--axes"
+        raise InputProblem(missing, "option", "missing", "both --calibrate-at and --axes")
+    try:
+        is_tested(len(arguments.measured), arguments.anova)
+    except UnsuitableMotions as problem:
+        raise UnsuitableData(f"--anova: {problem}") from problem
 
 
 def _measured(arguments: argparse.Namespace) -> np.ndarray:
@@ -121,56 +166,65 @@ def _measured(arguments: argparse.Namespace) -> np.ndarray:
     return np.array(tables)
 
 
-def _calibration(
-    arguments: argparse.Namespace, tables: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Mean poses of the first subject near each flexion of calibration, and which rows they are."""
-    used = np.zeros(tables.shape[1], bool)
-    if not arguments.calibrate_at or arguments.axes is None:
-        if arguments.calibrate_at or arguments.axes is not None:
-            missing = "--axes" if arguments.axes is None else "--calibrate-at"
-            raise InputProblem(missing, "option", "missing", "both --calibrate-at and --axes")
-        return np.empty((0, 6)), used
-    if len(tables) > 1:
-        expected = "one subject; fit each with kneejax joint fit, and give the files by --joint"
-        raise InputProblem("--calibrate-at", "subjects", str(len(tables)), expected)
-    poses = []
+def _calibration_rows(arguments: argparse.Namespace, flexion: np.ndarray) -> np.ndarray:
+    """Which of the flexions, means over the subjects, joints are fitted at, shape `(k, n)`."""
+    rows = np.zeros((0, len(flexion)), bool)
     for angle in sorted(arguments.calibrate_at):
-        near = np.abs(tables[0, :, 0] - angle) <= arguments.average_within
+        near = np.abs(flexion - angle) <= arguments.average_within
+        expected = ""
         if not near.any():
-            low, high = tables[0, 0, 0], tables[0, -1, 0]
             expected = (
                 f"a flexion within {arguments.average_within:g} degrees of a measured one, of "
-                f"{low:g} to {high:g} (or another --average-within)"
+                f"{flexion[0]:g} to {flexion[-1]:g} (or another --average-within)"
             )
-            raise InputProblem("--calibrate-at", "degrees", f"{angle:g}", expected)
-        if (used & near).any():
+        elif (rows & near).any():
             expected = f"flexions farther apart than twice {arguments.average_within:g} degrees"
+        if expected:
             raise InputProblem("--calibrate-at", "degrees", f"{angle:g}", expected)
-        used |= near
-        poses.append(tables[0, near].mean(axis=0))
-    return np.array(poses), used
+        rows = np.concatenate([rows, near[None]])
+    if len(rows) == 1:
+        only = f"{arguments.calibrate_at[0]:g} alone"
+        raise InputProblem("--calibrate-at", "degrees", only, "two flexions or more")
+    return rows
+
+
+def _joints(
+    arguments: argparse.Namespace, tables: np.ndarray, used: np.ndarray
+) -> dict[str, Modelled]:
+    """Joints from files, and those fitted to the mean of each subject's poses in `used` rows."""
+    flexion = tables[..., 0]
+    models = joint_models(arguments.joint, flexion)
+    if not len(used):
+        return models
+    poses = np.stack([tables[:, near].mean(axis=1) for near in used], axis=1)
+    listed = [file for words in arguments.axes for file in words.split(",")]
+    axes = each_subject("--axes", listed, len(tables))
+    fitted = fitted_models(axes, arguments.side, arguments.measured, poses, flexion)
+    for name in fitted:
+        if name in models:
+            expected = "another NAME=FILE; --calibrate-at makes a model of this name"
+            raise InputProblem("--joint", "name", name, expected)
+    return models | fitted
 
 
 def _compared(
     arguments: argparse.Namespace, tables: np.ndarray, models: dict[str, Modelled], used: np.ndarray
 ) -> Comparison:
     flexion = tables[..., 0].mean(axis=0)
-    # Where a joint file was calibrated on a pose of any subject, that condition foretells nothing.
-    knots = np.array([x for one in models.values() for x in one.calibrated_deg])
-    if knots.size and not used.any():
-        used = np.any(np.abs(tables[..., :1] - knots) < 1e-3, axis=(0, 2)).reshape(-1)
+    # Where a joint was calibrated on a pose of any subject, that condition foretells nothing.
+    known = np.any([*used, *(one.calibrated for one in models.values())], axis=0)
     try:
         return compare_motions(
             flexion,
             clinical_measures(tables),
             {name: one.measures for name, one in models.items()},
-            calibrated_at_deg=tuple(flexion[used]),
+            calibrated_at_deg=tuple(flexion[known]),
             anova=arguments.anova,
             alpha=arguments.alpha,
         )
     except UnsuitableMotions as problem:
-        raise UnsuitableData(str(problem)) from problem
+        files = ", ".join(str(file) for file in arguments.measured)
+        raise UnsuitableData(f"{files}: {problem}") from problem
 
 
 def _write(

@@ -9,12 +9,20 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 
-from kneejax.cli._contact_knee import passive_motion, read_contact_knee
-from kneejax.files import InputProblem, counted, read_axis_points, read_joint
-from kneejax.joints import Joint, UnsuitablePoses, clinical_measures, fit_joints
+from kneejax.cli._contact_knee import ContactKnee, passive_motion
+from kneejax.files import AxisPoints, InputProblem, counted, read_axis_points, read_joint
+from kneejax.joints import (
+    MEASURED,
+    Joint,
+    UnsuitableAxis,
+    UnsuitablePoses,
+    clinical_measures,
+    fit_joints,
+)
 
 #: Flexions of the curves that figures draw.
 _CURVE = 25
+_SAME_FLEXION_DEG = 1e-3
 
 
 @dataclasses.dataclass(frozen=True)
@@ -25,14 +33,15 @@ class Modelled:
         measures: of each subject at its own flexions, shape `(subjects, n, 5)`; NaN without a pose.
         curve: of each subject over `curve_flexion`, shape `(subjects, m, 5)`.
         source: the files or names that it came from.
-        calibrated_deg: flexions at which it was calibrated.
+        calibrated: of each flexion, whether a subject was measured just where its joint was
+            calibrated, shape `(n,)`.
         doubts: sentences on poses that are missing or in doubt.
     """
 
     measures: np.ndarray
     curve: np.ndarray
     source: tuple[str, ...]
-    calibrated_deg: tuple[float, ...] = ()
+    calibrated: np.ndarray
     doubts: tuple[str, ...] = ()
 
 
@@ -57,55 +66,94 @@ def joint_models(asked: Sequence[str], flexion_deg: np.ndarray) -> dict[str, Mod
     """
     models: dict[str, Modelled] = {}
     for words in asked:
-        given, _, files = words.rpartition("=")
-        read = [read_joint(file) for file in files.split(",")]
-        name = given or read[0].name
-        subjects = len(flexion_deg)
-        if len(read) not in (1, subjects):
-            expected = f"one joint file for all, or one for each of {counted(subjects, 'subject')}"
-            raise InputProblem("--joint", name, counted(len(read), "file"), expected)
-        if name in models:
-            raise InputProblem("--joint", "name", name, "every model once; begin with NAME=")
-        joints = [one.joint for one in read] * (subjects // len(read))
-        models[name] = _of_joints(joints, flexion_deg, tuple(files.split(",")))
+        given, _, listed = words.rpartition("=")
+        files = each_subject("--joint", listed.split(","), len(flexion_deg))
+        read = {file: read_joint(file) for file in dict.fromkeys(files)}
+        name = given or read[files[0]].name
+        if name in (*models, MEASURED):
+            expected = "a name of its own for every model and none for the measured one: NAME=FILE"
+            raise InputProblem("--joint", "name", name, expected)
+        joints = [read[file].joint for file in files]
+        models[name] = _of_joints(joints, flexion_deg, tuple(read))
     return models
 
 
-def fitted_models(
-    axes: Path, poses: np.ndarray, flexion_deg: np.ndarray
-) -> dict[str, Modelled]:
-    """Joints fitted here, to poses of the one subject.
+def each_subject(option: str, files: Sequence[str], subjects: int) -> list[str]:
+    """Files of the subjects, of which one may stand for all.
 
     Args:
-        axes: file of axis points.
-        poses: calibration poses by increasing flexion, shape `(k, 6)`, degrees and mm.
-        flexion_deg: of the subject, shape `(1, n)`.
+        option: that gave them.
+        files: their names.
+        subjects: how many there are.
+
+    Returns:
+        One name a subject.
+
+    Raises:
+        InputProblem: there are neither one nor as many as subjects, or a name is empty.
+    """
+    if len(files) not in (1, subjects):
+        expected = f"one for all, or one for each of {counted(subjects, 'subject')}"
+        raise InputProblem(option, "files", counted(len(files), "file"), expected)
+    for number, file in enumerate(files, 1):
+        if not file.strip():
+            raise InputProblem(option, f"file {number}", file, "the name of a file")
+    return [*files] * (subjects // len(files))
+
+
+def fitted_models(
+    axes: Sequence[str],
+    side: str,
+    measured: Sequence[Path],
+    poses: np.ndarray,
+    flexion_deg: np.ndarray,
+) -> dict[str, Modelled]:
+    """Joints fitted here, to poses of each subject.
+
+    Args:
+        axes: file of axis points of each subject.
+        side: `right` or `left`: whose points those are.
+        measured: the subjects' tables, to name them in an error.
+        poses: calibration poses of each subject by increasing flexion, shape `(subjects, k, 6)`,
+            degrees and mm.
+        flexion_deg: of each subject, shape `(subjects, n)`.
 
     Returns:
         `moving axis` on the first and the last pose; `generalised axis` on all if there are more
-        than two; `hinge`, put at the first, if the file has epicondyles.
+        than two; `hinge`, put at the first, if the files have epicondyles.
 
     Raises:
-        InputProblem: the file is at fault, its points make no transverse axis, or the poses do not
-            do.
+        InputProblem: a file is at fault, its points make no transverse axis, the poses do not do,
+            or only some files have epicondyles.
     """
-    points = read_axis_points(axes)
-    fixed = points.points[0] if points.epicondyles is None else points.epicondyles
+    read = {file: read_axis_points(file, side) for file in dict.fromkeys(axes)}
+    without = [file for file, one in read.items() if one.epicondyles is None]
+    if 0 < len(without) < len(read):
+        expected = "epicondyles in every file of --axes, or in none"
+        raise InputProblem(without[0], "epicondyles", "missing", expected)
+    fits = [
+        _fitted(file, read[file], table, own)
+        for file, table, own in zip(axes, measured, poses, strict=True)
+    ]
+    return {
+        name: _of_joints([one[name] for one in fits], flexion_deg, tuple(read))
+        for name in fits[0]
+    }
+
+
+def _fitted(file: str, axes: AxisPoints, table: Path, poses: np.ndarray) -> dict[str, Joint]:
+    """The joints of one subject."""
+    fixed = axes.points[0] if axes.epicondyles is None else axes.epicondyles
     try:
-        ends = fit_joints(poses[[0, -1]], points.points, fixed)
+        ends = fit_joints(poses[[0, -1]], axes.points, fixed)
         made = {"moving axis": ends.moving}
         if len(poses) > 2:
-            made["generalised axis"] = fit_joints(
-                poses, points.points, fixed, poses[:, 0]
-            ).moving
+            made["generalised axis"] = fit_joints(poses, axes.points, fixed, poses[:, 0]).moving
     except UnsuitablePoses as problem:
-        expected = "two flexions or more"
-        raise InputProblem("--calibrate-at", "degrees", str(problem), expected) from None
-    except ValueError as problem:
-        raise InputProblem(axes, "axis", str(problem), "a transverse axis") from None
-    if points.epicondyles is not None:
-        made["hinge"] = ends.hinge
-    return {name: _of_joints([one], flexion_deg, (str(axes),)) for name, one in made.items()}
+        raise InputProblem(table, problem.part, problem.found, problem.expected) from None
+    except UnsuitableAxis as problem:
+        raise InputProblem(file, problem.part, problem.found, problem.expected) from None
+    return made if axes.epicondyles is None else made | {"hinge": ends.hinge}
 
 
 def _of_joints(
@@ -116,32 +164,35 @@ def _of_joints(
     def said(joint: Joint, angles: np.ndarray) -> np.ndarray:
         return clinical_measures(joint.pose(jnp.deg2rad(angles)).to_table())
 
+    def exact(joint: Joint, angles: np.ndarray) -> np.ndarray:
+        off = np.abs(angles[:, None] - np.rad2deg(joint.flexion))
+        return (off < _SAME_FLEXION_DEG).any(axis=1)
+
+    subjects = list(zip(joints, flexion_deg, strict=True))
     return Modelled(
-        np.array([said(*pair) for pair in zip(joints, flexion_deg, strict=True)]),
+        np.array([said(*one) for one in subjects]),
         np.array([said(joint, over) for joint in joints]),
         source,
-        tuple(dict.fromkeys(float(x) for j in joints for x in np.rad2deg(j.flexion).round(6))),
+        np.any([exact(*one) for one in subjects], axis=0),
     )
 
 
-def knee_model(name: str, flexion_deg: np.ndarray) -> tuple[str, Modelled]:
+def knee_model(read: ContactKnee, source: str, flexion_deg: np.ndarray) -> Modelled:
     """A contact knee in passive flexion.
 
     Args:
-        name: bundled knee, knee file, or the result.json of a calibration.
+        read: the knee.
+        source: how it was asked for.
         flexion_deg: of each subject, shape `(subjects, n)`; one knee stands for all.
 
     Returns:
-        Its name, and the model; poses that do not balance are NaN and said.
-
-    Raises:
-        InputProblem: there is no such knee.
+        The model; poses that do not balance are NaN and said.
     """
-    read = read_contact_knee(name)
     over = curve_flexion(flexion_deg)
     angles, back = np.unique(np.concatenate([flexion_deg.ravel(), over]), return_inverse=True)
     motion = passive_motion(read, angles)
     seen = clinical_measures(motion.table)[back]
     measures = seen[: flexion_deg.size].reshape(*flexion_deg.shape, -1)
     curve = seen[None, flexion_deg.size :]
-    return read.title, Modelled(measures, curve, (name,), doubts=motion.doubts)
+    nowhere = np.zeros(flexion_deg.shape[1], bool)
+    return Modelled(measures, curve, (source,), nowhere, motion.doubts)

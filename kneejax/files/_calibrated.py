@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
 import os
-from typing import Any
 
 from kneejax.files._problem import InputProblem
+from kneejax.files._schema import Field
 from kneejax.files._text import read_text
 from kneejax.geometry import FREE_COORDINATES
 
@@ -41,26 +40,45 @@ def read_calibrated(path: str | os.PathLike[str]) -> Calibrated:
     Raises:
         InputProblem: the file cannot be read or is no such result.
     """
-    file = os.fspath(path)
+    file, expected = os.fspath(path), "a result.json of kneejax calibrate"
     try:
-        document = json.loads(read_text(path, "a calibration's result.json"))
+        document = json.loads(read_text(path, expected))
     except json.JSONDecodeError as error:
         raise InputProblem(file, f"line {error.lineno}", error.msg, "JSON") from None
-    if not isinstance(document, dict) or not isinstance(document.get("parameters"), dict):
-        raise InputProblem(file, "parameters", "missing", "the result.json of kneejax calibrate")
-    settings = document.get("settings") or {}
-    values = {name: _number(file, name, x) for name, x in settings.get("overrides", {}).items()}
-    for name, one in document["parameters"].items():
-        values[name] = _number(file, name, (one or {}).get("value"))
-    offsets = {}
-    for name, one in (document.get("frame_offset") or {}).items():
-        coordinate = name.removesuffix("_deg").removesuffix("_mm")
-        if coordinate in FREE_COORDINATES:
-            offsets[coordinate] = _number(file, name, (one or {}).get("value"))
-    return Calibrated(str(settings.get("knee") or document.get("knee")), values, offsets)
+    if not isinstance(document, dict) or "parameters" not in document:
+        raise InputProblem(file, "parameters", "missing", expected)
+    whole = Field(file, "", document)
+    settings = _fields(whole, "settings")
+    overrides = _fields(whole["settings"], "overrides") if settings else {}
+    values = {name: one.number() for name, one in overrides.items()}
+    values |= {name: _value(one) for name, one in _fields(whole, "parameters").items()}
+    shifts = {
+        name.removesuffix("_deg").removesuffix("_mm"): one
+        for name, one in _fields(whole, "frame_offset").items()
+    }
+    offsets = {name: _value(one) for name, one in shifts.items() if name in FREE_COORDINATES}
+    knee = settings.get("knee") or _found(whole, "knee")
+    return Calibrated(knee.text(), values, offsets)
 
 
-def _number(file: str, name: str, value: Any) -> float:
-    if not isinstance(value, int | float) or not math.isfinite(value):
-        raise InputProblem(file, name, value, "a finite number")
-    return float(value)
+def _fields(of: Field, name: str) -> dict[str, Field]:
+    """What a mapping holds; nothing where it is missing or null."""
+    if of.value.get(name) is None:
+        return {}
+    field = of[name]
+    if not isinstance(field.value, dict):
+        raise field.problem("a mapping")
+    return {key: field[key] for key in field.value}
+
+
+def _value(of: Field) -> float:
+    return _found(of, "value").number()
+
+
+def _found(of: Field, name: str) -> Field:
+    if not isinstance(of.value, dict):
+        raise of.problem(f"a mapping with the field {name}")
+    if name not in of:
+        place = f"{of.path}.{name}" if of.path else name
+        raise InputProblem(of.file, place, "missing", "this field")
+    return of[name]

@@ -12,7 +12,7 @@ from kneejax.files._problem import InputProblem
 from kneejax.files._schema import Field
 from kneejax.files._text import write_text
 from kneejax.files._yaml import format_yaml, load_yaml
-from kneejax.joints import INTERPOLATIONS, Joint, check_joint
+from kneejax.joints import INTERPOLATIONS, Joint, UnsuitableAxis, check_joint
 
 _KIND = "joint"
 _FIELDS = ("kneejax", "name", "side", "knots")
@@ -64,8 +64,11 @@ def read_joint(path: str | os.PathLike[str]) -> JointFile:
         [[[0.0, 0.0, -20.0], [0.0, 0.0, 20.0]]]
     """
     whole = Field(os.fspath(path), "", load_yaml(path, "a joint file"))
-    whole = whole.mapping(_FIELDS, _FURTHER)
-    whole["kneejax"].choice([_KIND])
+    kind = whole.value.get("kneejax", "missing") if isinstance(whole.value, dict) else _KIND
+    if kind != _KIND:
+        expected = f"{_KIND}: this is no file that kneejax joint fit wrote"
+        raise InputProblem(path, "kneejax", kind, expected)
+    whole.mapping(_FIELDS, _FURTHER)
     side = whole["side"].choice(_SIDES)
     knots = [knot.mapping(("flexion_deg", *_POINTS)) for knot in whole["knots"].items("knots")]
     flexion = [knot["flexion_deg"].number(above=-180, below=180, what="degrees") for knot in knots]
@@ -82,9 +85,8 @@ def read_joint(path: str | os.PathLike[str]) -> JointFile:
     )
     try:
         check_joint(joint)
-    except ValueError as error:
-        expected = "points of a transverse axis at increasing flexion"
-        raise InputProblem(path, "knots", str(error), expected) from None
+    except UnsuitableAxis as error:
+        raise InputProblem(path, f"knots, {error.part}", error.found, error.expected) from None
     source, notes = (whole[name].text() if name in whole else "" for name in ("source", "notes"))
     return JointFile(joint, whole["name"].text(), side, source, notes)
 

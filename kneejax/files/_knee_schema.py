@@ -89,6 +89,9 @@ def check_knee(document: Field) -> dict[str, str]:
     """
     if not isinstance(document.value, dict):
         raise document.problem("a mapping with the fields of a knee")
+    if isinstance(kind := document.value.get("kneejax"), str):
+        expected = f"{VERSION}, as in a knee file; this file holds a {kind}"
+        raise document["kneejax"].problem(expected)
     document.mapping(KNEE_FIELDS[:7], KNEE_FIELDS[7:])
     if document["kneejax"].integer(1) != VERSION:
         raise document["kneejax"].problem(f"{VERSION}, the version of the format")

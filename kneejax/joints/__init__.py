@@ -34,10 +34,12 @@ from kneejax.joints._joint import generalised_axis as generalised_axis
 from kneejax.joints._joint import hinge as hinge
 from kneejax.joints._joint import moving_axis as moving_axis
 from kneejax.joints._problems import JointProblem as JointProblem
+from kneejax.joints._problems import UnsuitableAxis as UnsuitableAxis
 from kneejax.joints._problems import UnsuitableLandmarks as UnsuitableLandmarks
 from kneejax.joints._problems import UnsuitableMesh as UnsuitableMesh
 from kneejax.joints._problems import UnsuitablePoses as UnsuitablePoses
 from kneejax.joints._repeated_measures import Pair as Pair
 from kneejax.joints._repeated_measures import RepeatedMeasures as RepeatedMeasures
 from kneejax.joints._repeated_measures import UnsuitableMotions as UnsuitableMotions
+from kneejax.joints._repeated_measures import is_tested as is_tested
 from kneejax.joints._repeated_measures import repeated_measures as repeated_measures

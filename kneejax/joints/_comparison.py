@@ -14,6 +14,7 @@ from kneejax.joints._repeated_measures import (
     FEWEST_SUBJECTS,
     RepeatedMeasures,
     UnsuitableMotions,
+    is_tested,
     repeated_measures,
     standard_error,
 )
@@ -164,14 +165,13 @@ def compare_motions(
     subjects, points = len(seen), len(seen) * int(compared.sum())
     if points < _FEWEST_POINTS:
         raise UnsuitableMotions(
-            f"{points} values to compare ({subjects} subjects, {int(compared.sum())} flexions "
-            f"beside those of the calibration): expected at least {_FEWEST_POINTS}"
+            f"{points} values to compare (subjects: {subjects}, flexions beside those of the "
+            f"calibration: {int(compared.sum())}): expected at least {_FEWEST_POINTS}"
         )
     if not 0.0 < alpha < 1.0:
         raise UnsuitableMotions(f"alpha is {alpha:g}: expected a number between 0 and 1")
     motions = {MEASURED: seen, **given}
-    tested = subjects >= FEWEST_SUBJECTS if anova is None else anova
-    tests = _tests(motions, compared, alpha) if tested else ()
+    tests = _tests(motions, compared, alpha) if is_tested(subjects, anova) else ()
     doubts = [
         f"{name} has no pose for {gaps} of {one[..., 0].size} values: they are left out of its "
         "numbers, and its flexions out of the tests."
@@ -231,15 +231,15 @@ def _compared(flexion: np.ndarray, calibrated_at: Sequence[float]) -> np.ndarray
 
 
 def _summary(name: str, one: np.ndarray, flexion: np.ndarray, compared: np.ndarray) -> Summary:
-    rows = {f"{angle:g}": _mean_and_sd(one[:, i]) for i, angle in enumerate(flexion)}
-    each = np.array(list(rows.values()))
-    rows["average"] = each.mean(axis=0)
-    if not compared.all():
-        rows["average compared"] = each[compared].mean(axis=0)
+    each = np.array([_mean_and_sd(one[:, i]) for i in range(len(flexion))])
     low, high = one.min(axis=1), one.max(axis=1)
-    rows |= {"min": _mean_and_sd(low), "max": _mean_and_sd(high), "ROM": _mean_and_sd(high - low)}
-    mean, sd = np.moveaxis(np.array(list(rows.values())), 1, 0)
-    return Summary(name, tuple(rows), mean, sd)
+    overall = {"average": each.mean(axis=0)}
+    if not compared.all():
+        overall["average compared"] = each[compared].mean(axis=0)
+    ranges = {"min": low, "max": high, "ROM": high - low}
+    overall |= {condition: _mean_and_sd(values) for condition, values in ranges.items()}
+    mean, sd = np.moveaxis(np.concatenate([each, list(overall.values())]), 1, 0)
+    return Summary(name, (*(f"{angle:g}" for angle in flexion), *overall), mean, sd)
 
 
 def _mean_and_sd(values: np.ndarray) -> np.ndarray:

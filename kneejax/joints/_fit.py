@@ -62,7 +62,7 @@ def fit_joints(
 
     Raises:
         UnsuitablePoses: as in `calibration_rows`.
-        ValueError: the points make no transverse axis.
+        UnsuitableAxis: the points make no transverse axis.
 
     Source: paper 5, section 2.5.
     """
@@ -126,7 +126,7 @@ def _nearest(flexion: np.ndarray, known: np.ndarray, at_deg: Sequence[float]) ->
         raise UnsuitablePoses("flexion", f"{at_deg[0]:g} degrees alone", "two flexions or more")
     rows = np.array([known[np.argmin(np.abs(flexion[known] - angle))] for angle in at_deg])
     for angle, row in zip(at_deg, rows, strict=True):
-        if abs(flexion[row] - angle) > FARTHEST_DEG:
+        if not abs(flexion[row] - angle) <= FARTHEST_DEG:  # nothing is near NaN
             raise UnsuitablePoses(
                 f"pose at {angle:g} degrees",
                 f"the nearest is at {flexion[row]:.1f}",

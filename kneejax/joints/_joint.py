@@ -29,12 +29,13 @@ from kneejax.geometry import (
     vector,
 )
 from kneejax.joints._interpolation import between, monotone_slopes
+from kneejax.joints._problems import UnsuitableAxis
 
 #: How points move between calibration angles: straight (paper 5), or along monotone cubics.
 INTERPOLATIONS = ("linear", "monotone")
 
-_SAME_FLEXION = np.deg2rad(1e-6)
-_STEEPEST = np.deg2rad(45.0)
+_SAME_FLEXION_DEG = 1e-6
+_STEEPEST_DEG = 45.0
 
 
 class Joint(eqx.Module):
@@ -132,7 +133,7 @@ def hinge(femoral: ArrayLike, pose: Pose) -> Joint:
         The joint, exact at that pose.
 
     Raises:
-        ValueError: the points do not make a transverse axis.
+        UnsuitableAxis: the points do not make a transverse axis.
     """
     femoral = jnp.asarray(femoral, float)
     return _calibrated(femoral[None], jax.tree.map(lambda x: jnp.asarray(x)[None], pose), "linear")
@@ -149,8 +150,8 @@ def moving_axis(femoral: ArrayLike, poses: Pose) -> Joint:
         The joint, exact at both poses.
 
     Raises:
-        ValueError: there are not two poses, both have the same flexion, or the points do not make
-            a transverse axis.
+        UnsuitableAxis: flexion does not increase, or the points do not make a transverse axis.
+        ValueError: there are not two poses.
 
     Source: paper 5, section 2.5.
     """
@@ -173,8 +174,8 @@ def generalised_axis(femoral: ArrayLike, poses: Pose, interpolation: str = "mono
         The joint, exact at every pose.
 
     Raises:
-        ValueError: shapes differ, flexion does not increase, or the points do not make a
-            transverse axis.
+        UnsuitableAxis: flexion does not increase, or the points do not make a transverse axis.
+        ValueError: shapes differ.
     """
     return _calibrated(jnp.asarray(femoral, float), poses, interpolation)
 
@@ -221,8 +222,8 @@ def check_joint(joint: Joint) -> None:
         joint: any joint.
 
     Raises:
-        ValueError: flexion does not increase, a number is not finite, or an axis is not transverse
-            (within 45 degrees of Z, its lateral point lateral).
+        UnsuitableAxis: flexion does not increase, a number is not finite, or an axis is not
+            transverse (within 45 degrees of Z, its lateral point lateral).
     """
     if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(joint)):
         return
@@ -232,31 +233,36 @@ def check_joint(joint: Joint) -> None:
 
 
 def _check_flexion(flexion: Array) -> None:
-    steps = np.diff(np.asarray(flexion))
-    if not np.isfinite(np.asarray(flexion)).all():
-        raise ValueError("the flexion of a calibration pose is not finite")
-    if (np.abs(steps) < _SAME_FLEXION).any():
+    angles = np.rad2deg(np.asarray(flexion))
+    part, expected = "flexion of the calibration poses", "finite angles, each larger than the last"
+    if not np.isfinite(angles).all():
+        raise UnsuitableAxis(part, "not finite", expected)
+    steps = np.diff(angles)
+    if (np.abs(steps) < _SAME_FLEXION_DEG).any():
         i = int(np.argmin(np.abs(steps)))
-        same = f"calibration poses {i + 1} and {i + 2} have the same flexion"
-        raise ValueError(f"{same}, {np.rad2deg(float(flexion[i])):g} degrees")
+        raise UnsuitableAxis(part, f"{angles[i]:g} degrees in poses {i + 1} and {i + 2}", expected)
     if (steps < 0).any():
-        raise ValueError("the flexion of the calibration poses does not increase")
+        i = int(np.argmin(steps))
+        raise UnsuitableAxis(part, f"{angles[i]:g}, then {angles[i + 1]:g} degrees", expected)
 
 
 def _check_axis(bone: str, points: Array) -> None:
+    part = f"axis in the {bone}"
     axis = np.asarray(points[:, 1] - points[:, 0])
     if not np.isfinite(axis).all():
-        raise ValueError(f"a point of the axis in the {bone} is not finite")
+        raise UnsuitableAxis(part, "a point that is not finite", "finite coordinates")
     if (axis[:, 2] <= 0).any():
-        raise ValueError(
-            f"the lateral point of the axis in the {bone} is not lateral of the medial one; have "
-            "they changed places, or is this a left knee that was not mirrored?"
+        raise UnsuitableAxis(
+            part,
+            "the lateral point is not lateral of the medial one",
+            "points of a right knee, or of a left one mirrored; have they changed places?",
         )
-    tilt = np.arccos(np.clip(axis[:, 2] / np.linalg.norm(axis, axis=1), -1.0, 1.0)).max()
-    if tilt > _STEEPEST:
-        raise ValueError(
-            f"the axis in the {bone} is {np.rad2deg(tilt):.0f} degrees off the medial-lateral "
-            f"direction; expected at most {np.rad2deg(_STEEPEST):.0f}"
+    tilt = np.rad2deg(np.arccos(np.clip(axis[:, 2] / np.linalg.norm(axis, axis=1), -1.0, 1.0)))
+    if tilt.max() > _STEEPEST_DEG:
+        raise UnsuitableAxis(
+            part,
+            f"{tilt.max():.0f} degrees off the medial-lateral direction",
+            f"at most {_STEEPEST_DEG:g}",
         )
 
 

@@ -28,5 +28,9 @@ class UnsuitableLandmarks(JointProblem):
     """Landmarks that make no anatomical frame."""
 
 
+class UnsuitableAxis(JointProblem):
+    """Points or calibration angles that make no axis of a knee."""
+
+
 class UnsuitablePoses(JointProblem):
     """Measured poses on which no joint can be calibrated."""

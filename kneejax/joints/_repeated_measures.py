@@ -65,6 +65,30 @@ class RepeatedMeasures:
     pairs: tuple[Pair, ...]
 
 
+def is_tested(subjects: int, anova: bool | None = None) -> bool:
+    """Whether motions of so many subjects are tested; better asked before what takes long.
+
+    Args:
+        subjects: how many.
+        anova: whether tests are wanted; by default if there are three subjects or more.
+
+    Returns:
+        Whether they are.
+
+    Raises:
+        UnsuitableMotions: they are, with fewer than three subjects or without pingouin.
+    """
+    if not (subjects >= FEWEST_SUBJECTS if anova is None else anova):
+        return False
+    if subjects < FEWEST_SUBJECTS:
+        raise UnsuitableMotions(
+            f"repeated measures of {subjects} subject{'s' * (subjects != 1)}: expected at least "
+            f"{FEWEST_SUBJECTS}; without an analysis of variance, means and errors are still given"
+        )
+    _pingouin()
+    return True
+
+
 def repeated_measures(groups: Mapping[str, np.ndarray], alpha: float = 0.01) -> RepeatedMeasures:
     """Compare groups of values of the same subjects.
 
@@ -82,13 +106,8 @@ def repeated_measures(groups: Mapping[str, np.ndarray], alpha: float = 0.01) -> 
     Here the first and the last are SciPy's (`shapiro`, `ttest_rel`), the analysis is pingouin's
     (`rm_anova`).
     """
+    is_tested(len(next(iter(groups.values()))), anova=True)
     pingouin = _pingouin()
-    count = len(next(iter(groups.values())))
-    if count < FEWEST_SUBJECTS:
-        raise UnsuitableMotions(
-            f"repeated measures of {count} subject{'s' * (count != 1)}: expected at least "
-            f"{FEWEST_SUBJECTS}; without an analysis of variance, means and errors are still given"
-        )
     import pandas
     from scipy import stats
 
@@ -121,7 +140,7 @@ def _pairs(groups: Mapping[str, np.ndarray], alpha: float) -> tuple[Pair, ...]:
         apart = groups[first] - groups[second]
         test = stats.ttest_rel(groups[first], groups[second])
         interval = test.confidence_interval(1.0 - alpha / len(chosen))
-        p = min(1.0, len(chosen) * float(test.pvalue))
+        p = float(np.minimum(1.0, len(chosen) * test.pvalue))  # NaN, of no spread, stays NaN
         answer.append(
             Pair(
                 first, second, float(apart.mean()), standard_error(apart),

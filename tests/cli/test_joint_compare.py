@@ -2,6 +2,8 @@
 
 import csv
 import json
+import re
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -12,7 +14,14 @@ import yaml
 from kneejax.cli import main
 from kneejax.files import JointFile, write_joint, write_poses
 from kneejax.geometry import Pose
-from kneejax.joints import clinical_measures, hinge, moving_axis
+from kneejax.joints import (
+    MEASURES,
+    axis_between,
+    clinical_measures,
+    generalised_axis,
+    hinge,
+    moving_axis,
+)
 
 FLEXION = np.array([0.0, 20.0, 45.0, 60.0, 90.0])
 FACETS = np.array([[[6.0, 8.0, -20.0], [2.0, 12.0, 22.0]], [[0.0, 1.0, -21.0], [-2.0, 1.0, 22.0]]])
@@ -48,15 +57,27 @@ def cohort(tmp_path):
     return {name: [str(path) for path in paths] for name, paths in files.items()}
 
 
+def write_axes(path, change=lambda points: points):
+    """A file of axis points; its name."""
+    named = zip(("extension", "flexion", "epicondyles"), (*FACETS, EPICONDYLES), strict=True)
+    sides = ("medial_mm", "lateral_mm")
+    points = {name: dict(zip(sides, change(pair).tolist(), strict=True)) for name, pair in named}
+    path.write_text(yaml.safe_dump(points))
+    return str(path)
+
+
 @pytest.fixture
 def axes(tmp_path):
     """A file of axis points."""
-    path = tmp_path / "axes.yaml"
-    named = zip(("extension", "flexion", "epicondyles"), (*FACETS, EPICONDYLES), strict=True)
-    sides = ("medial_mm", "lateral_mm")
-    points = {name: dict(zip(sides, pair.tolist(), strict=True)) for name, pair in named}
-    path.write_text(yaml.safe_dump(points))
-    return str(path)
+    return write_axes(tmp_path / "axes.yaml")
+
+
+def status(*words):
+    """Exit status of `kneejax joint compare`."""
+    try:
+        return main(["joint", "compare", *words])
+    except SystemExit as stopped:  # by argparse
+        return stopped.code
 
 
 def rows(path):
@@ -116,6 +137,54 @@ def test_one_person_with_joints_fitted_on_the_way(cohort, axes, tmp_path, capsys
         assert float(one["rmse"]) == pytest.approx(float(other["rmse"]), rel=1e-9)
 
 
+def test_joints_are_fitted_to_each_person_on_its_own_axis_points_of_a_left_knee(tmp_path):
+    """Two persons, flexed a little differently; points with Z to the person's right."""
+    tables, measured, axes, lines = [], [], [], []
+    for i in range(2):
+        tables.append(motion(i) + [0.3 * i, 0, 0, 0, 0, 0])
+        measured.append(str(tmp_path / f"left{i}.csv"))
+        write_poses(measured[-1], tables[-1])
+        lines.append(FACETS + [0.0, 2.0 * i, 0.0])
+        axes.append(
+            write_axes(
+                tmp_path / f"axes{i}.yaml", lambda x, i=i: (x + [0.0, 2.0 * i, 0.0]) * [1, 1, -1]
+            )
+        )
+    out = tmp_path / "out"
+    words = [*measured, "--calibrate-at", "0", "90", "--axes", ",".join(axes), "--side", "left"]
+    assert main(["joint", "compare", *words, "--out", str(out)]) == 0
+    apart = []
+    for table, line in zip(tables, lines, strict=True):
+        joint = moving_axis(line, Pose.from_table(table[[0, -1]]))
+        own = joint.pose(jnp.deg2rad(table[:, 0])).to_table()
+        apart.append((clinical_measures(table) - clinical_measures(own))[1:4])
+    seen = rows(out / "differences.csv")
+    rows_of_axis = [r for r in seen if (r["first"], r["second"]) == ("measured", "moving axis")]
+    assert [r["condition"] for r in rows_of_axis] == ["20.15", "45.15", "60.15", "average"]
+    for i, row in enumerate(rows_of_axis[:3]):
+        means = [float(row[f"{one.column}_mean"]) for one in MEASURES]
+        assert means == pytest.approx(np.mean(apart, axis=0)[i], abs=1e-9)
+    document = json.loads((out / "result.json").read_text())
+    assert document["settings"]["sources"]["hinge"] == axes and document["subjects"] == 2
+
+
+def test_a_joint_file_is_left_out_where_it_is_exact_beside_fitted_joints(cohort, axes, tmp_path):
+    """Fitted at 0 and 90; the file's own third pose, at 45, foretells nothing either."""
+    table = motion(0)
+    three = Pose.from_table(table[[0, 2, 4]])
+    joint = generalised_axis(axis_between(*FACETS, three.flexion), three)
+    write_joint(JointFile(joint, "three"), tmp_path / "three.yaml")
+    dense = tmp_path / "dense.csv"
+    write_poses(dense, np.insert(table, [2, 3], table[2:4] - [5.0, 0, 0, 0, 0, 0], axis=0))
+    out = tmp_path / "out"
+    words = [str(dense), "--calibrate-at", "0", "90", "--axes", axes]
+    words += ["--joint", str(tmp_path / "three.yaml")]
+    assert main(["joint", "compare", *words, "--out", str(out)]) == 0
+    assert {r["condition"] for r in rows(out / "differences.csv")} == {
+        "20", "40", "55", "60", "average"
+    }  # fmt: skip
+
+
 def test_a_generalised_axis_joins_where_there_are_more_poses(axes, tmp_path):
     out = tmp_path / "out"
     dense = tmp_path / "dense.csv"
@@ -164,16 +233,32 @@ def test_a_contact_knee_beside_joints(cohort, tmp_path):
         (["--calibrate-at", "0", "30", "--axes", "AXES"], "a flexion within 0.5 degrees"),
         (["--calibrate-at", "0", "--axes", "AXES"], "--calibrate-at: degrees"),
         (["--calibrate-at", "0", "0", "--axes", "AXES"], "farther apart"),
-        (["--joint", "HINGE", "--joint", "HINGE"], "every model once"),
+        (["--calibrate-at", "0,90", "--axes", "AXES"], "several have blanks between them"),
+        (["--calibrate-at", "0", "nan", "--axes", "AXES"], "nan: expected a number of degrees"),
+        (["--calibrate-at", "0", "90", "--axes", "AXES,AXES"], "2 files: expected one for all"),
+        (["--calibrate-at", "0", "90", "--axes", "LEFT"], "axis in the femur: the lateral point"),
+        (["--joint", "HINGE", "--joint", "HINGE"], "a name of its own"),
+        (["--joint", "measured=HINGE"], "none for the measured one"),
+        (["--joint", "HINGE", "--calibrate-at", "0", "90", "--axes", "AXES"], "another NAME=FILE"),
+        (["--joint", ""], "--joint: file 1: empty: expected the name of a file"),
         (["--joint", "HINGE", "--anova"], "1 subject: expected at least 3"),
-        (["--joint", "HINGE", "--alpha", "7"], "alpha is 7"),
+        (["--joint", "HINGE", "--alpha", "7"], "--alpha: level: 7: expected a number between"),
+        (["--joint", "HINGE", "--spread", "nan"], "--spread: degrees: nan: expected a number"),
+        (["--joint", "HINGE", "--average-within", "-1"], "--average-within: degrees: -1"),
+        (["--joint", "AXES"], "kneejax: missing: expected joint"),
+        (["--knee", "HINGE"], "1, as in a knee file; this file holds a joint"),
+        (["--knee", "four_ligament", "--knee", "four_ligament"], "four_ligament is twice"),
+        (["MEASURED", "--joint", "HINGE"], "every subject once"),
         (["--joint", "x=HINGE,HINGE"], "2 files"),
     ],
 )
 def test_mistakes_are_one_line_and_nothing_is_written(cohort, axes, words, said, tmp_path, capsys):
     out = tmp_path / "out"
-    made = [w.replace("AXES", axes).replace("HINGE", cohort["hinge"][0]) for w in words]
-    assert main(["joint", "compare", cohort["measured"][0], *made, "--out", str(out)]) == 2
+    left = write_axes(tmp_path / "left.yaml", lambda points: points * [1, 1, -1])
+    files = {"AXES": axes, "LEFT": left, "MEASURED": cohort["measured"][0]}
+    files["HINGE"] = cohort["hinge"][0]
+    made = [re.sub("[A-Z]{4,}", lambda found: files[found.group()], w) for w in words]
+    assert status(cohort["measured"][0], *made, "--out", str(out)) == 2
     line = capsys.readouterr().err
     assert said in line and line.count("\n") == 1
     assert not out.exists()
@@ -191,9 +276,13 @@ def test_subjects_must_be_measured_alike(cohort, axes, tmp_path, capsys):
     assert "45 within 1 degrees (--spread)" in capsys.readouterr().err
     assert main([*base, str(short), *joint]) == 2
     assert "5 flexions, as" in capsys.readouterr().err
-    words = ["--calibrate-at", "0", "90", "--axes", axes, "--out", str(tmp_path / "out")]
+    bare = tmp_path / "bare.yaml"
+    points = yaml.safe_load(Path(axes).read_text())
+    bare.write_text(yaml.safe_dump({name: points[name] for name in ("extension", "flexion")}))
+    words = ["--calibrate-at", "0", "90", "--axes", axes, "--axes", str(bare)]
+    words += ["--out", str(tmp_path / "out")]
     assert main([*base, cohort["measured"][1], *words]) == 2
-    assert "one subject; fit each" in capsys.readouterr().err
+    assert "bare.yaml: epicondyles: missing: expected epicondyles in" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
     assert main([*base, str(bent), *joint, "--spread", "5"]) == 0
 

@@ -12,6 +12,7 @@ from kneejax.files import (
     export_joint,
     format_joint,
     read_axis_points,
+    read_calibrated,
     read_femur_landmarks,
     read_joint,
     write_joint,
@@ -65,12 +66,13 @@ GOOD = format_joint(JointFile(_joints()["moving"], "moving"))
     ("old", "new", "said"),
     [
         ("side: right", "side: rihgt", "rihgt: expected one of right, left; did you mean right"),
-        ("kneejax: joint", "kneejax: 1", "kneejax: 1: expected one of joint"),
+        ("kneejax: joint", "kneejax: 1", "kneejax: 1: expected joint: this is no file that"),
+        ("kneejax: joint", "", "kneejax: missing: expected joint"),
         ("interpolation", "interpolaton", "did you mean interpolation"),
         ("femoral_medial_mm: [6.0, 8.0, -21.5]", "femoral_medial_mm: [6.0, 8.0]", "list of 3"),
         ("l_medial_mm: [6.0, 8.0, -21.5]", "l_medial_mm: [6.0, 8.0, 60]", "not lateral"),
-        ("flexion_deg: 86.6", "flexion_deg: 3.5", "poses 1 and 2 have the same flexion"),
-        ("flexion_deg: 86.6", "flexion_deg: 1.5", "does not increase"),
+        ("flexion_deg: 86.6", "flexion_deg: 3.5", "3.5 degrees in poses 1 and 2"),
+        ("flexion_deg: 86.6", "flexion_deg: 1.5", "3.5, then 1.5 degrees"),
         ("flexion_deg: 86.6", "flexion_deg: 866", "degrees above -180 and below 180"),
     ],
 )
@@ -115,6 +117,37 @@ def test_landmarks(tmp_path):
     path.write_text(both)
     with pytest.raises(InputProblem, match="hip_center_mm or femoral_head"):
         read_femur_landmarks(path)
+
+
+@pytest.mark.parametrize(
+    ("document", "said"),
+    [
+        ("{", "line 1: .*expected JSON"),
+        ("[1]", "parameters: missing: expected a result.json"),
+        ('{"parameters": {}}', "knee: missing"),
+        ('{"knee": "k", "parameters": 3}', "parameters: 3: expected a mapping"),
+        ('{"knee": "k", "parameters": {"ACL.stiffness": 3}}', "a mapping with the field value"),
+        ('{"knee": "k", "parameters": {"a.b": {"value": NaN}}}', "parameters.a.b.value: nan"),
+        ('{"knee": "k", "parameters": {}, "settings": [1]}', "settings: .*expected a mapping"),
+        ('{"parameters": {}, "settings": {"knee": ["k"]}}', "settings.knee: .*expected a text"),
+    ],
+)
+def test_bad_results_of_a_calibration_are_named(tmp_path, document, said):
+    path = tmp_path / "result.json"
+    path.write_text(document)
+    with pytest.raises(InputProblem, match=said):
+        read_calibrated(path)
+
+
+def test_a_calibrated_knees_own_name_stands_in_its_settings(tmp_path):
+    path = tmp_path / "result.json"
+    path.write_text(
+        '{"knee": "title", "parameters": {"ACL.stiffness": {"value": 4500}}, "frame_offset": null, '
+        '"settings": {"knee": "file.yaml", "overrides": {"PCL.stiffness": 9000}}}'
+    )
+    found = read_calibrated(path)
+    assert found.knee == "file.yaml" and found.frame_offset == {}
+    assert found.values == {"PCL.stiffness": 9000.0, "ACL.stiffness": 4500.0}
 
 
 def _placements(path, degrees):

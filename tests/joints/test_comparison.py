@@ -198,6 +198,24 @@ def test_a_pose_that_is_missing_is_left_out_and_said(cohort):
     assert found.differences[0].mean[1] == pytest.approx(apart.mean(axis=0))
 
 
+def test_a_flexion_measured_twice_is_two_conditions(cohort):
+    measured, models = cohort
+    twice = [0, 1, 1, 2, 3, 4]
+    two = {name: one[:, twice] for name, one in models.items()}
+    found = compare_motions(FLEXION[twice], measured[:, twice], two, calibrated_at_deg=(0.0,))
+    first = found.summaries[0]
+    assert first.conditions[:4] == ("0", "20", "20", "45")
+    assert len(first.mean) == len(first.conditions) == 6 + 5
+    assert first.mean[-4] == pytest.approx(measured[:, twice[1:]].mean(axis=(0, 1)))
+
+
+def test_values_without_spread_have_no_p(cohort):
+    """Paired values that agree exactly: neither 0 nor 1, but undefined."""
+    measured, _ = cohort
+    one = repeated_measures({"a": measured[:, 0, 0], "b": measured[:, 0, 0]}).pairs[0]
+    assert one.difference == 0.0 and np.isnan(one.p)
+
+
 def test_a_model_that_does_not_move_has_no_r2(cohort):
     measured, models = cohort
     still = models["near"].copy()
