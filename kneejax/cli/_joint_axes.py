@@ -36,6 +36,8 @@ from kneejax.mechanics import condyle_points
 
 #: Points of the femur as near to the tibia as this, mm, meet it.
 TOUCHING_MM = 4.0
+#: A facet of a larger radius, mm, is nearly flat. Condyles have 20 to 45.
+FLATTEST_MM = 50.0
 
 _MIRROR = np.array([1.0, 1.0, -1.0])
 
@@ -53,6 +55,7 @@ class FemurAxes:
         surface: points of the mesh or of the knee's condyles, shape `(n, 3)`, mm, if there are any.
         facets: the cylinders that were fitted to them.
         regions: how the facets were chosen, in words.
+        doubts: sentences on facets that are none of a condyle.
     """
 
     points: np.ndarray
@@ -62,6 +65,7 @@ class FemurAxes:
     surface: np.ndarray | None = None
     facets: CondyleAxes | None = None
     regions: str = ""
+    doubts: tuple[str, ...] = ()
 
 
 #: Given the calibration poses, finds the axes: where the tibia is may matter.
@@ -87,7 +91,8 @@ def axes_from_mesh(arguments: argparse.Namespace, side: str) -> FindAxes:
     """Axis points of a mesh (`--femur`), placed by `--landmarks`, touched by that of `--tibia`.
 
     Raises:
-        InputProblem: of a mesh or the landmarks; likewise when the axes are sought.
+        InputProblem: of a mesh or the landmarks; where the bones touch, only when the axes are
+            sought.
     """
     femur = read_mesh_points(arguments.femur, arguments.unit or "auto")
     points, normals = femur.points_mm * _mirror(side), femur.normals * _mirror(side)
@@ -96,17 +101,26 @@ def axes_from_mesh(arguments: argparse.Namespace, side: str) -> FindAxes:
         frame, epicondyles = _femur_placed(arguments.landmarks, side, points, epicondyles)
         points, normals = in_frame(frame, points), _turned_back(frame, normals)
         epicondyles = in_frame(frame, epicondyles)
-    tibia = None if arguments.tibia is None else _tibia(arguments, side)
-    return lambda poses: _fitted(
-        arguments, arguments.femur, points, normals, epicondyles, tibia, poses
-    )
+    if arguments.tibia is None:
+        axes = _fitted(arguments, arguments.femur, points, normals, epicondyles)
+        return lambda _: axes
+    tibia, within = _tibia(arguments, side), arguments.touching_within or TOUCHING_MM
+
+    def touched(poses: Pose) -> FemurAxes:
+        touching = _touching(arguments.tibia, points, tibia, poses, within)
+        first, last = np.rad2deg(np.asarray(poses.flexion)[[0, -1]])
+        axes = _fitted(arguments, arguments.femur, points, normals, epicondyles, touching)
+        regions = f"within {within:g} mm of the tibia at {first:.1f} and {last:.1f} degrees"
+        return dataclasses.replace(axes, regions=regions)
+
+    return touched
 
 
 def axes_from_knee(arguments: argparse.Namespace, read: ContactKnee) -> FindAxes:
     """Axis points of a contact knee's own condyles (`--knee`), moved with its frame offset.
 
     Raises:
-        InputProblem: the knee has no condyles; or no axes are found, when they are sought.
+        InputProblem: the knee has no condyles, or none with axes.
     """
     try:
         points, normals = condyle_points(read.knee)
@@ -115,9 +129,27 @@ def axes_from_knee(arguments: argparse.Namespace, read: ContactKnee) -> FindAxes
         raise InputProblem(arguments.knee, "contacts", str(error), expected) from None
     shift = np.array([read.frame_offset.get(name, 0.0) for name in COORDINATES[3:]])
     epicondyles = _given_epicondyles(arguments, read.knee.side)
-    return lambda poses: _fitted(
-        arguments, arguments.knee, points + shift, normals, epicondyles, None, poses
+    own = _fitted(arguments, arguments.knee, points, normals, None)
+    axes = dataclasses.replace(
+        own,
+        points=own.points + shift,
+        hinge=own.hinge + shift,
+        surface=points + shift,
+        facets=_shifted(own.facets, shift),
     )
+    if epicondyles is not None:
+        axes = dataclasses.replace(
+            axes, hinge=epicondyles, hinge_source="the epicondyles", epicondyles=epicondyles
+        )
+    return lambda _: axes
+
+
+def _shifted(axes: CondyleAxes, shift: np.ndarray) -> CondyleAxes:
+    facets = []
+    for facet in axes.facets:
+        cylinder = dataclasses.replace(facet.cylinder, center=facet.center + shift)
+        facets.append(dataclasses.replace(facet, cylinder=cylinder))
+    return dataclasses.replace(axes, facets=tuple(facets), points=axes.points + shift)
 
 
 def problem(file: str | Path, error: JointProblem) -> InputProblem:
@@ -131,19 +163,12 @@ def _fitted(
     points: np.ndarray,
     normals: np.ndarray,
     epicondyles: np.ndarray | None,
-    tibia: np.ndarray | None,
-    poses: Pose,
+    touching: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> FemurAxes:
     extension = tuple(arguments.extension_facet or EXTENSION_DEG)
     flexion = tuple(arguments.flexion_facet or FLEXION_DEG)
     regions = " and ".join(f"{low:g} to {high:g}" for low, high in (extension, flexion))
     regions += " degrees, from anterior through distal"
-    touching = None
-    if tibia is not None:
-        within = arguments.touching_within or TOUCHING_MM
-        touching = _touching(arguments.tibia, points, tibia, poses, within)
-        first, last = np.rad2deg(np.asarray(poses.flexion)[[0, -1]])
-        regions = f"within {within:g} mm of the tibia at {first:.1f} and {last:.1f} degrees"
     try:
         found = condyle_axes(points, normals, extension, flexion, touching=touching)
     except UnsuitableMesh as error:
@@ -154,7 +179,14 @@ def _fitted(
         along = (found.points[0] - axis.center) @ axis.direction
         hinge = axis.center + along[:, None] * axis.direction
         words = "the cylinder through both condyles (no epicondyles are given)"
-    return FemurAxes(found.points, hinge, words, epicondyles, points, found, regions)
+    doubts = tuple(
+        f"{facet.side} {facet.name} facet: a radius of {facet.cylinder.radius:.0f} mm is nearly "
+        "flat, so that its centre means little: choose it elsewhere "
+        f"({'--touching-within, or no --tibia' if touching else f'--{facet.name}-facet'})"
+        for facet in found.facets
+        if facet.cylinder.radius > FLATTEST_MM
+    )
+    return FemurAxes(found.points, hinge, words, epicondyles, points, found, regions, doubts)
 
 
 def _touching(
@@ -167,7 +199,8 @@ def _touching(
             touching_rows(points, tibia, Pose.from_table(row), within) for row in table[[0, -1]]
         )
     except UnsuitableMesh as error:
-        raise problem(file, error) from None
+        expected = f"{error.expected} Bones without cartilage want a larger --touching-within"
+        raise InputProblem(file, error.part, error.found, expected) from None
     return first, last
 
 

@@ -159,17 +159,19 @@ def run(arguments: argparse.Namespace) -> int:
         raise problem(arguments.femur or arguments.axes or arguments.knee, error) from None
     files = _write(arguments, fit, axes, motion, flexion, side)
     print(_summary(fit, axes, motion))
-    for doubt in motion.doubts:
+    doubts = (*motion.doubts, *axes.doubts)
+    for doubt in doubts:
         print(f"! {doubt}")
     print(f"written to {arguments.out}:\n{', '.join(files)}, figures/")
-    return 1 if motion.doubts else 0
+    return 1 if doubts else 0
 
 
 def _check_options(arguments: argparse.Namespace) -> None:
     """Every option must be of use: none is silently ignored."""
     if (arguments.poses is None) == (arguments.knee is None):
-        found = "none" if arguments.poses is None else f"{arguments.poses} and {arguments.knee}"
-        raise InputProblem("joint fit", "poses", found, "a CSV of measured poses, or --knee")
+        found = "none" if arguments.poses is None else "a table and --knee"
+        expected = "a CSV of measured poses, or --knee"
+        raise InputProblem("joint fit", "poses", found, expected)
     if arguments.knee is None and arguments.femur is None and arguments.axes is None:
         expected = "--femur MESH, --axes FILE or, of a contact knee, --knee"
         raise InputProblem("joint fit", "axis points", "none", expected)
@@ -306,7 +308,7 @@ def _document(arguments, fit: JointFit, axes: FemurAxes, motion: _Motion, side, 
             joint: dict(zip(FREE_COORDINATES, row.tolist(), strict=True))
             for joint, row in zip(("moving", "hinge"), fit.rmse, strict=True)
         },
-        "doubts": list(motion.doubts),
+        "doubts": [*motion.doubts, *axes.doubts],
         "settings": settings,
         "versions": versions(),
     }

@@ -10,11 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import kneejax as kj
 from kneejax.cli import main
 from kneejax.files import read_joint, read_poses
-from kneejax.geometry import COLUMNS, convert
+from kneejax.geometry import COLUMNS, FREE_COORDINATES, Pose, convert
+from kneejax.joints import condyle_axes, touching_rows
+from kneejax.mechanics import condyle_points
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "joints"))
+from bones import PLATEAU, TOUCHING, write_bones, write_femur, write_scanned_bones
 from condyles import CENTERS, condyles
 
 SHARED = Path(__file__).parents[3] / "shared/data/lenhart2015"
@@ -45,29 +49,7 @@ def axes(tmp_path):
 
 @pytest.fixture(scope="module")
 def mesh(tmp_path_factory):
-    """The made-up femur as an OBJ file: strips of triangles, facing outwards."""
-    points, normals = condyles(step_deg=2.0, step_mm=2.0)
-    return _obj(tmp_path_factory.mktemp("mesh") / "femur.obj", points, normals)
-
-
-def _obj(path, points, normals):
-    faces, first = [], 0
-    for low, high in ((60, 108), (60, 108), (112, 195), (112, 195)):
-        wide, rows = len(np.arange(low, high, 2.0)), 11
-        for i in range(rows - 1):
-            for j in range(wide - 1):
-                a = first + i * wide + j
-                faces += [[a, a + wide, a + 1], [a + 1, a + wide, a + wide + 1]]
-        first += wide * rows
-    faces = np.array(faces)
-    corner = points[faces]
-    across = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-    inwards = np.einsum("ij,ij->i", across, normals[faces[:, 0]]) < 0
-    faces[inwards] = faces[inwards][:, ::-1]
-    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in points.tolist()]
-    lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in faces.tolist()]
-    path.write_text("\n".join(lines) + "\n")
-    return str(path)
+    return write_femur(tmp_path_factory.mktemp("mesh") / "femur.obj")
 
 
 def test_from_axis_points(tmp_path, poses, axes, capsys):
@@ -124,9 +106,7 @@ def test_from_a_mesh_of_either_side(tmp_path, poses, mesh, capsys):
         rows = list(csv.DictReader(stream))
     assert [row["facet"] for row in rows] == ["extension"] * 2 + ["flexion"] * 2
     # A left knee's mesh is the mirror image; its joint is the same, its file the mirror image.
-    points, normals = condyles(step_deg=2.0, step_mm=2.0)
-    mirror = [1, 1, -1]
-    left = _obj(tmp_path / "left.obj", points * mirror, normals * mirror)
+    left = write_femur(tmp_path / "left.obj", mirror=-1)
     words = ["joint", "fit", poses, "--femur", left, "--side", "left"]
     assert main([*words, "--out", str(tmp_path / "left")]) == 0
     other = read_joint(tmp_path / "left" / "joint.yaml")
@@ -205,12 +185,101 @@ def test_bad_regions_of_a_mesh(tmp_path, poses, mesh, capsys, words, said):
 
 def test_a_mesh_in_metres(tmp_path, poses, capsys):
     """It is recognised; forced to be mm, it is refused."""
-    points, normals = condyles(step_deg=2.0, step_mm=2.0)
-    metres = _obj(tmp_path / "metres.obj", points * 1e-3, normals)
+    metres = write_femur(tmp_path / "metres.obj", scale=1e-3)
     assert main(["joint", "fit", poses, "--femur", metres, "--out", str(tmp_path / "good")]) == 0
     capsys.readouterr()
     words = ["joint", "fit", poses, "--femur", metres, "--unit", "mm"]
     assert "in metres" in _refused(words, capsys, tmp_path / "out")
+
+
+def test_facets_are_where_bones_touch_wherever_a_scanner_saw_them(tmp_path, capsys):
+    """Balls of bone and landmarks bring meshes back into the frames of the poses, on both sides."""
+    poses = _write_poses(tmp_path / "touching.csv", TOUCHING)
+    found = {}
+    for side in ("", "right", "left"):
+        folder = tmp_path / f"seen {side}"
+        folder.mkdir()
+        write_scanned_bones(folder, side) if side else write_bones(folder)
+        words = ["--femur", str(folder / "femur.obj"), "--tibia", str(folder / "tibia.obj")]
+        words += ["--landmarks", str(folder / "landmarks.yaml"), "--side", side] if side else []
+        words += ["--touching-within", "2.5", "--out", str(folder / "out")]
+        assert main(["joint", "fit", poses, *words]) == 0
+        said = capsys.readouterr().out
+        assert "facets: within 2.5 mm of the tibia at -10.0 and 60.0 degrees" in said
+        found[side] = read_joint(folder / "out" / "joint.yaml")
+        if side:
+            assert found[side].side == side
+            own = found[""].joint.femoral
+            np.testing.assert_allclose(found[side].joint.femoral, own, atol=1e-6)
+            hinge = read_joint(folder / "out" / "hinge.yaml").joint
+            np.testing.assert_allclose(hinge.femoral[0], [[0, 0, -40], [0, 0, 40]], atol=1e-6)
+    points, normals = condyles(step_deg=2.0, step_mm=2.0)
+    touching = [touching_rows(points, PLATEAU, Pose.from_table(row), 2.5) for row in TOUCHING]
+    expected = condyle_axes(points, normals, touching=tuple(touching)).points
+    np.testing.assert_allclose(found[""].joint.femoral, expected, atol=1e-9)
+    # Arcs of 50 degrees, round across: known to this along the radius.
+    assert np.abs(expected - CENTERS)[..., :2].max() < 0.8
+
+
+def test_bones_that_do_not_touch(tmp_path, capsys):
+    write_bones(tmp_path)
+    away = np.array(TOUCHING) - [0, 0, 0, 0, 30, 0]
+    poses = _write_poses(tmp_path / "away.csv", away.tolist())
+    words = ["joint", "fit", poses, "--femur", str(tmp_path / "femur.obj")]
+    words += ["--tibia", str(tmp_path / "tibia.obj")]
+    line = _refused(words, capsys, tmp_path / "out")
+    assert "tibia.obj: femur and tibia at -10.0 degrees: " in line
+    assert "nearer than 4 mm" in line and "--touching-within" in line
+
+
+MARKS = """
+hip_center_mm: [0, 400, 0]
+epicondyles: {medial_mm: [0, 0, -40], lateral_mm: [0, 0, 40]}
+tibia:
+  plateau: {medial_mm: [0, 0, -36], lateral_mm: [0, 0, 36]}
+  ankle_center_mm: [0, -370, 0]
+"""
+ANKLE = "ankle_center_mm: [0, -370, 0]"
+BALL = "{medial_ball: {near_mm: [0, -370, -30], within_mm: 9}, lateral_mm: [0, -370, 30]}"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        (MARKS[MARKS.index("tibia") :], "", "tibia: missing: expected landmarks of the tibia"),
+        ("tibia:", "tibya:", "did you mean tibia?"),
+        ("plateau:", "platau:", "did you mean plateau?"),
+        (ANKLE, "", "tibia: neither: expected ankle_center_mm or malleoli"),
+        (ANKLE, "malleoli: {}", "tibia.malleoli: neither: expected medial_mm or medial_ball"),
+        (ANKLE, "malleoli: {medial_bal: 1}", "did you mean medial_ball?"),
+        (ANKLE, f"malleoli: {BALL}", "points within 9 mm of (0, -370, -30) mm: 0: expected at le"),
+        (ANKLE, "ankle_center_mm: [0, x, 0]", "tibia.ankle_center_mm[1]: x: expected a number"),
+        (ANKLE, "ankle_center_mm: [0, 0, 370]", "nearly collinear"),
+        ("medial_mm: [0, 0, -36]", "medial_mm: [0, 0, 35.9]", "medial edge and lateral edge: 0.1"),
+        (
+            "hip_center_mm: [0, 400, 0]",
+            "femoral_head: {near_mm: [0, 400, 0], within_mm: 30}",
+            "points within 30 mm of (0, 400, 0) mm: 0",
+        ),
+    ],
+)
+def test_bad_landmarks(tmp_path, capsys, old, new, said):
+    write_bones(tmp_path)
+    marks = tmp_path / "marks.yaml"
+    marks.write_text(MARKS.replace(old, new))
+    poses = _write_poses(tmp_path / "touching.csv", TOUCHING)
+    words = ["joint", "fit", poses, "--landmarks", str(marks)]
+    words += ["--femur", str(tmp_path / "femur.obj"), "--tibia", str(tmp_path / "tibia.obj")]
+    line = _refused(words, capsys, tmp_path / "out")
+    assert said in line and "marks.yaml: " in line
+
+
+def test_a_flat_facet_is_doubtful(tmp_path, poses, mesh, capsys, monkeypatch):
+    monkeypatch.setattr("kneejax.cli._joint_axes.FLATTEST_MM", 29.5)
+    out = tmp_path / "out"
+    assert main(["joint", "fit", poses, "--femur", mesh, "--out", str(out)]) == 1
+    assert "! medial extension facet: a radius of 30 mm is nearly flat" in capsys.readouterr().out
+    assert "nearly flat" in json.loads((out / "result.json").read_text())["doubts"][0]
 
 
 def test_collinear_landmarks(tmp_path, poses, mesh, capsys):
@@ -221,6 +290,153 @@ def test_collinear_landmarks(tmp_path, poses, mesh, capsys):
     )
     words = ["joint", "fit", poses, "--femur", mesh, "--landmarks", str(marks)]
     assert "nearly collinear" in _refused(words, capsys, tmp_path / "out")
+
+
+TABLE = """axis,side,anterior_mm,superior_mm,lateral_mm
+epicondyles,lateral,-1,3,41
+epicondyles,medial,0,2,-40
+extension,medial,6,8,-21.5
+flexion,lateral,-2,1,23.5
+flexion,medial,0.5,1.5,-21
+extension,lateral,1,11,23
+"""
+
+
+def test_axis_points_in_a_table_mean_the_same_on_both_sides(tmp_path, poses, axes):
+    """In YAML Z is to the person's right; in a table lateral is lateral."""
+    table = tmp_path / "axes.csv"
+    table.write_text(TABLE)
+    found = []
+    for words in (["--axes", axes], ["--axes", str(table)], ["--axes", str(table), "--side=left"]):
+        out = tmp_path / str(len(found))
+        assert main(["joint", "fit", poses, *words, "--out", str(out)]) == 0
+        files = [read_joint(out / f"{name}.yaml") for name in ("joint", "hinge")]
+        found.append([np.asarray(file.joint.femoral) for file in files])
+    for joint in (0, 1):
+        np.testing.assert_array_equal(found[1][joint], found[0][joint])
+        np.testing.assert_array_equal(found[2][joint], found[0][joint])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("flexion,medial", "flexon,medial", "row 5 (line 6), axis: flexon: expected one of exten"),
+        ("flexion,medial", "flexon,medial", "did you mean flexion?"),
+        ("flexion,medial", "flexion,medal", "did you mean medial?"),
+        ("flexion,medial", "flexion,lateral", "row 5 (line 6): flexion lateral again, as row 4"),
+        ("flexion,medial,0.5,1.5,-21\n", "", "flexion medial: missing: expected this row beside"),
+        ("epicondyles,medial,0,2,-40\n", "", "epicondyles medial: missing: expected this row"),
+        ("6,8,-21.5", "6,high,-21.5", "row 3 (line 4), superior_mm: high: expected a number"),
+        ("6,8,-21.5", "6,,-21.5", "row 3 (line 4), superior_mm: empty: expected a number"),
+        ("6,8,-21.5", "6,inf,-21.5", "row 3 (line 4), superior_mm: inf: expected a finite number"),
+        ("6,8,-21.5", "6,8", "row 3 (line 4): 4 cells: expected 5 cells"),
+        ("superior_mm", "superior", "superior_mm: missing: expected this column"),
+        ("6,8,-21.5", "1,11,22.9", "extension: medial and lateral point 0.1 mm apart: expected po"),
+        (TABLE[TABLE.index("\n") + 1 :], "", "rows: none"),
+    ],
+)
+def test_bad_tables_of_axis_points(tmp_path, poses, capsys, old, new, said):
+    table = tmp_path / "axes.csv"
+    table.write_text(TABLE.replace(old, new))
+    line = _refused(["joint", "fit", poses, "--axes", str(table)], capsys, tmp_path / "out")
+    assert said in line and "axes.csv: " in line
+
+
+def test_an_unknown_column_of_axis_points(tmp_path, poses, capsys):
+    table = tmp_path / "axes.csv"
+    table.write_text(TABLE.replace("_mm\n", "_mm,note\n").replace("1\n", "1,x\n"))
+    rows = [row + ",x" * (5 - row.count(",")) for row in table.read_text().splitlines()]
+    table.write_text("\n".join(rows))
+    line = _refused(["joint", "fit", poses, "--axes", str(table)], capsys, tmp_path / "out")
+    assert "header: note: expected only axis, side" in line
+
+
+#: Both ends of what is asked for and 26 flexions: one program for all, and for joint compare's.
+BENT = ["--flexion", "0:100:4"]
+
+
+def test_a_contact_knee_becomes_a_simple_joint(tmp_path, capsys):
+    """Exact where it was calibrated, its axis through the condyles; and what it loses between."""
+    out = tmp_path / "out"
+    assert main(["joint", "fit", "--knee", "four_ligament", *BENT, "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "moving axis, linear: calibrated at 0.0, 100.0 degrees" in said
+    assert "RMSE over passive flexion of four_ligament, 26 poses from 0 to 100 degrees" in said
+    knee = read_poses(out / "knee_poses.csv")
+    joint = read_joint(out / "joint.yaml").joint
+    apart = np.asarray(joint.pose(np.deg2rad(knee[:, 0])).to_table()) - knee
+    assert np.abs(apart[[0, -1]]).max() < 1e-9 < np.abs(apart[13]).max()
+    condyle = condyle_axes(*condyle_points(kj.load_knee("four_ligament")))
+    np.testing.assert_allclose(joint.femoral, condyle.points, atol=1e-9)
+    document = json.loads((out / "result.json").read_text())
+    rmse = [document["rmse"]["moving"][name] for name in FREE_COORDINATES]
+    np.testing.assert_allclose(rmse, np.sqrt(np.mean(apart**2, axis=0))[1:], rtol=1e-9)
+    assert document["doubts"] == [] and document["settings"]["knee"] == "four_ligament"
+    # Its axis points, in a table, make the same joint of the same poses.
+    again = ["joint", "fit", str(out / "knee_poses.csv"), "--axes", str(out / "axes.csv")]
+    assert main([*again, "--out", str(tmp_path / "again")]) == 0
+    other = read_joint(tmp_path / "again" / "joint.yaml").joint
+    np.testing.assert_allclose(other.tibial, joint.tibial, atol=1e-9)
+
+
+def test_a_calibration_becomes_the_joint_of_its_measured_frames(tmp_path):
+    """A shift between frames moves the axis in the femur and leaves it in the tibia."""
+    result = tmp_path / "result.json"
+    offset = {"lateral_mm": {"value": 3.0}, "anterior_mm": {"value": -2.0}}
+    document = {"parameters": {}, "settings": {"knee": "four_ligament"}}
+    joints = []
+    for shift in ({}, offset):
+        result.write_text(json.dumps(document | {"frame_offset": shift}))
+        out = ["--out", str(tmp_path / "out")]
+        assert main(["joint", "fit", "--knee", str(result), *BENT, *out]) == 0
+        joints.append(read_joint(tmp_path / "out" / "joint.yaml").joint)
+    np.testing.assert_allclose(joints[1].tibial, joints[0].tibial, atol=1e-9)
+    moved = np.asarray(joints[1].femoral - joints[0].femoral)
+    np.testing.assert_allclose(moved - [-2.0, 0.0, 3.0], 0.0, atol=1e-9)
+
+
+def test_poses_without_balance_are_refused_or_said(tmp_path, capsys):
+    words = ["joint", "fit", "--knee", "four_ligament", "--flexion=-30:170:8"]
+    line = _refused(words, capsys, tmp_path / "none")
+    assert "four_ligament: pose at -30 degrees: not_converged: expected a pose with bal" in line
+    assert "choose by --at, from" in line
+    out = tmp_path / "out"
+    assert main([*words, "--at", "10", "50", "90", "--out", str(out)]) == 1
+    said = capsys.readouterr().out
+    assert "axis through 3 poses, monotone: calibrated at 10.0, 50.0, 90.0 degrees" in said
+    assert "! four_ligament: " in said and "not_converged: no balance found" in said
+    with (out / "knee_poses.csv").open() as stream:
+        rows = {float(row["flexion_deg"]): row for row in csv.DictReader(stream)}
+    assert rows[-30.0]["status"] == "not_converged" and rows[-30.0]["anterior_mm"] == "nan"
+    document = json.loads((out / "result.json").read_text())
+    assert document["doubts"] and np.isfinite(document["rmse"]["moving"]["anterior"])
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ([], "joint fit: poses: none: expected a CSV of measured poses, or --knee"),
+        (["POSES", "--knee", "four_ligament"], "a table and --knee: expected a CSV of meas"),
+        (["POSES"], "joint fit: axis points: none: expected --femur MESH, --axes FILE"),
+        (["--knee", "four_ligamnt"], "did you mean four_ligament?"),
+        (["--knee", "nothing.json"], "nothing.json"),
+        (["--knee", "four_ligament", "--side", "left"], "--side: side: left: expected right, as"),
+        (["--knee", "four_ligament", "--convention", "tibial"], "beside a CSV of poses only"),
+        (["--knee", "four_ligament", "--flexion", "30"], "two flexions or more, or --at"),
+        (["--knee", "four_ligament", "--at", "0", "500"], "--at: degrees: 0.0,500.0: expected ang"),
+        (["--knee", "four_ligament", "--extension-facet", "65", "66"], "medial extension facet"),
+        (["--knee", "four_ligament", "--tibia", "t.stl"], "--tibia: option: t.stl: expected this"),
+        (["POSES", "--axes", "AXES", "--landmarks", "m.yaml"], "--landmarks: option: m.yaml"),
+        (["POSES", "--axes", "AXES", "--unit", "mm"], "this option beside --femur only"),
+        (["POSES", "--axes", "AXES", "--flexion-facet", "9", "99"], "--flexion-facet: option: 9 9"),
+        (["POSES", "--femur", "f.obj", "--touching-within", "3"], "beside --tibia only"),
+        (["POSES", "--femur", "f.obj", "--tibia", "t.obj", "--flexion-facet", "9", "99"],
+         "this option or --tibia, one of both"),
+    ],
+)  # fmt: skip
+def test_options_that_do_not_go_together(tmp_path, poses, axes, capsys, words, said):
+    made = [{"POSES": poses, "AXES": axes}.get(word, word) for word in words]
+    assert said in _refused(["joint", "fit", *made], capsys, tmp_path / "out")
 
 
 @pytest.mark.parametrize(
