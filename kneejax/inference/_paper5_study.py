@@ -16,6 +16,7 @@ from kneejax.inference import _printed_paper5 as printed
 from kneejax.inference._calibrate import versions
 from kneejax.inference._paper5_axes import FACETS, AxisPoints, axis_points
 from kneejax.joints import (
+    MEASURES,
     Comparison,
     Joint,
     clinical_measures,
@@ -197,17 +198,15 @@ def _cohort(
 ) -> Comparison:
     """Ten synthetic subjects with the printed means and standard deviations.
 
-    A subject's measures at two flexions are correlated by `rho`. Each has axis points of its own,
-    drawn like `_drawn`, and a hinge with the printed mean and spread at 0 degrees, as far from that
-    mean as its measured pose is from its own, and with the tilt that Table 3 shows, give or take 2
-    degrees. (In the first version hinges were put at the measured pose, with the stand-in's tilt,
-    which turned them the wrong way; replaced after its numbers had been seen.)
+    Each has axis points of its own, drawn like `_drawn`, and a hinge with the printed mean and
+    spread at 0 degrees, as far from that mean as its measured pose is from its own, and with the
+    tilt that Table 3 shows, give or take 2 degrees. (In the first version hinges were put at the
+    measured pose, with the stand-in's tilt, which turned them the wrong way; replaced after its
+    numbers had been seen.)
     """
     mean, sd = printed.MEAN[printed.EOS], printed.SD[printed.EOS]
     count = printed.SUBJECTS
-    shared = rng.normal(size=(count, 1, 5))
-    own = rng.normal(size=(count, *mean.shape))
-    measured = mean + sd * (np.sqrt(rho) * shared + np.sqrt(1.0 - rho) * own)
+    measured = synthetic_measures(rho, count, rng)
     facets = np.array([_drawn(stand_ins, rng) for _ in range(count)])
     tilts = rng.normal(tilt_deg, 2.0, size=count)
     apart = (measured[:, 0] - mean[0]) / sd[0]
@@ -221,3 +220,20 @@ def _cohort(
         anova=tested,
         alpha=printed.ALPHA,
     )
+
+
+def synthetic_measures(rho: float, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Measures of synthetic subjects, normal with the printed EOS means and standard deviations.
+
+    Args:
+        rho: correlation of a subject's measures at any two flexions.
+        count: how many subjects.
+        rng: draws them.
+
+    Returns:
+        Shape `(count, 5, 5)`: subjects, printed flexions, measures.
+    """
+    mean, sd = printed.MEAN[printed.EOS], printed.SD[printed.EOS]
+    shared = rng.normal(size=(count, 1, len(MEASURES)))
+    own = rng.normal(size=(count, *mean.shape))
+    return mean + sd * (np.sqrt(rho) * shared + np.sqrt(1.0 - rho) * own)

@@ -191,7 +191,10 @@ def test_a_generalised_axis_joins_where_there_are_more_poses(axes, tmp_path):
     table = np.array([np.interp(np.linspace(0, 90, 19), FLEXION, c) for c in motion(0).T]).T
     write_poses(dense, table)
     words = [str(dense), "--axes", axes, "--calibrate-at", "0", "45", "90"]
+    words += ["--average-within", "5"]
     assert main(["joint", "compare", *words, "--out", str(out)]) == 0
+    # Seven of the nineteen poses were averaged, and foretell nothing.
+    assert {r["points"] for r in rows(out / "predictions.csv")} == {"12"}
     rmse = {(r["model"], r["measure"]): float(r["rmse"]) for r in rows(out / "predictions.csv")}
     assert rmse["generalised axis", "AP"] < rmse["moving axis", "AP"] < rmse["hinge", "AP"]
 

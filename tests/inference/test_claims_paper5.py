@@ -87,6 +87,20 @@ def test_the_stand_in_stands_as_a_femur_does(facets):
     assert points.epicondyles[:, 0] == pytest.approx(np.zeros(2), abs=1e-12)
 
 
+def test_synthetic_subjects_have_the_printed_means_and_spreads_and_the_assumed_correlation(rng):
+    many = study.synthetic_measures(0.5, 20_000, rng)
+    sd = printed.SD[printed.EOS]
+    assert np.abs(many.mean(axis=0) - printed.MEAN[printed.EOS]).max() < 0.03 * sd.max()
+    np.testing.assert_allclose(many.std(axis=0), sd, rtol=0.02)
+    for j in range(5):
+        between = np.corrcoef(many[:, :, j].T)[np.triu_indices(5, 1)]
+        np.testing.assert_allclose(between, 0.5, atol=0.03)
+
+
+def test_the_printed_hinge_begins_at_the_first_row_of_its_table(found):
+    assert found.hinge[0] == pytest.approx(printed.MEAN[printed.HINGE][0], abs=1e-9)
+
+
 def test_the_same_seed_gives_the_same_cohorts(found):
     one = found.cohorts[0.5][0]
     assert one.tests and not found.cohorts[0.5][1].tests

@@ -144,6 +144,7 @@ def test_the_means_of_a_comparison_by_hand(cohort):
     assert line.rmse[2] == pytest.approx(np.sqrt(np.mean((x - y) ** 2)))
     summary = found.summaries[0]
     assert summary.conditions[5:] == ("average", "average compared", "min", "max", "ROM")
+    assert summary.sd[1] == pytest.approx(measured[:, 1].std(axis=0, ddof=1))
     assert summary.sd[5] == pytest.approx(summary.sd[:5].mean(axis=0))
     assert summary.mean[9] == pytest.approx(np.ptp(measured, axis=1).mean(axis=0))
     assert any("0, 90 degrees" in note for note in found.notes)

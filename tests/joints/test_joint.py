@@ -74,7 +74,7 @@ def test_random_joints_meet_their_poses_and_the_equations(drawn):
     points, poses = drawn
     joint = moving_axis(points, Pose.from_table(poses))
     assert _apart(_table(joint, poses[:, 0]), poses).max() < 1e-9
-    between = np.linspace(poses[0, 0] - 10, poses[1, 0] + 10, 5)
+    between = np.r_[-30.0, np.linspace(poses[0, 0] - 10, poses[1, 0] + 10, 5), 179.0]
     tibial = np.asarray(joint.tibial)
     for flexion, row in zip(between, _table(joint, between), strict=True):
         f = linear_points(poses[:, 0], points, flexion)
