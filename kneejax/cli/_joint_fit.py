@@ -33,21 +33,23 @@ from kneejax.files import (
     write_text,
 )
 from kneejax.geometry import FREE_COORDINATES, Pose
+from kneejax.inference import versions
 from kneejax.joints import (
-    CondyleAxes,
     JointFit,
     JointProblem,
     UnsuitablePoses,
     calibration_rows,
     fit_joints,
 )
+from kneejax.report import joint_axes_figure, joint_motion_figure, save_figure
+from kneejax.report._joint_fit_text import (
+    FACET_COLUMNS,
+    facet_rows,
+    joint_fit_summary,
+    joint_kind,
+)
 from kneejax.statics import Status
 
-_FACET_COLUMNS = (
-    "side", "facet", "points", "radius_mm", "rms_mm", "center_anterior_mm", "center_superior_mm",
-    "center_lateral_mm", "center_error_mm", "direction_anterior", "direction_superior",
-    "direction_lateral", "direction_error_deg", "own_direction",
-)  # fmt: skip
 # Options that mean nothing without another, and that mean nothing beside another.
 _NEEDED = {
     "convention": "poses",
@@ -158,7 +160,8 @@ def run(arguments: argparse.Namespace) -> int:
     except JointProblem as error:
         raise problem(arguments.femur or arguments.axes or arguments.knee, error) from None
     files = _write(arguments, fit, axes, motion, flexion, side)
-    print(_summary(fit, axes, motion))
+    over = _held_against(motion)
+    print(joint_fit_summary(fit, over, axes.hinge_source, axes.facets, axes.regions))
     doubts = (*motion.doubts, *axes.doubts)
     for doubt in doubts:
         print(f"! {doubt}")
@@ -277,7 +280,7 @@ def _write(
         write_poses(out / "knee_poses.csv", motion.table, status=motion.status)
         files.append("knee_poses.csv")
     if axes.facets is not None:
-        write_rows(out / "facets.csv", list(_FACET_COLUMNS), _facet_rows(axes.facets))
+        write_rows(out / "facets.csv", list(FACET_COLUMNS), facet_rows(axes.facets))
         write_axis_points(AxisPoints(axes.points, axes.epicondyles), out / "axes.csv")
         files += ["facets.csv", "axes.csv"]
     document = _document(arguments, fit, axes, motion, side, whence)
@@ -287,8 +290,6 @@ def _write(
 
 
 def _document(arguments, fit: JointFit, axes: FemurAxes, motion: _Motion, side, whence) -> dict:
-    from kneejax.inference import versions
-
     settings = {
         name: str(value) if isinstance(value, Path) else value
         for name, value in vars(arguments).items()
@@ -315,52 +316,17 @@ def _document(arguments, fit: JointFit, axes: FemurAxes, motion: _Motion, side, 
 
 
 def _write_figures(folder: Path, fit: JointFit, axes: FemurAxes, motion: _Motion, flexion) -> None:
-    from kneejax.report import joint_axes_figure, joint_motion_figure, save_figure
-
     drawn = joint_axes_figure(fit.moving, fit.hinge, axes.surface, axes.facets)
     save_figure(drawn, folder, "axes")
     dense = np.linspace(flexion.min(), flexion.max(), 241)
-    joints = {_kind(fit): fit.moving, "hinge": fit.hinge}
+    joints = {joint_kind(fit): fit.moving, "hinge": fit.hinge}
     drawn = joint_motion_figure(joints, motion.table, fit.rows, dense, motion.name)
     save_figure(drawn, folder, "motion")
 
 
-def _facet_rows(axes: CondyleAxes) -> list[list]:
-    return [
-        [
-            f.side, f.name, len(f.rows), f.cylinder.radius, f.cylinder.rms, *f.center,
-            f.cylinder.center_error, *f.cylinder.direction, f.cylinder.direction_error_deg,
-            f.turned,
-        ]
-        for f in axes.facets
-    ]  # fmt: skip
-
-
-def _kind(fit: JointFit) -> str:
-    return "moving axis" if len(fit.rows) == 2 else f"axis through {len(fit.rows)} poses"
-
-
-def _summary(fit: JointFit, axes: FemurAxes, motion: _Motion) -> str:
-    angles = ", ".join(f"{x:.1f}" for x in fit.poses[:, 0])
-    lines = [f"{_kind(fit)}, {fit.moving.interpolation}: calibrated at {angles} degrees"]
-    lines.append(f"hinge: through {axes.hinge_source}, exact at {fit.poses[0, 0]:.1f} degrees")
-    if axes.facets is not None:
-        lines.append(f"facets: {axes.regions}")
-        head = f"{'facet, mm':<20}{'points':>7}{'radius':>9}{'rms':>7}{'centre known to':>17}"
-        lines.append(head)
-        for f in axes.facets.facets:
-            row = f"{f.side + ' ' + f.name:<20}{len(f.rows):>7}{f.cylinder.radius:>9.1f}"
-            row += f"{f.cylinder.rms:>7.2f}{f.cylinder.center_error:>17.2f}"
-            row += "" if f.turned else "  (direction of the transverse axis)"
-            lines.append(row)
+def _held_against(motion: _Motion) -> str:
     known = motion.table[np.isfinite(motion.table).all(axis=1), 0]
-    over = f"{len(known)} measured poses"
-    if motion.status:
-        over = f"passive flexion of {motion.name}, {counted(len(known), 'pose')} "
-        over += f"from {known.min():g} to {known.max():g} degrees"
-    lines.append(f"RMSE over {over}, degrees and mm:")
-    head = ("adduction", "int.rot.", "anterior", "superior", "lateral")
-    lines.append(" " * 22 + "".join(f"{name:>11}" for name in head))
-    for name, row in zip((_kind(fit), "hinge"), fit.rmse, strict=True):
-        lines.append(f"{name:<22}" + "".join(f"{x:>11.3f}" for x in row))
-    return "\n".join(lines)
+    if not motion.status:
+        return f"{len(known)} measured poses"
+    ends = f"{known.min():g} to {known.max():g} degrees"
+    return f"passive flexion of {motion.name}, {counted(len(known), 'pose')} from {ends}"
