@@ -29,6 +29,9 @@ from kneejax.joints import (
     is_tested,
 )
 
+#: Poses as near as this to a flexion of calibration are averaged for it, unless another is given.
+_WITHIN_DEG = 0.5
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of `kneejax joint compare`."""
@@ -62,7 +65,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--average-within",
         type=float,
-        default=0.5,
         metavar="DEGREES",
         help="poses as near as this to a flexion of calibration are averaged for it (0.5)",
     )
@@ -77,9 +79,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--side",
         choices=["right", "left"],
-        default="right",
         help="of the knees whose points --axes gives, with Z to the person's right; poses go by "
-        "clinical meaning on either side",
+        "clinical meaning on either side (right)",
     )
     parser.add_argument(
         "--spread",
@@ -100,6 +101,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Compare, print tables, write them with a figure."""
     _check_options(arguments)
+    # From here on, and in result.json, what is used.
+    arguments.side = arguments.side or "right"
+    if arguments.average_within is None:
+        arguments.average_within = _WITHIN_DEG
     tables = _measured(arguments)
     flexion = tables[..., 0]
     # All that can be at fault is read before the knees move, which takes long.
@@ -123,11 +128,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _check_options(arguments: argparse.Namespace) -> None:
-    """What needs no file to be wrong."""
+    """What needs no file to be wrong: no option is silently ignored."""
     for name, value in (
         ("--spread", arguments.spread), ("--average-within", arguments.average_within)
     ):  # fmt: skip
-        if not 0.0 <= value < np.inf:
+        if value is not None and not 0.0 <= value < np.inf:
             raise InputProblem(name, "degrees", f"{value:g}", "a number of at least 0")
     if not 0.0 < arguments.alpha < 1.0:
         expected = "a number between 0 and 1, as 0.01"
@@ -138,6 +143,12 @@ def _check_options(arguments: argparse.Namespace) -> None:
     if bool(arguments.calibrate_at) != bool(arguments.axes):
         missing = "--calibrate-at" if arguments.axes else "--axes"
         raise InputProblem(missing, "option", "missing", "both --calibrate-at and --axes")
+    for name, value in (
+        ("--side", arguments.side), ("--average-within", arguments.average_within)
+    ):  # fmt: skip
+        if value is not None and not arguments.axes:
+            expected = "this option beside --calibrate-at and --axes only"
+            raise InputProblem(name, "option", str(value), expected)
     try:
         is_tested(len(arguments.measured), arguments.anova)
     except UnsuitableMotions as problem:

@@ -22,6 +22,7 @@ from kneejax.joints._repeated_measures import (
 #: Name of the measured motion among the models.
 MEASURED = "measured"
 _FEWEST_POINTS = 3
+_MOST_LISTED = 6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -336,9 +337,11 @@ def _notes(
 
 
 def _left_out(flexion: np.ndarray, compared: np.ndarray) -> str:
-    """Flexions that are not compared, neighbours as a range."""
+    """Flexions that are not compared; of many, neighbours as a range."""
     order = np.argsort(flexion, kind="stable")
     rows = np.flatnonzero(~compared[order])
+    if len(rows) <= _MOST_LISTED:
+        return ", ".join(f"{x:g}" for x in flexion[order][rows])
     runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
     ends = [flexion[order][[run[0], run[-1]]] for run in runs]
     return ", ".join(f"{a:g}" if a == b else f"{a:.1f} to {b:.1f}" for a, b in ends)

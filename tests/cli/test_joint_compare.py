@@ -248,6 +248,8 @@ def test_a_contact_knee_beside_joints(cohort, tmp_path):
         (["--joint", "HINGE", "--alpha", "7"], "--alpha: level: 7: expected a number between"),
         (["--joint", "HINGE", "--spread", "nan"], "--spread: degrees: nan: expected a number"),
         (["--joint", "HINGE", "--average-within", "-1"], "--average-within: degrees: -1"),
+        (["--joint", "HINGE", "--side", "left"], "--side: option: left: expected this option"),
+        (["--joint", "HINGE", "--average-within", "2"], "--average-within: option: 2.0"),
         (["--joint", "AXES"], "kneejax: missing: expected joint"),
         (["--knee", "HINGE"], "1, as in a knee file; this file holds a joint"),
         (["--knee", "four_ligament", "--knee", "four_ligament"], "four_ligament is twice"),
