@@ -179,6 +179,11 @@ def compare_motions(
         for name, one in given.items()
         if (gaps := int(np.isnan(one).any(axis=-1).sum()))
     ]
+    if undefined := sum(test is not None and np.isnan(test.f) for test in tests):
+        doubts.append(
+            f"{undefined} of {len(tests)} analyses of variance are undefined: motions are the same "
+            "distance apart in all subjects. Are these different persons?"
+        )
     return Comparison(
         flexion,
         compared,
@@ -326,7 +331,7 @@ def _notes(
         yield (
             "Tests: one-way repeated-measures analyses of variance, a measure and flexion each, "
             "Greenhouse-Geisser corrected; pairs Bonferroni-adjusted, significant (*) up to "
-            f"p = {alpha:g}, intervals of {1.0 - alpha:.0%}."
+            f"p = {alpha:g}, intervals of {100.0 * (1.0 - alpha):g}%."
         )
     elif subjects < FEWEST_SUBJECTS:
         one = "One subject" if subjects == 1 else f"{subjects} subjects"

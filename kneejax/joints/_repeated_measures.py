@@ -47,7 +47,8 @@ class RepeatedMeasures:
 
     Attributes:
         normality: group -> p of Shapiro-Wilk; small where values are not normal.
-        f: variance between groups over that of the error.
+        f: variance between groups over that of the error; NaN, as epsilon and p, without error:
+            where all groups differ by the same in all subjects.
         df: degrees of freedom of both, before the correction.
         epsilon: Greenhouse and Geisser's: 1 where groups are equally correlated, 1 / (groups - 1)
             at worst.
@@ -111,24 +112,36 @@ def repeated_measures(groups: Mapping[str, np.ndarray], alpha: float = 0.01) -> 
     import pandas
     from scipy import stats
 
+    subjects, count = len(next(iter(groups.values()))), len(groups)
+    df = count - 1, (count - 1) * (subjects - 1)
     with warnings.catch_warnings():
         # Values without any spread: the numbers say so (inf and NaN). pandas 3 announces 4.
         warnings.simplefilter("ignore")
-        table = pingouin.rm_anova(pandas.DataFrame(dict(groups)), correction=True, detailed=True)
         normality = {name: float(stats.shapiro(x).pvalue) for name, x in groups.items()}
         pairs = _pairs(groups, alpha)
-    between, error = table.iloc[0], table.iloc[1]
+        if not _any_error(np.stack(list(groups.values()))):
+            nan = float("nan")
+            return RepeatedMeasures(normality, nan, df, nan, nan, nan, pairs)
+        table = pingouin.rm_anova(pandas.DataFrame(dict(groups)), correction=True, detailed=True)
+    between = table.iloc[0]
     p = float(between["p_unc"])
     return RepeatedMeasures(
         normality,
         float(between["F"]),
-        (int(between["DF"]), int(error["DF"])),
+        df,
         float(between["eps"]),
         # Two groups cannot violate sphericity, and pingouin corrects nothing.
         float(between.get("p_GG_corr", p)),
         p,
         pairs,
     )
+
+
+def _any_error(values: np.ndarray) -> bool:
+    """Whether subjects differ in more than a constant of their own, `(groups, subjects)`."""
+    of_groups, of_subjects = values.mean(axis=1, keepdims=True), values.mean(axis=0)
+    error = values - of_groups - of_subjects + values.mean()
+    return bool(np.abs(error).max() > 1e-12 * np.abs(values).max())
 
 
 def _pairs(groups: Mapping[str, np.ndarray], alpha: float) -> tuple[Pair, ...]:

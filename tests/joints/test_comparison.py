@@ -210,11 +210,17 @@ def test_a_flexion_measured_twice_is_two_conditions(cohort):
     assert first.mean[-4] == pytest.approx(measured[:, twice[1:]].mean(axis=(0, 1)))
 
 
-def test_values_without_spread_have_no_p(cohort):
-    """Paired values that agree exactly: neither 0 nor 1, but undefined."""
-    measured, _ = cohort
-    one = repeated_measures({"a": measured[:, 0, 0], "b": measured[:, 0, 0]}).pairs[0]
-    assert one.difference == 0.0 and np.isnan(one.p)
+def test_one_person_three_times_is_no_cohort():
+    """Values that agree exactly leave an analysis of variance, and a pair's p, undefined."""
+    person = np.arange(10.0).reshape(2, 5)
+    same, other = np.stack([person] * 3), np.stack([person + 1.0] * 3)
+    found = compare_motions([0.0, 20.0], same, {"same": same, "other": other}, alpha=0.005)
+    assert any("p = 0.005, intervals of 99.5%" in note for note in found.notes)
+    assert all(np.isnan([test.f, test.p, test.epsilon]).all() for test in found.tests)
+    assert found.tests[0].df == (2, 4)
+    pairs = found.tests[0].pairs
+    assert np.isnan(pairs[0].p) and pairs[1].p == 0.0
+    assert "10 of 10 analyses of variance are undefined" in found.doubts[0]
 
 
 def test_a_model_that_does_not_move_has_no_r2(cohort):
