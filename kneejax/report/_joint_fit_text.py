@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterator
 
 from kneejax.joints import CondyleAxes, JointFit
@@ -60,7 +61,8 @@ def joint_fit_summary(
     ]
     if facets is not None:
         lines += [f"facets: {regions}", *_facet_lines(facets)]
-    lines.append(f"RMSE over {over}, degrees and mm:")
+    title = f"RMSE over {over}, degrees and mm:"
+    lines += textwrap.wrap(title, 98, subsequent_indent="  ", break_on_hyphens=False)
     head = ("adduction", "int.rot.", "anterior", "superior", "lateral")
     lines.append(" " * 22 + "".join(f"{name:>11}" for name in head))
     for name, row in zip((joint_kind(fit), "hinge"), fit.rmse, strict=True):
