@@ -14,6 +14,8 @@ from kneejax.joints._problems import UnsuitablePoses
 
 #: A calibration pose is at most this far from the flexion that was asked for, degrees.
 FARTHEST_DEG = 5.0
+#: First and last calibration pose are at least this far apart, degrees.
+LEAST_SPAN_DEG = 5.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -94,7 +96,8 @@ def calibration_rows(poses: ArrayLike, at_deg: Sequence[float] = ()) -> np.ndarr
         Their rows, by increasing flexion.
 
     Raises:
-        UnsuitablePoses: fewer than two poses, two at the same flexion, or none near one asked for.
+        UnsuitablePoses: fewer than two poses, two at the same flexion, all within 5 degrees, or
+            none near one asked for.
 
     Example:
         >>> table = np.zeros((4, 6))
@@ -118,6 +121,13 @@ def calibration_rows(poses: ArrayLike, at_deg: Sequence[float] = ()) -> np.ndarr
                 f"{which} at the same flexion, {flexion[one]:g} degrees",
                 "poses at different flexions",
             )
+    span = flexion[rows[-1]] - flexion[rows[0]]
+    if span < LEAST_SPAN_DEG:
+        raise UnsuitablePoses(
+            "calibration poses",
+            f"{span:.3g} degrees apart",
+            f"at least {LEAST_SPAN_DEG:g} from the first to the last; are angles in radians?",
+        )
     return rows
 
 

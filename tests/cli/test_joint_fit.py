@@ -148,6 +148,12 @@ def test_two_poses_at_one_flexion(tmp_path, axes, capsys):
     assert "rows 1 and 2 at the same flexion, 30 degrees" in line
 
 
+def test_two_poses_in_radians(tmp_path, axes, capsys):
+    poses = _write_poses(tmp_path / "rad.csv", np.c_[np.deg2rad(ENDS[:, :3]), ENDS[:, 3:]].tolist())
+    line = _refused(["joint", "fit", poses, "--axes", axes], capsys, tmp_path / "out")
+    assert "calibration poses: 1.45 degrees apart: expected at least 5 from" in line
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
