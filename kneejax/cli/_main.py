@@ -94,9 +94,13 @@ def _check_out(out: Path | None, folder: bool) -> None:
         raise InputProblem("--out", "folder", str(out), "a folder; this is a file")
     if not folder and out.is_dir():
         raise InputProblem("--out", "file", str(out), "the name of the new file; this is a folder")
-    above = next((place for place in out.parents if place.exists()), None)
-    if above is not None and not above.is_dir():
+    above = next((place for place in (out, *out.parents) if place.exists()), None)
+    if above is None or above == out and not folder:
+        return
+    if not above.is_dir():
         raise InputProblem("--out", "folder", str(out), f"a place in a folder; {above} is a file")
+    if not os.access(above, os.W_OK):
+        raise InputProblem("--out", "folder", str(out), f"a place to write; {above} is not yours")
 
 
 def _build_parser() -> argparse.ArgumentParser:

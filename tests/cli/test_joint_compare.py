@@ -2,6 +2,7 @@
 
 import csv
 import json
+import os
 import re
 from pathlib import Path
 
@@ -257,6 +258,12 @@ def test_mistakes_are_one_line_and_nothing_is_written(cohort, axes, words, said,
     line = capsys.readouterr().err
     assert said in line and line.count("\n") == 1
     assert not out.exists()
+
+
+def test_a_place_that_may_not_be_written_to_is_known_before_the_work(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    assert status("nothing.csv", "--out", str(tmp_path / "new" / "out")) == 2
+    assert "--out: folder:" in (line := capsys.readouterr().err) and "a place to write" in line
 
 
 def test_subjects_must_be_measured_alike(cohort, axes, tmp_path, capsys):
