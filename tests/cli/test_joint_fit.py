@@ -12,7 +12,7 @@ import pytest
 
 import kneejax as kj
 from kneejax.cli import main
-from kneejax.files import read_joint, read_poses
+from kneejax.files import read_axis_points, read_joint, read_poses
 from kneejax.geometry import COLUMNS, FREE_COORDINATES, Pose, convert
 from kneejax.joints import condyle_axes, touching_rows
 from kneejax.mechanics import condyle_points
@@ -52,7 +52,19 @@ def mesh(tmp_path_factory):
     return write_femur(tmp_path_factory.mktemp("mesh") / "femur.obj")
 
 
-def test_from_axis_points(tmp_path, poses, axes, capsys):
+@pytest.fixture
+def figures():
+    """A test that has it wants the figures."""
+
+
+@pytest.fixture(autouse=True)
+def drawn_only_where_wanted(request, monkeypatch):
+    """Drawing takes longer than all else."""
+    if "figures" not in request.fixturenames:
+        monkeypatch.setattr("kneejax.cli._joint_fit._write_figures", lambda *_: None)
+
+
+def test_from_axis_points(tmp_path, poses, axes, capsys, figures):
     out = tmp_path / "out"
     assert main(["joint", "fit", poses, "--axes", axes, "--out", str(out)]) == 0
     text = capsys.readouterr().out
@@ -96,7 +108,7 @@ def test_another_convention_is_read(tmp_path, axes):
     np.testing.assert_allclose(joint.pose(joint.flexion).to_table(), ENDS, atol=1e-9)
 
 
-def test_from_a_mesh_of_either_side(tmp_path, poses, mesh, capsys):
+def test_from_a_mesh_of_either_side(tmp_path, poses, mesh, capsys, figures):
     out = tmp_path / "right"
     assert main(["joint", "fit", poses, "--femur", mesh, "--out", str(out)]) == 0
     assert "cylinder through both condyles" in capsys.readouterr().out
@@ -308,19 +320,17 @@ extension,lateral,1,11,23
 """
 
 
-def test_axis_points_in_a_table_mean_the_same_on_both_sides(tmp_path, poses, axes):
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_axis_points_in_a_table_mean_the_same_on_both_sides(tmp_path, poses, side):
     """In YAML Z is to the person's right; in a table lateral is lateral."""
-    table = tmp_path / "axes.csv"
+    table, out = tmp_path / "axes.csv", tmp_path / "out"
     table.write_text(TABLE)
-    found = []
-    for words in (["--axes", axes], ["--axes", str(table)], ["--axes", str(table), "--side=left"]):
-        out = tmp_path / str(len(found))
-        assert main(["joint", "fit", poses, *words, "--out", str(out)]) == 0
-        files = [read_joint(out / f"{name}.yaml") for name in ("joint", "hinge")]
-        found.append([np.asarray(file.joint.femoral) for file in files])
-    for joint in (0, 1):
-        np.testing.assert_array_equal(found[1][joint], found[0][joint])
-        np.testing.assert_array_equal(found[2][joint], found[0][joint])
+    words = ["joint", "fit", poses, "--axes", str(table), "--side", side]
+    assert main([*words, "--out", str(out)]) == 0
+    joint, hinge = (read_joint(out / f"{name}.yaml").joint for name in ("joint", "hinge"))
+    points = [[[6, 8, -21.5], [1, 11, 23]], [[0.5, 1.5, -21], [-2, 1, 23.5]]]
+    np.testing.assert_array_equal(joint.femoral, points)
+    np.testing.assert_array_equal(hinge.femoral[0], [[0, 2, -40], [-1, 3, 41]])
 
 
 @pytest.mark.parametrize(
@@ -361,7 +371,7 @@ def test_an_unknown_column_of_axis_points(tmp_path, poses, capsys):
 BENT = ["--flexion", "0:100:4"]
 
 
-def test_a_contact_knee_becomes_a_simple_joint(tmp_path, capsys):
+def test_a_contact_knee_becomes_a_simple_joint(tmp_path, capsys, figures):
     """Exact where it was calibrated, its axis through the condyles; and what it loses between."""
     out = tmp_path / "out"
     assert main(["joint", "fit", "--knee", "four_ligament", *BENT, "--out", str(out)]) == 0
@@ -378,27 +388,24 @@ def test_a_contact_knee_becomes_a_simple_joint(tmp_path, capsys):
     rmse = [document["rmse"]["moving"][name] for name in FREE_COORDINATES]
     np.testing.assert_allclose(rmse, np.sqrt(np.mean(apart**2, axis=0))[1:], rtol=1e-9)
     assert document["doubts"] == [] and document["settings"]["knee"] == "four_ligament"
-    # Its axis points, in a table, make the same joint of the same poses.
-    again = ["joint", "fit", str(out / "knee_poses.csv"), "--axes", str(out / "axes.csv")]
-    assert main([*again, "--out", str(tmp_path / "again")]) == 0
-    other = read_joint(tmp_path / "again" / "joint.yaml").joint
-    np.testing.assert_allclose(other.tibial, joint.tibial, atol=1e-9)
+    np.testing.assert_allclose(read_axis_points(out / "axes.csv").points, joint.femoral, atol=1e-9)
+    for name in ("axes", "motion"):
+        assert (out / "figures" / f"{name}.png").stat().st_size > 10_000
 
 
 def test_a_calibration_becomes_the_joint_of_its_measured_frames(tmp_path):
     """A shift between frames moves the axis in the femur and leaves it in the tibia."""
-    result = tmp_path / "result.json"
-    offset = {"lateral_mm": {"value": 3.0}, "anterior_mm": {"value": -2.0}}
+    result, out = tmp_path / "result.json", tmp_path / "out"
     document = {"parameters": {}, "settings": {"knee": "four_ligament"}}
-    joints = []
-    for shift in ({}, offset):
-        result.write_text(json.dumps(document | {"frame_offset": shift}))
-        out = ["--out", str(tmp_path / "out")]
-        assert main(["joint", "fit", "--knee", str(result), *BENT, *out]) == 0
-        joints.append(read_joint(tmp_path / "out" / "joint.yaml").joint)
-    np.testing.assert_allclose(joints[1].tibial, joints[0].tibial, atol=1e-9)
-    moved = np.asarray(joints[1].femoral - joints[0].femoral)
-    np.testing.assert_allclose(moved - [-2.0, 0.0, 3.0], 0.0, atol=1e-9)
+    document["frame_offset"] = {"lateral_mm": {"value": 12.0}, "anterior_mm": {"value": -2.0}}
+    result.write_text(json.dumps(document))
+    assert main(["joint", "fit", "--knee", str(result), *BENT, "--out", str(out)]) == 0
+    joint = read_joint(out / "joint.yaml").joint
+    own = condyle_axes(*condyle_points(kj.load_knee("four_ligament"))).points
+    np.testing.assert_allclose(joint.femoral, own + [-2.0, 0.0, 12.0], atol=1e-9)
+    there = read_poses(out / "knee_poses.csv")[[0, -1]] - [0, 0, 0, -2.0, 0, 12.0]
+    unmoved = kj.moving_axis(own, Pose.from_table(there))
+    np.testing.assert_allclose(joint.tibial, unmoved.tibial, atol=1e-9)
 
 
 def test_poses_without_balance_are_refused_or_said(tmp_path, capsys):
@@ -450,6 +457,7 @@ def test_options_that_do_not_go_together(tmp_path, poses, axes, capsys, words, s
     [
         (["joint", "fit", "p.csv", "--axs", "a"], "--axes"),
         (["joint", "fit", "p.csv", "--axes", "a", "--conventoin", "tibial"], "mean --convention"),
+        (["joint", "fit", "p.csv", "--touching-within", "0"], "0: expected mm above 0"),
         (["joint", "exprt", "j.yaml"], "did you mean export"),
     ],
 )
