@@ -102,6 +102,7 @@ def calibration_rows(poses: ArrayLike, at_deg: Sequence[float] = ()) -> np.ndarr
     Example:
         >>> table = np.zeros((4, 6))
         >>> table[:, 0] = [90.0, 45.0, 0.0, 20.0]
+        >>> table = np.vstack([table, [100.0, *[np.nan] * 5]])  # no balance there
         >>> calibration_rows(table).tolist(), calibration_rows(table, (1.0, 43.0)).tolist()
         ([2, 0], [2, 1])
     """
