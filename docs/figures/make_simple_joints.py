@@ -52,10 +52,12 @@ COMMANDS = (
     "joint fit mri.csv --axes axes.yaml --at 10 45 --out joint",
     "joint compare mri.csv --axes axes.yaml --calibrate-at 10 45 --average-within 2 "
     "--knee lenhart2015_reduced --knee ends/result.json --out compare",
+    "joint fit --knee lenhart2015_reduced --flexion 0:90:5 --at 0 45 90 --out knee",
     "reproduce 5 --out paper5",
 )
 PICTURES = {
     "compare/figures/joints.png": "simple_joints_compare.png",
+    "knee/figures/motion.png": "simple_joints_knee.png",
     "paper5/figures/means.png": "simple_joints_paper5.png",
 }
 
