@@ -14,6 +14,7 @@ from kneejax.joints._repeated_measures import (
     FEWEST_SUBJECTS,
     RepeatedMeasures,
     UnsuitableMotions,
+    check_level,
     is_tested,
     repeated_measures,
     standard_error,
@@ -123,7 +124,15 @@ class Comparison:
         return {MEASURED: self.measured, **self.models}
 
     def test(self, measure: str, flexion: int) -> RepeatedMeasures | None:
-        """The test of a measure at one of the compared flexions, counted from 0."""
+        """The test of a measure at one of the compared flexions.
+
+        Args:
+            measure: name of one of `MEASURES`.
+            flexion: number of a compared flexion, from 0.
+
+        Returns:
+            The test; None without one, or where a model has no pose.
+        """
         row = [one.name for one in MEASURES].index(measure)
         return self.tests[row * int(self.compared.sum()) + flexion] if self.tests else None
 
@@ -154,9 +163,9 @@ def compare_motions(
         The `Comparison`.
 
     Raises:
-        UnsuitableMotions: shapes differ, a measured value is missing, a name is taken, a flexion
-            of calibration is none of the conditions, too little is left to compare, or the tests
-            need more subjects or a package.
+        UnsuitableMotions: shapes differ, a flexion or measured value is missing, a name is taken,
+            a flexion of calibration is none of the conditions, too little is left to compare, the
+            level is none, or the tests need more subjects or a package.
 
     Source: paper 5, sections 2.6 and 3.
     """
@@ -169,8 +178,7 @@ def compare_motions(
             f"{points} values to compare (subjects: {subjects}, flexions beside those of the "
             f"calibration: {int(compared.sum())}): expected at least {_FEWEST_POINTS}"
         )
-    if not 0.0 < alpha < 1.0:
-        raise UnsuitableMotions(f"alpha is {alpha:g}: expected a number between 0 and 1")
+    check_level(alpha)
     motions = {MEASURED: seen, **given}
     tests = _tests(motions, compared, alpha) if is_tested(subjects, anova) else ()
     doubts = [
@@ -218,8 +226,9 @@ def _checked(
             )
     if MEASURED in given:
         raise UnsuitableMotions(f"a model is called {MEASURED}: expected another name")
-    if not np.isfinite(seen).all():
-        raise UnsuitableMotions("a measured value is missing: expected finite numbers")
+    for what, values in (("flexion", flexion), ("measured value", seen)):
+        if not np.isfinite(values).all():
+            raise UnsuitableMotions(f"a {what} is missing: expected finite numbers")
     return seen, given
 
 

@@ -90,8 +90,13 @@ class Joint(eqx.Module):
 
         Returns:
             In the femur and in the tibia, each of shape `(2, 3, lanes)`, mm.
+
+        Raises:
+            ValueError: flexion has another shape.
         """
         flexion = jnp.asarray(flexion, float)
+        if flexion.ndim != 1:
+            raise ValueError(f"flexion has shape {flexion.shape}; expected (lanes,)")
         bent = self.interpolation == "monotone" and len(self.flexion) > 1
         femoral, tibial = (
             between(
@@ -113,6 +118,9 @@ class Joint(eqx.Module):
         Returns:
             The pose with just this flexion, fields of shape `(lanes,)`. Make tables of it outside
             a `jax.jit` of your own: stacks inside may cost more than the poses.
+
+        Raises:
+            ValueError: flexion has another shape.
         """
         flexion = jnp.asarray(flexion, float)
         femoral, tibial = self.axis_points(flexion)

@@ -101,13 +101,15 @@ def repeated_measures(groups: Mapping[str, np.ndarray], alpha: float = 0.01) -> 
         The `RepeatedMeasures`.
 
     Raises:
-        UnsuitableMotions: fewer than three subjects, or pingouin is not installed.
+        UnsuitableMotions: fewer than two groups or three subjects, groups of different lengths, a
+            value that is not finite, a level that is none, or pingouin is not installed.
 
     Source: paper 5, section 2.6: Shapiro-Wilk, Greenhouse-Geisser, Bonferroni with alpha 0.01.
     Here the first and the last are SciPy's (`shapiro`, `ttest_rel`), the analysis is pingouin's
     (`rm_anova`).
     """
-    is_tested(len(next(iter(groups.values()))), anova=True)
+    groups = {name: np.asarray(values, float) for name, values in groups.items()}
+    _check_groups(groups, alpha)
     pingouin = _pingouin()
     import pandas
     from scipy import stats
@@ -135,6 +137,33 @@ def repeated_measures(groups: Mapping[str, np.ndarray], alpha: float = 0.01) -> 
         p,
         pairs,
     )
+
+
+def _check_groups(groups: Mapping[str, np.ndarray], alpha: float) -> None:
+    if len(groups) < 2:
+        raise UnsuitableMotions(f"{len(groups)} group to compare: expected at least two")
+    shapes = {values.shape for values in groups.values()}
+    if len(shapes) > 1 or len(shape := shapes.pop()) != 1:
+        found = ", ".join(f"{name} {values.shape}" for name, values in groups.items())
+        raise UnsuitableMotions(f"groups of the shapes {found}: expected (subjects,), all alike")
+    is_tested(*shape, anova=True)
+    for name, values in groups.items():
+        if not np.isfinite(values).all():
+            raise UnsuitableMotions(f"a value of {name} is missing: expected finite numbers")
+    check_level(alpha)
+
+
+def check_level(alpha: float) -> None:
+    """Refuse a level of tests that is no probability.
+
+    Args:
+        alpha: the level.
+
+    Raises:
+        UnsuitableMotions: it is not between 0 and 1.
+    """
+    if not 0.0 < alpha < 1.0:
+        raise UnsuitableMotions(f"alpha is {alpha:g}: expected a number between 0 and 1")
 
 
 def _any_error(values: np.ndarray) -> bool:

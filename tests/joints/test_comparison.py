@@ -241,13 +241,29 @@ def test_a_model_that_does_not_move_has_no_r2(cohort):
         ({"models": {"near": np.zeros((6, 4, 5))}}, "near has the shape"),
         ({"models": {"measured": np.zeros((6, 5, 5))}}, "another name"),
         ({"measured": np.full((6, 5, 5), np.nan)}, "a measured value is missing"),
+        ({"flexion": [0.0, np.nan, 45.0, 60.0, 90.0]}, "a flexion is missing"),
     ],
 )
 def test_what_cannot_be_compared_is_said(cohort, change, said):
     measured, models = cohort
-    options = {"measured": measured, "models": models} | change
+    options = {"flexion": FLEXION, "measured": measured, "models": models} | change
+    three = [options.pop(name) for name in ("flexion", "measured", "models")]
     with pytest.raises(UnsuitableMotions, match=said):
-        compare_motions(FLEXION, options.pop("measured"), options.pop("models"), **options)
+        compare_motions(*three, **options)
+
+
+@pytest.mark.parametrize(
+    ("groups", "said"),
+    [
+        ({"a": np.arange(4.0)}, "1 group to compare"),
+        ({"a": np.arange(4.0), "b": np.arange(5.0)}, r"a \(4,\), b \(5,\): expected"),
+        ({"a": np.arange(2.0), "b": np.arange(2.0)}, "2 subjects: expected at least 3"),
+        ({"a": np.arange(3.0), "b": np.array([1.0, np.nan, 3.0])}, "a value of b is missing"),
+    ],
+)
+def test_what_is_no_set_of_groups_is_said(groups, said):
+    with pytest.raises(UnsuitableMotions, match=said):
+        repeated_measures(groups)
 
 
 def test_without_pingouin_the_sentence_says_what_to_install(cohort, monkeypatch):

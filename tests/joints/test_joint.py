@@ -311,6 +311,8 @@ def test_bad_input_is_named():
         moving_axis([EXTENSION], poses)
     with pytest.raises(ValueError, match=r"expected \(k, 2, 3\)"):
         generalised_axis([EXTENSION], poses)
+    with pytest.raises(ValueError, match=r"flexion has shape \(\); expected \(lanes,\)"):
+        _moving().pose(0.3)
     with pytest.raises(ValueError, match="interpolation is 'cubic'"):
         generalised_axis([EXTENSION, FLEXED], poses, "cubic")
     with pytest.raises(ValueError, match=r"tibial has shape \(1, 2, 3\)"):
