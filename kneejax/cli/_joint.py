@@ -5,9 +5,11 @@ from __future__ import annotations
 import argparse
 import importlib
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
-CONVENTIONS = ("femoral", "grood-suntay", "tibial", "femur-in-tibia")
+from kneejax.files import InputProblem
+from kneejax.geometry import COLUMNS, CONVENTIONS
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,6 +40,41 @@ def degrees(text: str) -> float:
             f"{text}: expected a number of degrees; several have blanks between them, as 0 90"
         )
     return angle
+
+
+def add_table_arguments(parser: argparse.ArgumentParser) -> None:
+    """What the columns of measured poses mean and how they are called."""
+    parser.add_argument("--convention", choices=CONVENTIONS, help="of the poses; femoral")
+    parser.add_argument(
+        "--column",
+        action="append",
+        metavar="NAME=COLUMN",
+        help="the table's column for one of the package's, as flexion_deg=knee_flex_deg; may be "
+        "repeated",
+    )
+
+
+def renamed_columns(asked: Sequence[str] | None) -> dict[str, str]:
+    """Column of the package -> column of the table.
+
+    Args:
+        asked: words `NAME=COLUMN`.
+
+    Returns:
+        The names, empty if nothing was asked.
+
+    Raises:
+        InputProblem: a word is something else, or a name is unknown or there twice.
+    """
+    names: dict[str, str] = {}
+    for word in asked or ():
+        name, _, column = word.partition("=")
+        if name not in COLUMNS:
+            raise InputProblem("--column", "name", name, f"one of {', '.join(COLUMNS)}", COLUMNS)
+        if not column or name in names:
+            raise InputProblem("--column", name, column, f"one {name}=COLUMN of the table")
+        names[name] = column
+    return names
 
 
 def _when_parsed(parser: argparse.ArgumentParser, module: str) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from kneejax.cli._contact_knee import read_contact_knee
-from kneejax.cli._joint import degrees
+from kneejax.cli._joint import add_table_arguments, degrees, renamed_columns
 from kneejax.cli._joint_models import (
     Modelled,
     curve_flexion,
@@ -19,7 +19,6 @@ from kneejax.cli._joint_models import (
     knee_model,
 )
 from kneejax.files import InputProblem, counted, read_poses, write_rows, write_text
-from kneejax.geometry import CONVENTIONS
 from kneejax.inference import UnsuitableData, versions
 from kneejax.joints import (
     Comparison,
@@ -38,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "measured", type=Path, nargs="+", help="CSV of measured poses, one file a subject"
     )
-    parser.add_argument("--convention", choices=CONVENTIONS, default="femoral")
+    add_table_arguments(parser)
     parser.add_argument(
         "--joint",
         action="append",
@@ -102,6 +101,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Compare, print tables, write them with a figure."""
     _check_options(arguments)
     # From here on, and in result.json, what is used.
+    arguments.convention = arguments.convention or "femoral"
     arguments.side = arguments.side or "right"
     if arguments.average_within is None:
         arguments.average_within = _WITHIN_DEG
@@ -157,9 +157,9 @@ def _check_options(arguments: argparse.Namespace) -> None:
 
 def _measured(arguments: argparse.Namespace) -> np.ndarray:
     """Tables of all subjects by flexion, shape `(subjects, n, 6)`."""
-    tables = []
+    tables, columns = [], renamed_columns(arguments.column)
     for file in arguments.measured:
-        table = read_poses(file, arguments.convention)
+        table = read_poses(file, arguments.convention, columns)
         tables.append(table[np.argsort(table[:, 0], kind="stable")])
     first = tables[0]
     for file, table in zip(arguments.measured, tables, strict=True):

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from kneejax.cli._contact_knee import ContactKnee, passive_motion, read_contact_knee
-from kneejax.cli._joint import CONVENTIONS, degrees
+from kneejax.cli._joint import add_table_arguments, degrees, renamed_columns
 from kneejax.cli._joint_axes import (
     FemurAxes,
     FindAxes,
@@ -53,6 +53,7 @@ from kneejax.statics import Status
 # Options that mean nothing without another, and that mean nothing beside another.
 _NEEDED = {
     "convention": "poses",
+    "column": "poses",
     "unit": "femur",
     "landmarks": "femur",
     "tibia": "femur",
@@ -88,7 +89,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "poses", type=Path, nargs="?", help="CSV of two or more measured poses; or --knee"
     )
-    parser.add_argument("--convention", choices=CONVENTIONS, help="of the poses; femoral")
+    add_table_arguments(parser)
     parser.add_argument(
         "--knee",
         help="passive flexion of a contact knee instead of poses: bundled name, knee file, or the "
@@ -196,7 +197,8 @@ def _option(name: str) -> str:
 
 def _shown(arguments: argparse.Namespace, name: str) -> str:
     value = getattr(arguments, name)
-    return " ".join(f"{x:g}" for x in value) if isinstance(value, list) else str(value)
+    words = value if isinstance(value, list) else [value]
+    return " ".join(f"{x:g}" if isinstance(x, float) else str(x) for x in words)
 
 
 def _millimetres(text: str) -> float:
@@ -226,7 +228,8 @@ def _axes(arguments: argparse.Namespace, side: str, read: ContactKnee | None) ->
 
 
 def _measured(arguments: argparse.Namespace) -> _Motion:
-    table = read_poses(arguments.poses, arguments.convention or "femoral")
+    columns = renamed_columns(arguments.column)
+    table = read_poses(arguments.poses, arguments.convention or "femoral", columns)
     return _Motion(table, tuple(arguments.at or ()), "measured", str(arguments.poses))
 
 

@@ -162,6 +162,19 @@ def test_joints_are_fitted_to_each_person_on_its_own_axis_points_of_a_left_knee(
     assert document["settings"]["sources"]["hinge"] == axes and document["subjects"] == 2
 
 
+def test_columns_of_other_names(cohort, tmp_path):
+    """As OpenSim's users call them; a table with unused names beside."""
+    text = Path(cohort["measured"][0]).read_text()
+    table = tmp_path / "other.csv"
+    table.write_text(text.replace("flexion_deg", "knee_flex", 1).replace("lateral_mm", "tz", 1))
+    words = ["--column", "flexion_deg=knee_flex", "--column", "lateral_mm=tz"]
+    words += ["--joint", cohort["hinge"][0], "--out"]
+    assert status(str(table), *words, str(tmp_path / "other")) == 0
+    assert status(cohort["measured"][0], *words[4:], str(tmp_path / "plain")) == 0
+    one, other = (rows(tmp_path / name / "summary.csv") for name in ("plain", "other"))
+    assert one == other
+
+
 def test_a_joint_file_is_left_out_where_it_is_exact_beside_fitted_joints(cohort, axes, tmp_path):
     """Fitted at 0 and 90; where the file's own joint was calibrated foretells nothing either."""
     table = motion(0)
@@ -241,6 +254,9 @@ def test_a_contact_knee_beside_joints(cohort, tmp_path):
         (["--joint", "HINGE", "--average-within", "-1"], "--average-within: degrees: -1"),
         (["--joint", "HINGE", "--side", "left"], "--side: option: left: expected this option"),
         (["--joint", "HINGE", "--average-within", "2"], "--average-within: option: 2.0"),
+        (["--joint", "HINGE", "--column", "flexion=knee_flex"], "did you mean flexion_deg?"),
+        (["--joint", "HINGE", "--column", "lateral_mm="], "one lateral_mm=COLUMN of the table"),
+        (["--joint", "HINGE", "--column", "lateral_mm=tz"], "tz: missing: expected this column"),
         (["--joint", "AXES"], "kneejax: missing: expected joint"),
         (["--knee", "HINGE"], "1, as in a knee file; this file holds a joint"),
         (["--knee", "four_ligament", "--knee", "four_ligament"], "four_ligament is twice"),
