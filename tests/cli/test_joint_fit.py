@@ -435,6 +435,7 @@ def test_poses_without_balance_are_refused_or_said(tmp_path, capsys):
         (["--knee", "nothing.json"], "nothing.json"),
         (["--knee", "four_ligament", "--side", "left"], "--side: side: left: expected right, as"),
         (["--knee", "four_ligament", "--convention", "tibial"], "beside a CSV of poses only"),
+        (["--knee", "four_ligament", "--column", "flexion_deg=a"], "flexion_deg=a: expected this"),
         (["--knee", "four_ligament", "--flexion", "30"], "two flexions or more, or --at"),
         (["--knee", "four_ligament", "--at", "0", "500"], "--at: degrees: 0.0,500.0: expected ang"),
         (["--knee", "four_ligament", "--extension-facet", "65", "66"], "medial extension facet"),
