@@ -232,9 +232,7 @@ def _femur_placed(
         raise problem(file, error) from None
 
 
-def _centers(
-    mesh: np.ndarray, places: np.ndarray, within: Sequence[float | None]
-) -> np.ndarray:
+def _centers(mesh: np.ndarray, places: np.ndarray, within: Sequence[float | None]) -> np.ndarray:
     """The places, or the centres of the balls of bone about them."""
     return np.array(
         [

@@ -236,12 +236,12 @@ def _measured(arguments: argparse.Namespace) -> _Motion:
 def _bent(arguments: argparse.Namespace, read: ContactKnee, flexion: np.ndarray) -> _Motion:
     """Passive flexion of a contact knee, balanced where joints are calibrated on it."""
     at = tuple(arguments.at or (flexion.min(), flexion.max()))
-    if not arguments.at and flexion.min() == flexion.max():
-        expected = "two flexions or more, or --at"
-        raise InputProblem("--flexion", "flexion_deg", arguments.flexion, expected)
-    if arguments.at:
-        parse_flexion(",".join(map(str, at)), "--at", "degrees")
+    parse_flexion(",".join(map(str, at)), "--at", "degrees")
     angles = np.unique(np.concatenate([flexion, at]))
+    try:  # whether these are flexions for a joint is known before any pose
+        calibration_rows(np.pad(angles[:, None], ((0, 0), (0, 5))), at)
+    except UnsuitablePoses as error:
+        raise problem("--at" if arguments.at else "--flexion", error) from None
     found = passive_motion(read, angles)
     usable = np.array([status.usable for status in found.status])
     for angle in sorted(at):
