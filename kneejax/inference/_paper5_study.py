@@ -22,6 +22,7 @@ from kneejax.joints import (
     clinical_measures,
     compare_motions,
     hinge,
+    is_tested,
     moving_axis,
     poses_from_clinical,
 )
@@ -81,6 +82,7 @@ def paper5_study(knee: Knee, seed: int = 5) -> Paper5Study:
     Raises:
         UnsuitableMotions: pingouin, for the analysis of variance, is not installed.
     """
+    is_tested(printed.SUBJECTS)  # or pingouin is missing: better known before the work
     rng = np.random.default_rng(seed)
     stand_ins = {name: axis_points(knee, name) for name in FACETS}
     points = stand_ins["contact"]

@@ -114,6 +114,6 @@ def test_without_pingouin_the_study_says_so(monkeypatch):
     def missing(*_, **__):
         raise UnsuitableMotions("pip install 'kneejax[statistics]'")
 
-    monkeypatch.setattr(study, "compare_motions", missing)
+    monkeypatch.setattr(study, "is_tested", missing)
     with pytest.raises(UnsuitableMotions, match="statistics"):
         study.paper5_study(kj.load_knee(DONOR))
