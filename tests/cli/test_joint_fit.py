@@ -436,7 +436,7 @@ def test_poses_without_balance_are_refused_or_said(tmp_path, capsys):
         (["--knee", "four_ligament", "--side", "left"], "--side: side: left: expected right, as"),
         (["--knee", "four_ligament", "--convention", "tibial"], "beside a CSV of poses only"),
         (["--knee", "four_ligament", "--column", "flexion_deg=a"], "flexion_deg=a: expected this"),
-        (["--knee", "four_ligament", "--flexion", "30"], "--flexion: poses: 1: expected two or more"),
+        (["--knee", "four_ligament", "--flexion", "30"], "--flexion: poses: 1: expected two"),
         (["--knee", "four_ligament", "--at", "45"], "--at: flexion: 45 degrees alone: expected tw"),
         (["--knee", "four_ligament", "--at", "10", "12"], "--at: calibration poses: 2 degrees ap"),
         (["--knee", "four_ligament", "--at", "0", "500"], "--at: degrees: 0.0,500.0: expected ang"),
