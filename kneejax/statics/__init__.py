@@ -23,5 +23,5 @@ from kneejax.statics._slopes import Slopes as Slopes
 from kneejax.statics._slopes import balance_with_slopes as balance_with_slopes
 from kneejax.statics._stations import Stations as Stations
 from kneejax.statics._status import Status as Status
-from kneejax.statics._stretch import Vary as Vary
-from kneejax.statics._stretch import in_lanes as in_lanes
+from kneejax.statics._variants import Vary as Vary
+from kneejax.statics._variants import in_lanes as in_lanes

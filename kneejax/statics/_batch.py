@@ -32,7 +32,7 @@ from kneejax.statics._paths import (
 )
 from kneejax.statics._stations import Stations
 from kneejax.statics._status import Status
-from kneejax.statics._stretch import Vary
+from kneejax.statics._variants import Variants, Vary
 from kneejax.statics._walk import LANES, Walker
 
 #: Called with how many balances are done, and of how many.
@@ -188,7 +188,7 @@ def own_motion(knee: Knee, vary: Vary, base: Any, stations: Stations) -> Balance
     still = np.tile(reference, (len(way), 1)), np.zeros((len(way), knee.patch_count, 2))
     found = Found.nothing(1, still)
     one = jax.tree.map(lambda x: np.asarray(x)[None], base)
-    walker = Walker(knee, vary, one, way, found, lambda _: None)
+    walker = Walker(Variants.of(knee, vary, one), way, found, lambda _: None)
     station = np.arange(len(way)).reshape(size, steps + 1)
     bent_and_loaded = paths(found, np.zeros_like(station), station, np.full(size, steps + 1))
     # A knee that opens in extension may be lost for many short strides: none is given up.
@@ -204,10 +204,10 @@ def _part(load: Load, part: np.ndarray) -> Load:
 
 
 def _walker(knee, vary, values, stations, own: Balances, progress) -> Walker:
-    variants = len(jax.tree.leaves(values)[0])
-    found = Found.nothing(variants, _filled(own, knee))
-    report = _counter(progress, variants * len(stations))
-    return Walker(knee, vary, values, stations.plain(), found, report)
+    variants = Variants.of(knee, vary, values)
+    found = Found.nothing(len(variants), _filled(own, knee))
+    report = _counter(progress, len(variants) * len(stations))
+    return Walker(variants, stations.plain(), found, report)
 
 
 def _filled(own: Balances, knee: Knee) -> Own:
@@ -319,13 +319,8 @@ def _change_into(walker: Walker, base: Any, variants: np.ndarray, stations: np.n
 def _change_some(walker: Walker, base: Any, variants: np.ndarray, stations: np.ndarray) -> None:
     part = np.arange(1, _CHANGES + 1) / _CHANGES
 
-    def changed(own, values):
-        own, values = np.asarray(own, float), np.asarray(values, float)[variants]
-        steps = own + part.reshape(-1, *(1,) * own.ndim) * (values - own)[:, None]
-        return steps.reshape(-1, *own.shape)
-
     way, found = copy.copy(walker), walker.found
-    way.values = jax.tree.map(changed, base, walker.values)
+    way.variants = walker.variants.between(base, variants, part)
     way.found = Found.nothing(len(variants) * _CHANGES, found.own)
     way.report = lambda _: None
     points = np.arange(len(variants) * _CHANGES).reshape(-1, _CHANGES)

@@ -155,14 +155,14 @@ def with_meeting(knee: Knee, flexion: Array, q: Array) -> Guess:
 def search_one(
     knee: Knee, flexion: Array, guess: Guess, search: EnergyNewton
 ) -> tuple[Guess, dict[str, Array]]:
-    """As `settle` at one pose, without a derivative; the solver's numbers may be traced.
+    """As `settle` at one pose whose meeting points are known, without a derivative; the solver's
+    numbers may be traced.
 
     Returns:
         Where the search ended, whether in a balance or not, and the rest of `Settled`.
     """
     knee = knee.for_many_poses()
-    meeting = _known_meeting(knee, flexion, guess.q, guess.meeting)
-    found, state = _found(knee, flexion, Guess(guess.q, meeting, guess.tangent), search)
+    found, state = _found(knee, flexion, guess, search)
     _, _, rest = _described(knee, flexion, found, state)
     return found, rest
 

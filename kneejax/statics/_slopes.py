@@ -17,7 +17,7 @@ from kneejax.statics._newton import EnergyNewton, Guess
 from kneejax.statics._settle import settle
 from kneejax.statics._stations import Stations
 from kneejax.statics._status import Status
-from kneejax.statics._stretch import Vary, in_lanes
+from kneejax.statics._variants import Vary, in_lanes
 
 #: Searches begin from a linear prediction; what is farther off is searched by `balance_many`.
 _SEARCH = EnergyNewton(atol=1e-8, most_steps=16)

@@ -8,7 +8,6 @@ the balances (a map of 101 x 101 points: 3.4 s, and 1.4 to 1.7 s with this; benc
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -19,12 +18,10 @@ from jax import Array, lax
 from kneejax.mechanics import Knee
 from kneejax.statics._compiled import compiled
 from kneejax.statics._newton import UNITS, EnergyNewton, Guess
-from kneejax.statics._settle import search_one
+from kneejax.statics._settle import search_one, with_meeting
 from kneejax.statics._stations import Stations
 from kneejax.statics._status import Status
-
-#: A function `(knee, value) -> knee` of the same structure; hashable, since it steers compiling.
-Vary = Callable[[Knee, Any], Knee]
+from kneejax.statics._variants import with_numbers
 
 _ACCURACY_MM = 1e-7
 
@@ -33,7 +30,7 @@ class Nodes(eqx.Module):
     """What lies ahead of each lane; arrays begin with place and lane.
 
     Attributes:
-        values: what varies, leaves `(places, lanes, ...)`.
+        numbers: leaves of the knee that vary, by their places in it, `(places, lanes, ...)`.
         stations: likewise.
         q: coordinates from which distances are predicted, `(places, lanes, 5)`.
         meeting: likewise, `(places, lanes, n, 2)`.
@@ -46,7 +43,7 @@ class Nodes(eqx.Module):
         begun: whether a balance lies behind a lane, `(lanes,)`; from elsewhere any way is long.
     """
 
-    values: Any
+    numbers: dict[int, Any]
     stations: Stations
     q: Any
     meeting: Any
@@ -108,35 +105,14 @@ class Reached(eqx.Module):
     steps: Array
 
 
-def in_lanes(knee: Knee, vary: Vary, values: Any) -> Knee:
-    """The knee with a lane for each value; numbers that do not vary have one lane for all.
-
-    Args:
-        knee: without a lane axis.
-        vary: see `Vary`.
-        values: leaves begin with the lane.
-
-    Returns:
-        A knee whose leaves end in lanes.
-    """
-    knee = jax.tree.map(jnp.asarray, knee)
-    one = vary(knee, jax.tree.map(lambda x: x[0], values))
-    # A number that `vary` leaves alone is handed through as the very same array.
-    still = jax.tree.map(lambda old, new: old is new, knee, one)
-    axes = jax.tree.map(lambda same: None if same else -1, still)
-    lanes = jax.vmap(vary, in_axes=(None, 0), out_axes=axes)(knee, values)
-    return jax.tree.map(lambda x, same: x[..., None] if same else x, lanes, still)
-
-
-@compiled(static_argnums=(0,))
+@compiled()
 def walk_stretch(
-    vary: Vary, knee: Knee, nodes: Nodes, memory: Memory, patience: Patience
+    knee: Knee, nodes: Nodes, memory: Memory, patience: Patience
 ) -> tuple[Reached, Memory]:
     """Walk all lanes along their places, each at its own pace, until all have stopped or as many
     rounds are over as there are places.
 
     Args:
-        vary: see `Vary`.
         knee: without a lane axis.
         nodes: what lies ahead.
         memory: of what lies behind.
@@ -154,7 +130,7 @@ def walk_stretch(
         # A lane that has stopped repeats what another does, so that none waits for it.
         lane = jnp.where(going, jnp.arange(lanes), jnp.argmax(going))
         at = place[lane], lane
-        here = jax.tree.map(lambda x: x[at], (nodes.values, nodes.stations))
+        here = jax.tree.map(lambda x: x[at], (nodes.numbers, nodes.stations))
         own = jnp.moveaxis(nodes.q[at], 0, -1), jnp.moveaxis(nodes.meeting[at], 0, -1)
         trusted, goes_on = jnp.where(nodes.even[at], memory.known[lane], 0), memory.rounds[lane] > 0
         behind = (memory.away_q, memory.left_q), (memory.away_meeting, memory.left_meeting)
@@ -162,7 +138,7 @@ def walk_stretch(
             jnp.where(goes_on, left[..., lane], own + _extrapolated(away[..., lane], trusted))
             for own, (away, left) in zip(own, behind, strict=True)
         )
-        knees = here[1].load(in_lanes(knee, vary, here[0]))
+        knees = here[1].load(with_numbers(knee, here[0]))
         guess = Guess(q, meeting, memory.tangent[..., lane])
         reached, rest = search_one(knees, here[1].flexion, guess, search)
         units = jnp.asarray(UNITS)[:, None]
@@ -211,6 +187,18 @@ def walk_stretch(
     state = jnp.asarray(0), start, jnp.zeros(lanes, bool), memory, log
     *_, memory, log = lax.while_loop(unfinished, round_of_searches, state)
     return log, memory
+
+
+@compiled()
+def first_meeting(
+    knee: Knee, numbers: dict[int, Any], stations: Stations, q: Array
+) -> Array:
+    """Meeting points searched from scratch, `(n, 2, lanes)`; arguments begin with the lane.
+
+    A program of its own: in `walk_stretch` it would cost a tenth more memory while compiling.
+    """
+    knees = stations.load(with_numbers(knee, numbers)).for_many_poses()
+    return with_meeting(knees, stations.flexion, jnp.moveaxis(q, 0, -1)).meeting
 
 
 def _pushed(away: Array, latest: Array, good: Array) -> Array:

@@ -8,20 +8,27 @@ call is left.
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import threading
 from collections.abc import Callable
-from typing import Any
 
 import jax
 import numpy as np
 
-from kneejax.mechanics import Knee
 from kneejax.statics._paths import Found, Paths
 from kneejax.statics._settle import longest_stride_mm
 from kneejax.statics._stations import Stations
 from kneejax.statics._status import Status
-from kneejax.statics._stretch import Memory, Nodes, Patience, Reached, Vary, walk_stretch
+from kneejax.statics._stretch import (
+    Memory,
+    Nodes,
+    Patience,
+    Reached,
+    first_meeting,
+    walk_stretch,
+)
+from kneejax.statics._variants import Variants
 
 #: Lanes of a call. Few lanes are soon filled, many share what an operation costs by itself: a map
 #: of 101 x 101 points takes 2.2, 1.4, 1.4 and 1.5 s with 32, 64, 96 and 128 lanes, the motion of a
@@ -44,9 +51,7 @@ class Walker:
 
     def __init__(
         self,
-        knee: Knee,
-        vary: Vary,
-        values: Any,
+        variants: Variants,
         stations: Stations,
         found: Found,
         report: Callable[[int], None],
@@ -54,15 +59,12 @@ class Walker:
         """Prepare.
 
         Args:
-            knee: gives all numbers that do not vary.
-            vary: see `Vary`.
-            values: leaves begin with the variant.
+            variants: of one knee.
             stations: where variants are balanced.
             found: to be filled.
             report: called with the number of nodes that are done.
         """
-        self.knee, self.vary = knee, vary
-        self.values = jax.tree.map(np.asarray, values)
+        self.variants = variants
         self.stations = jax.tree.map(np.asarray, stations)
         self.found, self.report = found, report
         self._count = threading.Lock()
@@ -83,7 +85,7 @@ class Walker:
         patient, led = np.zeros(len(paths), bool), np.full(len(paths), led_to)
         # Paths that do not begin at their own first station begin at a balance beside it.
         begun = paths.origin != paths.station[:, :1].reshape(-1)
-        memory = _nothing_behind(paths)
+        memory = _nothing_behind(self._met(paths))
         while (left := paths.length - place).any():
             quick, aside = np.flatnonzero((left > 0) & ~patient), np.flatnonzero(patient)
             # Patience first where a call would not be full: who is found walks on with the others.
@@ -120,7 +122,7 @@ class Walker:
         variant, station = paths.variant[row, along], paths.station[row, along]
         even, reach = self._strides(paths, row, along)
         nodes = Nodes(
-            values=jax.tree.map(lambda x: x[variant], self.values),
+            numbers={leaf: x[variant] for leaf, x in self.variants.numbers.items()},
             stations=jax.tree.map(lambda x: x[station], self.stations),
             q=self.found.own[0][station],
             meeting=self.found.own[1][station],
@@ -133,10 +135,28 @@ class Walker:
         )
         behind = jax.tree.map(lambda x: x[..., row], memory)
         patience = _PATIENT if patiently else _QUICK
-        reached, behind = walk_stretch(self.vary, self.knee, nodes, behind, patience)
+        reached, behind = walk_stretch(self.variants.knee, nodes, behind, patience)
         for old, new in zip(jax.tree.leaves(memory), jax.tree.leaves(behind), strict=True):
             old[..., rows] = np.asarray(new)[..., : len(rows)]
         return jax.tree.map(lambda x: np.asarray(x)[..., : len(rows)], reached)
+
+    def _met(self, paths: Paths) -> Paths:
+        """With meeting points of all first nodes."""
+        meeting = paths.meeting.copy()
+        unknown = np.flatnonzero(np.isnan(meeting).any(axis=(1, 2)))
+        for first in range(0, len(unknown), LANES):
+            some = unknown[first : first + LANES]
+            rows = some[np.minimum(np.arange(LANES), len(some) - 1)]
+            variant, station = paths.variant[rows, 0], paths.station[rows, 0]
+            found = first_meeting(
+                self.variants.knee,
+                {leaf: x[variant] for leaf, x in self.variants.numbers.items()},
+                jax.tree.map(lambda x, station=station: x[station], self.stations),
+                self.found.own[0][station] + paths.q[rows],
+            )
+            found = np.moveaxis(np.asarray(found), -1, 0) - self.found.own[1][station]
+            meeting[some] = found[: len(some)]
+        return dataclasses.replace(paths, meeting=meeting)
 
     def _note(self, paths: Paths, rows, place, reached: Reached):
         """Write down what was reached; nodes that balance and whether one was lost, by row."""

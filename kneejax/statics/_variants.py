@@ -1,0 +1,130 @@
+"""Variants of a knee, as the numbers in which they differ from it.
+
+What may vary is a function of the caller's. If searches took it along, each choice of parameters
+would compile them anew (9 s); they take the numbers that it changes, and stiffness and slack length
+of all ligaments always, so that one program serves every choice among those.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from kneejax.mechanics import Knee
+
+#: A function `(knee, value) -> knee` of the same structure; hashable, since it steers compiling.
+Vary = Callable[[Knee, Any], Knee]
+
+#: Variants whose numbers are computed in one call.
+_CHUNK = 256
+
+
+@dataclasses.dataclass(frozen=True)
+class Variants:
+    """Variants of one knee.
+
+    Attributes:
+        knee: gives all numbers that do not vary; without a lane axis.
+        vary: see `Vary`.
+        values: leaves begin with the variant.
+        numbers: leaves of the knee that vary, by their places; arrays begin with the variant.
+    """
+
+    knee: Knee
+    vary: Vary
+    values: Any
+    numbers: dict[int, np.ndarray]
+
+    @classmethod
+    def of(cls, knee: Knee, vary: Vary, values: Any) -> Variants:
+        """Variants by their values. Arguments as the attributes."""
+        values = jax.tree.map(np.asarray, values)
+        count, parts = len(jax.tree.leaves(values)[0]), []
+        for first in range(0, count, _CHUNK):
+            rows = np.minimum(np.arange(first, first + _CHUNK), count - 1)
+            some = jax.tree.map(lambda x, rows=rows: x[rows], values)
+            parts.append(_numbers(vary, knee, some))
+        numbers = {
+            leaf: np.concatenate([part[leaf] for part in parts])[:count] for leaf in parts[0]
+        }
+        return cls(knee, vary, values, numbers)
+
+    def __len__(self) -> int:
+        return len(jax.tree.leaves(self.values)[0])
+
+    def between(self, base: Any, rows: np.ndarray, parts: np.ndarray) -> Variants:
+        """On the straight way from a value to those of some variants.
+
+        Args:
+            base: where the ways begin, like one value.
+            rows: variants, one may come several times.
+            parts: of the way, increasing to one.
+
+        Returns:
+            For each row as many variants as there are parts.
+        """
+
+        def on_the_way(begin, ends):
+            begin, ends = np.asarray(begin, float), np.asarray(ends, float)[rows]
+            steps = begin + parts.reshape(-1, *(1,) * begin.ndim) * (ends - begin)[:, None]
+            return steps.reshape(-1, *begin.shape)
+
+        return Variants.of(self.knee, self.vary, jax.tree.map(on_the_way, base, self.values))
+
+
+@partial(jax.jit, static_argnums=0)
+def _numbers(vary: Vary, knee: Knee, values: Any) -> dict[int, jax.Array]:
+    def of_one(value: Any) -> dict[int, jax.Array]:
+        springs = knee.ligaments.stiffness, knee.ligaments.slack_length
+        pairs = zip(jax.tree.leaves(knee), jax.tree.leaves(vary(knee, value)), strict=True)
+        # A number that `vary` leaves alone is handed through as the very same array.
+        return {
+            leaf: new
+            for leaf, (old, new) in enumerate(pairs)
+            if old is not new or any(old is spring for spring in springs)
+        }
+
+    return jax.vmap(of_one)(values)
+
+
+def with_numbers(knee: Knee, numbers: Mapping[int, Any]) -> Knee:
+    """A knee whose leaves end in lanes, one lane for all where a number does not vary.
+
+    Args:
+        knee: without a lane axis.
+        numbers: leaves that vary, by their places; arrays begin with the lane.
+
+    Returns:
+        The knee.
+    """
+    leaves, structure = jax.tree.flatten(knee)
+    lanes = (
+        jnp.moveaxis(numbers[place], 0, -1) if place in numbers else jnp.asarray(x)[..., None]
+        for place, x in enumerate(leaves)
+    )
+    return jax.tree.unflatten(structure, lanes)
+
+
+def in_lanes(knee: Knee, vary: Vary, values: Any) -> Knee:
+    """The knee with a lane for each value; numbers that do not vary have one lane for all.
+
+    Args:
+        knee: without a lane axis.
+        vary: see `Vary`.
+        values: leaves begin with the lane.
+
+    Returns:
+        A knee whose leaves end in lanes.
+    """
+    knee = jax.tree.map(jnp.asarray, knee)
+    one = vary(knee, jax.tree.map(lambda x: x[0], values))
+    still = jax.tree.map(lambda old, new: old is new, knee, one)
+    axes = jax.tree.map(lambda same: None if same else -1, still)
+    lanes = jax.vmap(vary, in_axes=(None, 0), out_axes=axes)(knee, values)
+    return jax.tree.map(lambda x, same: x[..., None] if same else x, lanes, still)
