@@ -29,7 +29,7 @@ def run(arguments: argparse.Namespace) -> int:
     poses = len(study.synthetic.flexion_deg) if study.synthetic else len(read_measured(study))
     # XLA compiles without holding Python: what comes last gets ready beside the search.
     threading.Thread(target=_get_ready, args=(knee, study, poses)).start()
-    problem = with_measurement(study, knee)
+    problem = with_measurement(study, knee, calibrated=True)
     result = calibrate(
         problem.knee,
         problem.measured,

@@ -17,7 +17,7 @@ from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference import (
     Condition,
     ParameterMap,
-    imported,
+    check_installed,
     select,
     sensitivity_maps,
     versions,
@@ -34,7 +34,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Compute maps of the objective, write them, draw them."""
     for package in _PACKAGES:
         # Better known before the work than after it.
-        imported(package, package, "maps")
+        check_installed(package, "maps")
     grid = _grid(arguments.grid)
     ranges = dict(_range(word) for word in arguments.ranges)
     asked = study_problem(arguments.study)

@@ -28,7 +28,7 @@ _STUDY, _GRID, _VALUES = "paper1", (61, 61), 37
 
 def run(arguments: argparse.Namespace) -> int:
     """Compute the study, judge the claims, print and write them."""
-    asked = study_problem(_STUDY)
+    asked = study_problem(_STUDY, calibrated=True)
     found = _study(asked)
     claims, doubts = paper1_claims(found), _doubts(found)
     _write(asked, found, claims, doubts, arguments.out)

@@ -19,7 +19,7 @@ from kneejax.inference import (
     LocalSensitivity,
     MotionIndices,
     Sweeps,
-    imported,
+    check_installed,
     local_sensitivity,
     motion_indices,
     sweep,
@@ -44,7 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
     _check_used(arguments)
     if arguments.indices:
         # Better known before the work than after it.
-        imported("SALib", "SALib", "sensitivity")
+        check_installed("SALib", "sensitivity")
     problem = study_problem(arguments.study)
     parameters = problem.study.parameters
     flexion, seconds = np.unique(problem.measured[:, 0]), {}

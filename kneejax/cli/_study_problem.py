@@ -29,11 +29,12 @@ class StudyProblem:
     truth: dict[str, float]
 
 
-def study_problem(name: str) -> StudyProblem:
+def study_problem(name: str, *, calibrated: bool = False) -> StudyProblem:
     """Read a study and its knee, and read or make its measurement.
 
     Args:
         name: study file or bundled study.
+        calibrated: whether a calibration follows; its program then makes synthetic data.
 
     Returns:
         The `StudyProblem`.
@@ -43,7 +44,7 @@ def study_problem(name: str) -> StudyProblem:
         UnknownParameter: the study names a parameter that its knee does not have.
         UnsuitableData: the knee that should make the data does not balance.
     """
-    return with_measurement(*study_and_knee(name))
+    return with_measurement(*study_and_knee(name), calibrated=calibrated)
 
 
 def study_and_knee(name: str) -> tuple[Study, Knee]:
@@ -52,7 +53,7 @@ def study_and_knee(name: str) -> tuple[Study, Knee]:
     return study, with_values(load_knee(study.knee), study.overrides)
 
 
-def with_measurement(study: Study, knee: Knee) -> StudyProblem:
+def with_measurement(study: Study, knee: Knee, *, calibrated: bool) -> StudyProblem:
     """The second half of `study_problem`: synthetic data take a motion of the knee."""
     truth: dict[str, float] = {}
     if study.synthetic is not None:
@@ -61,7 +62,7 @@ def with_measurement(study: Study, knee: Knee) -> StudyProblem:
             knee,
             truth,
             np.asarray(study.synthetic.flexion_deg),
-            study.parameters,
+            study.parameters if calibrated else None,
             noise_mm=study.synthetic.noise_mm,
             noise_deg=study.synthetic.noise_deg,
             seed=study.synthetic.seed,

@@ -14,7 +14,7 @@ from jax.core import Tracer
 
 from kneejax.geometry import Pose, safe_sqrt
 from kneejax.mechanics import Contact, Knee, add_lane_axis
-from kneejax.statics import Status, compiled, with_meeting
+from kneejax.statics import Status, compiled, lanes_for, with_meeting
 
 # Poses of one call: what they need stays in the processor's cache (benchmarks/evaluate.py).
 _CHUNK, _CHUNK_OVER_POINTS = 512, 64
@@ -92,14 +92,15 @@ def evaluate(knee: Knee, poses: Pose, meeting: Array | None = None) -> Mechanics
     over_points = any(not contact.has_patch for contact in knee.contacts)
     size, count = _CHUNK_OVER_POINTS if over_points else _CHUNK, len(jnp.atleast_1d(poses.flexion))
     traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((knee, poses, meeting)))
-    if traced or count <= size:
+    if traced or not count:
         return _evaluate(knee, poses, meeting)
+    size = min(size, lanes_for(count))
     # The last chunk is filled up with the last pose: one shape, one compilation.
     rows = np.minimum(np.arange(-(-count // size) * size), count - 1).reshape(-1, size)
 
     def chunk(own: np.ndarray) -> Mechanics:
-        here = jax.tree.map(lambda x: jnp.asarray(x)[own], poses)
-        there = None if meeting is None else meeting[..., own]
+        here = jax.tree.map(lambda x: np.atleast_1d(x)[own], poses)
+        there = None if meeting is None else np.asarray(meeting)[..., own]
         return jax.tree.map(np.asarray, _evaluate(knee, here, there))
 
     with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:

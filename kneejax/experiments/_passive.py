@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jax.core import Tracer
 from jax.typing import ArrayLike
 
 from kneejax.geometry import Pose
 from kneejax.mechanics import Knee, add_lane_axis
-from kneejax.statics import Settled, compiled, first_guess, poses_on_the_way, settle
+from kneejax.statics import (
+    Settled,
+    compiled,
+    first_guess,
+    lanes_for,
+    poses_on_the_way,
+    settle,
+)
 
 
 class PassiveFlexion(eqx.Module):
@@ -60,10 +69,18 @@ def passive_flexion(knee: Knee, flexion_deg: ArrayLike) -> PassiveFlexion:
         >>> bool(motion.stable.all())
         True
     """
-    flexion = jnp.deg2rad(jnp.atleast_1d(jnp.asarray(flexion_deg, float)))
     start = knee.reference_pose.flexion
-    span = 30 if isinstance(flexion, Tracer) else poses_on_the_way(0.0, flexion)
-    return _passive_flexion(knee, flexion, jnp.broadcast_to(start, flexion.shape), span)
+    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((knee, flexion_deg))):
+        flexion = jnp.deg2rad(jnp.atleast_1d(jnp.asarray(flexion_deg, float)))
+        span = 30 if isinstance(flexion, Tracer) else poses_on_the_way(0.0, flexion)
+        return _passive_flexion(knee, flexion, jnp.broadcast_to(start, flexion.shape), span)
+    flexion = np.deg2rad(np.atleast_1d(np.asarray(flexion_deg, float)))
+    count, lanes = len(flexion), lanes_for(len(flexion))
+    # Filled up with the last angle: one shape, one compilation.
+    filled = np.pad(flexion, (0, lanes - count), "edge")
+    start, span = np.full(lanes, float(start)), poses_on_the_way(0.0, flexion)
+    motion = _passive_flexion(knee, filled, start, span)
+    return jax.tree.map(lambda x: jnp.asarray(np.asarray(x)[..., :count]), motion)
 
 
 @compiled()

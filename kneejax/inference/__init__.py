@@ -62,6 +62,7 @@ from kneejax.inference._one_at_a_time import KneeComparison as KneeComparison
 from kneejax.inference._one_at_a_time import KneeStudy as KneeStudy
 from kneejax.inference._one_at_a_time import OneAtATime as OneAtATime
 from kneejax.inference._one_at_a_time import Outcome as Outcome
+from kneejax.inference._optional import check_installed as check_installed
 from kneejax.inference._optional import imported as imported
 from kneejax.inference._paper5_study import Paper5Study as Paper5Study
 from kneejax.inference._paper5_study import paper5_study as paper5_study

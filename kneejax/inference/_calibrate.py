@@ -97,7 +97,6 @@ def calibrate(
     lower, upper = np.r_[lower, -wide], np.r_[upper, wide]
 
     first = problem.poses(start)
-    first.table.block_until_ready()
     ready = time.perf_counter()
     balanced = np.asarray(first.settled.converged)
     if not balanced.any():

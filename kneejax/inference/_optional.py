@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import warnings
 from typing import Any
 
@@ -31,7 +32,27 @@ def imported(module: str, package: str, extra: str = "posterior") -> Any:
     except ImportError as problem:
         if problem.name and not module.startswith(problem.name.split(".")[0]):
             raise
-        what = f"the {extra} needs" if extra == "posterior" else f"{extra} need"
-        raise UnsuitableData(
-            f"{what} {package}, which is not installed: pip install 'kneejax[{extra}]'"
-        ) from problem
+        raise _missing(package, extra) from problem
+
+
+def check_installed(package: str, extra: str = "posterior") -> None:
+    """Say before the work that a package is missing, without importing it.
+
+    Imported beforehand, what draws and writes would add its memory to that of compiling.
+
+    Args:
+        package: to look for.
+        extra: of kneejax, that asks for it.
+
+    Raises:
+        UnsuitableData: it is not installed; the sentence says what to do.
+    """
+    if importlib.util.find_spec(package) is None:
+        raise _missing(package, extra)
+
+
+def _missing(package: str, extra: str) -> UnsuitableData:
+    what = f"the {extra} needs" if extra == "posterior" else f"{extra} need"
+    return UnsuitableData(
+        f"{what} {package}, which is not installed: pip install 'kneejax[{extra}]'"
+    )

@@ -17,6 +17,7 @@ from kneejax.statics import (
     Settled,
     compiled,
     first_guess,
+    lanes_for,
     poses_on_the_way,
     settle,
 )
@@ -83,7 +84,7 @@ class Problem:
     weights: np.ndarray
     offsets: tuple[int, ...] = ()
     equilibria: int = 0
-    _near: tuple[Array, Evaluation] | None = None
+    _near: tuple[np.ndarray, Evaluation] | None = None
     _used: np.ndarray | None = None
 
     @property
@@ -98,24 +99,28 @@ class Problem:
 
     def poses(self, values: np.ndarray) -> Evaluation:
         """Model poses at parameter values, reached from the nearest known ones."""
-        x = jnp.asarray(values[: len(self.selection)])
-        start, count = self.flexion, 1
+        x, size = np.asarray(values[: len(self.selection)], float), len(self.measured)
+        flexion = np.deg2rad(self.measured[:, 0])
         if self._near is None:
-            start = jnp.broadcast_to(self.knee.reference_pose.flexion, self.flexion.shape)
-            knee = add_lane_axis(self.selection.apply(self.knee, x))
-            guess = first_guess(knee, start)
-            count = poses_on_the_way(0.0, self.flexion)
+            start = np.full(size, float(self.knee.reference_pose.flexion))
+            knee = add_lane_axis(self.selection.apply(self.knee, jnp.asarray(x)))
+            guess, count = first_guess(knee, jnp.asarray(start)), poses_on_the_way(0.0, flexion)
         else:
-            guess = _predicted(x, *self._near)
+            start, guess, count = flexion, _predicted(x, *self._near), 1
+        # Filled up with the last pose: one compiled program for tables of several lengths.
+        rows = np.minimum(np.arange(lanes_for(size)), size - 1)
+        guess = jax.tree.map(lambda y: np.asarray(y)[..., rows], guess)
         found = evaluate_poses(
-            self.selection, self.knee, x, self.flexion, guess, start, jnp.asarray(count)
+            self.selection, self.knee, x, flexion[rows], guess, start[rows], count
         )
-        self.equilibria += self.measured.shape[0] * int(count)
-        return found
+        self.equilibria += size * count
+        table, jacobian = (np.asarray(y)[:, :size] for y in (found.table, found.jacobian))
+        settled = jax.tree.map(lambda y: np.asarray(y)[..., :size], found.settled)
+        return Evaluation(table, jacobian, settled)
 
     def keep(self, values: np.ndarray, found: Evaluation) -> None:
         """Remember balanced poses to start from."""
-        self._near = (jnp.asarray(values[: len(self.selection)]), found)
+        self._near = (np.array(values[: len(self.selection)]), found)
 
     @property
     def used(self) -> np.ndarray:
@@ -150,10 +155,9 @@ class Problem:
         return vector.reshape(-1), matrix.reshape(vector.size, -1)
 
 
-def _predicted(values: Array, near: Array, known: Evaluation) -> Guess:
+def _predicted(values: np.ndarray, near: np.ndarray, known: Evaluation) -> Guess:
     """Poses at new parameters to first order from known ones."""
-    units = jnp.asarray(TABLE_UNITS)[:, None]
-    q = known.settled.q + jnp.tensordot(known.jacobian, values - near, 1) / units
-    shift = q - known.settled.q
-    follow = jnp.sum(known.settled.drift * shift[:, None, None], axis=0)
-    return Guess(q, known.settled.meeting + follow, known.settled.tangent)
+    settled = jax.tree.map(np.asarray, known.settled)
+    shift = np.asarray(known.jacobian) @ (values - near) / TABLE_UNITS[:, None]
+    follow = np.sum(settled.drift * shift[:, None, None], axis=0)
+    return Guess(settled.q + shift, settled.meeting + follow, settled.tangent)
