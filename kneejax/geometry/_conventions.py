@@ -8,7 +8,9 @@ measured and in the order of rotations.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
+import jax
 import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
@@ -104,7 +106,12 @@ def convert(coordinates: ArrayLike, source: str, target: str) -> Array:
     """
     read, _ = CONVENTIONS[source]
     _, write = CONVENTIONS[target]
-    return jnp.stack(jnp.broadcast_arrays(*write(read(jnp.asarray(coordinates, float)))))
+    return _rewritten(jnp.asarray(coordinates, float), read, write)
+
+
+@partial(jax.jit, static_argnums=(1, 2))
+def _rewritten(coordinates: Array, read: Callable, write: Callable) -> Array:
+    return jnp.stack(jnp.broadcast_arrays(*write(read(coordinates))))
 
 
 def convert_pose(pose: Pose, target: str) -> Array:

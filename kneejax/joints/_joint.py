@@ -122,12 +122,16 @@ class Joint(eqx.Module):
         Raises:
             ValueError: flexion has another shape.
         """
-        flexion = jnp.asarray(flexion, float)
-        femoral, tibial = self.axis_points(flexion)
-        rotation = _rotation(flexion, _untwisted(femoral), _untwisted(tibial))
-        _, adduction, internal = angles_from_rotation(rotation)
-        shift = full(subtract(vector(femoral[0]), rotate(rotation, vector(tibial[0]))))
-        return Pose(flexion, adduction, internal, *shift)
+        return _pose(self, jnp.asarray(flexion, float))
+
+
+@jax.jit
+def _pose(joint: Joint, flexion: Array) -> Pose:
+    femoral, tibial = joint.axis_points(flexion)
+    rotation = _rotation(flexion, _untwisted(femoral), _untwisted(tibial))
+    _, adduction, internal = angles_from_rotation(rotation)
+    shift = full(subtract(vector(femoral[0]), rotate(rotation, vector(tibial[0]))))
+    return Pose(flexion, adduction, internal, *shift)
 
 
 def hinge(femoral: ArrayLike, pose: Pose) -> Joint:

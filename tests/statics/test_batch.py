@@ -1,6 +1,7 @@
 """Many balances: each is the balance of its own knee, whatever stands beside it."""
 
 import equinox as eqx
+import jax
 import numpy as np
 import pytest
 
@@ -45,6 +46,18 @@ def values(base):
 @pytest.fixture(scope="module")
 def found(knee, chosen, base, values):
     return balance_many(knee, chosen.apply, base, values, Stations.at(FLEXION))
+
+
+def test_one_compiled_search_serves_every_choice_of_ligament_numbers(knee, found, caplog):
+    other = kj.select(knee, ("MCL.reference_strain", "PCL.stiffness"))
+    start = np.asarray(other.read(knee))
+    with jax.log_compiles():
+        moved = balance_many(knee, other.apply, start, start * [[1.1, 0.9]], Stations.at(FLEXION))
+    compiled = [r.getMessage() for r in caplog.records if "Compiling" in r.getMessage()]
+    assert any("numbers" in message for message in compiled), "what the choice changes"
+    assert not any("walk_stretch" in message for message in compiled)
+    alone = kj.passive_flexion(other.apply(knee, start * [1.1, 0.9]), FLEXION)
+    np.testing.assert_allclose(moved.table[0], np.asarray(alone.to_table())[:, 1:], atol=1e-4)
 
 
 def test_each_variant_has_the_motion_of_its_own_knee(knee, chosen, values, found):
