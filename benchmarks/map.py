@@ -21,7 +21,7 @@ from _variants import motion_of
 from batch import peer
 
 import kneejax as kj
-from kneejax.inference import sensitivity_map
+from kneejax.inference import sensitivity_map, synthetic_motion
 from kneejax.statics import Stations, balance_many
 
 PAIR = ("PCL.stiffness", "PCL.reference_strain")
@@ -31,7 +31,7 @@ _ROWS = "KNEEJAX_MAP_ROWS"
 def main() -> None:
     options = arguments("map", __doc__, grid=101, repeats=3, peers=1000)
     knee = load(options.knee)
-    measured = np.asarray(kj.passive_flexion(true_knee(knee), ANGLES).to_table())
+    measured = synthetic_motion(true_knee(knee), {}, ANGLES)
     rows_of_grid = int(os.environ.get(_ROWS, options.grid))
 
     def draw():

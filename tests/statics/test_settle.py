@@ -183,15 +183,19 @@ def test_a_lane_whose_meeting_points_are_lost_finds_them_again(knee, motion):
     assert np.allclose(found.q, here.q[:, 4:5], atol=1e-9)
 
 
-def test_a_motion_does_not_jump_to_another_balance(knee):
-    """With a lax MCL the extended knee also balances 20 degrees of internal rotation away, and a
-    search on the way there once ended so, said to be balanced."""
-    lax = kj.with_values(knee, {"MCL.reference_strain": 0.02})
-    motion = kj.passive_flexion(lax, np.linspace(0.0, 12.0, 25))
+@pytest.mark.parametrize(
+    ("strain", "most_deg"),
+    [(0.01, 120.0), (0.0125, 120.0), (0.015, 120.0), (0.0175, 120.0), (0.015, 12.0), (0.02, 12.0)],
+)
+def test_a_motion_does_not_jump_to_another_balance(knee, strain, most_deg):
+    """With a lax MCL the extended knee also balances 20 degrees of internal rotation away, and
+    searches on the way there end so: by 4 to 9 mm where strides are not held short."""
+    lax, flexion = kj.with_values(knee, {"MCL.reference_strain": strain}), FLEXION / 120 * most_deg
+    motion = kj.passive_flexion(lax, flexion)
     balanced = np.asarray(motion.settled.converged)
-    assert balanced.sum() > 20
+    assert balanced.sum() > 8
     q = np.asarray(motion.settled.q)[:, balanced] * np.array([30.0, 30.0, 1.0, 1.0, 1.0])[:, None]
-    bend = np.diff(np.linspace(0.0, 12.0, 25)[balanced])
+    bend = np.diff(flexion[balanced])
     assert (np.abs(np.diff(q, axis=1)).max(axis=0) <= np.maximum(1.0, bend)).all()
 
 
