@@ -35,7 +35,7 @@ def imported(module: str, package: str, extra: str = "posterior") -> Any:
         raise _missing(package, extra) from problem
 
 
-def check_installed(package: str, extra: str = "posterior") -> None:
+def check_installed(package: str, extra: str) -> None:
     """Say before the work that a package is missing, without importing it.
 
     Imported beforehand, what draws and writes would add its memory to that of compiling.

@@ -50,9 +50,8 @@ class Variants:
             rows = np.minimum(np.arange(first, first + _CHUNK), count - 1)
             some = jax.tree.map(lambda x, rows=rows: x[rows], values)
             parts.append(_numbers(vary, knee, some))
-        numbers = {
-            leaf: np.concatenate([part[leaf] for part in parts])[:count] for leaf in parts[0]
-        }
+        leaves = parts[0] if parts else {}
+        numbers = {leaf: np.concatenate([part[leaf] for part in parts])[:count] for leaf in leaves}
         return cls(knee, vary, values, numbers)
 
     def __len__(self) -> int:
@@ -112,7 +111,8 @@ def with_numbers(knee: Knee, numbers: Mapping[int, Any]) -> Knee:
 
 
 def in_lanes(knee: Knee, vary: Vary, values: Any) -> Knee:
-    """The knee with a lane for each value; numbers that do not vary have one lane for all.
+    """The knee with a lane for each value; numbers that do not vary have one lane for all, but
+    stiffness and slack length of all ligaments have their own.
 
     Args:
         knee: without a lane axis.
@@ -122,9 +122,4 @@ def in_lanes(knee: Knee, vary: Vary, values: Any) -> Knee:
     Returns:
         A knee whose leaves end in lanes.
     """
-    knee = jax.tree.map(jnp.asarray, knee)
-    one = vary(knee, jax.tree.map(lambda x: x[0], values))
-    still = jax.tree.map(lambda old, new: old is new, knee, one)
-    axes = jax.tree.map(lambda same: None if same else -1, still)
-    lanes = jax.vmap(vary, in_axes=(None, 0), out_axes=axes)(knee, values)
-    return jax.tree.map(lambda x, same: x[..., None] if same else x, lanes, still)
+    return with_numbers(knee, _numbers(vary, knee, values))

@@ -60,6 +60,11 @@ def test_one_compiled_search_serves_every_choice_of_ligament_numbers(knee, found
     np.testing.assert_allclose(moved.table[0], np.asarray(alone.to_table())[:, 1:], atol=1e-4)
 
 
+def test_no_variants_have_no_balances(knee, chosen, base):
+    nothing = balance_many(knee, chosen.apply, base, np.zeros((0, 8)), Stations.at(FLEXION))
+    assert nothing.q.shape == (0, 4, 5) and nothing.status.shape == (0, 4)
+
+
 def test_each_variant_has_the_motion_of_its_own_knee(knee, chosen, values, found):
     assert found.q.shape == (40, 4, 5)
     assert found.converged.all()
