@@ -29,8 +29,9 @@ from kneejax.geometry import (
 )
 
 _SEARCH_STEPS = 12
-# A search step, mm, and the least relative curvature, 1/mm, that it reckons with.
-_LONGEST_STEP, _LEAST_CURVATURE = 6.0, 0.003
+# A search step, mm; the least relative curvature, 1/mm, that it believes, and what it reckons with
+# where there is less or none.
+_LONGEST_STEP, _FLATTEST, _LEAST_CURVATURE = 6.0, 1e-5, 0.003
 # Parameters may leave the surface's region by this part of its size before they are held.
 _OVERSHOOT = 0.15
 # Gauss curvature (1/mm^2) below which a gap counts as flat: no ellipse fits in it.
@@ -192,24 +193,30 @@ def improve(
     Arguments as `gap_at`. Parameters come and go as a pair, not stacked: whatever the compiler
     computes into a stack it computes once for each row.
     """
-    gap = gap_at(femoral, tibial, motion, meeting)
+    return renewed(femoral, gap_at(femoral, tibial, motion, meeting), meeting)[0]
+
+
+def renewed(
+    femoral: Surface, gap: Gap, meeting: tuple[Array, Array]
+) -> tuple[tuple[Array, Array], Array]:
+    """As `improve`, from the gap at the meeting point; and how far the step leads, mm."""
     # In mm along both parameters, so that the guards below have a meaning.
     along_a, along_b = gap.stretch
     slope_a, slope_b = gap.slope[0] / along_a, gap.slope[1] / along_b
     aa, ab, bb = gap.aa / along_a**2, gap.ab / (along_a * along_b), gap.bb / along_b**2
     smallest = 0.5 * (aa + bb) - safe_sqrt(0.25 * (aa - bb) ** 2 + ab * ab)
-    shift = jnp.maximum(_LEAST_CURVATURE - smallest, 0.0)
+    shift = jnp.where(smallest > _FLATTEST, 0.0, _LEAST_CURVATURE - smallest)
     aa, bb = aa + shift, bb + shift
     determinant = aa * bb - ab * ab
     step_a = (bb * slope_a - ab * slope_b) / determinant
     step_b = (aa * slope_b - ab * slope_a) / determinant
-    short = jnp.minimum(1.0, _LONGEST_STEP / (jnp.abs(step_a) + jnp.abs(step_b) + 1e-9))
+    miss = jnp.abs(step_a) + jnp.abs(step_b)
+    short = jnp.minimum(1.0, _LONGEST_STEP / (miss + 1e-9))
     (lower_a, upper_a), (lower_b, upper_b) = femoral.bounds()
     more_a, more_b = _OVERSHOOT * (upper_a - lower_a), _OVERSHOOT * (upper_b - lower_b)
-    return (
-        jnp.clip(meeting[0] - short * step_a / along_a, lower_a - more_a, upper_a + more_a),
-        jnp.clip(meeting[1] - short * step_b / along_b, lower_b - more_b, upper_b + more_b),
-    )
+    a = jnp.clip(meeting[0] - short * step_a / along_a, lower_a - more_a, upper_a + more_a)
+    b = jnp.clip(meeting[1] - short * step_b / along_b, lower_b - more_b, upper_b + more_b)
+    return (a, b), miss
 
 
 @jax.custom_jvp

@@ -24,7 +24,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from kneejax.geometry import Placement, Surface, Vector, add, cross, dot, rotate, scale
-from kneejax.mechanics._patch import _NOTHING, Gap, Nearby, nearby
+from kneejax.mechanics._patch import _NOTHING, Gap, Nearby, nearby, renewed
 from kneejax.mechanics._wrench import Wrench
 
 
@@ -37,19 +37,22 @@ class Pressed(eqx.Module):
         slope_wrenches: by a motion of the tibia the two slopes of the gap change as if these
             did work on it.
         gap: at the meeting point.
+        renewed: parameters of the meeting point after one Newton step towards the smallest gap.
+        miss: how far that step leads, mm.
     """
 
     energy: Array
     wrench: Wrench
     slope_wrenches: tuple[Wrench, Wrench]
     gap: Gap
+    renewed: tuple[Array, Array]
+    miss: Array
 
     def carried(self, frame: Placement, tibia: Placement) -> Pressed:
         """Wrenches from the tibial surface's frame to femur axes, about the tibia's origin."""
         first, second = (w.moved(frame).turned(tibia) for w in self.slope_wrenches)
-        return Pressed(
-            self.energy, self.wrench.moved(frame).turned(tibia), (first, second), self.gap
-        )
+        wrench = self.wrench.moved(frame).turned(tibia)
+        return Pressed(self.energy, wrench, (first, second), self.gap, self.renewed, self.miss)
 
 
 def press(
@@ -89,7 +92,8 @@ def press(
     )
     # Blind to first order to what is left of the search for the meeting point.
     energy = energy + shift_a * gap.slope[0] + shift_b * gap.slope[1]
-    return Pressed(energy, Wrench.at(near.point, force, couple), slope_wrenches, gap)
+    wrench = Wrench.at(near.point, force, couple)
+    return Pressed(energy, wrench, slope_wrenches, gap, *renewed(femoral, gap, meeting))
 
 
 def _cofactors(near: Nearby, gap: Gap) -> tuple[Vector, Vector]:

@@ -9,6 +9,8 @@ end in lanes.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -26,17 +28,19 @@ class Forces(eqx.Module):
         load: generalised force of the loads, `(5, lanes)`.
         drift: derivative of the meeting points by the coordinates: for each of the five the two
             parameters' `(n, lanes)`.
-        tilt: slope of the gap that is left at the meeting points, `(n, lanes)`, mm per mm.
+        miss: how far off the meeting points are, to first order, `(n, lanes)`, mm.
         depth: there, `(n, lanes)`, mm.
         point: the meeting points in the tibial surfaces' frames, each component `(n, lanes)`, mm.
+        meeting: their parameters after one Newton step towards the smallest gap, two `(n, lanes)`.
     """
 
     energy: Array
     load: Array
     drift: tuple[tuple[Array, Array], ...]
-    tilt: Array
+    miss: Array
     depth: Array
     point: Vector
+    meeting: tuple[Array, Array]
 
 
 class Balance(eqx.Module):
@@ -86,31 +90,45 @@ def balance(
 ) -> Balance:
     """Residual and tangent at a pose. Arguments as `force`."""
 
-    def wrenches(q_: Array, meeting_: tuple[Array, Array]):
-        parts, *rest = knee.press(Pose.from_state(flexion, q_), meeting_)
-        return parts, rest
+    residual, forces, tangent = linearised(
+        lambda q_, both: rows_of_force(knee, flexion, q_, (both[:, 0], both[:, 1])),
+        q,
+        jnp.stack(meeting, axis=1),
+        at_once=knee.patch_count > 0,
+    )
+    return Balance(jnp.stack(residual), tangent(), forces)
 
-    parts, push, (energy, pressed) = jax.linearize(wrenches, q, meeting, has_aux=True)
-    pose, total = Pose.from_state(flexion, q), Wrench.total(parts)
-    forces = _forces(knee, pose, energy, pressed)
-    units = jnp.eye(5).reshape((5, 5) + (1,) * (q.ndim - 1)) + jnp.zeros_like(q)
-    follow = tuple(jnp.stack(rows) for rows in zip(*forces.drift, strict=True))
-    # All directions at once: 0.30 ms over 64 lanes, one after the other 0.37. Over points they go
-    # one after the other: every coefficient would be copied five times, and nothing is gained.
-    pushed = jax.vmap(push) if knee.patch_count else lambda *way: lax.map(lambda w: push(*w), way)
-    changes = Wrench.total(pushed(units, follow), axis=1)
-    elastic = -jnp.stack(generalised_force(pose, pose.placement, changes))
 
-    def turning(direction: Array) -> Array:
-        """The wrenches and loads stand still, the coordinates' axes turn."""
-        return jax.jvp(
-            lambda q_: jnp.stack(_unbalanced(knee, Pose.from_state(flexion, q_), total)),
-            (q,),
-            (direction,),
-        )[1]
+def linearised(
+    force_at: Callable[[Array, Array], tuple[tuple[Array, ...], Forces]],
+    q: Array,
+    meeting: Array,
+    at_once: bool,
+) -> tuple[tuple[Array, ...], Forces, Callable[[], Array]]:
+    """Forces at a pose, and their tangent for those who want it.
 
-    tangent = elastic + jax.vmap(turning, out_axes=1)(units)
-    return Balance(jnp.stack(_unbalanced(knee, pose, total)), tangent, forces)
+    The tangent goes on from what the forces have computed already: computed by itself it would
+    cost all of that again, and as much memory to compile (0.1 GB in a search).
+
+    Args:
+        force_at: of `q` and `meeting`, the residual in five rows, and `Forces`.
+        q: `(5, lanes)`, rad and mm.
+        meeting: parameters of the meeting points, `(n, 2, lanes)`.
+        at_once: all five directions together: 0.30 ms over 64 lanes, one after the other 0.37. Over
+            points, one after the other: every coefficient would be copied five times for no gain.
+
+    Returns:
+        Residual, `Forces`, and a function that computes the tangent, `(5, 5, lanes)`.
+    """
+    residual, push, forces = jax.linearize(force_at, q, meeting, has_aux=True)
+
+    def tangent() -> Array:
+        units = jnp.eye(5).reshape(5, 5, *(1,) * (q.ndim - 1)) + jnp.zeros_like(q)
+        follow = jnp.stack([jnp.stack(pair, axis=1) for pair in forces.drift])
+        pushed = jax.vmap(push) if at_once else lambda *way: lax.map(lambda w: push(*w), way)
+        return jnp.stack(pushed(units, follow))
+
+    return residual, forces, tangent
 
 
 def force_derivative(
@@ -180,8 +198,8 @@ def _forces(knee: Knee, pose: Pose, energy: Array, pressed: Pressed | None) -> F
     load = knee.load_work(pose)
     if pressed is None:
         none = jnp.zeros((0, *jnp.shape(pose.adduction)))
-        return Forces(energy, load, ((none, none),) * 5, none, none, (none,) * 3)
+        return Forces(energy, load, ((none, none),) * 5, none, none, (none,) * 3, (none, none))
     gap = pressed.gap
     moved = (generalised_force(pose, pose.placement, w) for w in pressed.slope_wrenches)
     drift = tuple(gap.newton(a, b) for a, b in zip(*moved, strict=True))
-    return Forces(energy, load, drift, gap.tilt, gap.depth, gap.point)
+    return Forces(energy, load, drift, pressed.miss, gap.depth, gap.point, pressed.renewed)

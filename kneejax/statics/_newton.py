@@ -6,11 +6,14 @@ to a stable balance. Where the tangent is not positive definite, or a step was r
 of the identity is added to it. Lanes decide alone: one bad lane slows the others but never
 changes them.
 
+The meeting points of the contacts are searched alongside: with each step they take one of their
+own. Energies are compared only where they nearly are such points; a search that did not look twice
+there took a lax knee (MCL without strain, extended) for lost at half of all angles.
+
 Where contacts have patches, a tangent is kept while steps still shrink by `_GOOD`, and computed
-anew when a quarter of the lanes that still search ask for that. With shared fusion it takes 0.10 ms
-over 25 lanes and 1.1 ms over 256; a look, which is a force and a step of the meeting points, 0.03
-and 0.18 ms: a fourth to a sixth of that. Over points a tangent costs two forces (0.29 and 0.14 ms a
-lane, 2 x 432 points): every look takes one along, and 4 looks do where there were 9.
+anew when a quarter of the lanes that still search ask for that: a look takes a fourth to a sixth of
+its time. Over points a tangent costs two forces (0.29 and 0.14 ms a lane, 2 x 432 points): every
+look takes one along, and 4 looks do where there were 9.
 """
 
 from __future__ import annotations
@@ -26,9 +29,8 @@ import jax.numpy as jnp
 import optimistix as optx
 from jax import Array, lax
 
-from kneejax.geometry import Pose
-from kneejax.mechanics import Contact, Knee
-from kneejax.statics._balance import Forces, balance, rows_of_force
+from kneejax.mechanics import Knee
+from kneejax.statics._balance import Forces, linearised, rows_of_force
 from kneejax.statics._elimination import solve, symmetric
 
 #: Rad and mm that count as one unit of a free coordinate: 1 mm at 30 mm from the centre.
@@ -40,6 +42,11 @@ _ROUNDING = 1e-11
 _CLOSE = 1e-3
 # Steps with a kept tangent shall shrink by this factor, or it is computed anew.
 _GOOD = 0.2
+# How far meeting points may be off, mm, for a pose to be judged, and to be the answer. A miss of
+# 3e-5 mm moved poses by as much; the last step, from better points, takes that out.
+_JUDGED, _MET = 0.1, 3e-5
+# N/mm added to the tangent in vain: who is here will not find anything any more.
+_HOPELESS = 1e8
 # Relative change of the tangent per mm, at worst: surfaces touch within an onset width of 0.02 mm.
 _BEND = 50.0
 
@@ -65,23 +72,15 @@ class Guess(eqx.Module):
 
 @partial(jax.jit, inline=True)
 def look(guess: Guess, args: tuple[Knee, Array]):
-    """The function whose root is sought: unbalanced force, with what the search needs besides.
+    """The function whose root is sought: the unbalanced force at a guess, with what it is made of.
 
     Jitted so that Python runs through the mechanics once however often the search is traced.
 
     Returns:
-        Residual in five rows; forces, meeting points and tangent, which is that of the guess
-        where it is dear.
+        Residual in five rows; forces.
     """
     knee, flexion = args
-    meeting = guess.meeting[:, 0], guess.meeting[:, 1]
-    if not _tangents_are_dear(knee):
-        here = balance(knee, flexion, guess.q, meeting)
-        return tuple(here.residual), (here.forces, guess.meeting, here.tangent)
-    tibia = Pose.from_state(flexion, guess.q).placement
-    meeting = knee.map_patches(Contact.improved, tibia, meeting)
-    residual, forces = rows_of_force(knee, flexion, guess.q, meeting)
-    return residual, (forces, jnp.stack(meeting, axis=1), guess.tangent)
+    return rows_of_force(knee, flexion, guess.q, (guess.meeting[:, 0], guess.meeting[:, 1]))
 
 
 def _tangents_are_dear(knee: Knee) -> bool:
@@ -90,14 +89,17 @@ def _tangents_are_dear(knee: Knee) -> bool:
 
 class SearchState(eqx.Module):
     """Of a search; `guess` is the best point so far, `kept` marks lanes whose tangent belongs to
-    an earlier one, `asks` those that want it computed anew, `rounds` counts all steps and `count`
-    those of each lane."""
+    an earlier one, `asks` those that want it computed anew, `still` those that look once more at
+    the best point, `miss` says how far off meeting points were at the look before, where there is
+    another at the same pose; `rounds` counts all looks and `count` those of each lane."""
 
     guess: Guess
     residual: tuple[Array, ...]
     forces: Forces
     kept: Array
     asks: Array
+    still: Array
+    miss: Array
     shift: Array
     step: tuple[Array, ...]
     done: Array
@@ -120,7 +122,7 @@ class EnergyNewton(optx.AbstractRootFinder):
 
     rtol: float = 0.0
     atol: float = 1e-9
-    most_steps: int = 40
+    most_steps: int = 80
     least_share: float = 0.0
     norm: ClassVar[Callable[..., Any]] = optx.max_norm
 
@@ -128,13 +130,15 @@ class EnergyNewton(optx.AbstractRootFinder):
         if options:
             raise ValueError(f"EnergyNewton: unknown options {sorted(options)}; it takes none")
         lanes, unknown = y.q.shape[1:], jnp.all(y.tangent == 0.0, axis=(0, 1))
-        forces, *_ = aux_struct
+        forces = aux_struct
         return SearchState(
             guess=y,
             residual=(jnp.zeros(lanes),) * 5,
             forces=jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), forces),
             kept=jnp.ones(lanes, bool),
             asks=unknown,
+            still=jnp.zeros(lanes, bool),
+            miss=jnp.full(lanes, jnp.inf),
             shift=jnp.zeros(lanes),
             step=(jnp.zeros(lanes),) * 5,
             done=jnp.zeros(lanes, bool),
@@ -144,42 +148,58 @@ class EnergyNewton(optx.AbstractRootFinder):
         )
 
     def step(self, fn, y, args, options, state, tags):
-        (knee, flexion), (residual, (forces, meeting, here)) = args, fn(y, args)
+        dear = _tangents_are_dear(args[0])
+        residual, forces, tangent_there = linearised(
+            lambda q, meeting: fn(Guess(q, meeting, y.tangent), args),
+            y.q,
+            y.meeting,
+            at_once=dear,
+        )
         first, last = state.rounds == 0, self._over(state)
-        lower = first | self._is_lower(residual, forces, y.q, state)
-        accept = jnp.where(last, state.done, lower & ~state.done)
+        met, miss = jnp.stack(forces.meeting, axis=1), _miss(forces)
+        # Off its meeting points a pose's energy says little: look again, as long as they come near.
+        again = (miss > _JUDGED) & (miss < 0.5 * state.miss) & ~state.done & ~last
+        astray = miss > jnp.maximum(_JUDGED, _miss(state.forces))
+        lower = state.still | (self._is_lower(residual, forces, y.q, state) & ~astray)
+        accept = jnp.where(last, state.done, (first | (lower & ~again)) & ~state.done)
 
         def choose(new, old):
             return jnp.where(accept, new, old)
 
-        q, meeting = choose(y.q, state.guess.q), choose(meeting, state.guess.meeting)
+        def renewed_tangent() -> Array:
+            return choose(tangent_there(), state.guess.tangent)
+
+        q, meeting = choose(y.q, state.guess.q), choose(y.meeting, state.guess.meeting)
         residual, forces = jax.tree.map(
             choose, (residual, forces), (state.residual, state.forces)
         )
-        refused = ~accept & ~first
-        asks = ~state.done & (state.asks | (refused & state.kept))
-        if _tangents_are_dear(knee):
-            many = 4 * jnp.sum(asks) >= jnp.sum(~state.done)
-            many = many & (jnp.sum(asks) > self.least_share * asks.size)
-            anew = last | (many & jnp.any(asks))
-            tangent = lax.cond(
-                anew,
-                lambda: balance(knee, flexion, q, (meeting[:, 0], meeting[:, 1])).tangent,
-                lambda: state.guess.tangent,
-            )
-            kept = ~anew & (state.kept | accept)
+        refused, again = ~(accept | again | state.done), again & ~accept
+        if dear:
+            ready = state.asks & accept & ~state.done
+            many = 4 * jnp.sum(ready) >= jnp.sum(~state.done)
+            many = many & (jnp.sum(ready) > self.least_share * ready.size)
+            anew = last | (many & jnp.any(ready))
+            tangent = lax.cond(anew, renewed_tangent, lambda: state.guess.tangent)
+            kept = jnp.where(accept, ~anew, state.kept)
         else:
             anew, kept = jnp.asarray(True), jnp.zeros_like(accept)
-            tangent = choose(here, state.guess.tangent)
-        shift = jnp.where(refused, jnp.maximum(8.0 * state.shift, 1.0), 0.1 * state.shift)
-        shift = jnp.where(refused & state.kept & anew, state.shift, shift)
+            tangent = renewed_tangent()
+        # A step by a kept tangent was refused: look once more at the best point, for a new one. Who
+        # asks in vain goes on with what there is, in shorter steps.
+        still, in_vain = refused & state.kept & ~state.still, accept & state.still & ~anew
+        still = still | (first & (miss > _JUDGED)) | (state.still & again)
+        shift = jnp.where(still | state.still | again, state.shift, 0.1 * state.shift)
+        shift = jnp.where(
+            in_vain | (refused & ~state.kept), jnp.maximum(8.0 * state.shift, 1.0), shift
+        )
         shift = jnp.where(shift < 1e-3, 0.0, shift)
         step, definite = _newton_step(tangent, residual, shift)
         size, before = _size(step), _size(state.step)
         shrinks = jnp.where(before > 0, size / jnp.where(before > 0, before, 1.0), 1.0)
         short = jnp.minimum(1.0, _LONGEST_STEP / jnp.where(size > 0, size, 1.0))
+        short = jnp.where(still, 0.0, short)
         # With the tangent at the solution comes one step more for nothing.
-        moves = jnp.where(last, state.done, ~state.done)
+        moves = jnp.where(last, state.done, ~state.done & ~again)
         stay = jnp.where(last, 0.0, 1.0)
         step = tuple(
             jnp.where(moves, short * new, stay * old)
@@ -188,34 +208,41 @@ class EnergyNewton(optx.AbstractRootFinder):
         left = jnp.where(kept, shrinks, _BEND * size) * size
         # A shift that is small against the stiffness does not hide how far the solution is.
         at_rest = accept & definite & (left < self.atol) & (size < _CLOSE) & (shift < 1.0)
-        # A tilted meeting point tilts the force: with 1e-6 rad poses were 3e-5 mm off.
-        met = jnp.all((forces.tilt < 1e-8) | (forces.depth < -1.0), axis=0)
         state = SearchState(
             guess=Guess(q, meeting, tangent),
             residual=residual,
             forces=forces,
             kept=kept,
-            asks=kept & (asks | ((before > 0) & (shrinks > _GOOD))),
+            asks=kept & ~in_vain & (state.asks | still | ((before > 0) & (shrinks > _GOOD))),
+            still=still,
+            miss=jnp.where(again, miss, jnp.inf),
             shift=shift,
             step=step,
-            done=state.done | (at_rest & met & ~last),
+            done=state.done | (at_rest & (_miss(forces) < _MET) & ~last),
             count=state.count + ~state.done,
             rounds=state.rounds + 1,
             ended=last,
         )
-        return self._trial(state), state, (forces, meeting, here)
+        return self._next(state, again, Guess(y.q, met)), state, forces
 
     def _over(self, state: SearchState) -> Array:
         """Whether nothing is left to search for."""
-        return jnp.all(state.done) | (state.rounds >= self.most_steps)
+        lost = state.shift > _HOPELESS
+        return jnp.all(state.done | lost) | (state.rounds >= self.most_steps)
 
-    def _trial(self, state: SearchState) -> Guess:
+    def _next(self, state: SearchState, again: Array, there: Guess) -> Guess:
+        """Where to look next: a step ahead, or at the same pose from better meeting points."""
         guess, shift = state.guess, [u * s for u, s in zip(UNITS, state.step, strict=True)]
         a, b = (
             sum(rate * by for rate, by in zip(rates, shift, strict=True))
             for rates in zip(*state.forces.drift, strict=True)
         )
-        moved = guess.q + jnp.stack(shift), guess.meeting + jnp.stack([a, b], axis=1), guess.tangent
+        (met_a, met_b), tangent = state.forces.meeting, guess.tangent
+        moved = (
+            jnp.where(again, there.q, guess.q + jnp.stack(shift)),
+            jnp.where(again, there.meeting, jnp.stack([met_a + a, met_b + b], axis=1)),
+            tangent,
+        )
         # A lane whose numbers are not finite stands still: the solver would end the search of all.
         finite = [jnp.all(jnp.isfinite(x), axis=tuple(range(x.ndim - 1))) for x in moved]
         astray = ~functools.reduce(jnp.logical_and, finite)
@@ -242,7 +269,13 @@ class EnergyNewton(optx.AbstractRootFinder):
         return state.ended, optx.RESULTS.successful
 
     def postprocess(self, fn, y, aux, args, options, state, tags, result):
-        return self._trial(state), state, {}
+        nowhere = jnp.zeros_like(state.done)
+        return self._next(state, nowhere, state.guess), state, {}
+
+
+def _miss(forces: Forces) -> Array:
+    """Largest slope of the gap at the meeting points of a lane, where contact is near."""
+    return jnp.max(jnp.where(forces.depth < -1.0, 0.0, forces.miss), axis=0, initial=0.0)
 
 
 def _size(rows: tuple[Array, ...]) -> Array:

@@ -44,7 +44,7 @@ class Stations(eqx.Module):
 
     def take(self, rows: ArrayLike) -> Stations:
         """Some of the stations, in the order of `rows`."""
-        return jax.tree.map(lambda x: x[rows], self)
+        return jax.tree.map(lambda x: x[jnp.asarray(rows)], self)
 
     def plain(self) -> Stations:
         """The same with at least one load and without names: one compiled program serves more."""

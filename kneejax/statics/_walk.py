@@ -37,7 +37,7 @@ LANES = 64
 #: Nodes of a call in each lane.
 _STRETCH = 16
 #: Of nodes that are predicted, and of those that were lost.
-_QUICK, _PATIENT = Patience(5, 0.1, 2), Patience(40, 0.0, 0)
+_QUICK, _PATIENT = Patience(5, 0.1, 2), Patience(80, 0.0, 0)
 #: Flexion between stations beyond which distances from the own motion are not extrapolated, rad.
 _FAR = np.deg2rad(12.0)
 

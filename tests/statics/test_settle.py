@@ -183,6 +183,32 @@ def test_a_lane_whose_meeting_points_are_lost_finds_them_again(knee, motion):
     assert np.allclose(found.q, here.q[:, 4:5], atol=1e-9)
 
 
+def test_a_compartment_that_is_apart_is_apart_as_far_as_it_is(knee):
+    """It pulls at nothing: a pose balances however wrong its meeting point is."""
+    lower = eqx.tree_at(
+        lambda k: k.contacts[1].tibial.frame.origin, knee, replace_fn=lambda x: x.at[1].add(-1.5)
+    )
+    here = kj.passive_flexion(lower, [20.0]).settled
+    apart = np.asarray(here.depth)[1, 0]
+    assert -0.6 < apart < -0.2
+    meeting = here.meeting + jnp.zeros((2, 2, 4)).at[1].set(jnp.array([0.0, 0.05, 0.1, 0.2]))
+    guess = Guess(jnp.tile(here.q, 4), meeting, jnp.tile(here.tangent, 4))
+    flexion = jnp.tile(here.flexion, 4)
+    found, _ = four_lanes(
+        jnp.ones(4), add_lane_axis(lower), flexion, guess, flexion, jnp.asarray(1)
+    )
+    assert found.status.tolist() == [0, 0, 0, 0]
+    assert np.allclose(found.depth[1], apart, atol=1e-7)
+
+
+def test_a_lax_knee_is_found_in_extension(knee):
+    """Its surfaces are nearly flat against each other there, and meeting points are far to seek."""
+    for strain in (0.02, 0.015):
+        lax = kj.with_values(knee, {"MCL.reference_strain": strain})
+        motion = kj.passive_flexion(lax, FLEXION / 10)
+        assert (np.asarray(motion.status) == Status.BALANCED).all()
+
+
 @pytest.mark.parametrize(
     ("strain", "most_deg"),
     [(0.01, 120.0), (0.0125, 120.0), (0.015, 120.0), (0.0175, 120.0), (0.015, 12.0), (0.02, 12.0)],
