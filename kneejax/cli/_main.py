@@ -263,8 +263,9 @@ def _lazily(module: str):
 def _prepare_jax() -> None:
     import jax
 
-    from kneejax.statics import use_shared_fusion
+    from kneejax.statics import share_memory_between_threads, use_shared_fusion
 
+    share_memory_between_threads()
     use_shared_fusion()
     jax.config.update("jax_enable_x64", True)
     if "JAX_COMPILATION_CACHE_DIR" not in os.environ:

@@ -12,6 +12,9 @@ from kneejax.statics._batch import own_motion as own_motion
 from kneejax.statics._compiled import compiled as compiled
 from kneejax.statics._compiled import compiler_options as compiler_options
 from kneejax.statics._compiled import lanes_for as lanes_for
+from kneejax.statics._compiled import (
+    share_memory_between_threads as share_memory_between_threads,
+)
 from kneejax.statics._compiled import use_shared_fusion as use_shared_fusion
 from kneejax.statics._newton import EnergyNewton as EnergyNewton
 from kneejax.statics._newton import Guess as Guess
