@@ -10,11 +10,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jax.core import Tracer
 
-from kneejax.geometry import Pose, safe_sqrt
+from kneejax.geometry import Pose, lanes_for, safe_sqrt, traced
 from kneejax.mechanics import Contact, Knee, add_lane_axis
-from kneejax.statics import Status, compiled, lanes_for, with_meeting
+from kneejax.statics import Status, compiled, with_meeting
 
 # Poses of one call: what they need stays in the processor's cache (benchmarks/evaluate.py).
 _CHUNK, _CHUNK_OVER_POINTS = 512, 64
@@ -91,8 +90,7 @@ def evaluate(knee: Knee, poses: Pose, meeting: Array | None = None) -> Mechanics
     """
     over_points = any(not contact.has_patch for contact in knee.contacts)
     size, count = _CHUNK_OVER_POINTS if over_points else _CHUNK, len(jnp.atleast_1d(poses.flexion))
-    traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((knee, poses, meeting)))
-    if traced or not count:
+    if traced(knee, poses, meeting) or not count:
         return _evaluate(knee, poses, meeting)
     size = min(size, lanes_for(count))
     # The last chunk is filled up with the last pose: one shape, one compilation.

@@ -7,16 +7,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jax.core import Tracer
 from jax.typing import ArrayLike
 
-from kneejax.geometry import Pose
+from kneejax.geometry import Pose, filled, traced
 from kneejax.mechanics import Knee, add_lane_axis
 from kneejax.statics import (
+    Guess,
     Settled,
-    compiled,
     first_guess,
-    lanes_for,
     poses_on_the_way,
     settle,
 )
@@ -70,26 +68,32 @@ def passive_flexion(knee: Knee, flexion_deg: ArrayLike) -> PassiveFlexion:
         True
     """
     start = knee.reference_pose.flexion
-    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((knee, flexion_deg))):
+    if traced(knee, flexion_deg):
         flexion = jnp.deg2rad(jnp.atleast_1d(jnp.asarray(flexion_deg, float)))
-        span = 30 if isinstance(flexion, Tracer) else poses_on_the_way(0.0, flexion)
-        return _passive_flexion(knee, flexion, jnp.broadcast_to(start, flexion.shape), span)
+        span = 30 if traced(flexion) else poses_on_the_way(0.0, flexion)
+        return _motion(knee, flexion, jnp.broadcast_to(start, flexion.shape), span)
     flexion = np.deg2rad(np.atleast_1d(np.asarray(flexion_deg, float)))
-    count, lanes = len(flexion), lanes_for(len(flexion))
-    # Filled up with the last angle: one shape, one compilation.
-    filled = np.pad(flexion, (0, lanes - count), "edge")
-    start, span = np.full(lanes, float(start)), poses_on_the_way(0.0, flexion)
-    motion = _passive_flexion(knee, filled, start, span)
-    return jax.tree.map(lambda x: jnp.asarray(np.asarray(x)[..., :count]), motion)
+    angles, span = filled(flexion), poses_on_the_way(0.0, flexion)
+    motion = _motion(knee, angles, np.full(len(angles), float(start)), span)
+    return jax.tree.map(lambda x: jnp.asarray(np.asarray(x)[..., : len(flexion)]), motion)
 
 
-@compiled()
-def _passive_flexion(knee: Knee, flexion: Array, start: Array, count: Array) -> PassiveFlexion:
+def _motion(knee: Knee, flexion: Array, start: Array, count: int) -> PassiveFlexion:
+    lanes, guess = _begin(knee, start)
+    return _described(settle(lanes, jnp.asarray(flexion), guess, jnp.asarray(start), count))
+
+
+@jax.jit
+def _begin(knee: Knee, start: Array) -> tuple[Knee, Guess]:
     lanes = add_lane_axis(knee)
-    settled = settle(lanes, flexion, first_guess(lanes, start), start, count)
+    return lanes, first_guess(lanes, start)
+
+
+@jax.jit
+def _described(settled: Settled) -> PassiveFlexion:
     moment, force = jnp.abs(settled.residual[:2]), jnp.abs(settled.residual[2:])
     return PassiveFlexion(
-        jnp.rad2deg(flexion),
+        jnp.rad2deg(settled.flexion),
         settled.pose,
         settled.status,
         jnp.max(force, axis=0),

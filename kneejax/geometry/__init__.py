@@ -14,6 +14,9 @@ from kneejax.geometry._fitting import fit_ellipsoid as fit_ellipsoid
 from kneejax.geometry._fitting import fit_plane as fit_plane
 from kneejax.geometry._fitting import fit_sphere as fit_sphere
 from kneejax.geometry._fitting import fit_transverse_axis as fit_transverse_axis
+from kneejax.geometry._lanes import filled as filled
+from kneejax.geometry._lanes import lanes_for as lanes_for
+from kneejax.geometry._lanes import traced as traced
 from kneejax.geometry._plateau import Plateau as Plateau
 from kneejax.geometry._polynomials import partials as partials
 from kneejax.geometry._pose import COLUMNS as COLUMNS

@@ -12,10 +12,12 @@ from functools import partial
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
 from kneejax.geometry import _vectors as v
+from kneejax.geometry._lanes import filled, traced
 from kneejax.geometry._pose import Placement, Pose, angles_from_rotation, rotation_from_angles
 
 
@@ -106,7 +108,10 @@ def convert(coordinates: ArrayLike, source: str, target: str) -> Array:
     """
     read, _ = CONVENTIONS[source]
     _, write = CONVENTIONS[target]
-    return _rewritten(jnp.asarray(coordinates, float), read, write)
+    if traced(coordinates) or np.ndim(coordinates) != 2 or not np.size(coordinates):
+        return _rewritten(jnp.asarray(coordinates, float), read, write)
+    table = np.asarray(coordinates, float)
+    return jnp.asarray(np.asarray(_rewritten(filled(table), read, write))[:, : table.shape[1]])
 
 
 @partial(jax.jit, static_argnums=(1, 2))

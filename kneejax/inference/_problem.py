@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import partial
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.typing import ArrayLike
 
+from kneejax.geometry import lanes_for
 from kneejax.inference._parameters import Selection
 from kneejax.mechanics import Knee, add_lane_axis
 from kneejax.statics import (
     Guess,
     Settled,
     compiled,
+    differentiable,
     first_guess,
-    lanes_for,
     poses_on_the_way,
     settle,
 )
@@ -42,25 +45,41 @@ class Evaluation(eqx.Module):
     settled: Settled
 
 
-@compiled(static_argnums=(0,))
 def evaluate_poses(
     selection: Selection,
     knee: Knee,
-    values: Array,
+    values: ArrayLike,
     flexion: Array,
     guess: Guess,
     start: Array,
-    count: Array,
+    count: int,
 ) -> Evaluation:
-    """Balanced poses and their exact Jacobian; see `settle` for the last three arguments."""
+    """Balanced poses and their exact Jacobian; see `settle` for the last three arguments.
 
-    def table(x: Array):
+    The search is compiled once for all selections, the Jacobian for each.
+    """
+    values = jnp.asarray(values, float)
+    settled = settle(_with_lanes(selection, knee, values), flexion, guess, start, count)
+    table, jacobian = _table_and_jacobian(selection, knee, values, settled)
+    return Evaluation(table, jacobian, settled)
+
+
+@partial(jax.jit, static_argnums=0)
+def _with_lanes(selection: Selection, knee: Knee, values: Array) -> Knee:
+    return add_lane_axis(selection.apply(knee, values))
+
+
+@compiled(static_argnums=(0,))
+def _table_and_jacobian(
+    selection: Selection, knee: Knee, values: Array, settled: Settled
+) -> tuple[Array, Array]:
+    def table(x: Array) -> Array:
         lanes = add_lane_axis(selection.apply(knee, x))
-        settled = settle(lanes, flexion, guess, start, count)
-        return settled.q * jnp.asarray(TABLE_UNITS)[:, None], settled
+        found = differentiable(lanes, settled.flexion, settled)
+        return found.q * jnp.asarray(TABLE_UNITS)[:, None]
 
-    value, push, settled = jax.linearize(table, values, has_aux=True)
-    return Evaluation(value, jax.vmap(push, out_axes=-1)(jnp.eye(values.shape[0])), settled)
+    value, push = jax.linearize(table, values)
+    return value, jax.vmap(push, out_axes=-1)(jnp.eye(values.shape[0]))
 
 
 @dataclasses.dataclass

@@ -11,7 +11,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jax.core import Tracer
 from jax.typing import ArrayLike
 
 from kneejax.geometry import (
@@ -20,11 +19,13 @@ from kneejax.geometry import (
     angles_from_rotation,
     compose,
     dot,
+    filled,
     full,
     norm,
     rotate,
     scale,
     subtract,
+    traced,
     transpose,
     vector,
 )
@@ -122,7 +123,10 @@ class Joint(eqx.Module):
         Raises:
             ValueError: flexion has another shape.
         """
-        return _pose(self, jnp.asarray(flexion, float))
+        if traced(self, flexion) or np.ndim(flexion) != 1 or not np.size(flexion):
+            return _pose(self, jnp.asarray(flexion, float))
+        found = _pose(self, filled(np.asarray(flexion, float)))
+        return jax.tree.map(lambda x: jnp.asarray(np.asarray(x)[: len(flexion)]), found)
 
 
 @jax.jit
@@ -237,7 +241,7 @@ def check_joint(joint: Joint) -> None:
         UnsuitableAxis: flexion does not increase, a number is not finite, or an axis is not
             transverse (within 45 degrees of Z, its lateral point lateral).
     """
-    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(joint)):
+    if traced(joint):
         return
     _check_flexion(joint.flexion)
     for bone, points in (("femur", joint.femoral), ("tibia", joint.tibial)):

@@ -11,7 +11,6 @@ from kneejax.statics._batch import balance_many as balance_many
 from kneejax.statics._batch import own_motion as own_motion
 from kneejax.statics._compiled import compiled as compiled
 from kneejax.statics._compiled import compiler_options as compiler_options
-from kneejax.statics._compiled import lanes_for as lanes_for
 from kneejax.statics._compiled import (
     share_memory_between_threads as share_memory_between_threads,
 )
@@ -19,6 +18,7 @@ from kneejax.statics._compiled import use_shared_fusion as use_shared_fusion
 from kneejax.statics._newton import EnergyNewton as EnergyNewton
 from kneejax.statics._newton import Guess as Guess
 from kneejax.statics._settle import Settled as Settled
+from kneejax.statics._settle import differentiable as differentiable
 from kneejax.statics._settle import first_guess as first_guess
 from kneejax.statics._settle import poses_on_the_way as poses_on_the_way
 from kneejax.statics._settle import settle as settle

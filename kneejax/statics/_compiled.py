@@ -96,24 +96,6 @@ def compiled(static_argnums: tuple[int, ...] = ()) -> Callable[[Callable], Calla
     return decorate
 
 
-def lanes_for(count: int) -> int:
-    """Lanes of a call for so many poses: one compiled program serves tables of several lengths.
-
-    Compiling takes some hundred times as long as the lanes that are filled up.
-
-    Args:
-        count: poses.
-
-    Returns:
-        The next power of two, 32 at least and 1024 at most; more poses take multiples of that.
-
-    Example:
-        >>> [lanes_for(n) for n in (1, 25, 33, 1025)]
-        [32, 32, 64, 2048]
-    """
-    return min(max(32, 1 << (count - 1).bit_length()), -(-count // 1024) * 1024)
-
-
 def share_memory_between_threads() -> None:
     """Let threads allocate from as many pools as there are cores, where the C library can.
 

@@ -11,7 +11,7 @@ own. Energies are compared only where they nearly are such points; a search that
 there took a lax knee (MCL without strain, extended) for lost at half of all angles.
 
 Where contacts have patches, a tangent is kept while steps still shrink by `_GOOD`, and computed
-anew when a quarter of the lanes that still search ask for that: a look takes a fourth to a sixth of
+anew when a quarter of the lanes that come further ask for that: a look takes a fourth to a sixth of
 its time. Over points a tangent costs two forces (0.29 and 0.14 ms a lane, 2 x 432 points): every
 look takes one along, and 4 looks do where there were 9.
 """
@@ -175,8 +175,10 @@ class EnergyNewton(optx.AbstractRootFinder):
         )
         refused, again = ~(accept | again | state.done), again & ~accept
         if dear:
-            ready = state.asks & accept & ~state.done
-            many = 4 * jnp.sum(ready) >= jnp.sum(~state.done)
+            # Who was refused has no use for a tangent, and does not count: a lane that is stuck
+            # once starved the others.
+            ready = state.asks & accept
+            many = 4 * jnp.sum(ready) >= jnp.sum(accept)
             many = many & (jnp.sum(ready) > self.least_share * ready.size)
             anew = last | (many & jnp.any(ready))
             tangent = lax.cond(anew, renewed_tangent, lambda: state.guess.tangent)

@@ -8,6 +8,8 @@ a dense solve per lane, with lanes that failed set to NaN and no influence on th
 
 from __future__ import annotations
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -20,6 +22,7 @@ from jax.typing import ArrayLike
 from kneejax.geometry import Pose, instantiate
 from kneejax.mechanics import Contact, Knee
 from kneejax.statics._balance import force_derivative, force_derivative_without_patches
+from kneejax.statics._compiled import compiled
 from kneejax.statics._elimination import solve, symmetric
 from kneejax.statics._newton import UNITS, EnergyNewton, Guess, SearchState, look
 from kneejax.statics._status import Status
@@ -106,9 +109,27 @@ def settle(
         raise RuntimeError(
             "kneejax needs float64: call jax.config.update('jax_enable_x64', True) before anything"
         )
-    guess, start = lax.stop_gradient((guess, flexion if start is None else start))
-    q, meeting, rest = _settle(knee, flexion, guess, start, jnp.asarray(count), search)
-    return Settled(flexion, q, meeting, **rest)
+    start = flexion if start is None else start
+    still = lax.stop_gradient((knee, flexion, guess, start))
+    return differentiable(knee, flexion, _search(*still, jnp.asarray(count), search))
+
+
+def differentiable(knee: Knee, flexion: Array, found: Settled) -> Settled:
+    """A balance that has been found, as a function of the knee and of flexion.
+
+    By the implicit function theorem the derivative of a balance needs no search. So one compiled
+    search serves every choice of parameters, and each choice compiles its derivative only.
+
+    Args:
+        knee: with which it was found; leaves end in a lane axis.
+        flexion: at which it was found, rad, `(lanes,)`.
+        found: the balance.
+
+    Returns:
+        The same balance, differentiable as `settle` is.
+    """
+    q, meeting = _followed(knee, flexion, lax.stop_gradient(found))
+    return dataclasses.replace(found, flexion=flexion, q=q, meeting=meeting)
 
 
 def poses_on_the_way(start: ArrayLike, flexion: ArrayLike) -> int:
@@ -181,9 +202,10 @@ def _found(knee: Knee, flexion: Array, guess: Guess, search: EnergyNewton):
     return solution.value, solution.aux
 
 
+@compiled(static_argnums=(5,))
 def _search(
     knee: Knee, flexion: Array, guess: Guess, start: Array, count: Array, search: EnergyNewton
-):
+) -> Settled:
     def pose(k: Array, before):
         guess, last, found, known = before
         part = jnp.where(count > 1, k / jnp.maximum(count - 1, 1), 1.0)
@@ -212,7 +234,8 @@ def _search(
     begin = search.init(look, guess, (knee, flexion), {}, None, shapes, frozenset())
     nowhere = jnp.zeros(guess.q.shape[1:], bool)
     found, _, state, _ = lax.fori_loop(0, count, pose, (guess, guess.q, begin, nowhere))
-    return _described(knee, flexion, found, state)
+    q, meeting, rest = _described(knee, flexion, found, state)
+    return Settled(flexion, q, meeting, **rest)
 
 
 def _known_meeting(knee: Knee, flexion: Array, q: Array, meeting: Array) -> Array:
@@ -263,25 +286,26 @@ def _status(
     return jnp.where(here.done, status, Status.NOT_CONVERGED).astype(int)
 
 
-_settle = jax.custom_jvp(_search, nondiff_argnums=(5,))
+@jax.custom_jvp
+def _followed(knee: Knee, flexion: Array, found: Settled) -> tuple[Array, Array]:
+    """Coordinates and meeting points of a balance, which follow the knee and flexion."""
+    return found.q, found.meeting
 
 
-def _settle_jvp(search, primals, tangents):
-    knee, flexion, *_ = primals
-    q, meeting, rest = _settle(*primals, search)
-    d_knee, d_flexion, *_ = tangents
-    change, follow = _force_change(knee, flexion, q, meeting, d_knee, d_flexion)
-    failed = rest["status"] >= Status.TOO_DEEP
-    identity = jnp.eye(5).reshape(5, 5, *(1,) * (q.ndim - 1))
-    tangent = jnp.where(failed, identity, rest["tangent"])
+def _followed_jvp(primals, tangents):
+    knee, flexion, found = primals
+    d_knee, d_flexion, _ = tangents
+    change, follow = _force_change(knee, flexion, found.q, found.meeting, d_knee, d_flexion)
+    failed = ~found.converged
+    identity = jnp.eye(5).reshape(5, 5, *(1,) * (found.q.ndim - 1))
+    tangent = jnp.where(failed, identity, found.tangent)
     d_q, _ = solve(tangent, -jnp.where(failed, 0.0, change))
     d_q = jnp.where(failed, jnp.nan, jnp.stack(d_q))
-    moved = jnp.sum(rest["drift"] * d_q.reshape(5, 1, 1, *q.shape[1:]), axis=0)
-    still = jax.tree.map(_no_tangent, rest)
-    return (q, meeting, rest), (d_q, follow + moved, still)
+    moved = jnp.sum(found.drift * d_q.reshape(5, 1, 1, *found.q.shape[1:]), axis=0)
+    return (found.q, found.meeting), (d_q, follow + moved)
 
 
-_settle.defjvp(_settle_jvp, symbolic_zeros=True)
+_followed.defjvp(_followed_jvp, symbolic_zeros=True)
 
 
 def _force_change(knee, flexion, q, meeting, d_knee, d_flexion):
@@ -304,9 +328,3 @@ def _force_change(knee, flexion, q, meeting, d_knee, d_flexion):
         instantiate(d_flexion),
     )
     return change, jnp.stack(follow, axis=1)
-
-
-def _no_tangent(x: Array):
-    if jnp.issubdtype(x.dtype, jnp.floating):
-        return jnp.zeros_like(x)
-    return np.zeros(x.shape, jax.dtypes.float0)

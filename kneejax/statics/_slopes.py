@@ -5,6 +5,7 @@ from __future__ import annotations
 import concurrent.futures
 import dataclasses
 import os
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -14,10 +15,10 @@ from kneejax.mechanics import Knee
 from kneejax.statics._batch import balance_many
 from kneejax.statics._compiled import compiled
 from kneejax.statics._newton import EnergyNewton, Guess
-from kneejax.statics._settle import settle
+from kneejax.statics._settle import Settled, differentiable, settle
 from kneejax.statics._stations import Stations
 from kneejax.statics._status import Status
-from kneejax.statics._variants import Vary, in_lanes
+from kneejax.statics._variants import Variants, Vary, in_lanes, with_numbers
 
 #: Searches begin from a linear prediction; what is farther off is searched by `balance_many`.
 _SEARCH = EnergyNewton(atol=1e-8, most_steps=16)
@@ -63,20 +64,27 @@ class Slopes:
             getattr(self, field.name)[rows] = getattr(others, field.name)
 
 
+@compiled()
+def _found(knee: Knee, numbers: dict[int, Any], stations: Stations, guess: Guess) -> Settled:
+    """One node in each lane: the same program whatever varies."""
+    lanes = stations.load(with_numbers(knee, numbers))
+    return settle(lanes, stations.flexion, guess, search=_SEARCH)
+
+
 @compiled(static_argnums=(0,))
-def _solve(vary: Vary, knee: Knee, values, stations: Stations, guess: Guess):
-    """One node in each lane, with its derivative by the lane's values."""
+def _slopes(vary: Vary, knee: Knee, values, stations: Stations, settled: Settled):
+    """Derivatives of coordinates and meeting points by each lane's values, lanes first."""
 
     def poses(x):
         lanes = stations.load(in_lanes(knee, vary, x))
-        settled = settle(lanes, stations.flexion, guess, search=_SEARCH)
-        return (settled.q, settled.meeting), settled
+        found = differentiable(lanes, stations.flexion, settled)
+        return found.q, found.meeting
 
-    (q, meeting), push, settled = jax.linearize(poses, values, has_aux=True)
+    _, push = jax.linearize(poses, values)
     # Lanes do not touch each other: one direction moves the same number of all of them.
     units = jnp.broadcast_to(jnp.eye(values.shape[1])[:, None], (values.shape[1], *values.shape))
-    slopes = jax.vmap(push, out_axes=-1)(units)
-    return q, slopes[0], meeting, slopes[1], settled.tangent, settled.status
+    q, meeting = jax.vmap(push, out_axes=-1)(units)
+    return jnp.moveaxis(q, 1, 0), jnp.moveaxis(meeting, 2, 0)
 
 
 def balance_with_slopes(
@@ -111,22 +119,20 @@ def _in_chunks(knee, vary, values, stations: Stations, guess) -> Slopes:
     """Nodes dealt to lanes, chunks of lanes to threads."""
     count, size = len(values), len(stations)
     q, meeting, tangent = (x.reshape(count * size, *x.shape[2:]) for x in guess)
-    numbers = jax.tree.map(np.asarray, stations.plain())
+    marks = jax.tree.map(np.asarray, stations.plain())
+    variants = Variants.of(knee, vary, values)
 
     def chunk(first: int):
         rows = np.minimum(np.arange(first, first + _LANES), count * size - 1)
         here = Guess(*(np.moveaxis(x[rows], 0, -1) for x in (q, meeting, tangent)))
-        at = jax.tree.map(lambda x: x[rows % size], numbers)
-        found = _solve(vary, knee, values[rows // size], at, here)
-        q_, slope, met, met_slope, stiffness, status = map(np.asarray, found)
-        return (
-            q_.T,
-            np.moveaxis(slope, 1, 0),
-            np.moveaxis(met, -1, 0),
-            np.moveaxis(met_slope, 2, 0),
-            np.moveaxis(stiffness, -1, 0),
-            status,
-        )
+        variant, at = rows // size, jax.tree.map(lambda x: x[rows % size], marks)
+        numbers = {leaf: x[variant] for leaf, x in variants.numbers.items()}
+        found = _found(knee, numbers, at, here)
+        slopes = _slopes(vary, knee, values[variant], at, found)
+        of_nodes = (found.q, found.meeting, found.tangent)
+        q_, met, stiffness = (np.moveaxis(np.asarray(x), -1, 0) for x in of_nodes)
+        slope, met_slope = map(np.asarray, slopes)
+        return q_, slope, met, met_slope, stiffness, np.asarray(found.status)
 
     with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
         parts = list(pool.map(chunk, range(0, count * size, _LANES)))

@@ -146,11 +146,11 @@ def test_scaled_slopes_say_by_what(knee, local):
 
 
 def test_a_pose_that_failed_has_no_slope_and_spoils_no_other(knee):
-    loose = kj.with_values(knee, {"MCL.reference_strain": -0.1})
-    found = local_sensitivity(loose, NAMES, FLEXION)
+    # Bent backwards by 60 degrees the bones meet where nobody has fitted their surfaces.
+    found = local_sensitivity(knee, NAMES, np.r_[-60.0, FLEXION])
     assert found.status[0] == Status.NOT_CONVERGED
     assert np.isnan(found.derivative[0]).all()
-    assert np.isfinite(found.derivative[2:]).all()
+    assert np.isfinite(found.derivative[1:]).all()
     assert np.isfinite(found.largest()[0]).all()
 
 

@@ -14,6 +14,7 @@ from kneejax.statics import (
     balance_many,
     balance_with_slopes,
     in_lanes,
+    own_motion,
 )
 
 FLEXION = np.array([0.0, 30.0, 75.0, 120.0])
@@ -161,6 +162,16 @@ def test_loads_of_stations_are_loads_of_the_knee(knee, chosen, base):
         loaded = eqx.tree_at(lambda k: k.loads, knee, (*knee.loads, Load(force, axes="tibia")))
         alone = kj.passive_flexion(loaded, [flexion])
         np.testing.assert_allclose(found.q[0, row], np.asarray(alone.settled.q)[:, 0], atol=1e-6)
+
+
+def test_a_pose_that_nothing_can_balance_holds_up_no_other(knee, chosen, base):
+    """Bent backwards the bones meet where nobody has fitted their surfaces; its lane, and all that
+    repeat it, once kept the other one waiting for a new tangent until it was given up."""
+    stations = Stations.at([-60.0, 50.0])
+    found = own_motion(knee, chosen.apply, base, stations)
+    assert found.converged[0].tolist() == [False, True]
+    alone = kj.passive_flexion(knee, [50.0])
+    np.testing.assert_allclose(found.table[0, 1], np.asarray(alone.to_table())[0, 1:], atol=1e-6)
 
 
 def test_progress_counts_to_the_end(knee, chosen, base, values):

@@ -1,0 +1,39 @@
+"""Arrays filled up, so that one compiled program serves tables of several lengths."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import numpy as np
+from jax.core import Tracer
+
+
+def lanes_for(count: int) -> int:
+    """Lanes of a call for so many poses: one compiled program serves tables of several lengths.
+
+    Compiling takes some hundred times as long as the lanes that are filled up.
+
+    Args:
+        count: poses.
+
+    Returns:
+        The next power of two, 32 at least and 1024 at most; more poses take multiples of that.
+
+    Example:
+        >>> [lanes_for(n) for n in (1, 25, 33, 1025)]
+        [32, 32, 64, 2048]
+    """
+    return min(max(32, 1 << (count - 1).bit_length()), -(-count // 1024) * 1024)
+
+
+def filled(x: Any) -> np.ndarray:
+    """An array whose last axis is filled up to `lanes_for` with its last entry."""
+    x = np.asarray(x)
+    more = lanes_for(x.shape[-1]) - x.shape[-1]
+    return np.pad(x, [(0, 0)] * (x.ndim - 1) + [(0, more)], "edge")
+
+
+def traced(*trees: Any) -> bool:
+    """Whether numbers are unknown yet, because JAX traces the caller."""
+    return any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(trees))
