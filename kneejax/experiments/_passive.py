@@ -14,6 +14,7 @@ from kneejax.mechanics import Knee, add_lane_axis
 from kneejax.statics import (
     Guess,
     Settled,
+    compiled,
     first_guess,
     poses_on_the_way,
     settle,
@@ -71,7 +72,7 @@ def passive_flexion(knee: Knee, flexion_deg: ArrayLike) -> PassiveFlexion:
     if traced(knee, flexion_deg):
         flexion = jnp.deg2rad(jnp.atleast_1d(jnp.asarray(flexion_deg, float)))
         span = 30 if traced(flexion) else poses_on_the_way(0.0, flexion)
-        return _motion(knee, flexion, jnp.broadcast_to(start, flexion.shape), span)
+        return _whole_motion(knee, flexion, jnp.broadcast_to(start, flexion.shape), span)
     flexion = np.deg2rad(np.atleast_1d(np.asarray(flexion_deg, float)))
     angles, span = filled(flexion), poses_on_the_way(0.0, flexion)
     motion = _motion(knee, angles, np.full(len(angles), float(start)), span)
@@ -81,6 +82,10 @@ def passive_flexion(knee: Knee, flexion_deg: ArrayLike) -> PassiveFlexion:
 def _motion(knee: Knee, flexion: Array, start: Array, count: int) -> PassiveFlexion:
     lanes, guess = _begin(knee, start)
     return _described(settle(lanes, jnp.asarray(flexion), guess, jnp.asarray(start), count))
+
+
+#: For those who differentiate: one program, where a search of its own would not do.
+_whole_motion = compiled()(_motion)
 
 
 @jax.jit
