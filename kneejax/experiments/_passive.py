@@ -84,7 +84,7 @@ def _motion(knee: Knee, flexion: Array, start: Array, count: int) -> PassiveFlex
     return _described(settle(lanes, jnp.asarray(flexion), guess, jnp.asarray(start), count))
 
 
-#: For those who differentiate: one program, where a search of its own would not do.
+#: Under a trace: one program. Outside one, a derivative would compile each of its operations.
 _whole_motion = compiled()(_motion)
 
 

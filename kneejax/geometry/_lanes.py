@@ -28,7 +28,18 @@ def lanes_for(count: int) -> int:
 
 
 def filled(x: Any) -> np.ndarray:
-    """An array whose last axis is filled up to `lanes_for` with its last entry."""
+    """An array whose last axis is filled up to `lanes_for` with its last entry.
+
+    Args:
+        x: shape `(..., poses)`, one pose at least.
+
+    Returns:
+        Shape `(..., lanes)`.
+
+    Example:
+        >>> filled([[1.0, 2.0]]).shape
+        (1, 32)
+    """
     x = np.asarray(x)
     more = lanes_for(x.shape[-1]) - x.shape[-1]
     return np.pad(x, [(0, 0)] * (x.ndim - 1) + [(0, more)], "edge")

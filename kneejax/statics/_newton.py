@@ -115,7 +115,7 @@ class EnergyNewton(optx.AbstractRootFinder):
         rtol: unused; the search ends by what is left of the error.
         atol: mm (rotations count at 30 mm). A lane is at rest when its next step, which is still
             taken, is expected to leave less than this.
-        most_steps: steps before the lanes that still search are given up.
+        most_steps: looks before the lanes that still search are given up.
         least_share: part of all lanes that must ask before tangents are computed anew; those that
             ask in vain go on with what they have. For batches that search stragglers again.
     """
@@ -279,7 +279,7 @@ class EnergyNewton(optx.AbstractRootFinder):
 
 
 def _miss(forces: Forces) -> Array:
-    """Largest slope of the gap at the meeting points of a lane, where contact is near."""
+    """How far off the meeting points of a lane are at most, mm, where contact is near."""
     return jnp.max(jnp.where(forces.depth < -1.0, 0.0, forces.miss), axis=0, initial=0.0)
 
 

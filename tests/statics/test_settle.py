@@ -225,6 +225,18 @@ def test_a_motion_does_not_jump_to_another_balance(knee, strain, most_deg):
     assert (np.abs(np.diff(q, axis=1)).max(axis=0) <= np.maximum(1.0, bend)).all()
 
 
+def test_a_search_that_ends_on_another_branch_is_not_believed(knee):
+    """One of 400 random knees; if strides are not held short it jumps by 6.8 mm at 20 degrees."""
+    selection = select(knee, ("*.stiffness", "*.reference_strain"))
+    strain = [0.1249, -0.0493, -0.007, 0.158]
+    values = np.array([7248.7349, 1923.0763, 12728.9286, 8627.6358, *strain])
+    motion = kj.passive_flexion(selection.apply(knee, values), FLEXION)
+    balanced = np.asarray(motion.settled.converged)
+    assert 8 < balanced.sum() < len(FLEXION)
+    q = np.asarray(motion.settled.q)[:, balanced] * np.array([30.0, 30.0, 1.0, 1.0, 1.0])[:, None]
+    assert (np.abs(np.diff(q, axis=1)).max(axis=0) <= np.diff(FLEXION[balanced])).all()
+
+
 def test_status_says_what_to_do_next():
     for status in Status:
         assert len(status.sentence.split()) > 2
