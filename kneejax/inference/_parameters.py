@@ -90,7 +90,15 @@ class Selection:
 
     def read(self, knee: Knee) -> Array:
         """Values of the free parameters in a knee, shape `(p,)`."""
-        return jnp.stack([_read(knee, *self._place(i)) for i in range(len(self))])
+        quantities = list(dict.fromkeys(map(self.quantity, range(len(self)))))
+        # Every quantity once, of all fibres.
+        numbers = jnp.stack([_numbers(knee, quantity) for quantity in quantities])
+        places = [self._place(i) for i in range(len(self))]
+        kinds = [quantities.index(quantity) for _, quantity in places]
+        if all(len(rows) == 1 for rows, _ in places):
+            return numbers[np.array(kinds), np.array([rows[0] for rows, _ in places])]
+        pairs = zip(kinds, places, strict=True)
+        return jnp.stack([jnp.mean(numbers[kind][np.array(rows)]) for kind, (rows, _) in pairs])
 
     def apply(self, knee: Knee, values: Array) -> Knee:
         """The knee with new values of the free parameters.

@@ -30,6 +30,7 @@ from kneejax.statics._paths import (
     paths,
     single_nodes,
 )
+from kneejax.statics._settle import needs_float64
 from kneejax.statics._stations import Stations
 from kneejax.statics._status import Status
 from kneejax.statics._variants import Variants, Vary
@@ -173,7 +174,11 @@ def own_motion(knee: Knee, vary: Vary, base: Any, stations: Stations) -> Balance
 
     Returns:
         The balances of one variant.
+
+    Raises:
+        RuntimeError: float64 is switched off.
     """
+    needs_float64()
     stations = stations.plain()
     size, start = len(stations), float(knee.reference_pose.flexion)
     flexion, loads = np.asarray(stations.flexion), jax.tree.map(np.asarray, stations.loads)
@@ -204,6 +209,7 @@ def _part(load: Load, part: np.ndarray) -> Load:
 
 
 def _walker(knee, vary, values, stations, own: Balances, progress) -> Walker:
+    needs_float64()
     variants = Variants.of(knee, vary, values)
     found = Found.nothing(len(variants), _filled(own, knee))
     report = _counter(progress, len(variants) * len(stations))
@@ -243,9 +249,10 @@ def _counter(progress: Progress | None, total: int) -> Callable[[int], None]:
 def _walk_all(walker: Walker, rows: Paths, give_up: int, led_to: bool = True) -> None:
     """Deal the paths to threads."""
     count = len(rows)
-    most = int(np.clip(-(-count // 4), *_LOT))
-    size = -(-count // max(-(-count // most), 1)) or 1
-    lots = [rows.take(slice(i, i + size)) for i in range(0, count, size)]
+    most = int(np.clip(-(-count // 2), *_LOT))
+    # Neighbours are alike, and the hard ones would all be in the last lot.
+    lots = max(-(-count // most), 1)
+    lots = [rows.take(slice(i, None, lots)) for i in range(lots)]
     if len(lots) < 2:
         for lot in lots:
             walker.walk(lot, give_up, led_to)

@@ -1,9 +1,12 @@
-"""Several nodes one after the other in each of many lanes: the program that all batches run.
+"""Many lanes, each walking nodes of its own at its own pace: the program that all batches run.
 
-A lane predicts its next node from the last three and searches it. A node that a few Newton steps
-do not balance goes on from there in the next round, and stops its lane when that does not help.
-All of it is one compiled loop: with a call for each node, Python between the calls took as long as
-the balances (a map of 101 x 101 points: 3.4 s, and 1.4 to 1.7 s with this; benchmarks/map.py).
+A lane predicts its next node from the last three and searches it; where that does not balance in a
+few looks it searches once more, with patience, from where nothing is extrapolated.
+
+Every turn of the one compiled loop is a look of all lanes. A lane waits for the others only for a
+tangent: it costs as much as five looks, for one lane or for all. When lanes searched node by node
+together, each node took as long as its slowest lane, and Figures 3 to 10 took 0.21 s instead of
+TODO; with a call for each node, Python between the calls took as long as the balances.
 """
 
 from __future__ import annotations
@@ -17,13 +20,20 @@ from jax import Array, lax
 
 from kneejax.mechanics import Knee
 from kneejax.statics._compiled import compiled
-from kneejax.statics._newton import UNITS, EnergyNewton, Guess
-from kneejax.statics._settle import search_one, with_meeting
+from kneejax.statics._newton import UNITS, EnergyNewton, Guess, SearchState, look
+from kneejax.statics._settle import described, with_meeting
 from kneejax.statics._stations import Stations
 from kneejax.statics._status import Status
 from kneejax.statics._variants import with_numbers
 
 _ACCURACY_MM = 1e-7
+#: Looks for a node that nothing leads to (its search may not go on: it would end anywhere), for
+#: one that is predicted, and for one that was lost.
+_SHORT, _QUICK, _PATIENT = 5, 15, 80
+#: Part of the lanes that must wait for a tangent.
+_WAITING = 0.5
+#: Turns in which a node may end, for each place of a stretch.
+_ENDS = 4
 
 
 class Nodes(eqx.Module):
@@ -38,9 +48,6 @@ class Nodes(eqx.Module):
         reach: mm (rotations at 30 mm) that the distance from the motion may change by on the way
             to a node, `(places, lanes)`; what lies farther is another branch.
         length: places of each lane, `(lanes,)`; none where a lane is not needed.
-        led: whether a lane's path has been near a balance, `(lanes,)`. The search of a node
-            that nothing leads to may not go on: it would end anywhere.
-        begun: whether a balance lies behind a lane, `(lanes,)`; from elsewhere any way is long.
     """
 
     numbers: dict[int, Any]
@@ -50,8 +57,6 @@ class Nodes(eqx.Module):
     even: Any
     reach: Any
     length: Any
-    led: Any
-    begun: Any
 
 
 class Memory(eqx.Module):
@@ -61,41 +66,34 @@ class Memory(eqx.Module):
         away_q: distances `(3, 5, lanes)` at the last three nodes, the latest first.
         away_meeting: likewise, `(3, n, 2, lanes)`.
         known: nodes balanced in a row.
+        lost: nodes lost in a row.
+        led: whether the path has been near a balance.
+        begun: whether a balance lies behind; from elsewhere any way is long.
+        patient: whether the next node is searched with patience.
         tangent: stiffness at the last node, `(5, 5, lanes)`; zero where it is not known.
-        rounds: spent so far on a node that is not finished.
-        steps: Newton steps in them.
-        left_q: where the last of them stopped, `(5, lanes)`.
-        left_meeting: likewise, `(n, 2, lanes)`.
+        steps: looks spent so far on a node that is not finished.
     """
 
     away_q: Any
     away_meeting: Any
     known: Any
+    lost: Any
+    led: Any
+    begun: Any
+    patient: Any
     tangent: Any
-    rounds: Any
     steps: Any
-    left_q: Any
-    left_meeting: Any
-
-
-class Patience(eqx.Module):
-    """How long to search: Newton steps of a round, the part of all lanes that must ask before
-    tangents are computed anew, and rounds that a node may go on after its first."""
-
-    steps: int
-    least_share: float
-    rounds: int
 
 
 class Reached(eqx.Module):
-    """What became of the nodes; arrays begin with the round and end in lanes.
+    """What became of the nodes; arrays begin with the turn and end in lanes.
 
     Attributes:
-        place: of the node that ended in this round; -1 where none did.
-        q: `(rounds, 5, lanes)`.
-        meeting: `(rounds, n, 2, lanes)`.
-        status: `(rounds, lanes)`.
-        steps: Newton steps of all rounds spent on the node.
+        place: of the node that ended in this turn; -1 where none did.
+        q: `(turns, 5, lanes)`.
+        meeting: `(turns, n, 2, lanes)`.
+        status: `(turns, lanes)`.
+        steps: looks of all searches for the node.
     """
 
     place: Array
@@ -105,88 +103,133 @@ class Reached(eqx.Module):
     steps: Array
 
 
+class _Walk(eqx.Module):
+    """State of the loop: turns in which nodes ended, the place of each lane, whether it goes on,
+    the node it searches and where it looks next."""
+
+    turns: Array
+    place: Array
+    goes: Array
+    memory: Memory
+    node: tuple[dict[int, Array], Stations]
+    y: Guess
+    state: SearchState
+    log: Reached
+
+
 @compiled()
 def walk_stretch(
-    knee: Knee, nodes: Nodes, memory: Memory, patience: Patience
+    knee: Knee, nodes: Nodes, memory: Memory, give_up: Array, fewest: Array
 ) -> tuple[Reached, Memory]:
-    """Walk all lanes along their places, each at its own pace, until all have stopped or as many
-    rounds are over as there are places.
+    """Walk all lanes along their places, each at its own pace.
 
     Args:
         knee: without a lane axis.
         nodes: what lies ahead.
         memory: of what lies behind.
-        patience: how long to search.
+        give_up: lost nodes in a row after which a lane stops.
+        fewest: lanes that must go on, or the walk ends; those that are on their way to a node begin
+            it anew with the next call.
 
     Returns:
         What became of the nodes, and the memory with which to go on.
     """
     places, lanes = nodes.even.shape
-    search = EnergyNewton(
-        atol=_ACCURACY_MM, most_steps=patience.steps, least_share=patience.least_share
-    )
 
-    def searched(place: Array, memory: Memory, going: Array):
-        # A lane that has stopped repeats what another does, so that none waits for it.
-        lane = jnp.where(going, jnp.arange(lanes), jnp.argmax(going))
-        at = place[lane], lane
-        here = jax.tree.map(lambda x: x[at], (nodes.numbers, nodes.stations))
-        own = jnp.moveaxis(nodes.q[at], 0, -1), jnp.moveaxis(nodes.meeting[at], 0, -1)
-        trusted, goes_on = jnp.where(nodes.even[at], memory.known[lane], 0), memory.rounds[lane] > 0
-        behind = (memory.away_q, memory.left_q), (memory.away_meeting, memory.left_meeting)
+    def node(place: Array):
+        at = jnp.minimum(place, places - 1), jnp.arange(lanes)
+        return at, jax.tree.map(lambda x: x[at], (nodes.numbers, nodes.stations))
+
+    def own(at) -> tuple[Array, Array]:
+        return jnp.moveaxis(nodes.q[at], 0, -1), jnp.moveaxis(nodes.meeting[at], 0, -1)
+
+    def loaded(node) -> tuple[Knee, Array]:
+        numbers, stations = node
+        return stations.load(with_numbers(knee, numbers)).for_many_poses(), stations.flexion
+
+    def begin(place: Array, memory: Memory):
+        """The nodes at these places, and where their searches begin."""
+        at, here = node(place)
+        known = jnp.where(nodes.even[at] & ~memory.patient, memory.known, 0)
         q, meeting = (
-            jnp.where(goes_on, left[..., lane], own + _extrapolated(away[..., lane], trusted))
-            for own, (away, left) in zip(own, behind, strict=True)
+            near + _extrapolated(away, known)
+            for near, away in zip(own(at), (memory.away_q, memory.away_meeting), strict=True)
         )
-        knees = here[1].load(with_numbers(knee, here[0]))
-        guess = Guess(q, meeting, memory.tangent[..., lane])
-        reached, rest = search_one(knees, here[1].flexion, guess, search)
-        units = jnp.asarray(UNITS)[:, None]
-        change = jnp.max(jnp.abs(reached.q - own[0] - memory.away_q[0][:, lane]) / units, axis=0)
-        begun = nodes.begun[lane] | (memory.known[lane] > 0)
-        far = begun & (rest["status"] < Status.TOO_DEEP) & (change > nodes.reach[at])
-        status = jnp.where(far, Status.NOT_CONVERGED, rest["status"])
-        return reached, rest | {"status": status}, own, far
+        return here, Guess(q, meeting, memory.tangent)
 
-    def round_of_searches(state):
-        count, place, stopped, memory, log = state
-        going = ~stopped & (place < nodes.length)
-        found, rest, own, far = searched(place, memory, going)
-        status, steps = rest["status"], memory.steps + rest["steps"]
-        good = going & (status < Status.TOO_DEEP)
-        finite = jnp.all(jnp.isfinite(found.q), axis=0)
-        led = nodes.led | (memory.known > 0)
-        more = going & ~good & ~far & led & (memory.rounds < patience.rounds) & finite
-        ended = going & ~more
-        entry = Reached(jnp.where(ended, place, -1), found.q, found.meeting, status, steps)
-        log = jax.tree.map(lambda rows, row: rows.at[count].set(row), log, entry)
+    def a_look(walk: _Walk) -> _Walk:
+        memory = walk.memory
+        looks = jnp.where(memory.patient, _PATIENT, jnp.where(memory.led, _QUICK, _SHORT))
+        search = EnergyNewton(atol=_ACCURACY_MM, most_steps=looks, waiting=_WAITING)
+        args = loaded(walk.node)
+        y, state, _ = search.step(look, walk.y, args, {}, walk.state, frozenset())
+        walk = eqx.tree_at(lambda w: (w.y, w.state), walk, (y, state))
+        ended = walk.goes & state.ended
+        return lax.cond(jnp.any(ended), lambda: nodes_end(walk, ended), lambda: walk)
+
+    def nodes_end(walk: _Walk, ended: Array) -> _Walk:
+        memory, found = walk.memory, walk.y
+        near = own(node(walk.place)[0])
+        _, _, rest = described(*loaded(walk.node), found, walk.state)
+        status = rest["status"]
+        change = (found.q - near[0] - memory.away_q[0]) / jnp.asarray(UNITS)[:, None]
+        reach = nodes.reach[jnp.minimum(walk.place, places - 1), jnp.arange(lanes)]
+        far = memory.begun & (jnp.max(jnp.abs(change), axis=0) > reach)
+        status = jnp.where(far & (status < Status.TOO_DEEP), Status.NOT_CONVERGED, status)
+        good = ended & (status < Status.TOO_DEEP)
+        again = ended & ~good & memory.led & ~memory.patient
+        over = ended & ~again
+        gone = over & ~good
+        steps = memory.steps + rest["steps"]
+        entry = Reached(
+            jnp.where(over, walk.place, -1), found.q, found.meeting, status, steps
+        )
+        log = jax.tree.map(lambda rows, row: rows.at[walk.turns].set(row), walk.log, entry)
+        lost = jnp.where(good, 0, memory.lost + (gone & memory.led))
+        tangent = jnp.where(good, rest["tangent"], jnp.where(ended, 0.0, memory.tangent))
         memory = Memory(
-            away_q=_pushed(memory.away_q, found.q - own[0], good),
-            away_meeting=_pushed(memory.away_meeting, found.meeting - own[1], good),
-            known=memory.known + good,
-            tangent=jnp.where(good | more, rest["tangent"], jnp.where(ended, 0.0, memory.tangent)),
-            rounds=jnp.where(more, memory.rounds + 1, jnp.where(ended, 0, memory.rounds)),
-            steps=jnp.where(more, steps, jnp.where(ended, 0, memory.steps)),
-            left_q=jnp.where(more, found.q, memory.left_q),
-            left_meeting=jnp.where(more, found.meeting, memory.left_meeting),
+            away_q=_pushed(memory.away_q, found.q - near[0], good),
+            away_meeting=_pushed(memory.away_meeting, found.meeting - near[1], good),
+            known=jnp.where(gone, 0, memory.known + good),
+            lost=lost,
+            led=memory.led | good,
+            begun=memory.begun | good,
+            # What was lost may have been led astray by its prediction; the next one has none.
+            patient=jnp.where(ended, again | (lost > 0), memory.patient),
+            tangent=tangent,
+            steps=jnp.where(over, 0, jnp.where(again, steps, memory.steps)),
         )
-        return count + 1, place + good, stopped | (ended & ~good), memory, log
+        place = walk.place + over
+        goes = walk.goes & (place < nodes.length) & (lost < give_up)
+        here, guess = begin(place, memory)
+        begins = ended & goes
+        state = walk.state.anew(begins, guess)
+        y = jax.tree.map(lambda new, old: jnp.where(begins, new, old), guess, walk.y)
+        here = jax.tree.map(
+            lambda new, old: jnp.where(_in_front(begins, new), new, old), here, walk.node
+        )
+        return _Walk(walk.turns + 1, place, goes, memory, here, y, state, log)
 
-    def unfinished(state):
-        count, place, stopped, *_ = state
-        return (count < places) & jnp.any(~stopped & (place < nodes.length))
+    def unfinished(walk: _Walk) -> Array:
+        going = jnp.sum(walk.goes)
+        return (walk.turns < len(walk.log.place)) & (going > 0) & (going >= fewest)
 
-    start = jnp.zeros(lanes, int)
+    start, goes = jnp.zeros(lanes, int), nodes.length > 0
+    here, guess = begin(start, memory)
+    turns = _ENDS * places
     log = Reached(
-        jnp.full((places, lanes), -1),
-        jnp.zeros((places, 5, lanes)),
-        jnp.zeros((places, *memory.left_meeting.shape)),
-        jnp.zeros((places, lanes), int),
-        jnp.zeros((places, lanes), int),
+        jnp.full((turns, lanes), -1),
+        jnp.zeros((turns, 5, lanes)),
+        jnp.zeros((turns, *guess.meeting.shape)),
+        jnp.zeros((turns, lanes), int),
+        jnp.zeros((turns, lanes), int),
     )
-    state = jnp.asarray(0), start, jnp.zeros(lanes, bool), memory, log
-    *_, memory, log = lax.while_loop(unfinished, round_of_searches, state)
-    return log, memory
+    _, shapes = jax.eval_shape(look, guess, loaded(here))
+    state = EnergyNewton().init(look, guess, None, {}, None, shapes, frozenset())
+    state = eqx.tree_at(lambda s: s.ended, state, ~goes)
+    walk = _Walk(jnp.asarray(0), start, goes, memory, here, guess, state, log)
+    walk = lax.while_loop(unfinished, a_look, walk)
+    return walk.log, walk.memory
 
 
 @compiled()
@@ -199,6 +242,11 @@ def first_meeting(
     """
     knees = stations.load(with_numbers(knee, numbers)).for_many_poses()
     return with_meeting(knees, stations.flexion, jnp.moveaxis(q, 0, -1)).meeting
+
+
+def _in_front(lanes: Array, like: Array) -> Array:
+    """Lanes as the first axis of an array."""
+    return lanes.reshape(-1, *(1,) * (like.ndim - 1))
 
 
 def _pushed(away: Array, latest: Array, good: Array) -> Array:

@@ -1,9 +1,7 @@
 """Paths of nodes that predict each other, walked side by side at their own pace.
 
 A node is a variant of a knee at a station. One call of the compiled program takes as many paths as
-it has lanes a stretch further. The longest paths go first, so that lanes stay full to the end; a
-node that a few steps do not balance is set aside and searched again, with patience, when no full
-call is left.
+it has lanes a stretch further. The longest paths go first, so that lanes stay full to the end.
 """
 
 from __future__ import annotations
@@ -20,24 +18,15 @@ from kneejax.statics._paths import Found, Paths
 from kneejax.statics._settle import longest_stride_mm
 from kneejax.statics._stations import Stations
 from kneejax.statics._status import Status
-from kneejax.statics._stretch import (
-    Memory,
-    Nodes,
-    Patience,
-    Reached,
-    first_meeting,
-    walk_stretch,
-)
+from kneejax.statics._stretch import Memory, Nodes, Reached, first_meeting, walk_stretch
 from kneejax.statics._variants import Variants
 
 #: Lanes of a call. Few lanes are soon filled, many share what an operation costs by itself: a map
 #: of 101 x 101 points takes 2.2, 1.4, 1.4 and 1.5 s with 32, 64, 96 and 128 lanes, the motion of a
 #: single knee 22, 31, 43 and 65 ms.
 LANES = 64
-#: Nodes of a call in each lane.
-_STRETCH = 16
-#: Of nodes that are predicted, and of those that were lost.
-_QUICK, _PATIENT = Patience(5, 0.1, 2), Patience(80, 0.0, 0)
+#: Nodes of a call in each lane, and lanes that must be busy where others wait.
+_STRETCH, _FULL = 16, 48
 #: Flexion between stations beyond which distances from the own motion are not extrapolated, rad.
 _FAR = np.deg2rad(12.0)
 
@@ -81,44 +70,26 @@ class Walker:
                 short search balances one: a long search from afar, where the knee may have no
                 balance at all, ends on another branch, and the rest of the path would follow.
         """
-        place, lost = (np.zeros(len(paths), int) for _ in range(2))
-        patient, led = np.zeros(len(paths), bool), np.full(len(paths), led_to)
-        # Paths that do not begin at their own first station begin at a balance beside it.
-        begun = paths.origin != paths.station[:, :1].reshape(-1)
-        memory = _nothing_behind(self._met(paths))
-        while (left := paths.length - place).any():
-            quick, aside = np.flatnonzero((left > 0) & ~patient), np.flatnonzero(patient)
-            # Patience first where a call would not be full: who is found walks on with the others.
-            patiently = len(quick) < LANES and len(aside) > 0
-            rows = aside if patiently else quick[np.argsort(-left[quick], kind="stable")]
-            rows = rows[:LANES]
-            ahead = np.minimum(left[rows], 1 if patiently else _STRETCH)
-            reached = self._stretch(
-                paths, rows, place[rows], ahead, (led[rows], begun[rows]), memory, patiently
-            )
-            good, bad = self._note(paths, rows, place[rows], reached)
-            place[rows] += good
-            lost[rows[good > 0]] = 0
-            led[rows[good > 0]] = begun[rows[good > 0]] = True
-            again = bad & led[rows] & (not patiently)
-            gone = bad & ~again
-            patient[rows] = again
-            place[rows] += gone
-            lost[rows] += gone & led[rows]
-            memory.known[rows[gone]] = 0
-            place = np.where(lost >= give_up, paths.length, place)
+        place, left = np.zeros(len(paths), int), paths.length.copy()
+        memory = _nothing_behind(self._met(paths), led_to)
+        while left.any():
+            rows = np.argsort(-left, kind="stable")[: min(LANES, np.count_nonzero(left))]
+            # Where others wait, lanes that are through make room for them.
+            fewest = _FULL if np.count_nonzero(left) > len(rows) else 0
+            reached = self._stretch(paths, rows, place[rows], memory, give_up, fewest)
+            ended = self._note(paths, rows, place[rows], reached)
+            place[rows] += ended
+            left = np.where(memory.lost < give_up, paths.length - place, 0)
             with self._count:
-                self.report(int(good.sum() + gone.sum()))
+                self.report(int(ended.sum()))
 
-    def _stretch(
-        self, paths: Paths, rows, place, ahead, known, memory: Memory, patiently
-    ) -> Reached:
-        """Walk some paths for so many nodes; keeps their memory."""
+    def _stretch(self, paths: Paths, rows, place, memory: Memory, give_up, fewest) -> Reached:
+        """Walk some paths for a stretch; keeps their memory."""
         # Lanes beyond the rows have nothing ahead of them.
         lane = np.minimum(np.arange(LANES), len(rows) - 1)
-        row, length = rows[lane], np.where(np.arange(LANES) < len(rows), ahead[lane], 0)
-        along = np.arange(_STRETCH)[:, None]
-        along = place[lane] + np.minimum(along, np.maximum(length - 1, 0))
+        row, at = rows[lane], place[lane]
+        ahead = np.minimum(paths.length[row] - at, _STRETCH)
+        along = at + np.minimum(np.arange(_STRETCH)[:, None], ahead - 1)
         variant, station = paths.variant[row, along], paths.station[row, along]
         even, reach = self._strides(paths, row, along)
         nodes = Nodes(
@@ -126,16 +97,12 @@ class Walker:
             stations=jax.tree.map(lambda x: x[station], self.stations),
             q=self.found.own[0][station],
             meeting=self.found.own[1][station],
-            # What was lost may have been led astray by its prediction.
-            even=even & (not patiently),
+            even=even,
             reach=reach,
-            length=length,
-            led=known[0][lane],
-            begun=known[1][lane],
+            length=np.where(np.arange(LANES) < len(rows), ahead, 0),
         )
         behind = jax.tree.map(lambda x: x[..., row], memory)
-        patience = _PATIENT if patiently else _QUICK
-        reached, behind = walk_stretch(self.variants.knee, nodes, behind, patience)
+        reached, behind = walk_stretch(self.variants.knee, nodes, behind, give_up, fewest)
         for old, new in zip(jax.tree.leaves(memory), jax.tree.leaves(behind), strict=True):
             old[..., rows] = np.asarray(new)[..., : len(rows)]
         return jax.tree.map(lambda x: np.asarray(x)[..., : len(rows)], reached)
@@ -158,8 +125,8 @@ class Walker:
             meeting[some] = found[: len(some)]
         return dataclasses.replace(paths, meeting=meeting)
 
-    def _note(self, paths: Paths, rows, place, reached: Reached):
-        """Write down what was reached; nodes that balance and whether one was lost, by row."""
+    def _note(self, paths: Paths, rows, place, reached: Reached) -> np.ndarray:
+        """Write down what was reached; how many nodes of each row ended."""
         ended, known = reached.place >= 0, reached.status < Status.TOO_DEEP
         for which in (ended & known, ended):
             when, lane = np.nonzero(which)
@@ -170,7 +137,7 @@ class Walker:
                 self.found.meeting[node] = reached.meeting[when, :, :, lane]
         self.found.status[node] = reached.status[when, lane]
         self.found.steps[node] += reached.steps[when, lane]
-        return (ended & known).sum(axis=0), (ended & ~known).any(axis=0)
+        return ended.sum(axis=0)
 
     def reach(self, here: np.ndarray, there: np.ndarray) -> np.ndarray:
         """How far the distance from the own motion may change between stations, mm.
@@ -203,7 +170,7 @@ class Walker:
         return (alike | (place < 2)) & short, self.reach(here, last)
 
 
-def _nothing_behind(paths: Paths) -> Memory:
+def _nothing_behind(paths: Paths, led_to: bool) -> Memory:
     """Of paths at their beginning."""
     count = len(paths)
     q, meeting = np.moveaxis(paths.q, 0, -1), np.moveaxis(paths.meeting, 0, -1)
@@ -211,9 +178,11 @@ def _nothing_behind(paths: Paths) -> Memory:
         away_q=np.repeat(q[None], 3, axis=0),
         away_meeting=np.repeat(meeting[None], 3, axis=0),
         known=np.zeros(count, int),
+        lost=np.zeros(count, int),
+        led=np.full(count, led_to),
+        # Paths that do not begin at their own first station begin at a balance beside it.
+        begun=paths.origin != paths.station[:, :1].reshape(-1),
+        patient=np.zeros(count, bool),
         tangent=np.zeros((5, 5, count)),
-        rounds=np.zeros(count, int),
         steps=np.zeros(count, int),
-        left_q=np.zeros_like(q),
-        left_meeting=np.zeros_like(meeting),
     )

@@ -174,6 +174,28 @@ def test_a_pose_that_nothing_can_balance_holds_up_no_other(knee, chosen, base):
     np.testing.assert_allclose(found.table[0, 1], np.asarray(alone.to_table())[0, 1:], atol=1e-6)
 
 
+def test_single_precision_is_refused(knee, chosen, base):
+    """It once lost half of the lax knees, silently: a step's energy is rounded to 1e-4 N mm."""
+    stations = Stations.at(FLEXION)
+    with jax.enable_x64(False), pytest.raises(RuntimeError, match="needs float64"):
+        balance_many(knee, chosen.apply, base, base[None], stations)
+    with jax.enable_x64(False), pytest.raises(RuntimeError, match="needs float64"):
+        kj.passive_flexion(knee, FLEXION)
+
+
+def test_lax_knees_are_found_where_surfaces_are_nearly_flat_against_each_other(
+    knee, chosen, base
+):
+    """Energies change much along such surfaces, and a step that looks downhill off the meeting
+    points may lead over the edge where there are none. At 0.01 mm off some were lost."""
+    stations = Stations.at(np.linspace(0.0, 120.0, 25))
+    for count, highest in ((70, 0.02), (50, 0.015)):
+        values = np.tile(base, (count, 1))
+        values[:, 6] = np.linspace(-0.02, highest, count)
+        found = balance_many(knee, chosen.apply, base, values, stations)
+        assert found.converged.all()
+
+
 def test_progress_counts_to_the_end(knee, chosen, base, values):
     seen = []
     balance_many(knee, chosen.apply, base, values, Stations.at(FLEXION),
