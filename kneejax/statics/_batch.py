@@ -23,6 +23,7 @@ from kneejax.statics._paths import (
     Found,
     Own,
     Paths,
+    along,
     arms,
     gaps,
     joined,
@@ -44,8 +45,9 @@ _LOT = (2 * LANES, 8 * LANES)
 #: Lost nodes in a row after which a path is given up. Along stations the next ones may well
 #: balance (a knee too tight in extension); beyond the end of a branch nothing does.
 _ALONG_STATIONS, _ALONG_VALUES = 5, 2
-#: Flexion between two nodes on the way from the reference pose, rad, and steps of a load.
-_STRIDE, _LOAD_STEPS = np.deg2rad(5.0), 4
+#: Flexion between two nodes on the way from the reference pose, rad; where that leads nowhere; and
+#: steps of a load.
+_STRIDE, _SHORT_STRIDE, _LOAD_STEPS = np.deg2rad(5.0), np.deg2rad(1.0), 4
 #: Steps in which the knee itself is changed into a variant that is far from it.
 _CHANGES = 8
 #: So many at a time, to bound memory.
@@ -180,32 +182,56 @@ def own_motion(knee: Knee, vary: Vary, base: Any, stations: Stations) -> Balance
     """
     needs_float64()
     stations = stations.plain()
-    size, start = len(stations), float(knee.reference_pose.flexion)
-    flexion, loads = np.asarray(stations.flexion), jax.tree.map(np.asarray, stations.loads)
-    bends = max(int(np.ceil(np.max(np.abs(flexion - start), initial=0.0) / _STRIDE)), 1)
-    grows = _LOAD_STEPS * any(x.any() for load in loads for x in (load.force, load.moment))
-    steps = bends + grows
-    bent = np.tile(np.minimum(np.arange(steps + 1) / bends, 1.0), size)
-    loaded = np.tile(np.maximum(np.arange(steps + 1) - bends, 0) / max(grows, 1), size)
-    last = jax.tree.map(lambda x: np.repeat(x, steps + 1, axis=0), (flexion, loads))
-    way = Stations(start + bent * (last[0] - start), tuple(_part(x, loaded) for x in last[1]))
+    found = _from_reference(knee, vary, base, stations, _STRIDE)
+    lost = np.flatnonzero(~found.converged[0])
+    if len(lost):
+        finely = _from_reference(knee, vary, base, stations.take(lost), _SHORT_STRIDE)
+        for name in ("q", "meeting", "status"):
+            getattr(found, name)[:, lost] = getattr(finely, name)
+        found.steps[:, lost] += finely.steps
+    return found
+
+
+def _from_reference(knee, vary, base, stations: Stations, stride: float) -> Balances:
+    """The knee, bent and extended in strides that do not depend on the stations, and from there to
+    each of them, first without its load."""
+    start, flexion = float(knee.reference_pose.flexion), np.asarray(stations.flexion)
+    strides = np.trunc((flexion - start) / stride).astype(int)
+    arms = [way * np.arange(1 + np.max(way * strides, initial=0)) for way in (1, -1)]
+    loaded = any(np.any(load.force) or np.any(load.moment) for load in stations.loads)
+    grown = np.linspace(0.0, 1.0, _LOAD_STEPS + 1) if loaded else np.zeros(1)
+    way = _way(start + stride * np.concatenate(arms), stations, grown)
     reference = np.array([float(x) for x in knee.reference_pose.state])
     still = np.tile(reference, (len(way), 1)), np.zeros((len(way), knee.patch_count, 2))
     found = Found.nothing(1, still)
     one = jax.tree.map(lambda x: np.asarray(x)[None], base)
     walker = Walker(Variants.of(knee, vary, one), way, found, lambda _: None)
-    station = np.arange(len(way)).reshape(size, steps + 1)
-    bent_and_loaded = paths(found, np.zeros_like(station), station, np.full(size, steps + 1))
-    # A knee that opens in extension may be lost for many short strides: none is given up.
-    _walk_all(walker, bent_and_loaded, give_up=len(way))
-    ends = station[:, -1]
-    return Balances(*(x[:, ends] for x in (found.q, found.meeting, found.status, found.steps)))
+    bent, extended, ends = np.split(np.arange(len(way)), np.cumsum([len(arm) for arm in arms]))
+    # A knee that opens in extension may be lost for many strides: none is given up.
+    _walk_all(walker, joined(along(found, bent[None]), along(found, extended[None])), len(way))
+    ends = ends.reshape(len(stations), len(grown))
+    beside = np.where(strides < 0, extended[0], bent[0]) + np.abs(strides)
+    _walk_all(walker, along(found, ends, beside), len(way))
+    last = ends[:, -1]
+    return Balances(*(x[:, last] for x in (found.q, found.meeting, found.status, found.steps)))
 
 
-def _part(load: Load, part: np.ndarray) -> Load:
-    return dataclasses.replace(
-        load, force=part[:, None] * load.force, moment=part[:, None] * load.moment
-    )
+def _way(stem: np.ndarray, stations: Stations, grown: np.ndarray) -> Stations:
+    """Flexions of the stem without loads, then each station with growing parts of its loads."""
+    every = np.repeat(np.arange(len(stations)), len(grown))
+    part = np.r_[np.zeros(len(stem)), np.tile(grown, len(stations))][:, None]
+
+    def growing(load: Load) -> Load:
+        force, moment, point = (
+            np.vstack([np.zeros((len(stem), 3)), np.asarray(x)[every]])
+            for x in (load.force, load.moment, load.point)
+        )
+        return dataclasses.replace(
+            load, force=part * force, moment=part * moment, point=(part > 0) * point
+        )
+
+    flexion = np.r_[stem, np.asarray(stations.flexion)[every]]
+    return Stations(flexion, tuple(growing(load) for load in stations.loads))
 
 
 def _walker(knee, vary, values, stations, own: Balances, progress) -> Walker:

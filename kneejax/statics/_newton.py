@@ -42,10 +42,11 @@ _ROUNDING = 1e-11
 _CLOSE = 1e-3
 # Steps with a kept tangent shall shrink by this factor, or it is computed anew.
 _GOOD = 0.2
-# How far meeting points may be off, mm, for a pose to be judged, and to be the answer. Where surfaces
-# are nearly flat against each other energies change much along them: of 574 knees with a lax MCL, in
-# extension, 67, 9, 3 and none were lost with 0.1, 0.01, 0.001 and 0.0003 mm, at the same number of
-# looks. A miss of 3e-5 mm moved poses by as much; the last step, from better points, takes that out.
+# How far meeting points may be off, mm, for a pose to be judged, and to be the answer. Where
+# surfaces are nearly flat against each other energies change much along them: of 574 knees with a
+# lax MCL, in extension, 67, 9, 3 and none were lost with 0.1, 0.01, 0.001 and 0.0003 mm, at the
+# same number of looks. A miss of 3e-5 mm moved poses by as much; the last step, from better points,
+# takes that out.
 _JUDGED, _MET = 3e-4, 3e-5
 # N/mm added to the tangent in vain: who is here will not find anything any more.
 _HOPELESS = 1e8
@@ -209,11 +210,13 @@ class EnergyNewton(optx.AbstractRootFinder):
     def _judged(self, residual, here: Forces, q: Array, state: SearchState, searches: Array):
         """Whether each lane takes the pose it looked at, and whether it looks there again."""
         first, miss = state.count == 0, _miss(here)
+        lower = state.still | self._is_lower(residual, here, q, state)
         # Off its meeting points a pose's energy says little: look again, as long as they come near.
-        again = searches & (miss > _JUDGED) & (miss < 0.5 * state.miss)
+        # Better ones only raise it: what is too high already needs no other look.
+        again = lower & (miss > _JUDGED) & (miss < 0.5 * state.miss)
         astray = miss > jnp.maximum(_JUDGED, _miss(state.forces))
-        lower = state.still | (self._is_lower(residual, here, q, state) & ~astray)
-        accept = searches & (first | (lower & ~again))
+        accept = searches & (first | (lower & (state.still | ~astray) & ~again))
+        again = searches & again
         return accept, again & ~accept
 
     def _wanted(self, state: SearchState, accept: Array, waits: Array) -> Array:

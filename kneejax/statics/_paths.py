@@ -110,6 +110,29 @@ def single_nodes(found: Found, variants: np.ndarray, near: Own | None) -> Paths:
     return paths(found, variant, station, one, *_away(found, *near))
 
 
+def along(found: Found, station: np.ndarray, origin: np.ndarray | None = None) -> Paths:
+    """Rows of stations of the first variant.
+
+    Args:
+        found: so far.
+        station: of each node, `(paths, nodes)`.
+        origin: station beside which a path begins, `(paths,)`; where the knee is not balanced
+            there, the path is not walked. By default paths begin at their own first stations.
+
+    Returns:
+        The paths.
+    """
+    variant, length = np.zeros_like(station), np.full(len(station), station.shape[1])
+    if origin is None:
+        return paths(found, variant, station, length)
+    length[~found.known[0, origin]] = 0
+    q, meeting = (
+        np.nan_to_num(here[0, origin] - own[origin])
+        for here, own in zip((found.q, found.meeting), found.own, strict=True)
+    )
+    return paths(found, variant, station, length, q, meeting, origin)
+
+
 def arms(found: Found, middle: np.ndarray, points: int, way: int) -> Paths:
     """From the middle of each line to one of its ends, at each station."""
     size = found.status.shape[1]

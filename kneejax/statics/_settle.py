@@ -112,8 +112,10 @@ def settle(
 
 
 def needs_float64() -> None:
-    """Raise `RuntimeError` where JAX computes in single precision: energies are then rounded to 1e-4
-    of the N mm that decide which step is downhill."""
+    """Raise `RuntimeError` where JAX computes in single precision.
+
+    Energies, which decide what is downhill, are then rounded to 1e-4 N mm.
+    """
     if not jax.config.read("jax_enable_x64"):
         raise RuntimeError(
             "kneejax needs float64: call jax.config.update('jax_enable_x64', True) before anything"

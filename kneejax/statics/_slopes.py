@@ -21,7 +21,7 @@ from kneejax.statics._status import Status
 from kneejax.statics._variants import Variants, Vary, in_lanes, with_numbers
 
 #: Searches begin from a linear prediction; what is farther off is searched by `balance_many`.
-_SEARCH = EnergyNewton(atol=1e-8, most_steps=16)
+_SEARCH = EnergyNewton(atol=1e-8, most_steps=32)
 #: Lanes of a call; each takes Python half as long as the compiled program (benchmarks/profiles.py:
 #: eight profiles in 0.22 s, with 64 lanes in 0.55 s).
 _LANES = 128

@@ -33,7 +33,7 @@ _SHORT, _QUICK, _PATIENT = 5, 15, 80
 #: Part of the lanes that must wait for a tangent.
 _WAITING = 0.5
 #: Turns in which a node may end, for each place of a stretch.
-_ENDS = 4
+_ENDS = 2
 
 
 class Nodes(eqx.Module):
@@ -69,7 +69,7 @@ class Memory(eqx.Module):
         lost: nodes lost in a row.
         led: whether the path has been near a balance.
         begun: whether a balance lies behind; from elsewhere any way is long.
-        patient: whether the next node is searched with patience.
+        wary: whether the next node is not to be predicted, since one was lost.
         tangent: stiffness at the last node, `(5, 5, lanes)`; zero where it is not known.
         steps: looks spent so far on a node that is not finished.
     """
@@ -80,7 +80,7 @@ class Memory(eqx.Module):
     lost: Any
     led: Any
     begun: Any
-    patient: Any
+    wary: Any
     tangent: Any
     steps: Any
 
@@ -104,12 +104,13 @@ class Reached(eqx.Module):
 
 
 class _Walk(eqx.Module):
-    """State of the loop: turns in which nodes ended, the place of each lane, whether it goes on,
-    the node it searches and where it looks next."""
+    """State of the loop: turns in which nodes ended, the place of each lane, whether it goes on and
+    searches with patience, the node it searches and where it looks next."""
 
     turns: Array
     place: Array
     goes: Array
+    patient: Array
     memory: Memory
     node: tuple[dict[int, Array], Stations]
     y: Guess
@@ -150,16 +151,18 @@ def walk_stretch(
     def begin(place: Array, memory: Memory):
         """The nodes at these places, and where their searches begin."""
         at, here = node(place)
-        known = jnp.where(nodes.even[at] & ~memory.patient, memory.known, 0)
+        known = jnp.where(nodes.even[at] & ~memory.wary, memory.known, 0)
         q, meeting = (
             near + _extrapolated(away, known)
             for near, away in zip(own(at), (memory.away_q, memory.away_meeting), strict=True)
         )
-        return here, Guess(q, meeting, memory.tangent)
+        # What is not predicted may be far: to try it quickly first would be in vain.
+        patient = memory.led & (known < 2)
+        return here, Guess(q, meeting, memory.tangent), patient
 
     def a_look(walk: _Walk) -> _Walk:
         memory = walk.memory
-        looks = jnp.where(memory.patient, _PATIENT, jnp.where(memory.led, _QUICK, _SHORT))
+        looks = jnp.where(walk.patient, _PATIENT, jnp.where(memory.led, _QUICK, _SHORT))
         search = EnergyNewton(atol=_ACCURACY_MM, most_steps=looks, waiting=_WAITING)
         args = loaded(walk.node)
         y, state, _ = search.step(look, walk.y, args, {}, walk.state, frozenset())
@@ -177,7 +180,7 @@ def walk_stretch(
         far = memory.begun & (jnp.max(jnp.abs(change), axis=0) > reach)
         status = jnp.where(far & (status < Status.TOO_DEEP), Status.NOT_CONVERGED, status)
         good = ended & (status < Status.TOO_DEEP)
-        again = ended & ~good & memory.led & ~memory.patient
+        again = ended & ~good & memory.led & ~walk.patient
         over = ended & ~again
         gone = over & ~good
         steps = memory.steps + rest["steps"]
@@ -194,28 +197,29 @@ def walk_stretch(
             lost=lost,
             led=memory.led | good,
             begun=memory.begun | good,
-            # What was lost may have been led astray by its prediction; the next one has none.
-            patient=jnp.where(ended, again | (lost > 0), memory.patient),
+            # What was lost may have been led astray by its prediction.
+            wary=jnp.where(ended, again | (lost > 0), memory.wary),
             tangent=tangent,
             steps=jnp.where(over, 0, jnp.where(again, steps, memory.steps)),
         )
         place = walk.place + over
         goes = walk.goes & (place < nodes.length) & (lost < give_up)
-        here, guess = begin(place, memory)
+        here, guess, patient = begin(place, memory)
         begins = ended & goes
         state = walk.state.anew(begins, guess)
         y = jax.tree.map(lambda new, old: jnp.where(begins, new, old), guess, walk.y)
         here = jax.tree.map(
             lambda new, old: jnp.where(_in_front(begins, new), new, old), here, walk.node
         )
-        return _Walk(walk.turns + 1, place, goes, memory, here, y, state, log)
+        patient = jnp.where(begins, patient, walk.patient)
+        return _Walk(walk.turns + 1, place, goes, patient, memory, here, y, state, log)
 
     def unfinished(walk: _Walk) -> Array:
         going = jnp.sum(walk.goes)
         return (walk.turns < len(walk.log.place)) & (going > 0) & (going >= fewest)
 
     start, goes = jnp.zeros(lanes, int), nodes.length > 0
-    here, guess = begin(start, memory)
+    here, guess, patient = begin(start, memory)
     turns = _ENDS * places
     log = Reached(
         jnp.full((turns, lanes), -1),
@@ -227,7 +231,7 @@ def walk_stretch(
     _, shapes = jax.eval_shape(look, guess, loaded(here))
     state = EnergyNewton().init(look, guess, None, {}, None, shapes, frozenset())
     state = eqx.tree_at(lambda s: s.ended, state, ~goes)
-    walk = _Walk(jnp.asarray(0), start, goes, memory, here, guess, state, log)
+    walk = _Walk(jnp.asarray(0), start, goes, patient, memory, here, guess, state, log)
     walk = lax.while_loop(unfinished, a_look, walk)
     return walk.log, walk.memory
 

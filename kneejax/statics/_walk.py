@@ -26,7 +26,7 @@ from kneejax.statics._variants import Variants
 #: single knee 22, 31, 43 and 65 ms.
 LANES = 64
 #: Nodes of a call in each lane, and lanes that must be busy where others wait.
-_STRETCH, _FULL = 16, 48
+_STRETCH, _FULL = 32, 32
 #: Flexion between stations beyond which distances from the own motion are not extrapolated, rad.
 _FAR = np.deg2rad(12.0)
 
@@ -182,7 +182,7 @@ def _nothing_behind(paths: Paths, led_to: bool) -> Memory:
         led=np.full(count, led_to),
         # Paths that do not begin at their own first station begin at a balance beside it.
         begun=paths.origin != paths.station[:, :1].reshape(-1),
-        patient=np.zeros(count, bool),
+        wary=np.zeros(count, bool),
         tangent=np.zeros((5, 5, count)),
         steps=np.zeros(count, int),
     )

@@ -174,6 +174,21 @@ def test_a_pose_that_nothing_can_balance_holds_up_no_other(knee, chosen, base):
     np.testing.assert_allclose(found.table[0, 1], np.asarray(alone.to_table())[0, 1:], atol=1e-6)
 
 
+def test_the_own_motion_is_that_of_any_other_stations(knee, chosen, base):
+    """A knee that is bent the wrong way moves fast: with strides of 5 degrees, or whatever the
+    stations happened to give, it was lost at -3 degrees, or was not."""
+
+    def motion(*angles):
+        return own_motion(knee, chosen.apply, base, Stations.at(angles))
+
+    many = motion(-60.0, -5.0, -3.0, 0.0, 47.0, 60.0, 130.0)
+    assert many.status[0].tolist() == [Status.NOT_CONVERGED, Status.UNSTABLE] + 4 * [0] + [1]
+    for place, angle in ((1, -5.0), (2, -3.0), (4, 47.0), (6, 130.0)):
+        one = motion(angle)
+        assert one.status[0, 0] == many.status[0, place]
+        np.testing.assert_allclose(one.q[0, 0] / UNITS, many.q[0, place] / UNITS, atol=2e-6)
+
+
 def test_single_precision_is_refused(knee, chosen, base):
     """It once lost half of the lax knees, silently: a step's energy is rounded to 1e-4 N mm."""
     stations = Stations.at(FLEXION)
