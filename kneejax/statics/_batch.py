@@ -44,7 +44,7 @@ Progress = Callable[[int, int], None]
 _LOT = (2 * LANES, 8 * LANES)
 #: Lost nodes in a row after which a path is given up. Along stations the next ones may well
 #: balance (a knee too tight in extension); beyond the end of a branch nothing does.
-_ALONG_STATIONS, _ALONG_VALUES = 5, 2
+_ALONG_STATIONS, _ALONG_VALUES, _ALONG_THE_STEM = 5, 2, 6
 #: Flexion between two nodes on the way from the reference pose, rad; where that leads nowhere; and
 #: steps of a load.
 _STRIDE, _SHORT_STRIDE, _LOAD_STEPS = np.deg2rad(5.0), np.deg2rad(1.0), 4
@@ -207,11 +207,11 @@ def _from_reference(knee, vary, base, stations: Stations, stride: float) -> Bala
     one = jax.tree.map(lambda x: np.asarray(x)[None], base)
     walker = Walker(Variants.of(knee, vary, one), way, found, lambda _: None)
     bent, extended, ends = np.split(np.arange(len(way)), np.cumsum([len(arm) for arm in arms]))
-    # A knee that opens in extension may be lost for many strides: none is given up.
-    _walk_all(walker, joined(along(found, bent[None]), along(found, extended[None])), len(way))
+    stem = joined(along(found, bent[None]), along(found, extended[None]))
+    _walk_all(walker, stem, _ALONG_THE_STEM)
     ends = ends.reshape(len(stations), len(grown))
     beside = np.where(strides < 0, extended[0], bent[0]) + np.abs(strides)
-    _walk_all(walker, along(found, ends, beside), len(way))
+    _walk_all(walker, along(found, ends, beside), len(grown))
     last = ends[:, -1]
     return Balances(*(x[:, last] for x in (found.q, found.meeting, found.status, found.steps)))
 

@@ -16,6 +16,7 @@ from kneejax.statics import (
     in_lanes,
     own_motion,
 )
+from kneejax.statics._paths import Found, along
 
 FLEXION = np.array([0.0, 30.0, 75.0, 120.0])
 UNITS = np.array([1 / 30, 1 / 30, 1.0, 1.0, 1.0])
@@ -188,6 +189,14 @@ def test_the_own_motion_is_that_of_any_other_stations(knee, chosen, base):
         one = motion(angle)
         assert one.status[0, 0] == many.status[0, place]
         np.testing.assert_allclose(one.q[0, 0] / UNITS, many.q[0, place] / UNITS, atol=2e-6)
+
+
+def test_no_path_begins_beside_a_station_that_is_not_balanced():
+    """A search from farther away ended in a balance of `lenhart2015_reduced` at -84 degrees, to
+    which no bending leads."""
+    found = Found.nothing(1, (np.zeros((4, 5)), np.zeros((4, 2, 2))))
+    found.status[0, 1] = Status.BALANCED
+    assert along(found, np.array([[2], [3]]), np.array([1, 2])).length.tolist() == [1, 0]
 
 
 def test_single_precision_is_refused(knee, chosen, base):
