@@ -3,10 +3,9 @@
 A lane predicts its next node from the last three and searches it; where that does not balance in a
 few looks it searches once more, with patience, from where nothing is extrapolated.
 
-Every turn of the one compiled loop is a look of all lanes. A lane waits for the others only for a
-tangent: it costs as much as five looks, for one lane or for all. When lanes searched node by node
-together, each node took as long as its slowest lane, and Figures 3 to 10 took 0.21 s instead of
-TODO; with a call for each node, Python between the calls took as long as the balances.
+Every turn of the one compiled loop is a look of all lanes, each at its own node. A lane waits for
+the others only for a tangent, which costs as much as two looks, for one lane or for all. Lanes that
+searched node by node together took as long as the slowest, and Figures 3 to 10 twice the time.
 """
 
 from __future__ import annotations
@@ -137,11 +136,10 @@ def walk_stretch(
     """
     places, lanes = nodes.even.shape
 
-    def node(place: Array):
-        at = jnp.minimum(place, places - 1), jnp.arange(lanes)
-        return at, jax.tree.map(lambda x: x[at], (nodes.numbers, nodes.stations))
+    def at(place: Array) -> tuple[Array, Array]:
+        return jnp.minimum(place, places - 1), jnp.arange(lanes)
 
-    def own(at) -> tuple[Array, Array]:
+    def own(at: tuple[Array, Array]) -> tuple[Array, Array]:
         return jnp.moveaxis(nodes.q[at], 0, -1), jnp.moveaxis(nodes.meeting[at], 0, -1)
 
     def loaded(node) -> tuple[Knee, Array]:
@@ -150,11 +148,12 @@ def walk_stretch(
 
     def begin(place: Array, memory: Memory):
         """The nodes at these places, and where their searches begin."""
-        at, here = node(place)
-        known = jnp.where(nodes.even[at] & ~memory.wary, memory.known, 0)
+        there = at(place)
+        here = jax.tree.map(lambda x: x[there], (nodes.numbers, nodes.stations))
+        known = jnp.where(nodes.even[there] & ~memory.wary, memory.known, 0)
         q, meeting = (
             near + _extrapolated(away, known)
-            for near, away in zip(own(at), (memory.away_q, memory.away_meeting), strict=True)
+            for near, away in zip(own(there), (memory.away_q, memory.away_meeting), strict=True)
         )
         # What is not predicted may be far: to try it quickly first would be in vain.
         patient = memory.led & (known < 2)
@@ -171,28 +170,26 @@ def walk_stretch(
         return lax.cond(jnp.any(ended), lambda: nodes_end(walk, ended), lambda: walk)
 
     def nodes_end(walk: _Walk, ended: Array) -> _Walk:
-        memory, found = walk.memory, walk.y
-        near = own(node(walk.place)[0])
+        memory, found, there = walk.memory, walk.y, at(walk.place)
+        own_q, own_meeting = own(there)
         _, _, rest = described(*loaded(walk.node), found, walk.state)
         status = rest["status"]
-        change = (found.q - near[0] - memory.away_q[0]) / jnp.asarray(UNITS)[:, None]
-        reach = nodes.reach[jnp.minimum(walk.place, places - 1), jnp.arange(lanes)]
-        far = memory.begun & (jnp.max(jnp.abs(change), axis=0) > reach)
+        change = (found.q - own_q - memory.away_q[0]) / jnp.asarray(UNITS)[:, None]
+        far = memory.begun & (jnp.max(jnp.abs(change), axis=0) > nodes.reach[there])
         status = jnp.where(far & (status < Status.TOO_DEEP), Status.NOT_CONVERGED, status)
         good = ended & (status < Status.TOO_DEEP)
         again = ended & ~good & memory.led & ~walk.patient
         over = ended & ~again
         gone = over & ~good
         steps = memory.steps + rest["steps"]
-        entry = Reached(
-            jnp.where(over, walk.place, -1), found.q, found.meeting, status, steps
-        )
+        place = jnp.where(over, walk.place, -1)
+        entry = Reached(place, found.q, found.meeting, status, steps)
         log = jax.tree.map(lambda rows, row: rows.at[walk.turns].set(row), walk.log, entry)
         lost = jnp.where(good, 0, memory.lost + (gone & memory.led))
         tangent = jnp.where(good, rest["tangent"], jnp.where(ended, 0.0, memory.tangent))
         memory = Memory(
-            away_q=_pushed(memory.away_q, found.q - near[0], good),
-            away_meeting=_pushed(memory.away_meeting, found.meeting - near[1], good),
+            away_q=_pushed(memory.away_q, found.q - own_q, good),
+            away_meeting=_pushed(memory.away_meeting, found.meeting - own_meeting, good),
             known=jnp.where(gone, 0, memory.known + good),
             lost=lost,
             led=memory.led | good,

@@ -21,9 +21,9 @@ from kneejax.statics._status import Status
 from kneejax.statics._stretch import Memory, Nodes, Reached, first_meeting, walk_stretch
 from kneejax.statics._variants import Variants
 
-#: Lanes of a call. Few lanes are soon filled, many share what an operation costs by itself: a map
-#: of 101 x 101 points takes 2.2, 1.4, 1.4 and 1.5 s with 32, 64, 96 and 128 lanes, the motion of a
-#: single knee 22, 31, 43 and 65 ms.
+#: Lanes of a call. Few lanes are soon filled, many share what an operation costs by itself (before
+#: lanes went at their own pace a map of 101 x 101 points took 2.2, 1.4, 1.4 and 1.5 s with 32, 64,
+#: 96 and 128 lanes, the motion of a single knee 22, 31, 43 and 65 ms).
 LANES = 64
 #: Nodes of a call in each lane, and lanes that must be busy where others wait.
 _STRETCH, _FULL = 32, 32
