@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kneejax.cli._study_problem import StudyProblem, study_problem
+from kneejax.cli._study_problem import StudyProblem, study_and_knee, with_measurement
 from kneejax.files import InputProblem, read_candidates, write_rows, write_text
 from kneejax.geometry import COLUMNS, FREE_COORDINATES
 from kneejax.inference import (
@@ -37,8 +37,9 @@ def run(arguments: argparse.Namespace) -> int:
         for module, package in (("blackjax", "BlackJAX"), ("arviz", "ArviZ")):
             imported(module, package)
     candidates = _candidates(arguments.candidates)
-    asked = study_problem(arguments.study)
-    priors = read_priors(arguments.prior, asked.knee, asked.study.parameters)
+    study, knee = study_and_knee(arguments.study)
+    priors = read_priors(arguments.prior, knee, study.parameters)
+    asked = with_measurement(study, knee, calibrated=False)
     noise_mm, noise_deg = _noise(asked, arguments)
     found = identify(
         asked.knee,

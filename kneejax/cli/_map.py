@@ -11,8 +11,15 @@ import jax
 import numpy as np
 
 from kneejax.cli._progress import balances_on_terminal
-from kneejax.cli._study_problem import StudyProblem, study_problem
-from kneejax.files import Checkpoints, InputProblem, write_netcdf, write_rows, write_text
+from kneejax.cli._study_problem import StudyProblem, study_and_knee, with_measurement
+from kneejax.files import (
+    Checkpoints,
+    InputProblem,
+    Study,
+    write_netcdf,
+    write_rows,
+    write_text,
+)
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference import (
     Condition,
@@ -22,6 +29,7 @@ from kneejax.inference import (
     sensitivity_maps,
     versions,
 )
+from kneejax.mechanics import Knee
 
 _PACKAGES = ("xarray", "h5netcdf", "h5py")
 _COLUMNS = (
@@ -37,8 +45,9 @@ def run(arguments: argparse.Namespace) -> int:
         check_installed(package, "maps")
     grid = _grid(arguments.grid)
     ranges = dict(_range(word) for word in arguments.ranges)
-    asked = study_problem(arguments.study)
-    pairs = _pairs(asked, arguments)
+    study, knee = study_and_knee(arguments.study)
+    pairs = _pairs(study, knee, arguments)
+    asked = with_measurement(study, knee, calibrated=False)
     bounds = {**asked.study.bounds, **ranges}
     about = {
         "study": asked.study.title,
@@ -92,21 +101,25 @@ def _range(word: str) -> tuple[str, tuple[float, float]]:
     return name, (low, high)
 
 
-def _pairs(asked: StudyProblem, arguments: argparse.Namespace) -> list[tuple[str, str]]:
+def _pairs(study: Study, knee: Knee, arguments: argparse.Namespace) -> list[tuple[str, str]]:
+    """The pairs asked for, checked before anything is computed."""
     pairs = [(first, second) for first, second in arguments.pair]
     if arguments.all_pairs:
-        names = select(asked.knee, asked.study.parameters).names
+        names = select(knee, study.parameters).names
         pairs += [pair for pair in itertools.combinations(names, 2) if pair not in pairs]
     if not pairs:
         raise InputProblem(
             "--pair", "parameters", "none", "--pair X Y, or --all-pairs; "
-            f"e.g. --pair {' '.join(select(asked.knee, asked.study.parameters).names[:2])}"
+            f"e.g. --pair {' '.join(select(knee, study.parameters).names[:2])}"
         )  # fmt: skip
     if len(set(map(frozenset, pairs))) < len(pairs):
         twice = next(p for i, p in enumerate(pairs) if frozenset(p) in map(frozenset, pairs[:i]))
         raise InputProblem("--pair", "parameters", " ".join(twice), "every pair once")
     unknown = [word.partition("=")[0] for word in arguments.ranges]
     mapped = sorted({name for pair in pairs for name in pair})
+    for pair in pairs:
+        if len(select(knee, pair)) < 2:
+            raise InputProblem("--pair", "parameters", " ".join(pair), "two different parameters")
     for name in unknown:
         if name not in mapped:
             raise InputProblem("--range", "parameter", name, "a parameter of a pair", mapped)

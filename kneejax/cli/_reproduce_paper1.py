@@ -7,7 +7,7 @@ import argparse
 import numpy as np
 
 from kneejax.cli._progress import balances_on_terminal
-from kneejax.cli._study_problem import StudyProblem, study_problem
+from kneejax.cli._study_problem import StudyProblem, study_and_knee, with_measurement
 from kneejax.files import write_rows
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference import (
@@ -28,7 +28,7 @@ _STUDY, _GRID, _VALUES = "paper1", (61, 61), 37
 
 def run(arguments: argparse.Namespace) -> int:
     """Compute the study, judge the claims, print and write them."""
-    asked = study_problem(_STUDY, calibrated=True)
+    asked = with_measurement(*study_and_knee(_STUDY), calibrated=True)
     found = _study(asked)
     claims, doubts = paper1_claims(found), _doubts(found)
     _write(asked, found, claims, doubts, arguments.out)

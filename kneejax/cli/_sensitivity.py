@@ -12,7 +12,12 @@ import time
 import numpy as np
 
 from kneejax.cli._progress import balances_on_terminal
-from kneejax.cli._study_problem import StudyProblem, study_problem, study_settings
+from kneejax.cli._study_problem import (
+    StudyProblem,
+    study_and_knee,
+    study_settings,
+    with_measurement,
+)
 from kneejax.files import InputProblem, write_rows, write_text
 from kneejax.geometry import COLUMNS, FREE_COORDINATES
 from kneejax.inference import (
@@ -22,6 +27,7 @@ from kneejax.inference import (
     check_installed,
     local_sensitivity,
     motion_indices,
+    select,
     sweep,
     versions,
 )
@@ -45,7 +51,10 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.indices:
         # Better known before the work than after it.
         check_installed("SALib", "sensitivity")
-    problem = study_problem(arguments.study)
+    study, knee = study_and_knee(arguments.study)
+    # A wrong name, too, is better known before the work.
+    select(knee, tuple(swept))
+    problem = with_measurement(study, knee, calibrated=False)
     parameters = problem.study.parameters
     flexion, seconds = np.unique(problem.measured[:, 0]), {}
     with _timed(seconds, "local"):

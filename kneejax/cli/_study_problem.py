@@ -29,11 +29,29 @@ class StudyProblem:
     truth: dict[str, float]
 
 
-def study_problem(name: str, *, calibrated: bool = False) -> StudyProblem:
-    """Read a study and its knee, and read or make its measurement.
+def study_and_knee(name: str) -> tuple[Study, Knee]:
+    """A study and its knee with the values that stay fixed; nothing is computed yet.
 
     Args:
         name: study file or bundled study.
+
+    Returns:
+        Both.
+
+    Raises:
+        InputProblem: a file cannot be read or a field is at fault.
+        UnknownParameter: the study fixes a parameter that its knee does not have.
+    """
+    study = read_study(study_path(name))
+    return study, with_values(load_knee(study.knee), study.overrides)
+
+
+def with_measurement(study: Study, knee: Knee, *, calibrated: bool) -> StudyProblem:
+    """A study with what was measured; synthetic data take a motion of the knee.
+
+    Args:
+        study: as read.
+        knee: with the values that stay fixed.
         calibrated: whether a calibration follows; its program then makes synthetic data.
 
     Returns:
@@ -44,17 +62,6 @@ def study_problem(name: str, *, calibrated: bool = False) -> StudyProblem:
         UnknownParameter: the study names a parameter that its knee does not have.
         UnsuitableData: the knee that should make the data does not balance.
     """
-    return with_measurement(*study_and_knee(name), calibrated=calibrated)
-
-
-def study_and_knee(name: str) -> tuple[Study, Knee]:
-    """A study and its knee with the values that stay fixed; nothing is computed yet."""
-    study = read_study(study_path(name))
-    return study, with_values(load_knee(study.knee), study.overrides)
-
-
-def with_measurement(study: Study, knee: Knee, *, calibrated: bool) -> StudyProblem:
-    """The second half of `study_problem`: synthetic data take a motion of the knee."""
     truth: dict[str, float] = {}
     if study.synthetic is not None:
         truth = dict(study.synthetic.parameters)

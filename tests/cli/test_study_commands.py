@@ -29,6 +29,16 @@ def study(tmp_path_factory):
     return str(path)
 
 
+@pytest.fixture
+def unmeasured(monkeypatch):
+    """A mistake on the command line is said at once; once it took a motion first, 17 s anew."""
+
+    def never(*_, **__):
+        raise AssertionError("the knee has moved before the mistake was said")
+
+    monkeypatch.setattr("kneejax.cli._study_problem.synthetic_motion", never)
+
+
 def table(path):
     with open(path, encoding="utf-8", newline="") as stream:
         return list(csv.DictReader(stream))
@@ -82,7 +92,7 @@ def test_the_folder_of_a_map_belongs_to_its_study(mapped, study, capsys):
         ([*PAIR, "--gird", "4"], "did you mean --grid?"),
     ],
 )
-def test_mistakes_in_a_map_are_said(study, words, said, tmp_path, capsys):
+def test_mistakes_in_a_map_are_said(study, words, said, tmp_path, capsys, unmeasured):
     out = tmp_path / "out"
     try:
         status = main(["map", study, *words, "--out", str(out)])
@@ -146,7 +156,9 @@ def test_a_parameter_that_is_not_determined_is_a_doubt(tmp_path, capsys):
         (["--candidates", "nowhere.csv"], "nowhere.csv"),
     ],
 )
-def test_mistakes_in_identify_are_said(study, words, said, tmp_path, capsys):
+def test_mistakes_in_identify_are_said(study, words, said, tmp_path, capsys, request):
+    if not words[0].startswith("--noise"):
+        request.getfixturevalue("unmeasured")
     out = tmp_path / "out"
     assert main(["identify", study, *words, "--out", str(out)]) == 2
     assert said in (line := capsys.readouterr().err) and line.count("\n") == 1
