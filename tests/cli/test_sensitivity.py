@@ -159,3 +159,8 @@ def test_bad_input_is_one_line_and_writes_nothing(tmp_path, capsys, words, expec
     error = capsys.readouterr().err
     assert expected in error and error.count("\n") == 1
     assert not out.exists()
+
+
+def test_a_wrong_name_is_said_before_the_knee_moves(tmp_path, capsys, unmeasured):
+    assert main(["sensitivity", study_file(tmp_path), "--sweep", "ACL.stifness"]) == 2
+    assert "did you mean 'ACL.stiffness'" in capsys.readouterr().err

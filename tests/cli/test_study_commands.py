@@ -29,16 +29,6 @@ def study(tmp_path_factory):
     return str(path)
 
 
-@pytest.fixture
-def unmeasured(monkeypatch):
-    """A mistake on the command line is said at once; once it took a motion first, 17 s anew."""
-
-    def never(*_, **__):
-        raise AssertionError("the knee has moved before the mistake was said")
-
-    monkeypatch.setattr("kneejax.cli._study_problem.synthetic_motion", never)
-
-
 def table(path):
     with open(path, encoding="utf-8", newline="") as stream:
         return list(csv.DictReader(stream))
