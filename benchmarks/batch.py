@@ -16,7 +16,7 @@ from _protocol import ANGLES, arguments, finish, load, peak_memory_mb
 from _variants import motion_of, random_knees, timed_batch
 from scipy import optimize
 
-from kneejax.statics import Status
+from kneejax.statics import sound
 
 
 def peer(knee, own, stiffness, slack_length, analytic: bool):
@@ -66,7 +66,7 @@ def main() -> None:
         "processor_seconds": time.process_time() - begun,
         "seconds_until_ready": ready,
         "converged": float(found.converged.mean()),
-        "stable": float((found.status < Status.UNSTABLE).mean()),
+        "stable": float(sound(found.status).mean()),
         "mean_steps": float(found.steps.mean()),
         "peak_memory_MB": peak_memory_mb(),
     }

@@ -19,7 +19,7 @@ import kneejax as kj
 from kneejax.experiments import evaluate
 from kneejax.geometry import Pose
 from kneejax.mechanics import Knee
-from kneejax.statics import Status
+from kneejax.statics import sound
 
 FLEXION = np.arange(0.0, 91.0, 5.0)
 
@@ -63,7 +63,7 @@ def main() -> None:
     rows |= {
         "equilibria": found.status.size,
         "equilibria_per_second": found.status.size / seconds,
-        "balanced_and_stable": float((found.status < Status.UNSTABLE).mean()),
+        "balanced_and_stable": float(sound(found.status).mean()),
         "steps_median": float(np.median(found.steps)),
         "peak_memory_mb": peak_memory_mb(),
     }

@@ -83,8 +83,8 @@ def _write(result: Calibration, out) -> int:
         out / "poses.csv",
         motion.table,
         status=words,
-        converged=[w.usable for w in words],
-        stable=[w in (Status.BALANCED, Status.OUTSIDE_REGION) for w in words],
+        converged=[w.converged for w in words],
+        stable=[w.sound for w in words],
     )
     write_report(result, out)
     print(calibration_summary(result))

@@ -86,7 +86,7 @@ def passive_motion(read: ContactKnee, flexion_deg: np.ndarray) -> KneeMotion:
     for coordinate, shift in read.frame_offset.items():
         table[:, COORDINATES.index(coordinate)] += shift
     status = tuple(Status(s) for s in np.asarray(motion.status))
-    table[[not s.usable for s in status]] = np.nan
+    table[[not s.converged for s in status]] = np.nan
     doubts = tuple(
         f"{read.knee.name}: {counted(status.count(s), 'pose')} {s.word}: {s.sentence}"
         for s in sorted(set(status))

@@ -87,9 +87,8 @@ def _contacts(knee: Knee, found: Mechanics, status: np.ndarray) -> list[list]:
 def _say_status(status: np.ndarray) -> bool:
     for word in sorted({Status(s) for s in status[status != Status.BALANCED]}):
         rows = np.flatnonzero(status == word)
-        # Nothing was balanced here: only what the sentence says of the surfaces applies.
-        sentence = word.sentence.removeprefix("balanced, but ")
-        print(f"{counted(len(rows), 'pose')} (first row {rows[0]}): {sentence}")
+        # Nothing was balanced here: only what is wrong with the pose applies.
+        print(f"{counted(len(rows), 'pose')} (first row {rows[0]}): {word.remark}")
     return bool((status != Status.BALANCED).any())
 
 

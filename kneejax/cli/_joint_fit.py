@@ -243,10 +243,10 @@ def _bent(arguments: argparse.Namespace, read: ContactKnee, flexion: np.ndarray)
     except UnsuitablePoses as error:
         raise problem("--at" if arguments.at else "--flexion", error) from None
     found = passive_motion(read, angles)
-    usable = np.array([status.usable for status in found.status])
+    usable = np.array([status.converged for status in found.status])
     for angle in sorted(at):
         status = found.status[int(np.searchsorted(angles, angle))]
-        if not status.usable:
+        if not status.converged:
             expected = "a pose with balance to calibrate on; choose by --at"
             if usable.any():
                 expected += f", from {angles[usable].min():g} to {angles[usable].max():g} degrees"

@@ -15,7 +15,7 @@ from kneejax.inference._parameters import UnknownParameter, UnsuitableData, sele
 from kneejax.inference._physiological import unphysiological
 from kneejax.inference._problem import DEFAULT_WEIGHTS, Evaluation, Problem
 from kneejax.mechanics import Knee
-from kneejax.statics import Status
+from kneejax.statics import converged
 
 #: The longest way in one step: part of a stiffness's own value, and of any strain.
 _STRIDES = {"stiffness": 0.5, "reference_strain": 0.04}
@@ -158,7 +158,7 @@ class LiveMotion:
         away = np.asarray(found.table).T[order] - self._own[order]
         kinks = np.abs(np.diff(away, 2, axis=0))
         lost = ~np.asarray(found.settled.converged)
-        news = lost if far else lost & (self.now.status < Status.TOO_DEEP)
+        news = lost if far else lost & converged(self.now.status)
         return bool(news.any() or (kinks > _KINK).any())
 
     def _described(self, found: Evaluation) -> Moved:

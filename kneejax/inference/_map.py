@@ -23,7 +23,15 @@ from kneejax.inference._parameters import (
 from kneejax.inference._physiological import unphysiological
 from kneejax.inference._problem import DEFAULT_WEIGHTS
 from kneejax.mechanics import Knee
-from kneejax.statics import Balances, Progress, Stations, Status, balance_lines, own_motion
+from kneejax.statics import (
+    Balances,
+    Progress,
+    Stations,
+    Status,
+    balance_lines,
+    converged,
+    own_motion,
+)
 
 #: Balances of a block, about: enough to fill all cores, few enough to hold in memory. A map that
 #: was stopped goes on with its next block.
@@ -66,7 +74,7 @@ def worst_condition(status: np.ndarray, unphysiological: np.ndarray) -> np.ndarr
         (status == Status.OUTSIDE_REGION, Condition.OUTSIDE_REGION),
         (unphysiological, Condition.UNPHYSIOLOGICAL),
         (status == Status.UNSTABLE, Condition.UNSTABLE),
-        (status >= Status.TOO_DEEP, Condition.NO_BALANCE),
+        (~converged(status), Condition.NO_BALANCE),
     ]
     for where, what in worst:
         condition[where.any(axis=-1)] = what
@@ -363,7 +371,7 @@ class _Study:
         """Of poses, what a map keeps: a few numbers a grid point."""
         table, status = found.table, found.status[..., np.unique(self.back[self.used])]
         condition = worst_condition(status, unphysiological(table, self.own_table))
-        lost = (found.status[..., self.back[self.used]] >= Status.TOO_DEEP).sum(axis=-1)
+        lost = (~converged(found.status[..., self.back[self.used]])).sum(axis=-1)
         return {"partial": self._partial(table), "condition": condition, "lost": lost}
 
     def _partial(self, table: np.ndarray) -> np.ndarray:

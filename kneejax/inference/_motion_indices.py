@@ -14,7 +14,7 @@ from kneejax.inference._parameters import Selection, UnsuitableData, select
 from kneejax.inference._problem import DEFAULT_WEIGHTS
 from kneejax.inference._scales import looked_up, prior_scales, stated
 from kneejax.mechanics import Knee
-from kneejax.statics import Progress, Stations, Status, balance_lines, balance_many
+from kneejax.statics import Progress, Stations, balance_lines, balance_many, sound
 
 #: Half a range where none is stated, in standard deviations of the prior: that of a uniform
 #: distribution is then the same.
@@ -123,10 +123,10 @@ def motion_indices(
     vary, start = selection.apply, jnp.asarray(base)
     # A line of one point: each station for itself.
     itself = balance_lines(knee, vary, start, base[None, None], Stations.at(flexion), np.zeros(1))
-    sound = itself.status[0, 0] < Status.UNSTABLE
-    if not sound.any():
+    held = sound(itself.status[0, 0])
+    if not held.any():
         raise UnsuitableData("the knee itself is balanced and stable at no measured flexion")
-    left_out, flexion = flexion[~sound], flexion[sound]
+    left_out, flexion = flexion[~held], flexion[held]
     measured = measured[np.isin(measured[:, 0], flexion)]
     row = np.searchsorted(flexion, measured[:, 0])
     at = np.unique(np.linspace(0, len(flexion) - 1, _ANGLES).round().astype(int))
@@ -136,7 +136,7 @@ def motion_indices(
     def model(values: np.ndarray) -> np.ndarray:
         stations = Stations.at(flexion)
         found = balance_many(knee, vary, start, values, stations, progress=progress)
-        failed = np.any(found.status >= Status.UNSTABLE, axis=1)
+        failed = np.any(~sound(found.status), axis=1)
         error = found.table[:, row] - measured[:, 1:]
         error[..., free] -= error[..., free].mean(axis=1, keepdims=True)
         poses = np.swapaxes(found.table[:, at], 1, 2).reshape(len(values), -1)

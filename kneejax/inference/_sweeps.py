@@ -18,7 +18,7 @@ from kneejax.inference._parameters import (
 )
 from kneejax.inference._physiological import unphysiological
 from kneejax.mechanics import Knee
-from kneejax.statics import Progress, Stations, Status, balance_lines
+from kneejax.statics import Progress, Stations, balance_lines, sound
 
 #: Ranges of paper 1, section 3; other quantities go over their bounds.
 SWEEP_RANGES = {"stiffness": (300.0, 9300.0), "reference_strain": (-0.2, 0.2)}
@@ -53,7 +53,7 @@ class Sweep:
     @property
     def sound(self) -> np.ndarray:
         """Balanced, stable and physiological, `(values, stations)`."""
-        return (self.status < Status.UNSTABLE) & ~self.unphysiological
+        return sound(self.status) & ~self.unphysiological
 
 
 @dataclasses.dataclass(frozen=True)

@@ -10,7 +10,7 @@ from kneejax.report._numbers import listed, number
 from kneejax.report._style import SHOWN
 from kneejax.report._sweep_figure import FREE_COLUMN
 from kneejax.report._text import _aligned, _wrapped
-from kneejax.statics._status import Status
+from kneejax.statics._status import Status, converged
 
 if TYPE_CHECKING:
     from kneejax.inference._local_sensitivity import LocalSensitivity
@@ -66,7 +66,7 @@ def sensitivity_doubts(
     doubts = []
     # Slopes and sweeps know the same poses; either may have lost one.
     status = np.maximum(local.status, sweeps.status)
-    for outcome in (Status.OUTSIDE_REGION, Status.UNSTABLE, Status.TOO_DEEP, Status.NOT_CONVERGED):
+    for outcome in tuple(Status)[1:]:
         angles = [f"{angle:g}" for angle in local.flexion_deg[status == outcome]]
         if angles:
             doubts.append(f"the knee itself at {listed(angles)} degrees: {outcome.sentence}")
@@ -110,7 +110,7 @@ def _sweep_lines(sweeps: Sweeps) -> list[str]:
             int((one.status == Status.OUTSIDE_REGION).sum()),
             int(one.unphysiological.sum()),
             int((one.status == Status.UNSTABLE).sum()),
-            int((one.status >= Status.TOO_DEEP).sum()),
+            int((~converged(one.status)).sum()),
         ]
         rows.append([one.name, _sound_range(one), *(str(count or "-") for count in counts)])
     if len(at_fault) > _MOST_ROWS:

@@ -17,7 +17,7 @@ from kneejax.report._style import (
     readable,
     styled,
 )
-from kneejax.statics._status import Status
+from kneejax.statics._status import Status, converged
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -99,7 +99,7 @@ def _colours(sweep: Sweep):
 
 def _faults(sweep: Sweep) -> dict[str, np.ndarray]:
     """Legend entry -> poses, the worst that applies to each."""
-    nowhere = sweep.status >= Status.TOO_DEEP
+    nowhere = ~converged(sweep.status)
     unstable = sweep.status == Status.UNSTABLE
     strange = sweep.unphysiological & ~unstable
     outside = (sweep.status == Status.OUTSIDE_REGION) & ~strange

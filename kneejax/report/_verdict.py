@@ -10,7 +10,7 @@ import numpy as np
 
 from kneejax.report._numbers import change, listed, number
 from kneejax.report._style import COORDINATES
-from kneejax.statics._status import Status
+from kneejax.statics._status import Status, converged
 
 if TYPE_CHECKING:
     from kneejax.inference._result import Calibration, Estimate, Fit, Motion
@@ -93,7 +93,7 @@ def row_status(motion: Motion) -> np.ndarray:
     """
     status = np.array(motion.status, int)
     lost = ~np.isfinite(np.asarray(motion.table, float)).all(axis=1)
-    return np.where(lost & (status < Status.TOO_DEEP), int(Status.NOT_CONVERGED), status)
+    return np.where(lost & converged(status), int(Status.NOT_CONVERGED), status)
 
 
 def _pose_doubts(motion: Motion, flexion: np.ndarray) -> list[str]:

@@ -33,7 +33,7 @@ from kneejax.statics._paths import (
 )
 from kneejax.statics._settle import needs_float64
 from kneejax.statics._stations import Stations
-from kneejax.statics._status import Status
+from kneejax.statics._status import converged
 from kneejax.statics._variants import Variants, Vary
 from kneejax.statics._walk import LANES, Walker
 
@@ -78,7 +78,7 @@ class Balances:
     @property
     def converged(self) -> np.ndarray:
         """Where forces balance, `(variants, stations)`."""
-        return self.status < Status.TOO_DEEP
+        return converged(self.status)
 
 
 def balance_many(

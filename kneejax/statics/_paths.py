@@ -9,7 +9,7 @@ import dataclasses
 
 import numpy as np
 
-from kneejax.statics._status import Status
+from kneejax.statics._status import Status, converged
 
 #: Coordinates `(stations, 5)` and meeting points `(stations, n, 2)` of the own motion.
 Own = tuple[np.ndarray, np.ndarray]
@@ -48,7 +48,7 @@ class Found:
     @property
     def known(self) -> np.ndarray:
         """Where forces balance, `(variants, stations)`."""
-        return self.status < Status.TOO_DEEP
+        return converged(self.status)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -25,7 +25,7 @@ from kneejax.statics._balance import force_derivative, force_derivative_without_
 from kneejax.statics._compiled import compiled
 from kneejax.statics._elimination import solve, symmetric
 from kneejax.statics._newton import UNITS, EnergyNewton, Guess, SearchState, look
-from kneejax.statics._status import Status
+from kneejax.statics._status import Status, converged
 
 #: How the balance of one pose is found unless a caller says otherwise.
 SEARCH = EnergyNewton()
@@ -70,7 +70,7 @@ class Settled(eqx.Module):
     @property
     def converged(self) -> Array:
         """Where forces balance."""
-        return self.status < Status.TOO_DEEP
+        return converged(self.status)
 
     @property
     def stable(self) -> Array:
@@ -256,7 +256,7 @@ def described(knee: Knee, flexion: Array, found: Guess, here: SearchState):
         status=status,
         steps=here.count,
     )
-    return jnp.where(status >= Status.TOO_DEEP, jnp.nan, found.q), found.meeting, rest
+    return jnp.where(converged(status), found.q, jnp.nan), found.meeting, rest
 
 
 def _status(
@@ -268,13 +268,13 @@ def _status(
         depth = here.forces.depth[row]
         point = jax.tree.map(lambda x, row=row: x[row], here.forces.point)
         unknown = (depth > 0) & ~contact.knows(point, meeting[row])
-        status = jnp.where(unknown & (status < 1), Status.OUTSIDE_REGION, status)
+        status = jnp.where(unknown & (status == Status.BALANCED), Status.OUTSIDE_REGION, status)
         status = jnp.where(depth >= contact.layer_thickness, Status.TOO_DEEP, status)
     tibia = Pose.from_state(flexion, here.guess.q).placement
     for contact in knee.contacts:
         if not contact.has_patch:
             deep, outside = contact.faults(tibia, contact.sample(tibia))
-            status = jnp.where(outside & (status < 1), Status.OUTSIDE_REGION, status)
+            status = jnp.where(outside & (status == Status.BALANCED), Status.OUTSIDE_REGION, status)
             status = jnp.where(deep, Status.TOO_DEEP, status)
     return jnp.where(here.done, status, Status.NOT_CONVERGED).astype(int)
 

@@ -17,7 +17,7 @@ from kneejax.statics._compiled import compiled
 from kneejax.statics._newton import EnergyNewton, Guess
 from kneejax.statics._settle import Settled, differentiable, settle
 from kneejax.statics._stations import Stations
-from kneejax.statics._status import Status
+from kneejax.statics._status import converged
 from kneejax.statics._variants import Variants, Vary, in_lanes, with_numbers
 
 #: Searches begin from a linear prediction; what is farther off is searched by `balance_many`.
@@ -52,7 +52,7 @@ class Slopes:
     @property
     def converged(self) -> np.ndarray:
         """Where forces balance, `(variants, stations)`."""
-        return self.status < Status.TOO_DEEP
+        return converged(self.status)
 
     def take(self, rows) -> Slopes:
         """Some of the variants, in the order of `rows`."""

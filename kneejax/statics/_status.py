@@ -8,45 +8,134 @@ import enum
 class Status(enum.IntEnum):
     """Outcome of a search for balance; the worst that applies to a pose.
 
+    In order of severity. Below `TOO_DEEP` forces balance and every number of the pose stands;
+    from there on nothing does, and coordinates are NaN.
+
     Attributes:
-        sentence: what happened and what to try next.
+        fault: what is wrong with the pose; empty where nothing is.
+        advice: what to try next.
     """
 
-    BALANCED = 0, "balanced and stable"
+    BALANCED = 0, "", ""
     OUTSIDE_REGION = (
         1,
-        "balanced, but the surfaces meet outside their fitted region: "
-        "fit them over a larger region or leave this pose out",
+        "contact reaches off the fitted surfaces",
+        "fit them over a larger region, or leave this pose out",
+    )
+    OVERSTRETCHED = (
+        2,
+        "a fibre is stretched beyond its failure strain and would have torn",
+        "lower the load or the fibre's reference strain, or correct its failure strain",
+    )
+    WAY_FLIPPED = (
+        3,
+        "a fibre passes its obstacle on the other side than at the pose before: its length and "
+        "force jump",
+        "move the obstacle or an attachment, or leave this pose out",
+    )
+    PAST_WRAP = (
+        4,
+        "a fibre touches its cylinder beyond the cylinder's length",
+        "make the cylinder longer, or check its place",
+    )
+    WRAP_INSIDE = (
+        5,
+        "an end of a fibre lies inside its obstacle: its length means nothing",
+        "make the obstacle smaller, move the attachment, or leave this pose out",
     )
     UNSTABLE = (
-        2,
-        "forces balance, but the tangent stiffness is not positive definite: "
-        "a small push would move the knee away; check slack lengths and add compression",
+        6,
+        "the tangent stiffness is not positive definite: a small push would move the knee away",
+        "check slack lengths and add compression",
+    )
+    DISLOCATED = (
+        7,
+        "the knee is dislocated",
+        "lower the load, or add what holds this direction: a fibre, compression, a muscle's line",
     )
     TOO_DEEP = (
-        3,
-        "the surfaces overlap by more than the cartilage layer: "
-        "check frames, units and slack lengths, or stiffen the layer",
+        8,
+        "the surfaces overlap by more than the cartilage layer",
+        "check frames, units and slack lengths, lower the load, or stiffen the layer",
+    )
+    NO_PATCH = (
+        9,
+        "no elliptical patch fits where the surfaces meet: they are too flat against each other",
+        "give this contact the form quadrature in the knee file",
+    )
+    THROUGH_BONE = (
+        10,
+        "bone has passed through bone",
+        "check frames, units and the convention of the poses, or lower the load",
+    )
+    GIVES_WAY = (
+        11,
+        "no balance is connected with the unloaded knee beyond this load: the knee gives way "
+        "(turning point)",
+        "lower the load, or add what holds this direction: a fibre, compression, a muscle's line",
     )
     NOT_CONVERGED = (
-        4,
-        "no balance found: take smaller flexion steps or start from a pose nearer to it",
+        12,
+        "no balance found",
+        "look for a fibre too tight or a load that nothing holds, or leave this pose out",
     )
 
-    sentence: str
+    fault: str
+    advice: str
 
-    def __new__(cls, value: int, sentence: str) -> Status:
+    def __new__(cls, value: int, fault: str, advice: str) -> Status:
         member = int.__new__(cls, value)
         member._value_ = value
-        member.sentence = sentence
+        member.fault, member.advice = fault, advice
         return member
 
     @property
-    def usable(self) -> bool:
+    def converged(self) -> bool:
         """Whether the pose is a balance (its numbers are not NaN)."""
-        return self is not Status.NOT_CONVERGED and self is not Status.TOO_DEEP
+        return bool(converged(self))
+
+    @property
+    def sound(self) -> bool:
+        """Whether it is a stable balance of a knee that holds together."""
+        return bool(sound(self))
 
     @property
     def word(self) -> str:
         """Name for tables."""
         return self.name.lower()
+
+    @property
+    def remark(self) -> str:
+        """Fault and advice, of a pose that nobody balanced; empty where nothing is wrong."""
+        return f"{self.fault}: {self.advice}" if self.fault else ""
+
+    @property
+    def sentence(self) -> str:
+        """What became of a search for balance, and what to try next."""
+        if not self.fault:
+            return "balanced and stable"
+        return f"forces balance, but {self.remark}" if self.converged else self.remark
+
+
+def converged(status):
+    """Where forces balance and numbers are not NaN.
+
+    Args:
+        status: `Status` values, a number or an array of NumPy or JAX.
+
+    Returns:
+        Truth values of the same shape.
+    """
+    return status < Status.TOO_DEEP
+
+
+def sound(status):
+    """Where a balance is stable and the knee holds together; warnings do not count.
+
+    Args:
+        status: as in `converged`.
+
+    Returns:
+        Truth values of the same shape.
+    """
+    return status < Status.UNSTABLE

@@ -22,7 +22,7 @@ from kneejax.statics._compiled import compiled
 from kneejax.statics._newton import UNITS, EnergyNewton, Guess, SearchState, look
 from kneejax.statics._settle import described, with_meeting
 from kneejax.statics._stations import Stations
-from kneejax.statics._status import Status
+from kneejax.statics._status import Status, converged
 from kneejax.statics._variants import with_numbers
 
 _ACCURACY_MM = 1e-7
@@ -176,8 +176,8 @@ def walk_stretch(
         status = rest["status"]
         change = (found.q - own_q - memory.away_q[0]) / jnp.asarray(UNITS)[:, None]
         far = memory.begun & (jnp.max(jnp.abs(change), axis=0) > nodes.reach[there])
-        status = jnp.where(far & (status < Status.TOO_DEEP), Status.NOT_CONVERGED, status)
-        good = ended & (status < Status.TOO_DEEP)
+        status = jnp.where(far & converged(status), Status.NOT_CONVERGED, status)
+        good = ended & converged(status)
         again = ended & ~good & memory.led & ~walk.patient
         over = ended & ~again
         gone = over & ~good

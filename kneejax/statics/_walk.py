@@ -17,7 +17,7 @@ import numpy as np
 from kneejax.statics._paths import Found, Paths
 from kneejax.statics._settle import longest_stride_mm
 from kneejax.statics._stations import Stations
-from kneejax.statics._status import Status
+from kneejax.statics._status import converged
 from kneejax.statics._stretch import Memory, Nodes, Reached, first_meeting, walk_stretch
 from kneejax.statics._variants import Variants
 
@@ -127,7 +127,7 @@ class Walker:
 
     def _note(self, paths: Paths, rows, place, reached: Reached) -> np.ndarray:
         """Write down what was reached; how many nodes of each row ended."""
-        ended, known = reached.place >= 0, reached.status < Status.TOO_DEEP
+        ended, known = reached.place >= 0, converged(reached.status)
         for which in (ended & known, ended):
             when, lane = np.nonzero(which)
             along = place[lane] + reached.place[when, lane]

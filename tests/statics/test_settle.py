@@ -237,12 +237,6 @@ def test_a_search_that_ends_on_another_branch_is_not_believed(knee):
     assert (np.abs(np.diff(q, axis=1)).max(axis=0) <= np.diff(FLEXION[balanced])).all()
 
 
-def test_status_says_what_to_do_next():
-    for status in Status:
-        assert len(status.sentence.split()) > 2
-        assert status.word == status.name.lower()
-
-
 def test_a_motion_works_inside_another_jit(knee, motion):
     """A person's own jit around a motion gives the same numbers."""
 
