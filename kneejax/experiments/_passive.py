@@ -10,14 +10,16 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from kneejax.geometry import Pose, filled, traced
-from kneejax.mechanics import Knee, add_lane_axis
+from kneejax.mechanics import Knee, Load, add_lane_axis
 from kneejax.statics import (
-    Guess,
     Settled,
+    Stations,
     compiled,
     first_guess,
+    own_motion,
     poses_on_the_way,
     settle,
+    settled_at,
 )
 
 
@@ -28,8 +30,12 @@ class PassiveFlexion(eqx.Module):
         flexion_deg: `(poses,)`.
         pose: fields of shape `(poses,)`; NaN where the search failed.
         status: `Status` value of each pose.
-        residual_force: largest unbalanced force, `(poses,)`, N.
+        residual_force: largest unbalanced force, `(poses,)`, N; where the search failed, what it
+            left.
         residual_moment: largest unbalanced moment, `(poses,)`, N mm.
+        left_mm: how far the search was from a balance where it failed, `(poses,)`, mm (rotations
+            at 30 mm).
+        reached: part of the load under which the knee still balanced, `(poses,)`.
         stable: `(poses,)`.
         settled: the solution in full, for further derivatives.
     """
@@ -39,6 +45,8 @@ class PassiveFlexion(eqx.Module):
     status: Array
     residual_force: Array
     residual_moment: Array
+    left_mm: Array
+    reached: Array
     stable: Array
     settled: Settled
 
@@ -47,19 +55,23 @@ class PassiveFlexion(eqx.Module):
         return self.pose.to_table()
 
 
-def passive_flexion(knee: Knee, flexion_deg: ArrayLike) -> PassiveFlexion:
+def passive_flexion(
+    knee: Knee, flexion_deg: ArrayLike, loads: tuple[Load, ...] | list[Load] = ()
+) -> PassiveFlexion:
     """Move a knee through flexion: at each angle the five other coordinates balance.
 
-    Every angle is reached from the reference pose in steps of 5 degrees, so no angle depends on
-    which others were asked for.
+    Every angle is reached from the reference pose in strides of 5 degrees, and there the loads grow
+    from nothing, one after the other. So no pose depends on which others were asked for, and a load
+    beyond which the knee gives way is told (`reached`).
 
     Args:
-        knee: any knee.
+        knee: any knee; the loads that it carries itself act from the beginning.
         flexion_deg: prescribed angles, `(poses,)`.
+        loads: further loads on the tibia, each one for all poses or one a pose.
 
     Returns:
         The motion, differentiable by every number of the knee. Poses that fail are NaN in their
-        own row and say so in `status`.
+        own row and say so in `status`. While JAX traces the knee the loads act from the beginning.
 
     Example:
         >>> import kneejax as kj
@@ -68,41 +80,55 @@ def passive_flexion(knee: Knee, flexion_deg: ArrayLike) -> PassiveFlexion:
         >>> bool(motion.stable.all())
         True
     """
-    start = knee.reference_pose.flexion
-    if traced(knee, flexion_deg):
-        flexion = jnp.deg2rad(jnp.atleast_1d(jnp.asarray(flexion_deg, float)))
-        span = 30 if traced(flexion) else poses_on_the_way(0.0, flexion)
-        return _whole_motion(knee, flexion, jnp.broadcast_to(start, flexion.shape), span)
-    flexion = np.deg2rad(np.atleast_1d(np.asarray(flexion_deg, float)))
-    angles, span = filled(flexion), poses_on_the_way(0.0, flexion)
-    motion = _motion(knee, angles, np.full(len(angles), float(start)), span)
-    return jax.tree.map(lambda x: jnp.asarray(np.asarray(x)[..., : len(flexion)]), motion)
+    if traced(knee, flexion_deg, loads):
+        return _whole_motion(knee, Stations.at(flexion_deg, loads))
+    stations = Stations.at(flexion_deg, loads)
+    found = own_motion(knee, _itself, np.zeros(()), stations)
+    count = len(stations)
+    # Filled up with the last pose: one compiled program for tables of several lengths.
+    rows = np.minimum(np.arange(len(filled(np.zeros(count)))), count - 1)
+    q, meeting = (np.moveaxis(x[0][rows], 0, -1) for x in (found.q, found.meeting))
+    there = stations.take(rows)
+    settled = settled_at(
+        _in_lanes(knee, there), np.asarray(there.flexion), q, meeting, found.status[0][rows]
+    )
+    motion = _described(settled, found.left_N[0][rows], found.left_mm[0][rows], found.reached[0][rows])
+    return jax.tree.map(lambda x: jnp.asarray(np.asarray(x)[..., :count]), motion)
 
 
-def _motion(knee: Knee, flexion: Array, start: Array, count: int) -> PassiveFlexion:
-    lanes, guess = _begin(knee, start)
-    return _described(settle(lanes, jnp.asarray(flexion), guess, jnp.asarray(start), count))
+def _itself(knee: Knee, _) -> Knee:
+    return knee
 
 
-#: Under a trace: one program. Outside one, a derivative would compile each of its operations.
-_whole_motion = compiled()(_motion)
+@compiled()
+def _whole_motion(knee: Knee, stations: Stations) -> PassiveFlexion:
+    """Under a trace: one program. Outside one, a derivative would compile each of its operations."""
+    lanes = stations.load(add_lane_axis(knee))
+    start = jnp.broadcast_to(knee.reference_pose.flexion, stations.flexion.shape)
+    guess = first_guess(lanes, start)
+    count = poses_on_the_way(start, stations.flexion)
+    settled = settle(lanes, stations.flexion, guess, start, count)
+    none = jnp.full(start.shape, jnp.nan)
+    return _described(settled, none, none, jnp.where(settled.converged, 1.0, 0.0))
 
 
 @jax.jit
-def _begin(knee: Knee, start: Array) -> tuple[Knee, Guess]:
-    lanes = add_lane_axis(knee)
-    return lanes, first_guess(lanes, start)
+def _in_lanes(knee: Knee, stations: Stations) -> Knee:
+    return stations.load(add_lane_axis(knee))
 
 
 @jax.jit
-def _described(settled: Settled) -> PassiveFlexion:
+def _described(settled: Settled, left_N: Array, left_mm: Array, reached: Array) -> PassiveFlexion:
     moment, force = jnp.abs(settled.residual[:2]), jnp.abs(settled.residual[2:])
+    found = settled.converged
     return PassiveFlexion(
         jnp.rad2deg(settled.flexion),
         settled.pose,
         settled.status,
-        jnp.max(force, axis=0),
-        jnp.max(moment, axis=0),
+        jnp.where(found, jnp.max(force, axis=0), left_N),
+        jnp.where(found, jnp.max(moment, axis=0), jnp.nan),
+        jnp.where(found, 0.0, left_mm),
+        reached,
         settled.stable,
         settled,
     )

@@ -123,7 +123,7 @@ class Problem:
         if self._near is None:
             start = np.full(size, float(self.knee.reference_pose.flexion))
             knee = add_lane_axis(self.selection.apply(self.knee, jnp.asarray(x)))
-            guess, count = first_guess(knee, jnp.asarray(start)), poses_on_the_way(0.0, flexion)
+            guess, count = first_guess(knee, jnp.asarray(start)), poses_on_the_way(start, flexion)
         else:
             start, guess, count = flexion, _predicted(x, *self._near), 1
         # Filled up with the last pose: one compiled program for tables of several lengths.
@@ -132,7 +132,7 @@ class Problem:
         found = evaluate_poses(
             self.selection, self.knee, x, flexion[rows], guess, start[rows], count
         )
-        self.equilibria += size * count
+        self.equilibria += size * int(count)
         table, jacobian = (np.asarray(y)[:, :size] for y in (found.table, found.jacobian))
         settled = jax.tree.map(lambda y: np.asarray(y)[..., :size], found.settled)
         return Evaluation(table, jacobian, settled)

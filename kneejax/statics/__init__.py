@@ -22,6 +22,7 @@ from kneejax.statics._settle import differentiable as differentiable
 from kneejax.statics._settle import first_guess as first_guess
 from kneejax.statics._settle import poses_on_the_way as poses_on_the_way
 from kneejax.statics._settle import settle as settle
+from kneejax.statics._settle import settled_at as settled_at
 from kneejax.statics._settle import with_meeting as with_meeting
 from kneejax.statics._slopes import Slopes as Slopes
 from kneejax.statics._slopes import balance_with_slopes as balance_with_slopes

@@ -8,32 +8,30 @@ nor on who was first.
 from __future__ import annotations
 
 import concurrent.futures
-import copy
 import dataclasses
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import jax
 import numpy as np
 
-from kneejax.mechanics import Knee, Load
-from kneejax.statics._newton import UNITS
+from kneejax.mechanics import Knee
 from kneejax.statics._paths import (
     Found,
     Own,
     Paths,
-    along,
+    along_chains,
     arms,
-    gaps,
     joined,
     nodes_at,
     paths,
     single_nodes,
 )
+from kneejax.statics._routes import Chain, Routes
 from kneejax.statics._settle import needs_float64
 from kneejax.statics._stations import Stations
-from kneejax.statics._status import converged
+from kneejax.statics._status import Status, converged
 from kneejax.statics._variants import Variants, Vary
 from kneejax.statics._walk import LANES, Walker
 
@@ -44,14 +42,10 @@ Progress = Callable[[int, int], None]
 _LOT = (2 * LANES, 8 * LANES)
 #: Lost nodes in a row after which a path is given up. Along stations the next ones may well
 #: balance (a knee too tight in extension); beyond the end of a branch nothing does.
-_ALONG_STATIONS, _ALONG_VALUES, _ALONG_THE_STEM = 5, 2, 6
-#: Flexion between two nodes on the way from the reference pose, rad; where that leads nowhere; and
-#: steps of a load.
-_STRIDE, _SHORT_STRIDE, _LOAD_STEPS = np.deg2rad(5.0), np.deg2rad(1.0), 4
-#: Steps in which the knee itself is changed into a variant that is far from it.
-_CHANGES = 8
-#: So many at a time, to bound memory.
-_LINES = 1024
+_ALONG_STATIONS, _ALONG_VALUES, _ALONG_LOADS = 5, 2, 1
+#: Flexions from the reference pose at which variants are led onto the knee's own branch, rad: the
+#: next where one does not do.
+_LEADS = tuple(np.deg2rad([45.0, 20.0, 70.0]))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,12 +57,29 @@ class Balances:
         meeting: parameters of the meeting points, `(variants, stations, n, 2)`.
         status: `Status` values, `(variants, stations)`.
         steps: Newton steps taken, `(variants, stations)`.
+        reached: part of a station's last load under which the knee still balanced on the way to
+            it, `(variants, stations)`: 1 where it is found.
+        left_mm: how far the last search was from a balance where none was found, mm (rotations at
+            30 mm).
+        left_N: the unbalanced force that it left, N (moments at 30 mm).
     """
 
     q: np.ndarray
     meeting: np.ndarray
     status: np.ndarray
     steps: np.ndarray
+    reached: np.ndarray
+    left_mm: np.ndarray
+    left_N: np.ndarray
+
+    @classmethod
+    def of(cls, found: Found, shape: tuple[int, ...]) -> Balances:
+        """What was found, with the leading axes of the values."""
+        reached = np.where(found.known, 1.0, 0.0)
+        arrays = (
+            found.q, found.meeting, found.status, found.steps, reached, found.left_mm, found.left_N
+        )  # fmt: skip
+        return cls(*(np.reshape(x, (*shape, *x.shape[1:])) for x in arrays))
 
     @property
     def table(self) -> np.ndarray:
@@ -81,6 +92,24 @@ class Balances:
         return converged(self.status)
 
 
+def _asked(found: Found, routes: Routes) -> Balances:
+    """What was found at the stations that were asked for; how far the others got."""
+    every = Balances.of(found, (len(found.status),))
+    for chain in (chain for chains in routes.loading for chain in chains):
+        nodes, sizes = list(chain.nodes), np.array(chain.sizes)
+        known = found.known[:, nodes]
+        first = np.where(known.all(axis=1), len(nodes) - 1, np.argmin(known, axis=1))
+        row = np.arange(len(known))
+        begin = np.r_[0.0, sizes][first]
+        share = found.share[row, np.array(nodes)[first]]
+        held = np.where(found.known[:, chain.origin], begin + share * (sizes[first] - begin), 0.0)
+        every.reached[:, nodes] = np.where(known, 1.0, np.minimum(held[:, None] / sizes, 1.0))
+        singular = found.softest[row, np.array(nodes)[first]]
+        gives_way = ~known & (held > 0.0)[:, None]
+        every.status[:, nodes] = np.where(gives_way, Status.GIVES_WAY, found.status[:, nodes])
+    return Balances(*(getattr(every, f.name)[:, routes.asked] for f in dataclasses.fields(every)))
+
+
 def balance_many(
     knee: Knee,
     vary: Vary,
@@ -88,13 +117,13 @@ def balance_many(
     values: Any,
     stations: Stations,
     *,
-    own: Balances | None = None,
     progress: Progress | None = None,
 ) -> Balances:
     """Balance variants of a knee at stations.
 
-    Each variant is led onto the knee's own branch at one station and walks from there along the
-    others, predicted from its distance to the motion of the knee itself.
+    Each variant is led onto the knee's own branch at one flexion, is bent from there, and then its
+    loads grow (see `Routes`): what is found at a station depends on no other station, nor on their
+    order.
 
     Args:
         knee: gives all numbers that do not vary.
@@ -102,8 +131,7 @@ def balance_many(
             bound method `selection.apply`.
         base: the value of the knee itself.
         values: like `base`, with a leading axis `(variants, ...)`.
-        stations: in an order in which neighbours are near each other.
-        own: the knee's own motion (`own_motion`) if it is known; computed by default.
+        stations: in any order.
         progress: called now and then with balances done and asked for.
 
     Returns:
@@ -112,13 +140,21 @@ def balance_many(
     Raises:
         RuntimeError: float64 is switched off.
     """
-    own = own or own_motion(knee, vary, base, stations)
-    walker = _walker(knee, vary, values, stations, own, progress)
-    _lead(walker, base, own.converged[0])
-    for inner in (False, True):
-        _walk_all(walker, gaps(walker.found, walker.segments, inner=inner), _ALONG_STATIONS)
-    _fill_by_changing(walker, base)
-    return _balances(walker, walker.found.status.shape[:1])
+    needs_float64()
+    reference = float(knee.reference_pose.flexion)
+    leads = tuple(reference + lead for lead in _LEADS)
+    routes = Routes.to(stations, reference, leads)
+    own = _walked_by_itself(knee, vary, base, routes).found
+    variants = Variants.of(knee, vary, values)
+    found = Found.nothing(len(variants), _filled(own, knee))
+    walker = Walker(
+        variants, routes.nodes, found, _counter(progress, len(variants) * len(stations))
+    )
+    led = _lead(walker, routes, [routes.at(lead) for lead in leads], own.known[0])
+    _bend(walker, routes, led)
+    for chains in (routes.hops, *routes.loading):
+        _walk_chains(walker, chains, _ALONG_LOADS)
+    return _asked(found, routes)
 
 
 def balance_lines(
@@ -151,16 +187,18 @@ def balance_lines(
     """
     lines, points = np.shape(jax.tree.leaves(values)[0])[:2]
     flat = jax.tree.map(lambda x: np.reshape(x, (lines * points, *np.shape(x)[2:])), values)
+    needs_float64()
     own = own or own_motion(knee, vary, base, stations)
-    walker = _walker(knee, vary, flat, stations, own, progress)
+    variants = Variants.of(knee, vary, flat)
+    found = Found.nothing(len(variants), _filled(own, knee))
+    report = _counter(progress, lines * points * len(stations))
+    walker = Walker(variants, stations.plain(), found, report)
     middle = np.arange(lines) * points + np.asarray(begin, int)
     poses = None if near is None else (near.q, near.meeting)
     _walk_all(walker, single_nodes(walker.found, middle, poses), _ALONG_VALUES)
     up, down = (arms(walker.found, middle, points, way) for way in (1, -1))
     _walk_all(walker, joined(up, down), _ALONG_VALUES)
-    for way in (1, -1):
-        _walk_all(walker, gaps(walker.found, walker.segments, (way,)), _ALONG_VALUES)
-    return _balances(walker, (lines, points))
+    return Balances.of(found, (lines, points))
 
 
 def own_motion(knee: Knee, vary: Vary, base: Any, stations: Stations) -> Balances:
@@ -181,82 +219,57 @@ def own_motion(knee: Knee, vary: Vary, base: Any, stations: Stations) -> Balance
         RuntimeError: float64 is switched off.
     """
     needs_float64()
-    stations = stations.plain()
-    found = _from_reference(knee, vary, base, stations, _STRIDE)
-    lost = np.flatnonzero(~found.converged[0])
-    if len(lost):
-        finely = _from_reference(knee, vary, base, stations.take(lost), _SHORT_STRIDE)
-        for name in ("q", "meeting", "status"):
-            getattr(found, name)[:, lost] = getattr(finely, name)
-        found.steps[:, lost] += finely.steps
-    return found
+    routes = Routes.to(stations, float(knee.reference_pose.flexion))
+    return _asked(_walked_by_itself(knee, vary, base, routes).found, routes)
 
 
-def _from_reference(knee, vary, base, stations: Stations, stride: float) -> Balances:
-    """The knee, bent and extended in strides that do not depend on the stations, and from there to
-    each of them, first without its load."""
-    start, flexion = float(knee.reference_pose.flexion), np.asarray(stations.flexion)
-    strides = np.trunc((flexion - start) / stride).astype(int)
-    arms = [way * np.arange(1 + np.max(way * strides, initial=0)) for way in (1, -1)]
-    loaded = any(np.any(load.force) or np.any(load.moment) for load in stations.loads)
-    grown = np.linspace(0.0, 1.0, _LOAD_STEPS + 1) if loaded else np.zeros(1)
-    way = _way(start + stride * np.concatenate(arms), stations, grown)
+def _walked_by_itself(knee: Knee, vary: Vary, base: Any, routes: Routes) -> Walker:
+    """One variant along all its routes, beginning at the knee's reference pose."""
     reference = np.array([float(x) for x in knee.reference_pose.state])
-    still = np.tile(reference, (len(way), 1)), np.zeros((len(way), knee.patch_count, 2))
-    found = Found.nothing(1, still)
+    size = len(routes.nodes)
+    found = Found.nothing(
+        1, (np.tile(reference, (size, 1)), np.zeros((size, knee.patch_count, 2)))
+    )
     one = jax.tree.map(lambda x: np.asarray(x)[None], base)
-    walker = Walker(Variants.of(knee, vary, one), way, found, lambda _: None)
-    bent, extended, ends = np.split(np.arange(len(way)), np.cumsum([len(arm) for arm in arms]))
-    stem = joined(along(found, bent[None]), along(found, extended[None]))
-    _walk_all(walker, stem, _ALONG_THE_STEM)
-    ends = ends.reshape(len(stations), len(grown))
-    beside = np.where(strides < 0, extended[0], bent[0]) + np.abs(strides)
-    _walk_all(walker, along(found, ends, beside), len(grown))
-    last = ends[:, -1]
-    return Balances(*(x[:, last] for x in (found.q, found.meeting, found.status, found.steps)))
+    walker = Walker(Variants.of(knee, vary, one), routes.nodes, found, lambda _: None)
+    _bend_from_reference(walker, routes)
+    for chains in (routes.hops, *routes.loading):
+        _walk_chains(walker, chains, _ALONG_LOADS)
+    return walker
 
 
-def _way(stem: np.ndarray, stations: Stations, grown: np.ndarray) -> Stations:
-    """Flexions of the stem without loads, then each station with growing parts of its loads."""
-    every = np.repeat(np.arange(len(stations)), len(grown))
-    part = np.r_[np.zeros(len(stem)), np.tile(grown, len(stations))][:, None]
-
-    def growing(load: Load) -> Load:
-        force, moment, point = (
-            np.vstack([np.zeros((len(stem), 3)), np.asarray(x)[every]])
-            for x in (load.force, load.moment, load.point)
-        )
-        return dataclasses.replace(
-            load, force=part * force, moment=part * moment, point=(part > 0) * point
-        )
-
-    flexion = np.r_[stem, np.asarray(stations.flexion)[every]]
-    return Stations(flexion, tuple(growing(load) for load in stations.loads))
+def _bend_from_reference(walker: Walker, routes: Routes) -> None:
+    """The stem of one variant both ways from the reference pose; where that finds nothing at first,
+    back from where it did."""
+    found, home = walker.found, routes.home
+    arms = [(home, *routes.bent(home, way).nodes) for way in (1, -1)]
+    station = np.array([np.resize(arm, max(map(len, arms))) for arm in arms])
+    length = np.array([len(arm) for arm in arms])
+    _walk_all(walker, paths(found, np.zeros_like(station), station, length), _ALONG_STATIONS)
+    for way, arm in zip((1, -1), arms, strict=True):
+        known = [node for node in arm if found.known[0, node]]
+        if known and not found.known[0, home]:
+            back = [Chain(known[0], routes.bent(known[0], -way).nodes)]
+            _walk_chains(walker, back, _ALONG_STATIONS)
 
 
-def _walker(knee, vary, values, stations, own: Balances, progress) -> Walker:
-    needs_float64()
-    variants = Variants.of(knee, vary, values)
-    found = Found.nothing(len(variants), _filled(own, knee))
-    report = _counter(progress, len(variants) * len(stations))
-    return Walker(variants, stations.plain(), found, report)
+def _walk_chains(walker: Walker, chains: Sequence[Chain], give_up: int) -> None:
+    """All variants along chains."""
+    chains = [chain for chain in chains if chain.nodes]
+    if chains:
+        everyone = np.arange(len(walker.found.status))
+        _walk_all(walker, along_chains(walker.found, chains, everyone), give_up)
 
 
-def _filled(own: Balances, knee: Knee) -> Own:
+def _filled(own: Found | Balances, knee: Knee) -> Own:
     """Where searches begin; where the knee itself has no balance, at that of a near station."""
-    size = own.q.shape[1]
-    known = np.flatnonzero(own.converged[0])
+    q, meeting = own.q[0], own.meeting[0]
+    known = np.flatnonzero(converged(own.status[0]))
     if not len(known):
         reference = np.array([float(x) for x in knee.reference_pose.state])
-        return np.broadcast_to(reference, (size, 5)), own.meeting[0]
-    nearest = known[np.abs(np.arange(size)[:, None] - known).argmin(axis=1)]
-    return own.q[0, nearest], own.meeting[0, nearest]
-
-
-def _balances(walker: Walker, shape: tuple[int, ...]) -> Balances:
-    found = walker.found
-    arrays = (found.q, found.meeting, found.status, found.steps)
-    return Balances(*(np.reshape(x, (*shape, *x.shape[1:])) for x in arrays))
+        return np.broadcast_to(reference, q.shape), np.nan_to_num(meeting)
+    nearest = known[np.abs(np.arange(len(q))[:, None] - known).argmin(axis=1)]
+    return q[nearest], meeting[nearest]
 
 
 def _counter(progress: Progress | None, total: int) -> Callable[[int], None]:
@@ -294,96 +307,31 @@ def _walk_all(walker: Walker, rows: Paths, give_up: int, led_to: bool = True) ->
             raise
 
 
-def _lead(walker: Walker, base: Any, balanced: np.ndarray) -> None:
-    """Balance each variant at one station of each segment, on the branch of the knee itself.
+def _lead(walker: Walker, routes: Routes, leads: list[int], balanced: np.ndarray) -> np.ndarray:
+    """Balance each variant at one node of the stem, on the branch of the knee itself.
 
-    Where a short search from the own motion does not do, at any of three stations, the knee itself
-    is changed into the variant step by step. A long search from afar may end on another branch,
-    and all of the variant's motion with it; it is all that is left where the knee itself balances
-    nowhere.
+    A short search from the own motion, or the knee itself changed into the variant part by part; a
+    long search from afar may end on another branch, and all of the variant's motion with it. It is
+    all that is left where the knee itself balances at none of these nodes.
+
+    Returns:
+        The node at which each variant was led, -1 where none was, `(variants,)`.
     """
-    if not balanced.any():
-        everyone = np.arange(len(walker.found.status))
-        _walk_all(walker, single_nodes(walker.found, everyone, None), _ALONG_STATIONS)
-        return
-    choices = [
-        dict.fromkeys(stations[int(part * len(stations))] for part in (0.5, 0.25, 0.75))
-        for segment in walker.segments
-        if len(stations := segment[balanced[segment]])
-    ]
-    ranks = [np.array(x) for x in zip(*(_padded(list(c)) for c in choices), strict=True)]
-    for stations in ranks:
-        nodes = _without_lead(walker, stations[stations >= 0])
-        _walk_all(walker, nodes_at(walker.found, *nodes), _ALONG_VALUES, led_to=False)
-    for stations in ranks:
-        _change_into(walker, base, *_without_lead(walker, stations[stations >= 0]))
+    led = np.full(len(walker.found.status), -1)
+    alone = not balanced[leads].any()
+    for node in [routes.home] if alone else [node for node in leads if balanced[node]]:
+        some = np.flatnonzero(led < 0)
+        nodes = nodes_at(walker.found, some, np.full(len(some), node))
+        _walk_all(walker, nodes, _ALONG_VALUES, led_to=alone)
+        led[some] = np.where(walker.found.known[some, node], node, -1)
+    return led
 
 
-def _padded(stations: list[int]) -> list[int]:
-    return stations + [-1] * (3 - len(stations))
-
-
-def _without_lead(walker: Walker, stations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Variants at these stations that have no balance in all the segment yet."""
-    row, place = np.nonzero(~_led(walker)[:, stations])
-    return row, stations[place]
-
-
-def _led(walker: Walker) -> np.ndarray:
-    """Whether a variant has a balance in the segment of a station, `(variants, stations)`."""
-    starts = [segment[0] for segment in walker.segments]
-    led = np.logical_or.reduceat(walker.found.known, starts, axis=1)
-    return np.repeat(led, [len(segment) for segment in walker.segments], axis=1)
-
-
-def _fill_by_changing(walker: Walker, base: Any) -> None:
-    """What walks have lost, from the knee itself; alone in its segment a node was led there."""
-    alone = np.concatenate([np.full(len(s), len(s) == 1) for s in walker.segments])
-    _change_into(walker, base, *np.nonzero(~walker.found.known & _led(walker) & ~alone))
-
-
-def _change_into(walker: Walker, base: Any, variants: np.ndarray, stations: np.ndarray) -> None:
-    """The knee itself, changed step by step into variants, each at a station."""
-    for first in range(0, len(variants), _LINES):
-        some = slice(first, first + _LINES)
-        _change_some(walker, base, variants[some], stations[some])
-
-
-def _change_some(walker: Walker, base: Any, variants: np.ndarray, stations: np.ndarray) -> None:
-    part = np.arange(1, _CHANGES + 1) / _CHANGES
-
-    way, found = copy.copy(walker), walker.found
-    way.variants = walker.variants.between(base, variants, part)
-    way.found = Found.nothing(len(variants) * _CHANGES, found.own)
-    way.report = lambda _: None
-    points = np.arange(len(variants) * _CHANGES).reshape(-1, _CHANGES)
-    station = np.repeat(stations[:, None], _CHANGES, axis=1)
-    lines = paths(way.found, points, station, np.full(len(points), _CHANGES), meeting=0.0)
-    _walk_all(way, lines, _ALONG_VALUES)
-    node, last = (variants, stations), (points[:, -1], stations)
-    found.steps[node] += way.found.steps[last]
-    reached = np.flatnonzero(way.found.known[last])
-    while len(reached):
-        here = variants[reached], stations[reached]
-        joins = _joins(walker, here, way.found.q[last][reached])
-        if not joins.any():
-            return
-        taken, here = reached[joins], (here[0][joins], here[1][joins])
-        for name in ("q", "meeting", "status"):
-            getattr(found, name)[here] = getattr(way.found, name)[last][taken]
-        reached = reached[~joins]
-
-
-def _joins(walker: Walker, node: tuple[np.ndarray, np.ndarray], q: np.ndarray) -> np.ndarray:
-    """Whether poses carry on the motion of their variant: those known at the next stations of the
-    segment are near, and there is one, or nothing in the segment is known."""
-    (variant, station), found = node, walker.found
-    beside_known, contradicted = np.zeros((2, len(variant)), bool)
-    for way in (1, -1):
-        beside = np.clip(station + way, 0, found.status.shape[1] - 1)
-        reach = walker.reach(station, beside)
-        change = (q - found.own[0][station]) - (found.q[variant, beside] - found.own[0][beside])
-        known = found.known[variant, beside] & np.isfinite(reach)
-        beside_known |= known
-        contradicted |= known & (np.abs(change / UNITS).max(axis=1) > reach)
-    return (beside_known | ~_led(walker)[node]) & ~contradicted
+def _bend(walker: Walker, routes: Routes, led: np.ndarray) -> None:
+    """Variants from where they were led to all flexions of the stem that are needed."""
+    needed = routes.needed
+    for node in np.unique(led[led >= 0]):
+        chains = [routes.bent(int(node), way, needed) for way in (1, -1)]
+        if chains := [chain for chain in chains if chain.nodes]:
+            some = np.flatnonzero(led == node)
+            _walk_all(walker, along_chains(walker.found, chains, some), _ALONG_STATIONS)

@@ -112,8 +112,8 @@ class SearchState(eqx.Module):
 
     def anew(self, lanes: Array, guess: Guess) -> SearchState:
         """With a search that begins at a guess in some lanes."""
-        begun = _begun(guess, self.forces)
-        return jax.tree.map(lambda new, old: jnp.where(lanes, new, old), begun, self)
+        first = begun(guess, self.forces)
+        return jax.tree.map(lambda new, old: jnp.where(lanes, new, old), first, self)
 
 
 class EnergyNewton(optx.AbstractRootFinder):
@@ -137,7 +137,7 @@ class EnergyNewton(optx.AbstractRootFinder):
     def init(self, fn, y, args, options, f_struct, aux_struct, tags) -> SearchState:
         if options:
             raise ValueError(f"EnergyNewton: unknown options {sorted(options)}; it takes none")
-        return _begun(y, jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), aux_struct))
+        return begun(y, jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), aux_struct))
 
     def step(self, fn, y, args, options, state, tags):
         dear = _tangents_are_dear(args[0])
@@ -269,7 +269,7 @@ class EnergyNewton(optx.AbstractRootFinder):
         return self._next(state, nowhere, state.guess), state, {}
 
 
-def _begun(guess: Guess, forces: Forces) -> SearchState:
+def begun(guess: Guess, forces: Forces) -> SearchState:
     """A search before its first look; the forces give shapes."""
     lanes = guess.q.shape[1:]
     no, nothing = jnp.zeros(lanes, bool), (jnp.zeros(lanes),) * 5

@@ -6,9 +6,11 @@ Distances are from the motion of the knee itself, the own motion.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
+from kneejax.statics._routes import Chain
 from kneejax.statics._status import Status, converged
 
 #: Coordinates `(stations, 5)` and meeting points `(stations, n, 2)` of the own motion.
@@ -25,6 +27,10 @@ class Found:
         meeting: `(variants, stations, n, 2)`, likewise.
         status: `Status` values.
         steps: Newton steps taken, of all searches.
+        share: part of the stride to a lost node at which the last balance was.
+        softest: least pivot of the scaled stiffness at the last balance before a node.
+        left_mm: how far the last search was from a balance, mm (rotations at 30 mm).
+        left_N: the unbalanced force that it left, N.
     """
 
     own: Own
@@ -32,6 +38,10 @@ class Found:
     meeting: np.ndarray
     status: np.ndarray
     steps: np.ndarray
+    share: np.ndarray
+    softest: np.ndarray
+    left_mm: np.ndarray
+    left_N: np.ndarray
 
     @classmethod
     def nothing(cls, variants: int, own: Own) -> Found:
@@ -43,6 +53,10 @@ class Found:
             np.full((*size, *own[1].shape[1:]), np.nan),
             np.full(size, int(Status.NOT_CONVERGED), np.int8),
             np.zeros(size, np.int32),
+            np.zeros(size),
+            np.full(size, np.nan),
+            np.full(size, np.nan),
+            np.full(size, np.nan),
         )
 
     @property
@@ -60,6 +74,7 @@ class Paths:
         station: of each node, `(paths, nodes)`.
         length: nodes of each path, the others are not walked, `(paths,)`.
         origin: station from which the first node is predicted, `(paths,)`.
+        source: variant from which it is predicted, -1 for the knee itself, `(paths,)`.
         q: how far the first node is expected from the own motion, `(paths, 5)`.
         meeting: likewise, `(paths, n, 2)`; NaN where it is not known.
     """
@@ -68,6 +83,7 @@ class Paths:
     station: np.ndarray
     length: np.ndarray
     origin: np.ndarray
+    source: np.ndarray
     q: np.ndarray
     meeting: np.ndarray
 
@@ -79,7 +95,9 @@ class Paths:
         return Paths(*(getattr(self, f.name)[rows] for f in dataclasses.fields(self)))
 
 
-def paths(found: Found, variant, station, length, q=0.0, meeting=np.nan, origin=None) -> Paths:
+def paths(
+    found: Found, variant, station, length, q=0.0, meeting=np.nan, origin=None, source=None
+) -> Paths:
     """Paths whose first node is expected so far from the own motion, as at the origin."""
     count, patches = len(length), found.meeting.shape[2]
     return Paths(
@@ -87,15 +105,16 @@ def paths(found: Found, variant, station, length, q=0.0, meeting=np.nan, origin=
         station,
         length,
         station[:, :1].reshape(-1) if origin is None else origin,
+        variant[:, :1].reshape(-1) if source is None else source,
         np.broadcast_to(q, (count, 5)),
         np.broadcast_to(meeting, (count, patches, 2)),
     )
 
 
 def nodes_at(found: Found, variants: np.ndarray, stations: np.ndarray) -> Paths:
-    """Single nodes, each a path."""
-    one = np.ones(len(variants), int)
-    return paths(found, variants[:, None], stations[:, None], one, meeting=0.0)
+    """Single nodes, each a path from the knee itself."""
+    one, itself = np.ones(len(variants), int), np.full(len(variants), -1)
+    return paths(found, variants[:, None], stations[:, None], one, meeting=0.0, source=itself)
 
 
 def single_nodes(found: Found, variants: np.ndarray, near: Own | None) -> Paths:
@@ -106,31 +125,41 @@ def single_nodes(found: Found, variants: np.ndarray, near: Own | None) -> Paths:
     )
     one = np.ones(len(variant), int)
     if near is None:
-        return paths(found, variant, station, one, meeting=0.0)
+        itself = np.full(len(variant), -1)
+        return paths(found, variant, station, one, meeting=0.0, source=itself)
     return paths(found, variant, station, one, *_away(found, *near))
 
 
-def along(found: Found, station: np.ndarray, origin: np.ndarray | None = None) -> Paths:
-    """Rows of stations of the first variant.
+def along_chains(found: Found, chains: Sequence[Chain], variants: np.ndarray) -> Paths:
+    """Some variants along chains of stations.
 
     Args:
-        found: so far.
-        station: of each node, `(paths, nodes)`.
-        origin: station beside which a path begins, `(paths,)`; where the knee is not balanced
-            there, the path is not walked. By default paths begin at their own first stations.
+        found: so far; where a variant is not balanced at the origin, the chain is not walked.
+        chains: at least one.
+        variants: rows.
 
     Returns:
-        The paths.
+        The paths, chain after chain.
     """
-    variant, length = np.zeros_like(station), np.full(len(station), station.shape[1])
-    if origin is None:
-        return paths(found, variant, station, length)
-    length[~found.known[0, origin]] = 0
+    longest = max(max(len(chain.nodes) for chain in chains), 1)
+    stations = np.array([np.resize(chain.nodes or (chain.origin,), longest) for chain in chains])
+    origin = np.repeat([chain.origin for chain in chains], len(variants))
+    length = np.repeat([len(chain.nodes) for chain in chains], len(variants))
+    variant = np.tile(variants, len(chains))
+    begins = found.known[variant, origin]
     q, meeting = (
-        np.nan_to_num(here[0, origin] - own[origin])
+        np.nan_to_num(here[variant, origin] - own[origin])
         for here, own in zip((found.q, found.meeting), found.own, strict=True)
     )
-    return paths(found, variant, station, length, q, meeting, origin)
+    return paths(
+        found,
+        np.broadcast_to(variant[:, None], (len(variant), longest)),
+        np.repeat(stations, len(variants), axis=0),
+        np.where(begins, length, 0),
+        q,
+        meeting,
+        origin,
+    )
 
 
 def arms(found: Found, middle: np.ndarray, points: int, way: int) -> Paths:
@@ -143,7 +172,9 @@ def arms(found: Found, middle: np.ndarray, points: int, way: int) -> Paths:
     variant = np.repeat(middle[:, None] + way * walked, size, axis=0)
     station = np.broadcast_to(np.tile(np.arange(size), len(middle))[:, None], variant.shape)
     away = _away(found, found.q[middle], found.meeting[middle])
-    return paths(found, variant, station, np.repeat(length, size), *away)
+    return paths(
+        found, variant, station, np.repeat(length, size), *away, source=np.repeat(middle, size)
+    )
 
 
 def _away(found: Found, q: np.ndarray, meeting: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -155,52 +186,6 @@ def _away(found: Found, q: np.ndarray, meeting: np.ndarray) -> tuple[np.ndarray,
         np.where(lost[:, None], 0.0, away_q),
         np.where(lost[:, None, None], np.nan, away_meeting),
     )
-
-
-def gaps(
-    found: Found, segments: list[np.ndarray], ways: tuple[int, ...] = (1, -1), inner: bool = False
-) -> Paths:
-    """Rows of stations that are not balanced, beginning beside one that is.
-
-    Args:
-        found: so far.
-        segments: of stations; no row leads from one to another.
-        ways: 1 for rows to later stations, -1 for rows to earlier ones.
-        inner: only those that end beside a balanced station as well.
-
-    Returns:
-        The paths.
-    """
-    follows = np.zeros(found.status.shape[1] + 1, bool)
-    for segment in segments:
-        follows[segment[1:]] = True
-    return joined(*(_gaps(found, follows, way, inner) for way in ways))
-
-
-def _gaps(found: Found, follows: np.ndarray, way: int, inner: bool) -> Paths:
-    known, follows = found.known[:, ::way], follows[:-1] if way > 0 else follows[:0:-1]
-    variants, size = known.shape
-    # Nodes until the next one that is known, or to the end of the segment.
-    length, ends_known = np.zeros((2, variants, size + 1), int)
-    goes_on = np.append(follows[1:], False)
-    for s in range(size - 1, -1, -1):
-        length[:, s] = np.where(known[:, s], 0, 1 + goes_on[s] * length[:, s + 1])
-        ends_known[:, s] = known[:, s] | (goes_on[s] & ends_known[:, s + 1])
-    begins = known[:, :-1] & ~known[:, 1:] & follows[1:]
-    if inner:
-        begins &= ends_known[:, 1:-1] > 0
-    row, before = np.nonzero(begins)
-    length = length[row, before + 1]
-    along = before[:, None] + 1 + np.arange(max(length, default=1))
-    station = np.minimum(along, size - 1)
-    if way < 0:
-        station, before = size - 1 - station, size - 1 - before
-    variant = np.broadcast_to(row[:, None], station.shape)
-    q, meeting = (
-        here[row, before] - own[before]
-        for here, own in zip((found.q, found.meeting), found.own, strict=True)
-    )
-    return paths(found, variant, station, length, q, meeting, before)
 
 
 def joined(*parts: Paths) -> Paths:

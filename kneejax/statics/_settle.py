@@ -21,16 +21,27 @@ from jax.typing import ArrayLike
 
 from kneejax.geometry import Pose, instantiate
 from kneejax.mechanics import Contact, Knee
-from kneejax.statics._balance import force_derivative, force_derivative_without_patches
+from kneejax.statics._balance import (
+    balance,
+    force_derivative,
+    force_derivative_without_patches,
+)
 from kneejax.statics._compiled import compiled
 from kneejax.statics._elimination import solve, symmetric
-from kneejax.statics._newton import UNITS, EnergyNewton, Guess, SearchState, look
+from kneejax.statics._newton import (
+    UNITS,
+    EnergyNewton,
+    Guess,
+    SearchState,
+    begun,
+    look,
+)
 from kneejax.statics._status import Status, converged
 
 #: How the balance of one pose is found unless a caller says otherwise.
 SEARCH = EnergyNewton()
 #: Flexion between two poses on the way, rad.
-_STRIDE = np.deg2rad(5.0)
+STRIDE = np.deg2rad(5.0)
 # Backstop of the solver's loop; a search ends by its own `most_steps`.
 _MOST_ROUNDS = 256
 
@@ -83,7 +94,7 @@ def settle(
     flexion: Array,
     guess: Guess,
     start: Array | None = None,
-    count: Array | int = 1,
+    count: ArrayLike = 1,
     search: EnergyNewton = SEARCH,
 ) -> Settled:
     """Find the balance at prescribed flexion, marching there from a guess.
@@ -94,8 +105,8 @@ def settle(
         guess: where to start; nothing is differentiated through it.
         start: flexion at which the guess holds, `(lanes,)`; `flexion` itself by default.
         count: number of poses on the way, the last included. With `count=1` the search begins
-            at the guess; with more, lanes walk from `start` to `flexion`, the first search at
-            `start`.
+            at the guess; with more (`poses_on_the_way`), lanes walk from `start` to `flexion` in
+            strides of 5 degrees, the first search at `start`.
         search: how to find the balance of one pose.
 
     Returns:
@@ -140,9 +151,11 @@ def differentiable(knee: Knee, flexion: Array, found: Settled) -> Settled:
     return dataclasses.replace(found, flexion=flexion, q=q, meeting=meeting)
 
 
-def poses_on_the_way(start: ArrayLike, flexion: ArrayLike) -> int:
-    """Number of poses for `settle` to march from one flexion (rad) to another, by 5 degrees."""
-    return int(np.ceil(np.max(np.abs(np.asarray(flexion) - np.asarray(start))) / _STRIDE)) + 1
+def poses_on_the_way(start: ArrayLike, flexion: ArrayLike) -> Array:
+    """Number of poses for `settle` to march from one flexion (rad) to another, by 5 degrees; more
+    do not change what is found."""
+    bend = jnp.max(jnp.abs(jnp.asarray(flexion) - start))
+    return jnp.ceil(bend / STRIDE - 1e-9).astype(int) + 1
 
 
 def longest_stride_mm(bend_deg):
@@ -199,24 +212,33 @@ def _found(knee: Knee, flexion: Array, guess: Guess, search: EnergyNewton):
 def _search(
     knee: Knee, flexion: Array, guess: Guess, start: Array, count: Array, search: EnergyNewton
 ) -> Settled:
+    def at(k: Array) -> Array:
+        """Flexion after so many strides, which do not depend on how far other lanes go."""
+        far = jnp.where(count > 1, k * STRIDE, jnp.inf)
+        return start + jnp.clip(flexion - start, -far, far)
+
     def pose(k: Array, before):
         guess, last, found, known = before
-        part = jnp.where(count > 1, k / jnp.maximum(count - 1, 1), 1.0)
-        here = start + part * (flexion - start)
+        here, stride, former = at(k), at(k) - at(k - 1), at(k - 1) - at(k - 2)
+        arrived = (k > 0) & (stride == 0.0)
         # Secant predictor from the third pose on.
-        q = jnp.where(k > 1, 2.0 * guess.q - last, guess.q)
+        secant = jnp.where((k > 1) & (former != 0.0), stride / jnp.where(former, former, 1.0), 0.0)
+        q = guess.q + secant * (guess.q - last)
         predicted = Guess(q, _known_meeting(knee, here, q, guess.meeting), guess.tangent)
-        value, found = _found(knee, here, predicted, search)
+        value, new = _found(knee, here, predicted, search)
         moved = jnp.max(jnp.abs(value.q - guess.q) / units, axis=0)
         strayed = known & (moved > furthest)
-        found = eqx.tree_at(lambda f: f.done, found, found.done & ~strayed)
+        new = eqx.tree_at(lambda f: f.done, new, new.done & ~strayed)
         # A lane that is lost may have lost its meeting points: it looks for them from scratch.
         lost = Guess(guess.q, jnp.full_like(guess.meeting, jnp.nan), guess.tangent)
-        new = jax.tree.map(lambda x, y: jnp.where(found.done, x, y), value, lost)
-        return new, jnp.where(found.done, guess.q, new.q), found, known | found.done
+        there = jax.tree.map(lambda x, y: jnp.where(new.done, x, y), value, lost)
+        there, new = jax.tree.map(
+            lambda x, y: jnp.where(arrived & found.done, x, y), (guess, found), (there, new)
+        )
+        return there, jnp.where(new.done, guess.q, there.q), new, known | new.done
 
     units = jnp.asarray(UNITS).reshape(5, *(1,) * (guess.q.ndim - 1))
-    furthest = longest_stride_mm(jnp.rad2deg(flexion - start) / jnp.maximum(count - 1, 1))
+    furthest = longest_stride_mm(jnp.rad2deg(jnp.clip(flexion - start, -STRIDE, STRIDE)))
     # One lane that starts from NaN would end the search of all.
     astray, reference = jnp.isnan(guess.q), first_guess(knee, flexion).q
     knee = knee.for_many_poses()
@@ -229,6 +251,32 @@ def _search(
     found, _, state, _ = lax.fori_loop(0, count, pose, (guess, guess.q, begin, nowhere))
     q, meeting, rest = described(knee, flexion, found, state)
     return Settled(flexion, q, meeting, **rest)
+
+
+@compiled()
+def settled_at(knee: Knee, flexion: Array, q: Array, meeting: Array, status: Array) -> Settled:
+    """What holds balances that have been found: nothing is searched.
+
+    Args:
+        knee: leaves end in a lane axis.
+        flexion: rad, `(lanes,)`.
+        q: free coordinates `(5, lanes)`, rad and mm; NaN where there is no balance.
+        meeting: parameters of the meeting points `(n, 2, lanes)`.
+        status: `Status` values where there is none.
+
+    Returns:
+        The balances, to be made differentiable by `differentiable`.
+    """
+    known, knee = converged(status), knee.for_many_poses()
+    there = jnp.where(known, q, first_guess(knee, flexion).q), jnp.nan_to_num(meeting)
+    here = balance(knee, flexion, there[0], (there[1][:, 0], there[1][:, 1]))
+    state = begun(Guess(*there, here.tangent), here.forces)
+    state = eqx.tree_at(
+        lambda s: (s.residual, s.done), state, (tuple(here.residual), known)
+    )
+    q, meeting, rest = described(knee, flexion, state.guess, state)
+    rest["status"] = jnp.where(known, rest["status"], status)
+    return Settled(flexion, jnp.where(known, q, jnp.nan), meeting, **rest)
 
 
 def _known_meeting(knee: Knee, flexion: Array, q: Array, meeting: Array) -> Array:

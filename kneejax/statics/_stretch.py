@@ -1,7 +1,8 @@
 """Many lanes, each walking nodes of its own at its own pace: the program that all batches run.
 
-A lane predicts its next node from the last three and searches it; where that does not balance in a
-few looks it searches once more, with patience, from where nothing is extrapolated.
+A lane predicts its next node from the last three and searches it. Where that finds nothing, or
+something farther from the last balance than one branch leads, the way there is divided: half of it
+first, then as much as goes well. What ends there has no balance that is connected with the last.
 
 Every turn of the one compiled loop is a look of all lanes, each at its own node. A lane waits for
 the others only for a tangent, which costs as much as two looks, for one lane or for all. Lanes that
@@ -27,12 +28,18 @@ from kneejax.statics._variants import with_numbers
 
 _ACCURACY_MM = 1e-7
 #: Looks for a node that nothing leads to (its search may not go on: it would end anywhere), for
-#: one that is predicted, and for one that was lost.
-_SHORT, _QUICK, _PATIENT = 5, 15, 80
+#: one that is predicted, for a part of the way, and for one that was lost.
+_SHORT, _QUICK, _PART, _PATIENT = 5, 15, 25, 80
+#: A part of the way that took more looks than this is not followed by a longer one.
+_EASY = 8
 #: Part of the lanes that must wait for a tangent.
 _WAITING = 0.5
 #: Turns in which a node may end, for each place of a stretch.
 _ENDS = 2
+#: Least part of a stride that is tried before a node is given up; of one along which a load grows.
+_FINEST, _FINEST_LOADED = 2.0**-3, 2.0**-14
+#: How far a knee may move while a load grows by one step, mm (rotations at 30 mm).
+_LOADED_MM = 2.0
 
 
 class Nodes(eqx.Module):
@@ -46,6 +53,8 @@ class Nodes(eqx.Module):
         even: whether the last two strides and this one are alike, `(places, lanes)`.
         reach: mm (rotations at 30 mm) that the distance from the motion may change by on the way
             to a node, `(places, lanes)`; what lies farther is another branch.
+        loading: whether loads change on the way to a node, `(places, lanes)`.
+        first: how many nodes of its path a lane has behind it, `(lanes,)`.
         length: places of each lane, `(lanes,)`; none where a lane is not needed.
     """
 
@@ -55,32 +64,72 @@ class Nodes(eqx.Module):
     meeting: Any
     even: Any
     reach: Any
+    loading: Any
+    first: Any
     length: Any
 
 
-class Memory(eqx.Module):
-    """What a lane knows of its way so far; arrays end in lanes.
+class Place(eqx.Module):
+    """Where lanes stand between their nodes; arrays begin with the lane.
 
     Attributes:
-        away_q: distances `(3, 5, lanes)` at the last three nodes, the latest first.
+        numbers: as in `Nodes`, `(lanes, ...)`.
+        stations: likewise.
+        q: likewise, `(lanes, 5)`.
+        meeting: likewise, `(lanes, n, 2)`.
+    """
+
+    numbers: dict[int, Any]
+    stations: Stations
+    q: Any
+    meeting: Any
+
+    def towards(self, there: Place, part: Array) -> Place:
+        """A part of the straight way to another place."""
+
+        def between(here: Array, end: Array) -> Array:
+            share = _in_front(part, end)
+            return jnp.where(share >= 1.0, end, here + share * (end - here))
+
+        way = jax.tree.map(between, self, there)
+        # A force that grows acts where it will act.
+        points = [load.point for load in there.stations.loads]
+        return eqx.tree_at(lambda p: [load.point for load in p.stations.loads], way, points)
+
+
+class Memory(eqx.Module):
+    """What a lane knows of its way so far; arrays end in lanes, those of `last` begin with them.
+
+    Attributes:
+        away_q: distances `(3, 5, lanes)` at the last three balances, the latest first.
         away_meeting: likewise, `(3, n, 2, lanes)`.
-        known: nodes balanced in a row.
+        when: how far along the path they were, in nodes, `(3, lanes)`.
+        last: the place of the latest.
+        known: balances in a row, of nodes or on the way to them.
         lost: nodes lost in a row.
         led: whether the path has been near a balance.
         begun: whether a balance lies behind; from elsewhere any way is long.
-        wary: whether the next node is not to be predicted, since one was lost.
-        tangent: stiffness at the last node, `(5, 5, lanes)`; zero where it is not known.
+        based: whether `last` is where the path comes from, so that the way can be divided.
+        wary: whether the next search is not to be predicted, since one was lost.
+        aim: part of the way from `last` to the next node that is tried.
+        tangent: stiffness at the latest balance, `(5, 5, lanes)`; zero where it is not known.
+        softest: least pivot of the scaled stiffness at the two latest balances, `(2, lanes)`.
         steps: looks spent so far on a node that is not finished.
     """
 
     away_q: Any
     away_meeting: Any
+    when: Any
+    last: Place
     known: Any
     lost: Any
     led: Any
     begun: Any
+    based: Any
     wary: Any
+    aim: Any
     tangent: Any
+    softest: Any
     steps: Any
 
 
@@ -93,6 +142,10 @@ class Reached(eqx.Module):
         meeting: `(turns, n, 2, lanes)`.
         status: `(turns, lanes)`.
         steps: looks of all searches for the node.
+        way: how far along the path the last balance was, in nodes, `(turns, lanes)`.
+        softest: least pivot of the scaled stiffness there.
+        left_mm: how far the last search was from a balance, mm (rotations at 30 mm).
+        left_N: the unbalanced force that it left, N (moments at 30 mm).
     """
 
     place: Array
@@ -100,18 +153,22 @@ class Reached(eqx.Module):
     meeting: Array
     status: Array
     steps: Array
+    way: Array
+    softest: Array
+    left_mm: Array
+    left_N: Array
 
 
 class _Walk(eqx.Module):
     """State of the loop: turns in which nodes ended, the place of each lane, whether it goes on and
-    searches with patience, the node it searches and where it looks next."""
+    searches with patience, where it searches and looks next."""
 
     turns: Array
     place: Array
     goes: Array
     patient: Array
     memory: Memory
-    node: tuple[dict[int, Array], Stations]
+    here: Place
     y: Guess
     state: SearchState
     log: Reached
@@ -139,98 +196,136 @@ def walk_stretch(
     def at(place: Array) -> tuple[Array, Array]:
         return jnp.minimum(place, places - 1), jnp.arange(lanes)
 
-    def own(at: tuple[Array, Array]) -> tuple[Array, Array]:
-        return jnp.moveaxis(nodes.q[at], 0, -1), jnp.moveaxis(nodes.meeting[at], 0, -1)
+    def node(place: Array) -> Place:
+        every = nodes.numbers, nodes.stations, nodes.q, nodes.meeting
+        return Place(*jax.tree.map(lambda x: x[at(place)], every))
 
-    def loaded(node) -> tuple[Knee, Array]:
-        numbers, stations = node
-        return stations.load(with_numbers(knee, numbers)).for_many_poses(), stations.flexion
+    def loaded(here: Place) -> tuple[Knee, Array]:
+        knees = here.stations.load(with_numbers(knee, here.numbers))
+        return knees.for_many_poses(), here.stations.flexion
 
-    def begin(place: Array, memory: Memory):
-        """The nodes at these places, and where their searches begin."""
-        there = at(place)
-        here = jax.tree.map(lambda x: x[there], (nodes.numbers, nodes.stations))
-        known = jnp.where(nodes.even[there] & ~memory.wary, memory.known, 0)
+    def when(place: Array, memory: Memory) -> Array:
+        """How far along its path a lane is where it aims at."""
+        return memory.when[0] + memory.aim * (nodes.first + place + 1.0 - memory.when[0])
+
+    def begin(place: Array, memory: Memory) -> tuple[Place, Guess, Array]:
+        """Where lanes aim at, and where their searches begin."""
+        here = memory.last.towards(node(place), memory.aim)
+        known = jnp.where(memory.wary, 0, memory.known)
+        ahead = when(place, memory)
         q, meeting = (
-            near + _extrapolated(away, known)
-            for near, away in zip(own(there), (memory.away_q, memory.away_meeting), strict=True)
-        )
+            jnp.moveaxis(near, 0, -1) + _extrapolated(away, memory.when, ahead, known)
+            for near, away in (
+                (here.q, memory.away_q), (here.meeting, memory.away_meeting),
+            )
+        )  # fmt: skip
         # What is not predicted may be far: to try it quickly first would be in vain.
-        patient = memory.led & (known < 2)
+        patient = memory.led & ~memory.based & (known < 2)
         return here, Guess(q, meeting, memory.tangent), patient
 
     def a_look(walk: _Walk) -> _Walk:
         memory = walk.memory
-        looks = jnp.where(walk.patient, _PATIENT, jnp.where(memory.led, _QUICK, _SHORT))
+        few = jnp.where(memory.aim < 1.0, _PART, jnp.where(memory.led, _QUICK, _SHORT))
+        looks = jnp.where(walk.patient, _PATIENT, few)
         search = EnergyNewton(atol=_ACCURACY_MM, most_steps=looks, waiting=_WAITING)
-        args = loaded(walk.node)
+        args = loaded(walk.here)
         y, state, _ = search.step(look, walk.y, args, {}, walk.state, frozenset())
         walk = eqx.tree_at(lambda w: (w.y, w.state), walk, (y, state))
         ended = walk.goes & state.ended
-        return lax.cond(jnp.any(ended), lambda: nodes_end(walk, ended), lambda: walk)
+        return lax.cond(jnp.any(ended), lambda: searches_end(walk, ended), lambda: walk)
 
-    def nodes_end(walk: _Walk, ended: Array) -> _Walk:
+    def searches_end(walk: _Walk, ended: Array) -> _Walk:
         memory, found, there = walk.memory, walk.y, at(walk.place)
-        own_q, own_meeting = own(there)
-        _, _, rest = described(*loaded(walk.node), found, walk.state)
-        status = rest["status"]
+        loading, here = nodes.loading[there], walk.here
+        own_q, own_meeting = (jnp.moveaxis(x, 0, -1) for x in (here.q, here.meeting))
+        _, _, rest = described(*loaded(here), found, walk.state)
+        status, ahead = rest["status"], when(walk.place, memory)
         change = (found.q - own_q - memory.away_q[0]) / jnp.asarray(UNITS)[:, None]
-        far = memory.begun & (jnp.max(jnp.abs(change), axis=0) > nodes.reach[there])
-        status = jnp.where(far & converged(status), Status.NOT_CONVERGED, status)
+        stride = ahead - memory.when[0]
+        reach = jnp.where(loading, _LOADED_MM, jnp.maximum(1.0, nodes.reach[there] * stride))
+        far = memory.begun & (jnp.max(jnp.abs(change), axis=0) > reach)
+        astray = far | (loading & (status == Status.UNSTABLE))
+        status = jnp.where(astray & converged(status), Status.NOT_CONVERGED, status)
         good = ended & converged(status)
-        again = ended & ~good & memory.led & ~walk.patient
-        over = ended & ~again
-        gone = over & ~good
+        finest = jnp.where(loading, _FINEST_LOADED, _FINEST)
+        shorter = ended & ~good & memory.based & (0.5 * stride >= finest)
+        again = ended & ~good & ~shorter & memory.led & ~memory.based & ~walk.patient
+        lost = ended & ~(good | shorter | again)
+        arrived = good & (memory.aim >= 1.0)
+        over = arrived | lost
         steps = memory.steps + rest["steps"]
-        place = jnp.where(over, walk.place, -1)
-        entry = Reached(place, found.q, found.meeting, status, steps)
+        entry = Reached(
+            jnp.where(over, walk.place, -1), found.q, found.meeting, status, steps,
+            memory.when[0], memory.softest[0], *_left(walk.state),
+        )  # fmt: skip
         log = jax.tree.map(lambda rows, row: rows.at[walk.turns].set(row), walk.log, entry)
-        lost = jnp.where(good, 0, memory.lost + (gone & memory.led))
-        tangent = jnp.where(good, rest["tangent"], jnp.where(ended, 0.0, memory.tangent))
+        place = walk.place + over
+        # A longer part where one went well; a node that follows begins with as long a stride.
+        easy = jnp.where(rest["steps"] <= _EASY, 2.0, 1.0)
+        rest_of_way = jnp.where(arrived, 1.0, nodes.first + walk.place + 1.0 - ahead)
+        longer = jnp.minimum(1.0, easy * stride / jnp.where(good, rest_of_way, 1.0))
+        aim = jnp.where(shorter, 0.5 * memory.aim, jnp.where(lost, 1.0, memory.aim))
+        lost_in_a_row = jnp.where(arrived, 0, memory.lost + (lost & memory.led))
+        uneven = over & ~nodes.even[at(place)]
+        known = jnp.where(lost, 0, memory.known + good)
+        tangent = jnp.where(good, rest["tangent"], jnp.where(again, 0.0, memory.tangent))
+        softest = jnp.min(rest["pivots"], axis=0)
         memory = Memory(
             away_q=_pushed(memory.away_q, found.q - own_q, good),
             away_meeting=_pushed(memory.away_meeting, found.meeting - own_meeting, good),
-            known=jnp.where(gone, 0, memory.known + good),
-            lost=lost,
+            when=_pushed(memory.when, ahead, good),
+            last=_where(good, here, memory.last),
+            known=jnp.where(uneven, jnp.minimum(known, 1), known),
+            lost=lost_in_a_row,
             led=memory.led | good,
             begun=memory.begun | good,
+            based=memory.based | good,
             # What was lost may have been led astray by its prediction.
-            wary=jnp.where(ended, again | (lost > 0), memory.wary),
+            wary=jnp.where(ended, ~good, memory.wary),
+            aim=jnp.where(good, longer, aim),
             tangent=tangent,
-            steps=jnp.where(over, 0, jnp.where(again, steps, memory.steps)),
+            softest=_pushed(memory.softest, softest, good),
+            steps=jnp.where(over, 0, jnp.where(ended, steps, memory.steps)),
         )
-        place = walk.place + over
-        goes = walk.goes & (place < nodes.length) & (lost < give_up)
-        here, guess, patient = begin(place, memory)
+        goes = walk.goes & (place < nodes.length) & (lost_in_a_row < give_up)
+        new, guess, patient = begin(place, memory)
         begins = ended & goes
         state = walk.state.anew(begins, guess)
         y = jax.tree.map(lambda new, old: jnp.where(begins, new, old), guess, walk.y)
-        here = jax.tree.map(
-            lambda new, old: jnp.where(_in_front(begins, new), new, old), here, walk.node
-        )
-        patient = jnp.where(begins, patient, walk.patient)
-        return _Walk(walk.turns + 1, place, goes, patient, memory, here, y, state, log)
+        patient = jnp.where(begins, patient | again, walk.patient)
+        turns = walk.turns + jnp.any(over)
+        return _Walk(turns, place, goes, patient, memory, _where(begins, new, here), y, state, log)
 
     def unfinished(walk: _Walk) -> Array:
         going = jnp.sum(walk.goes)
         return (walk.turns < len(walk.log.place)) & (going > 0) & (going >= fewest)
 
     start, goes = jnp.zeros(lanes, int), nodes.length > 0
+    known = jnp.where(nodes.even[0], memory.known, jnp.minimum(memory.known, 1))
+    memory = eqx.tree_at(lambda m: m.known, memory, known)
     here, guess, patient = begin(start, memory)
     turns = _ENDS * places
-    log = Reached(
-        jnp.full((turns, lanes), -1),
-        jnp.zeros((turns, 5, lanes)),
-        jnp.zeros((turns, *guess.meeting.shape)),
-        jnp.zeros((turns, lanes), int),
-        jnp.zeros((turns, lanes), int),
-    )
+    log = _nothing_reached(turns, guess)
     _, shapes = jax.eval_shape(look, guess, loaded(here))
     state = EnergyNewton().init(look, guess, None, {}, None, shapes, frozenset())
     state = eqx.tree_at(lambda s: s.ended, state, ~goes)
     walk = _Walk(jnp.asarray(0), start, goes, patient, memory, here, guess, state, log)
     walk = lax.while_loop(unfinished, a_look, walk)
     return walk.log, walk.memory
+
+
+def _nothing_reached(turns: int, guess: Guess) -> Reached:
+    lanes = guess.q.shape[1:]
+    numbers, counts = jnp.zeros((turns, *lanes)), jnp.zeros((turns, *lanes), int)
+    q, meeting = (jnp.zeros((turns, *x.shape)) for x in (guess.q, guess.meeting))
+    return Reached(counts - 1, q, meeting, counts, counts, *(numbers,) * 4)
+
+
+def _left(state: SearchState) -> tuple[Array, Array]:
+    """How far a search still is from a balance: its next step, and the unbalanced force."""
+    units = jnp.asarray(UNITS)[:, None]
+    step = jnp.max(jnp.abs(jnp.stack(state.step)), axis=0)
+    return step, jnp.max(jnp.abs(jnp.stack(state.residual) * units), axis=0)
 
 
 @compiled()
@@ -250,13 +345,23 @@ def _in_front(lanes: Array, like: Array) -> Array:
     return lanes.reshape(-1, *(1,) * (like.ndim - 1))
 
 
-def _pushed(away: Array, latest: Array, good: Array) -> Array:
-    """Distances with the latest one in front, in lanes that are good."""
-    return jnp.where(good, jnp.concatenate([latest[None], away[:2]]), away)
+def _where(lanes: Array, new: Place, old: Place) -> Place:
+    return jax.tree.map(lambda x, y: jnp.where(_in_front(lanes, x), x, y), new, old)
 
 
-def _extrapolated(away: Array, known: Array) -> Array:
-    """The next distance: a parabola through three nodes, a line through two, or the last."""
+def _pushed(rows: Array, latest: Array, good: Array) -> Array:
+    """Rows with the latest one in front, in lanes that are good."""
+    return jnp.where(good, jnp.concatenate([latest[None], rows[:-1]]), rows)
+
+
+def _extrapolated(away: Array, when: Array, ahead: Array, known: Array) -> Array:
+    """The distance ahead: a parabola through three balances, a line through two, or the last."""
     last, before, first = away
-    ahead = jnp.where(known > 2, 2 * last - 3 * before + first, last - before)
-    return last + jnp.where(known > 1, ahead, 0.0)
+
+    def slope(later: Array, earlier: Array, gap: Array) -> Array:
+        return (later - earlier) / jnp.where(gap != 0.0, gap, 1.0)
+
+    line = slope(last, before, when[0] - when[1])
+    bend = slope(line, slope(before, first, when[1] - when[2]), when[0] - when[2])
+    bend = jnp.where(known > 2, bend * (ahead - when[1]), 0.0)
+    return last + jnp.where(known > 1, (line + bend) * (ahead - when[0]), 0.0)

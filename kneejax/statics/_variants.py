@@ -57,6 +57,17 @@ class Variants:
     def __len__(self) -> int:
         return len(jax.tree.leaves(self.values)[0])
 
+    def at(self, rows: np.ndarray) -> dict[int, np.ndarray]:
+        """Numbers of some variants, first axes those of the rows; of the knee itself where a row is
+        negative."""
+        leaves = jax.tree.leaves(self.knee)
+        own = {leaf: np.asarray(leaves[leaf]) for leaf in self.numbers}
+        return {
+            leaf: np.where((rows >= 0).reshape(rows.shape + (1,) * own[leaf].ndim),
+                           x[rows], own[leaf])
+            for leaf, x in self.numbers.items()
+        }  # fmt: skip
+
     def between(self, base: Any, rows: np.ndarray, parts: np.ndarray) -> Variants:
         """On the straight way from a value to those of some variants.
 

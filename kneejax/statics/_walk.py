@@ -7,7 +7,6 @@ it has lanes a stretch further. The longest paths go first, so that lanes stay f
 from __future__ import annotations
 
 import dataclasses
-import functools
 import threading
 from collections.abc import Callable
 
@@ -18,7 +17,14 @@ from kneejax.statics._paths import Found, Paths
 from kneejax.statics._settle import longest_stride_mm
 from kneejax.statics._stations import Stations
 from kneejax.statics._status import converged
-from kneejax.statics._stretch import Memory, Nodes, Reached, first_meeting, walk_stretch
+from kneejax.statics._stretch import (
+    Memory,
+    Nodes,
+    Place,
+    Reached,
+    first_meeting,
+    walk_stretch,
+)
 from kneejax.statics._variants import Variants
 
 #: Lanes of a call. Few lanes are soon filled, many share what an operation costs by itself (before
@@ -71,7 +77,7 @@ class Walker:
                 balance at all, ends on another branch, and the rest of the path would follow.
         """
         place, left = np.zeros(len(paths), int), paths.length.copy()
-        memory = _nothing_behind(self._met(paths), led_to)
+        memory = self._nothing_behind(self._met(paths), led_to)
         while left.any():
             rows = np.argsort(-left, kind="stable")[: min(LANES, np.count_nonzero(left))]
             # Where others wait, lanes that are through make room for them.
@@ -91,21 +97,32 @@ class Walker:
         ahead = np.minimum(paths.length[row] - at, _STRETCH)
         along = at + np.minimum(np.arange(_STRETCH)[:, None], ahead - 1)
         variant, station = paths.variant[row, along], paths.station[row, along]
-        even, reach = self._strides(paths, row, along)
+        there = self._place(variant, station)
+        even, reach, loading = self._strides(paths, row, along)
         nodes = Nodes(
-            numbers={leaf: x[variant] for leaf, x in self.variants.numbers.items()},
-            stations=jax.tree.map(lambda x: x[station], self.stations),
-            q=self.found.own[0][station],
-            meeting=self.found.own[1][station],
+            there.numbers,
+            there.stations,
+            there.q,
+            there.meeting,
             even=even,
             reach=reach,
+            loading=loading,
+            first=at.astype(float),
             length=np.where(np.arange(LANES) < len(rows), ahead, 0),
         )
-        behind = jax.tree.map(lambda x: x[..., row], memory)
+        behind = _taken(memory, row)
         reached, behind = walk_stretch(self.variants.knee, nodes, behind, give_up, fewest)
-        for old, new in zip(jax.tree.leaves(memory), jax.tree.leaves(behind), strict=True):
-            old[..., rows] = np.asarray(new)[..., : len(rows)]
+        _keep(memory, rows, behind)
         return jax.tree.map(lambda x: np.asarray(x)[..., : len(rows)], reached)
+
+    def _place(self, variant: np.ndarray, station: np.ndarray) -> Place:
+        """Numbers of variants at stations, and the own motion there."""
+        return Place(
+            self.variants.at(variant),
+            jax.tree.map(lambda x: x[station], self.stations),
+            self.found.own[0][station],
+            self.found.own[1][station],
+        )
 
     def _met(self, paths: Paths) -> Paths:
         """With meeting points of all first nodes."""
@@ -137,27 +154,15 @@ class Walker:
                 self.found.meeting[node] = reached.meeting[when, :, :, lane]
         self.found.status[node] = reached.status[when, lane]
         self.found.steps[node] += reached.steps[when, lane]
+        for name in ("softest", "left_mm", "left_N"):
+            getattr(self.found, name)[node] = getattr(reached, name)[when, lane]
+        # How far along the stride to a node the last balance was.
+        self.found.share[node] = np.clip(reached.way[when, lane] - along, 0.0, 1.0)
         return ended.sum(axis=0)
 
-    def reach(self, here: np.ndarray, there: np.ndarray) -> np.ndarray:
-        """How far the distance from the own motion may change between stations, mm.
-        Where they are far apart or loaded differently nothing is known."""
-        stride = self._marks[here] - self._marks[there]
-        size = np.abs(stride[..., 0])
-        alike = np.abs(stride[..., 1:]).max(axis=-1) <= 1e-6 * size
-        near = (size <= _FAR) & (size > 0) & alike
-        return np.where(near, longest_stride_mm(np.rad2deg(size)), np.inf)
-
-    @functools.cached_property
-    def segments(self) -> list[np.ndarray]:
-        """Stations that follow each other in short strides under the same loads."""
-        count = len(self._marks)
-        far = np.isinf(self.reach(np.arange(1, count), np.arange(count - 1)))
-        return np.split(np.arange(count), np.flatnonzero(far) + 1)
-
     def _strides(self, paths: Paths, row: np.ndarray, place: np.ndarray):
-        """Whether a path's last two strides and the next one are alike and short, and how far from
-        the own motion the next one may lead."""
+        """Whether a path's last two strides and the next one are alike and short; how far from the
+        own motion the next one may lead, mm; and whether loads change on the way."""
         here, last, before = (
             np.where(place < k, paths.origin[row], paths.station[row, np.maximum(place - k, 0)])
             for k in (0, 1, 2)
@@ -166,23 +171,46 @@ class Walker:
         former = self._marks[last] - self._marks[before]
         size = np.abs(stride).max(axis=-1)
         alike = np.abs(stride - former).max(axis=-1) <= 1e-6 * size
-        short = np.abs(stride[..., 0]) <= _FAR
-        return (alike | (place < 2)) & short, self.reach(here, last)
+        bend, loads = np.abs(stride[..., 0]), np.abs(stride[..., 1:]).max(axis=-1)
+        # Along values, at one station, nothing is known.
+        reach = np.where(bend > 0, longest_stride_mm(np.rad2deg(bend)), np.inf)
+        return (alike | (place < 2)) & (bend <= _FAR), reach, loads > 0
+
+    def _nothing_behind(self, paths: Paths, led_to: bool) -> Memory:
+        """Of paths at their beginning."""
+        count, first = len(paths), paths.station[:, :1].reshape(-1)
+        q, meeting = np.moveaxis(paths.q, 0, -1), np.moveaxis(paths.meeting, 0, -1)
+        source = paths.variant[:, :1].reshape(-1)
+        return Memory(
+            away_q=np.repeat(q[None], 3, axis=0),
+            away_meeting=np.repeat(meeting[None], 3, axis=0),
+            when=np.zeros((3, count)),
+            last=self._place(paths.source, paths.origin),
+            known=np.zeros(count, int),
+            lost=np.zeros(count, int),
+            led=np.full(count, led_to),
+            # Paths that do not begin at their own first station begin at a balance beside it.
+            begun=paths.origin != first,
+            based=(paths.origin != first) | (paths.source != source),
+            wary=np.zeros(count, bool),
+            aim=np.ones(count),
+            tangent=np.zeros((5, 5, count)),
+            softest=np.full((2, count), np.inf),
+            steps=np.zeros(count, int),
+        )
 
 
-def _nothing_behind(paths: Paths, led_to: bool) -> Memory:
-    """Of paths at their beginning."""
-    count = len(paths)
-    q, meeting = np.moveaxis(paths.q, 0, -1), np.moveaxis(paths.meeting, 0, -1)
-    return Memory(
-        away_q=np.repeat(q[None], 3, axis=0),
-        away_meeting=np.repeat(meeting[None], 3, axis=0),
-        known=np.zeros(count, int),
-        lost=np.zeros(count, int),
-        led=np.full(count, led_to),
-        # Paths that do not begin at their own first station begin at a balance beside it.
-        begun=paths.origin != paths.station[:, :1].reshape(-1),
-        wary=np.zeros(count, bool),
-        tangent=np.zeros((5, 5, count)),
-        steps=np.zeros(count, int),
-    )
+def _taken(memory: Memory, row: np.ndarray) -> Memory:
+    """The memory of some paths."""
+    last = jax.tree.map(lambda x: x[row], memory.last)
+    rest = jax.tree.map(lambda x: x[..., row], dataclasses.replace(memory, last=None))
+    return dataclasses.replace(rest, last=last)
+
+
+def _keep(memory: Memory, rows: np.ndarray, latest: Memory) -> None:
+    """Write the memory of some paths down, in place."""
+    for old, new in zip(*map(jax.tree.leaves, (memory.last, latest.last)), strict=True):
+        old[rows] = np.asarray(new)[: len(rows)]
+    ends = (dataclasses.replace(m, last=None) for m in (memory, latest))
+    for old, new in zip(*map(jax.tree.leaves, ends), strict=True):
+        old[..., rows] = np.asarray(new)[..., : len(rows)]

@@ -16,7 +16,8 @@ from kneejax.statics import (
     in_lanes,
     own_motion,
 )
-from kneejax.statics._paths import Found, along
+from kneejax.statics._paths import Found, along_chains
+from kneejax.statics._routes import Chain
 
 FLEXION = np.array([0.0, 30.0, 75.0, 120.0])
 UNITS = np.array([1 / 30, 1 / 30, 1.0, 1.0, 1.0])
@@ -191,12 +192,13 @@ def test_the_own_motion_is_that_of_any_other_stations(knee, chosen, base):
         np.testing.assert_allclose(one.q[0, 0] / UNITS, many.q[0, place] / UNITS, atol=2e-6)
 
 
-def test_no_path_begins_beside_a_station_that_is_not_balanced():
+def test_no_chain_begins_beside_a_station_that_is_not_balanced():
     """A search from farther away ended in a balance of `lenhart2015_reduced` at -84 degrees, to
     which no bending leads."""
     found = Found.nothing(1, (np.zeros((4, 5)), np.zeros((4, 2, 2))))
     found.status[0, 1] = Status.BALANCED
-    assert along(found, np.array([[2], [3]]), np.array([1, 2])).length.tolist() == [1, 0]
+    chains = [Chain(1, (2,)), Chain(2, (3,))]
+    assert along_chains(found, chains, np.zeros(1, int)).length.tolist() == [1, 0]
 
 
 def test_single_precision_is_refused(knee, chosen, base):
