@@ -8,7 +8,9 @@ nor on who was first.
 from __future__ import annotations
 
 import concurrent.futures
+import copy
 import dataclasses
+import itertools
 import os
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -17,6 +19,7 @@ import jax
 import numpy as np
 
 from kneejax.mechanics import Knee
+from kneejax.statics._newton import UNITS
 from kneejax.statics._paths import (
     Found,
     Own,
@@ -29,7 +32,7 @@ from kneejax.statics._paths import (
     single_nodes,
 )
 from kneejax.statics._routes import Chain, Routes
-from kneejax.statics._settle import needs_float64
+from kneejax.statics._settle import STRIDE, longest_stride_mm, needs_float64
 from kneejax.statics._stations import Stations
 from kneejax.statics._status import Status, converged
 from kneejax.statics._variants import Variants, Vary
@@ -46,6 +49,10 @@ _ALONG_STATIONS, _ALONG_VALUES, _ALONG_LOADS = 5, 2, 1
 #: Flexions from the reference pose at which variants are led onto the knee's own branch, rad: the
 #: next where one does not do.
 _LEADS = tuple(np.deg2rad([45.0, 20.0, 70.0]))
+#: Part of the way from the knee itself to a variant that is tried first where walks have lost it.
+_SMALL_CHANGE = 0.125
+#: How much nearer or farther from the knee's own motion a neighbour on the stem may be, mm.
+_JOINED_MM = float(longest_stride_mm(np.rad2deg(STRIDE)))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -152,6 +159,7 @@ def balance_many(
     )
     led = _lead(walker, routes, [routes.at(lead) for lead in leads], own.known[0])
     _bend(walker, routes, led)
+    _fill(walker, routes, led, own.known[0])
     for chains in (routes.hops, *routes.loading):
         _walk_chains(walker, chains, _ALONG_LOADS)
     return _asked(found, routes)
@@ -285,8 +293,8 @@ def _counter(progress: Progress | None, total: int) -> Callable[[int], None]:
     return report
 
 
-def _walk_all(walker: Walker, rows: Paths, give_up: int, led_to: bool = True) -> None:
-    """Deal the paths to threads."""
+def _walk_all(walker: Walker, rows: Paths, give_up: int, **how: Any) -> None:
+    """Deal the paths to threads; arguments as in `Walker.walk`."""
     count = len(rows)
     most = int(np.clip(-(-count // 2), *_LOT))
     # Neighbours are alike, and the hard ones would all be in the last lot.
@@ -294,11 +302,11 @@ def _walk_all(walker: Walker, rows: Paths, give_up: int, led_to: bool = True) ->
     lots = [rows.take(slice(i, None, lots)) for i in range(lots)]
     if len(lots) < 2:
         for lot in lots:
-            walker.walk(lot, give_up, led_to)
+            walker.walk(lot, give_up, **how)
         return
     with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
         # Ctrl-C or an error in one lot must not wait for all the others.
-        futures = [pool.submit(walker.walk, lot, give_up, led_to) for lot in lots]
+        futures = [pool.submit(walker.walk, lot, give_up, **how) for lot in lots]
         try:
             for future in futures:
                 future.result()
@@ -335,3 +343,28 @@ def _bend(walker: Walker, routes: Routes, led: np.ndarray) -> None:
         if chains := [chain for chain in chains if chain.nodes]:
             some = np.flatnonzero(led == node)
             _walk_all(walker, along_chains(walker.found, chains, some), _ALONG_STATIONS)
+
+
+def _fill(walker: Walker, routes: Routes, led: np.ndarray, balanced: np.ndarray) -> None:
+    """What was lost on the stem, from the knee itself, where that carries on what is beside it."""
+    found, stem, needed = walker.found, routes.stem, routes.needed
+    wanted = np.zeros(len(balanced), bool)
+    for node in np.unique(led[led >= 0]):
+        chains = [routes.bent(int(node), way, needed).nodes for way in (1, -1)]
+        wanted[np.concatenate(chains).astype(int)] = True
+    lost = np.nonzero((led >= 0)[:, None] & ~found.known & (wanted & balanced))
+    changed = copy.copy(walker)
+    changed.found = Found.nothing(len(found.status), found.own)
+    changed.report = lambda _: None
+    _walk_all(changed, nodes_at(changed.found, *lost), _ALONG_VALUES, aim=_SMALL_CHANGE)
+    place = np.full(len(balanced), -1)
+    place[stem] = np.arange(len(stem))
+    for way in (1, -1):
+        for inner, outer in itertools.pairwise(stem[::way]):
+            away = [x.q[:, node] - found.own[0][node] for x, node in
+                    ((found, inner), (changed.found, outer))]  # fmt: skip
+            near = np.abs((away[1] - away[0]) / UNITS).max(axis=1) <= _JOINED_MM
+            beyond = way * (place[outer] - place[led]) > 0
+            take = beyond & near & changed.found.known[:, outer] & ~found.known[:, outer]
+            for name in ("q", "meeting", "status", "steps"):
+                getattr(found, name)[take, outer] = getattr(changed.found, name)[take, outer]

@@ -220,7 +220,7 @@ def walk_stretch(
             )
         )  # fmt: skip
         # What is not predicted may be far: to try it quickly first would be in vain.
-        patient = memory.led & ~memory.based & (known < 2)
+        patient = memory.led & (known < 2)
         return here, Guess(q, meeting, memory.tangent), patient
 
     def a_look(walk: _Walk) -> _Walk:
@@ -248,8 +248,8 @@ def walk_stretch(
         status = jnp.where(astray & converged(status), Status.NOT_CONVERGED, status)
         good = ended & converged(status)
         finest = jnp.where(loading, _FINEST_LOADED, _FINEST)
-        shorter = ended & ~good & memory.based & (0.5 * stride >= finest)
-        again = ended & ~good & ~shorter & memory.led & ~memory.based & ~walk.patient
+        again = ended & ~good & memory.led & ~walk.patient & ~(loading & memory.based)
+        shorter = ended & ~good & ~again & memory.based & (0.5 * stride >= finest)
         lost = ended & ~(good | shorter | again)
         arrived = good & (memory.aim >= 1.0)
         over = arrived | lost

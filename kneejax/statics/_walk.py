@@ -66,7 +66,9 @@ class Walker:
         numbers = [np.reshape(x, (len(stations), -1)) for x in jax.tree.leaves(self.stations)]
         self._marks = np.hstack(numbers)
 
-    def walk(self, paths: Paths, give_up: int, led_to: bool = True) -> None:
+    def walk(
+        self, paths: Paths, give_up: int, led_to: bool = True, aim: float = 1.0
+    ) -> None:
         """Walk paths to their ends; the same paths give the same numbers, bit by bit.
 
         Args:
@@ -75,9 +77,10 @@ class Walker:
             led_to: whether paths begin near a balance. Otherwise nodes are passed over until a
                 short search balances one: a long search from afar, where the knee may have no
                 balance at all, ends on another branch, and the rest of the path would follow.
+            aim: part of the way to the first node that is tried first.
         """
         place, left = np.zeros(len(paths), int), paths.length.copy()
-        memory = self._nothing_behind(self._met(paths), led_to)
+        memory = self._nothing_behind(self._met(paths), led_to, aim)
         while left.any():
             rows = np.argsort(-left, kind="stable")[: min(LANES, np.count_nonzero(left))]
             # Where others wait, lanes that are through make room for them.
@@ -176,7 +179,7 @@ class Walker:
         reach = np.where(bend > 0, longest_stride_mm(np.rad2deg(bend)), np.inf)
         return (alike | (place < 2)) & (bend <= _FAR), reach, loads > 0
 
-    def _nothing_behind(self, paths: Paths, led_to: bool) -> Memory:
+    def _nothing_behind(self, paths: Paths, led_to: bool, aim: float) -> Memory:
         """Of paths at their beginning."""
         count, first = len(paths), paths.station[:, :1].reshape(-1)
         q, meeting = np.moveaxis(paths.q, 0, -1), np.moveaxis(paths.meeting, 0, -1)
@@ -193,7 +196,7 @@ class Walker:
             begun=paths.origin != first,
             based=(paths.origin != first) | (paths.source != source),
             wary=np.zeros(count, bool),
-            aim=np.ones(count),
+            aim=np.full(count, aim),
             tangent=np.zeros((5, 5, count)),
             softest=np.full((2, count), np.inf),
             steps=np.zeros(count, int),
