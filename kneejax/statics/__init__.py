@@ -15,6 +15,8 @@ from kneejax.statics._compiled import (
     share_memory_between_threads as share_memory_between_threads,
 )
 from kneejax.statics._compiled import use_shared_fusion as use_shared_fusion
+from kneejax.statics._faults import ContactFaults as ContactFaults
+from kneejax.statics._faults import Faults as Faults
 from kneejax.statics._newton import EnergyNewton as EnergyNewton
 from kneejax.statics._newton import Guess as Guess
 from kneejax.statics._settle import Settled as Settled
