@@ -13,7 +13,7 @@ from jax import Array
 
 from kneejax.geometry import Pose, lanes_for, safe_sqrt, traced
 from kneejax.mechanics import Contact, FibreFaults, Knee, add_lane_axis, displacement
-from kneejax.statics import ContactFaults, Faults, compiled, with_meeting
+from kneejax.statics import ContactFaults, Faults, Status, compiled, with_meeting
 
 # Poses of one call: what they need stays in the processor's cache (benchmarks/evaluate.py).
 _CHUNK, _CHUNK_OVER_POINTS = 512, 64
@@ -173,10 +173,11 @@ def _over_patch(contact: Contact, poses: Pose, meeting: Array):
     )
     mean = safe_sqrt(jnp.sum(force**2, axis=0)) / area
     center = jnp.stack(jnp.broadcast_arrays(*contact.tibial.frame.placement.apply(gap.point)))
-    known = contact.knows(gap.point, meeting) | (gap.depth <= 0)
+    inside, touches = contact.knows(gap.point, meeting), gap.depth > 0
+    known = inside | ~touches
     deep = gap.depth >= contact.layer_thickness
     peak = contact.pressure(gap.depth)
-    flat, through = (gap.depth > 0) & gap.flat, contact.passed_through(tibia)
+    flat, through = touches & inside & gap.flat, contact.passed_through(tibia)
     return force, moment, area, peak, mean, gap.depth, center, known, deep, flat, through
 
 
@@ -209,7 +210,7 @@ def status_of(poses: Mechanics, knee: Knee) -> Array:
         knee: with which they were evaluated.
 
     Returns:
-        `Status` values, `(poses,)`.
+        `Status` values, `(poses,)`; a pose that is NaN is `NOT_CONVERGED`.
     """
     fibres = FibreFaults(
         jnp.any(poses.strain > knee.ligaments.failure_strain, axis=-1),
@@ -219,4 +220,5 @@ def status_of(poses: Mechanics, knee: Knee) -> Array:
     contacts = (poses.max_depth, ~poses.known, poses.too_deep, poses.no_patch, poses.through_bone)
     each = [ContactFaults(*(x[:, k] for x in contacts)) for k in range(poses.max_depth.shape[1])]
     faults = Faults.of(each, fibres, poses.displacement.T)
-    return jnp.broadcast_to(faults.status, len(poses.length))
+    nowhere = jnp.isnan(poses.displacement).any(axis=-1)
+    return jnp.where(nowhere, int(Status.NOT_CONVERGED), faults.status)

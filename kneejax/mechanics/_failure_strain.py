@@ -14,6 +14,8 @@ from jax import Array
 #: (Quapp and Weiss, J Biomech Eng 120, 1998); the posterior cruciate's main bundle: 18.0 % (Race
 #: and Amis, J Biomech 27, 1994).
 FAILURE_STRAIN = {"PCL": 0.18, "MCL": 0.17, "ACL": 0.15, "LCL": 0.15}
+#: Who measured them, in a line for a knee file.
+FAILURE_SOURCE = "published (Butler 1986; Quapp and Weiss 1998; Race and Amis 1994)"
 #: Of any other: Butler's mean of knee ligaments.
 USUAL_FAILURE_STRAIN = 0.15
 

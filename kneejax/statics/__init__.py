@@ -28,8 +28,11 @@ from kneejax.statics._settle import with_meeting as with_meeting
 from kneejax.statics._slopes import Slopes as Slopes
 from kneejax.statics._slopes import balance_with_slopes as balance_with_slopes
 from kneejax.statics._stations import Stations as Stations
+from kneejax.statics._status import FAILURES as FAILURES
 from kneejax.statics._status import Status as Status
 from kneejax.statics._status import converged as converged
+from kneejax.statics._status import fails as fails
+from kneejax.statics._status import failures_of as failures_of
 from kneejax.statics._status import sound as sound
 from kneejax.statics._variants import Vary as Vary
 from kneejax.statics._variants import in_lanes as in_lanes

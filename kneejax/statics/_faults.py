@@ -52,9 +52,7 @@ class Faults(eqx.Module):
     through_bone: Array
 
     @classmethod
-    def of(
-        cls, contacts: Sequence[ContactFaults], fibres: FibreFaults, displaced: Array
-    ) -> Faults:
+    def of(cls, contacts: Sequence[ContactFaults], fibres: FibreFaults, displaced: Array) -> Faults:
         """Gather what is wrong with the parts of a knee.
 
         Args:

@@ -276,9 +276,10 @@ def _faults(knee: Knee, flexion: Array, here: SearchState, meeting: Array) -> Fa
         if contact.has_patch:
             depth = forces.depth[row]
             point = jax.tree.map(lambda x, row=row: x[row], forces.point)
-            touches = depth > 0
-            outside = touches & ~contact.knows(point, meeting[row])
-            deep, flat = depth >= contact.layer_thickness, touches & forces.flat[row]
+            touches, known = depth > 0, contact.knows(point, meeting[row])
+            outside, deep = touches & ~known, depth >= contact.layer_thickness
+            # Off the fitted surfaces a shape says nothing, and that has been said.
+            flat = touches & known & forces.flat[row]
             row += 1
         else:
             sampled = contact.sample(tibia)
