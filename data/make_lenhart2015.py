@@ -175,7 +175,7 @@ def _line(fibres: list[dict[str, Any]]) -> dict[str, Any]:
     }
     wraps = {fibre.get("wrap") for fibre in fibres}
     wrap = wraps.pop() if len(wraps) == 1 else None
-    same = ("transition_strain", "transition_width")
+    same = ("transition_strain", "transition_width", "failure_strain")
     return {
         **ends,
         **({"wrap": wrap} if wrap else {}),

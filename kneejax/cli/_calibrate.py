@@ -68,9 +68,9 @@ def _write(result: Calibration, out) -> int:
     from kneejax.report import (
         PARAMETER_COLUMNS,
         calibration_summary,
+        fails,
         parameters_rows,
         result_document,
-        warnings,
         write_report,
     )
 
@@ -85,12 +85,13 @@ def _write(result: Calibration, out) -> int:
         status=words,
         converged=[w.converged for w in words],
         stable=[w.sound for w in words],
+        doubts=motion.doubts,
     )
     write_report(result, out)
     print(calibration_summary(result))
     print(f"written: {out}/report.html, result.json, parameters.csv, poses.csv, figures/")
     # Other procedures are there to compare; the answer decides the exit status.
-    return 1 if warnings(dataclasses.replace(result, fits=result.fits[:1])) else 0
+    return int(fails(result))
 
 
 def _progress(words: str) -> None:

@@ -6,7 +6,16 @@ import argparse
 
 import numpy as np
 
-from kneejax.experiments import Mechanics, Way, evaluate, status_of, ways_of
+from kneejax.cli._say_status import say_status
+from kneejax.experiments import (
+    Mechanics,
+    Way,
+    doubts,
+    evaluate,
+    status_of,
+    ways_of,
+    with_flips,
+)
 from kneejax.files import counted, load_knee, read_poses, write_rows
 from kneejax.geometry import Pose
 from kneejax.mechanics import Knee
@@ -39,6 +48,8 @@ CONTACT_COLUMNS = [
     "moment_adduction_Nmm",
     "moment_internal_rotation_Nmm",
     "moment_extension_Nmm",
+    "beyond_mm",
+    "beyond_share",
     "status",
 ]
 
@@ -48,14 +59,14 @@ def run(arguments: argparse.Namespace) -> int:
     knee = load_knee(arguments.knee)
     table = read_poses(arguments.poses, arguments.convention)
     found = evaluate(knee, Pose.from_table(table))
-    status, ways = np.asarray(status_of(found, knee)), ways_of(found)
+    status, ways = with_flips(status_of(found, knee), found), ways_of(found)
     out = arguments.out
     write_rows(out / "ligaments.csv", LIGAMENT_COLUMNS, _ligaments(knee, table, found, ways))
     write_rows(out / "contact.csv", CONTACT_COLUMNS, _contacts(knee, found, status))
     poses = counted(len(table), "pose")
     print(f"{poses} of {knee.name}; written: {out}/ligaments.csv, contact.csv")
-    doubtful = _say_status(status)
-    return 1 if say_ways(knee, ways) or doubtful else 0
+    rows = [str(row) for row in range(len(table))]
+    return int(say_status(status, rows, "(row)", doubts(knee, found), given=True))
 
 
 def _ligaments(knee: Knee, table: np.ndarray, found: Mechanics, ways: np.ndarray) -> list[list]:
@@ -76,28 +87,11 @@ def _contacts(knee: Knee, found: Mechanics, status: np.ndarray) -> list[list]:
     moment = np.asarray(found.contact_moment)
     scalars = (found.area, found.max_pressure, found.mean_pressure, found.max_depth)
     numbers = np.stack([np.linalg.norm(force, axis=-1), *map(np.asarray, scalars)], axis=-1)
-    words = {word.value: word.word for word in Status}
+    beyond = np.stack([np.asarray(found.beyond_mm), np.asarray(found.beyond_share)], axis=-1)
+    words = [Status(s).word for s in status]
     return [
-        [i, name, *numbers[i, j], *center[i, j], *force[i, j], *moment[i, j], words[status[i]]]
+        [i, name, *numbers[i, j], *center[i, j], *force[i, j], *moment[i, j], *beyond[i, j],
+         words[i]]
         for i in range(len(status))
         for j, name in enumerate(knee.contact_names)
-    ]
-
-
-def _say_status(status: np.ndarray) -> bool:
-    for word in sorted({Status(s) for s in status[status != Status.BALANCED]}):
-        rows = np.flatnonzero(status == word)
-        # Nothing was balanced here: only what is wrong with the pose applies.
-        print(f"{counted(len(rows), 'pose')} (first row {rows[0]}): {word.remark}")
-    return bool((status != Status.BALANCED).any())
-
-
-def say_ways(knee: Knee, ways: np.ndarray) -> bool:
-    """Print which fibres flip or are near it; true if their forces are not to be trusted."""
-    for way in Way:
-        rows, fibres = np.nonzero(ways == way)
-        if way.sentence and len(rows):
-            names = ", ".join(knee.ligaments.names[j] for j in np.unique(fibres))
-            poses = counted(len(np.unique(rows)), "pose")
-            print(f"{names}, {poses} (first row {rows[0]}): {way.sentence}")
-    return any((ways == way).any() for way in Way if way.doubtful)
+    ]  # fmt: skip

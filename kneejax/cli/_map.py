@@ -30,6 +30,7 @@ from kneejax.inference import (
     versions,
 )
 from kneejax.mechanics import Knee
+from kneejax.statics import failures_of
 
 _PACKAGES = ("xarray", "h5netcdf", "h5py")
 _COLUMNS = (
@@ -69,6 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
             offsets=tuple(name for name in asked.study.frame_offset if name != "flexion"),
             store=store,
             progress=progress,
+            failures=failures_of(asked.study.failures),
         )
     if store.resumed:
         print(f"{store.resumed} finished parts were found in {arguments.out}, and used")
@@ -131,6 +133,7 @@ def _fingerprint(asked: StudyProblem, about: dict) -> bytes:
     leaves, structure = jax.tree.flatten(asked.knee)
     numbers = b"".join(np.asarray(leaf).tobytes() for leaf in leaves)
     settings = [about, dict(asked.study.weights), list(asked.study.frame_offset)]
+    settings.append(list(asked.study.failures))
     words = json.dumps([*settings, str(structure), versions()["kneejax"]], default=str)
     return numbers + asked.measured.tobytes() + words.encode()
 

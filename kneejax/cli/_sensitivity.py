@@ -31,7 +31,7 @@ from kneejax.inference import (
     sweep,
     versions,
 )
-from kneejax.statics import Status
+from kneejax.statics import Status, failures_of
 
 #: Values of a sweep where no count is given, and samples of a method.
 _VALUES, _SAMPLES = 31, {"sobol": 256, "morris": 64}
@@ -79,6 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
                 samples=_samples(arguments),
                 seed=arguments.seed,
                 progress=progress,
+                failures=failures_of(problem.study.failures),
             )
     return _write(problem, arguments, local, sweeps, indices, seconds)
 

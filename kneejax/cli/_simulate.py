@@ -7,8 +7,8 @@ import argparse
 import equinox as eqx
 import numpy as np
 
-from kneejax.cli._evaluate import say_ways
-from kneejax.experiments import evaluate, passive_flexion, ways_of
+from kneejax.cli._say_status import say_status
+from kneejax.experiments import doubts, evaluate, passive_flexion, with_flips
 from kneejax.files import InputProblem, load_knee, parse_flexion, write_poses, write_rows
 from kneejax.inference import with_values
 from kneejax.mechanics import Knee, Load
@@ -25,7 +25,8 @@ def run(arguments: argparse.Namespace) -> int:
     knee = _with_loads(knee, _pairs("--load", arguments.load))
     motion = passive_flexion(knee, flexion)
     mechanics = evaluate(knee, motion.pose, motion.settled.meeting)
-    table, status = np.array(motion.to_table()), np.asarray(motion.status)
+    table, status = np.array(motion.to_table()), with_flips(motion.status, mechanics)
+    said = doubts(knee, mechanics)
     table[:, 0] = flexion
     tension = np.asarray(mechanics.tension)
     contact = np.linalg.norm(np.asarray(mechanics.contact_force), axis=-1)
@@ -41,6 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
         status=words,
         converged=np.asarray(motion.settled.converged),
         stable=np.asarray(motion.stable),
+        doubts=said,
         convention=arguments.convention,
     )
     rows = [
@@ -50,13 +52,10 @@ def run(arguments: argparse.Namespace) -> int:
     ]
     write_rows(arguments.out / "forces.csv", ["flexion_deg", "part", "force_N"], rows)
     _figure(arguments.out, flexion, table, status, knee, tension, contact)
-    bad = sorted({w for w in words if w is not Status.BALANCED})
-    for word in bad:
-        where = ", ".join(f"{f:g}" for f, w in zip(flexion, words, strict=True) if w is word)
-        print(f"{where} degrees: {word.sentence}")
-    doubtful = say_ways(knee, ways_of(mechanics))
+    angles = [f"{angle:g}" for angle in flexion]
+    doubtful = say_status(status, angles, "degrees", said, given=False)
     print(f"written: {arguments.out}/poses.csv, forces.csv, figures/simulation.png and .svg")
-    return 1 if bad or doubtful else 0
+    return int(doubtful)
 
 
 def _forces(knee: Knee, mechanics, i: int):

@@ -12,8 +12,8 @@ import numpy as np
 from jax import Array
 
 from kneejax.geometry import Pose, lanes_for, safe_sqrt, traced
-from kneejax.mechanics import Contact, Knee, add_lane_axis
-from kneejax.statics import Status, compiled, with_meeting
+from kneejax.mechanics import Contact, FibreFaults, Knee, add_lane_axis, displacement
+from kneejax.statics import ContactFaults, Faults, Status, compiled, with_meeting
 
 # Poses of one call: what they need stays in the processor's cache (benchmarks/evaluate.py).
 _CHUNK, _CHUNK_OVER_POINTS = 512, 64
@@ -46,6 +46,13 @@ class Mechanics(eqx.Module):
         other_side: how much longer the way around the other side is, `(poses, ligaments)`, mm;
             infinite where free.
         wrap_beyond: whether a fibre touches a cylinder beyond its length, `(poses, ligaments)`.
+        no_patch: whether the surfaces touch where no elliptical patch fits, `(poses, contacts)`.
+        through_bone: whether the condyle has passed through the plateau, `(poses, contacts)`.
+        beyond_mm: how far contact reaches off the fitted surfaces, `(poses, contacts)`; NaN where
+            it is not known.
+        beyond_share: part of the contact force out there, `(poses, contacts)`; likewise.
+        displacement: of the tibia from the reference pose, degrees and mm, `(poses, 5)`; see
+            `kneejax.mechanics.displacement`.
     """
 
     length: Array
@@ -65,6 +72,11 @@ class Mechanics(eqx.Module):
     wrap_side: Array
     other_side: Array
     wrap_beyond: Array
+    no_patch: Array
+    through_bone: Array
+    beyond_mm: Array
+    beyond_share: Array
+    displacement: Array
 
 
 def evaluate(knee: Knee, poses: Pose, meeting: Array | None = None) -> Mechanics:
@@ -121,9 +133,9 @@ def _evaluate(knee: Knee, poses: Pose, meeting: Array | None) -> Mechanics:
             contacts.append(_over_points(contact, poses))
     stacked = [jnp.stack(x, axis=-1) for x in zip(*contacts, strict=True)] or [
         jnp.zeros(shape + poses.flexion.shape + (0,))
-        for shape in ((3,), (3,), (), (), (), (), (3,), (), ())
+        for shape in ((3,), (3,), (), (), (), (), (3,), (), (), (), ())
     ]
-    force, moment, area, peak, mean, depth, center, known, deep = stacked
+    force, moment, area, peak, mean, depth, center, known, deep, flat, through = stacked
     length, wrap = ligaments.length_and_wrap(tibia)
     return Mechanics(
         length.T,
@@ -143,6 +155,11 @@ def _evaluate(knee: Knee, poses: Pose, meeting: Array | None) -> Mechanics:
         jnp.moveaxis(jnp.stack(wrap.side), 0, -1).swapaxes(0, 1),
         wrap.other_side.T,
         wrap.beyond_ends.T,
+        flat > 0,
+        through > 0,
+        jnp.full_like(depth, jnp.nan),
+        jnp.full_like(depth, jnp.nan),
+        displacement(lanes, poses).T,
     )
 
 
@@ -156,10 +173,12 @@ def _over_patch(contact: Contact, poses: Pose, meeting: Array):
     )
     mean = safe_sqrt(jnp.sum(force**2, axis=0)) / area
     center = jnp.stack(jnp.broadcast_arrays(*contact.tibial.frame.placement.apply(gap.point)))
-    known = contact.knows(gap.point, meeting) | (gap.depth <= 0)
+    inside, touches = contact.knows(gap.point, meeting), gap.depth > 0
+    known = inside | ~touches
     deep = gap.depth >= contact.layer_thickness
     peak = contact.pressure(gap.depth)
-    return force, moment, area, peak, mean, gap.depth, center, known, deep
+    flat, through = touches & inside & gap.flat, contact.passed_through(tibia)
+    return force, moment, area, peak, mean, gap.depth, center, known, deep, flat, through
 
 
 def _over_points(contact: Contact, poses: Pose):
@@ -177,11 +196,29 @@ def _over_points(contact: Contact, poses: Pose):
     mean = jnp.sum(share, axis=0) / area
     deep, outside = contact.faults(tibia, sampled)
     peak, depth = jnp.max(pressure, axis=0), jnp.max(sampled.depth, axis=0)
-    return force, moment, area, peak, mean, depth, center, ~outside, deep
+    flat, through = jnp.zeros_like(deep), contact.passed_through(tibia)
+    return force, moment, area, peak, mean, depth, center, ~outside, deep, flat, through
 
 
 def status_of(poses: Mechanics, knee: Knee) -> Array:
-    """`Status` values of evaluated poses, which say nothing of balance: depth and region only."""
-    outside = jnp.any(~poses.known, axis=-1)
-    worst = jnp.where(outside, Status.OUTSIDE_REGION, Status.BALANCED)
-    return jnp.where(jnp.any(poses.too_deep, axis=-1), Status.TOO_DEEP, worst)
+    """What evaluated poses are, each by itself; nothing is said of balance.
+
+    The same faults that a search finds in the poses it ends at.
+
+    Args:
+        poses: evaluated.
+        knee: with which they were evaluated.
+
+    Returns:
+        `Status` values, `(poses,)`; a pose that is NaN is `NOT_CONVERGED`.
+    """
+    fibres = FibreFaults(
+        jnp.any(poses.strain > knee.ligaments.failure_strain, axis=-1),
+        jnp.any(poses.wrap_beyond, axis=-1),
+        jnp.any(poses.wrap_inside, axis=-1),
+    )
+    contacts = (poses.max_depth, ~poses.known, poses.too_deep, poses.no_patch, poses.through_bone)
+    each = [ContactFaults(*(x[:, k] for x in contacts)) for k in range(poses.max_depth.shape[1])]
+    faults = Faults.of(each, fibres, poses.displacement.T)
+    nowhere = jnp.isnan(poses.displacement).any(axis=-1)
+    return jnp.where(nowhere, int(Status.NOT_CONVERGED), faults.status)

@@ -92,7 +92,8 @@ def passive_flexion(
     settled = settled_at(
         _in_lanes(knee, there), np.asarray(there.flexion), q, meeting, found.status[0][rows]
     )
-    motion = _described(settled, found.left_N[0][rows], found.left_mm[0][rows], found.reached[0][rows])
+    left = (x[0][rows] for x in (found.left_N, found.left_mm, found.reached))
+    motion = _described(settled, *left)
     return jax.tree.map(lambda x: jnp.asarray(np.asarray(x)[..., :count]), motion)
 
 
@@ -102,7 +103,7 @@ def _itself(knee: Knee, _) -> Knee:
 
 @compiled()
 def _whole_motion(knee: Knee, stations: Stations) -> PassiveFlexion:
-    """Under a trace: one program. Outside one, a derivative would compile each of its operations."""
+    """Under a trace: one program. Otherwise a derivative would compile each of its operations."""
     lanes = stations.load(add_lane_axis(knee))
     start = jnp.broadcast_to(knee.reference_pose.flexion, stations.flexion.shape)
     guess = first_guess(lanes, start)

@@ -13,54 +13,24 @@ _CLOSE_MM = 0.5
 
 
 class Way(enum.IntEnum):
-    """How a fibre runs at a pose.
+    """How a fibre runs at a pose; what that makes of the pose, its `Status` says.
 
-    Attributes:
-        word: for tables.
-        sentence: what it means and what to do; empty where nothing is wrong.
+    A small motion may flip a fibre that is `NEAR_FLIP`: its ways around both sides of the obstacle
+    are nearly as long.
     """
 
-    STRAIGHT = 0, ""
-    FREE = 1, ""
-    WRAPPED = 2, ""
-    NEAR_FLIP = (
-        3,
-        "the ways around both sides of the obstacle are nearly as long: a small motion may flip "
-        "the fibre; move the obstacle or an attachment",
-    )
-    FLIPPED = (
-        4,
-        "the fibre passes its obstacle on the other side than at the pose before: length and force "
-        "jump; take smaller steps, or move the obstacle or an attachment",
-    )
-    BEYOND_ENDS = (
-        5,
-        "the fibre touches its cylinder beyond the cylinder's length: make it longer, or "
-        "check its place",
-    )
-    INSIDE = (
-        6,
-        "an end of the fibre lies inside its obstacle: its length means nothing; make the "
-        "obstacle smaller or move the attachment",
-    )
-
-    sentence: str
-
-    def __new__(cls, value: int, sentence: str) -> Way:
-        member = int.__new__(cls, value)
-        member._value_ = value
-        member.sentence = sentence
-        return member
+    STRAIGHT = 0
+    FREE = 1
+    WRAPPED = 2
+    NEAR_FLIP = 3
+    FLIPPED = 4
+    BEYOND_ENDS = 5
+    INSIDE = 6
 
     @property
     def word(self) -> str:
         """Name for tables."""
         return self.name.lower()
-
-    @property
-    def doubtful(self) -> bool:
-        """Whether lengths and forces are not to be trusted as they stand."""
-        return self in (Way.FLIPPED, Way.BEYOND_ENDS, Way.INSIDE)
 
 
 def ways_of(found: Mechanics) -> np.ndarray:
@@ -72,14 +42,31 @@ def ways_of(found: Mechanics) -> np.ndarray:
     Returns:
         `Way` values, `(poses, ligaments)`.
     """
-    angle, side = np.asarray(found.wrap_angle), np.asarray(found.wrap_side)
-    other, wrapped = np.asarray(found.other_side), angle > 0
+    wrapped, side = np.asarray(found.wrap_angle) > 0, np.asarray(found.wrap_side)
     ways = np.where(wrapped, Way.WRAPPED, Way.FREE)
-    ways = np.where(wrapped & (other < _CLOSE_MM), Way.NEAR_FLIP, ways)
-    turned = np.zeros_like(wrapped)
-    # Only a fibre that lies on its obstacle at both poses can change sides by a jump.
-    turned[1:] = wrapped[1:] & wrapped[:-1] & ((side[1:] * side[:-1]).sum(axis=-1) < 0.0)
-    ways = np.where(turned, Way.FLIPPED, ways)
+    ways = np.where(near_flip(found), Way.NEAR_FLIP, ways)
+    ways = np.where(flipped(found), Way.FLIPPED, ways)
     ways = np.where(np.asarray(found.wrap_beyond), Way.BEYOND_ENDS, ways)
     ways = np.where((side == 0.0).all(axis=-1), Way.STRAIGHT, ways)
     return np.where(np.asarray(found.wrap_inside), Way.INSIDE, ways)
+
+
+def near_flip(found: Mechanics) -> np.ndarray:
+    """Whose ways around both sides are nearly as long, `(poses, ligaments)`."""
+    return (np.asarray(found.wrap_angle) > 0) & (np.asarray(found.other_side) < _CLOSE_MM)
+
+
+def flipped(found: Mechanics) -> np.ndarray:
+    """Which fibres pass their obstacle on the other side than at the pose before.
+
+    Args:
+        found: of poses that follow each other.
+
+    Returns:
+        Truth values, `(poses, ligaments)`.
+    """
+    wrapped, side = np.asarray(found.wrap_angle) > 0, np.asarray(found.wrap_side)
+    turned = np.zeros_like(wrapped)
+    # Only a fibre that lies on its obstacle at both poses can change sides by a jump.
+    turned[1:] = wrapped[1:] & wrapped[:-1] & ((side[1:] * side[:-1]).sum(axis=-1) < 0.0)
+    return turned

@@ -44,6 +44,7 @@ from kneejax.mechanics import (
     Ligaments,
     Load,
     ligament_law,
+    usual_failure_strain,
 )
 
 
@@ -209,6 +210,7 @@ def _ligaments(
     parts: dict[str, Any], wraps: dict[str, Any], pose: Pose, file: str
 ) -> Ligaments:
     courses = _courses(parts, wraps)
+    tears = list(zip(parts.values(), usual_failure_strain(tuple(parts)), strict=True))
 
     def column(name: str) -> np.ndarray:
         return np.array([part[name] for part in parts.values()], float)
@@ -223,6 +225,7 @@ def _ligaments(
             column("transition_width"),
             tuple(parts),
             courses,
+            [part.get("failure_strain", usual) for part, usual in tears],
         )
 
     unloaded = fibres(np.ones(len(parts)))

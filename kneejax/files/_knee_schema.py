@@ -30,9 +30,9 @@ POSE_FIELDS = (
 )
 LIGAMENT_FIELDS = (
     "femoral_attachment_mm", "via_points", "tibial_attachment_mm", "wrap", "stiffness_N",
-    *SLACK_FIELDS, "transition_strain", "transition_width", "damping_s", "source",
+    *SLACK_FIELDS, "transition_strain", "transition_width", "failure_strain", "damping_s", "source",
 )
-_OPTIONAL_OF_LIGAMENT = ("via_points", "wrap", "damping_s", *SLACK_FIELDS)
+_OPTIONAL_OF_LIGAMENT = ("via_points", "wrap", "failure_strain", "damping_s", *SLACK_FIELDS)
 VIA_FIELDS = ("bone", "point_mm")
 CONTACT_FIELDS = (
     "form", "points", "law", "youngs_modulus_MPa", "poisson_ratio", "layer_thickness_mm",
@@ -171,7 +171,9 @@ def _check_ligament(ligament: Field, sources: dict[str, str], wraps: tuple[str, 
         raise field.problem(f"a length of at least 1 mm{_METRES}")
     ligament["transition_strain"].number(above=0, below=0.5, what="a strain (not percent)")
     ligament["transition_width"].number(above=0, below=0.5, what="a strain (not percent)")
-    _check_source(ligament, sources, without=("transition_width", "wrap"))
+    if "failure_strain" in ligament:
+        ligament["failure_strain"].number(above=0, at_most=1, what="a strain (not percent)")
+    _check_source(ligament, sources, without=("transition_width", "failure_strain", "wrap"))
 
 
 def _check_wrap(wrap: Field, sources: dict[str, str]) -> None:

@@ -23,6 +23,7 @@ from kneejax.files._opensim_wraps import OsimWrap, depth_inside, wrap_document
 from kneejax.files._problem import InputProblem
 from kneejax.files._schema import Field
 from kneejax.geometry import COLUMNS
+from kneejax.mechanics import FAILURE_SOURCE, usual_failure_strain
 
 #: Rounding of the ligament law's corners, which OpenSim's law does not have: small enough for its
 #: forces, see `kneejax.mechanics.ligament_law.largest_tension_error`.
@@ -199,7 +200,8 @@ def _ligament(
     for field, value in ligament.numbers.items():
         entry[field] = shifted(value, METRES_TO_MM) if field in _TO_MM else float(value)
     entry["transition_width"] = TRANSITION_WIDTH
-    source = f"{file}, {ligament.element.tag} {ligament.key}"
+    entry["failure_strain"] = float(usual_failure_strain([ligament.key])[0])
+    source = f"{file}, {ligament.element.tag} {ligament.key}; failure_strain: {FAILURE_SOURCE}"
     if ligament.assumed:
         source += f"; OpenSim's default: {', '.join(ligament.assumed)}"
     return entry | {"source": source}

@@ -21,6 +21,11 @@ from kneejax.geometry import COLUMNS, CONVENTIONS, COORDINATES, FREE_COORDINATES
 PROCEDURES = ("I", "II", "III")
 #: How the search is done.
 METHODS = ("least_squares", "lbfgsb")
+#: What a balance may be at fault for, and a study may count as a failure.
+FAULTS = (
+    "outside_region", "overstretched", "way_flipped", "past_wrap", "wrap_inside", "unstable",
+    "dislocated",
+)  # fmt: skip
 #: Bounds of a quantity where a study gives none.
 DEFAULT_BOUNDS = {"stiffness": (300.0, 10000.0), "reference_strain": (-0.2, 0.2)}
 #: Weight of a squared error per mm^2 and per degree^2 where a study gives none.
@@ -91,6 +96,8 @@ class Study:
         method: `least_squares` or `lbfgsb`.
         flexion_deg: lower and upper limit of the measured poses to use, or None.
         overrides: name or wildcard -> value that stays fixed (`set` in the file).
+        failures: of `FAULTS`, those for which a pose counts for nothing and a command ends with
+            exit status 1; empty where the study leaves that to the package.
         path: the file.
     """
 
@@ -109,6 +116,7 @@ class Study:
     method: str
     flexion_deg: tuple[float, float] | None
     overrides: dict[str, float]
+    failures: tuple[str, ...]
     path: Path
 
 
@@ -136,7 +144,7 @@ def read_study(path: str | os.PathLike[str]) -> Study:
         ("title", "knee", "parameters"),
         (
             "measured", "synthetic", "start", "bounds", "weights", "procedures", "starts", "seed",
-            "frame_offset", "method", "flexion_deg", "set",
+            "frame_offset", "method", "flexion_deg", "set", "failures",
         ),
     )
     given = [name for name in ("measured", "synthetic") if name in study]
@@ -164,6 +172,9 @@ def read_study(path: str | os.PathLike[str]) -> Study:
         if "flexion_deg" in study
         else None,
         overrides=_values(study["set"]) if "set" in study else {},
+        failures=_distinct(study["failures"], lambda item: item.choice(FAULTS))
+        if "failures" in study
+        else (),
         path=Path(path),
     )
 

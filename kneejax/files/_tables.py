@@ -88,6 +88,7 @@ def write_poses(
     converged: Sequence[bool] | None = None,
     stable: Sequence[bool] | None = None,
     convention: str = FEMORAL,
+    doubts: Sequence[str] | None = None,
 ) -> None:
     """Write poses to a CSV table, completely or not at all.
 
@@ -99,6 +100,7 @@ def write_poses(
         stable: one a row.
         convention: what the six columns of the file shall mean. Any but the package's own is
             named in a further column `convention`.
+        doubts: what is wrong with each row, in words and numbers.
 
     Raises:
         InputProblem: the convention is unknown or the file cannot be written.
@@ -123,6 +125,9 @@ def write_poses(
     if status is not None:
         header.append("status")
         values.append([getattr(x, "word", x) for x in status])
+    if doubts is not None:
+        header.append("doubt")
+        values.append(doubts)
     if convention != FEMORAL:
         header.append("convention")
         values.append([convention] * len(table))

@@ -19,6 +19,7 @@ from kneejax.inference._claims_paper1 import Paper1Study as Paper1Study
 from kneejax.inference._claims_paper1 import paper1_claims as paper1_claims
 from kneejax.inference._claims_paper4 import paper4_claims as paper4_claims
 from kneejax.inference._claims_paper5 import paper5_claims as paper5_claims
+from kneejax.inference._condition import Condition as Condition
 from kneejax.inference._design import Design as Design
 from kneejax.inference._design import choose as choose
 from kneejax.inference._design import criterion_of as criterion_of
@@ -49,7 +50,6 @@ from kneejax.inference._many_fits import ManyFits as ManyFits
 from kneejax.inference._many_fits import MotionData as MotionData
 from kneejax.inference._many_fits import fit_many as fit_many
 from kneejax.inference._map import BlockStore as BlockStore
-from kneejax.inference._map import Condition as Condition
 from kneejax.inference._map import ParameterMap as ParameterMap
 from kneejax.inference._map import in_convention as in_convention
 from kneejax.inference._map import sensitivity_map as sensitivity_map

@@ -10,6 +10,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from kneejax.experiments import doubts, with_flips
 from kneejax.experiments import evaluate as evaluate_mechanics
 from kneejax.geometry import COLUMNS, FREE_COORDINATES
 from kneejax.inference._information import slack_poses
@@ -224,9 +225,10 @@ def _motion(problem: Problem, x: np.ndarray, found: Evaluation) -> Motion:
     table = np.column_stack([problem.measured[:, 0], np.asarray(found.table).T])
     return Motion(
         table,
-        np.asarray(found.settled.status),
+        with_flips(found.settled.status, mechanics),
         np.asarray(mechanics.tension),
         np.linalg.norm(np.asarray(mechanics.contact_force), axis=-1),
+        doubts(knee, mechanics),
     )
 
 

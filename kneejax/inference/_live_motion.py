@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from kneejax.geometry import COLUMNS
-from kneejax.inference._map import Condition, worst_condition
+from kneejax.inference._condition import Condition, worst_condition
 from kneejax.inference._parameters import UnknownParameter, UnsuitableData, select
 from kneejax.inference._physiological import unphysiological
 from kneejax.inference._problem import DEFAULT_WEIGHTS, Evaluation, Problem

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import enum
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
@@ -11,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from kneejax.geometry import FREE_COORDINATES, convert
+from kneejax.inference._condition import Condition, worst_condition
 from kneejax.inference._optional import imported
 from kneejax.inference._parameters import (
     QUANTITIES,
@@ -24,6 +24,7 @@ from kneejax.inference._physiological import unphysiological
 from kneejax.inference._problem import DEFAULT_WEIGHTS
 from kneejax.mechanics import Knee
 from kneejax.statics import (
+    FAILURES,
     Balances,
     Progress,
     Stations,
@@ -38,47 +39,6 @@ from kneejax.statics import (
 _BLOCK = 100_000
 #: Rows of a block at least, so that there are always lanes to fill.
 _FEWEST_ROWS = 16
-
-
-class Condition(enum.IntEnum):
-    """What became of the motion at a grid point: the worst over its poses.
-
-    Attributes:
-        sentence: what that means.
-    """
-
-    SOUND = 0, "balanced, stable and physiological at every pose"
-    OUTSIDE_REGION = 1, "balanced; the surfaces meet outside their fitted region at some pose"
-    UNPHYSIOLOGICAL = 2, "balanced, but farther from the knee's own motion than any knee moves"
-    UNSTABLE = 3, "forces balance, but a small push would move the knee away at some pose"
-    NO_BALANCE = 4, "no balance at some pose"
-
-    sentence: str
-
-    def __new__(cls, value: int, sentence: str) -> Condition:
-        member = int.__new__(cls, value)
-        member._value_ = value
-        member.sentence = sentence
-        return member
-
-    @property
-    def word(self) -> str:
-        """Name for tables."""
-        return self.name.lower()
-
-
-def worst_condition(status: np.ndarray, unphysiological: np.ndarray) -> np.ndarray:
-    """What became of motions: the worst `Condition` over the poses, the last axis of both."""
-    condition = np.zeros(np.shape(status)[:-1], np.int8)
-    worst = [
-        (status == Status.OUTSIDE_REGION, Condition.OUTSIDE_REGION),
-        (unphysiological, Condition.UNPHYSIOLOGICAL),
-        (status == Status.UNSTABLE, Condition.UNSTABLE),
-        (~converged(status), Condition.NO_BALANCE),
-    ]
-    for where, what in worst:
-        condition[where.any(axis=-1)] = what
-    return condition
 
 
 class BlockStore(Protocol):
@@ -198,6 +158,7 @@ def sensitivity_maps(
     convention: str = "femoral",
     store: BlockStore | None = None,
     progress: Progress | None = None,
+    failures: tuple[Status, ...] = FAILURES,
 ) -> tuple[ParameterMap, ...]:
     """Compute the objective over pairs of parameters, the others kept as the knee has them.
 
@@ -219,6 +180,7 @@ def sensitivity_maps(
             paper 1 takes those of the femur in the tibia.
         store: keeps finished blocks; what it has is not computed again.
         progress: called now and then with balances done and asked for.
+        failures: statuses of balances that count for nothing: such grid points are not drawn.
 
     Returns:
         One map a pair.
@@ -249,7 +211,7 @@ def sensitivity_maps(
         base[selection.names.index(name)] = value
     stations = Stations.at(flexion)
     study = _Study(
-        knee, selection, base, stations, back, measured, weights, offsets, convention
+        knee, selection, base, stations, back, measured, weights, offsets, convention, failures
     )
     study.check_own_motion()
     total = len(pairs) * grid[0] * grid[1] * len(flexion)
@@ -297,6 +259,7 @@ class _Study:
     weights: np.ndarray
     offsets: tuple[str, ...]
     convention: str
+    failures: tuple[Status, ...]
 
     def check_own_motion(self) -> None:
         """The knee's own motion says what counts and what is physiological; searches begin at the
@@ -370,7 +333,8 @@ class _Study:
     def _reduced(self, found: Balances) -> dict[str, np.ndarray]:
         """Of poses, what a map keeps: a few numbers a grid point."""
         table, status = found.table, found.status[..., np.unique(self.back[self.used])]
-        condition = worst_condition(status, unphysiological(table, self.own_table))
+        strange = unphysiological(table, self.own_table)
+        condition = worst_condition(status, strange, self.failures)
         lost = (~converged(found.status[..., self.back[self.used]])).sum(axis=-1)
         return {"partial": self._partial(table), "condition": condition, "lost": lost}
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import jax.numpy as jnp
 import numpy as np
@@ -14,7 +14,15 @@ from kneejax.inference._parameters import Selection, UnsuitableData, select
 from kneejax.inference._problem import DEFAULT_WEIGHTS
 from kneejax.inference._scales import looked_up, prior_scales, stated
 from kneejax.mechanics import Knee
-from kneejax.statics import Progress, Stations, balance_lines, balance_many, sound
+from kneejax.statics import (
+    FAILURES,
+    Progress,
+    Stations,
+    Status,
+    balance_lines,
+    balance_many,
+    fails,
+)
 
 #: Half a range where none is stated, in standard deviations of the prior: that of a uniform
 #: distribution is then the same.
@@ -82,6 +90,7 @@ def motion_indices(
     samples: int = 256,
     seed: int = 0,
     progress: Progress | None = None,
+    failures: Collection[Status] = FAILURES,
 ) -> MotionIndices:
     """Sobol or Morris indices of a motion and of how far it is from a measured one.
 
@@ -101,6 +110,7 @@ def motion_indices(
         samples: points of the Sobol sequence (a power of two), or trajectories of Morris.
         seed: of the sampling and of the bootstrap.
         progress: called now and then with balances done and asked for.
+        failures: statuses of balances that count for nothing.
 
     Returns:
         The `MotionIndices`.
@@ -123,7 +133,7 @@ def motion_indices(
     vary, start = selection.apply, jnp.asarray(base)
     # A line of one point: each station for itself.
     itself = balance_lines(knee, vary, start, base[None, None], Stations.at(flexion), np.zeros(1))
-    held = sound(itself.status[0, 0])
+    held = ~fails(itself.status[0, 0], failures)
     if not held.any():
         raise UnsuitableData("the knee itself is balanced and stable at no measured flexion")
     left_out, flexion = flexion[~held], flexion[held]
@@ -136,7 +146,7 @@ def motion_indices(
     def model(values: np.ndarray) -> np.ndarray:
         stations = Stations.at(flexion)
         found = balance_many(knee, vary, start, values, stations, progress=progress)
-        failed = np.any(~sound(found.status), axis=1)
+        failed = np.any(fails(found.status, failures), axis=1)
         error = found.table[:, row] - measured[:, 1:]
         error[..., free] -= error[..., free].mean(axis=1, keepdims=True)
         poses = np.swapaxes(found.table[:, at], 1, 2).reshape(len(values), -1)

@@ -26,6 +26,7 @@ QUANTITIES = {
     "slack_length": "mm",
     "transition_strain": "",
     "transition_width": "",
+    "failure_strain": "",
 } | {
     f"{end}_attachment.{axis}": "mm"
     for end in ("femoral", "tibial")
@@ -38,6 +39,7 @@ DEFAULT_BOUNDS = {
     "slack_length": (5.0, 200.0),
     "transition_strain": (0.005, 0.2),
     "transition_width": (1e-4, 0.02),
+    "failure_strain": (0.05, 0.5),
 }
 _AXES = ("anterior", "superior", "lateral")
 

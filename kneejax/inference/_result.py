@@ -44,12 +44,14 @@ class Motion:
         status: one `Status` value a row.
         ligament_forces: shape `(n, ligaments)`, N.
         contact_forces: shape `(n, contacts)`, N.
+        doubts: what is wrong with each row, in numbers (`kneejax.experiments.doubts`).
     """
 
     table: np.ndarray
     status: np.ndarray
     ligament_forces: np.ndarray
     contact_forces: np.ndarray
+    doubts: tuple[str, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)

@@ -8,6 +8,13 @@ from kneejax.mechanics._contact import FORMS as FORMS
 from kneejax.mechanics._contact import QUADRATURE as QUADRATURE
 from kneejax.mechanics._contact import Contact as Contact
 from kneejax.mechanics._courses import Course as Course
+from kneejax.mechanics._dislocation import LIMITS as LIMITS
+from kneejax.mechanics._dislocation import WIDEST_GAP_MM as WIDEST_GAP_MM
+from kneejax.mechanics._dislocation import dislocated as dislocated
+from kneejax.mechanics._dislocation import displacement as displacement
+from kneejax.mechanics._failure_strain import FAILURE_SOURCE as FAILURE_SOURCE
+from kneejax.mechanics._failure_strain import FibreFaults as FibreFaults
+from kneejax.mechanics._failure_strain import usual_failure_strain as usual_failure_strain
 from kneejax.mechanics._knee import Knee as Knee
 from kneejax.mechanics._knee import add_lane_axis as add_lane_axis
 from kneejax.mechanics._ligaments import Ligaments as Ligaments

@@ -15,6 +15,7 @@ from jax.typing import ArrayLike
 
 from kneejax.geometry import (
     Placement,
+    Plane,
     Surface,
     Vector,
     inside,
@@ -180,6 +181,12 @@ class Contact(eqx.Module):
         hit = self.femur_to_plateau(tibia).apply_inverse(sampled.hit)
         outside = (sampled.depth > 0) & ~self.femoral.knows(hit)
         return deep, jnp.any(outside, axis=0)
+
+    def passed_through(self, tibia: Placement) -> Array:
+        """Whether the femoral solid's own origin lies under the tibial surface, `(...)`."""
+        motion = self.femur_to_plateau(tibia)
+        under = self.tibial.level(motion.apply((0.0, 0.0, 0.0))) < 0
+        return under & (not isinstance(self.femoral, Plane))
 
     def patch_energy(self, gap: Gap) -> Array:
         """Energy of the layer if the patch were centred at a point with this gap, N mm."""

@@ -11,6 +11,7 @@ from jax import Array
 
 from kneejax.geometry import Placement, Pose
 from kneejax.mechanics._contact import Contact
+from kneejax.mechanics._failure_strain import FibreFaults
 from kneejax.mechanics._ligaments import Ligaments
 from kneejax.mechanics._loads import ConstantTensionLine, Load
 from kneejax.mechanics._patch_force import Pressed
@@ -62,7 +63,7 @@ class Knee(eqx.Module):
 
     def press(
         self, pose: Pose, meeting: tuple[Array, Array]
-    ) -> tuple[list[Wrench], Array, Pressed | None]:
+    ) -> tuple[list[Wrench], Array, Pressed | None, FibreFaults]:
         """What all parts but the loads do to the tibia, each patch centred at a given point.
 
         Balance is computed from it with the meeting points as further unknowns: no solve hides
@@ -75,14 +76,15 @@ class Knee(eqx.Module):
 
         Returns:
             Wrenches about the tibia's origin in femur axes, of which each may hold several parts
-            along its first axis; energy in N mm; and the patches, with a leading axis of length
-            `n`, or None if there are none.
+            along its first axis; energy in N mm; the patches, with a leading axis of length `n`,
+            or None if there are none; and what is wrong with any fibre.
         """
-        wrenches, energy = self.press_without_patches(pose)
+        wrenches, energy, fibres = self.press_without_patches(pose)
         if not self.patch_count:
-            return wrenches, energy, None
+            return wrenches, energy, None, fibres
         pressed = self.map_patches(Contact.press, pose.placement, meeting)
-        return [*wrenches, pressed.wrench], energy + jnp.sum(pressed.energy, axis=0), pressed
+        energy = energy + jnp.sum(pressed.energy, axis=0)
+        return [*wrenches, pressed.wrench], energy, pressed, fibres
 
     def for_many_poses(self) -> Knee:
         """The same knee with what does not depend on the pose computed once."""
@@ -134,10 +136,10 @@ class Knee(eqx.Module):
         """Number of contacts that have a patch, hence a meeting point."""
         return sum(contact.has_patch for contact in self.contacts)
 
-    def press_without_patches(self, pose: Pose) -> tuple[list[Wrench], Array]:
-        """As `press`, of all but the contacts that have a patch: wrenches and energy."""
+    def press_without_patches(self, pose: Pose) -> tuple[list[Wrench], Array, FibreFaults]:
+        """As `press`, of all but the contacts that have a patch: wrenches, energy, fibres."""
         tibia = pose.placement
-        wrenches, energy = self.ligaments.pull(tibia)
+        wrenches, energy, fibres = self.ligaments.pull(tibia)
         for line in self.lines:
             energy = energy + line.energy(pose.flexion, tibia)
             wrenches = [*wrenches, line.wrench(pose.flexion, tibia).alone()]
@@ -145,7 +147,7 @@ class Knee(eqx.Module):
             if not contact.has_patch:
                 of_contact, wrench = contact.press_points(tibia)
                 energy, wrenches = energy + of_contact, [*wrenches, wrench.alone()]
-        return wrenches, energy
+        return wrenches, energy, fibres
 
     def load_work(self, pose: Pose) -> Array:
         """Generalised force of the loads on the five free coordinates, shape `(5, ...)`."""

@@ -15,6 +15,7 @@ from jax.typing import ArrayLike
 from kneejax.geometry import Placement, TautPath, Vector, add, full, norm, scale, subtract
 from kneejax.mechanics import _ligament_law as law
 from kneejax.mechanics._courses import Course, Piece, by_kind
+from kneejax.mechanics._failure_strain import FibreFaults, usual_failure_strain
 from kneejax.mechanics._wrench import Wrench
 
 
@@ -49,6 +50,8 @@ class Ligaments(eqx.Module):
         slack_length: shape `(n, ...)`, mm.
         transition_strain: shape `(n, ...)`; the parabola ends there (`2 eps_l` of paper 1).
         transition_width: shape `(n, ...)`; rounding of the law's corners, in strain.
+        failure_strain: shape `(n, ...)`; beyond it a fibre would tear. No force depends on it. The
+            published value of each fibre's kind by default (`usual_failure_strain`).
         courses: of the fibres that have via points or an obstacle; the others are straight.
         names: one name a fibre.
 
@@ -64,6 +67,7 @@ class Ligaments(eqx.Module):
     slack_length: Array
     transition_strain: Array
     transition_width: Array
+    failure_strain: Array
     courses: tuple[Course, ...]
     names: tuple[str, ...] = eqx.field(static=True)
 
@@ -77,6 +81,7 @@ class Ligaments(eqx.Module):
         transition_width: ArrayLike,
         names: tuple[str, ...] | list[str],
         courses: tuple[Course, ...] | list[Course] = (),
+        failure_strain: ArrayLike | None = None,
     ):
         # No fibres at all come as empty lists.
         ends = [jnp.asarray(x, float) for x in (femoral_attachment, tibial_attachment)]
@@ -86,6 +91,10 @@ class Ligaments(eqx.Module):
         self.slack_length = jnp.asarray(slack_length, float)
         self.transition_strain = jnp.asarray(transition_strain, float)
         self.transition_width = jnp.asarray(transition_width, float)
+        if failure_strain is None:
+            lanes = (1,) * (self.stiffness.ndim - 1)
+            failure_strain = usual_failure_strain(names).reshape(-1, *lanes)
+        self.failure_strain = jnp.asarray(failure_strain, float)
         self.courses = tuple(courses)
         self.names = tuple(names)
 
@@ -114,7 +123,7 @@ class Ligaments(eqx.Module):
         if not self.courses:
             return norm(self.line(tibia))
         kinds = self.kinds
-        return self._joined(kinds, [length for length, _ in self._ways(kinds, tibia)])
+        return self._joined(kinds, [length for length, *_ in self._ways(kinds, tibia)])
 
     def strain(self, tibia: Placement) -> Array:
         """Strain of each fibre: length over slack length, minus one."""
@@ -135,24 +144,28 @@ class Ligaments(eqx.Module):
         """The wrenches of `pull`."""
         return self.pull(tibia)[0]
 
-    def pull(self, tibia: Placement) -> tuple[list[Wrench], Array]:
+    def pull(self, tibia: Placement) -> tuple[list[Wrench], Array, FibreFaults]:
         """What the fibres do to the tibia.
 
         Returns:
-            Wrenches about the tibia's origin in femur axes, and the energy of all fibres, N mm.
-            Each wrench holds several fibres along its first axis: kinds of courses are kept
-            apart, since only their sum is wanted where speed matters.
+            Wrenches about the tibia's origin in femur axes, the energy of all fibres, N mm, and
+            what is wrong with any of them. Each wrench holds several fibres along its first axis:
+            kinds of courses are kept apart, since only their sum is wanted where speed matters.
         """
         answer, energy = [], jnp.zeros(jnp.shape(tibia.translation[0]))
+        over = past = inside = jnp.zeros_like(energy, bool)
         kinds = self.kinds
-        for rows, (length, pulls) in zip(self._rows(kinds), self._ways(kinds, tibia), strict=True):
-            stiffness, slack_length, transition_strain, transition_width = (
+        for rows, (length, pulls, bent) in zip(
+            self._rows(kinds), self._ways(kinds, tibia), strict=True
+        ):
+            stiffness, slack_length, transition_strain, transition_width, failure_strain = (
                 self._of(rows, x)
                 for x in (
                     self.stiffness,
                     self.slack_length,
                     self.transition_strain,
                     self.transition_width,
+                    self.failure_strain,
                 )
             )
             strain = length / slack_length - 1.0
@@ -163,7 +176,11 @@ class Ligaments(eqx.Module):
             )
             each = law.energy(strain, stiffness, transition_strain, transition_width, slack_length)
             energy = energy + jnp.sum(each, axis=0)
-        return answer, energy
+            over = over | jnp.any(strain > failure_strain, axis=0)
+            for path in bent:
+                past = past | jnp.any(path.beyond_ends, axis=0)
+                inside = inside | jnp.any(path.inside, axis=0)
+        return answer, energy, FibreFaults(over, past, inside)
 
     def energy(self, tibia: Placement) -> Array:
         """Energy of all fibres together, shape `(...)`, N mm."""
@@ -222,18 +239,20 @@ class Ligaments(eqx.Module):
 
     def _ways(
         self, kinds: tuple[Course, ...], tibia: Placement
-    ) -> list[tuple[Array, list[Wrench]]]:
-        """Of straight fibres and each kind of course: lengths, and wrenches of unit tensions."""
+    ) -> list[tuple[Array, list[Wrench], list[TautPath]]]:
+        """Of straight fibres and each kind of course: lengths, wrenches of unit tensions, and ways
+        around obstacles."""
         ways = []
         if self.straight:
             arm, line = _arm_and_line(*self._ends(self.straight), tibia)
             length = norm(line)
             unit = scale(-1.0 / jnp.where(length > 0, length, 1.0), line)
-            ways.append((length, [Wrench.at(arm, unit)]))
+            ways.append((length, [Wrench.at(arm, unit)], []))
         for course in kinds:
             pieces = self._pieces(course, tibia)
             length = functools.reduce(operator.add, (piece.length for piece in pieces))
-            ways.append((length, [piece.pull for piece in pieces]))
+            bent = [piece.taut for piece in pieces if piece.taut is not None]
+            ways.append((length, [piece.pull for piece in pieces], bent))
         return ways
 
 

@@ -88,5 +88,6 @@ from kneejax.report._style import Coordinate as Coordinate
 from kneejax.report._surface_figure import surface_fit_figure as surface_fit_figure
 from kneejax.report._sweep_figure import sweep_figure as sweep_figure
 from kneejax.report._text import calibration_summary as calibration_summary
+from kneejax.report._verdict import fails as fails
 from kneejax.report._verdict import verdict as verdict
 from kneejax.report._verdict import warnings as warnings

@@ -36,8 +36,11 @@ _DENSE = 40
 _COLUMN = {name: i for i, name in enumerate(COORDINATES)}
 #: Outcomes that are marked at the bottom edge: legend entry and marker.
 _MARKS = (
-    ("not balanced", (Status.NOT_CONVERGED, Status.TOO_DEEP), "x"),
+    ("no balance", tuple(s for s in Status if not s.converged), "x"),
+    ("dislocated", (Status.DISLOCATED,), "D"),
     ("unstable", (Status.UNSTABLE,), "+"),
+    ("a fibre's way is wrong", (Status.WAY_FLIPPED, Status.PAST_WRAP, Status.WRAP_INSIDE), "v"),
+    ("a fibre overstretched", (Status.OVERSTRETCHED,), "^"),
     ("outside fitted surfaces", (Status.OUTSIDE_REGION,), "|"),
 )
 

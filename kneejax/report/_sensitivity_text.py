@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 #: Narrow names of the coordinates, in the order of `SHOWN`.
 _HEADS = ("lateral", "anterior", "superior", "adduction", "int.rot.")
 _PER = {"prior": "standard deviation of a parameter's prior", "percent": "per cent of a parameter"}
+_OF_FIBRES = (Status.OVERSTRETCHED, Status.WAY_FLIPPED, Status.PAST_WRAP, Status.WRAP_INSIDE)
 _MOST_ROWS = 24
 
 
@@ -103,18 +104,19 @@ def _sweep_lines(sweeps: Sweeps) -> list[str]:
     if not at_fault:
         return ["", f"Sweeps: {parameters}, {poses} poses, all of them sound"]
     lines = _wrapped(f"Sweeps: {parameters}, {poses} poses; poses at fault:")
-    head = ["parameter", "sound over", "outside", "unphysiol.", "unstable", "no balance"]
+    head = ["parameter", "sound over", "outside", "fibres", "unphysiol.", "unstable", "no balance"]
     rows = [head]
     for one in at_fault[:_MOST_ROWS]:
         counts = [
             int((one.status == Status.OUTSIDE_REGION).sum()),
-            int(one.unphysiological.sum()),
+            int(np.isin(one.status, _OF_FIBRES).sum()),
+            int((one.unphysiological | (one.status == Status.DISLOCATED)).sum()),
             int((one.status == Status.UNSTABLE).sum()),
             int((~converged(one.status)).sum()),
         ]
         rows.append([one.name, _sound_range(one), *(str(count or "-") for count in counts)])
     if len(at_fault) > _MOST_ROWS:
-        rows.append([f"({len(at_fault) - _MOST_ROWS} more in sweeps.csv)", *[""] * 5])
+        rows.append([f"({len(at_fault) - _MOST_ROWS} more in sweeps.csv)", *[""] * 6])
     return ["", *lines, *_aligned(rows, (0, 1))]
 
 

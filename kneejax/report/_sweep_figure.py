@@ -34,10 +34,14 @@ _LOWEST, _HIGHEST = 0.0, 0.9
 #: Poses that are not drawn as if they were fine: legend entry, dashes of the line, marker.
 _DOUBTFUL = {
     "outside fitted surfaces": ((0, (3, 1.2)), ""),
+    "a fibre torn or its way wrong": ((0, (5, 1.2)), "^"),
     "unphysiological": ((0, (1, 1)), "v"),
     "unstable": ((0, (1, 1)), "+"),
 }
 _NOWHERE = "no balance"
+_OF_FIBRES = (
+    Status.OVERSTRETCHED, Status.WAY_FLIPPED, Status.PAST_WRAP, Status.WRAP_INSIDE,
+)  # fmt: skip
 
 
 @styled
@@ -101,10 +105,12 @@ def _faults(sweep: Sweep) -> dict[str, np.ndarray]:
     """Legend entry -> poses, the worst that applies to each."""
     nowhere = ~converged(sweep.status)
     unstable = sweep.status == Status.UNSTABLE
-    strange = sweep.unphysiological & ~unstable
+    strange = (sweep.unphysiological | (sweep.status == Status.DISLOCATED)) & ~unstable & ~nowhere
     outside = (sweep.status == Status.OUTSIDE_REGION) & ~strange
+    of_fibres = np.isin(sweep.status, _OF_FIBRES) & ~strange
     return {
         "outside fitted surfaces": outside,
+        "a fibre torn or its way wrong": of_fibres,
         "unphysiological": strange,
         "unstable": unstable,
         _NOWHERE: nowhere,

@@ -96,21 +96,25 @@ def row_status(motion: Motion) -> np.ndarray:
     return np.where(lost & converged(status), int(Status.NOT_CONVERGED), status)
 
 
-def _pose_doubts(motion: Motion, flexion: np.ndarray) -> list[str]:
+def _pose_doubts(
+    motion: Motion, flexion: np.ndarray, accepted: tuple[Status, ...] = ()
+) -> list[str]:
     status = row_status(motion)
     sentences = []
-    for outcome in sorted(set(status.tolist()) - {0}, reverse=True):
+    for outcome in sorted(set(status.tolist()) - {Status.BALANCED, *accepted}, reverse=True):
         rows = np.flatnonzero(status == outcome)
         where = listed([f"{flexion[row]:g}" for row in rows], 8)
         word = Status(outcome).word.replace("_", " ")
+        told = [i for i in rows if i < len(motion.doubts) and motion.doubts[i]]
+        detail = f" At {flexion[told[0]]:g} deg: {motion.doubts[told[0]]}." if told else ""
         sentences.append(
             f"{len(rows)} of {len(status)} poses {word} (flexion {where} deg): "
-            f"{Status(outcome).sentence}."
+            f"{Status(outcome).sentence}.{detail}"
         )
     return sentences
 
 
-def _doubts(fit: Fit, flexion: np.ndarray) -> list[str]:
+def _doubts(fit: Fit, flexion: np.ndarray, accepted: tuple[Status, ...] = ()) -> list[str]:
     sentences = []
     if not fit.success:
         sentences.append(f"search not converged: {fit.message}")
@@ -132,14 +136,15 @@ def _doubts(fit: Fit, flexion: np.ndarray) -> list[str]:
             why = "its standard error is missing or wider than half its bounds"
         verb = "are" if len(names) > 1 else "is"
         sentences.append(f"{listed(names, 40)} {verb} not determined by the data: {why}.")
-    return sentences + _pose_doubts(fit.motion, flexion)
+    return sentences + _pose_doubts(fit.motion, flexion, accepted)
 
 
-def warnings(calibration: Calibration) -> list[str]:
+def warnings(calibration: Calibration, accepted: tuple[Status, ...] = ()) -> list[str]:
     """Everything to doubt: searches, bounds, undetermined parameters and poses.
 
     Args:
         calibration: what to judge.
+        accepted: statuses of poses that are no doubt here.
 
     Returns:
         Sentences, those on the answer first; empty if nothing is doubtful.
@@ -147,7 +152,7 @@ def warnings(calibration: Calibration) -> list[str]:
     flexion = np.asarray(calibration.measured, float)[:, 0]
     found: dict[str, list[str]] = {}
     for fit in calibration.fits:
-        for sentence in _doubts(fit, flexion):
+        for sentence in _doubts(fit, flexion, accepted):
             found.setdefault(sentence, []).append(fit.procedure)
     several = len(calibration.fits) > 1
     sentences = []
@@ -155,7 +160,9 @@ def warnings(calibration: Calibration) -> list[str]:
         plural = "s" if len(procedures) > 1 else ""
         who = f"Procedure{plural} {', '.join(procedures)}: " if several else ""
         sentences.append(who + sentence)
-    sentences += [f"Start: {sentence}" for sentence in _pose_doubts(calibration.start, flexion)]
+    sentences += [
+        f"Start: {sentence}" for sentence in _pose_doubts(calibration.start, flexion, accepted)
+    ]
     return sentences
 
 
@@ -169,6 +176,16 @@ def answer_warnings(calibration: Calibration) -> list[str]:
         Sentences; empty if nothing is doubtful.
     """
     return warnings(dataclasses.replace(calibration, fits=calibration.fits[:1]))
+
+
+def fails(calibration: Calibration) -> bool:
+    """Whether the answer is doubtful enough for exit status 1.
+
+    A study that names its `failures` accepts poses with any other status, as long as they balance.
+    """
+    named = calibration.settings.get("failures") or ()
+    accepted = tuple(s for s in Status if s.converged and s.word not in named) if named else ()
+    return bool(warnings(dataclasses.replace(calibration, fits=calibration.fits[:1]), accepted))
 
 
 def verdict(calibration: Calibration) -> str:

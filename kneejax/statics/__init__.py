@@ -15,6 +15,8 @@ from kneejax.statics._compiled import (
     share_memory_between_threads as share_memory_between_threads,
 )
 from kneejax.statics._compiled import use_shared_fusion as use_shared_fusion
+from kneejax.statics._faults import ContactFaults as ContactFaults
+from kneejax.statics._faults import Faults as Faults
 from kneejax.statics._newton import EnergyNewton as EnergyNewton
 from kneejax.statics._newton import Guess as Guess
 from kneejax.statics._settle import Settled as Settled
@@ -27,8 +29,11 @@ from kneejax.statics._settle import with_meeting as with_meeting
 from kneejax.statics._slopes import Slopes as Slopes
 from kneejax.statics._slopes import balance_with_slopes as balance_with_slopes
 from kneejax.statics._stations import Stations as Stations
+from kneejax.statics._status import FAILURES as FAILURES
 from kneejax.statics._status import Status as Status
 from kneejax.statics._status import converged as converged
+from kneejax.statics._status import fails as fails
+from kneejax.statics._status import failures_of as failures_of
 from kneejax.statics._status import sound as sound
 from kneejax.statics._variants import Vary as Vary
 from kneejax.statics._variants import in_lanes as in_lanes

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 from jax import Array, lax
 
 from kneejax.geometry import Pose, Vector
-from kneejax.mechanics import Contact, Knee, Pressed, Wrench, generalised_force
+from kneejax.mechanics import Contact, FibreFaults, Knee, Pressed, Wrench, generalised_force
 
 
 class Forces(eqx.Module):
@@ -32,6 +32,8 @@ class Forces(eqx.Module):
         depth: there, `(n, lanes)`, mm.
         point: the meeting points in the tibial surfaces' frames, each component `(n, lanes)`, mm.
         meeting: their parameters after one Newton step towards the smallest gap, two `(n, lanes)`.
+        flat: whether no elliptical patch fits there, `(n, lanes)`.
+        fibres: what is wrong with any fibre.
     """
 
     energy: Array
@@ -41,6 +43,8 @@ class Forces(eqx.Module):
     depth: Array
     point: Vector
     meeting: tuple[Array, Array]
+    flat: Array
+    fibres: FibreFaults
 
 
 class Balance(eqx.Module):
@@ -80,9 +84,9 @@ def rows_of_force(
 ) -> tuple[tuple[Array, ...], Forces]:
     """As `force`, the residual in five rows of lanes."""
     pose = Pose.from_state(flexion, q)
-    wrenches, energy, pressed = knee.press(pose, meeting)
+    wrenches, energy, pressed, fibres = knee.press(pose, meeting)
     rows = _unbalanced(knee, pose, Wrench.total(wrenches))
-    return rows, _forces(knee, pose, energy, pressed)
+    return rows, _forces(knee, pose, energy, pressed, fibres)
 
 
 def balance(
@@ -194,12 +198,16 @@ def _unbalanced(knee: Knee, pose: Pose, wrench: Wrench) -> tuple[Array, ...]:
     return tuple(-w - load for w, load in zip(work, knee.load_work(pose), strict=True))
 
 
-def _forces(knee: Knee, pose: Pose, energy: Array, pressed: Pressed | None) -> Forces:
+def _forces(
+    knee: Knee, pose: Pose, energy: Array, pressed: Pressed | None, fibres: FibreFaults
+) -> Forces:
     load = knee.load_work(pose)
     if pressed is None:
         none = jnp.zeros((0, *jnp.shape(pose.adduction)))
-        return Forces(energy, load, ((none, none),) * 5, none, none, (none,) * 3, (none, none))
+        drift, point, pair = ((none, none),) * 5, (none,) * 3, (none, none)
+        return Forces(energy, load, drift, none, none, point, pair, none > 0, fibres)
     gap = pressed.gap
     moved = (generalised_force(pose, pose.placement, w) for w in pressed.slope_wrenches)
     drift = tuple(gap.newton(a, b) for a, b in zip(*moved, strict=True))
-    return Forces(energy, load, drift, pressed.miss, gap.depth, gap.point, pressed.renewed)
+    met = pressed.miss, gap.depth, gap.point, pressed.renewed, gap.flat
+    return Forces(energy, load, drift, *met, fibres)

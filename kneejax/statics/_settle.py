@@ -20,7 +20,7 @@ from jax.custom_derivatives import SymbolicZero
 from jax.typing import ArrayLike
 
 from kneejax.geometry import Pose, instantiate
-from kneejax.mechanics import Contact, Knee
+from kneejax.mechanics import Contact, Knee, displacement
 from kneejax.statics._balance import (
     balance,
     force_derivative,
@@ -28,6 +28,7 @@ from kneejax.statics._balance import (
 )
 from kneejax.statics._compiled import compiled
 from kneejax.statics._elimination import solve, symmetric
+from kneejax.statics._faults import ContactFaults, Faults
 from kneejax.statics._newton import (
     UNITS,
     EnergyNewton,
@@ -310,21 +311,31 @@ def described(knee: Knee, flexion: Array, found: Guess, here: SearchState):
 def _status(
     knee: Knee, flexion: Array, here: SearchState, pivots: Array, meeting: Array
 ) -> Array:
-    status = jnp.where(jnp.all(pivots > 0, axis=0), Status.BALANCED, Status.UNSTABLE)
-    patches = [contact for contact in knee.contacts if contact.has_patch]
-    for row, contact in enumerate(patches):
-        depth = here.forces.depth[row]
-        point = jax.tree.map(lambda x, row=row: x[row], here.forces.point)
-        unknown = (depth > 0) & ~contact.knows(point, meeting[row])
-        status = jnp.where(unknown & (status == Status.BALANCED), Status.OUTSIDE_REGION, status)
-        status = jnp.where(depth >= contact.layer_thickness, Status.TOO_DEEP, status)
-    tibia = Pose.from_state(flexion, here.guess.q).placement
+    stable = jnp.where(jnp.all(pivots > 0, axis=0), int(Status.BALANCED), int(Status.UNSTABLE))
+    worst = jnp.maximum(stable, _faults(knee, flexion, here, meeting).status)
+    return jnp.where(here.done, worst, int(Status.NOT_CONVERGED)).astype(int)
+
+
+def _faults(knee: Knee, flexion: Array, here: SearchState, meeting: Array) -> Faults:
+    """What is wrong with the poses, from what their search has computed already."""
+    pose, forces = Pose.from_state(flexion, here.guess.q), here.forces
+    tibia, found, row = pose.placement, [], 0
     for contact in knee.contacts:
-        if not contact.has_patch:
-            deep, outside = contact.faults(tibia, contact.sample(tibia))
-            status = jnp.where(outside & (status == Status.BALANCED), Status.OUTSIDE_REGION, status)
-            status = jnp.where(deep, Status.TOO_DEEP, status)
-    return jnp.where(here.done, status, Status.NOT_CONVERGED).astype(int)
+        if contact.has_patch:
+            depth = forces.depth[row]
+            point = jax.tree.map(lambda x, row=row: x[row], forces.point)
+            touches, known = depth > 0, contact.knows(point, meeting[row])
+            outside, deep = touches & ~known, depth >= contact.layer_thickness
+            # Off the fitted surfaces a shape says nothing, and that has been said.
+            flat = touches & known & forces.flat[row]
+            row += 1
+        else:
+            sampled = contact.sample(tibia)
+            deep, outside = contact.faults(tibia, sampled)
+            depth, flat = jnp.max(sampled.depth, axis=0), jnp.zeros_like(deep)
+        through = contact.passed_through(tibia)
+        found.append(ContactFaults(depth, outside, deep, flat, through))
+    return Faults.of(found, forces.fibres, displacement(knee, pose))
 
 
 @jax.custom_jvp

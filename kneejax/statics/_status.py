@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import enum
+from collections.abc import Collection
+
+import numpy as np
 
 
 class Status(enum.IntEnum):
@@ -139,3 +142,25 @@ def sound(status):
         Truth values of the same shape.
     """
     return status < Status.UNSTABLE
+
+
+#: What makes a pose count for nothing unless a study says otherwise.
+FAILURES = (Status.UNSTABLE, Status.DISLOCATED)
+
+
+def fails(status: np.ndarray, failures: Collection[Status] = FAILURES) -> np.ndarray:
+    """Where a pose counts for nothing: no balance, or one with a status that is no option.
+
+    Args:
+        status: `Status` values.
+        failures: those that count as failures, of balances.
+
+    Returns:
+        Truth values of the same shape.
+    """
+    return ~converged(np.asarray(status)) | np.isin(status, [int(one) for one in failures])
+
+
+def failures_of(words: Collection[str]) -> tuple[Status, ...]:
+    """The statuses that a study names as failures; the usual ones where it names none."""
+    return tuple(Status[word.upper()] for word in words) or FAILURES

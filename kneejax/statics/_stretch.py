@@ -244,7 +244,8 @@ def walk_stretch(
         stride = ahead - memory.when[0]
         reach = jnp.where(loading, _LOADED_MM, jnp.maximum(1.0, nodes.reach[there] * stride))
         far = memory.begun & (jnp.max(jnp.abs(change), axis=0) > reach)
-        astray = far | (loading & (status == Status.UNSTABLE))
+        stable = jnp.all(rest["pivots"] > 0, axis=0)
+        astray = far | (loading & ~stable)
         status = jnp.where(astray & converged(status), Status.NOT_CONVERGED, status)
         good = ended & converged(status)
         finest = jnp.where(loading, _FINEST_LOADED, _FINEST)

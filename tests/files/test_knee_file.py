@@ -219,6 +219,9 @@ CONDYLE, PLATEAU = [*MEDIAL, "femoral_surface"], [*MEDIAL, "tibial_surface"]
         ([*ACL, "reference_strain"], 3.0, "percent"),
         ([*ACL, "transition_strain"], 0.0, "above 0"),
         ([*ACL, "transition_width"], 0.0, "above 0"),
+        ([*ACL, "failure_strain"], 0.0, "above 0"),
+        ([*ACL, "failure_strain"], 15.0, "percent"),
+        ([*ACL, "failure_strian"], 0.15, "did you mean failure_strain?"),
         ([*ACL, "femoral_attachment_mm"], [1.0, 2.0], "3 numbers"),
         ([*ACL, "femoral_attachment_mm"], [1.0, 2.0, "x"], "femoral_attachment_mm[2]"),
         ([*ACL, "femoral_attachment_mm"], [900.0, 2.0, 0.0], "between 1 and 300 mm"),
@@ -364,3 +367,15 @@ def test_a_problem_is_one_line_and_can_be_pickled():
     assert str(problem).startswith("k.yaml: a.b: x y")
     assert len(str(problem)) < 160 and "\n" not in str(problem)
     assert str(pickle.loads(pickle.dumps(problem))) == str(problem)
+
+
+def test_a_failure_strain_is_kept_and_has_a_published_default(tmp_path, knee_document):
+    document = copy.deepcopy(knee_document)
+    document["ligaments"]["ACL"]["failure_strain"] = 0.21
+    write_knee(document, tmp_path / "knee.yaml")
+    read = read_knee(tmp_path / "knee.yaml")
+    assert read.document["ligaments"]["ACL"]["failure_strain"] == 0.21
+    strains = dict(zip(read.knee.ligaments.names, read.knee.ligaments.failure_strain, strict=True))
+    usual = {"PCL": 0.18, "MCL": 0.17}
+    assert strains["ACL"] == 0.21
+    assert {name: float(strains[name]) for name in usual if name in strains} == usual

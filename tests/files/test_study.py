@@ -11,7 +11,9 @@ from kneejax.files import (
     read_study,
     write_poses,
 )
+from kneejax.files._study import FAULTS
 from kneejax.geometry import COORDINATES
+from kneejax.statics import Status
 
 TABLE = np.array([[x, 1.0, -2.0, 3.0, -20.0, 2.0] for x in (0.0, 30.0, 60.0, 90.0)])
 
@@ -180,3 +182,13 @@ def test_measurements_carry_title_and_source(folder, monkeypatch):
     assert bundled_measurements()["walker"].source == "a paper"
     found = read(folder, study(measured={"file": "walker", "source": "a paper"}))
     np.testing.assert_array_equal(read_measured(found), TABLE)
+
+
+def test_a_study_may_choose_what_counts_as_a_failure(folder):
+    assert read(folder, study()).failures == ()
+    chosen = read(folder, study(failures=["dislocated", "overstretched"]))
+    assert chosen.failures == ("dislocated", "overstretched")
+    line = refusal(folder, study(failures=["dislocatd"]))
+    assert "failures" in line and "dislocated" in line
+    # Those are the faults that a balance can have.
+    assert FAULTS == tuple(s.word for s in Status if s.converged and s is not Status.BALANCED)

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 import kneejax.geometry as geo
-from kneejax.experiments import Way, evaluate, ways_of
+from kneejax.experiments import Way, doubts, evaluate, status_of, ways_of, with_flips
 from kneejax.mechanics import Course, Knee, Ligaments, Wrench, add_lane_axis
 from kneejax.mechanics._wrench import wrench_of
+from kneejax.statics import Status
 
 FEMORAL = [[-2.0, 30.0, 1.0], [3.0, 28.0, -2.0], [0.0, 33.0, 0.0]]
 TIBIAL = [[4.0, -31.0, 2.0], [-3.0, -30.0, 1.0], [1.0, -29.0, -3.0]]
@@ -199,12 +200,16 @@ def test_turning_femur_tibia_and_obstacle_together_changes_no_length():
 MOST_SHIFTS = 6
 
 
-def swept(course, shifts):
-    """A fibre whose tibia moves past an obstacle, from front to back."""
-    knee = Knee(
+def swept_knee(course):
+    return Knee(
         Ligaments([[0, 40, 0]], [[0, -40, 0]], [500.0], [75.0], [0.06], [1e-3], ["a"], [course]),
         (), (), (), geo.Pose.from_table(np.zeros(6)), (),
     )  # fmt: skip
+
+
+def swept(course, shifts):
+    """A fibre whose tibia moves past an obstacle, from front to back."""
+    knee = swept_knee(course)
     # Always as many poses: one program for each kind of course.
     table = np.zeros((MOST_SHIFTS, 6))
     table[:, 3] = np.resize(shifts, MOST_SHIFTS)
@@ -232,7 +237,27 @@ def test_an_end_inside_its_obstacle_and_a_cylinder_too_short_are_reported():
     assert ways_of(swept(inside, [0.0]))[0, 0] == Way.INSIDE
     short = Course((0,), obstacle=geo.WrapCylinder(5.0, 2.0, geo.Frame([1.0, 0.0, 30.0])))
     assert ways_of(swept(short, [0.0]))[0, 0] == Way.BEYOND_ENDS
-    assert Way.INSIDE.doubtful and not Way.WRAPPED.doubtful
+
+
+def test_a_pose_takes_the_status_of_its_worst_fibre():
+    reach = [40.0, 8.0, 0.2, -8.0, -40.0, -80.0]
+    course = Course((0,), obstacle=geo.WrapSphere(12.0), obstacle_bone="femur")
+    found, knee = swept(course, reach), swept_knee(course)
+    each = np.asarray(status_of(found, knee))
+    # 75 mm of slack length: all of them are strained, the last ones by more than 0.15.
+    torn = [Status.OVERSTRETCHED if e > 0.15 else Status.BALANCED for e in found.strain[:, 0]]
+    assert {*torn} == {Status.OVERSTRETCHED, Status.BALANCED} and each.tolist()[2:4] == torn[2:4]
+    flipped = with_flips(each, found)
+    assert flipped[3] == Status.WAY_FLIPPED and (np.delete(flipped, 3) == np.delete(each, 3)).all()
+    said = doubts(knee, found)
+    assert "a flipped to the other side" in said[3] and "fails at 0.15" in said[-1]
+    for obstacle, expected in (
+        (geo.WrapSphere(12.0, geo.Frame([0.0, -40.0, 0.0])), "wrap_inside"),
+        (geo.WrapCylinder(5.0, 2.0, geo.Frame([1.0, 0.0, 30.0])), "past_wrap"),
+    ):
+        course = Course((0,), obstacle=obstacle)
+        alone = status_of(swept(course, [0.0]), swept_knee(course))
+        assert Status(int(alone[0])).word == expected
 
 
 def test_courses_name_each_fibre_once():

@@ -28,7 +28,7 @@ def energies(knee, pose):
     parts = parts + sum(line.energy(pose.flexion, tibia) for line in knee.lines)
     parts = parts + sum(c.patch_energy(gap) for c, gap in zip(patches, gaps, strict=True))
     parts = parts + sum(c.energy(tibia) for c in knee.contacts if not c.has_patch)
-    _, at_meeting, pressed = knee.press(pose, (meeting[:, 0], meeting[:, 1]))
+    _, at_meeting, pressed, _ = knee.press(pose, (meeting[:, 0], meeting[:, 1]))
     depths = jnp.stack([gap.depth for gap in gaps])
     return knee.energy(pose), at_meeting, pressed.gap, parts, depths
 

@@ -1,0 +1,50 @@
+"""What a command says of poses that are not simply balanced."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from kneejax.statics import Status
+
+_MOST_DETAILS = 3
+
+
+def say_status(
+    status: np.ndarray, places: Sequence[str], unit: str, doubts: Sequence[str], *, given: bool
+) -> bool:
+    """Print each outcome with its poses, its next step and what is wrong in numbers.
+
+    Args:
+        status: `Status` values, one a pose.
+        places: what each pose is called, e.g. its flexion.
+        unit: of those, e.g. `degrees`.
+        doubts: a text a pose, see `kneejax.experiments.doubts`.
+        given: whether nobody balanced the poses.
+
+    Returns:
+        Whether there was anything but balanced poses.
+    """
+    status = np.asarray(status)
+    for word in sorted({Status(s) for s in status[status != Status.BALANCED]}):
+        rows = np.flatnonzero(status == word)
+        print(f"{_listed(places, rows, unit)}: {word.remark if given else word.sentence}")
+        _details(rows, places, doubts)
+    told = [i for i in np.flatnonzero(status == Status.BALANCED) if doubts[i]]
+    _details(np.array(told, int), places, doubts)
+    return bool((status != Status.BALANCED).any())
+
+
+def _listed(places: Sequence[str], rows: np.ndarray, unit: str) -> str:
+    words = [places[i] for i in rows]
+    if len(words) > 12:
+        words = [*words[:10], f"... {words[-1]} ({len(words)} poses)"]
+    return f"{', '.join(words)} {unit}"
+
+
+def _details(rows: np.ndarray, places: Sequence[str], doubts: Sequence[str]) -> None:
+    """The first, the last and a middle one of the poses that have something to tell."""
+    told = [i for i in rows if doubts[i]]
+    for i in sorted({told[0], told[len(told) // 2], told[-1]} if told else ())[:_MOST_DETAILS]:
+        print(f"  at {places[i]}: {doubts[i]}")

@@ -1,0 +1,121 @@
+"""What is wrong with poses, in numbers: which part, by how much, against which limit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import jax
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kneejax.experiments._evaluate import Mechanics
+from kneejax.experiments._ways import flipped, near_flip
+from kneejax.geometry import COLUMNS
+from kneejax.mechanics import LIMITS, WIDEST_GAP_MM, Knee
+from kneejax.statics import Status
+
+# All compartments farther apart than this: something pulls the bones apart, mm.
+_APART_MM = 0.5
+# Fibres that are named; the others are counted.
+_MOST_NAMED = 3
+
+
+def with_flips(status: ArrayLike, found: Mechanics) -> np.ndarray:
+    """Status of poses that follow each other: a fibre is compared with the pose before.
+
+    Args:
+        status: of each pose by itself, `(poses,)`.
+        found: their mechanics.
+
+    Returns:
+        `Status` values, `way_flipped` where that is the worst.
+    """
+    status = np.asarray(status)
+    jumps = flipped(found).any(axis=1) & (status < Status.WAY_FLIPPED)
+    return np.where(jumps, int(Status.WAY_FLIPPED), status)
+
+
+def doubts(knee: Knee, found: Mechanics, also: Sequence[str] | None = None) -> tuple[str, ...]:
+    """Say for each pose what is wrong with it, or worth knowing, in numbers.
+
+    Args:
+        knee: with which the poses were evaluated.
+        found: their mechanics.
+        also: what else is known of each pose, e.g. how far a search was from a balance.
+
+    Returns:
+        A text a pose; empty where there is nothing to say. Several doubts are parted by `; `.
+    """
+    found, flips = jax.tree.map(np.asarray, found), flipped(found)
+    also = [""] * len(flips) if also is None else also
+    return tuple(
+        "; ".join([*_of_pose(knee, found, row, flips[row]), *filter(None, [more])])
+        for row, more in enumerate(also)
+    )
+
+
+def _of_pose(knee: Knee, found: Mechanics, row: int, flips: np.ndarray):
+    # A pose that is NaN has no parts to speak of.
+    if np.isfinite(found.displacement[row]).all():
+        yield from _of_contacts(knee, found, row)
+        yield from _of_place(found, row)
+        yield from _of_fibres(knee, found, row, flips)
+
+
+def _of_contacts(knee: Knee, found: Mechanics, row: int):
+    depth = found.max_depth[row]
+    for k, name in enumerate(knee.contact_names):
+        if found.through_bone[row, k]:
+            yield f"the {name} condyle has passed through its plateau"
+        elif found.no_patch[row, k]:
+            yield f"{name} surfaces too flat for an elliptical patch"
+        elif found.too_deep[row, k]:
+            yield f"{name} overlap of {depth[k]:.1f} mm, the whole layer"
+        if depth[k] < -WIDEST_GAP_MM:
+            yield f"{name} compartment open by {-depth[k]:.1f} mm (at most {WIDEST_GAP_MM:g})"
+        if not found.known[row, k]:
+            yield f"{name} contact{_beyond(found, row, k)}"
+    if len(depth) and (depth < -_APART_MM).all() and (depth >= -WIDEST_GAP_MM).all():
+        gaps = ", ".join(
+            f"{name} {-d:.1f} mm" for name, d in zip(knee.contact_names, depth, strict=True)
+        )
+        yield f"compartments apart: {gaps}"
+
+
+def _beyond(found: Mechanics, row: int, k: int) -> str:
+    far, share = float(found.beyond_mm[row, k]), float(found.beyond_share[row, k])
+    if not np.isfinite([far, share]).all():
+        return " off the fitted surfaces"
+    return f" {far:.2g} mm off the fitted surfaces with {100 * share:.2g} % of its force"
+
+
+def _of_place(found: Mechanics, row: int):
+    for value, column in zip(found.displacement[row], COLUMNS[1:], strict=True):
+        name, unit = column.rsplit("_", 1)
+        if abs(value) > LIMITS[name]:
+            words = name.replace("_", " ")
+            yield f"{words} {value:.1f} {unit} from the reference pose (at most {LIMITS[name]:g})"
+
+
+def _of_fibres(knee: Knee, found: Mechanics, row: int, flips: np.ndarray):
+    names, strain = knee.ligaments.names, found.strain[row]
+    fails = np.asarray(knee.ligaments.failure_strain)
+    for where, words in (
+        (found.wrap_inside[row], "ends inside the obstacle"),
+        (found.wrap_beyond[row], "touches its cylinder beyond its length"),
+        (flips, "flipped to the other side of the obstacle"),
+        (near_flip(found)[row] & ~flips, "may flip: both ways around are nearly as long"),
+    ):
+        rows = np.flatnonzero(where)
+        if len(rows):
+            yield f"{_listed([names[j] for j in rows])} {words}"
+    torn = np.flatnonzero(strain > fails)
+    if len(torn):
+        worst = sorted(torn, key=lambda j: strain[j] / fails[j], reverse=True)
+        words = [f"{names[j]} strained by {strain[j]:.3f} (fails at {fails[j]:g})" for j in worst]
+        yield _listed(words)
+
+
+def _listed(words: list[str]) -> str:
+    more = len(words) - _MOST_NAMED
+    return ", ".join(words[:_MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
