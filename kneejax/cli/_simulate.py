@@ -3,37 +3,50 @@
 from __future__ import annotations
 
 import argparse
+import json
 
-import equinox as eqx
 import numpy as np
 
+from kneejax.cli._displacement import (
+    displacement,
+    displacement_lines,
+    displacement_table,
+    loaded,
+    pose_lines,
+)
 from kneejax.cli._evaluate import say_ways
+from kneejax.cli._given import knee_with, read_loads, read_pairs
 from kneejax.experiments import evaluate, passive_flexion, ways_of
-from kneejax.files import InputProblem, load_knee, parse_flexion, write_poses, write_rows
-from kneejax.inference import with_values
-from kneejax.mechanics import Knee, Load
+from kneejax.files import (
+    FEMORAL,
+    load_knee,
+    parse_flexion,
+    write_poses,
+    write_rows,
+    write_text,
+)
+from kneejax.geometry import convert_table
+from kneejax.inference import versions
+from kneejax.mechanics import GROOD_SUNTAY, Knee, load_words
 from kneejax.statics import Status
-
-_FORCES = ("anterior", "superior", "lateral")
-_MOMENTS = ("adduction", "internal_rotation")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Simulate, print a table, write poses.csv, forces.csv and a figure."""
+    """Simulate, print a table, write poses.csv, forces.csv, settings.json and a figure."""
     flexion = parse_flexion(arguments.flexion)
-    knee = with_values(load_knee(arguments.knee), _pairs("--set", arguments.values))
-    knee = _with_loads(knee, _pairs("--load", arguments.load))
+    values, loads = read_pairs("--set", arguments.values), read_loads(arguments.load)
+    bare = knee_with(load_knee(arguments.knee), values, "--set")
+    knee = loaded(bare, loads)
     motion = passive_flexion(knee, flexion)
     mechanics = evaluate(knee, motion.pose, motion.settled.meeting)
     table, status = np.array(motion.to_table()), np.asarray(motion.status)
     table[:, 0] = flexion
+    shown = convert_table(table, FEMORAL, arguments.convention)
     tension = np.asarray(mechanics.tension)
     contact = np.linalg.norm(np.asarray(mechanics.contact_force), axis=-1)
 
-    print("flexion  adduction  int.rot.  anterior  superior  lateral  status")
-    for row, s in zip(table, status, strict=True):
-        numbers = f"{row[0]:7.1f}  {row[1]:9.2f}  {row[2]:8.2f}  {row[3]:8.2f}  {row[4]:8.2f}"
-        print(f"{numbers}  {row[5]:7.2f}  {Status(s).word}")
+    print(f"{knee.name}, {load_words(loads)}")
+    print("\n".join(pose_lines(shown, status, arguments.convention)))
     words = [Status(s) for s in status]
     write_poses(
         arguments.out / "poses.csv",
@@ -49,14 +62,38 @@ def run(arguments: argparse.Namespace) -> int:
         for name, values in _forces(knee, mechanics, i)
     ]
     write_rows(arguments.out / "forces.csv", ["flexion_deg", "part", "force_N"], rows)
-    _figure(arguments.out, flexion, table, status, knee, tension, contact)
+    files = ["poses.csv", "forces.csv", "settings.json"]
+    _record(arguments, knee, values, loads)
+    if loads:
+        without = passive_flexion(loaded(bare, dict.fromkeys(loads, 0.0)), flexion)
+        moved = displacement(motion, without)
+        write_rows(arguments.out / "displacement.csv", *displacement_table(flexion, moved))
+        files.append("displacement.csv")
+        print("\n".join(displacement_lines(flexion, moved)))
+    _figure(arguments.out, flexion, shown, status, knee, tension, contact)
     bad = sorted({w for w in words if w is not Status.BALANCED})
     for word in bad:
         where = ", ".join(f"{f:g}" for f, w in zip(flexion, words, strict=True) if w is word)
         print(f"{where} degrees: {word.sentence}")
     doubtful = say_ways(knee, ways_of(mechanics))
-    print(f"written: {arguments.out}/poses.csv, forces.csv, figures/simulation.png and .svg")
+    print(f"written: {arguments.out}/{', '.join(files)}, figures/simulation.png and .svg")
     return 1 if bad or doubtful else 0
+
+
+def _record(arguments, knee: Knee, values: dict[str, float], loads: dict[str, float]) -> None:
+    """Everything needed to run it again."""
+    document = {
+        "experiment": arguments.experiment,
+        "knee": arguments.knee,
+        "side": knee.side,
+        "flexion": arguments.flexion,
+        "set": values,
+        "load": loads,
+        "load_axes": GROOD_SUNTAY,
+        "convention": arguments.convention,
+        "versions": versions(),
+    }
+    write_text(arguments.out / "settings.json", json.dumps(document, indent=1) + "\n")
 
 
 def _forces(knee: Knee, mechanics, i: int):
@@ -74,31 +111,3 @@ def _figure(out, flexion, table, status, knee, tension, contact) -> None:
     )
     (out / "figures").mkdir(parents=True, exist_ok=True)
     save_figure(figure, out / "figures", "simulation")
-
-
-def _pairs(option: str, words: list[str]) -> dict[str, float]:
-    pairs = {}
-    for word in words:
-        name, found, value = word.partition("=")
-        try:
-            number = float(value)
-        except ValueError:
-            number = float("nan")
-        if not found or not np.isfinite(number):
-            raise InputProblem(option, name, value, "NAME=NUMBER with a finite number")
-        pairs[name] = number
-    return pairs
-
-
-def _with_loads(knee: Knee, loads: dict[str, float]) -> Knee:
-    known = (*_FORCES, *_MOMENTS)
-    for name in loads:
-        if name not in known:
-            raise InputProblem("--load", "direction", name, f"one of {', '.join(known)}", known)
-    if not loads:
-        return knee
-    force = Load([loads.get(name, 0.0) for name in _FORCES], axes="femur", name="force")
-    # Moments about the tibia's anterior (adduction) and long (internal rotation) axes.
-    turn = [loads.get("adduction", 0.0), loads.get("internal_rotation", 0.0), 0.0]
-    moment = Load(moment=turn, axes="tibia", name="moment")
-    return eqx.tree_at(lambda k: k.loads, knee, (*knee.loads, force, moment))
