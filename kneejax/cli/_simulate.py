@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
         write_rows(arguments.out / "displacement.csv", *displacement_table(flexion, moved))
         files.append("displacement.csv")
         print("\n".join(displacement_lines(flexion, moved)))
-    _figure(arguments.out, flexion, shown, status, knee, tension, contact)
+    _figure(arguments, flexion, shown, status, knee, tension, contact)
     bad = sorted({w for w in words if w is not Status.BALANCED})
     for word in bad:
         where = ", ".join(f"{f:g}" for f, w in zip(flexion, words, strict=True) if w is word)
@@ -103,11 +103,19 @@ def _forces(knee: Knee, mechanics, i: int):
         yield name, [float(np.linalg.norm(np.asarray(mechanics.contact_force)[i, j]))]
 
 
-def _figure(out, flexion, table, status, knee, tension, contact) -> None:
+def _figure(arguments, flexion, table, status, knee, tension, contact) -> None:
     from kneejax.report import save_figure, simulation_figure
 
     figure = simulation_figure(
-        flexion, table, status, knee.ligaments.names, tension, knee.contact_names, contact
+        flexion,
+        table,
+        status,
+        knee.ligaments.names,
+        tension,
+        knee.contact_names,
+        contact,
+        convention=arguments.convention,
     )
-    (out / "figures").mkdir(parents=True, exist_ok=True)
-    save_figure(figure, out / "figures", "simulation")
+    folder = arguments.out / "figures"
+    folder.mkdir(parents=True, exist_ok=True)
+    save_figure(figure, folder, "simulation")

@@ -5,6 +5,8 @@ import jax
 import numpy as np
 import pytest
 import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from kneejax.files import (
     InputProblem,
@@ -18,7 +20,7 @@ from kneejax.files import (
     write_knee,
 )
 from kneejax.geometry import Pose
-from kneejax.mechanics import ligament_law
+from kneejax.mechanics import AXES, RANGES, ligament_law
 
 WRAP = {
     "kind": "sphere", "bone": "tibia", "center_mm": [0, 0, 0], "radius_mm": 9.0,
@@ -158,9 +160,10 @@ def test_left_twin_gives_the_same_knee(tmp_path, as_file, knee_document):
         np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12)
 
 
-def test_mirror_is_a_reflection_of_space(tmp_path, knee_document):
+@pytest.mark.parametrize("axes", AXES)
+def test_mirror_is_a_reflection_of_space(tmp_path, knee_document, axes):
     """Build the left twin as if it were right: lengths, surfaces and wrenches are mirrored."""
-    document = knee_document
+    document = changed(knee_document, ["loads", "weight", "axes"], axes)
     twin = mirror_document(document) | {"side": "right"}
     pose = Pose.from_table([40.0, 3.0, -7.0, 2.0, -25.0, 4.0])
     mirrored_pose = Pose.from_table([40.0, -3.0, 7.0, 2.0, -25.0, -4.0])
@@ -372,3 +375,22 @@ def test_a_problem_is_one_line_and_can_be_pickled():
     assert str(problem).startswith("k.yaml: a.b: x y")
     assert len(str(problem)) < 160 and "\n" not in str(problem)
     assert str(pickle.loads(pickle.dumps(problem))) == str(problem)
+
+
+@settings(
+    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(
+    field=st.sampled_from(["stiffness_N", "reference_strain", "transition_strain"]),
+    value=st.floats(allow_nan=False, allow_infinity=False),
+)
+def test_a_number_in_a_file_is_refused_if_and_only_if_no_knee_has_it(
+    tmp_path, knee_document, field, value
+):
+    document = changed(copy.deepcopy(knee_document), [*ACL, field], value)
+    path = write(tmp_path / "k.yaml", document)
+    if RANGES[field].holds(value):
+        read_knee(path)
+    else:
+        line = refusal(path)
+        assert f"ligaments.ACL.{field}: " in line and str(RANGES[field]) in line
