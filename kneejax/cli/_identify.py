@@ -24,7 +24,7 @@ from kneejax.inference import (
     imported,
     versions,
 )
-from kneejax.mechanics import RANGES, load_words
+from kneejax.mechanics import RANGES, Range, load_words
 
 #: Nothing is measured without noise.
 _NOISE = {
@@ -43,6 +43,8 @@ def run(arguments: argparse.Namespace) -> int:
         noise = getattr(arguments, quantity)
         if noise is not None:
             check_within(f"--{quantity.replace('_', '-')}", quantity, [noise], _NOISE[quantity])
+    for name, most in (("chains", 1000), ("draws", 1_000_000)):
+        check_within(f"--{name}", name, [getattr(arguments, name)], Range(1, most))
     if arguments.posterior:
         # Better known before the work than after it.
         for module, package in (("blackjax", "BlackJAX"), ("arviz", "ArviZ")):

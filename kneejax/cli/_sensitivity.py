@@ -36,7 +36,7 @@ from kneejax.statics import Status
 
 #: Values of a sweep where no count is given, and samples of a method.
 _VALUES, _SAMPLES = 31, {"sobol": 256, "morris": 64}
-_MOST_VALUES = 1000  # of a sweep
+_MOST_VALUES, _MOST_SAMPLES = 1000, 1_000_000  # of a sweep, of a method
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -48,6 +48,9 @@ def run(arguments: argparse.Namespace) -> int:
     swept = {name: _values(name, text) for name, text in _pairs("--sweep", arguments.sweep)}
     priors = {name: _width(name, text) for name, text in _pairs("--prior", arguments.prior)}
     ranges = {name: _interval(name, text) for name, text in _pairs("--range", arguments.ranges)}
+    if arguments.samples is not None and arguments.samples > _MOST_SAMPLES:
+        expected = f"at most {_MOST_SAMPLES:,}"
+        raise InputProblem("--samples", "samples", str(arguments.samples), expected)
     _check_used(arguments)
     if arguments.indices:
         # Better known before the work than after it.
