@@ -9,10 +9,10 @@ from pathlib import Path
 import jax
 import numpy as np
 
+from kneejax.cli._given import knee_with
 from kneejax.experiments import passive_flexion
 from kneejax.files import Calibrated, counted, load_knee, read_calibrated
 from kneejax.geometry import COORDINATES
-from kneejax.inference import with_values
 from kneejax.mechanics import Knee
 from kneejax.statics import Status
 
@@ -67,7 +67,7 @@ def read_contact_knee(name: str) -> ContactKnee:
     if not read.values:
         return ContactKnee(knee, knee.name, read.frame_offset)
     return ContactKnee(
-        with_values(knee, read.values), f"{knee.name} calibrated", read.frame_offset
+        knee_with(knee, read.values, name), f"{knee.name} calibrated", read.frame_offset
     )
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 import time
 from pathlib import Path
 
 import numpy as np
 
+from kneejax.cli._given import check_within
 from kneejax.cli._study_problem import StudyProblem, study_and_knee, with_measurement
 from kneejax.files import InputProblem, read_candidates, write_rows, write_text
 from kneejax.geometry import COLUMNS, FREE_COORDINATES
@@ -20,9 +22,14 @@ from kneejax.inference import (
     design_tests,
     identify,
     imported,
-    load_words,
     versions,
 )
+from kneejax.mechanics import RANGES, Range, load_words
+
+#: Nothing is measured without noise.
+_NOISE = {
+    name: dataclasses.replace(RANGES[name], or_zero=False) for name in ("noise_mm", "noise_deg")
+}
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -32,6 +39,12 @@ def run(arguments: argparse.Namespace) -> int:
     begun = time.perf_counter()
     if arguments.next_tests < 1:
         raise InputProblem("--next-tests", "tests", str(arguments.next_tests), "one or more")
+    for quantity in ("noise_mm", "noise_deg"):
+        noise = getattr(arguments, quantity)
+        if noise is not None:
+            check_within(f"--{quantity.replace('_', '-')}", quantity, [noise], _NOISE[quantity])
+    for name, most in (("chains", 1000), ("draws", 1_000_000)):
+        check_within(f"--{name}", name, [getattr(arguments, name)], Range(1, most))
     if arguments.posterior:
         # Better known before the work than after it.
         for module, package in (("blackjax", "BlackJAX"), ("arviz", "ArviZ")):
@@ -79,12 +92,7 @@ def _candidates(path: Path | None) -> list[Candidate] | None:
     if path is None:
         return None
     return [
-        Candidate(
-            row.name or load_words(row.force_N, row.moment_Nmm),
-            row.flexion_deg,
-            row.force_N,
-            row.moment_Nmm,
-        )
+        Candidate(row.name or load_words(row.loads), row.flexion_deg, **row.loads)
         for row in read_candidates(path)
     ]
 

@@ -60,6 +60,7 @@ def main(arguments: list[str] | None = None) -> int:
     _prepare_jax()
     from kneejax.files import InputProblem
     from kneejax.inference import UnknownParameter, UnsuitableData
+    from kneejax.mechanics import Implausible
 
     # Of a command that is cut short: files may be missing, a mere answer was read as far as wanted.
     status = DOUBTFUL if hasattr(chosen, "out") else DONE
@@ -68,7 +69,7 @@ def main(arguments: list[str] | None = None) -> int:
         status = chosen.run(chosen)
         sys.stdout.flush()
         return status
-    except (InputProblem, UnknownParameter, UnsuitableData) as problem:
+    except (InputProblem, UnknownParameter, UnsuitableData, Implausible) as problem:
         print(f"kneejax: {' '.join(str(problem).split())}", file=sys.stderr)
         return BAD_INPUT
     except BrokenPipeError:
@@ -130,9 +131,9 @@ def _build_parser() -> argparse.ArgumentParser:
         "--load",
         action="append",
         default=[],
-        metavar="DIRECTION=N",
-        help="force on the tibia's origin in femur axes (anterior, superior, lateral; N), or "
-        "moment about tibial axes (adduction, internal_rotation; N mm)",
+        metavar="NAME=SIZE",
+        help="on the tibia, along the axes of Grood and Suntay: lateral_N, anterior_N, "
+        "compression_N (at the tibia's origin), varus_Nm, internal_Nm; e.g. anterior_N=134",
     )
     simulate.add_argument("--out", type=Path, default=Path("kneejax-passive-flexion"))
     _add_convention(simulate)

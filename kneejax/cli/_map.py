@@ -10,6 +10,7 @@ import json
 import jax
 import numpy as np
 
+from kneejax.cli._given import check_parameter
 from kneejax.cli._progress import balances_on_terminal
 from kneejax.cli._study_problem import StudyProblem, study_and_knee, with_measurement
 from kneejax.files import (
@@ -33,6 +34,7 @@ from kneejax.mechanics import Knee
 from kneejax.statics import failures_of
 
 _PACKAGES = ("xarray", "h5netcdf", "h5py")
+_MOST_POINTS = 2000  # a side of a map
 _COLUMNS = (
     "x", "y", "x_minimum", "y_minimum", "objective_minimum", "x_start", "y_start",
     "objective_start", *(condition.word for condition in Condition),
@@ -87,8 +89,9 @@ def _grid(text: str) -> tuple[int, int]:
         sides = [int(word) for word in words]
     except ValueError:
         sides = []
-    if len(sides) not in (1, 2) or min(sides) < 2:
-        raise InputProblem("--grid", "points", text, "two or more points a side, as in 41 or 41x61")
+    if len(sides) not in (1, 2) or min(sides) < 2 or max(sides) > _MOST_POINTS:
+        expected = f"2 to {_MOST_POINTS} points a side, as in 41 or 41x61"
+        raise InputProblem("--grid", "points", text, expected)
     return sides[0], sides[-1]
 
 
@@ -100,6 +103,7 @@ def _range(word: str) -> tuple[str, tuple[float, float]]:
         raise InputProblem("--range", "range", word, "NAME=LOW:HIGH") from None
     if not (np.isfinite([low, high]).all() and low < high):
         raise InputProblem("--range", name, limits, "LOW:HIGH with the lower bound first")
+    check_parameter("--range", name, (low, high))
     return name, (low, high)
 
 

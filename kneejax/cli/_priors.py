@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from kneejax.cli._given import check_parameter, check_width
 from kneejax.files import InputProblem
 from kneejax.inference import Selection, select
 from kneejax.mechanics import Knee
@@ -61,6 +62,9 @@ def _read(word: str) -> tuple[str, tuple[float, float]]:
         raise InputProblem(
             _OPTION, name, sd, "a standard deviation above zero, or inf for none at all"
         )
+    check_parameter(_OPTION, name, [centre])
+    if math.isfinite(width):
+        check_width(_OPTION, name, width)
     return name, (centre, width)
 
 

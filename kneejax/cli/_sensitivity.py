@@ -11,6 +11,7 @@ import time
 
 import numpy as np
 
+from kneejax.cli._given import check_parameter, check_width
 from kneejax.cli._progress import balances_on_terminal
 from kneejax.cli._study_problem import (
     StudyProblem,
@@ -35,6 +36,7 @@ from kneejax.statics import Status, failures_of
 
 #: Values of a sweep where no count is given, and samples of a method.
 _VALUES, _SAMPLES = 31, {"sobol": 256, "morris": 64}
+_MOST_VALUES, _MOST_SAMPLES = 1000, 1_000_000  # of a sweep, of a method
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -44,9 +46,11 @@ def run(arguments: argparse.Namespace) -> int:
 
         return _sensitivity_knees.run(arguments)
     swept = {name: _values(name, text) for name, text in _pairs("--sweep", arguments.sweep)}
-    priors = {name: _numbers("--prior", name, text, "SD", (1,))[0]
-              for name, text in _pairs("--prior", arguments.prior)}  # fmt: skip
+    priors = {name: _width(name, text) for name, text in _pairs("--prior", arguments.prior)}
     ranges = {name: _interval(name, text) for name, text in _pairs("--range", arguments.ranges)}
+    if arguments.samples is not None and arguments.samples > _MOST_SAMPLES:
+        expected = f"at most {_MOST_SAMPLES:,}"
+        raise InputProblem("--samples", "samples", str(arguments.samples), expected)
     _check_used(arguments)
     if arguments.indices:
         # Better known before the work than after it.
@@ -280,10 +284,17 @@ def _numbers(option: str, name: str, text: str, form: str, counts: tuple[int, ..
     return numbers
 
 
+def _width(name: str, text: str) -> float:
+    (width,) = _numbers("--prior", name, text, "SD", (1,))
+    check_width("--prior", name, width)
+    return width
+
+
 def _interval(name: str, text: str) -> tuple[float, float]:
     low, high = _numbers("--range", name, text, "LOW:HIGH", (2,))
     if not low < high:
         raise InputProblem("--range", name, text, "LOW:HIGH, the lower end first")
+    check_parameter("--range", name, (low, high))
     return low, high
 
 
@@ -294,6 +305,8 @@ def _values(name: str, text: str) -> np.ndarray | None:
     low, high, *count = _numbers("--sweep", name, text, "LOW:HIGH:COUNT", (2, 3))
     if not low < high:
         raise InputProblem("--sweep", name, text, "LOW:HIGH:COUNT, the lower end first")
-    if count and not (count[0] >= 2 and count[0] == int(count[0])):
-        raise InputProblem("--sweep", name, text, "LOW:HIGH:COUNT with a whole count of at least 2")
+    check_parameter("--sweep", name, (low, high))
+    if count and not (2 <= count[0] <= _MOST_VALUES and count[0] == int(count[0])):
+        expected = f"LOW:HIGH:COUNT with a whole count from 2 to {_MOST_VALUES}"
+        raise InputProblem("--sweep", name, text, expected)
     return np.linspace(low, high, int(count[0]) if count else _VALUES)

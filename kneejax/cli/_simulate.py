@@ -3,38 +3,49 @@
 from __future__ import annotations
 
 import argparse
+import json
 
-import equinox as eqx
 import numpy as np
 
+from kneejax.cli._displacement import (
+    displacement,
+    displacement_lines,
+    displacement_table,
+    pose_lines,
+)
+from kneejax.cli._given import knee_with, read_loads, read_pairs
 from kneejax.cli._say_status import say_status
-from kneejax.experiments import doubts, evaluate, passive_flexion, with_flips
-from kneejax.files import InputProblem, load_knee, parse_flexion, write_poses, write_rows
-from kneejax.inference import with_values
-from kneejax.mechanics import Knee, Load
+from kneejax.experiments import doubts, evaluate, of_search, passive_flexion, with_flips
+from kneejax.files import (
+    FEMORAL,
+    load_knee,
+    parse_flexion,
+    write_poses,
+    write_rows,
+    write_text,
+)
+from kneejax.geometry import convert_table
+from kneejax.inference import versions
+from kneejax.mechanics import GROOD_SUNTAY, Knee, load_of, load_words
 from kneejax.statics import Status
-
-_FORCES = ("anterior", "superior", "lateral")
-_MOMENTS = ("adduction", "internal_rotation")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Simulate, print a table, write poses.csv, forces.csv and a figure."""
+    """Simulate, print a table, write poses.csv, forces.csv, settings.json and a figure."""
     flexion = parse_flexion(arguments.flexion)
-    knee = with_values(load_knee(arguments.knee), _pairs("--set", arguments.values))
-    knee = _with_loads(knee, _pairs("--load", arguments.load))
-    motion = passive_flexion(knee, flexion)
+    values, loads = read_pairs("--set", arguments.values), read_loads(arguments.load)
+    knee = knee_with(load_knee(arguments.knee), values, "--set")
+    motion = passive_flexion(knee, flexion, [load_of(**loads)] if loads else [])
     mechanics = evaluate(knee, motion.pose, motion.settled.meeting)
     table, status = np.array(motion.to_table()), with_flips(motion.status, mechanics)
-    said = doubts(knee, mechanics)
+    said = doubts(knee, mechanics, of_search(motion, loads))
     table[:, 0] = flexion
+    shown = convert_table(table, FEMORAL, arguments.convention)
     tension = np.asarray(mechanics.tension)
     contact = np.linalg.norm(np.asarray(mechanics.contact_force), axis=-1)
 
-    print("flexion  adduction  int.rot.  anterior  superior  lateral  status")
-    for row, s in zip(table, status, strict=True):
-        numbers = f"{row[0]:7.1f}  {row[1]:9.2f}  {row[2]:8.2f}  {row[3]:8.2f}  {row[4]:8.2f}"
-        print(f"{numbers}  {row[5]:7.2f}  {Status(s).word}")
+    print(f"{knee.name}, {load_words(loads)}")
+    print("\n".join(pose_lines(shown, status, arguments.convention)))
     words = [Status(s) for s in status]
     write_poses(
         arguments.out / "poses.csv",
@@ -51,11 +62,33 @@ def run(arguments: argparse.Namespace) -> int:
         for name, values in _forces(knee, mechanics, i)
     ]
     write_rows(arguments.out / "forces.csv", ["flexion_deg", "part", "force_N"], rows)
-    _figure(arguments.out, flexion, table, status, knee, tension, contact)
-    angles = [f"{angle:g}" for angle in flexion]
-    doubtful = say_status(status, angles, "degrees", said, given=False)
-    print(f"written: {arguments.out}/poses.csv, forces.csv, figures/simulation.png and .svg")
+    files = ["poses.csv", "forces.csv", "settings.json"]
+    _record(arguments, knee, values, loads)
+    if loads:
+        moved = displacement(motion, passive_flexion(knee, flexion))
+        write_rows(arguments.out / "displacement.csv", *displacement_table(flexion, moved))
+        files.append("displacement.csv")
+        print("\n".join(displacement_lines(flexion, moved)))
+    _figure(arguments, flexion, shown, status, knee, tension, contact)
+    doubtful = say_status(status, [f"{x:g}" for x in flexion], "degrees", said, given=False)
+    print(f"written: {arguments.out}/{', '.join(files)}, figures/simulation.png and .svg")
     return int(doubtful)
+
+
+def _record(arguments, knee: Knee, values: dict[str, float], loads: dict[str, float]) -> None:
+    """Everything needed to run it again."""
+    document = {
+        "experiment": arguments.experiment,
+        "knee": arguments.knee,
+        "side": knee.side,
+        "flexion": arguments.flexion,
+        "set": values,
+        "load": loads,
+        "load_axes": GROOD_SUNTAY,
+        "convention": arguments.convention,
+        "versions": versions(),
+    }
+    write_text(arguments.out / "settings.json", json.dumps(document, indent=1) + "\n")
 
 
 def _forces(knee: Knee, mechanics, i: int):
@@ -65,39 +98,19 @@ def _forces(knee: Knee, mechanics, i: int):
         yield name, [float(np.linalg.norm(np.asarray(mechanics.contact_force)[i, j]))]
 
 
-def _figure(out, flexion, table, status, knee, tension, contact) -> None:
+def _figure(arguments, flexion, table, status, knee, tension, contact) -> None:
     from kneejax.report import save_figure, simulation_figure
 
     figure = simulation_figure(
-        flexion, table, status, knee.ligaments.names, tension, knee.contact_names, contact
+        flexion,
+        table,
+        status,
+        knee.ligaments.names,
+        tension,
+        knee.contact_names,
+        contact,
+        convention=arguments.convention,
     )
-    (out / "figures").mkdir(parents=True, exist_ok=True)
-    save_figure(figure, out / "figures", "simulation")
-
-
-def _pairs(option: str, words: list[str]) -> dict[str, float]:
-    pairs = {}
-    for word in words:
-        name, found, value = word.partition("=")
-        try:
-            number = float(value)
-        except ValueError:
-            number = float("nan")
-        if not found or not np.isfinite(number):
-            raise InputProblem(option, name, value, "NAME=NUMBER with a finite number")
-        pairs[name] = number
-    return pairs
-
-
-def _with_loads(knee: Knee, loads: dict[str, float]) -> Knee:
-    known = (*_FORCES, *_MOMENTS)
-    for name in loads:
-        if name not in known:
-            raise InputProblem("--load", "direction", name, f"one of {', '.join(known)}", known)
-    if not loads:
-        return knee
-    force = Load([loads.get(name, 0.0) for name in _FORCES], axes="femur", name="force")
-    # Moments about the tibia's anterior (adduction) and long (internal rotation) axes.
-    turn = [loads.get("adduction", 0.0), loads.get("internal_rotation", 0.0), 0.0]
-    moment = Load(moment=turn, axes="tibia", name="moment")
-    return eqx.tree_at(lambda k: k.loads, knee, (*knee.loads, force, moment))
+    folder = arguments.out / "figures"
+    folder.mkdir(parents=True, exist_ok=True)
+    save_figure(figure, folder, "simulation")

@@ -7,8 +7,9 @@ import json
 
 import numpy as np
 
+from kneejax.cli._given import knee_with
 from kneejax.files import Study, load_knee, read_measured, read_study, study_path
-from kneejax.inference import synthetic_motion, with_values
+from kneejax.inference import synthetic_motion
 from kneejax.mechanics import Knee
 
 
@@ -43,7 +44,7 @@ def study_and_knee(name: str) -> tuple[Study, Knee]:
         UnknownParameter: the study fixes a parameter that its knee does not have.
     """
     study = read_study(study_path(name))
-    return study, with_values(load_knee(study.knee), study.overrides)
+    return study, knee_with(load_knee(study.knee), study.overrides, study.path)
 
 
 def with_measurement(study: Study, knee: Knee, *, calibrated: bool) -> StudyProblem:
@@ -76,7 +77,7 @@ def with_measurement(study: Study, knee: Knee, *, calibrated: bool) -> StudyProb
         )
     else:
         measured = read_measured(study)
-    return StudyProblem(study, with_values(knee, study.start), measured, truth)
+    return StudyProblem(study, knee_with(knee, study.start, study.path), measured, truth)
 
 
 def study_settings(study: Study) -> dict:

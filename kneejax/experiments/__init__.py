@@ -1,6 +1,7 @@
 """Experiments on a knee: each is a few lines over statics."""
 
 from kneejax.experiments._doubts import doubts as doubts
+from kneejax.experiments._doubts import of_search as of_search
 from kneejax.experiments._doubts import with_flips as with_flips
 from kneejax.experiments._evaluate import Mechanics as Mechanics
 from kneejax.experiments._evaluate import evaluate as evaluate

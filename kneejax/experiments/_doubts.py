@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import jax
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kneejax.experiments._evaluate import Mechanics
+from kneejax.experiments._passive import PassiveFlexion
 from kneejax.experiments._ways import flipped, near_flip
 from kneejax.geometry import COLUMNS
-from kneejax.mechanics import LIMITS, WIDEST_GAP_MM, Knee
-from kneejax.statics import Status
+from kneejax.mechanics import LIMITS, WIDEST_GAP_MM, Knee, load_words
+from kneejax.statics import Status, converged
 
 # All compartments farther apart than this: something pulls the bones apart, mm.
 _APART_MM = 0.5
@@ -52,6 +53,33 @@ def doubts(knee: Knee, found: Mechanics, also: Sequence[str] | None = None) -> t
         "; ".join([*_of_pose(knee, found, row, flips[row]), *filter(None, [more])])
         for row, more in enumerate(also)
     )
+
+
+def of_search(motion: PassiveFlexion, loads: Mapping[str, float] | None = None) -> tuple[str, ...]:
+    """Say for each pose without a balance how far the knee held, and how far the search was.
+
+    Args:
+        motion: as it was found.
+        loads: those that acted, by the names of `kneejax.mechanics.NAMED_LOADS`.
+
+    Returns:
+        A text a pose, empty where a balance was found; for `doubts`.
+    """
+    numbers = [np.asarray(x) for x in (motion.reached, motion.left_mm, motion.residual_force)]
+    status = np.asarray(motion.status)
+    return tuple(
+        "" if converged(s) else _of_lost(s, *row, loads or {})
+        for s, *row in zip(status, *numbers, strict=True)
+    )
+
+
+def _of_lost(status: int, reached: float, left_mm: float, left_N: float, loads) -> str:
+    if status == Status.GIVES_WAY:
+        held = load_words({name: float(f"{reached * size:.3g}") for name, size in loads.items()})
+        return f"held {held or f'{reached:.3g} of the load'}, and nothing beyond"
+    if np.isfinite([left_mm, left_N]).all():
+        return f"the search stopped {left_mm:.2g} mm and {left_N:.2g} N from a balance"
+    return ""
 
 
 def _of_pose(knee: Knee, found: Mechanics, row: int, flips: np.ndarray):

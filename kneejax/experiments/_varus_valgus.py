@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from kneejax.mechanics import Knee, Load
+from kneejax.mechanics import Knee, load_of
 from kneejax.statics import Balances, Stations, Status, balance_many
 
 #: N; of the mean mass, 66.2 kg, of paper 4's four subjects (its Table 1).
@@ -24,10 +24,8 @@ _JUMP = 10.0
 class VarusValgusRamp:
     """Axial load in steps, then a moment in steps while that load stays.
 
-    The axial load is half a body weight on the tibia's origin, along the tibia's long axis and
-    turning with it; it presses the tibia against the femur. The moment turns about the floating
-    axis of Grood and Suntay, which is perpendicular to the femur's transverse and the tibia's long
-    axis: it does work on adduction alone. Both act besides the loads and lines of the knee.
+    The axial load is half a body weight, `compression_N` of `kneejax.mechanics.load_of`; the moment
+    is its `varus_Nm`. Both act besides the loads and lines of the knee.
 
     Attributes:
         flexion_deg: prescribed.
@@ -87,13 +85,10 @@ class VarusValgusRamp:
     @property
     def stations(self) -> Stations:
         """Flexion and loads for statics."""
-        nothing, moment = np.zeros(len(self)), 1e3 * self.moment_Nm
-        flexion = np.deg2rad(self.flexion_deg)
-        axial = Load(np.stack([nothing, self.axial_N, nothing], 1), axes="tibia", name="axial")
-        # At adduction and rotation of any size: the floating axis turns with flexion only.
-        about = np.stack([np.cos(flexion) * moment, -np.sin(flexion) * moment, nothing], 1)
-        turning = Load(moment=about, axes="femur", name="varus_valgus")
-        return Stations.at(np.full(len(self), self.flexion_deg), (axial, turning))
+        load = load_of(
+            compression_N=self.axial_N, varus_Nm=self.moment_Nm, name="varus_valgus"
+        )
+        return Stations.at(np.full(len(self), self.flexion_deg), [load])
 
 
 @dataclasses.dataclass(frozen=True)

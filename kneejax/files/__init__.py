@@ -62,6 +62,7 @@ from kneejax.files._study import Synthetic as Synthetic
 from kneejax.files._study import parse_flexion as parse_flexion
 from kneejax.files._study import read_measured as read_measured
 from kneejax.files._study import read_study as read_study
+from kneejax.files._tables import FEMORAL as FEMORAL
 from kneejax.files._tables import read_poses as read_poses
 from kneejax.files._tables import write_poses as write_poses
 from kneejax.files._tables import write_rows as write_rows

@@ -10,6 +10,7 @@ from kneejax.files._problem import InputProblem
 from kneejax.files._schema import Field
 from kneejax.files._text import read_text
 from kneejax.geometry import FREE_COORDINATES
+from kneejax.mechanics import Range, range_of_parameter
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,8 +51,11 @@ def read_calibrated(path: str | os.PathLike[str]) -> Calibrated:
     whole = Field(file, "", document)
     settings = _fields(whole, "settings")
     overrides = _fields(whole["settings"], "overrides") if settings else {}
-    values = {name: one.number() for name, one in overrides.items()}
-    values |= {name: _value(one) for name, one in _fields(whole, "parameters").items()}
+    values = {name: one.number(range_of_parameter(name)) for name, one in overrides.items()}
+    values |= {
+        name: _value(one, range_of_parameter(name))
+        for name, one in _fields(whole, "parameters").items()
+    }
     shifts = {
         name.removesuffix("_deg").removesuffix("_mm"): one
         for name, one in _fields(whole, "frame_offset").items()
@@ -71,8 +75,8 @@ def _fields(of: Field, name: str) -> dict[str, Field]:
     return {key: field[key] for key in field.value}
 
 
-def _value(of: Field) -> float:
-    return _found(of, "value").number()
+def _value(of: Field, allowed: Range | None = None) -> float:
+    return _found(of, "value").number(allowed)
 
 
 def _found(of: Field, name: str) -> Field:

@@ -12,6 +12,7 @@ from kneejax.files._problem import InputProblem
 from kneejax.files._schema import Field
 from kneejax.files._tables import _number, _read_rows, write_rows
 from kneejax.files._yaml import load_yaml
+from kneejax.mechanics import RANGES
 
 SIDES = ("medial", "lateral")
 _AXES, _FURTHER = ("extension", "flexion"), "epicondyles"
@@ -119,7 +120,9 @@ def _from_table(file: str) -> dict[str, np.ndarray]:
         if first.setdefault(point, number) != number:
             found = f"{' '.join(point)} again, as row {first[point]}"
             raise InputProblem(file, place, found, "every point once")
-        points[point] = np.array([_number(file, f"{place}, {c}", row[c]) for c in _COORDINATES])
+        points[point] = np.array(
+            [_number(file, f"{place}, {c}", row[c], RANGES["scan_mm"]) for c in _COORDINATES]
+        )
     given = {axis for axis, _ in points}
     for axis in known:
         for side in SIDES:
@@ -147,4 +150,5 @@ def both_points(field: Field, side: str) -> np.ndarray:
 
 def point(field: Field, side: str) -> np.ndarray:
     """A point as that of a right knee, shape `(3,)`, mm."""
-    return np.array(field.numbers(3)) * [1.0, 1.0, -1.0 if side == "left" else 1.0]
+    mirror = [1.0, 1.0, -1.0 if side == "left" else 1.0]
+    return np.array(field.numbers(3, RANGES["scan_mm"])) * mirror

@@ -13,12 +13,14 @@ from kneejax.files._schema import Field
 from kneejax.files._text import write_text
 from kneejax.files._yaml import format_yaml, load_yaml
 from kneejax.joints import INTERPOLATIONS, Joint, UnsuitableAxis, check_joint
+from kneejax.mechanics import RANGES, Range
 
 _KIND = "joint"
 _FIELDS = ("kneejax", "name", "side", "knots")
 _FURTHER = ("interpolation", "source", "notes")
 _POINTS = ("femoral_medial_mm", "femoral_lateral_mm", "tibial_medial_mm", "tibial_lateral_mm")
 _SIDES = ("right", "left")
+_FLEXION = Range(-180.0, 180.0, "degrees")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,8 +73,9 @@ def read_joint(path: str | os.PathLike[str]) -> JointFile:
     whole.mapping(_FIELDS, _FURTHER)
     side = whole["side"].choice(_SIDES)
     knots = [knot.mapping(("flexion_deg", *_POINTS)) for knot in whole["knots"].items("knots")]
-    flexion = [knot["flexion_deg"].number(above=-180, below=180, what="degrees") for knot in knots]
-    points = np.array([[knot[name].numbers(3) for name in _POINTS] for knot in knots])
+    flexion = [knot["flexion_deg"].number(_FLEXION) for knot in knots]
+    inside = RANGES["point_mm"]
+    points = np.array([[knot[name].numbers(3, inside) for name in _POINTS] for knot in knots])
     points = points * _mirror(side)
     interpolation = "linear"
     if "interpolation" in whole:

@@ -5,14 +5,10 @@ from __future__ import annotations
 import dataclasses
 import fnmatch
 import os
-from functools import partial
 from pathlib import Path
 from typing import Any
 
-import equinox as eqx
-import jax
 import numpy as np
-from jax import Array
 
 from kneejax.files import _knee_schema as schema
 from kneejax.files._mirror import mirror_document, mirror_part
@@ -40,9 +36,12 @@ from kneejax.mechanics import (
     ConstantTensionLine,
     Contact,
     Course,
+    Implausible,
     Knee,
     Ligaments,
     Load,
+    at_reference,
+    check_fibres,
     ligament_law,
     usual_failure_strain,
 )
@@ -230,30 +229,29 @@ def _ligaments(
 
     unloaded = fibres(np.ones(len(parts)))
     around = any("wrap" in part and "slack_length_mm" not in part for part in parts.values())
-    inside, lengths = (np.asarray(x) for x in _at_reference(unloaded, pose, around))
-    _check_ends(parts, inside, file)
-    _check_lengths(parts, lengths, file)
-    slack = [_slack(part, length) for part, length in zip(parts.values(), lengths, strict=True)]
-    for name, value in zip(parts, slack, strict=True):
-        if not np.isfinite(value) or value <= 0:
-            given = next(x for x in schema.SLACK_FIELDS if x in parts[name])
-            place = f"ligaments.{name}.{given}"
-            raise InputProblem(
-                file, place, parts[name][given], "a value that gives a positive slack length"
-            )
-    return fibres(np.array(slack))
+    inside, lengths = at_reference(unloaded, pose, around)
+    slack = [
+        _slack(part, length)
+        for part, length in zip(parts.values(), np.asarray(lengths).tolist(), strict=True)
+    ]
+    found = fibres(np.array(slack))
+    try:
+        check_fibres(found, inside, lengths)
+    except Implausible as problem:
+        raise _at_its_place(problem, parts[problem.fibre], file) from None
+    return found
 
 
-@partial(jax.jit, static_argnums=2)
-def _at_reference(ligaments: Ligaments, pose: Pose, around: bool) -> tuple[Array, Array]:
-    """Whether ends lie inside obstacles, and lengths, straight where no detour is asked for.
-
-    Compiled: one by one the operations, each a program, would take 0.6 s and 40 MB.
-    """
-    inside = ligaments.ends_inside(pose.placement)
-    if not around:
-        ligaments = eqx.tree_at(lambda x: x.courses, ligaments, ())
-    return inside, ligaments.length(pose.placement)
+def _at_its_place(problem: Implausible, part: dict[str, Any], file: str) -> InputProblem:
+    """What is wrong with a fibre, said of the field that gave it."""
+    place, value, expected = f"ligaments.{problem.fibre}", problem.value, problem.expected
+    if problem.quantity == "wrap":
+        place, value = f"{place}.wrap", part["wrap"]
+    elif problem.quantity == "slack_length":
+        given = next(name for name in schema.SLACK_FIELDS if name in part)
+        place, value = f"{place}.{given}", part[given]
+        expected = f"a value that gives a slack length {expected}"
+    return InputProblem(file, place, value, expected)
 
 
 def _courses(parts: dict[str, Any], wraps: dict[str, Any]) -> list[Course]:
@@ -301,28 +299,6 @@ def _slack(part: dict[str, Any], length: float) -> float:
     names = ("reference_force_N", "stiffness_N", "transition_strain", "transition_width")
     values = (float(part[name]) for name in names)
     return float(ligament_law.slack_length_from_force(length, *values))
-
-
-def _check_lengths(parts: dict[str, Any], lengths: np.ndarray, file: str) -> None:
-    ends = ("femoral_attachment_mm", "tibial_attachment_mm")
-    largest = max((abs(x) for part in parts.values() for e in ends for x in part[e]), default=0.0)
-    for name, length in zip(parts, lengths, strict=True):
-        if 1 <= length <= 300:
-            continue
-        expected = "between 1 and 300 mm between the attachments"
-        if length < 1 and largest < 0.5:
-            expected += "; no coordinate reaches 0.5, so metres are suspected: give millimetres"
-        elif length > 300:
-            expected += "; a smaller unit than mm, or attachments in another frame, are suspected"
-        value = f"{length:.4g} mm at the reference pose"
-        raise InputProblem(file, f"ligaments.{name}", value, expected)
-
-
-def _check_ends(parts: dict[str, Any], inside: np.ndarray, file: str) -> None:
-    for (name, part), wrong in zip(parts.items(), inside, strict=True):
-        if wrong:
-            expected = "attachments and via points outside it at the reference pose"
-            raise InputProblem(file, f"ligaments.{name}.wrap", part["wrap"], expected)
 
 
 def _contact(part: dict[str, Any]) -> Contact:

@@ -11,7 +11,7 @@ import numpy as np
 
 from kneejax.files._schema import Field
 from kneejax.geometry import BASES, CUBIC_SPLINE
-from kneejax.mechanics import BONES, FORMS, QUADRATURE, cartilage_law
+from kneejax.mechanics import AXES, BONES, FORMS, QUADRATURE, RANGES, Range, cartilage_law
 
 #: Version of the format that this package reads and writes.
 VERSION = 1
@@ -69,10 +69,9 @@ SURFACES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 }
 SURFACE_EXTRAS = ("source", "fit_rms_mm", "fit_max_mm")
 
-_FAR_MM = 1000.0  # no point of a knee is farther from its bone's origin
-_LONGEST_MM = 300.0
+_SIZES = {"half_extent_mm": 2, "semi_axes_mm": 3}  # others are one number
 _MOST_CONTROL_VALUES = 200
-_METRES = "; a length below this suggests metres"
+_MOST_POINTS = 1000  # of a contact, along a side
 
 
 def check_knee(document: Field) -> dict[str, str]:
@@ -135,12 +134,8 @@ def check_knee(document: Field) -> dict[str, str]:
 
 def _check_pose(pose: Field, sources: dict[str, str]) -> None:
     pose.mapping(POSE_FIELDS[:-1], ("source",))
-    pose["flexion_deg"].number(at_least=-30, at_most=180)
-    pose["adduction_deg"].number(at_least=-45, at_most=45)
-    pose["internal_rotation_deg"].number(at_least=-90, at_most=90)
-    for name in POSE_FIELDS[3:6]:
-        # As far as a tibia from a femur whose origin is its hip.
-        pose[name].number(at_least=-_FAR_MM, at_most=_FAR_MM)
+    for name in POSE_FIELDS[:-1]:
+        pose[name].number(RANGES[name])
     if "source" in pose:
         sources[pose.path] = pose["source"].text()
 
@@ -156,23 +151,15 @@ def _check_ligament(ligament: Field, sources: dict[str, str], wraps: tuple[str, 
     if "wrap" in ligament:
         ligament["wrap"].choice(wraps or ("none: the file has no section wraps",))
     if "damping_s" in ligament:
-        ligament["damping_s"].number(at_least=0)
-    ligament["stiffness_N"].number(above=0)
+        ligament["damping_s"].number(RANGES["damping_s"])
     given = [name for name in SLACK_FIELDS if name in ligament]
     if len(given) != 1:
         what = f"exactly one of {', '.join(SLACK_FIELDS)}"
         raise Field(ligament.file, ligament.path, ", ".join(given) or "none").problem(what)
-    field = ligament[given[0]]
-    if given == ["reference_strain"]:
-        field.number(above=-1, below=0.5, what="a strain (not percent)")
-    elif given == ["reference_force_N"]:
-        field.number(above=0)
-    elif 0 < field.number(above=0, below=_LONGEST_MM) < 1:
-        raise field.problem(f"a length of at least 1 mm{_METRES}")
-    ligament["transition_strain"].number(above=0, below=0.5, what="a strain (not percent)")
-    ligament["transition_width"].number(above=0, below=0.5, what="a strain (not percent)")
+    for name in ("stiffness_N", given[0], "transition_strain", "transition_width"):
+        ligament[name].number(RANGES[name])
     if "failure_strain" in ligament:
-        ligament["failure_strain"].number(above=0, at_most=1, what="a strain (not percent)")
+        ligament["failure_strain"].number(RANGES["failure_strain"])
     _check_source(ligament, sources, without=("transition_width", "failure_strain", "wrap"))
 
 
@@ -184,10 +171,9 @@ def _check_wrap(wrap: Field, sources: dict[str, str]) -> None:
     wrap["bone"].choice(BONES)
     _point(wrap["center_mm"])
     if "rotation_deg" in wrap:
-        wrap["rotation_deg"].numbers(3, at_least=-360, at_most=360)
+        wrap["rotation_deg"].numbers(3, RANGES["rotation_deg"])
     for name in sizes:
-        size = wrap[name]
-        _sizes(size, size.numbers(3) if name == "semi_axes_mm" else [size.number()])
+        _check_size(wrap[name])
     _check_source(wrap, sources, without=("kind", "bone"))
 
 
@@ -222,20 +208,16 @@ def _check_contact(contact: Field, sources: dict[str, str]) -> None:
             raise contact[name].problem(f"no {name} unless form is {QUADRATURE}")
     if "points" in contact:
         for count in contact["points"].items("numbers of points", 2):
-            count.integer(2)
+            count.integer(2, _MOST_POINTS)
     contact["law"].choice(cartilage_law.LAWS)
-    modulus = contact["youngs_modulus_MPa"]
-    if modulus.number(above=0) >= 1e5:
-        raise modulus.problem("a modulus in MPa; a value this large suggests Pa")
-    contact["poisson_ratio"].number(at_least=0, below=0.5)
-    thickness = contact["layer_thickness_mm"]
-    if thickness.number(above=0, below=50) < 0.1:
-        raise thickness.problem(f"a thickness of at least 0.1 mm{_METRES}")
+    for name in ("youngs_modulus_MPa", "poisson_ratio", "layer_thickness_mm", "onset_width_mm"):
+        contact[name].number(RANGES[name])
     if "layer_variation_mm" in contact:
         variation = contact["layer_variation_mm"]
-        if thickness.value + _polynomial(variation).min() < 0.1:
-            raise variation.problem("a layer of at least 0.1 mm all over the region")
-    contact["onset_width_mm"].number(above=0, below=5)
+        layer = contact["layer_thickness_mm"].value + _polynomial(variation)
+        if not all(RANGES["layer_thickness_mm"].holds(x) for x in (layer.min(), layer.max())):
+            expected = f"a layer {RANGES['layer_thickness_mm']} all over the region"
+            raise variation.problem(expected)
     for name in ("femoral_surface", "tibial_surface"):
         check_surface(contact[name])
         sources[contact[name].path] = contact[name]["source"].text()
@@ -263,44 +245,37 @@ def check_surface(surface: Field) -> None:
     surface["source"].text()
     for name in SURFACE_EXTRAS[1:]:
         if name in surface:
-            surface[name].number(at_least=0)
+            surface[name].number(RANGES["fit_mm"])
     for name in ("axis_point_mm", "origin_mm", "center_mm"):
         if name in surface:
             _point(surface[name])
     for name in ("axis_rotation_deg", "rotation_deg"):
         if name in surface:
-            surface[name].numbers(3, at_least=-360, at_most=360)
+            surface[name].numbers(3, RANGES["rotation_deg"])
     if kind == "condyle":
-        lower, upper = surface["angle_deg"].interval(at_least=-90, at_most=270)
+        lower, upper = surface["angle_deg"].interval(RANGES["angle_deg"])
         if upper - lower < 10:
             raise surface["angle_deg"].problem(
                 "a region at least 10 degrees wide; a narrower one suggests radians"
             )
         _extent(surface["width_mm"])
-        if _values(surface).min() <= 0:
-            raise surface["coefficients_mm"].problem("a radius above 0 all over the region")
-        if _values(surface).max() < 1:
-            raise surface["coefficients_mm"].problem(f"a radius of at least 1 mm{_METRES}")
+        _check_values(surface, "a radius", RANGES["radius_mm"])
     elif kind == "plateau":
         _extent(surface["anterior_mm"])
         _extent(surface["lateral_mm"])
-        if "outline_mm" in surface and len(surface["outline_mm"].rows(2)) < 3:
+        if "outline_mm" in surface and len(surface["outline_mm"].rows(2, RANGES["point_mm"])) < 3:
             raise surface["outline_mm"].problem("at least three corners [anterior, lateral]")
-        if np.abs(_values(surface)).max() > _FAR_MM:
-            raise surface["coefficients_mm"].problem("heights in mm, below 1000")
-    elif kind == "plane":
-        _sizes(surface["half_extent_mm"], surface["half_extent_mm"].numbers(2, above=0))
-    elif kind == "sphere":
-        _sizes(surface["radius_mm"], [surface["radius_mm"].number(above=0)])
+        _check_values(surface, "a height", RANGES["point_mm"])
     else:
-        _sizes(surface["semi_axes_mm"], surface["semi_axes_mm"].numbers(3, above=0))
+        for name in required[1:]:
+            _check_size(surface[name])
 
 
 def _check_line(line: Field, sources: dict[str, str]) -> None:
     line.mapping(LINE_FIELDS)
-    line["tension_N"].number(at_least=0)
+    line["tension_N"].number(RANGES["tension_N"])
     _point(line["insertion_mm"])
-    line["origin_mm"].rows(3)
+    line["origin_mm"].rows(3, RANGES["coefficient_mm"])
     _check_source(line, sources)
 
 
@@ -312,12 +287,12 @@ def _check_load(load: Field, sources: dict[str, str]) -> None:
         load.mapping(("force_N", "point_mm", "point_in", "axes", "source"), LOAD_FIELDS)
     for name in ("force_N", "moment_Nmm"):
         if name in load:
-            load[name].numbers(3)
+            load[name].numbers(3, RANGES[name])
     if "point_mm" in load:
         _point(load["point_mm"])
-    for name in ("axes", "point_in"):
-        if name in load:
-            load[name].choice(BONES)
+    load["axes"].choice(AXES)
+    if "point_in" in load:
+        load["point_in"].choice(BONES)
     _check_source(load, sources, without=("axes", "point_in"))
 
 
@@ -334,17 +309,32 @@ def _check_source(part: Field, sources: dict[str, str], without: tuple[str, ...]
 
 
 def _point(field: Field) -> None:
-    field.numbers(3, at_least=-_FAR_MM, at_most=_FAR_MM)
+    field.numbers(3, RANGES["point_mm"])
 
 
 def _extent(field: Field) -> None:
-    lower, upper = field.interval(at_least=-_FAR_MM, at_most=_FAR_MM)
-    _sizes(field, [upper - lower])
+    lower, upper = field.interval(RANGES["point_mm"])
+    width = RANGES["size_mm"]
+    if not width.holds(upper - lower):
+        raise field.problem(f"a width {width.expected(upper - lower)}")
 
 
-def _sizes(field: Field, sizes) -> None:
-    if min(sizes) < 1:
-        raise field.problem(f"a size of at least 1 mm{_METRES}")
+def _check_size(field: Field) -> None:
+    """One length, or one along each axis."""
+    count = _SIZES.get(field.path.rsplit(".", 1)[-1])
+    if count is None:
+        field.number(RANGES["size_mm"])
+    else:
+        field.numbers(count, RANGES["size_mm"])
+
+
+def _check_values(surface: Field, what: str, allowed: Range) -> None:
+    """What a surface's table comes to, all over its region."""
+    values = _values(surface)
+    for value in (values.min(), values.max()):
+        if not allowed.holds(value):
+            expected = f"{what} {allowed} all over the region{allowed.hint(value)}"
+            raise surface["coefficients_mm"].problem(expected)
 
 
 def _values(surface: Field) -> np.ndarray:
@@ -352,7 +342,7 @@ def _values(surface: Field) -> np.ndarray:
     coefficients = surface["coefficients_mm"]
     if "basis" not in surface or surface["basis"].choice(BASES) != CUBIC_SPLINE:
         return _polynomial(coefficients)
-    table = np.array(coefficients.rows())
+    table = np.array(coefficients.rows(allowed=RANGES["coefficient_mm"]))
     if min(table.shape) < 4 or max(table.shape) > _MOST_CONTROL_VALUES:
         expected = f"rows and columns of 4 to {_MOST_CONTROL_VALUES} control values of a spline"
         raise coefficients.problem(expected)
@@ -362,7 +352,8 @@ def _values(surface: Field) -> np.ndarray:
 
 
 def _polynomial(coefficients: Field) -> np.ndarray:
-    table, s = np.array(coefficients.rows()), np.linspace(-1.0, 1.0, 25)
+    table = np.array(coefficients.rows(allowed=RANGES["coefficient_mm"]))
+    s = np.linspace(-1.0, 1.0, 25)
     if max(table.shape) > 13:
         raise coefficients.problem("powers up to 12")
     return np.polynomial.polynomial.polygrid2d(s, s, table)

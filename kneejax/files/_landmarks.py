@@ -10,6 +10,7 @@ import numpy as np
 from kneejax.files._joint_axes import SIDES, both_points, point
 from kneejax.files._schema import Field
 from kneejax.files._yaml import load_yaml
+from kneejax.mechanics import RANGES
 
 _KINDS = ("mm", "ball")
 _REQUIRED, _OPTIONAL = ("epicondyles",), ("hip_center_mm", "femoral_head", "tibia")
@@ -136,4 +137,4 @@ def _one_of(field: Field, one: str, other: str) -> None:
 def _ball(field: Field, side: str) -> tuple[np.ndarray, float]:
     """A place near the centre of a ball of bone, mm, and within how many mm it is the ball."""
     field.mapping(("near_mm", "within_mm"))
-    return point(field["near_mm"], side), field["within_mm"].number(above=0)
+    return point(field["near_mm"], side), field["within_mm"].number(RANGES["within_mm"])

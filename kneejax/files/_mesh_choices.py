@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Mapping, Sequence
 
 from kneejax.files._problem import InputProblem
-from kneejax.mechanics import cartilage_law
+from kneejax.mechanics import RANGES, cartilage_law
 
 #: How the layer's thickness may be given over a compartment.
 THICKNESSES = ("constant", "field")
 _SIDES = {"r": "right", "l": "left", "right": "right", "left": "left"}
-_THINNEST_MM, _THICKEST_MM = 0.1, 50.0
 _SMALLEST_ANGLE_DEG = 30.0
 
 Path = str | os.PathLike[str] | None
@@ -61,16 +59,14 @@ def check_layer(
     if thickness not in THICKNESSES:
         expected = f"one of {', '.join(THICKNESSES)}"
         raise InputProblem("--thickness", "thickness", thickness, expected, THICKNESSES)
-    if not 0 < youngs_modulus_MPa < math.inf:
-        expected = "a Young's modulus in MPa, above 0"
-        raise InputProblem("--modulus", "Young's modulus", youngs_modulus_MPa, expected)
-    if not 0 <= poisson_ratio < 0.5:
-        expected = "a Poisson's ratio, at least 0 and below 0.5"
-        raise InputProblem("--poisson-ratio", "Poisson's ratio", poisson_ratio, expected)
+    for option, what, field, value in (
+        ("--modulus", "Young's modulus", "youngs_modulus_MPa", youngs_modulus_MPa),
+        ("--poisson-ratio", "Poisson's ratio", "poisson_ratio", poisson_ratio),
+        ("--layer-thickness", "thickness", "layer_thickness_mm", layer_thickness_mm),
+    ):
+        if value is not None and not RANGES[field].holds(value):
+            raise InputProblem(option, what, value, RANGES[field].expected(value))
     if layer_thickness_mm is not None:
-        if not _THINNEST_MM <= layer_thickness_mm < _THICKEST_MM:
-            expected = f"a thickness in mm, at least {_THINNEST_MM:g} and below {_THICKEST_MM:g}"
-            raise InputProblem("--layer-thickness", "thickness", layer_thickness_mm, expected)
         if thickness != "constant":
             expected = "constant, where --layer-thickness gives one number"
             raise InputProblem("--thickness", "thickness", thickness, expected)

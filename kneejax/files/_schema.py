@@ -9,7 +9,10 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from kneejax.files._problem import InputProblem, nearest_name
+from kneejax.mechanics import Range
 
+#: No seed and no count is larger.
+MOST = 2**32 - 1
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_+-]*")
 
 
@@ -81,23 +84,9 @@ class Field:
             raise self.problem(f"a list of {count} {kind}" if count else f"a list of {kind}")
         return [Field(self.file, f"{self.path}[{i}]", x) for i, x in enumerate(self.value)]
 
-    def number(
-        self,
-        above: float | None = None,
-        below: float | None = None,
-        at_least: float | None = None,
-        at_most: float | None = None,
-        what: str = "a number",
-    ) -> float:
-        """A finite number within limits."""
-        limits = [
-            (above, "above", lambda x, limit: x > limit),
-            (at_least, "at least", lambda x, limit: x >= limit),
-            (below, "below", lambda x, limit: x < limit),
-            (at_most, "at most", lambda x, limit: x <= limit),
-        ]
-        stated = [f"{word} {limit:g}" for limit, word, _ in limits if limit is not None]
-        expected = f"{what} {' and '.join(stated)}".strip()
+    def number(self, allowed: Range | None = None) -> float:
+        """A finite number, within a range."""
+        expected = f"a number {allowed}" if allowed else "a number"
         if isinstance(self.value, bool) or not isinstance(self.value, int | float):
             raise self.problem(expected)
         try:
@@ -106,16 +95,16 @@ class Field:
             raise self.problem(f"{expected}, finite") from None
         if not math.isfinite(x):
             raise self.problem(f"{expected}, finite")
-        if not all(limit is None or holds(x, limit) for limit, _, holds in limits):
-            raise self.problem(expected)
+        if allowed and not allowed.holds(x):
+            raise self.problem(allowed.expected(x))
         return x
 
-    def integer(self, at_least: int) -> int:
+    def integer(self, at_least: int, at_most: int = MOST) -> int:
         """A whole number."""
-        if isinstance(self.value, bool) or not isinstance(self.value, int):
-            raise self.problem(f"a whole number of at least {at_least}")
-        if self.value < at_least:
-            raise self.problem(f"a whole number of at least {at_least}")
+        whole = isinstance(self.value, int) and not isinstance(self.value, bool)
+        if not whole or not at_least <= self.value <= at_most:
+            limits = f"at least {at_least}" if at_most == MOST else f"from {at_least} to {at_most}"
+            raise self.problem(f"a whole number {limits}")
         return self.value
 
     def text(self) -> str:
@@ -137,20 +126,24 @@ class Field:
             raise self.problem("true or false")
         return self.value
 
-    def numbers(self, count: int | None = None, **limits) -> tuple[float, ...]:
-        """A list of finite numbers, each within limits."""
-        return tuple(item.number(**limits) for item in self.items("numbers", count))
+    def numbers(
+        self, count: int | None = None, allowed: Range | None = None
+    ) -> tuple[float, ...]:
+        """A list of finite numbers, each within a range."""
+        return tuple(item.number(allowed) for item in self.items("numbers", count))
 
-    def interval(self, **limits) -> tuple[float, float]:
+    def interval(self, allowed: Range | None = None) -> tuple[float, float]:
         """Two finite numbers, the first below the second."""
-        lower, upper = self.numbers(2, **limits)
+        lower, upper = self.numbers(2, allowed)
         if lower >= upper:
             raise self.problem("a lower and a larger upper limit")
         return lower, upper
 
-    def rows(self, columns: int | None = None) -> list[tuple[float, ...]]:
+    def rows(
+        self, columns: int | None = None, allowed: Range | None = None
+    ) -> list[tuple[float, ...]]:
         """A rectangular table of finite numbers, a list of rows."""
-        table = [row.numbers(columns) for row in self.items("rows of numbers")]
+        table = [row.numbers(columns, allowed) for row in self.items("rows of numbers")]
         if len({len(row) for row in table}) != 1:
             raise self.problem("rows of equal length")
         return table

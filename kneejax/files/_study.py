@@ -15,6 +15,7 @@ from kneejax.files._schema import Field
 from kneejax.files._tables import FEMORAL, read_poses
 from kneejax.files._yaml import load_yaml
 from kneejax.geometry import COLUMNS, CONVENTIONS, COORDINATES, FREE_COORDINATES
+from kneejax.mechanics import RANGES, range_of_parameter
 
 #: Which parameters are free in which order: stiffnesses then slack lengths (I), the other way
 #: round (II), all at once (III).
@@ -32,8 +33,8 @@ DEFAULT_BOUNDS = {"stiffness": (300.0, 10000.0), "reference_strain": (-0.2, 0.2)
 DEFAULT_WEIGHTS = {"mm": 1.0, "deg": 8.0}
 
 _PARAMETER = re.compile(r"[A-Za-z*?][\w*?+-]*(\.[A-Za-z*?][\w*?]*)*")
-_FLEXION_DEG = {"at_least": -30, "at_most": 180}
 _MOST_VALUES = 10_000
+_MOST_STARTS = 1000
 
 
 @dataclasses.dataclass(frozen=True)
@@ -164,11 +165,11 @@ def read_study(path: str | os.PathLike[str]) -> Study:
         procedures=_distinct(study["procedures"], lambda item: item.choice(PROCEDURES))
         if "procedures" in study
         else ("II", "I", "III"),
-        starts=study["starts"].integer(1) if "starts" in study else 1,
+        starts=study["starts"].integer(1, _MOST_STARTS) if "starts" in study else 1,
         seed=study["seed"].integer(0) if "seed" in study else 0,
         frame_offset=_frame_offset(study),
         method=study["method"].choice(METHODS) if "method" in study else METHODS[0],
-        flexion_deg=study["flexion_deg"].interval(**_FLEXION_DEG)
+        flexion_deg=study["flexion_deg"].interval(RANGES["flexion_deg"])
         if "flexion_deg" in study
         else None,
         overrides=_values(study["set"]) if "set" in study else {},
@@ -236,7 +237,7 @@ def parse_flexion(text: str, file: str = "--flexion", field: str = "flexion_deg"
         [0.0, 5.0, 10.0, 15.0, 20.0]
     """
     place = Field(file, field, text)
-    expected = "FROM:TO:STEP or a comma separated list, in degrees from -30 to 180"
+    expected = f"FROM:TO:STEP or a comma separated list, {RANGES['flexion_deg']}"
     is_range = ":" in text
     try:
         numbers = [float(part) for part in text.split(":" if is_range else ",")]
@@ -257,8 +258,8 @@ def parse_flexion(text: str, file: str = "--flexion", field: str = "flexion_deg"
 
 
 def _angles(place: Field, numbers) -> np.ndarray:
-    if not all(-30 <= x <= 180 for x in numbers):
-        raise place.problem("angles in degrees from -30 to 180")
+    if not all(RANGES["flexion_deg"].holds(x) for x in numbers):
+        raise place.problem(f"angles {RANGES['flexion_deg']}")
     return np.array(numbers, float)
 
 
@@ -302,12 +303,12 @@ def _synthetic(field: Field) -> Synthetic:
     if isinstance(angles.value, str):
         flexion = parse_flexion(angles.value, field.file, angles.path)
     else:
-        flexion = np.array(angles.numbers(**_FLEXION_DEG))
+        flexion = np.array(angles.numbers(allowed=RANGES["flexion_deg"]))
     return Synthetic(
         parameters=_values(field["parameters"]),
         flexion_deg=flexion,
-        noise_mm=field["noise_mm"].number(at_least=0) if "noise_mm" in field else 0.0,
-        noise_deg=field["noise_deg"].number(at_least=0) if "noise_deg" in field else 0.0,
+        noise_mm=field["noise_mm"].number(RANGES["noise_mm"]) if "noise_mm" in field else 0.0,
+        noise_deg=field["noise_deg"].number(RANGES["noise_deg"]) if "noise_deg" in field else 0.0,
         seed=field["seed"].integer(0) if "seed" in field else 0,
     )
 
@@ -329,12 +330,12 @@ def _by_parameter(field: Field) -> list[tuple[str, Field]]:
 
 
 def _values(field: Field) -> dict[str, float]:
-    return {name: value.number() for name, value in _by_parameter(field)}
+    return {name: value.number(range_of_parameter(name)) for name, value in _by_parameter(field)}
 
 
 def _bounds(study: Field) -> dict[str, tuple[float, float]]:
     given = _by_parameter(study["bounds"]) if "bounds" in study else []
-    stated = {name: value.interval() for name, value in given}
+    stated = {name: value.interval(range_of_parameter(name)) for name, value in given}
     return {**{x: limits for x, limits in DEFAULT_BOUNDS.items() if x not in stated}, **stated}
 
 
@@ -342,7 +343,7 @@ def _weights(study: Field) -> dict[str, float]:
     given = {}
     if "weights" in study:
         field = study["weights"].mapping((), (*DEFAULT_WEIGHTS, *FREE_COORDINATES))
-        given = {name: field[name].number(at_least=0) for name in field.value}
+        given = {name: field[name].number(RANGES["weight"]) for name in field.value}
     each = {**DEFAULT_WEIGHTS, **given}
     units = {column.rsplit("_", 1)[0]: column.rsplit("_", 1)[1] for column in COLUMNS}
     weights = {name: each.get(name, each[units[name]]) for name in FREE_COORDINATES}

@@ -13,7 +13,8 @@ import numpy as np
 
 from kneejax.files._problem import InputProblem, counted, nearest_name
 from kneejax.files._text import read_text, write_text
-from kneejax.geometry import COLUMNS, CONVENTIONS, convert
+from kneejax.geometry import COLUMNS, CONVENTIONS, convert_table
+from kneejax.mechanics import RANGES, Range
 
 #: The convention of the package's own tables.
 FEMORAL = "femoral"
@@ -42,7 +43,7 @@ def read_poses(
 
     Raises:
         InputProblem: the file cannot be read, a column is missing, there are no rows, a cell is
-            not a finite number, or the numbers look like metres or radians.
+            not a finite number or out of range, or the numbers look like metres or radians.
 
     Example:
         >>> import tempfile
@@ -68,17 +69,18 @@ def read_poses(
                 expected = f"{convention}, the convention asked for"
                 raise InputProblem(file, place, cells[position].strip(), expected)
     positions = [header.index(name) for name in sought]
+    limits = [RANGES["rotation_deg"]] * 3 + [RANGES["point_mm"]] * 3
     table = np.array(
         [
             [
-                _number(file, f"row {number} (line {line}), {header[i]}", cells[i])
-                for i in positions
+                _number(file, f"row {number} (line {line}), {header[i]}", cells[i], allowed)
+                for i, allowed in zip(positions, limits, strict=True)
             ]
             for number, (line, cells) in enumerate(rows, 1)
         ]
     )
     _check_units(file, table, sought)
-    return _converted(table, convention, FEMORAL)
+    return convert_table(table, convention, FEMORAL)
 
 
 def write_poses(
@@ -117,7 +119,7 @@ def write_poses(
     _check_convention(os.fspath(path), "convention", convention)
     table = np.asarray(table, float).reshape(-1, len(COLUMNS))
     header: list[str] = list(COLUMNS)
-    values: list[Sequence[Any]] = list(_converted(table, FEMORAL, convention).T)
+    values: list[Sequence[Any]] = list(convert_table(table, FEMORAL, convention).T)
     for name, column in (("converged", converged), ("stable", stable)):
         if column is not None:
             header.append(name)
@@ -206,13 +208,15 @@ def _check_column(file: str, header: list[str], name: str, sought: list[str]) ->
         raise InputProblem(file, name, "missing", what, found)
 
 
-def _number(file: str, place: str, cell: str) -> float:
+def _number(file: str, place: str, cell: str, allowed: Range | None = None) -> float:
     try:
         x = float(cell)
     except ValueError:
         raise InputProblem(file, place, cell.strip(), "a number") from None
     if not math.isfinite(x):
         raise InputProblem(file, place, cell.strip(), "a finite number")
+    if allowed and not allowed.holds(x):
+        raise InputProblem(file, place, cell.strip(), allowed.expected(x))
     return x
 
 
@@ -240,13 +244,6 @@ def _check_convention(file: str, place: str, convention: str) -> None:
     if convention not in CONVENTIONS:
         expected = f"one of {', '.join(CONVENTIONS)}"
         raise InputProblem(file, place, convention, expected, CONVENTIONS)
-
-
-def _converted(table: np.ndarray, source: str, target: str) -> np.ndarray:
-    if source == target:
-        return table
-    unit = np.array([180.0 / np.pi] * 3 + [1.0] * 3)
-    return np.asarray(convert((table / unit).T, source, target), float).T * unit
 
 
 def _cell(value: Any) -> Any:

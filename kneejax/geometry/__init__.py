@@ -4,9 +4,12 @@ from kneejax.geometry._bases import BASES as BASES
 from kneejax.geometry._bases import CUBIC_SPLINE as CUBIC_SPLINE
 from kneejax.geometry._bases import POWER as POWER
 from kneejax.geometry._condyle import Condyle as Condyle
+from kneejax.geometry._conventions import CONVENTION_WORDS as CONVENTION_WORDS
 from kneejax.geometry._conventions import CONVENTIONS as CONVENTIONS
 from kneejax.geometry._conventions import convert as convert
 from kneejax.geometry._conventions import convert_pose as convert_pose
+from kneejax.geometry._conventions import convert_table as convert_table
+from kneejax.geometry._conventions import grood_suntay_axes as grood_suntay_axes
 from kneejax.geometry._cylinder_fitting import CylinderFit as CylinderFit
 from kneejax.geometry._cylinder_fitting import fit_cylinder as fit_cylinder
 from kneejax.geometry._fitting import SurfaceFit as SurfaceFit

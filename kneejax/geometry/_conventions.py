@@ -19,6 +19,8 @@ from jax.typing import ArrayLike
 from kneejax.geometry import _vectors as v
 from kneejax.geometry._lanes import filled, traced
 from kneejax.geometry._pose import Placement, Pose, angles_from_rotation, rotation_from_angles
+from kneejax.geometry._safe import safe_sqrt
+from kneejax.geometry._vectors import Rotation
 
 
 def _from_femoral(c: Array) -> Placement:
@@ -65,6 +67,43 @@ def _to_femur_in_tibia(place: Placement) -> tuple[Array, ...]:
     flexion, adduction, rotation = angles_from_rotation(femur.rotation)
     return -flexion, -adduction, -rotation, *femur.translation
 
+
+def grood_suntay_axes(tibia: Placement) -> Rotation:
+    """The axes of Grood and Suntay, which a knee's clinical translations and rotations refer to.
+
+    Args:
+        tibia: its placement in the femur.
+
+    Returns:
+        Three unit vectors in femur axes: the floating axis (forwards; square to the other two), the
+        tibia's long axis (towards the femur), the femur's transverse axis (lateral). The last two
+        stand at a right angle only without adduction. At 90 degrees of adduction they are one,
+        and the floating axis is zero.
+
+    Source: Grood and Suntay (1983), Fig 2.
+
+    Example:
+        >>> import numpy as np
+        >>> bent = Pose.from_table([90.0, 0.0, 20.0, 0.0, 0.0, 0.0]).placement
+        >>> floating, long, transverse = np.array(grood_suntay_axes(bent)).round(6) + 0.0
+        >>> floating.tolist(), long.tolist()
+        ([0.0, -1.0, 0.0], [1.0, 0.0, 0.0])
+    """
+    long = tibia.turn((0.0, 1.0, 0.0))
+    x, y, _ = long
+    length = safe_sqrt(x * x + y * y)
+    share = 1.0 / jnp.where(length > 0, length, 1.0)
+    return (y * share, -x * share, 0.0), long, (0.0, 0.0, 1.0)
+
+
+#: What the translations of each convention are, in words.
+CONVENTION_WORDS = {
+    "femoral": "translations of the tibia's origin along the femur's axes",
+    "grood-suntay": "translations of the tibia's origin along the floating axis (anterior), the "
+    "tibia's long axis (superior) and the femur's transverse axis (lateral)",
+    "tibial": "translations of the tibia's origin along the tibia's axes",
+    "femur-in-tibia": "translations of the femur's origin along the tibia's axes",
+}
 
 #: Convention name -> (six coordinates to a placement, a placement to six coordinates).
 CONVENTIONS: dict[
@@ -117,6 +156,31 @@ def convert(coordinates: ArrayLike, source: str, target: str) -> Array:
 @partial(jax.jit, static_argnums=(1, 2))
 def _rewritten(coordinates: Array, read: Callable, write: Callable) -> Array:
     return jnp.stack(jnp.broadcast_arrays(*write(read(coordinates))))
+
+
+def convert_table(table: ArrayLike, source: str, target: str) -> np.ndarray:
+    """Rows of degrees and mm in another convention.
+
+    Args:
+        table: shape `(n, 6)`, in the order of `COLUMNS`, as `source` defines them.
+        source: one of `CONVENTIONS`.
+        target: likewise.
+
+    Returns:
+        Shape `(n, 6)`, degrees and mm, as `target` defines them.
+
+    Raises:
+        KeyError: if a convention is unknown.
+
+    Example:
+        >>> convert_table([[90.0, 0.0, 0.0, 0.0, -3.0, 0.0]], "femoral", "grood-suntay").round(9)
+        array([[90.,  0.,  0.,  3.,  0.,  0.]])
+    """
+    table = np.asarray(table, float)
+    if source == target:
+        return table
+    unit = np.array([180.0 / np.pi] * 3 + [1.0] * 3)
+    return np.asarray(convert((table / unit).T, source, target), float).T * unit
 
 
 def convert_pose(pose: Pose, target: str) -> Array:

@@ -6,7 +6,6 @@ from kneejax.inference._calibrate import calibrate as calibrate
 from kneejax.inference._calibrate import versions as versions
 from kneejax.inference._candidates import USUAL_LOADS as USUAL_LOADS
 from kneejax.inference._candidates import Candidate as Candidate
-from kneejax.inference._candidates import load_words as load_words
 from kneejax.inference._candidates import stations_of as stations_of
 from kneejax.inference._candidates import usual_candidates as usual_candidates
 from kneejax.inference._claims import CANNOT_BE_JUDGED as CANNOT_BE_JUDGED

@@ -17,7 +17,14 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from kneejax.mechanics import Knee, ligament_law
+from kneejax.mechanics import (
+    Implausible,
+    Knee,
+    at_reference,
+    check_fibres,
+    ligament_law,
+    range_of_parameter,
+)
 
 #: Quantities of a ligament that may be named, with their units.
 QUANTITIES = {
@@ -176,10 +183,25 @@ def _check_once(selection: Selection) -> None:
 
 
 def with_values(knee: Knee, values: dict[str, float]) -> Knee:
-    """The knee with some parameters set by name; raises `UnknownParameter`."""
+    """The knee with some parameters set by name.
+
+    Args:
+        knee: any knee.
+        values: `LIGAMENT.quantity`, `GROUP.quantity` or `*.quantity` -> value.
+
+    Raises:
+        UnknownParameter: the knee has no such parameter.
+        Implausible: a value that no knee has (`kneejax.mechanics.RANGES`), or one that leads to
+            such a knee, as in a knee file.
+    """
     for name, value in values.items():
-        selection = select(knee, [name])
+        selection, allowed = select(knee, [name]), range_of_parameter(name)
+        if allowed and not allowed.holds(value):
+            owner, quantity = name.split(".", 1)
+            raise Implausible(owner, quantity, f"{value:g}", allowed.expected(value))
         knee = selection.apply(knee, jnp.full(len(selection), float(value)))
+    if values:
+        check_fibres(knee.ligaments, *at_reference(knee.ligaments, knee.reference_pose))
     return knee
 
 

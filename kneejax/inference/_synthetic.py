@@ -37,6 +37,7 @@ def synthetic_motion(
 
     Raises:
         UnsuitableData: where the knee with these parameters has no balance.
+        Implausible: no knee has these parameters.
     """
     true_knee = with_values(knee, truth)
     table = np.zeros((len(flexion_deg), 6))

@@ -7,11 +7,26 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.geometry import Placement, Vector, add, norm, scale, subtract, vector
+from kneejax.geometry import (
+    Placement,
+    Vector,
+    add,
+    grood_suntay_axes,
+    norm,
+    rotate,
+    scale,
+    subtract,
+    transpose,
+    vector,
+)
 from kneejax.mechanics._wrench import Wrench
 
-#: The bones in whose frame a load may be stated.
+#: The bones in whose frame a point may be stated.
 BONES = ("femur", "tibia")
+#: The axes of Grood and Suntay, as those of a load.
+GROOD_SUNTAY = "grood_suntay"
+#: The axes in which a load may be stated.
+AXES = (*BONES, GROOD_SUNTAY)
 
 
 class Load(eqx.Module):
@@ -21,8 +36,11 @@ class Load(eqx.Module):
         force: shape `(3, ...)`, N.
         moment: shape `(3, ...)`, N mm.
         point: where the force acts, shape `(3, ...)`, mm.
-        axes: the bone (`femur` or `tibia`) in whose axes force and moment are given. In femur
-            axes the force keeps its direction in space, in tibia axes it follows the tibia.
+        axes: those in which force and moment are given: anterior, superior, lateral. In `femur`
+            axes the force keeps its direction in space, in `tibia` axes it follows the tibia. With
+            `grood_suntay` the components lie along the floating axis, the tibia's long axis and
+            the femur's transverse axis (`kneejax.geometry.grood_suntay_axes`), wherever the
+            tibia is. Loads by name are of this kind: `load_of`.
         point_in: the bone in whose frame the point is given, and to which it is fixed.
         name: what reports call it.
     """
@@ -51,15 +69,21 @@ class Load(eqx.Module):
         self.name = name
 
     def __check_init__(self):
-        for field, value in (("axes", self.axes), ("point_in", self.point_in)):
-            if value not in BONES:
-                raise ValueError(f"Load.{field} is {value!r}; expected one of {BONES}")
+        for field, value, known in (
+            ("axes", self.axes, AXES),
+            ("point_in", self.point_in, BONES),
+        ):
+            if value not in known:
+                raise ValueError(f"Load.{field} is {value!r}; expected one of {known}")
 
     def wrench(self, tibia: Placement) -> Wrench:
         """On the tibia, about the tibia's origin in femur axes."""
         force, moment, point = vector(self.force), vector(self.moment), vector(self.point)
         if self.axes == "tibia":
             force, moment = tibia.turn(force), tibia.turn(moment)
+        elif self.axes == GROOD_SUNTAY:
+            axes = transpose(grood_suntay_axes(tibia))
+            force, moment = rotate(axes, force), rotate(axes, moment)
         if self.point_in == "tibia":
             arm = tibia.turn(point)
         else:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kneejax.inference import QUANTITIES
+from kneejax.mechanics import NAMED_LOADS
 from kneejax.report._numbers import number
 from kneejax.report._text import _aligned, _wrapped
 from kneejax.statics._status import Status
@@ -16,8 +17,7 @@ if TYPE_CHECKING:
 
 #: Columns of a table of all candidates.
 CANDIDATE_COLUMNS = (
-    "name", "flexion_deg", "anterior_N", "superior_N", "lateral_N", "adduction_Nmm",
-    "internal_rotation_Nmm", "status", "gain", "chosen",
+    "name", "flexion_deg", *NAMED_LOADS, "status", "gain", "chosen",
 )  # fmt: skip
 _GOALS = {
     "D": "all parameters together become as certain as possible (D-optimal: the joint confidence "
@@ -48,12 +48,9 @@ def candidates_rows(design: Design) -> list[dict[str, Any]]:
     place: dict[int, int] = {}
     for step, row in enumerate(design.chosen, 1):
         place.setdefault(row, step)
-    forces = ("anterior_N", "superior_N", "lateral_N")
-    moments = ("adduction_Nmm", "internal_rotation_Nmm")
     return [
         {"name": test.name, "flexion_deg": test.flexion_deg}
-        | dict(zip(forces, test.force_N, strict=True))
-        | dict(zip(moments, test.moment_Nmm, strict=True))
+        | test.loads
         | {"status": Status(status).word, "gain": float(gain), "chosen": place.get(row)}
         for row, (test, status, gain) in enumerate(
             zip(design.candidates, design.status, design.gains, strict=True)

@@ -282,6 +282,7 @@ def simulation_figure(
     ligament_forces: ArrayLike,
     contact_names: Sequence[str],
     contact_forces: ArrayLike,
+    convention: str = "femoral",
 ) -> Figure:
     """Draw a simulated motion and its forces.
 
@@ -293,6 +294,7 @@ def simulation_figure(
         ligament_forces: shape `(n, ligaments)`, N.
         contact_names: one a column of `contact_forces`.
         contact_forces: shape `(n, contacts)`, N.
+        convention: of the table; said beside the legend.
 
     Returns:
         Five coordinates, then ligament and contact forces.
@@ -321,6 +323,7 @@ def simulation_figure(
         _flexion_axis(axes, x, label, spot in ((2, 0), (1, 1)))
     words = figure.add_subplot(grid[2, 1])
     words.set_axis_off()
+    words.text(0.0, 0.98, f"Coordinates: {convention} convention", va="top", fontsize=7.5)
     lines = []
     for column, (title, names, values) in enumerate(forces):
         axes = figure.add_subplot(grid[3, column])

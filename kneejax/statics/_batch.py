@@ -49,6 +49,9 @@ _ALONG_STATIONS, _ALONG_VALUES, _ALONG_LOADS = 5, 2, 1
 #: Flexions from the reference pose at which variants are led onto the knee's own branch, rad: the
 #: next where one does not do.
 _LEADS = tuple(np.deg2rad([45.0, 20.0, 70.0]))
+#: Stiffness, as a part of the unloaded knee's, below which a branch that ends has turned: along a
+#: load it falls like the root of the distance to a turning point, and 1/16384 is tried.
+_SOFT = 0.1
 #: Part of the way from the knee itself to a variant that is tried first where walks have lost it.
 _SMALL_CHANGE = 0.125
 #: How much nearer or farther from the knee's own motion a neighbour on the stem may be, mm.
@@ -102,19 +105,24 @@ class Balances:
 def _asked(found: Found, routes: Routes) -> Balances:
     """What was found at the stations that were asked for; how far the others got."""
     every = Balances.of(found, (len(found.status),))
-    for chain in (chain for chains in routes.loading for chain in chains):
-        nodes, sizes = list(chain.nodes), np.array(chain.sizes)
-        known = found.known[:, nodes]
-        first = np.where(known.all(axis=1), len(nodes) - 1, np.argmin(known, axis=1))
-        row = np.arange(len(known))
-        begin = np.r_[0.0, sizes][first]
-        share = found.share[row, np.array(nodes)[first]]
-        held = np.where(found.known[:, chain.origin], begin + share * (sizes[first] - begin), 0.0)
-        every.reached[:, nodes] = np.where(known, 1.0, np.minimum(held[:, None] / sizes, 1.0))
-        singular = found.softest[row, np.array(nodes)[first]]
-        gives_way = ~known & (held > 0.0)[:, None]
-        every.status[:, nodes] = np.where(gives_way, Status.GIVES_WAY, found.status[:, nodes])
+    for chain in itertools.chain.from_iterable(routes.loading):
+        _say_how_far(every, found, chain)
     return Balances(*(getattr(every, f.name)[:, routes.asked] for f in dataclasses.fields(every)))
+
+
+def _say_how_far(every: Balances, found: Found, chain: Chain) -> None:
+    """Write down how much of its load each variant held along a chain, and whether it gave way:
+    whether it had become soft where the last balance was."""
+    nodes, sizes = np.array(chain.nodes), np.array(chain.sizes)
+    known, row = found.known[:, nodes], np.arange(len(found.status))
+    lost = np.where(known.all(axis=1), len(nodes) - 1, np.argmin(known, axis=1))
+    begin, end = np.r_[0.0, sizes][lost], sizes[lost]
+    held = begin + found.share[row, nodes[lost]] * (end - begin)
+    held = np.where(found.known[:, chain.origin], held, 0.0)[:, None]
+    soft = found.softest[row, nodes[lost]] < _SOFT * found.softest[:, chain.origin]
+    gives_way = ~known & (held > 0.0) & soft[:, None]
+    every.reached[:, nodes] = np.where(known, 1.0, np.minimum(held / sizes, 1.0))
+    every.status[:, nodes] = np.where(gives_way, Status.GIVES_WAY, found.status[:, nodes])
 
 
 def balance_many(

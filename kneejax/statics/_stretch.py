@@ -113,7 +113,7 @@ class Memory(eqx.Module):
         wary: whether the next search is not to be predicted, since one was lost.
         aim: part of the way from `last` to the next node that is tried.
         tangent: stiffness at the latest balance, `(5, 5, lanes)`; zero where it is not known.
-        softest: least pivot of the scaled stiffness at the two latest balances, `(2, lanes)`.
+        softest: least pivot of the scaled stiffness at the latest balance.
         steps: looks spent so far on a node that is not finished.
     """
 
@@ -143,7 +143,7 @@ class Reached(eqx.Module):
         status: `(turns, lanes)`.
         steps: looks of all searches for the node.
         way: how far along the path the last balance was, in nodes, `(turns, lanes)`.
-        softest: least pivot of the scaled stiffness there.
+        softest: least pivot of the scaled stiffness there, or at the node if it is balanced.
         left_mm: how far the last search was from a balance, mm (rotations at 30 mm).
         left_N: the unbalanced force that it left, N (moments at 30 mm).
     """
@@ -244,8 +244,8 @@ def walk_stretch(
         stride = ahead - memory.when[0]
         reach = jnp.where(loading, _LOADED_MM, jnp.maximum(1.0, nodes.reach[there] * stride))
         far = memory.begun & (jnp.max(jnp.abs(change), axis=0) > reach)
-        stable = jnp.all(rest["pivots"] > 0, axis=0)
-        astray = far | (loading & ~stable)
+        softest = jnp.min(rest["pivots"], axis=0)
+        astray = far | (loading & ~(softest > 0.0))
         status = jnp.where(astray & converged(status), Status.NOT_CONVERGED, status)
         good = ended & converged(status)
         finest = jnp.where(loading, _FINEST_LOADED, _FINEST)
@@ -257,7 +257,7 @@ def walk_stretch(
         steps = memory.steps + rest["steps"]
         entry = Reached(
             jnp.where(over, walk.place, -1), found.q, found.meeting, status, steps,
-            memory.when[0], memory.softest[0], *_left(walk.state),
+            memory.when[0], jnp.where(good, softest, memory.softest), *_left(walk.state),
         )  # fmt: skip
         log = jax.tree.map(lambda rows, row: rows.at[walk.turns].set(row), walk.log, entry)
         place = walk.place + over
@@ -270,7 +270,6 @@ def walk_stretch(
         uneven = over & ~nodes.even[at(place)]
         known = jnp.where(lost, 0, memory.known + good)
         tangent = jnp.where(good, rest["tangent"], jnp.where(again, 0.0, memory.tangent))
-        softest = jnp.min(rest["pivots"], axis=0)
         memory = Memory(
             away_q=_pushed(memory.away_q, found.q - own_q, good),
             away_meeting=_pushed(memory.away_meeting, found.meeting - own_meeting, good),
@@ -285,7 +284,7 @@ def walk_stretch(
             wary=jnp.where(ended, ~good, memory.wary),
             aim=jnp.where(good, longer, aim),
             tangent=tangent,
-            softest=_pushed(memory.softest, softest, good),
+            softest=jnp.where(good, softest, memory.softest),
             steps=jnp.where(over, 0, jnp.where(ended, steps, memory.steps)),
         )
         goes = walk.goes & (place < nodes.length) & (lost_in_a_row < give_up)

@@ -198,7 +198,7 @@ class Walker:
             wary=np.zeros(count, bool),
             aim=np.full(count, aim),
             tangent=np.zeros((5, 5, count)),
-            softest=np.full((2, count), np.inf),
+            softest=np.full(count, np.inf),
             steps=np.zeros(count, int),
         )
 

@@ -77,21 +77,34 @@ def test_simulate_then_evaluate(tmp_path, capsys):
     capsys.readouterr()
 
 
-def test_a_load_moves_the_tibia_its_way(tmp_path, capsys):
+def test_a_drawer_is_read_along_the_axis_it_pulls_along(tmp_path, capsys):
+    """What the femur's anterior axis shows of a drawer fades with flexion; the floating axis shows
+    all of it at every angle, and so does the default of what is printed."""
     tables = []
-    for load in ([], ["--load", "anterior=50"]):
+    for load in ([], ["--load", "anterior_N=50"]):
         out = tmp_path / f"load{len(load)}"
         main(["simulate", "passive-flexion", "--flexion", FLEXION, "--out", str(out), *load])
         tables.append([float(row["anterior_mm"]) for row in rows(out / "poses.csv")])
-    moved = np.array(tables[1]) - np.array(tables[0])
-    # Deep in flexion the ligaments leave it a twentieth of a mm.
-    assert (moved[:9] > 0.2).all() and (moved > 0.03).all()
-    capsys.readouterr()
+    femoral = np.array(tables[1]) - np.array(tables[0])
+    moved = [float(row["anterior_change_mm"]) for row in rows(out / "displacement.csv")]
+    assert min(moved) > 0.6
+    assert moved[0] == pytest.approx(femoral[0], abs=1e-3)
+    at_90 = [float(row["flexion_deg"]) for row in rows(out / "poses.csv")].index(90.0)
+    assert moved[at_90] == pytest.approx(0.65, abs=0.01) and femoral[at_90] < 0.2
+    assert not (tmp_path / "load0" / "displacement.csv").exists()
+
+    printed = capsys.readouterr().out
+    assert "Poses, femoral: translations of the tibia's origin along the femur's axes" in printed
+    assert "four_ligament, anterior force 50 N" in printed
+    shown = printed.split("What the load moved, along its own axes")[1].splitlines()
+    assert [line.split()[3] for line in shown if line.split()[:1] == ["90.0"]] == ["0.65"]
+    settings = json.loads((out / "settings.json").read_text())
+    assert settings["knee"] == "four_ligament" and settings["load"]["anterior_N"] == 50.0
 
 
 def test_a_process_with_shared_fusion_finds_the_same_poses(tmp_path, capsys):
     """The command sets XLA up before anything is computed; a test's process is past that."""
-    asked = ["simulate", "passive-flexion", "--flexion", FLEXION, "--load", "anterior=20"]
+    asked = ["simulate", "passive-flexion", "--flexion", FLEXION, "--load", "anterior_N=20"]
     main([*asked, "--out", str(tmp_path / "here")])
     flags = {k: v for k, v in os.environ.items() if k != "XLA_FLAGS"}
     command = [sys.executable, "-m", "kneejax.cli", *asked, "--out", str(tmp_path / "there")]
@@ -146,6 +159,10 @@ def study(tmp_path, text):
     return ["calibrate", str(path), "--out", str(tmp_path / "out")]
 
 
+def simulate(tmp_path, *words):
+    return ["simulate", "passive-flexion", *words, "--out", str(tmp_path / "o")]
+
+
 TWIN = bundled_path("studies", "paper1").read_text()
 
 BAD = {
@@ -196,8 +213,50 @@ BAD = {
         "ACL.stiffness",
     ),
     "unknown load": (
-        lambda t: ["simulate", "passive-flexion", "--load", "anterio=3", "--out", str(t / "o")],
-        "anterior",
+        lambda t: simulate(t, "--load", "anterio_N=3"), "did you mean anterior_N?",
+    ),
+    "a load without its unit": (
+        lambda t: simulate(t, "--load", "internal_rotation=5"), "did you mean internal_Nm?",
+    ),
+    "a moment in N mm": (
+        lambda t: simulate(t, "--load", "varus_Nm=10000"), "N mm are suspected",
+    ),
+    "an absurd load": (
+        lambda t: simulate(t, "--load", "anterior_N=1e30"), "between -100,000 and 100,000 N",
+    ),
+    "a load given twice": (
+        lambda t: simulate(t, "--load", "varus_Nm=1", "--load", "varus_Nm=2"), "every name once",
+    ),
+    "set: negative stiffness": (
+        lambda t: simulate(t, "--set", "ACL.stiffness=-5"), "--set: ACL.stiffness: -5: expected",
+    ),
+    "set: slack length zero": (
+        lambda t: simulate(t, "--set", "ACL.slack_length=0"), "between 1 and 300 mm",
+    ),
+    "set: a strain that no length has": (
+        lambda t: simulate(t, "--set", "ACL.reference_strain=-1.5"), "between -0.9 and 0.5",
+    ),
+    "set: an attachment far off": (
+        lambda t: simulate(t, "--set", "ACL.tibial_attachment.superior=-900"),
+        "--set: ACL.length: 900.1 mm",
+    ),
+    "absurd flexion": (
+        lambda t: simulate(t, "--flexion", "0,1e30"), "between -30 and 180 degrees",
+    ),
+    "absurd pose": (
+        lambda t: bad_table(t, POSES + "0,0,0,1e30,0,1\n"), "between -1000 and 1000 mm",
+    ),
+    "absurd range of a map": (
+        lambda t: ["map", "paper1", "--pair", "ACL.stiffness", "PCL.stiffness", "--range",
+                   "ACL.stiffness=1:1e30", "--out", str(t / "o")], "10,000,000 N",
+    ),
+    "absurd sweep": (
+        lambda t: ["sensitivity", "--sweep", "ACL.reference_strain=-5:5", "--out", str(t / "o")],
+        "a strain, not percent",
+    ),
+    "absurd width": (
+        lambda t: ["sensitivity", "--prior", "ACL.stiffness=1e-300", "--out", str(t / "o")],
+        "--prior: ACL.stiffness: 1e-300: expected between 0.01 and",
     ),
     "flexion not a range": (
         lambda t: ["simulate", "passive-flexion", "--flexion", "0:x:5", "--out", str(t / "o")],

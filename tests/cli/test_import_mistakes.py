@@ -134,9 +134,10 @@ def test_cartilage_thinner_than_zero(meshes, tmp_path, capsys):
     ("more", "words"),
     [
         (["--modulus", "0"], "--modulus: Young's modulus: 0.0"),
+        (["--modulus", "1e30"], "between 0.001 and 100,000 MPa; Pa are suspected"),
         (["--modulus", "nan"], "--modulus: Young's modulus: nan"),
-        (["--poisson-ratio", "0.5"], "below 0.5"),
-        (["--layer-thickness", "0.006"], "a thickness in mm"),
+        (["--poisson-ratio", "0.5"], "between 0 and 0.4999"),
+        (["--layer-thickness", "0.006"], "between 0.1 and 50 mm; metres"),
         (["--layer-thickness", "6", "--thickness", "field"], "where --layer-thickness gives"),
         (["--femur-bone", "bone.stl"], "--tibia-bone: file: missing"),
         (["--angle", "200", "60"], "--angle: region: 200 60"),

@@ -64,7 +64,7 @@ def test_the_ligaments_of_a_knee_are_kept(words, tmp_path, capsys):
     [
         (["--thickness", "field"], "both bone meshes"),
         (["--knee", "nowhere"], "a bundled knee"),
-        (["--layer-thickness", "-2"], "at least 0.1"),
+        (["--layer-thickness", "-2"], "between 0.1 and 50 mm"),
         (["--femur-cartilage", "missing.stl"], "missing"),
     ],
 )

@@ -1,5 +1,6 @@
 """The bundled knees made of lenhart2015: what they hold, their left twins, their script."""
 
+import dataclasses
 import runpy
 from pathlib import Path
 
@@ -9,8 +10,9 @@ import pytest
 
 import kneejax as kj
 from kneejax.files import bundled_path, load_knee_file, mirror_document, read_knee, write_knee
-from kneejax.geometry import Pose
+from kneejax.geometry import Pose, convert_table
 from kneejax.inference import select
+from kneejax.mechanics import load_of
 
 SCRIPT = Path(__file__).parents[2] / "data" / "make_lenhart2015.py"
 NAMES = ("lenhart2015", "lenhart2015_reduced")
@@ -133,6 +135,28 @@ def test_passive_flexion_of_a_left_knee_is_the_mirrored_right_one(right, left):
     ours, theirs = (kj.passive_flexion(each, angles) for each in (knee, same_code(knee, twin)))
     assert np.all(ours.settled.converged) and np.all(ours.stable)
     np.testing.assert_allclose(ours.to_table(), theirs.to_table(), rtol=0, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_a_drawer_at_90_degrees_is_read_along_the_floating_axis(right):
+    """The femur's anterior axis points along the bent tibia: it shows a tenth of a mm of it."""
+    knee = right["lenhart2015"].knee
+
+    def at_90(size_N):
+        loaded = dataclasses.replace(knee, loads=(load_of(anterior_N=size_N),))
+        motion = kj.passive_flexion(loaded, [90.0])
+        assert kj.Status(int(motion.status[0])) is kj.Status.BALANCED
+        return motion.to_table()
+
+    pulled, free = at_90(90.0), at_90(0.0)
+    clinical, femoral = (
+        (convert_table(pulled, "femoral", c) - convert_table(free, "femoral", c))[0]
+        for c in ("grood-suntay", "femoral")
+    )
+    assert clinical[3] == pytest.approx(0.83, abs=0.03)
+    assert femoral[3] == pytest.approx(0.10, abs=0.03)
+    # What the femur's axes call inferior is the drawer.
+    assert femoral[4] == pytest.approx(-clinical[3], abs=0.03)
 
 
 @pytest.mark.slow

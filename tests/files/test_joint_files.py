@@ -73,7 +73,7 @@ GOOD = format_joint(JointFile(_joints()["moving"], "moving"))
         ("l_medial_mm: [6.0, 8.0, -21.5]", "l_medial_mm: [6.0, 8.0, 60]", "not lateral"),
         ("flexion_deg: 86.6", "flexion_deg: 3.5", "3.5 degrees in poses 1 and 2"),
         ("flexion_deg: 86.6", "flexion_deg: 1.5", "3.5, then 1.5 degrees"),
-        ("flexion_deg: 86.6", "flexion_deg: 866", "degrees above -180 and below 180"),
+        ("flexion_deg: 86.6", "flexion_deg: 866", "between -180 and 180 degrees"),
     ],
 )
 def test_bad_joint_files_are_named(tmp_path, old, new, said):

@@ -5,6 +5,8 @@ import jax
 import numpy as np
 import pytest
 import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from kneejax.files import (
     InputProblem,
@@ -18,7 +20,7 @@ from kneejax.files import (
     write_knee,
 )
 from kneejax.geometry import Pose
-from kneejax.mechanics import ligament_law
+from kneejax.mechanics import AXES, RANGES, ligament_law
 
 WRAP = {
     "kind": "sphere", "bone": "tibia", "center_mm": [0, 0, 0], "radius_mm": 9.0,
@@ -158,9 +160,10 @@ def test_left_twin_gives_the_same_knee(tmp_path, as_file, knee_document):
         np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12)
 
 
-def test_mirror_is_a_reflection_of_space(tmp_path, knee_document):
+@pytest.mark.parametrize("axes", AXES)
+def test_mirror_is_a_reflection_of_space(tmp_path, knee_document, axes):
     """Build the left twin as if it were right: lengths, surfaces and wrenches are mirrored."""
-    document = knee_document
+    document = changed(knee_document, ["loads", "weight", "axes"], axes)
     twin = mirror_document(document) | {"side": "right"}
     pose = Pose.from_table([40.0, 3.0, -7.0, 2.0, -25.0, 4.0])
     mirrored_pose = Pose.from_table([40.0, -3.0, 7.0, 2.0, -25.0, -4.0])
@@ -208,39 +211,39 @@ CONDYLE, PLATEAU = [*MEDIAL, "femoral_surface"], [*MEDIAL, "tibial_surface"]
         (["side"], "rihgt", "did you mean right?"),
         (["kneejax"], 2, "version"),
         ([*ACL, "stiffness_N"], -4500, "-4500"),
-        ([*ACL, "stiffness_N"], 0, "above 0"),
+        ([*ACL, "stiffness_N"], 0, "between 0.001 and 10,000,000 N"),
         ([*ACL, "stiffness_N"], "4500 N", "a number"),
         ([*ACL, "stiffness_N"], True, "a number"),
         ([*ACL, "stiffness_N"], float("nan"), "finite"),
         ([*ACL, "stiffness_N"], 10**400, "finite"),
         ([*ACL, "reference_strain"], None, "exactly one of"),
         ([*ACL, "slack_length_mm"], 30.0, "exactly one of"),
-        ([*ACL, "reference_strain"], -1.0, "above -1"),
+        ([*ACL, "reference_strain"], -1.0, "between -0.9 and 0.5"),
         ([*ACL, "reference_strain"], 3.0, "percent"),
-        ([*ACL, "transition_strain"], 0.0, "above 0"),
-        ([*ACL, "transition_width"], 0.0, "above 0"),
-        ([*ACL, "failure_strain"], 0.0, "above 0"),
+        ([*ACL, "transition_strain"], 0.0, "between 0.0001 and 0.5"),
+        ([*ACL, "transition_width"], 0.0, "between 1e-07 and 0.5"),
+        ([*ACL, "failure_strain"], 0.0, "between 0.001 and 1"),
         ([*ACL, "failure_strain"], 15.0, "percent"),
         ([*ACL, "failure_strian"], 0.15, "did you mean failure_strain?"),
         ([*ACL, "femoral_attachment_mm"], [1.0, 2.0], "3 numbers"),
         ([*ACL, "femoral_attachment_mm"], [1.0, 2.0, "x"], "femoral_attachment_mm[2]"),
         ([*ACL, "femoral_attachment_mm"], [900.0, 2.0, 0.0], "between 1 and 300 mm"),
         ([*ACL, "source"], {"stiffness_N": "paper"}, "missing"),
-        (["ligaments", "PCL", "slack_length_mm"], 0, "above 0"),
+        (["ligaments", "PCL", "slack_length_mm"], 0, "between 1 and 300 mm"),
         (["ligaments", "PCL", "slack_length_mm"], 0.0365, "metres"),
-        (["ligaments", "MCL", "reference_force_N"], 0, "above 0"),
+        (["ligaments", "MCL", "reference_force_N"], 0, "between 1e-06 and 100,000 N"),
         (["ligaments", "a.b"], {}, "a name of letters"),
         (["ligaments"], [], "a mapping from a name"),
         (["wraps"], {"W": {"kind": "torus"}}, "one of sphere"),
-        (["wraps"], {"W": {**WRAP, "radius_mm": 0.0}}, "at least 1 mm"),
+        (["wraps"], {"W": {**WRAP, "radius_mm": 0.0}}, "between 1 and 1000 mm"),
         (["wraps"], {"W": {**WRAP, "bone": "pelvis"}}, "one of femur, tibia"),
         (["ligaments", "ACL", "wrap"], "W", "no section wraps"),
         (["ligaments", "ACL", "via_points"], [{"bone": "fibula", "point_mm": [0, 0, 0]}], "femur"),
-        (["ligaments", "ACL", "damping_s"], -1, "at least 0"),
+        (["ligaments", "ACL", "damping_s"], -1, "0, or between 1e-09 and 1000 s"),
         (["groups"], {"ACL": ["MCL"]}, "not a ligament's"),
         (["groups"], {"cruciates": ["ACL", "PLC"]}, "did you mean PCL"),
         ([*MEDIAL, "layer_variation_mm"], [[0.0]], "no layer_variation_mm unless"),
-        ([*MEDIAL, "poisson_ratio"], 0.5, "below 0.5"),
+        ([*MEDIAL, "poisson_ratio"], 0.5, "between 0 and 0.4999"),
         ([*MEDIAL, "youngs_modulus_MPa"], 5e6, "Pa"),
         ([*MEDIAL, "layer_thickness_mm"], 0.006, "metres"),
         ([*MEDIAL, "law"], "lg", "did you mean log?"),
@@ -250,17 +253,25 @@ CONDYLE, PLATEAU = [*MEDIAL, "femoral_surface"], [*MEDIAL, "tibial_surface"]
         ([*CONDYLE, "angle_deg"], [0.2, 3.0], "radians"),
         ([*CONDYLE, "width_mm"], [-0.034, -0.012], "metres"),
         ([*CONDYLE, "coefficients_mm"], [[22.0, 1.0], [3.0]], "equal length"),
-        ([*CONDYLE, "coefficients_mm"], [[5.0, 1.0], [9.0, 0.0]], "radius above 0"),
+        ([*CONDYLE, "coefficients_mm"], [[5.0, 1.0], [9.0, 0.0]], "a radius between 1 and 1000 mm"),
         ([*CONDYLE, "coefficients_mm"], [[0.022]], "metres"),
         ([*CONDYLE, "source"], None, "missing"),
         ([*CONDYLE, "radius_mm"], 3.0, "no such field"),
         ([*CONDYLE, "kind"], "sphere", "no such field"),
         ([*PLATEAU, "lateral_mm"], [3.0, 3.0], "lower and a larger upper"),
         (["lines", "patellar_tendon", "origin_mm"], [1.0, 2.0, 3.0], "3 numbers"),
+        ([*CONDYLE, "radius_mm"], [9.0, 9.0, 9.0], "no such field"),
+        (["contacts", "lateral", "points"], [10**9, 24], "from 2 to 1000"),
+        (["lines", "patellar_tendon", "tension_N"], 1e30, "between 1e-06 and 100,000 N"),
+        (["lines", "patellar_tendon", "tension_N"], 1e-300, "between 1e-06 and 100,000 N"),
+        (["loads", "weight", "force_N"], [0, 1e30, 0], "between -100,000 and 100,000 N"),
+        (["loads", "weight", "moment_Nmm"], [1e30, 0, 0], "between -1,000,000 and 1,000,000 N mm"),
+        ([*MEDIAL, "youngs_modulus_MPa"], 1e-300, "between 0.001 and 100,000 MPa"),
+        ([*MEDIAL, "onset_width_mm"], 1e-300, "between 1e-06 and 5 mm"),
         (["loads", "weight", "axes"], "tibea", "did you mean tibia?"),
         (["loads", "weight", "point_mm"], None, "missing"),
         (["adaptations"], [{"field": "x"}], "missing"),
-        (["reference_pose", "flexion_deg"], 400, "at most 180"),
+        (["reference_pose", "flexion_deg"], 400, "between -30 and 180 degrees"),
     ],
 )
 def test_a_bad_field_is_refused(tmp_path, place, value, words, knee_document):
@@ -379,3 +390,22 @@ def test_a_failure_strain_is_kept_and_has_a_published_default(tmp_path, knee_doc
     usual = {"PCL": 0.18, "MCL": 0.17}
     assert strains["ACL"] == 0.21
     assert {name: float(strains[name]) for name in usual if name in strains} == usual
+
+
+@settings(
+    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(
+    field=st.sampled_from(["stiffness_N", "reference_strain", "transition_strain"]),
+    value=st.floats(allow_nan=False, allow_infinity=False),
+)
+def test_a_number_in_a_file_is_refused_if_and_only_if_no_knee_has_it(
+    tmp_path, knee_document, field, value
+):
+    document = changed(copy.deepcopy(knee_document), [*ACL, field], value)
+    path = write(tmp_path / "k.yaml", document)
+    if RANGES[field].holds(value):
+        read_knee(path)
+    else:
+        line = refusal(path)
+        assert f"ligaments.ACL.{field}: " in line and str(RANGES[field]) in line

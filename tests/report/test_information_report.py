@@ -129,8 +129,8 @@ def test_the_candidates_are_hatched_or_numbered(criterion):
 
 def test_the_candidates_of_a_person_need_fill_no_grid():
     tests = [
-        Candidate("drawer", 20.0, force_N=(90.0, 0.0, 0.0)),
-        Candidate("drawer", 20.0, force_N=(134.0, 0.0, 0.0)),
+        Candidate("drawer", 20.0, anterior_N=90.0),
+        Candidate("drawer", 20.0, anterior_N=134.0),
         Candidate("A $x$ test & <more>", 47.5),
         *(Candidate("torque", float(angle)) for angle in range(40)),
     ]

@@ -1,0 +1,235 @@
+"""What a number of a knee can be at all.
+
+The ranges are generous: they hold every published knee and every trial that means something, and
+keep out what only a slip or a wrong unit explains. One table serves knee files, studies, tables and
+the command line.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import partial
+
+import equinox as eqx
+import jax
+import numpy as np
+from jax import Array
+
+from kneejax.geometry import Pose
+from kneejax.mechanics._ligaments import Ligaments
+
+
+@dataclasses.dataclass(frozen=True)
+class Range:
+    """The values that a quantity may have.
+
+    Attributes:
+        lower: the least.
+        upper: the greatest.
+        unit: empty for a plain number.
+        or_zero: whether zero is allowed too, below `lower`.
+        too_small: what a smaller value suggests.
+        too_large: what a larger value suggests.
+
+    Example:
+        >>> RANGES["force_N"].holds(1e30), str(RANGES["force_N"])
+        (False, 'between -100,000 and 100,000 N')
+    """
+
+    lower: float
+    upper: float
+    unit: str = ""
+    or_zero: bool = False
+    too_small: str = ""
+    too_large: str = ""
+
+    def holds(self, value: float) -> bool:
+        """Whether a value is one of them; NaN is not."""
+        return self.lower <= value <= self.upper or (self.or_zero and value == 0.0)
+
+    def expected(self, value: float) -> str:
+        """What should stand where this value does, with what its size suggests."""
+        return f"{self}{self.hint(value)}"
+
+    def hint(self, value: float) -> str:
+        """What the size of a value suggests, if anything, to end a sentence with."""
+        suspected = self.too_large if value > self.upper else ""
+        suspected = self.too_small if value < self.lower else suspected
+        return f"; {suspected}" if suspected else ""
+
+    @property
+    def spread(self) -> Range:
+        """What a standard deviation, or a step, of such a quantity can be."""
+        width = self.upper - self.lower
+        return Range(1e-9 * width, width, self.unit)
+
+    def __str__(self) -> str:
+        zero = "0, or " if self.or_zero else ""
+        unit = f" {self.unit}" if self.unit else ""
+        return f"{zero}between {_plain(self.lower)} and {_plain(self.upper)}{unit}"
+
+
+def _plain(x: float) -> str:
+    return f"{x:,.0f}" if abs(x) >= 1e4 else f"{x:g}"
+
+
+_METRES = "metres are suspected"
+_PERCENT = "a strain, not percent"
+_SIZE = Range(1.0, 1000.0, "mm", too_small=_METRES)
+
+#: Name of a field, a column or a load, with its unit -> the values that it may have.
+RANGES: dict[str, Range] = {
+    # of a fibre
+    "stiffness_N": Range(1e-3, 1e7, "N"),
+    "reference_strain": Range(-0.9, 0.5, too_large=_PERCENT, too_small=_PERCENT),
+    "slack_length_mm": Range(1.0, 300.0, "mm", too_small=_METRES),
+    "length_mm": Range(1.0, 300.0, "mm"),
+    "reference_force_N": Range(1e-6, 1e5, "N"),
+    "transition_strain": Range(1e-4, 0.5, too_large=_PERCENT),
+    "transition_width": Range(1e-7, 0.5, too_large=_PERCENT),
+    "failure_strain": Range(1e-3, 1.0, too_large=_PERCENT),
+    "damping_s": Range(1e-9, 1e3, "s", or_zero=True),
+    # of places and sizes
+    "point_mm": Range(-1000.0, 1000.0, "mm"),
+    "scan_mm": Range(-1e4, 1e4, "mm"),  # from a scanner's origin
+    "size_mm": _SIZE,
+    "within_mm": Range(1e-3, 1000.0, "mm"),
+    "radius_mm": _SIZE,
+    "coefficient_mm": Range(-1e4, 1e4, "mm"),
+    "fit_mm": Range(1e-9, 1000.0, "mm", or_zero=True),
+    "rotation_deg": Range(-360.0, 360.0, "degrees"),
+    "angle_deg": Range(-90.0, 270.0, "degrees"),
+    # of a contact
+    "youngs_modulus_MPa": Range(1e-3, 1e5, "MPa", too_large="Pa are suspected"),
+    "poisson_ratio": Range(0.0, 0.4999),
+    "layer_thickness_mm": Range(0.1, 50.0, "mm", too_small=_METRES),
+    "onset_width_mm": Range(1e-6, 5.0, "mm"),
+    # of a pose
+    "flexion_deg": Range(-30.0, 180.0, "degrees"),
+    "adduction_deg": Range(-45.0, 45.0, "degrees"),
+    "internal_rotation_deg": Range(-90.0, 90.0, "degrees"),
+    "anterior_mm": Range(-1000.0, 1000.0, "mm"),
+    "superior_mm": Range(-1000.0, 1000.0, "mm"),
+    "lateral_mm": Range(-1000.0, 1000.0, "mm"),
+    # of loads
+    "tension_N": Range(1e-6, 1e5, "N", or_zero=True),
+    "force_N": Range(-1e5, 1e5, "N"),
+    "moment_Nmm": Range(-1e6, 1e6, "N mm"),
+    "lateral_N": Range(-1e5, 1e5, "N"),
+    "anterior_N": Range(-1e5, 1e5, "N"),
+    "compression_N": Range(-1e5, 1e5, "N"),
+    "varus_Nm": Range(-1e3, 1e3, "N m", too_large="N mm are suspected",
+                      too_small="N mm are suspected"),
+    "internal_Nm": Range(-1e3, 1e3, "N m", too_large="N mm are suspected",
+                         too_small="N mm are suspected"),
+    # of what is measured
+    "noise_mm": Range(1e-6, 100.0, "mm", or_zero=True),
+    "noise_deg": Range(1e-6, 90.0, "degrees", or_zero=True),
+    "weight": Range(1e-9, 1e9, or_zero=True),
+}  # fmt: skip
+#: Quantity of a parameter -> its field in a knee file.
+_FIELDS = {
+    "stiffness": "stiffness_N",
+    "reference_strain": "reference_strain",
+    "slack_length": "slack_length_mm",
+    "transition_strain": "transition_strain",
+    "transition_width": "transition_width",
+}
+
+
+def range_of_parameter(name: str) -> Range | None:
+    """What a parameter may be, by its name.
+
+    Args:
+        name: `LIGAMENT.quantity`, `*.quantity` or a quantity alone.
+
+    Returns:
+        The range; None for a quantity that is not known.
+
+    Example:
+        >>> str(range_of_parameter("ACL.slack_length"))
+        'between 1 and 300 mm'
+    """
+    quantities = [name.split(".", 1)[-1], name]
+    for quantity in quantities:
+        if quantity in _FIELDS:
+            return RANGES[_FIELDS[quantity]]
+    attached = any(q.split(".")[0] in ("femoral_attachment", "tibial_attachment")
+                   for q in quantities)  # fmt: skip
+    return RANGES["point_mm"] if attached else None
+
+
+class Implausible(ValueError):
+    """A number that no knee has.
+
+    Attributes:
+        fibre: whose.
+        quantity: which: a quantity of a parameter, `length`, or `wrap` for an end inside what the
+            fibre goes around.
+        value: in words.
+        expected: in words.
+    """
+
+    def __init__(self, fibre: str, quantity: str, value: str, expected: str):
+        super().__init__(f"{fibre}.{quantity}: {value}: expected {expected}")
+        self.fibre, self.quantity, self.value, self.expected = fibre, quantity, value, expected
+
+
+@partial(jax.jit, static_argnums=2)
+def at_reference(ligaments: Ligaments, pose: Pose, around: bool = True) -> tuple[Array, Array]:
+    """Whether ends lie inside obstacles, and lengths, straight where no detour is asked for.
+
+    Compiled: one by one the operations, each a program, would take 0.6 s and 40 MB.
+    """
+    inside = ligaments.ends_inside(pose.placement)
+    if not around:
+        ligaments = eqx.tree_at(lambda x: x.courses, ligaments, ())
+    return inside, ligaments.length(pose.placement)
+
+
+def check_fibres(ligaments: Ligaments, inside: Array, lengths: Array) -> None:
+    """Refuse a knee whose fibres have numbers that none has.
+
+    Args:
+        ligaments: all fibres.
+        inside: of each, whether an end lies inside what it goes around, from `at_reference`.
+        lengths: at the reference pose, mm, likewise.
+
+    Raises:
+        Implausible: the first number that is out of its range.
+    """
+    names = ligaments.names
+    for row in np.flatnonzero(np.asarray(inside)):
+        raise Implausible(
+            names[row], "wrap", "an end lies inside what the fibre goes around",
+            "attachments and via points outside it at the reference pose",
+        )  # fmt: skip
+    points = np.stack([ligaments.femoral_attachment, ligaments.tibial_attachment])
+    _check_numbers(names, "attachment", np.abs(points).max(axis=(0, 2), initial=0.0),
+                   RANGES["point_mm"])  # fmt: skip
+    _check_lengths(names, np.asarray(lengths), points)
+    for quantity, field in _FIELDS.items():
+        if quantity != "reference_strain":
+            values = np.asarray(getattr(ligaments, quantity))
+            _check_numbers(names, quantity, values, RANGES[field])
+
+
+def _check_numbers(
+    names: tuple[str, ...], quantity: str, values: np.ndarray, allowed: Range
+) -> None:
+    for name, value in zip(names, values.tolist(), strict=True):
+        if not allowed.holds(value):
+            raise Implausible(name, quantity, f"{value:g}", allowed.expected(value))
+
+
+def _check_lengths(names: tuple[str, ...], lengths: np.ndarray, points: np.ndarray) -> None:
+    allowed, largest = RANGES["length_mm"], np.abs(points).max(initial=0.0)
+    for name, length in zip(names, lengths.tolist(), strict=True):
+        if allowed.holds(length):
+            continue
+        expected = f"{allowed} between the attachments"
+        if length < allowed.lower and largest < 0.5:
+            expected += "; no coordinate reaches 0.5, so metres are suspected: give millimetres"
+        elif length > allowed.upper:
+            expected += "; a smaller unit than mm, or attachments in another frame, are suspected"
+        raise Implausible(name, "length", f"{length:.4g} mm at the reference pose", expected)
