@@ -273,9 +273,9 @@ def _status(
     tibia = Pose.from_state(flexion, here.guess.q).placement
     for contact in knee.contacts:
         if not contact.has_patch:
-            deep, outside = contact.faults(tibia, contact.sample(tibia))
-            status = jnp.where(outside & (status < 1), Status.OUTSIDE_REGION, status)
-            status = jnp.where(deep, Status.TOO_DEEP, status)
+            faults = contact.faults(tibia, contact.sample(tibia))
+            status = jnp.where(faults.outside & (status < 1), Status.OUTSIDE_REGION, status)
+            status = jnp.where(faults.too_deep, Status.TOO_DEEP, status)
     return jnp.where(here.done, status, Status.NOT_CONVERGED).astype(int)
 
 
