@@ -194,10 +194,13 @@ def _over_points(contact: Contact, poses: Pose):
     place = contact.tibial.frame.placement.apply(points.point)
     center = jnp.stack([jnp.sum(weight * x, axis=0) for x in place])
     mean = jnp.sum(share, axis=0) / area
-    deep, outside = contact.faults(tibia, sampled)
+    faults = contact.faults(tibia, sampled)
     peak, depth = jnp.max(pressure, axis=0), jnp.max(sampled.depth, axis=0)
-    flat, through = jnp.zeros_like(deep), contact.passed_through(tibia)
-    return force, moment, area, peak, mean, depth, center, ~outside, deep, flat, through
+    flat, through = jnp.zeros_like(faults.too_deep), contact.passed_through(tibia)
+    return (
+        force, moment, area, peak, mean, depth, center,
+        ~faults.outside, faults.too_deep, flat, through,
+    )  # fmt: skip
 
 
 def status_of(poses: Mechanics, knee: Knee) -> Array:

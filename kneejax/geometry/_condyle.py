@@ -10,8 +10,16 @@ from jax.typing import ArrayLike
 from kneejax.geometry._bases import CUBIC_SPLINE, POWER, checked_basis, table_partials
 from kneejax.geometry._pose import Frame
 from kneejax.geometry._safe import safe_sqrt
-from kneejax.geometry._surface import Jet, Surface, from_anterior, scaled
+from kneejax.geometry._surface import Jet, Surface, continued, from_anterior, scaled
 from kneejax.geometry._vectors import Rotation, Vector
+
+# How far a radius is continued beyond the region before it stays as it is, mm, by basis. The outer
+# cells of a spline may be as steep as 15 mm a mm: far continued they would be bars of bone.
+_REACH_MM = {POWER: 2.0, CUBIC_SPLINE: 0.5}
+# The same along the angle, by the radius of a knee, mm.
+_USUAL_RADIUS = 25.0
+# Over how much width, mm, a spline's border turns into its fall of 45 degrees.
+_TURNS_MM = 1.0
 
 
 class Condyle(Surface):
@@ -119,20 +127,9 @@ class Condyle(Surface):
         """Distance from the axis less the radius, its slope, the direction of the ray, one over
         the distance, and the second derivatives of the radius (mm, rad) if they were asked for."""
         x, y, z = point
-        angle = from_anterior(x, y)
         distance = safe_sqrt(x * x + y * y)
-        (radius, by_angle, by_width), second = self._beyond(angle, z, order)
-        beside = (angle > self.angle[0]) & (angle < self.angle[1])
-        across = (z > self.width[0]) & (z < self.width[1])
-        by_angle = jnp.where(beside, by_angle, 0.0)
-        if self.basis == POWER:
-            by_width = jnp.where(across, by_width, 0.0)
-        if order == 2:
-            aa, ab, bb = second
-            both = beside & across
-            second = tuple(
-                jnp.where(where, d, 0.0) for where, d in ((beside, aa), (both, ab), (across, bb))
-            )
+        radii, second = self._beyond(from_anterior(x, y), z, order)
+        radius, by_angle, by_width = radii
         per_distance = 1.0 / jnp.where(distance > 0, distance, 1.0)
         c, s, turn = x * per_distance, y * per_distance, by_angle * per_distance
         slope = (c - turn * s, s + turn * c, -by_width)
@@ -144,24 +141,27 @@ class Condyle(Surface):
     def _beyond(
         self, angle: Array, width: Array, order: int
     ) -> tuple[tuple[Array, Array, Array], tuple[Array, ...]]:
-        """Radius and its slopes at the nearest place of the region, in mm and rad; and its second
-        derivatives there by angle, by both, by width, if the order is 2."""
-        nearest = jnp.clip(width, self.width[0], self.width[1])
-        s, by_s = scaled(jnp.clip(angle, self.angle[0], self.angle[1]), self.angle)
-        t, by_t = scaled(nearest, self.width)
-        # Beyond its region a table says nothing: its edge value is held there.
+        """Radius and its slopes anywhere, in mm and rad; and its second derivatives by angle, by
+        both, by width, if the order is 2."""
+        reach = _REACH_MM[self.basis]
+        s, s_slope, s_bend = continued(angle, self.angle, reach / _USUAL_RADIUS)
+        t, t_slope, t_bend = continued(width, self.width, reach)
         d = self._table(s, t, order)
-        radius, by_angle, by_width = d[0][0], d[1][0] * by_s, d[0][1] * by_t
-        if self.basis == CUBIC_SPLINE:
+        radius, by_angle, by_width = d[0][0], d[1][0] * s_slope, d[0][1] * t_slope
+        falls = self.basis == CUBIC_SPLINE
+        if falls:
             # A spline reaches to the cartilage's borders, where it falls off towards the notch and
             # the epicondyle: an edge value held would be a bar of bone across the notch.
-            away = width - nearest
-            by_width = jnp.where(away == 0.0, by_width, -jnp.sign(away))
-            radius = radius - jnp.abs(away)
+            away = width - jnp.clip(width, self.width[0], self.width[1])
+            fall, fall_slope, fall_bend = _fall(away)
+            radius, by_width = radius - fall, by_width - fall_slope
         if order == 1:
             return (radius, by_angle, by_width), ()
-        second = d[2][0] * by_s * by_s, d[1][1] * by_s * by_t, d[0][2] * by_t * by_t
-        return (radius, by_angle, by_width), second
+        by_aa = d[2][0] * s_slope * s_slope + d[1][0] * s_bend
+        by_bb = d[0][2] * t_slope * t_slope + d[0][1] * t_bend
+        if falls:
+            by_bb = by_bb - fall_bend
+        return (radius, by_angle, by_width), (by_aa, d[1][1] * s_slope * t_slope, by_bb)
 
     def start(self, direction: Vector) -> tuple[Array, Array]:
         angle = jnp.clip(from_anterior(direction[0], direction[1]), self.angle[0], self.angle[1])
@@ -170,3 +170,15 @@ class Condyle(Surface):
 
     def bounds(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
         return (self.angle[0], self.angle[1]), (self.width[0], self.width[1])
+
+
+def _fall(away: Array) -> tuple[Array, Array, Array]:
+    """How far a radius falls off beyond the width, mm, and its first two derivatives: none of
+    them jumps at the border, and further out it is 45 degrees."""
+    square, turns = away * away, _TURNS_MM**2
+    whole = 1.0 / (square + turns)
+    part = square * whole
+    fall = jnp.abs(away) * part
+    slope = jnp.sign(away) * part * (part + 3.0 * turns * whole)
+    bend = 2.0 * turns * jnp.abs(away) * (3.0 * turns - square) * whole**3
+    return fall, slope, bend

@@ -7,11 +7,14 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.geometry._bases import POWER, checked_basis, table_partials
+from kneejax.geometry._bases import CUBIC_SPLINE, POWER, checked_basis, table_partials
 from kneejax.geometry._outline import covered
 from kneejax.geometry._pose import Frame
-from kneejax.geometry._surface import Height, Surface, inside, scaled
+from kneejax.geometry._surface import Height, Surface, continued, inside, scaled
 from kneejax.geometry._vectors import Rotation, Vector
+
+# How far heights are continued beyond the region before they stay as they are, mm, by basis.
+_REACH_MM = {POWER: 2.0, CUBIC_SPLINE: 0.5}
 
 
 class Plateau(Surface):
@@ -94,8 +97,8 @@ class Plateau(Surface):
 
     def level(self, point: Vector) -> Array:
         x, y, z = point
-        s, by_x = scaled(jnp.clip(x, self.x[0], self.x[1]), self.x)
-        t, by_z = scaled(jnp.clip(z, self.z[0], self.z[1]), self.z)
+        s, by_x, _ = continued(x, self.x, _REACH_MM[self.basis])
+        t, by_z, _ = continued(z, self.z, _REACH_MM[self.basis])
         (height, slope_t), (slope_s,) = self._table(s, t, 1)
         steep = (slope_s * by_x) ** 2 + (slope_t * by_z) ** 2
         return (y - height) / jnp.sqrt(1.0 + steep)

@@ -231,6 +231,31 @@ def scaled(value: Array, limits: Array) -> tuple[Array, Array]:
     return (value - limits[0]) * factor - 1.0, factor
 
 
+def continued(value: Array, limits: Array, reach: float) -> tuple[Array, Array, Array]:
+    """A coordinate scaled to -1..1 over its limits that soon comes to rest beyond them.
+
+    A table of coefficients says nothing beyond its region. Held at the border it would have a kink
+    there, and a force that jumps; so it goes on for a little and then becomes constant, twice
+    continuously differentiable.
+
+    Args:
+        value: the coordinate.
+        limits: lower and upper end of the region.
+        reach: how far beyond them the coordinate goes at most, in its own unit.
+
+    Returns:
+        The scaled coordinate, and its first two derivatives by the coordinate.
+    """
+    nearest = jnp.clip(value, limits[0], limits[1])
+    s, factor = scaled(nearest, limits)
+    beyond = (value - nearest) / reach
+    slower = 1.0 / (1.0 + beyond * beyond)
+    root = jnp.sqrt(slower)
+    slope = slower * root
+    bend = -3.0 * beyond * slope * slower / reach
+    return s + factor * reach * beyond * root, factor * slope, factor * bend
+
+
 def _partials(point: Callable[[Array, Array], Vector], a: Array, b: Array, order: int) -> dict:
     """Partial derivatives of a point, taken `i` times by `a` and `j` times by `b`, at `(i, j)`."""
     one = jnp.ones_like(a)

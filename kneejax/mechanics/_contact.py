@@ -28,11 +28,26 @@ from kneejax.mechanics._patch import Gap
 from kneejax.mechanics._patch_force import Pressed, press
 from kneejax.mechanics._points_force import press_points, sampled_wrench
 from kneejax.mechanics._quadrature import Points, Sampled, midpoints, sample
+from kneejax.mechanics._rays import faded
 from kneejax.mechanics._wrench import Wrench
 
 #: The two ways to compute a contact.
 ELLIPTICAL_PATCH, QUADRATURE = "elliptical_patch", "quadrature"
 FORMS = (ELLIPTICAL_PATCH, QUADRATURE)
+
+
+class Faults(eqx.Module):
+    """What is wrong with a contact, each `(...)` for the lanes.
+
+    Attributes:
+        too_deep: the overlap is the whole layer somewhere.
+        outside: points touch outside the region in which the femoral surface is known.
+        lost: the depth of a point could not be found.
+    """
+
+    too_deep: Array
+    outside: Array
+    lost: Array
 
 
 class Contact(eqx.Module):
@@ -174,13 +189,12 @@ class Contact(eqx.Module):
         steep = self.touching(sampled.depth)
         return self.modulus * law.relative_pressure(self.law, relative) * steep
 
-    def faults(self, tibia: Placement, sampled: Sampled) -> tuple[Array, Array]:
-        """Whether the overlap is the whole layer somewhere; whether touching points lie outside
-        the region in which the femoral surface is known."""
+    def faults(self, tibia: Placement, sampled: Sampled) -> Faults:
+        """What is wrong with a contact summed over points."""
         deep = jnp.any(sampled.depth >= self.layer(sampled.points), axis=0)
         hit = self.femur_to_plateau(tibia).apply_inverse(sampled.hit)
-        outside = (sampled.depth > 0) & ~self.femoral.knows(hit)
-        return deep, jnp.any(outside, axis=0)
+        outside = jnp.any((sampled.depth > 0) & ~self.femoral.knows(hit), axis=0)
+        return Faults(deep, outside, jnp.any(sampled.lost, axis=0))
 
     def passed_through(self, tibia: Placement) -> Array:
         """Whether the femoral solid's own origin lies under the tibial surface, `(...)`."""
@@ -250,8 +264,11 @@ class Contact(eqx.Module):
 
     def rounded(self, depth: Array) -> Array:
         """Depth with the rounded onset, mm: positive, and far less than `onset_width` apart."""
-        return positive_part(depth, self.onset_width)
+        return positive_part(faded(depth)[0], self.onset_width)
 
     def touching(self, depth: Array) -> Array:
         """From 0 apart to 1 in touch, over the onset: the slope of `rounded` by depth."""
-        return self.rounded(depth) / jnp.sqrt(depth * depth + self.onset_width**2)
+        near, slope = faded(depth)
+        return slope * positive_part(near, self.onset_width) / jnp.sqrt(
+            near * near + self.onset_width**2
+        )

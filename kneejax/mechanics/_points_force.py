@@ -15,11 +15,13 @@ derivatives of the femoral level. Any other change, of a surface or of a modulus
 
 from __future__ import annotations
 
+import dataclasses
+from functools import partial
 from typing import TYPE_CHECKING
 
 import jax
 import jax.numpy as jnp
-from jax import Array
+from jax import Array, lax
 from jax.custom_derivatives import SymbolicZero
 
 from kneejax.geometry import (
@@ -38,7 +40,15 @@ from kneejax.geometry import (
     times,
     transpose,
 )
-from kneejax.mechanics._quadrature import Points, Sampled, sample
+from kneejax.mechanics._quadrature import (
+    Points,
+    Sampled,
+    lines_of,
+    over_rays,
+    quickly,
+    thoroughly,
+)
+from kneejax.mechanics._rays import quick_exit
 from kneejax.mechanics._wrench import Wrench
 
 if TYPE_CHECKING:
@@ -58,7 +68,8 @@ def sampled_wrench(contact: Contact, sampled: Sampled) -> Wrench:
         sampled: depths at the points.
     """
     share = -contact.point_pressure(sampled) * sampled.points.area
-    return _sum(Wrench.at(sampled.hit, scale(share, sampled.slope)))
+    couple = scale(share, sampled.twist)
+    return _sum(Wrench.at(sampled.hit, scale(share, sampled.slope), couple))
 
 
 @jax.custom_jvp
@@ -73,7 +84,10 @@ def press_points(contact: Contact, points: Points, motion: Placement) -> tuple[A
     Returns:
         N mm, and the wrench on the tibia in its surface's frame.
     """
-    sampled = sample(contact.femoral, points, motion)
+    return over_rays(contact.femoral, points, motion, partial(_pressed, contact))
+
+
+def _pressed(contact: Contact, sampled: Sampled) -> tuple[Array, Wrench]:
     return contact.sampled_energy(sampled), sampled_wrench(contact, sampled)
 
 
@@ -82,30 +96,60 @@ def _press_points_jvp(primals, tangents):
     *of_parts, of_motion = tangents
     if not all(isinstance(t, SymbolicZero) for t in jax.tree.leaves(of_parts)):
         return jax.jvp(press_points.fun, primals, instantiate(tangents))
-    sampled = sample(contact.femoral, points, motion)
-    by_shift, by_turn = stiffness(contact, sampled, motion)
+    (energy, wrench), by_twist = _stiff(contact, points, motion)
     shift, turn = _twist(motion, instantiate(of_motion))
-    parts = [*zip(shift, by_shift, strict=True), *zip(turn, by_turn, strict=True)]
     change = Wrench((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    for rate, wrench in parts:
-        change = change + Wrench(scale(rate, wrench.force), scale(rate, wrench.moment))
-    wrench = sampled_wrench(contact, sampled)
+    for rate, by in zip((*shift, *turn), by_twist, strict=True):
+        change = change + Wrench(scale(rate, by.force), scale(rate, by.moment))
     # The work of the wrench on the tibia, as the femur moves instead.
     work = plus(dot(shift, wrench.force), dot(turn, wrench.moment))
-    return (contact.sampled_energy(sampled), wrench), (work, change)
+    return (energy, wrench), (work, change)
+
+
+def _stiff(contact: Contact, points: Points, motion: Placement):
+    """Energy and wrench, and the wrench's change by three shifts and three turns."""
+    quick = quick_exit(contact.femoral, *lines_of(points, motion))
+    sampled, sound = quickly(contact.femoral, points, motion, quick)
+    usual = _pressed(contact, sampled), stiffness(contact, sampled, motion)
+
+    def again():
+        def pressed(*twist: Array):
+            moved = _displaced(motion, twist)
+            seen = thoroughly(contact.femoral, points, moved, sampled.depth, sound)
+            return _pressed(contact, seen)
+
+        nowhere = (jnp.zeros(jnp.shape(motion.translation[0])),) * 6
+
+        def by(unit: Array):
+            rates = tuple(x + rate for x, rate in zip(nowhere, unit, strict=True))
+            return jax.jvp(pressed, nowhere, rates)
+
+        # One after the other: this is seldom needed, and small to compile.
+        (energies, wrenches), (_, changes) = lax.map(by, jnp.eye(6))
+        first = jax.tree.map(lambda x: x[0], (energies, wrenches))
+        return first, [jax.tree.map(lambda x, k=k: x[k], changes) for k in range(6)]
+
+    return lax.cond(jnp.all(sound), lambda: usual, again)
+
+
+def _displaced(motion: Placement, twist: tuple[Array, ...]) -> Placement:
+    """The femur after a small shift and turn about the origin of the tibial surface's frame."""
+    shift, turn = twist[:3], twist[3:]
+    columns = transpose(_UNITS if motion.rotation is None else motion.rotation)
+    turned = transpose(tuple(add(column, cross(turn, column)) for column in columns))
+    moved = add(motion.translation, add(shift, cross(turn, motion.translation)))
+    return Placement(turned, moved)
 
 
 press_points.defjvp(_press_points_jvp, symbolic_zeros=True)
 
 
-def stiffness(
-    contact: Contact, sampled: Sampled, motion: Placement
-) -> tuple[list[Wrench], list[Wrench]]:
+def stiffness(contact: Contact, sampled: Sampled, motion: Placement) -> list[Wrench]:
     """Change of the wrench on the tibia by motions of the femur, in the tibial surface's frame.
 
     Args:
         contact: gives the femoral surface and the pressure law.
-        sampled: depths at the points of the tibial surface.
+        sampled: depths at the points of the tibial surface, none of them held.
         motion: from the femoral to the tibial surface's frame.
 
     Returns:
@@ -131,14 +175,14 @@ def stiffness(
         change = add(rotate(spring, moved), scale(force, turned))
         arm_moves = scale(-force * dot(slope, moved), aside)
         by_turn.append(_sum(Wrench(change, add(arm_moves, cross(hit, change)))))
-    return by_shift, by_turn
+    return [*by_shift, *by_turn]
 
 
 def _pressure_and_slope(contact: Contact, sampled: Sampled):
     """MPa, and MPa per mm of depth."""
 
     def pressure(depth):
-        return contact.point_pressure(Sampled(sampled.points, depth, sampled.hit, sampled.slope))
+        return contact.point_pressure(dataclasses.replace(sampled, depth=depth))
 
     return jax.jvp(pressure, (sampled.depth,), (jnp.ones_like(sampled.depth),))
 

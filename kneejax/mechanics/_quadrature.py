@@ -2,28 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TypeVar
+
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
-from jax.custom_derivatives import SymbolicZero
 
-from kneejax.geometry import (
-    Placement,
-    Surface,
-    Vector,
-    dot,
-    full,
-    instantiate,
-    scale,
-    subtract,
-)
+from kneejax.geometry import Placement, Surface, Vector, add, cross, full, scale, subtract
+from kneejax.mechanics import _rays as rays
 
-_RAY_STEPS = 2
-_GRAZING = 0.2
-# Depths that are looked for, and the level left, mm, where a line has missed the surface.
-_FARTHEST, _MISSED = 25.0, 1e-3
+Answer = TypeVar("Answer")
 
 
 class Points(eqx.Module):
@@ -48,14 +38,22 @@ class Sampled(eqx.Module):
     Attributes:
         points: of the tibial surface.
         depth: overlap along the normal, mm; negative where the surfaces are apart.
-        hit: where the normal's line leaves the femoral solid, mm, in the tibial surface's frame.
         slope: derivative of the depth by a motion of the point.
+        twist: couple that goes with a unit of force along the slope, mm: zero but for rays that
+            graze the femur.
+        lost: whether the search for a ray's end has not ended.
     """
 
     points: Points
     depth: Array
-    hit: Vector
     slope: Vector
+    twist: Vector
+    lost: Array
+
+    @property
+    def hit(self) -> Vector:
+        """Where the normal's line leaves the femoral solid, mm, in the tibial surface's frame."""
+        return subtract(self.points.point, scale(self.depth, self.points.normal))
 
 
 def midpoints(surface: Surface, count: tuple[int, int], trailing: int) -> Points:
@@ -91,66 +89,87 @@ def sample(femoral: Surface, points: Points, motion: Placement) -> Sampled:
     Returns:
         Depths with their slopes.
     """
-    start, along = motion.apply_inverse(points.point), motion.turn_back(points.normal)
-    depth = ray_depth(femoral, full(start), full(along))
-    level, gradient, steep = _look(femoral, depth, start, along)
-    # A line that does not meet the solid's surface nearby sees nothing of it.
-    depth = jnp.where(jnp.abs(level) < _MISSED, depth, -_FARTHEST)
-    slope = motion.turn(scale(1.0 / steep, gradient))
-    return Sampled(points, depth, subtract(points.point, scale(depth, points.normal)), slope)
+
+    def all_of(sampled: Sampled) -> tuple[Array, ...]:
+        parts = *sampled.slope, *sampled.twist
+        shape = jnp.broadcast_shapes(jnp.shape(sampled.depth), *(jnp.shape(x) for x in parts))
+        return tuple(jnp.broadcast_to(x, shape) for x in (sampled.depth, *parts, sampled.lost))
+
+    depth, *six, lost = over_rays(femoral, points, motion, all_of)
+    return Sampled(points, depth, tuple(six[:3]), tuple(six[3:]), lost)
 
 
-@jax.custom_jvp
-def ray_depth(femoral: Surface, start: Vector, along: Vector) -> Array:
-    """How far back along a line one leaves the solid: negative where one is outside.
+def over_rays(
+    femoral: Surface, points: Points, motion: Placement, answer: Callable[[Sampled], Answer]
+) -> Answer:
+    """What a function makes of the depths at points of the tibial surface.
+
+    The usual rays take a short search; if one of them is not usual, `answer` is asked once more,
+    with all rays searched for thoroughly.
 
     Args:
-        femoral: the solid.
-        start: mm, in its frame.
-        along: unit direction; one goes against it.
-
-    Returns:
-        mm, differentiable by the implicit function theorem.
+        femoral: the surface whose solid presses.
+        points: of the tibial surface.
+        motion: from the femoral to the tibial surface's frame.
+        answer: returns arrays.
     """
+    quick = rays.quick_exit(femoral, *lines_of(points, motion))
+    sampled, sound = quickly(femoral, points, motion, quick)
+    usual = answer(sampled)
 
-    def nearer(_, depth: Array) -> Array:
-        level, _, steep = _look(femoral, depth, start, along)
-        return jnp.clip(depth + level / steep, -_FARTHEST, _FARTHEST)
+    def again() -> Answer:
+        return answer(thoroughly(femoral, points, motion, sampled.depth, sound))
 
-    # A loop, though it is short: looks that follow each other in one kernel are computed anew for
-    # each use of what they found, and three of them took minutes to compile.
-    shape = jnp.broadcast_shapes(jnp.shape(start[0]), jnp.shape(along[0]))
-    return lax.fori_loop(0, _RAY_STEPS, nearer, jnp.zeros(shape))
-
-
-def _ray_depth_jvp(primals, tangents):
-    femoral, start, along = primals
-    depth = ray_depth(femoral, start, along)
-    moved = [not isinstance(t, SymbolicZero) for t in jax.tree.leaves(tangents[0])]
-    # A surface that is not perturbed need not be differentiated.
-    if any(moved):
-        names, rates = (femoral, start, along), instantiate(tangents)
-    else:
-        names, rates = (start, along), instantiate(tangents[1:])
-
-    def level(*where):
-        solid = where if any(moved) else (femoral, *where)
-        found, _, steep = _look(solid[0], depth, *solid[1:])
-        return found, steep
-
-    _, change, steep = jax.jvp(level, names, rates, has_aux=True)
-    return depth, change / steep
+    return lax.cond(jnp.all(sound), lambda: usual, again)
 
 
-ray_depth.defjvp(_ray_depth_jvp, symbolic_zeros=True)
+def quickly(
+    femoral: Surface, points: Points, motion: Placement, quick: tuple[Array, Array]
+) -> tuple[Sampled, Array]:
+    """What the points see if their rays are the usual ones, and whose are.
+
+    Args:
+        femoral: the surface whose solid presses.
+        points: of the tibial surface.
+        motion: from the femoral to the tibial surface's frame.
+        quick: of the short search.
+    """
+    lines = lines_of(points, motion)
+    own = rays.follow(femoral, *lines, quick[0])
+    level, gradient, steep = rays.look(femoral, own, *lines)
+    falls = jnp.where(steep < 0.0, steep, -1.0)
+    miss = level / falls
+    depth, sound = rays.judged(own, quick[1], miss, steep)
+    slope = motion.turn(scale(1.0 / falls, gradient))
+    lost = jnp.zeros(jnp.shape(miss), bool)
+    return Sampled(points, depth, slope, (0.0, 0.0, 0.0), lost), sound
 
 
-def _look(femoral: Surface, depth: Array, start: Vector, along: Vector):
-    """Level, its gradient, and how fast it falls along the line, at a depth."""
-    level, gradient = femoral.level_and_slope(subtract(start, scale(depth, along)))
-    steep = dot(gradient, along)
-    # A line that nearly grazes the femur says nothing about depth: the slope is held there.
-    return level, gradient, jnp.where(steep < -_GRAZING, steep, -1.0)
+def thoroughly(
+    femoral: Surface, points: Points, motion: Placement, known: Array, is_known: Array
+) -> Sampled:
+    """What the points see, whatever their rays.
+
+    Args:
+        femoral: the surface whose solid presses.
+        points: of the tibial surface.
+        motion: from the femoral to the tibial surface's frame.
+        known: depths that have been found, mm.
+        is_known: where they have.
+    """
+    lines = lines_of(points, motion)
+    found = rays.thorough_exit(femoral, *lines, known, is_known)
+    depth, by_point, by_normal = rays.any_depth(femoral, *lines, found)
+    depth = jnp.where(is_known & (known <= -rays.APART), lax.stop_gradient(known), depth)
+    slope = motion.turn(by_point)
+    # A ray's own depth changes by a turn of the normal as if its far end were held: no twist.
+    swing = add(motion.turn(by_normal), scale(depth, slope))
+    return Sampled(points, depth, slope, cross(points.normal, swing), found.lost)
+
+
+def lines_of(points: Points, motion: Placement) -> tuple[Vector, Vector]:
+    """Points and their normals in the femoral surface's frame."""
+    return full(motion.apply_inverse(points.point)), full(motion.turn_back(points.normal))
 
 
 def _middles(count: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:

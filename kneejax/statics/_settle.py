@@ -331,7 +331,8 @@ def _faults(knee: Knee, flexion: Array, here: SearchState, meeting: Array) -> Fa
             row += 1
         else:
             sampled = contact.sample(tibia)
-            deep, outside = contact.faults(tibia, sampled)
+            faults = contact.faults(tibia, sampled)
+            deep, outside = faults.too_deep, faults.outside
             depth, flat = jnp.max(sampled.depth, axis=0), jnp.zeros_like(deep)
         through = contact.passed_through(tibia)
         found.append(ContactFaults(depth, outside, deep, flat, through))

@@ -296,17 +296,36 @@ def test_angles_of_a_condyle_run_from_anterior_through_distal_to_posterior():
         np.testing.assert_allclose([float(x), float(y)], expected, atol=1e-12)
 
 
-@pytest.mark.parametrize("name", ["condyle", "plateau"])
-def test_beyond_its_region_a_polynomial_holds_its_edge(name):
+def across_the_border(name, distance):
+    """Points on the border's surface and beyond it, at distances (mm) along the first parameter."""
     surface = SURFACES[name]
     (_, ua), (lb, ub) = surface.bounds()
     middle = 0.5 * (lb + ub)
     if name == "condyle":
-        edge, angle = surface.radius(ua, middle), ua + 0.1
-        beyond = (edge * jnp.cos(angle), -edge * jnp.sin(angle), middle)
-    else:
-        beyond = (ua + 5.0, surface.point(ua, middle)[1], middle)
-    assert float(level_of(surface, beyond)) == pytest.approx(0.0, abs=1e-12)
+        edge, angle = surface.radius(ua, middle), ua + distance / 25.0
+        return edge * jnp.cos(angle), -edge * jnp.sin(angle), middle
+    return ua + distance, surface.point(ua, middle)[1], middle
+
+
+@pytest.mark.parametrize("name", ["condyle", "plateau"])
+def test_beyond_its_region_a_polynomial_comes_to_rest(name):
+    surface = SURFACES[name]
+    near, far, farther = (
+        float(level_of(surface, across_the_border(name, x))) for x in (1e-4, 20.0, 30.0)
+    )
+    assert abs(near) < 1e-4
+    # What it rises or falls by is what its slope at the border gives in about 2 mm.
+    slope = abs(float(level_of(surface, across_the_border(name, 1e-3)))) / 1e-3
+    assert abs(far) < 3.0 * slope and abs(far - farther) < 0.01 * slope
+
+
+@pytest.mark.parametrize("name", ["condyle", "plateau"])
+def test_a_level_and_its_two_derivatives_go_smoothly_through_the_border(name):
+    surface, steps = SURFACES[name], np.linspace(-0.2, 0.2, 401)
+    level = np.array([float(level_of(surface, across_the_border(name, x))) for x in steps])
+    bend = np.diff(level, 2) / (steps[1] - steps[0]) ** 2
+    # A held edge would bend once, by its slope over one step: some hundred times as much.
+    assert np.abs(np.diff(bend)).max() < 0.02 * max(np.abs(bend).max(), 0.01)
 
 
 @every_surface
