@@ -8,8 +8,6 @@ import numpy as np
 
 from kneejax.statics import Status
 
-_MOST_DETAILS = 3
-
 
 def say_status(
     status: np.ndarray, places: Sequence[str], unit: str, doubts: Sequence[str], *, given: bool
@@ -28,23 +26,22 @@ def say_status(
     """
     status = np.asarray(status)
     for word in sorted({Status(s) for s in status[status != Status.BALANCED]}):
-        rows = np.flatnonzero(status == word)
+        rows = np.flatnonzero(status == word).tolist()
         print(f"{_listed(places, rows, unit)}: {word.remark if given else word.sentence}")
         _details(rows, places, doubts)
-    told = [i for i in np.flatnonzero(status == Status.BALANCED) if doubts[i]]
-    _details(np.array(told, int), places, doubts)
+    _details(np.flatnonzero(status == Status.BALANCED).tolist(), places, doubts)
     return bool((status != Status.BALANCED).any())
 
 
-def _listed(places: Sequence[str], rows: np.ndarray, unit: str) -> str:
+def _listed(places: Sequence[str], rows: list[int], unit: str) -> str:
     words = [places[i] for i in rows]
     if len(words) > 12:
         words = [*words[:10], f"... {words[-1]} ({len(words)} poses)"]
     return f"{', '.join(words)} {unit}"
 
 
-def _details(rows: np.ndarray, places: Sequence[str], doubts: Sequence[str]) -> None:
+def _details(rows: list[int], places: Sequence[str], doubts: Sequence[str]) -> None:
     """The first, the last and a middle one of the poses that have something to tell."""
     told = [i for i in rows if doubts[i]]
-    for i in sorted({told[0], told[len(told) // 2], told[-1]} if told else ())[:_MOST_DETAILS]:
+    for i in sorted({told[0], told[len(told) // 2], told[-1]} if told else ()):
         print(f"  at {places[i]}: {doubts[i]}")

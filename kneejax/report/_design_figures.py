@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 #: What is hatched, by status: hatch, and its legend entry.
 _HATCHES = {
     Status.OUTSIDE_REGION: ("....", "outside fitted surfaces"),
-    Status.OVERSTRETCHED: ("||||", "a fibre overstretched"),
+    Status.OVERSTRETCHED: ("||||", "overstretched"),
     Status.UNSTABLE: ("xxxx", "unstable"),
     Status.DISLOCATED: ("////", "dislocated"),
     **dict.fromkeys(
         (Status.WAY_FLIPPED, Status.PAST_WRAP, Status.WRAP_INSIDE),
-        ("----", "a fibre's way is wrong"),
+        ("----", "wrong way"),
     ),
     **dict.fromkeys([s for s in Status if not s.converged], ("\\\\\\\\", "no balance")),
 }

@@ -36,7 +36,7 @@ _DENSE = 40
 _COLUMN = {name: i for i, name in enumerate(COORDINATES)}
 #: Outcomes that are marked at the bottom edge: legend entry and marker.
 _MARKS = (
-    ("no balance", tuple(s for s in Status if not s.converged), "x"),
+    ("not balanced", tuple(s for s in Status if not s.converged), "x"),
     ("dislocated", (Status.DISLOCATED,), "D"),
     ("unstable", (Status.UNSTABLE,), "+"),
     ("a fibre's way is wrong", (Status.WAY_FLIPPED, Status.PAST_WRAP, Status.WRAP_INSIDE), "v"),

@@ -28,7 +28,7 @@ def planned(criterion="D", candidates=None, chosen=(19, 3, 40), names=NAMES):
     tests = usual_candidates() if candidates is None else tuple(candidates)
     size, count = len(tests), len(names)
     status = np.zeros(size, int)
-    status[1], status[5], status[-1] = 1, 2, 4
+    status[[1, 5, -1]] = Status.OUTSIDE_REGION, Status.UNSTABLE, Status.NOT_CONVERGED
     gains = np.where(status == 0, np.linspace(0.0, 0.9, size), np.nan)
     scale = np.where(["stiff" in name for name in names], 1200.0, 0.02)
     fall = 0.6 ** np.arange(len(chosen) + 1)

@@ -149,7 +149,7 @@ def test_the_summary_tells_the_sound_range_and_the_faults():
     text = report.sensitivity_summary(local, made_up_sweep())
     assert text.isascii() and max(map(len, text.splitlines())) < 100
     row = next(line for line in text.splitlines() if line.endswith(" 2"))
-    assert row.split() == ["ACL.reference_strain", "0", "to", "0.100", "1", "3", "1", "2"]
+    assert row.split() == ["ACL.reference_strain", "0", "to", "0.100", "1", "-", "3", "1", "2"]
 
 
 def test_doubt_is_for_the_knee_itself_and_for_much_that_was_left_out():
