@@ -259,13 +259,13 @@ def check_surface(surface: Field) -> None:
                 "a region at least 10 degrees wide; a narrower one suggests radians"
             )
         _extent(surface["width_mm"])
-        _check_values(surface, "a radius", RANGES["radius_mm"])
+        _check_values(surface, "a radius", RANGES["corner_radius_mm"], RANGES["radius_mm"])
     elif kind == "plateau":
         _extent(surface["anterior_mm"])
         _extent(surface["lateral_mm"])
         if "outline_mm" in surface and len(surface["outline_mm"].rows(2, RANGES["point_mm"])) < 3:
             raise surface["outline_mm"].problem("at least three corners [anterior, lateral]")
-        _check_values(surface, "a height", RANGES["point_mm"])
+        _check_values(surface, "a height", RANGES["point_mm"], RANGES["point_mm"])
     else:
         for name in required[1:]:
             _check_size(surface[name])
@@ -328,10 +328,10 @@ def _check_size(field: Field) -> None:
         field.numbers(count, RANGES["size_mm"])
 
 
-def _check_values(surface: Field, what: str, allowed: Range) -> None:
-    """What a surface's table comes to, all over its region."""
+def _check_values(surface: Field, what: str, least: Range, greatest: Range) -> None:
+    """The least and the greatest value of a surface's table over its region."""
     values = _values(surface)
-    for value in (values.min(), values.max()):
+    for value, allowed in ((values.max(), greatest), (values.min(), least)):
         if not allowed.holds(value):
             expected = f"{what} {allowed} all over the region{allowed.hint(value)}"
             raise surface["coefficients_mm"].problem(expected)

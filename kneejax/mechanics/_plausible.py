@@ -95,6 +95,7 @@ RANGES: dict[str, Range] = {
     "size_mm": _SIZE,
     "within_mm": Range(1e-3, 1000.0, "mm"),
     "radius_mm": _SIZE,
+    "corner_radius_mm": Range(1e-3, 1000.0, "mm"),  # a fitted table may fall off at its corners
     "coefficient_mm": Range(-1e4, 1e4, "mm"),
     "fit_mm": Range(1e-9, 1000.0, "mm", or_zero=True),
     "rotation_deg": Range(-360.0, 360.0, "degrees"),
