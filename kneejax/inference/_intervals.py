@@ -64,8 +64,8 @@ class Interval:
     ) -> Interval:
         """What is known of a parameter.
 
-        A standard error means something where the profile is the parabola of the curvature, and
-        the estimate, if it is not the likeliest value itself, is no farther from it than it says.
+        A standard error means something where it leads from the estimate to the same limits as the
+        profile: the valley is straight, no bound cuts it, and the estimate lies in its middle.
 
         Args:
             profile: of it, at the likeliest fit.
@@ -82,11 +82,9 @@ class Interval:
             return cls(IntervalKind.NOT_DETERMINED, np.nan, np.nan)
         if not profile.closed:
             return cls(IntervalKind.ONE_SIDED, low, high)
-        width = np.sqrt(profile.threshold) * np.array([-1.0, 1.0])
-        ends, straight = value + width * error, profile.estimate + width * profile.standard_error
-        near = ends[0] <= profile.estimate <= ends[1]
-        if near and same_ends((low, high), straight):
-            return cls(IntervalKind.STANDARD_ERROR, float(ends[0]), float(ends[1]), float(error))
+        half = np.sqrt(profile.threshold) * error
+        if same_ends((low, high), (value - half, value + half)):
+            return cls(IntervalKind.STANDARD_ERROR, low, high, float(error))
         return cls(IntervalKind.PROFILE, low, high)
 
 

@@ -257,13 +257,14 @@ def best_offsets(data: MotionData, fit: Slopes) -> list[float]:
     """The best constant of each coordinate whose frames may differ, to be added to the model's.
 
     Args:
-        data: measured motion, one for all.
+        data: measured motion of one fit.
         fit: balances of one variant.
 
     Returns:
         Degrees or mm, in the order of `data.offsets`.
     """
-    error = (fit.q[0] * TABLE_UNITS - data.target)[data.counted]
+    target = data.target.reshape(len(data.stations), 5)
+    error = (fit.q[0] * TABLE_UNITS - target)[data.counted]
     return [-float(error[:, FREE_COORDINATES.index(name)].mean()) for name in data.offsets]
 
 
