@@ -26,7 +26,7 @@ from kneejax.inference._uncertainty import uncertainty
 from kneejax.statics import Slopes
 
 #: Ends that differ by less than this part of the interval tell the same.
-SAME = 0.25
+SAME = 0.3
 #: Limits that exclude less than this part of what bounds allow tell nothing.
 _TELLING = 0.1
 #: Relative decrease of chi squared that ends the likeliest fit of a calibration.
