@@ -37,7 +37,9 @@ def run(arguments: argparse.Namespace) -> int:
         bounds=dict(study.bounds),
         weights=np.array([study.weights[name] for name in FREE_COORDINATES]),
         procedures=study.procedures,
-        offsets=tuple(name for name in study.frame_offset if name != "flexion"),
+        noise_mm=study.noise_mm,
+        noise_deg=study.noise_deg,
+        offsets=study.frame_offset,
         starts=study.starts,
         seed=study.seed,
         method=study.method,
@@ -60,15 +62,15 @@ def _get_ready(knee: Knee, study: Study, poses: int) -> None:
     # Whatever may be wrong here is met again, and said, where the result is needed.
     with contextlib.suppress(Exception):
         evaluate(knee, Pose.from_table(np.zeros((poses, 6))), meeting)
-        offsets = len(set(study.frame_offset) - {"flexion"})
-        compile_step(len(select(knee, study.parameters)) + offsets, 5 * poses)
+        unknowns = len(select(knee, study.parameters)) + len(study.frame_offset)
+        compile_step(unknowns, 5 * poses)
 
 
 def _write(result: Calibration, out) -> int:
     from kneejax.report import (
         PARAMETER_COLUMNS,
         calibration_summary,
-        fails,
+        outcome,
         parameters_rows,
         result_document,
         write_report,
@@ -90,8 +92,7 @@ def _write(result: Calibration, out) -> int:
     write_report(result, out)
     print(calibration_summary(result))
     print(f"written: {out}/report.html, result.json, parameters.csv, poses.csv, figures/")
-    # Other procedures are there to compare; the answer decides the exit status.
-    return int(fails(result))
+    return outcome(result).exit_status
 
 
 def _progress(words: str) -> None:

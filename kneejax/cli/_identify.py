@@ -62,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
         noise_deg=noise_deg,
         bounds=dict(asked.study.bounds),
         weights=np.array([asked.study.weights[name] for name in FREE_COORDINATES]),
-        offsets=tuple(name for name in asked.study.frame_offset if name != "flexion"),
+        offsets=asked.study.frame_offset,
     )
     sampled = _sampled(found, asked, arguments, priors) if arguments.posterior else None
     design = design_tests(
@@ -79,13 +79,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _noise(asked: StudyProblem, arguments) -> tuple[float | None, float | None]:
-    """As given; synthetic data know their own."""
-    made = asked.study.synthetic
-    noise = [arguments.noise_mm, arguments.noise_deg]
-    if made is not None:
-        own = made.noise_mm, made.noise_deg
-        noise = [n if n is not None else (o or None) for n, o in zip(noise, own, strict=True)]
-    return noise[0], noise[1]
+    """As given here, or as the study states it."""
+    mm, deg, study = arguments.noise_mm, arguments.noise_deg, asked.study
+    return study.noise_mm if mm is None else mm, study.noise_deg if deg is None else deg
 
 
 def _candidates(path: Path | None) -> list[Candidate] | None:
@@ -131,6 +127,7 @@ def _write(
         estimates_text,
         information_text,
         json_safe,
+        undetermined_words,
     )
 
     out = arguments.out
@@ -157,7 +154,7 @@ def _write(
         files.append("posterior.csv")
     _draw(found, sampled, design, asked, out)
     doubts = [*found.warnings, *(sampled.warnings if sampled is not None else ())]
-    doubts += [reason for reason in found.information.reasons if reason]
+    doubts += undetermined_words(found)
     document = {
         "study": asked.study.title,
         "knee": asked.study.knee,

@@ -14,7 +14,7 @@ from kneejax.files._problem import InputProblem
 from kneejax.files._schema import Field
 from kneejax.files._tables import FEMORAL, read_poses
 from kneejax.files._yaml import load_yaml
-from kneejax.geometry import COLUMNS, CONVENTIONS, COORDINATES, FREE_COORDINATES
+from kneejax.geometry import COLUMNS, CONVENTIONS, FREE_COORDINATES
 from kneejax.mechanics import RANGES, range_of_parameter
 
 #: Which parameters are free in which order: stiffnesses then slack lengths (I), the other way
@@ -93,7 +93,11 @@ class Study:
         procedures: of `I`, `II`, `III`, in the order of the study.
         starts: number of starts of the search.
         seed: of the further starts.
-        frame_offset: coordinates whose constant offset between measured and model frames is free.
+        noise_mm: standard deviation of the measurement's displacements; None where it is not
+            stated and must be estimated. Synthetic poses know their own.
+        noise_deg: of its rotations; likewise.
+        frame_offset: free coordinates whose constant offset between measured and model frames is
+            free too.
         method: `least_squares` or `lbfgsb`.
         flexion_deg: lower and upper limit of the measured poses to use, or None.
         overrides: name or wildcard -> value that stays fixed (`set` in the file).
@@ -113,6 +117,8 @@ class Study:
     procedures: tuple[str, ...]
     starts: int
     seed: int
+    noise_mm: float | None
+    noise_deg: float | None
     frame_offset: tuple[str, ...]
     method: str
     flexion_deg: tuple[float, float] | None
@@ -145,7 +151,7 @@ def read_study(path: str | os.PathLike[str]) -> Study:
         ("title", "knee", "parameters"),
         (
             "measured", "synthetic", "start", "bounds", "weights", "procedures", "starts", "seed",
-            "frame_offset", "method", "flexion_deg", "set", "failures",
+            "noise_mm", "noise_deg", "frame_offset", "method", "flexion_deg", "set", "failures",
         ),
     )
     given = [name for name in ("measured", "synthetic") if name in study]
@@ -153,11 +159,12 @@ def read_study(path: str | os.PathLike[str]) -> Study:
         value = " and ".join(given) or "neither"
         raise InputProblem(study.file, "measured", value, "exactly one of measured, synthetic")
     folder = Path(path).parent
+    made = _synthetic(study["synthetic"]) if "synthetic" in study else None
     return Study(
         title=study["title"].text(),
         knee=_knee(study["knee"], folder),
         measured=_measured(study["measured"], folder) if "measured" in study else None,
-        synthetic=_synthetic(study["synthetic"]) if "synthetic" in study else None,
+        synthetic=made,
         parameters=_distinct(study["parameters"], _parameter),
         start=_values(study["start"]) if "start" in study else {},
         bounds=_bounds(study),
@@ -167,6 +174,8 @@ def read_study(path: str | os.PathLike[str]) -> Study:
         else ("II", "I", "III"),
         starts=study["starts"].integer(1, _MOST_STARTS) if "starts" in study else 1,
         seed=study["seed"].integer(0) if "seed" in study else 0,
+        noise_mm=_noise(study, "noise_mm", made.noise_mm if made else 0.0),
+        noise_deg=_noise(study, "noise_deg", made.noise_deg if made else 0.0),
         frame_offset=_frame_offset(study),
         method=study["method"].choice(METHODS) if "method" in study else METHODS[0],
         flexion_deg=study["flexion_deg"].interval(RANGES["flexion_deg"])
@@ -352,15 +361,34 @@ def _weights(study: Field) -> dict[str, float]:
     return weights
 
 
+def _noise(study: Field, name: str, made: float) -> float | None:
+    """As stated, or as synthetic poses were made."""
+    if name not in study:
+        return made or None
+    noise = study[name].number(at_least=0)
+    if not noise > 0:
+        raise study[name].problem("a standard deviation above 0; leave it out to have it estimated")
+    return noise
+
+
 def _frame_offset(study: Field) -> tuple[str, ...]:
     field = study["frame_offset"] if "frame_offset" in study else None
     if field is None or field.value is False:
         return ()
     if field.value is True:
-        return COORDINATES
+        return FREE_COORDINATES
     if not isinstance(field.value, list):
-        raise field.problem(f"true, false, or a list of {', '.join(COORDINATES)}")
-    return _distinct(field, lambda item: item.choice(COORDINATES))
+        raise field.problem(f"true, false, or a list of {', '.join(FREE_COORDINATES)}")
+    return _distinct(field, _offset_coordinate)
+
+
+def _offset_coordinate(item: Field) -> str:
+    if item.value == "flexion":
+        raise item.problem(
+            f"one of {', '.join(FREE_COORDINATES)}; flexion is prescribed as it was measured, so "
+            "it can have no offset: correct the measured column instead"
+        )
+    return item.choice(FREE_COORDINATES)
 
 
 def _distinct(field: Field, read) -> tuple[str, ...]:

@@ -9,7 +9,9 @@ import numpy as np
 
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference._information import Information, fit_information
-from kneejax.inference._many_fits import ManyFits, MotionData, best_offsets, fit_many
+from kneejax.inference._intervals import Interval
+from kneejax.inference._likelihood import likeliest, on_bounds, rise_at_limits, stated_noise
+from kneejax.inference._many_fits import MotionData, balances_of, best_offsets
 from kneejax.inference._parameters import (
     Selection,
     UnsuitableData,
@@ -18,15 +20,12 @@ from kneejax.inference._parameters import (
     stated_bounds,
 )
 from kneejax.inference._problem import DEFAULT_WEIGHTS, Problem
-from kneejax.inference._profiles import CONFIDENCE, Profile, profiles
-from kneejax.inference._uncertainty import uncertainty
+from kneejax.inference._profiles import Profile, follow_to_the_lowest, named
 from kneejax.mechanics import Knee
-from kneejax.statics import Slopes, Stations, balance_with_slopes
+from kneejax.statics import Stations, balance_with_slopes
 
 #: Chi squared per degree of freedom beyond which the noise that was given is doubted.
 _MISFIT = 2.0
-#: How often a lower valley that a profile finds is followed.
-_RESTARTS = 4
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,6 +46,7 @@ class Identification:
         converged: whether the fit converged.
         information: Fisher information at the fit.
         profiles: one a parameter; empty if none were asked for.
+        intervals: what they say of each parameter; likewise.
         problem: for what builds on the fit (posterior, next test).
         warnings: what a reader must know.
     """
@@ -64,6 +64,7 @@ class Identification:
     converged: bool
     information: Information
     profiles: tuple[Profile, ...]
+    intervals: tuple[Interval, ...]
     problem: Problem
     warnings: tuple[str, ...]
 
@@ -115,9 +116,7 @@ def identify(
     if not np.isfinite(measured).all():
         row = int(np.flatnonzero(~np.isfinite(measured).all(axis=1))[0])
         raise UnsuitableData(f"measured row {row} is not finite: leave it out")
-    for name, value in (("noise_mm", noise_mm), ("noise_deg", noise_deg)):
-        if value is not None and not (np.isfinite(value) and value > 0):
-            raise UnsuitableData(f"{name}: {value:g}: expected a standard deviation above 0")
+    stated = stated_noise(noise_mm, noise_deg)
     lower, upper = stated_bounds(knee, selection, bounds or {})
     start = start_within(knee, selection, lower, upper)
     stations = Stations.at(measured[:, 0])
@@ -125,86 +124,51 @@ def identify(
     used = begin.converged[0]
     if not used.any():
         raise UnsuitableData("no measured flexion has a balance with the start's parameters")
-    given = np.array([noise_deg, noise_deg, noise_mm, noise_mm, noise_mm], float)
-    estimated = bool(np.isnan(given).any())
-    spare = 5 * int(used.sum()) - len(selection) - len(offsets)
+    estimated = bool(np.isnan(stated).any())
+    weights = DEFAULT_WEIGHTS if weights is None else np.asarray(weights, float)
+    count = int((weights > 0).sum() * used.sum())
+    spare = count - len(selection) - len(offsets)
     if estimated and spare <= 0:
         raise UnsuitableData(
-            f"{5 * int(used.sum())} measured numbers for {len(selection) + len(offsets)} unknowns: "
+            f"{count} measured numbers for {len(selection) + len(offsets)} unknowns: "
             "their noise cannot be estimated; give noise_mm and noise_deg, or free fewer parameters"
         )
-    weights = DEFAULT_WEIGHTS if weights is None else np.asarray(weights, float)
+    balance = balances_of(knee, selection, stations)
     with np.errstate(divide="ignore"):
-        noise = np.where(np.isnan(given), 1.0 / np.sqrt(weights), given)
-    fit: ManyFits | None = None
-    for _ in range(3 if estimated else 1):
-        data = MotionData(stations, measured[:, 1:], noise, offsets, used)
-        near = begin if fit is None else fit.slopes
-        box = lower[None], upper[None]
-        fit = fit_many(knee, selection, data, near, near.values, *box, far=fit is None)
-        if estimated:
-            noise = np.where(np.isnan(given), _noise_left(data, fit.slopes, lower, upper), given)
-    assert fit is not None
-    # The last estimate of the noise belongs to the fit; its own weights were the one before.
-    data = dataclasses.replace(data, noise=noise)
-    threshold, followed = _threshold(spare if estimated else None), ()
-    for _ in range(_RESTARTS if with_profiles else 0):
-        followed = profiles(knee, selection, data, fit.slopes, lower, upper, threshold)
-        best = max(followed, key=lambda profile: profile.better)
-        if not best.better:
-            break
-        # A profile has found a lower valley: the fit moves there.
-        near = balance_with_slopes(knee, selection.apply, best.lowest[None], stations)
-        fit = fit_many(knee, selection, data, near, near.values, *box, far=True)
-    residual, _ = data.residual(fit.slopes)
-    values, width = fit.values[0], upper - lower
-    at_bound = (values - lower < 1e-9 * width) | (upper - values < 1e-9 * width)
+        data = MotionData(stations, measured[:, 1:], 1.0 / np.sqrt(weights), offsets, used)
+    fits, data = likeliest(balance, data, begin, stated, lower, upper, far=True)
+    fit, followed = fits.slopes, ()
+    if with_profiles:
+        threshold = rise_at_limits(spare if estimated else None)
+        fit, (followed,) = follow_to_the_lowest(
+            balance, data, fits, lower, upper, threshold, named(selection)
+        )
+    residual, _ = data.residual(fit)
+    values, noise = fit.values[0], data.noise[0]
+    at_bound = on_bounds(values, lower, upper)
     problem = Problem(knee, selection, measured, 1.0 / noise**2, rows)
     problem.use_only(used)
+    one = dataclasses.replace(data, noise=noise)
+    told = fit_information(knee, selection, one, fit, at_bound=at_bound)
     answer = Identification(
         selection,
         values,
         lower,
         upper,
         at_bound,
-        dict(zip(offsets, best_offsets(data, fit.slopes), strict=True)),
+        dict(zip(offsets, best_offsets(one, fit), strict=True)),
         noise,
         estimated,
         float(residual[0] @ residual[0]),
-        data.count,
-        bool(fit.converged[0]),
-        fit_information(knee, selection, data, fit.slopes, at_bound=at_bound),
+        count,
+        bool(fits.converged[0]),
+        told,
         followed,
+        tuple(map(Interval.of, followed, values, told.standard_error, lower, upper)),
         problem,
         (),
     )
     return dataclasses.replace(answer, warnings=_warnings(answer, used, spare))
-
-
-def _threshold(spare: int | None) -> float:
-    """Rise of chi squared at the limits; with estimated noise by the F distribution."""
-    from scipy import stats
-
-    if spare is None:
-        return float(stats.chi2.ppf(CONFIDENCE, 1))
-    return float(stats.f.ppf(CONFIDENCE, 1, spare))
-
-
-def _noise_left(data: MotionData, fit: Slopes, lower, upper) -> np.ndarray:
-    """Scatter that the fit leaves, of rotations and of displacements."""
-    residual, slope = data.residual(fit)
-    poses = int(data.counted.sum())
-    width = upper - lower
-    held = (fit.values[0] - lower < 1e-9 * width) | (upper - fit.values[0] < 1e-9 * width)
-    error = (residual[0].reshape(poses, 5) * data.noise).T
-    jacobian = np.moveaxis((slope[0].reshape(poses, 5, -1) * data.noise[:, None]), 0, 1)
-    found = uncertainty(jacobian, error, 1.0 / data.noise**2, held).noise
-    # Each offset takes the freedom of one pose from its coordinate.
-    freed = np.array([name in data.offsets for name in FREE_COORDINATES])
-    for group in ([0, 1], [2, 3, 4]):
-        share = 1.0 - freed[group].sum() / (len(group) * poses)
-        found[group] /= np.sqrt(max(share, 1e-9))
-    return np.maximum(found, 1e-9)
 
 
 def _warnings(answer: Identification, used: np.ndarray, spare: int) -> tuple[str, ...]:

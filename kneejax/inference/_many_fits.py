@@ -8,6 +8,7 @@ linearly, so the best ones are taken out of every residual in closed form.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable, Sequence
 
 import equinox as eqx
 import jax
@@ -23,6 +24,8 @@ from kneejax.statics import Slopes, Stations, balance_with_slopes
 
 #: Relative decrease of an objective, and relative step, that end a fit.
 _RTOL, _ATOL = 1e-9, 1e-8
+#: Balances at values `(fits, p)`, reached from near ones, with their derivatives by the values.
+Balance = Callable[[np.ndarray, Slopes], Slopes]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,7 +36,8 @@ class MotionData:
         stations: where it was measured.
         target: free coordinates, degrees and mm, `(stations, 5)`, or one set a fit
             `(fits, stations, 5)`.
-        noise: standard deviation of each coordinate, degrees and mm, `(5,)`.
+        noise: standard deviation of each coordinate, degrees and mm, `(5,)`, or one set a fit
+            `(fits, 5)`; infinite for a coordinate that does not count.
         offsets: free coordinates whose constant difference to the measurement is free.
         used: poses that count, `(stations,)`.
     """
@@ -51,14 +55,14 @@ class MotionData:
 
     @property
     def count(self) -> int:
-        """Measured numbers that count."""
+        """Rows of the residual."""
         return 5 * int(self.counted.sum())
 
     def take(self, rows) -> MotionData:
         """The data of some of the fits."""
-        if self.target.ndim == 2:
-            return self
-        return dataclasses.replace(self, target=self.target[rows])
+        target = self.target if self.target.ndim == 2 else self.target[rows]
+        noise = self.noise if self.noise.ndim == 1 else self.noise[rows]
+        return dataclasses.replace(self, target=target, noise=noise)
 
     def residual(self, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
         """Errors over their standard deviations `(fits, r)`, and by the parameters."""
@@ -70,7 +74,8 @@ class MotionData:
             column = FREE_COORDINATES.index(name)
             error[..., column] -= error[..., column].mean(axis=1, keepdims=True)
             slope[..., column, :] -= slope[..., column, :].mean(axis=1, keepdims=True)
-        error, slope = error / self.noise, slope / self.noise[:, None]
+        noise = self.noise[..., None, :]
+        error, slope = error / noise, slope / noise[..., None]
         return error.reshape(len(error), -1), slope.reshape(len(slope), -1, slope.shape[-1])
 
 
@@ -125,25 +130,63 @@ def fit_many(
         The `ManyFits`. A fit whose start has no balance at some pose that counts ends at once,
         with an infinite `chi2`.
     """
+    balance = balances_of(knee, selection, data.stations)
+    return fit_lanes(balance, data, begin, starts, lower, upper, most=most, far=far)
+
+
+def balances_of(knee: Knee, selection: Selection, stations: Stations) -> Balance:
+    """Balances of a knee's variants, many at a time."""
+    return lambda values, near: balance_with_slopes(knee, selection.apply, values, stations, near)
+
+
+def fit_lanes(
+    balance: Balance,
+    data: MotionData,
+    begin: Slopes,
+    starts: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    *,
+    asked: np.ndarray | None = None,
+    most: int = 60,
+    far: bool = False,
+    rtol: float = _RTOL,
+) -> ManyFits:
+    """Fit whatever can be balanced to motion, many times at once.
+
+    Args:
+        balance: of the values that are fitted.
+        data: as in `fit_many`, and so are the next six.
+        begin: known balances.
+        starts: `(fits, p)`.
+        lower: bounds, `(fits, p)`.
+        upper: bounds.
+        asked: fits to be made, `(fits,)`; the others cost nothing and mean nothing.
+        most: evaluations of a fit.
+        far: whether first steps are short.
+        rtol: relative decrease of the sum of squares that ends a fit.
+
+    Returns:
+        The `ManyFits`.
+    """
     starts = np.asarray(starts, float)
     count, size = starts.shape
     bounds = np.asarray(lower, float), np.asarray(upper, float)
     state = _begin(starts, data.count, 1.0 if far else 1e-3)
     known = begin.take(np.arange(count))
     residual, slope = np.zeros((count, data.count)), np.zeros((count, data.count, size))
-    trial, active, evaluations = starts.copy(), np.ones(count, bool), 0
+    trial, evaluations = starts.copy(), 0
+    active = np.ones(count, bool) if asked is None else np.array(asked)
     ended = np.zeros(count, bool)
     for _ in range(most):
         here = np.flatnonzero(active)
-        found = balance_with_slopes(
-            knee, selection.apply, trial[here], data.stations, known.take(here)
-        )
+        found = balance(trial[here], known.take(here))
         evaluations += len(here)
         residual[here], slope[here] = data.take(here).residual(found)
         lost = ~(np.isfinite(residual).all(axis=1) & np.isfinite(slope).all(axis=(1, 2)))
         # A step into the void is refused for its infinite squares; no NaN may spread from there.
         residual[lost], slope[lost] = np.inf, 0.0
-        following, state, *flags = _advance(bounds, state, trial, residual, slope, active)
+        following, state, *flags = _advance(bounds, rtol, state, trial, residual, slope, active)
         stop, searching = map(np.asarray, flags)
         better = np.asarray(state.accepted) & active
         known.put(np.flatnonzero(better), found.take(better[here]))
@@ -156,22 +199,77 @@ def fit_many(
     return ManyFits(known, np.where(np.isfinite(chi2), chi2, np.inf), ended, evaluations)
 
 
+def with_offsets(balance: Balance, offsets: Sequence[str]) -> Balance:
+    """A balance whose last values are constants added to some coordinates.
+
+    `MotionData.offsets` takes the best constants out of every residual; this makes them values
+    like any other, which have bounds and can be held.
+
+    Args:
+        balance: of the other values.
+        offsets: free coordinates; their constants are in degrees and mm.
+
+    Returns:
+        The balance.
+    """
+
+    def shifted(values: np.ndarray, near: Slopes) -> Slopes:
+        size = values.shape[1] - len(offsets)
+        found = balance(values[:, :size], without_offsets(near, offsets))
+        return add_offsets(found, values[:, size:], offsets)
+
+    return shifted if offsets else balance
+
+
+def add_offsets(found: Slopes, shifts: np.ndarray, offsets: Sequence[str]) -> Slopes:
+    """Balances with constants `(fits, offsets)` added, degrees and mm, as their last values."""
+    q, more = np.array(found.q), np.zeros((*found.q.shape, len(offsets)))
+    for k, name in enumerate(offsets):
+        row = FREE_COORDINATES.index(name)
+        q[..., row] += shifts[:, [k]] / TABLE_UNITS[row]
+        more[..., row, k] = 1.0 / TABLE_UNITS[row]
+    still = np.zeros((*found.meeting.shape, len(offsets)))
+    return dataclasses.replace(
+        found,
+        values=np.hstack([found.values, shifts]),
+        q=q,
+        jacobian=np.concatenate([found.jacobian, more], axis=-1),
+        meeting_jacobian=np.concatenate([found.meeting_jacobian, still], axis=-1),
+    )
+
+
+def without_offsets(found: Slopes, offsets: Sequence[str]) -> Slopes:
+    """The reverse of `add_offsets`."""
+    q, size = np.array(found.q), found.values.shape[1] - len(offsets)
+    for k, name in enumerate(offsets):
+        row = FREE_COORDINATES.index(name)
+        q[..., row] -= found.values[:, [size + k]] / TABLE_UNITS[row]
+    return dataclasses.replace(
+        found,
+        values=found.values[:, :size],
+        q=q,
+        jacobian=found.jacobian[..., :size],
+        meeting_jacobian=found.meeting_jacobian[..., :size],
+    )
+
+
 def best_offsets(data: MotionData, fit: Slopes) -> list[float]:
     """The best constant of each coordinate whose frames may differ, to be added to the model's.
 
     Args:
-        data: measured motion, one for all.
+        data: measured motion of one fit.
         fit: balances of one variant.
 
     Returns:
         Degrees or mm, in the order of `data.offsets`.
     """
-    error = (fit.q[0] * TABLE_UNITS - data.target)[data.counted]
+    target = data.target.reshape(len(data.stations), 5)
+    error = (fit.q[0] * TABLE_UNITS - target)[data.counted]
     return [-float(error[:, FREE_COORDINATES.index(name)].mean()) for name in data.offsets]
 
 
-def _solver(lower, upper) -> BoundedLevenbergMarquardt:
-    tolerances = {"rtol": _RTOL, "atol": _ATOL}
+def _solver(lower, upper, rtol=_RTOL) -> BoundedLevenbergMarquardt:
+    tolerances = {"rtol": rtol, "atol": _ATOL}
     return BoundedLevenbergMarquardt(lower, upper, **tolerances)  # pyright: ignore
 
 
@@ -185,7 +283,7 @@ def _begin(starts: np.ndarray, rows: int, damping: float):
 
 
 @eqx.filter_jit
-def _advance(bounds, state, trial, residual, slope, active):
+def _advance(bounds, rtol, state, trial, residual, slope, active):
     """Judge trial points and propose the next ones; fits that ended stay as they are.
 
     Returns:
@@ -193,7 +291,7 @@ def _advance(bounds, state, trial, residual, slope, active):
     """
 
     def one(bounds, state, trial, residual, slope, active):
-        solver = _solver(*bounds)
+        solver = _solver(*bounds, rtol)
         following, new = solver.following(solver.judged(trial, residual, slope, state))
         stop, _ = solver.terminate(None, following, None, {}, new, frozenset())
         new = jax.tree.map(lambda x, y: jnp.where(active, x, y), new, state)

@@ -18,6 +18,7 @@ from kneejax.mechanics import Knee, add_lane_axis
 from kneejax.statics import (
     Guess,
     Settled,
+    Slopes,
     compiled,
     differentiable,
     first_guess,
@@ -126,6 +127,10 @@ class Problem:
             guess, count = first_guess(knee, jnp.asarray(start)), poses_on_the_way(start, flexion)
         else:
             start, guess, count = flexion, _predicted(x, *self._near), 1
+        return self._evaluated(x, guess, start, count)
+
+    def _evaluated(self, x: np.ndarray, guess: Guess, start: np.ndarray, count: int) -> Evaluation:
+        size, flexion = len(self.measured), np.deg2rad(self.measured[:, 0])
         # Filled up with the last pose: one compiled program for tables of several lengths.
         rows = np.minimum(np.arange(lanes_for(size)), size - 1)
         guess = jax.tree.map(lambda y: np.asarray(y)[..., rows], guess)
@@ -136,6 +141,29 @@ class Problem:
         table, jacobian = (np.asarray(y)[:, :size] for y in (found.table, found.jacobian))
         settled = jax.tree.map(lambda y: np.asarray(y)[..., :size], found.settled)
         return Evaluation(table, jacobian, settled)
+
+    def balance(self, values: np.ndarray, near: Slopes) -> Slopes:
+        """Balances of one vector of parameters after another, from near ones.
+
+        The search's own compiled program serves here: tracing the program of `fit_many` takes
+        longer than some hundred balances of the motion.
+
+        Args:
+            values: parameters without offsets, `(variants, p)`.
+            near: of near values, one variant each.
+
+        Returns:
+            The `Slopes`.
+        """
+        flexion, found = np.deg2rad(self.measured[:, 0]), []
+        for row, x in enumerate(np.asarray(values, float)):
+            step = x - near.values[row]
+            q = near.q[row] + near.jacobian[row] @ step
+            meeting = near.meeting[row] + near.meeting_jacobian[row] @ step
+            guess = (np.moveaxis(y, 0, -1) for y in (q, meeting, near.tangent[row]))
+            found.append(slopes_of(x, self._evaluated(x, Guess(*guess), flexion, 1)))
+        fields = [f.name for f in dataclasses.fields(Slopes)]
+        return Slopes(*(np.concatenate([getattr(one, f) for one in found]) for f in fields))
 
     def keep(self, values: np.ndarray, found: Evaluation) -> None:
         """Remember balanced poses to start from."""
@@ -172,6 +200,17 @@ class Problem:
         vector = np.where(self.used, root * self.error(values, found), 0.0)
         matrix = np.where(self.used[:, None], root[:, :, None] * self.jacobian(found), 0.0)
         return vector.reshape(-1), matrix.reshape(vector.size, -1)
+
+
+def slopes_of(values: np.ndarray, found: Evaluation) -> Slopes:
+    """An evaluation as balances of one variant, with derivatives by its values."""
+    settled = jax.tree.map(np.asarray, found.settled)
+    jacobian = np.moveaxis(np.asarray(found.jacobian), 0, 1) / TABLE_UNITS[:, None]
+    met = np.einsum("cabn,ncp->nabp", settled.drift, jacobian)
+    of_poses = (np.moveaxis(y, -1, 0) for y in (settled.q, settled.meeting, settled.tangent))
+    q, meeting, tangent = of_poses
+    x = np.array(values[: jacobian.shape[-1]], float)
+    return Slopes(*(y[None] for y in (x, q, jacobian, meeting, met, tangent, settled.status)))
 
 
 def _predicted(values: np.ndarray, near: np.ndarray, known: Evaluation) -> Guess:

@@ -3,25 +3,34 @@
 from __future__ import annotations
 
 import dataclasses
+import enum
 from typing import Any
 
 import numpy as np
 
+from kneejax.inference._intervals import IntervalKind
+from kneejax.inference._quality import Misfit
+
 
 @dataclasses.dataclass(frozen=True)
 class Estimate:
-    """One identified parameter.
+    """One identified parameter, or one constant between measured and model frames.
 
     Attributes:
-        name: e.g. `ACL.stiffness`.
+        name: e.g. `ACL.stiffness`; of a constant its coordinate, e.g. `anterior`.
         unit: e.g. `N`; empty for strains.
         value: the estimate.
         start: where the search began.
         lower: bound.
         upper: bound.
-        standard_error: from the Jacobian at the solution; NaN where the data do not determine it.
+        standard_error: of the estimate; NaN where it would not tell the limits.
         at_bound: whether the estimate lies on a bound.
         remark: why it is not determined, or what else a reader must know; empty if nothing.
+        low: lower 95 % limit; NaN if the data give none.
+        high: upper 95 % limit; NaN if the data give none.
+        interval: which of these numbers mean something; None where nobody asked, as for procedures
+            that are there to compare.
+        likeliest: the value at the maximum of the likelihood, around which the limits lie.
     """
 
     name: str
@@ -33,6 +42,15 @@ class Estimate:
     standard_error: float
     at_bound: bool
     remark: str = ""
+    low: float = np.nan
+    high: float = np.nan
+    interval: IntervalKind | None = None
+    likeliest: float = np.nan
+
+    @property
+    def beside(self) -> bool:
+        """Whether the estimate lies outside its own limits: the weights pull it there."""
+        return bool(self.value < self.low or self.value > self.high)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,6 +81,31 @@ class Iteration:
     objective: float
 
 
+class Ending(enum.Enum):
+    """Why a search ended."""
+
+    CONVERGED = "converged"
+    FLAT = "converged to within the noise"
+    STOPPED = "stopped before it converged"
+
+
+@dataclasses.dataclass(frozen=True)
+class Starts:
+    """Where the searches from several starts ended, best first.
+
+    Attributes:
+        objectives: `(starts,)`; infinite where a start found no balance.
+        values: parameters and offsets, `(starts, p)`.
+        elsewhere: ends that the data tell from the answer: another valley, `(starts,)`.
+        rivals: ends that they do not, though a parameter is outside the answer's limits.
+    """
+
+    objectives: tuple[float, ...]
+    values: np.ndarray
+    elsewhere: np.ndarray
+    rivals: np.ndarray
+
+
 @dataclasses.dataclass(frozen=True)
 class Fit:
     """The answer of one procedure.
@@ -79,7 +122,9 @@ class Fit:
         evaluations: `residual`, `jacobian`, `equilibria` and, per stage, the counts.
         success: whether the search converged.
         message: a sentence.
-        starts: objectives reached from the several starts, best first.
+        offsets: constants that are added to the model to compare it with the measurement.
+        ending: why the search ended.
+        starts: where several starts ended; None if there was one.
     """
 
     procedure: str
@@ -93,7 +138,9 @@ class Fit:
     evaluations: dict[str, int]
     success: bool
     message: str
-    starts: tuple[float, ...] = ()
+    offsets: tuple[Estimate, ...] = ()
+    ending: Ending = Ending.CONVERGED
+    starts: Starts | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -112,8 +159,9 @@ class Calibration:
         ligaments: names in the order of the columns of `Motion.ligament_forces`.
         contacts: names in the order of `Motion.contact_forces`.
         truth: parameter -> value that made synthetic data; empty for measured data.
-        frame_offset: the six constants between measured and model frames (degrees, mm) with
-            their standard errors, `(name, value, standard_error)`; empty if not fitted.
+        noise: coordinate -> standard deviation of the measurement (degrees, mm).
+        noise_estimated: whether that was estimated from what the likeliest fit leaves.
+        misfits: coordinates in which the answer is a poor fit, and why.
         notes: sentences on what limits the fit.
         seconds: `total`, `compile`, `solve`.
         versions: package -> version.
@@ -131,7 +179,9 @@ class Calibration:
     ligaments: tuple[str, ...]
     contacts: tuple[str, ...]
     truth: dict[str, float]
-    frame_offset: tuple[tuple[str, float, float], ...]
+    noise: dict[str, float]
+    noise_estimated: bool
+    misfits: tuple[Misfit, ...]
     notes: tuple[str, ...]
     seconds: dict[str, float]
     versions: dict[str, str]

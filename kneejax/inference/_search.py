@@ -12,7 +12,7 @@ from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference._bounded import BoundedLevenbergMarquardt
 from kneejax.inference._many_fits import MotionData, best_offsets, fit_many
 from kneejax.inference._problem import Evaluation, Problem
-from kneejax.inference._result import Iteration
+from kneejax.inference._result import Ending, Iteration
 from kneejax.statics import Stations, balance_with_slopes
 
 #: The stages of a procedure of paper 1: which quantities are free in turn. Frame offsets are
@@ -51,6 +51,13 @@ class Trail:
     converged: bool = True
     flat: bool = False
     reason: str = ""
+
+    @property
+    def ending(self) -> Ending:
+        """Why it ended."""
+        if self.flat:
+            return Ending.FLAT
+        return Ending.CONVERGED if self.converged else Ending.STOPPED
 
     @property
     def evaluations(self) -> int:

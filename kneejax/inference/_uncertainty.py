@@ -15,7 +15,8 @@ class Uncertainty:
         covariance: shape `(p, p)`; NaN for parameters that were held.
         standard_error: shape `(p,)`.
         correlation: shape `(p, p)`.
-        noise: standard deviation of the measurement by coordinate, estimated from the residual.
+        noise: standard deviation of the measurement by coordinate, as given or as estimated from
+            the residual.
     """
 
     covariance: np.ndarray
@@ -25,20 +26,25 @@ class Uncertainty:
 
 
 def uncertainty(
-    jacobian: np.ndarray, error: np.ndarray, weights: np.ndarray, held: np.ndarray
+    jacobian: np.ndarray,
+    error: np.ndarray,
+    weights: np.ndarray,
+    held: np.ndarray,
+    noise: np.ndarray | None = None,
 ) -> Uncertainty:
     """Propagate the scatter of the data to the parameters.
 
     The weights of the objective need not be the inverse variances of the measurement (those of
     paper 1 are not), so the covariance is the general one of a weighted fit,
     `(J^T W J)^-1 J^T W S W J (J^T W J)^-1`, with the variances `S` of displacements and of
-    rotations estimated from the residuals themselves.
+    rotations estimated from the residuals themselves where they are not known.
 
     Args:
         jacobian: derivative of the coordinates by the parameters, `(5, n, p)`.
         error: model minus measurement, `(5, n)`.
-        weights: of the objective, `(5,)`.
+        weights: of the objective, `(5,)`; a coordinate without weight tells nothing.
         held: parameters that do not move (at a bound), `(p,)`.
+        noise: standard deviations of the measurement, `(5,)`; estimated where NaN, and by default.
 
     Returns:
         The `Uncertainty`.
@@ -55,11 +61,15 @@ def uncertainty(
         pseudo = (right.T / singular) @ left.T
     # Leverage: the part of each coordinate's scatter that the parameters have absorbed.
     leverage = (left**2).sum(axis=1).reshape(5, -1)
-    noise = np.zeros(5)
+    left_over = np.full(5, np.inf)
     for group in ([0, 1], [2, 3, 4]):
-        spare = (1.0 - leverage[group]).sum()
-        noise[group] = np.sqrt((e[group] ** 2).sum() / spare) if spare > 1e-9 else np.nan
-    spread = np.repeat(np.sqrt(weights) * noise, used.sum())
+        weighed = [row for row in group if weights[row] > 0]
+        spare = (1.0 - leverage[weighed]).sum()
+        squares = (e[weighed] ** 2).sum()
+        left_over[weighed] = np.sqrt(squares / spare) if spare > 1e-9 else np.nan
+    noise = left_over if noise is None else np.where(np.isnan(noise), left_over, noise)
+    with np.errstate(invalid="ignore"):
+        spread = np.repeat(np.where(weights > 0, np.sqrt(weights) * noise, 0.0), used.sum())
     part = (pseudo * spread) @ (pseudo * spread).T / np.outer(scale, scale)
     covariance = np.full((size, size), np.nan)
     covariance[np.ix_(free, free)] = part

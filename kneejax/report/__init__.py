@@ -15,6 +15,7 @@ from kneejax.report._html import write_report as write_report
 from kneejax.report._identify_text import ESTIMATE_COLUMNS as ESTIMATE_COLUMNS
 from kneejax.report._identify_text import estimate_rows as estimate_rows
 from kneejax.report._identify_text import estimates_text as estimates_text
+from kneejax.report._identify_text import undetermined_words as undetermined_words
 from kneejax.report._indices_figures import fit_indices_figure as fit_indices_figure
 from kneejax.report._indices_figures import pose_indices_figure as pose_indices_figure
 from kneejax.report._information_figures import (
@@ -88,6 +89,7 @@ from kneejax.report._style import Coordinate as Coordinate
 from kneejax.report._surface_figure import surface_fit_figure as surface_fit_figure
 from kneejax.report._sweep_figure import sweep_figure as sweep_figure
 from kneejax.report._text import calibration_summary as calibration_summary
-from kneejax.report._verdict import fails as fails
+from kneejax.report._verdict import Outcome as Outcome
+from kneejax.report._verdict import outcome as outcome
 from kneejax.report._verdict import verdict as verdict
 from kneejax.report._verdict import warnings as warnings

@@ -122,17 +122,10 @@ def _parameter_rows(
             "bounds", axes.barh(y[bounded], widths, left=lower[bounded], height=0.5, color=LIGHT)
         )
     (handles["start"],) = axes.plot(starts, y, "o", color=START, markersize=4.5)
-    errors = np.array([e.standard_error for e in group])
-    handles["estimate and 95 % interval"] = axes.errorbar(
-        values,
-        y,
-        xerr=1.96 * np.where(np.isfinite(errors), errors, 0),
-        fmt="s",
-        color=VERMILLION,
-        markersize=4,
-        elinewidth=1.3,
-        capsize=2.5,
-    )
+    for row, e in enumerate(group):
+        _limits_line(axes, row, e)
+    drawn = axes.plot(values, y, "s", color=VERMILLION, markersize=4)
+    handles["estimate and 95 % limits"] = drawn[0]
     for i, fit in enumerate(calibration.fits[1:], 1):
         others = {e.name: e.value for e in fit.estimates}
         (handles[verbatim(f"procedure {fit.procedure}")],) = axes.plot(
@@ -159,6 +152,18 @@ def _parameter_rows(
     axes.set_yticks(y, [verbatim(e.name.partition(".")[0]) for e in group])
     axes.tick_params(axis="y", length=0)
     axes.grid(False, axis="y")
+
+
+def _limits_line(axes: Axes, row: int, e: Estimate) -> None:
+    """A line between the limits, with a cap at each; where there is none, to the bound, open."""
+    known = np.isfinite([e.low, e.high])
+    if not known.any():
+        return
+    ends = np.where(known, [e.low, e.high], [e.lower, e.upper])
+    axes.plot(ends, [row, row], color=VERMILLION, linewidth=1.3, solid_capstyle="butt")
+    for end, closed, arrow in zip(ends, known, "<>", strict=True):
+        marker = "|" if closed else arrow
+        axes.plot(end, row, marker, color=VERMILLION, markersize=5, markeredgewidth=1.2)
 
 
 @styled

@@ -28,12 +28,14 @@ from kneejax.report._style import COORDINATES, SHOWN
 from kneejax.report._verdict import (
     PAPER,
     PAPER_COUNTS,
-    answer_warnings,
+    Outcome,
     ending,
+    limits,
     optimiser,
-    remark,
+    outcome,
     search,
     stage_counts,
+    starts_words,
     verdict,
     warnings,
 )
@@ -41,6 +43,13 @@ from kneejax.report._verdict import (
 if TYPE_CHECKING:
     from kneejax.inference._result import Calibration, Estimate
 
+#: Colour of the badge.
+_BADGES = {
+    Outcome.GOOD: "good",
+    Outcome.DOUBTFUL: "doubtful",
+    Outcome.POOR: "failed",
+    Outcome.FAILED: "failed",
+}
 _DRAWN = {
     "motion": motion_figure,
     "parameters": parameters_figure,
@@ -101,7 +110,6 @@ def report_page(calibration: Calibration, pictures: dict[str, str]) -> str:
         _section("Objective by coordinate", _partial_section(calibration, pictures)),
         _section("What the data can tell apart", _correlation_section(pictures)),
         _section("Forces", _force_section(pictures)),
-        _offset_section(calibration),
         _notes_section(calibration),
         _section("How to run it again", _again_section(calibration)),
     ]
@@ -153,15 +161,13 @@ def _picture(svg: str, caption: str) -> str:
 def _head(calibration: Calibration) -> str:
     fit = calibration.fit
     doubts = warnings(calibration)
-    doubtful = bool(answer_warnings(calibration))
-    state = "failed" if not fit.success else "doubtful" if doubtful else "good"
+    became = outcome(calibration)
     kind = "synthetic" if calibration.truth else "measured"
-    badge = {"failed": "Not converged", "doubtful": "Converged, with warnings", "good": "Converged"}
     boxes = [
         ("Objective at the start", number(calibration.start_objective)),
         ("Objective fitted", number(fit.objective)),
         ("Change", change(calibration.start_objective, fit.objective) or NONE),
-        ("Residual evaluations", str(fit.evaluations.get("residual", NONE))),
+        ("Simulated motions", str(fit.evaluations.get("residual", NONE))),
         ("Time, s", number(calibration.seconds.get("total", math.nan), 3)),
     ]
     facts = "".join(f"<div><dt>{escape(k)}</dt><dd>{escape(v)}</dd></div>" for k, v in boxes)
@@ -173,7 +179,7 @@ def _head(calibration: Calibration) -> str:
         f"<header>\n<h1>{escape(calibration.title)}</h1>\n"
         f'<p class="under">Calibration of knee {escape(calibration.knee)}, '
         f"{len(calibration.measured)} {kind} poses</p>\n"
-        f'<p><strong class="badge {state}">{badge[state]}</strong> '
+        f'<p><strong class="badge {_BADGES[became]}">{became.value}</strong> '
         f"{escape(verdict(calibration))}</p>\n"
         f"<p>Search: {escape(search(calibration, fit))}.</p>\n"
         f"<dl>{facts}</dl>\n</header>\n{listed}"
@@ -192,7 +198,7 @@ def _motion_section(calibration: Calibration, svg: str) -> str:
             [label, number(before, 3), *(number(v, 3) for v in after), change(before, after[0])]
         )
     offset = ""
-    if calibration.frame_offset:
+    if calibration.fit.offsets:
         offset = " Fitted motions are drawn with the offsets between frames added."
     return (
         "<p>Root mean square difference between simulated and measured motion; the change is "
@@ -205,38 +211,51 @@ def _motion_section(calibration: Calibration, svg: str) -> str:
 
 def _parameter_section(calibration: Calibration, svg: str) -> str:
     truth = calibration.truth
-    header = ["Parameter", "Unit", "Value", "Standard error", "Start", "Lower", "Upper"]
-    remarks = [remark(e) for e in calibration.fit.estimates]
-    header += ["Truth", "Error"] * bool(truth) + ["At bound"]
-    words = (0, 1, len(header) - 1, len(header))
-    header += ["Remark"] * any(remarks)
+    fit = calibration.fit
+    header = ["Parameter", "Unit", "Value", "Standard error", "95 % limits", "Known by"]
+    header += ["Start", "Lower", "Upper"]
+    header += ["Truth", "Error"] * bool(truth) + ["At bound", "Remark"]
+    words = (0, 1, 4, 5, len(header) - 2, len(header) - 1)
     rows = []
-    for e, said in zip(calibration.fit.estimates, remarks, strict=True):
+    for e in (*fit.estimates, *fit.offsets):
         value, error = with_error(e.value, e.standard_error)
-        row = [e.name, e.unit or "1", value, error, trimmed(e.start)]
-        row += [trimmed(e.lower), trimmed(e.upper)]
+        kind = NONE if e.interval is None else e.interval.value
+        name = e.name if e in fit.estimates else f"offset {e.name}"
+        row = [name, e.unit or NONE, value, error, limits(e) or NONE, kind]
+        row += [trimmed(e.start), trimmed(e.lower), trimmed(e.upper)]
         if truth:
             true = truth.get(e.name, math.nan)
             row += [trimmed(true), number(e.value - true, 2)]
-        rows.append([*row, "yes" if e.at_bound else "no", *[said] * any(remarks)])
+        rows.append([*row, "yes" if e.at_bound else "no", e.remark])
     text = (
-        f"<p>Answer of procedure {escape(calibration.fit.procedure)}. Standard errors come from "
-        "the Jacobian at the answer and hold for small, independent errors of measurement; "
-        "they say nothing about errors of the model.</p>\n"
+        f"<p>Answer of procedure {escape(fit.procedure)}. Limits follow the likelihood, with "
+        f"noise {escape(_noise(calibration))}. A standard error is given where it tells the same "
+        "limits. Both hold for independent errors of measurement; they say nothing about errors "
+        "of the model.</p>\n"
     )
     text += _table(header, rows, words)
-    text += _picture(svg, "Each parameter between its bounds (grey). Bars span 1.96 standard "
-                     "errors to either side and are cut at the edge of a panel.")  # fmt: skip
+    text += _picture(svg, "Each parameter between its bounds (grey). Bars span the 95 % limits; "
+                     "an arrow is a side without a limit.")  # fmt: skip
+    if fit.offsets:
+        text += (
+            "<p>Offsets are constants added to the model to compare it with the measurement.</p>\n"
+        )
     if len(calibration.fits) > 1:
         names = [e.name for e in calibration.fit.estimates]
         units = {e.name: e.unit for e in calibration.fit.estimates}
         found = [{e.name: _starred(e) for e in fit.estimates} for fit in calibration.fits]
         text += "<p>The procedures side by side (* ended on a bound):</p>\n" + _table(
             ["Parameter", "Unit", *(f"Procedure {fit.procedure}" for fit in calibration.fits)],
-            [[name, units[name] or "1", *(one.get(name, NONE) for one in found)] for name in names],
+            [[n, units[n] or NONE, *(one.get(n, NONE) for one in found)] for n in names],
             (0, 1),
         )
     return text
+
+
+def _noise(calibration: Calibration) -> str:
+    mm, deg = (calibration.noise.get(name, math.nan) for name in ("lateral", "adduction"))
+    kind = "estimated from the misfit" if calibration.noise_estimated else "as stated"
+    return f"{number(mm, 3)} mm and {number(deg, 3)} deg ({kind})"
 
 
 def _starred(e: Estimate) -> str:
@@ -245,36 +264,37 @@ def _starred(e: Estimate) -> str:
 
 def _procedure_section(calibration: Calibration, svg: str) -> str:
     known = bool(calibration.truth) and any(f.procedure in PAPER_COUNTS for f in calibration.fits)
-    header = ["Procedure", "Converged", "Objective", "Accepted steps", "Residual evaluations"]
-    header += ["Jacobians", "Balanced poses", "Starts"]
+    header = ["Procedure", "Converged", "Objective", "Accepted steps", "Simulated motions"]
+    header += ["Gradients", "Poses"]
     header += ["Published search steps", "Published Simpack calls"] * known
     rows = []
     for fit in calibration.fits:
         count = fit.evaluations
-        starts = f"{len(fit.starts)}, worst {trimmed(max(fit.starts))}" if fit.starts else NONE
         row = [fit.procedure, "yes" if fit.success else "no", number(fit.objective)]
         row += [str(len(fit.history))]
         row += [str(count.get(key, NONE)) for key in ("residual", "jacobian", "equilibria")]
-        rows.append([*row, starts, *_published(fit.procedure, known)])
+        rows.append([*row, *_published(fit.procedure, known)])
         for stage, evaluations in stage_counts(fit):
             steps = [step for step in fit.history if step.stage == stage]
             objective = number(steps[-1].objective) if steps else NONE
             row = [f"\u2003{stage}", "", objective, str(len(steps)) if steps else NONE]
-            rows.append([*row, str(evaluations), "", "", "", *_published(stage, known)])
+            rows.append([*row, str(evaluations), "", "", *_published(stage, known)])
     text = _table(header, rows, (0, 1))
     if known:
         text += (
             f"<p class=small>Published counts: {escape(PAPER)}. The steps are those of a pattern "
-            "search. One Simpack call is one simulated motion, as is one residual evaluation "
-            "here; the published search had another specimen and another model, and no "
-            "derivatives. A Jacobian here costs more than a residual and is counted apart.</p>\n"
+            "search. One Simpack call is one simulated motion; the published search had another "
+            "specimen and another model, and no derivatives. A gradient here costs more than a "
+            "motion and is counted apart.</p>\n"
         )
     if optimiser(calibration):
         text += f"<p class=small>Optimiser: {escape(optimiser(calibration))}.</p>\n"
     for fit in calibration.fits:
         why = escape(ending(calibration, fit))
         text += f"<p class=small>Procedure {escape(fit.procedure)}: {why}.</p>\n"
-    return text + _picture(svg, "Objective against residual evaluations; markers are accepted "
+        if fit.starts is not None:
+            text += f"<p class=small>{escape(starts_words(fit))}</p>\n"
+    return text + _picture(svg, "Objective against simulated motions; markers are accepted "
                            "steps, their shape is the stage.")  # fmt: skip
 
 
@@ -295,8 +315,7 @@ def _partial_section(calibration: Calibration, pictures: dict[str, str]) -> str:
     totals = [calibration.start_objective, *(fit.objective for fit in calibration.fits)]
     rows.append(["Objective (weighted sum)", "", *(number(total) for total in totals)])
     return (
-        "<p>Unweighted sums of squared differences, and the weighted sum that was made small."
-        "</p>\n"
+        "<p>Unweighted sums of squared differences, and the minimised weighted sum.</p>\n"
         + _table(header, rows, (0, 1))
         + _picture(pictures["partial_objectives"], "Sums of squared differences, log scale.")
     )
@@ -316,19 +335,6 @@ def _force_section(pictures: dict[str, str]) -> str:
         "Forces that hold the motion, fitted (solid) and at the start (dotted); failed and "
         "doubtful poses are marked as in the motion figure.",
     )
-
-
-def _offset_section(calibration: Calibration) -> str:
-    if not calibration.frame_offset:
-        return ""
-    rows = []
-    for name, value, error in calibration.frame_offset:
-        base = name.removesuffix("_deg").removesuffix("_mm")
-        label = COORDINATES[base].axis_label if base in COORDINATES else name
-        rows.append([label, *with_error(value, error)])
-    text = "<p>Constants between measured and model frames, fitted with the parameters.</p>\n"
-    table = _table(["Offset", "Value", "Standard error"], rows)
-    return _section("Offsets between frames", text + table)
 
 
 def _notes_section(calibration: Calibration) -> str:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kneejax.inference import QUANTITIES
+from kneejax.inference._intervals import Interval, IntervalKind, same_ends
 from kneejax.report._numbers import number
 from kneejax.report._text import _aligned, _wrapped
 
@@ -18,10 +19,9 @@ if TYPE_CHECKING:
 ESTIMATE_COLUMNS = (
     "name", "value", "unit", "lower", "upper", "at_bound", "standard_error", "profile_low",
     "profile_high", "profile_low_open", "profile_high_open", "posterior_mean", "posterior_sd",
-    "posterior_low", "posterior_high", "r_hat", "effective_sample_size", "determined", "reason",
+    "posterior_low", "posterior_high", "r_hat", "effective_sample_size", "interval",
+    "determined", "reason",
 )  # fmt: skip
-#: Interval ends that differ by more than this part of the interval are said to disagree.
-_APART = 0.25
 
 
 def estimate_rows(found: Identification, sampled: Posterior | None = None) -> list[dict[str, Any]]:
@@ -38,7 +38,7 @@ def estimate_rows(found: Identification, sampled: Posterior | None = None) -> li
     ends = None if sampled is None else sampled.quantiles((0.025, 0.975))
     rows = []
     for i, name in enumerate(found.selection.names):
-        profile = by_name.get(name)
+        profile, interval = by_name.get(name), _interval(found, i)
         rows.append(
             {
                 "name": name,
@@ -60,11 +60,40 @@ def estimate_rows(found: Identification, sampled: Posterior | None = None) -> li
                 "effective_sample_size": None
                 if sampled is None
                 else float(sampled.effective_sample_size[i]),
-                "determined": bool(found.information.determined[i]),
-                "reason": found.information.reasons[i],
+                "interval": None if interval is None else interval.kind.value,
+                "determined": _determined(found, i),
+                "reason": "" if _determined(found, i) else _why(found, i),
             }
         )
     return rows
+
+
+def undetermined_words(found: Identification) -> list[str]:
+    """A sentence on each parameter that the data do not determine.
+
+    Args:
+        found: the fit, its information and its profiles.
+    """
+    rows = range(len(found.selection.names))
+    return [_why(found, i) for i in rows if not _determined(found, i)]
+
+
+def _interval(found: Identification, i: int) -> Interval | None:
+    return found.intervals[i] if found.intervals else None
+
+
+def _determined(found: Identification, i: int) -> bool:
+    """By the profile; where none was followed, better known than before by the curvature."""
+    interval = _interval(found, i)
+    if interval is None:
+        return bool(found.information.determined[i])
+    return interval.kind is not IntervalKind.NOT_DETERMINED
+
+
+def _why(found: Identification, i: int) -> str:
+    name = found.selection.names[i]
+    usual = f"{name} is not determined: other parameters make up for whatever its bounds allow."
+    return found.information.reasons[i] or usual
 
 
 def estimates_text(found: Identification, sampled: Posterior | None = None) -> str:
@@ -84,7 +113,7 @@ def estimates_text(found: Identification, sampled: Posterior | None = None) -> s
         head.append("95 % by posterior")
     table = [[*head, "unit"]]
     for row in estimate_rows(found, sampled):
-        words = [row["name"], number(row["value"], 4), number(row["standard_error"], 2)]
+        words = [row["name"], number(row["value"], 4), _error(row)]
         if found.profiles:
             low = "open" if row["profile_low_open"] else number(row["profile_low"], 4)
             high = "open" if row["profile_high_open"] else number(row["profile_high"], 4)
@@ -109,6 +138,12 @@ def estimates_text(found: Identification, sampled: Posterior | None = None) -> s
     return "\n".join(lines)
 
 
+def _error(row: dict[str, Any]) -> str:
+    """The standard error where it tells the limits."""
+    means = row["interval"] in (None, IntervalKind.STANDARD_ERROR.value)
+    return number(row["standard_error"], 2) if means else number(np.nan)
+
+
 def agreement(found: Identification, sampled: Posterior | None = None) -> list[str]:
     """Say where standard error, profile and posterior tell different stories.
 
@@ -124,21 +159,18 @@ def agreement(found: Identification, sampled: Posterior | None = None) -> list[s
         return []
     bent, moved = [], []
     for i, name in enumerate(found.selection.names):
-        profile, error = by_name[name], found.information.standard_error[i]
-        ends = np.array([profile.low, profile.high])
-        width = float(np.sqrt(profile.threshold)) * error
-        plain = found.values[i] + np.array([-width, width])
-        if not profile.closed or not _near(ends, plain):
+        profile = by_name[name]
+        if found.intervals[i].kind is not IntervalKind.STANDARD_ERROR:
             bent.append(name)
         if sampled is not None:
             drawn = sampled.quantiles((0.025, 0.975))[i]
-            if profile.closed and not _near(ends, drawn):
+            if profile.closed and not same_ends((profile.low, profile.high), drawn):
                 moved.append(name)
     notes = []
     if bent:
         notes.append(
-            f"The standard error does not tell the limits of {', '.join(bent)}: the misfit is no "
-            "parabola there, or a bound cuts it. Trust the profile."
+            f"The standard error does not tell the limits of {', '.join(bent)}: the interval is "
+            "asymmetric, or a bound cuts it; use the profile."
         )
     else:
         notes.append("Profiles agree with the standard errors: the problem is nearly linear.")
@@ -150,10 +182,3 @@ def agreement(found: Identification, sampled: Posterior | None = None) -> list[s
     elif sampled is not None:
         notes.append("Posterior and profiles agree where the data limit a parameter.")
     return notes
-
-
-def _near(ends: np.ndarray, others: np.ndarray) -> bool:
-    if not np.isfinite([*ends, *others]).all():
-        return False
-    width = max(ends[1] - ends[0], 1e-300)
-    return bool(np.all(np.abs(ends - others) <= _APART * width))

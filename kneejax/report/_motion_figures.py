@@ -104,19 +104,11 @@ def _columns_of_text(
             )  # fmt: skip
 
 
-def _as_measured(calibration: Calibration, fit: Fit) -> np.ndarray:
+def _as_measured(fit: Fit) -> np.ndarray:
     """Fitted poses in the frames of the measurement: with the offsets that were fitted."""
     table = np.array(fit.motion.table, float)
-    apart = np.asarray(calibration.measured, float) - table
-    for name, value, _ in calibration.frame_offset:
-        column = _COLUMN.get(name.removesuffix("_deg").removesuffix("_mm"))
-        if column is None:
-            continue
-        known = apart[np.isfinite(apart[:, column]), column]
-        if fit is not calibration.fit and known.size:
-            # The offset of other procedures is not kept; least squares makes it the mean.
-            value = known.mean()
-        table[:, column] += value
+    for offset in fit.offsets:
+        table[:, _COLUMN[offset.name]] += offset.value
     return table
 
 
@@ -147,7 +139,7 @@ def motion_figure(calibration: Calibration) -> Figure:
         motions.append(
             (
                 f"fitted, procedure {fit.procedure}", FITS[i % len(FITS)], dashes,
-                _as_measured(calibration, fit),
+                _as_measured(fit),
             )
         )  # fmt: skip
     spots = [(0, 0), (1, 0), (2, 0), (0, 1), (1, 1)]
@@ -196,7 +188,7 @@ def _legend_panel(axes: Axes, handles: dict[str, Any], calibration: Calibration)
     )
     rows_in_legend = -(-len(legend.get_texts()) // (2 if len(order) > 4 else 1))
     lines = ["Root mean square error", *(COORDINATES[name].axis_label for name in SHOWN)]
-    if calibration.frame_offset:
+    if calibration.fit.offsets:
         lines.append("Fitted motion and its errors: frame offsets added")
     start = ["start", *(number(calibration.start_rmse.get(n, np.nan), 2) for n in SHOWN)]
     columns = [(0.0, "left", lines), (0.61, "right", start)]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kneejax.report._verdict import row_status, warnings
+from kneejax.report._verdict import outcome, remark, row_status, warnings
 from kneejax.statics._status import Status
 
 if TYPE_CHECKING:
@@ -26,6 +26,9 @@ PARAMETER_COLUMNS = (
     "upper",
     "standard_error",
     "at_bound",
+    "low",
+    "high",
+    "interval",
     "remark",
 )
 _TOTALS = ("residual", "jacobian", "equilibria")
@@ -69,7 +72,21 @@ def _parameter(estimate: Estimate) -> dict[str, Any]:
         "upper": float(estimate.upper),
         "standard_error": float(estimate.standard_error),
         "at_bound": bool(estimate.at_bound),
+        "low": float(estimate.low),
+        "high": float(estimate.high),
+        "interval": None if estimate.interval is None else estimate.interval.value,
     }
+
+
+def _starts(fit: Fit) -> list[dict[str, Any]]:
+    starts = fit.starts
+    if starts is None:
+        return []
+    names = [e.name for e in (*fit.estimates, *fit.offsets)]
+    return [
+        {"objective": objective, "values": dict(zip(names, values, strict=True))}
+        for objective, values in zip(starts.objectives, starts.values, strict=True)
+    ]
 
 
 def _statuses(fit: Fit) -> dict[str, int]:
@@ -92,7 +109,7 @@ def _fit_document(fit: Fit) -> dict[str, Any]:
         },
         "evaluations": fit.evaluations,
         "iterations": len(fit.history),
-        "starts": fit.starts,
+        "starts": _starts(fit),
         "status": _statuses(fit),
     }
 
@@ -112,6 +129,7 @@ def result_document(calibration: Calibration) -> dict[str, Any]:
             "title": calibration.title,
             "knee": calibration.knee,
             "success": bool(fit.success),
+            "outcome": outcome(calibration).value,
             "message": fit.message,
             "warnings": warnings(calibration),
             "procedure": fit.procedure,
@@ -130,10 +148,9 @@ def result_document(calibration: Calibration) -> dict[str, Any]:
                 "matrix": fit.correlation,
             },
             "truth": calibration.truth,
-            "frame_offset": {
-                name: {"value": value, "standard_error": error}
-                for name, value, error in calibration.frame_offset
-            },
+            "frame_offset": {e.name: _parameter(e) | {"unit": e.unit} for e in fit.offsets},
+            "noise": calibration.noise,
+            "noise_estimated": calibration.noise_estimated,
             "per_procedure": {one.procedure: _fit_document(one) for one in calibration.fits},
             "notes": calibration.notes,
             "seconds": calibration.seconds,
@@ -150,11 +167,15 @@ def parameters_rows(calibration: Calibration) -> list[dict[str, Any]]:
         calibration: the answer to write.
 
     Returns:
-        One dictionary a parameter, with the keys `PARAMETER_COLUMNS` in that order.
+        One dictionary a parameter, then one a constant between frames (`frame_offset.COORDINATE`),
+        with the keys `PARAMETER_COLUMNS` in that order.
     """
+    fit = calibration.fit
+    named = [(e.name, e) for e in fit.estimates]
+    named += [(f"frame_offset.{e.name}", e) for e in fit.offsets]
     return [
-        {"name": e.name, "value": float(e.value), "unit": e.unit}
+        {"name": name, "value": float(e.value), "unit": e.unit}
         | {key: value for key, value in _parameter(e).items() if key != "value"}
-        | {"remark": e.remark}
-        for e in calibration.fit.estimates
+        | {"remark": remark(e)}
+        for name, e in named
     ]

@@ -7,13 +7,17 @@ import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from kneejax.inference._intervals import IntervalKind
 from kneejax.report._numbers import change, number, trimmed, with_error
 from kneejax.report._style import COORDINATES, SHOWN
 from kneejax.report._verdict import (
     PAPER_COUNTS,
-    answer_warnings,
+    Outcome,
+    known_words,
+    limits,
+    outcome,
     search,
-    undetermined,
+    starts_words,
     warnings,
 )
 
@@ -50,10 +54,12 @@ def calibration_summary(calibration: Calibration) -> str:
     """
     fit = calibration.fit
     lines = _wrapped(f"{calibration.title} (knee {calibration.knee})")
-    outcome = "converged" if fit.success else "NOT CONVERGED"
+    became = outcome(calibration)
+    loud = became in (Outcome.FAILED, Outcome.POOR)
+    word = became.value.upper() if loud else became.value.lower()
     fell = change(calibration.start_objective, fit.objective)
     lines += _wrapped(
-        f"Procedure {fit.procedure} {outcome}: objective "
+        f"Procedure {fit.procedure} {word}: objective "
         f"{number(calibration.start_objective)} -> {number(fit.objective)}"
         + (f" ({fell})" if fell else "")
         + f", {len(calibration.measured)} poses, "
@@ -61,6 +67,9 @@ def calibration_summary(calibration: Calibration) -> str:
     )
     lines += _wrapped(f"Search: {search(calibration, fit)}")
     lines += ["", *_parameter_table(calibration)]
+    noise = _noise_words(calibration)
+    lines += ["", *_wrapped(" ".join(filter(None, [noise, known_words(calibration)])))]
+    lines += _wrapped(starts_words(fit))
     lines += ["", *_aligned(_rmse_rows(calibration))]
     lines += ["", *_aligned(_procedure_rows(calibration), (0, 1))]
     doubts = warnings(calibration)
@@ -75,23 +84,39 @@ def calibration_summary(calibration: Calibration) -> str:
 def _judged(calibration: Calibration) -> str:
     """Which procedure decides the exit status of `kneejax calibrate`."""
     others = [fit.procedure for fit in calibration.fits[1:]]
-    outcome = "1, in doubt" if answer_warnings(calibration) else "0, nothing to doubt"
+    status = outcome(calibration).exit_status
+    words = "1, in doubt" if status else "0, nothing to doubt"
     return (
         f"Procedure {calibration.fit.procedure}, the first of the study, is the answer and alone "
-        f"decides the exit status ({outcome}); {' and '.join(others)} "
+        f"decides the exit status ({words}); {' and '.join(others)} "
         f"{'are' if len(others) > 1 else 'is'} there to compare."
     )
 
 
+def _noise_words(calibration: Calibration) -> str:
+    """By which noise the limits are what they are."""
+    mm, deg = calibration.noise.get("lateral"), calibration.noise.get("adduction")
+    if mm is None or deg is None or not (math.isfinite(mm) and math.isfinite(deg)):
+        return ""
+    kind = "estimated from the misfit" if calibration.noise_estimated else "as stated"
+    return f"Noise {number(mm, 3)} mm and {number(deg, 3)} deg, {kind}; limits are of 95 %."
+
+
 def _parameter_table(calibration: Calibration) -> list[str]:
-    """One line a parameter; what was set is left out where it does not fit."""
-    table = [["parameter", "value", "", "", "unit", "remark", "truth", "start", "lower", "upper"]]
-    for e in calibration.fit.estimates:
-        value, error = with_error(e.value, e.standard_error)
-        remark = ["at bound"] * e.at_bound + ["undetermined"] * undetermined(e)
+    """One line a parameter or offset; what was set is left out where it does not fit."""
+    head = ["parameter", "value", "", "", "unit", "95 % limits", "truth", "start", "lower", "upper"]
+    table = [head]
+    fit = calibration.fit
+    for e in (*fit.estimates, *fit.offsets):
+        sure = e.interval is IntervalKind.STANDARD_ERROR
+        value, error = with_error(e.value, e.standard_error if sure else math.nan)
+        said = ["at bound"] * e.at_bound
+        if not sure and e.interval is not None:
+            said = [limits(e) or IntervalKind.NOT_DETERMINED.value, *said]
         table.append(
-            [e.name, value, *(("", "") if undetermined(e) else ("+-", error)), e.unit]
-            + [", ".join(remark), trimmed(calibration.truth.get(e.name, math.nan))]
+            [e.name if e not in fit.offsets else f"offset {e.name}", value]
+            + (["+-", error] if sure else ["", ""])
+            + [e.unit, ", ".join(said), trimmed(calibration.truth.get(e.name, math.nan))]
             + [trimmed(e.start), trimmed(e.lower), trimmed(e.upper)]
         )
     empty = {i for i in (4, 5) if not any(row[i] for row in table[1:])}
@@ -118,7 +143,7 @@ def _rmse_rows(calibration: Calibration) -> list[list[str]]:
 
 def _procedure_rows(calibration: Calibration) -> list[list[str]]:
     published = bool(calibration.truth)
-    rows = [["procedure", "converged", "objective", "residuals", "Jacobians", "balanced poses"]]
+    rows = [["procedure", "converged", "objective", "simulated motions", "gradients", "poses"]]
     rows[0] += ["published calls"] * published
     for fit in calibration.fits:
         row = [fit.procedure, "yes" if fit.success else "no", number(fit.objective)]

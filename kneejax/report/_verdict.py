@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
+import enum
 import math
+from collections import Counter
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kneejax.inference._intervals import IntervalKind
+from kneejax.inference._quality import Fault, Misfit
+from kneejax.inference._result import Ending
 from kneejax.report._numbers import change, listed, number
 from kneejax.report._style import COORDINATES
 from kneejax.statics._status import Status, converged
@@ -31,12 +36,11 @@ PAPER = (
     "Multibody Optimisation, Table 2"
 )
 
-_NOT_DETERMINED = "not determined"
 #: Method of a study -> the optimiser, and what ends it when it has converged.
 _SEARCHES = {
     "least_squares": (
         "bounded Levenberg-Marquardt with exact Jacobians (optimistix)",
-        "further steps, or what they promised to gain, became negligible",
+        "the search stopped: further steps no longer improve the fit",
     ),
     "lbfgsb": (
         "L-BFGS-B with exact gradients (jaxopt)",
@@ -45,18 +49,52 @@ _SEARCHES = {
 }
 
 
+class Outcome(enum.Enum):
+    """What became of a calibration: the words of its badge and of its first line."""
+
+    GOOD = "Converged"
+    DOUBTFUL = "Converged, with warnings"
+    POOR = "Poor fit"
+    FAILED = "Not converged"
+
+    @property
+    def exit_status(self) -> int:
+        """Of `kneejax calibrate`: 0 if there is nothing to doubt."""
+        return 0 if self is Outcome.GOOD else 1
+
+
+def outcome(calibration: Calibration) -> Outcome:
+    """What became of a calibration; badge, terminal and exit status all say this.
+
+    Args:
+        calibration: what to judge; procedures after the first are there to compare.
+    """
+    if not calibration.fit.success:
+        return Outcome.FAILED
+    if calibration.misfits:
+        return Outcome.POOR
+    return Outcome.DOUBTFUL if answer_warnings(calibration) else Outcome.GOOD
+
+
 def undetermined(estimate: Estimate) -> bool:
-    """Whether the data say nothing certain about a parameter."""
-    unsure = estimate.remark.startswith(_NOT_DETERMINED)
-    return unsure or not math.isfinite(estimate.standard_error)
+    """Whether the data say nothing about a parameter."""
+    return estimate.interval is IntervalKind.NOT_DETERMINED
 
 
 def remark(estimate: Estimate) -> str:
     """What a reader must know about an estimate; empty if nothing."""
-    said = estimate.remark
-    if not undetermined(estimate) or said.startswith(_NOT_DETERMINED):
-        return said
-    return f"{_NOT_DETERMINED}: {said}" if said else _NOT_DETERMINED
+    words = ["not determined"] if undetermined(estimate) else []
+    return ": ".join([*words, *filter(None, [estimate.remark])])
+
+
+def limits(estimate: Estimate) -> str:
+    """The 95 % limits of an estimate in words; empty if the data give none."""
+    low, high = number(estimate.low), number(estimate.high)
+    if math.isfinite(estimate.low) and math.isfinite(estimate.high):
+        return f"{low} to {high}"
+    if math.isfinite(estimate.low):
+        return f"above {low}"
+    return f"below {high}" if math.isfinite(estimate.high) else ""
 
 
 def optimiser(calibration: Calibration) -> str:
@@ -67,10 +105,10 @@ def optimiser(calibration: Calibration) -> str:
 def ending(calibration: Calibration, fit: Fit) -> str:
     """Why a search ended, in words."""
     why = _words_of_method(calibration)[1]
-    word, _, rest = fit.message.partition(";")
-    if word != "converged" or not why:
+    if fit.ending is not Ending.CONVERGED or not why:
         return fit.message
-    return f"{word}: {why}" + (f";{rest}" if rest else "")
+    lost = int((~converged(row_status(fit.motion))).sum())
+    return why + (f"; {lost} of {len(fit.motion.status)} poses have no balance" if lost else "")
 
 
 def search(calibration: Calibration, fit: Fit) -> str:
@@ -125,37 +163,105 @@ def _doubts(fit: Fit, flexion: np.ndarray, accepted: tuple[Status, ...] = ()) ->
             f"widen the bounds or fix the parameter{'s' * (len(bound) > 1)}."
         )
     reasons: dict[str, list[str]] = {}
-    for e in fit.estimates:
+    for e in (*fit.estimates, *fit.offsets):
         # What ended on a bound has been said.
         if undetermined(e) and not e.at_bound:
-            said = e.remark.removeprefix(f"{_NOT_DETERMINED} by these data").lstrip(": ")
-            reasons.setdefault(said.rstrip("."), []).append(e.name)
+            reasons.setdefault(e.remark, []).append(e.name)
+        if e.beside:
+            sentences.append(
+                f"{e.name}, {number(e.value)}, lies outside its limits ({limits(e)}): the weights "
+                f"pull it there. The likeliest value is {number(e.likeliest)}; weigh coordinates "
+                "by their noise, or doubt the model."
+            )
     for reason, names in reasons.items():
-        why = reason or "their standard errors are missing or wider than half their bounds"
-        if not reason and len(names) == 1:
-            why = "its standard error is missing or wider than half its bounds"
+        why = reason or "other parameters make up for whatever its bounds allow"
         verb = "are" if len(names) > 1 else "is"
         sentences.append(f"{listed(names, 40)} {verb} not determined by the data: {why}.")
+    if fit.starts is not None and fit.starts.rivals.any():
+        sentences.append(_rivals(fit))
     return sentences + _pose_doubts(fit.motion, flexion, accepted)
 
 
-def warnings(calibration: Calibration, accepted: tuple[Status, ...] = ()) -> list[str]:
+def _rivals(fit: Fit) -> str:
+    starts = fit.starts
+    assert starts is not None
+    estimates = (*fit.estimates, *fit.offsets)
+    ends = starts.values[starts.rivals]
+    names = [
+        f"{e.name} {number(min(e.value, *column))} to {number(max(e.value, *column))}"
+        for e, column in zip(estimates, ends.T, strict=True)
+        if (column < np.nan_to_num(e.low, nan=e.lower)).any()
+        or (column > np.nan_to_num(e.high, nan=e.upper)).any()
+    ]
+    count = int(starts.rivals.sum())
+    return (
+        f"{count} of {len(starts.objectives)} starts ended apart from the answer and fit as well: "
+        f"{', '.join(names)}."
+    )
+
+
+def starts_words(fit: Fit) -> str:
+    """Where several starts ended; empty if there was one."""
+    starts = fit.starts
+    if starts is None:
+        return ""
+    count, objectives = len(starts.objectives), np.array(starts.objectives)
+    lost = int(np.isinf(objectives).sum())
+    apart = starts.elsewhere & ~np.isinf(objectives)
+    words = [f"{count - int((starts.elsewhere | starts.rivals).sum())} of {count} at the answer"]
+    if starts.rivals.any():
+        words.append(f"{int(starts.rivals.sum())} apart from it with as good a fit")
+    if apart.any():
+        low, high = number(objectives[apart].min()), number(objectives[apart].max())
+        among = low if low == high else f"{low} to {high}"
+        words.append(
+            f"{int(apart.sum())} at worse fits (objective {among}, the answer's is "
+            f"{number(fit.objective)})"
+        )
+    if lost:
+        words.append(f"{lost} found no balance")
+    return f"Several starts ended: {'; '.join(words)}."
+
+
+def misfit_words(calibration: Calibration) -> list[str]:
+    """Why a fit is poor, a sentence a coordinate."""
+    return [_misfit(one) for one in calibration.misfits]
+
+
+def _misfit(one: Misfit) -> str:
+    coordinate = COORDINATES[one.coordinate]
+    said = f"{coordinate.label}: RMSE {number(one.rmse, 3)} {coordinate.unit}, "
+    against = f"{number(one.against, 3)} {coordinate.unit}"
+    return {
+        Fault.WORSE_THAN_START: f"{said}{change(one.against, one.rmse)} than at the start "
+        f"({against}): the fit gives it up for others. The model lacks something, or the weights "
+        "are wrong.",
+        Fault.BEYOND_NOISE: f"{said}{number(one.rmse / one.against, 2)} times the stated noise "
+        f"({against}): the model lacks something, or the noise is larger; limits are too narrow.",
+        Fault.LARGE: f"{said}more than {against}. Check side, signs and frames.",
+    }[one.fault]
+
+
+def warnings(calibration: Calibration) -> list[str]:
     """Everything to doubt: searches, bounds, undetermined parameters and poses.
+
+    A study that names its `failures` accepts poses with any other status, as long as they balance.
 
     Args:
         calibration: what to judge.
-        accepted: statuses of poses that are no doubt here.
 
     Returns:
         Sentences, those on the answer first; empty if nothing is doubtful.
     """
+    named = calibration.settings.get("failures") or ()
+    accepted = tuple(s for s in Status if s.converged and s.word not in named) if named else ()
     flexion = np.asarray(calibration.measured, float)[:, 0]
     found: dict[str, list[str]] = {}
     for fit in calibration.fits:
         for sentence in _doubts(fit, flexion, accepted):
             found.setdefault(sentence, []).append(fit.procedure)
     several = len(calibration.fits) > 1
-    sentences = []
+    sentences = [f"Poor fit. {sentence}" for sentence in misfit_words(calibration)]
     for sentence, procedures in found.items():
         plural = "s" if len(procedures) > 1 else ""
         who = f"Procedure{plural} {', '.join(procedures)}: " if several else ""
@@ -178,16 +284,6 @@ def answer_warnings(calibration: Calibration) -> list[str]:
     return warnings(dataclasses.replace(calibration, fits=calibration.fits[:1]))
 
 
-def fails(calibration: Calibration) -> bool:
-    """Whether the answer is doubtful enough for exit status 1.
-
-    A study that names its `failures` accepts poses with any other status, as long as they balance.
-    """
-    named = calibration.settings.get("failures") or ()
-    accepted = tuple(s for s in Status if s.converged and s.word not in named) if named else ()
-    return bool(warnings(dataclasses.replace(calibration, fits=calibration.fits[:1]), accepted))
-
-
 def verdict(calibration: Calibration) -> str:
     """Say in one paragraph what the calibration achieved.
 
@@ -197,19 +293,20 @@ def verdict(calibration: Calibration) -> str:
     Returns:
         Plain sentences.
     """
-    fit = calibration.fit
+    fit, became = calibration.fit, outcome(calibration)
     doubts = len(answer_warnings(calibration))
     others = len(warnings(calibration)) - doubts
+    compared = [one.procedure for one in calibration.fits[1:]]
+    ended = {Outcome.FAILED: "DID NOT CONVERGE", Outcome.POOR: "stopped at a POOR FIT"}
     parts = [
-        f"Procedure {fit.procedure} "
-        + ("converged" if fit.success else "DID NOT CONVERGE")
+        f"Procedure {fit.procedure} {ended.get(became, 'converged')}"
         + (f", with {doubts} warning{'s' * (doubts > 1)}." if doubts else ".")
     ]
     if others > 0:
-        concern = "warnings concern" if others > 1 else "warning concerns"
+        more = ("One" if others == 1 else str(others)) + " further" * (doubts > 0)
         parts.append(
-            f"{others} {'further ' * (doubts > 0)}{concern} only procedures that are there "
-            "to compare."
+            f"{more} warning{'s' * (others > 1)}, about procedure{'s' * (len(compared) > 1)} "
+            f"{' and '.join(compared)} (comparison only)."
         )
     fell = change(calibration.start_objective, fit.objective)
     parts.append(
@@ -223,25 +320,46 @@ def verdict(calibration: Calibration) -> str:
         if (value := _worst(fit.rmse, unit)) is not None
     ]
     if worst:
+        good = became in (Outcome.GOOD, Outcome.DOUBTFUL)
         parts.append(
             f"The fitted motion follows the measured one within {' and '.join(worst)} "
             "(largest root mean square error of a translation and of a rotation)."
-            if len(worst) == 2
-            else f"The largest root mean square error of a coordinate is {worst[0]}."
+            if good and len(worst) == 2
+            else f"{'Largest RMSE' if good else 'Poor fit: RMSE'} {' and '.join(worst)}."
         )
-    if calibration.truth:
-        shared = [e for e in fit.estimates if e.name in calibration.truth]
+    known = known_words(calibration)
+    return " ".join([*parts, *filter(None, [known])])
+
+
+def known_words(calibration: Calibration) -> str:
+    """How many parameters have which kind of limits, and how many hold the truth if it is known."""
+    estimates = [*calibration.fit.estimates, *calibration.fit.offsets]
+    counts = Counter(e.interval for e in estimates if e.interval is not None)
+    if not counts:
+        return ""
+    words = {
+        IntervalKind.STANDARD_ERROR: "by a standard error",
+        IntervalKind.PROFILE: "by profile limits",
+        IntervalKind.ONE_SIDED: "from one side",
+        IntervalKind.NOT_DETERMINED: "not at all",
+    }
+    kinds = [f"{counts[kind]} {said}" for kind, said in words.items() if counts[kind]]
+    sentence = f"Of {sum(counts.values())} estimates the data limit {', '.join(kinds)}."
+    shared = [
+        e
+        for e in calibration.fit.estimates
+        if e.name in calibration.truth and e.interval not in (None, IntervalKind.NOT_DETERMINED)
+    ]
+    if calibration.truth and shared:
         inside = sum(
-            abs(e.value - calibration.truth[e.name]) <= 1.96 * e.standard_error
+            not (calibration.truth[e.name] < e.low or calibration.truth[e.name] > e.high)
             for e in shared
-            if not undetermined(e)
         )
-        known = sum(not undetermined(e) for e in shared)
-        parts.append(
-            "The data are synthetic, so the true values are known: "
-            f"{inside} of {known} determined parameters lie within 1.96 standard errors of them."
+        sentence += (
+            " The data are synthetic, so the true values are known: "
+            f"{inside} of {len(shared)} lie within the 95 % limits."
         )
-    return " ".join(parts)
+    return sentence
 
 
 def _worst(rmse: dict[str, float], unit: str) -> float | None:

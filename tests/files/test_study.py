@@ -12,7 +12,7 @@ from kneejax.files import (
     write_poses,
 )
 from kneejax.files._study import FAULTS
-from kneejax.geometry import COORDINATES
+from kneejax.geometry import FREE_COORDINATES
 from kneejax.statics import Status
 
 TABLE = np.array([[x, 1.0, -2.0, 3.0, -20.0, 2.0] for x in (0.0, 30.0, 60.0, 90.0)])
@@ -73,11 +73,12 @@ def test_everything_stated(folder):
         measured=measured, start={"ACL.stiffness": 4000}, set={"*.transition_strain": 0.06},
         bounds={"ACL.stiffness": [1000, 5000], "stiffness": [100, 9000]},
         weights={"deg": 4.0, "anterior": 2.0}, procedures=["III"], starts=3, seed=7,
-        frame_offset=True, method="lbfgsb", flexion_deg=[30, 60],
+        frame_offset=True, method="lbfgsb", flexion_deg=[30, 60], noise_mm=0.3,
     ))  # fmt: skip
     assert list(found.bounds) == ["reference_strain", "ACL.stiffness", "stiffness"]
     assert list(found.weights.values()) == [4, 4, 2, 1, 1]
-    assert found.frame_offset == COORDINATES
+    assert found.frame_offset == FREE_COORDINATES
+    assert (found.noise_mm, found.noise_deg) == (0.3, None)
     assert found.overrides == {"*.transition_strain": 0.06}
     expected = TABLE[1:3] * [1, -1, -1, 1, 1, -1]
     np.testing.assert_allclose(read_measured(found), expected, atol=1e-11)
@@ -141,6 +142,10 @@ SYNTHETIC = {"parameters": {"ACL.stiffness": 5876}, "flexion_deg": "0:120:5"}
         ({"seed": -1}, "at least 0"),
         ({"frame_offset": ["anterior", "medial"]}, "frame_offset[1]: medial"),
         ({"frame_offset": "all"}, "true, false, or a list"),
+        ({"frame_offset": ["flexion"]}, "flexion is prescribed as it was measured"),
+        ({"noise_mm": 0}, "a standard deviation above 0"),
+        ({"noise_deg": -0.1}, "at least 0"),
+        ({"noise": 0.1}, "did you mean noise_mm?"),
         ({"method": "least_square"}, "did you mean least_squares?"),
         ({"flexion_deg": [90, 0]}, "a lower and a larger upper limit"),
         ({"measured": None, "synthetic": SYNTHETIC | {"flexion_deg": "0:120"}}, "FROM:TO:STEP"),

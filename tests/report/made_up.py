@@ -4,7 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from kneejax.inference._result import Calibration, Estimate, Fit, Iteration, Motion
+from kneejax.inference._intervals import IntervalKind
+from kneejax.inference._result import (
+    Calibration,
+    Ending,
+    Estimate,
+    Fit,
+    Iteration,
+    Motion,
+    Starts,
+)
 from kneejax.statics._status import Status
 
 LIGAMENTS = ("ACL", "PCL", "MCL", "LCL")
@@ -37,18 +46,28 @@ def _estimates(rng: np.random.Generator, spread: float) -> tuple[Estimate, ...]:
         full = f"{name}.stiffness"
         lost = full == UNDETERMINED
         bound = full == AT_BOUND
+        here = value if bound else value * (1 + spread * rng.normal())
+        error = 0.05 * value
+        known = (here - 1.96 * error, here + 1.96 * error, IntervalKind.STANDARD_ERROR)
+        if lost:
+            known = (np.nan, np.nan, IntervalKind.NOT_DETERMINED)
+        elif bound:
+            known = (8800.0, np.nan, IntervalKind.ONE_SIDED)
         made.append(
             Estimate(
-                full, "N", value if bound else value * (1 + spread * rng.normal()), float(start),
-                300.0, 10000.0, np.nan if lost else 0.05 * value, bound, REASON if lost else "",
+                full, "N", here, float(start), 300.0, 10000.0,
+                np.nan if lost or bound else error, bound, REASON if lost else "", *known,
             )
         )  # fmt: skip
     strains = (0.037, -0.047, 0.023, 0.039)
     for name, value, start in zip(LIGAMENTS, strains, (0.03, -0.1, 0.07, 0.07), strict=True):
+        here = value + 0.05 * spread * rng.normal()
+        bent = name == "PCL"
         made.append(
             Estimate(
-                f"{name}.reference_strain", "", value + 0.05 * spread * rng.normal(), start,
-                -0.2, 0.2, 0.004, False,
+                f"{name}.reference_strain", "", here, start, -0.2, 0.2,
+                np.nan if bent else 0.004, False, "", here - 0.008, here + (0.02 if bent else 0.008),
+                IntervalKind.PROFILE if bent else IntervalKind.STANDARD_ERROR,
             )
         )  # fmt: skip
     return tuple(made)
@@ -94,8 +113,23 @@ def _fit(procedure: str, poses: int, seed: int, failed: tuple[int, ...]) -> Fit:
         counts,
         procedure != "III",
         "Evaluations used up." if procedure == "III" else "Steps became smaller than 1e-8.",
-        (objective, objective * 1.2, 410.0),
+        (offset(),),
+        Ending.STOPPED if procedure == "III" else Ending.CONVERGED,
+        Starts(
+            (objective, 1.01 * objective, 410.0),
+            np.array([[e.value for e in (*estimates, offset())]] * 3),
+            np.array([False, False, True]),
+            np.zeros(3, bool),
+        ),
     )
+
+
+def offset(coordinate: str = "lateral", value: float = -0.3, error: float = 0.05) -> Estimate:
+    """A constant between frames."""
+    return Estimate(
+        coordinate, "mm", value, 0.0, -10.0, 10.0, error, False, "", value - 2 * error,
+        value + 2 * error, IntervalKind.STANDARD_ERROR,
+    )  # fmt: skip
 
 
 def calibration(poses: int = 25, synthetic: bool = True, **changes) -> Calibration:
@@ -132,7 +166,9 @@ def calibration(poses: int = 25, synthetic: bool = True, **changes) -> Calibrati
         }
         if synthetic
         else {},
-        "frame_offset": (("flexion_deg", 0.42, 0.05), ("lateral_mm", -0.3, np.nan)),
+        "noise": dict(zip(_FREE, (0.1, 0.1, 0.2, 0.2, 0.2), strict=True)),
+        "noise_estimated": True,
+        "misfits": (),
         "notes": ("The measured frame is known to 0.5 mm.",),
         "seconds": {"total": 4.2, "compile": 2.9, "solve": 1.1},
         "versions": {"kneejax": "0.1.0", "jax": "0.7.0"},

@@ -16,9 +16,17 @@ sys.path.insert(0, str(Path(__file__).parent))
 import made_up
 
 from kneejax import report
+from kneejax.inference._intervals import IntervalKind
+from kneejax.inference._quality import Fault, Misfit
+from kneejax.inference._result import Ending
 from kneejax.statics._status import Status
 
 ODD = 'A<b>&"C"$x$'
+MISFITS = (
+    Misfit("superior", Fault.WORSE_THAN_START, 0.33, 0.26),
+    Misfit("lateral", Fault.LARGE, 8.05, 3.0),
+    Misfit("adduction", Fault.BEYOND_NOISE, 0.5, 0.1),
+)
 
 
 def _renamed(calibration, old="ACL", new=ODD):
@@ -53,11 +61,16 @@ def _all_failed(calibration):
         objective=np.nan,
         correlation=np.full((8, 8), np.nan),
         estimates=tuple(
-            dataclasses.replace(e, value=np.nan, standard_error=np.nan) for e in fit.estimates
+            dataclasses.replace(
+                e, value=np.nan, standard_error=np.nan, low=np.nan, high=np.nan,
+                interval=IntervalKind.NOT_DETERMINED,
+            )
+            for e in fit.estimates
         ),
         history=(),
-        starts=(),
+        starts=None,
         success=False,
+        ending=Ending.STOPPED,
     )
     return dataclasses.replace(calibration, fits=(fit,))
 
@@ -111,7 +124,7 @@ def test_report_is_the_same_every_time(paths, tmp_path):
     [
         _all_failed,
         _renamed,
-        lambda c: made_up.calibration(synthetic=False, frame_offset=(), notes=()),
+        lambda c: made_up.calibration(synthetic=False, misfits=MISFITS, notes=()),
         lambda c: made_up.calibration(poses=60),
         lambda c: dataclasses.replace(c, measured=c.measured[::-1][np.argsort(np.arange(25) % 3)]),
         lambda c: dataclasses.replace(c, fits=c.fits[1:2]),
@@ -150,8 +163,16 @@ def test_result_document_keeps_its_promises():
     assert set(document["evaluations"]) == {"residual", "jacobian", "equilibria"}
     for name, entry in document["parameters"].items():
         expected = {"value", "start", "lower", "upper", "standard_error", "at_bound"}
-        assert set(entry) == expected, name
-    assert document["parameters"][made_up.UNDETERMINED]["standard_error"] is None
+        assert set(entry) == expected | {"low", "high", "interval"}, name
+        means = entry["interval"] == "standard error"
+        assert (entry["standard_error"] is not None) == means, name
+    lost = document["parameters"][made_up.UNDETERMINED]
+    assert lost["interval"] == "not determined" and lost["low"] is None
+    one_sided = document["parameters"][made_up.AT_BOUND]
+    assert one_sided["interval"] == "one-sided" and one_sided["high"] is None
+    assert document["parameters"]["PCL.reference_strain"]["interval"] == "profile"
+    assert document["frame_offset"]["lateral"]["value"] == -0.3
+    assert document["outcome"] == "Converged, with warnings"
     assert document["parameters"][made_up.AT_BOUND]["at_bound"] is True
     assert set(document["per_procedure"]) == {"I", "II", "III"}
     assert document["correlation"]["matrix"][2] == [None] * 8
@@ -159,7 +180,8 @@ def test_result_document_keeps_its_promises():
 
 def test_parameter_rows_have_the_columns():
     rows = report.parameters_rows(made_up.calibration())
-    assert len(rows) == 8
+    assert len(rows) == 9 and rows[-1]["name"] == "frame_offset.lateral"
+    assert rows[-1]["standard_error"] == 0.05 and rows[-1]["unit"] == "mm"
     assert all(tuple(row) == report.PARAMETER_COLUMNS for row in rows)
 
 
@@ -178,12 +200,7 @@ def test_summary_is_plain_and_complete():
 
 def test_no_warnings_without_a_reason():
     calibration = made_up.calibration()
-    fit = calibration.fits[1]
-    sound = tuple(
-        dataclasses.replace(e, standard_error=1.0, at_bound=False) for e in fit.estimates
-    )
-    fit = dataclasses.replace(fit, estimates=sound)
-    calibration = dataclasses.replace(calibration, fits=(fit,))
+    calibration = dataclasses.replace(calibration, fits=(_sound(calibration.fits[1]),))
     assert report.warnings(calibration) == []
     assert "warning" not in report.calibration_summary(calibration)
 
@@ -232,21 +249,28 @@ def test_a_change_is_said_in_its_direction(before, after, text):
     assert change(before, after).startswith(text) and bool(change(before, after)) == bool(text)
 
 
-@pytest.mark.parametrize(("away", "inside"), [(1.9, 7), (2.0, 0)])
-def test_verdict_counts_the_truths_within_95_per_cent_of_the_determined_parameters(away, inside):
+@pytest.mark.parametrize(("away", "inside"), [(0.9, 7), (1.1, 0)])
+def test_verdict_counts_the_truths_within_the_limits_of_the_determined_parameters(away, inside):
     calibration = made_up.calibration()
-    estimates = tuple(
-        dataclasses.replace(e, value=calibration.truth[e.name] - away * e.standard_error)
-        for e in calibration.fit.estimates
-    )
+
+    def around(e):
+        if e.interval is IntervalKind.NOT_DETERMINED:
+            return e
+        value = calibration.truth[e.name] - away
+        return dataclasses.replace(e, value=value, low=value - 1.0, high=value + 1.0)
+
+    estimates = tuple(map(around, calibration.fit.estimates))
     fit = dataclasses.replace(calibration.fit, estimates=estimates)
     said = report.verdict(dataclasses.replace(calibration, fits=(fit,)))
-    assert f"{inside} of 7 determined parameters" in said
+    assert f"{inside} of 7 lie within the 95 % limits" in said
 
 
 def _sound(fit):
     estimates = tuple(
-        dataclasses.replace(e, standard_error=1.0, at_bound=False, remark="")
+        dataclasses.replace(
+            e, standard_error=1.0, at_bound=False, remark="", low=e.value - 2.0,
+            high=e.value + 2.0, interval=IntervalKind.STANDARD_ERROR,
+        )
         for e in fit.estimates
     )
     motion = dataclasses.replace(
@@ -254,7 +278,9 @@ def _sound(fit):
         status=np.zeros(len(fit.motion.status), int),
         table=np.nan_to_num(fit.motion.table, nan=1.0),
     )
-    return dataclasses.replace(fit, estimates=estimates, motion=motion, success=True)
+    return dataclasses.replace(
+        fit, estimates=estimates, motion=motion, success=True, ending=Ending.CONVERGED
+    )
 
 
 def test_summary_says_which_procedure_decides_the_exit_status(tmp_path):
@@ -270,7 +296,7 @@ def test_summary_says_which_procedure_decides_the_exit_status(tmp_path):
     text = " ".join(report.calibration_summary(sound).split())
     assert "exit status (0, nothing to doubt)" in text
     page = report.write_report(sound, tmp_path)[0].read_text(encoding="utf-8")
-    assert "only procedures that are there to compare" in page
+    assert "about procedures I and III (comparison only)" in page
     assert 'class="badge good"' in page
 
     alone = dataclasses.replace(doubtful, fits=doubtful.fits[:1])
@@ -279,13 +305,18 @@ def test_summary_says_which_procedure_decides_the_exit_status(tmp_path):
 
 @pytest.mark.parametrize(
     ("method", "name", "why"),
-    [("lbfgsb", "L-BFGS-B", "projected gradient"), ("least_squares", "Levenberg", "negligible")],
+    [
+        ("lbfgsb", "L-BFGS-B", "projected gradient"),
+        ("least_squares", "Levenberg", "further steps no longer improve the fit"),
+    ],
 )
 def test_page_and_summary_say_which_optimiser_ran_and_why_it_stopped(tmp_path, method, name, why):
     calibration = made_up.calibration()
     fits = (
         dataclasses.replace(calibration.fit, message="converged"),
-        dataclasses.replace(calibration.fits[1], message="the limit of iterations"),
+        dataclasses.replace(
+            calibration.fits[1], message="the limit of iterations", ending=Ending.STOPPED
+        ),
     )
     calibration = dataclasses.replace(calibration, fits=fits, settings={"method": method})
     page = report.write_report(calibration, tmp_path)[0].read_text(encoding="utf-8")
@@ -296,21 +327,104 @@ def test_page_and_summary_say_which_optimiser_ran_and_why_it_stopped(tmp_path, m
     assert name in summary and why in summary
 
 
-def test_a_remark_of_the_search_makes_a_parameter_undetermined():
+def _judged(change=None, **changes):
+    """A sound calibration, its answer or itself changed."""
     calibration = made_up.calibration()
     fit = _sound(calibration.fit)
-    wide = "not determined by these data"
-    estimates = (
-        dataclasses.replace(fit.estimates[0], standard_error=1e7, remark=wide),
-        dataclasses.replace(fit.estimates[1], standard_error=1e7, remark=wide),
-        dataclasses.replace(fit.estimates[2], remark=f"{wide}: its ligament is slack"),
-        *fit.estimates[3:],
-    )
-    fit = dataclasses.replace(fit, estimates=estimates)
-    calibration = dataclasses.replace(calibration, fits=(fit,), start=fit.motion)
-    one, two = report.warnings(calibration)
+    fit = dataclasses.replace(fit, **(change(fit) if change else {}))
+    return dataclasses.replace(calibration, fits=(fit,), start=fit.motion, **changes)
+
+
+def _lost(e, remark=""):
+    nothing = {"standard_error": np.nan, "low": np.nan, "high": np.nan, "remark": remark}
+    return dataclasses.replace(e, interval=IntervalKind.NOT_DETERMINED, **nothing)
+
+
+def test_parameters_that_are_not_determined_are_named_by_their_reason():
+    def change(fit):
+        one, two, three, *rest = fit.estimates
+        slack = _lost(three, "its ligament is slack at every pose")
+        return {"estimates": (_lost(one), _lost(two), slack, *rest)}
+
+    one, two = report.warnings(_judged(change))
     assert one.startswith("ACL.stiffness, PCL.stiffness are not determined by the data: ")
-    assert two == "MCL.stiffness is not determined by the data: its ligament is slack."
+    assert two == (
+        "MCL.stiffness is not determined by the data: its ligament is slack at every pose."
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "changes", "expected"),
+    [
+        (None, {}, report.Outcome.GOOD),
+        (lambda f: {"estimates": (_lost(f.estimates[0]), *f.estimates[1:])}, {},
+         report.Outcome.DOUBTFUL),
+        (None, {"misfits": MISFITS[:1]}, report.Outcome.POOR),
+        (lambda _: {"success": False}, {"misfits": MISFITS}, report.Outcome.FAILED),
+    ],
+)  # fmt: skip
+def test_badge_terminal_document_and_exit_status_agree(tmp_path, change, changes, expected):
+    calibration = _judged(change, **changes)
+    assert report.outcome(calibration) is expected
+    assert report.outcome(calibration).exit_status == (expected is not report.Outcome.GOOD)
+    assert report.result_document(calibration)["outcome"] == expected.value
+    page = report.write_report(calibration, tmp_path)[0].read_text(encoding="utf-8")
+    badge = re.search(r'<strong class="badge \w+">([^<]+)</strong>', page)
+    assert badge and badge[1] == expected.value
+    first = report.calibration_summary(calibration).splitlines()[1]
+    assert f" {expected.value.lower()}:" in first.lower()
+
+
+def test_a_poor_fit_says_in_which_coordinate_and_why():
+    calibration = _judged(misfits=MISFITS)
+    text = " ".join(report.calibration_summary(calibration).split())
+    assert "POOR FIT" in text
+    assert "Superior translation: RMSE 0.330 mm, 26.9 % higher than at the start (0.260 mm)" in text
+    assert "Lateral translation: RMSE 8.05 mm, more than 3.00 mm. Check side, signs and fra" in text
+    assert "Adduction: RMSE 0.500 deg, 5.0 times the stated noise (0.100 deg)" in text
+    assert "Poor fit: RMSE" in report.verdict(calibration)
+
+
+def test_limits_are_printed_where_the_standard_error_means_nothing():
+    lines = report.calibration_summary(made_up.calibration()).splitlines()
+    rows = {line.split()[0]: line for line in reversed(lines) if line.strip()}
+    assert "+-" in rows["ACL.stiffness"]
+    assert "not determined" in rows["MCL.stiffness"] and "+-" not in rows["MCL.stiffness"]
+    assert "above 8800, at bound" in rows["LCL.stiffness"] and "+-" not in rows["LCL.stiffness"]
+    assert " to " in rows["PCL.reference_strain"] and "+-" not in rows["PCL.reference_strain"]
+    assert re.search(r"offset lateral +-0\.30+ +\+- +0\.050+ +mm", "\n".join(lines))
+
+
+def test_starts_that_end_apart_are_said(tmp_path):
+    text = " ".join(report.calibration_summary(made_up.calibration()).split())
+    assert "Several starts ended: 2 of 3 at the answer; 1 at worse fits (objective 410.0" in text
+
+    def rival(fit):
+        values = fit.starts.values.copy()
+        values[1, 0] += 500.0
+        rivals = np.array([False, True, False])
+        return {"starts": dataclasses.replace(fit.starts, values=values, rivals=rivals)}
+
+    (said,) = report.warnings(_judged(rival))
+    assert said.startswith("1 of 3 starts ended apart from the answer and fit as well: ACL.stiff")
+
+
+def test_an_answer_outside_its_limits_is_said():
+    def change(fit):
+        first, *rest = fit.estimates
+        return {
+            "estimates": (
+                dataclasses.replace(
+                    first, value=2842.0, low=3000.0, high=9443.0, likeliest=4956.0,
+                    interval=IntervalKind.PROFILE,
+                ),
+                *rest,
+            )
+        }  # fmt: skip
+
+    (said,) = report.warnings(_judged(change))
+    assert "ACL.stiffness, 2842, lies outside its limits (3000 to 9443)" in said
+    assert "4956" in said
 
 
 def test_fitted_motion_is_drawn_where_its_errors_are():
@@ -318,10 +432,9 @@ def test_fitted_motion_is_drawn_where_its_errors_are():
     fit = _sound(calibration.fit)
     table = calibration.measured.copy()
     table[:, 5] -= 4.0
-    fit = dataclasses.replace(fit, motion=dataclasses.replace(fit.motion, table=table))
-    calibration = dataclasses.replace(
-        calibration, fits=(fit,), frame_offset=(("lateral", 4.0, 0.1),)
-    )
+    motion = dataclasses.replace(fit.motion, table=table)
+    fit = dataclasses.replace(fit, motion=motion, offsets=(made_up.offset("lateral", 4.0),))
+    calibration = dataclasses.replace(calibration, fits=(fit,))
     lines = report.motion_figure(calibration).axes[0].lines
     measured, fitted = (np.asarray(lines[i].get_ydata()) for i in (0, 2))
     np.testing.assert_allclose(fitted, measured)

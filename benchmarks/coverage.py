@@ -1,0 +1,176 @@
+"""How often do the printed 95 % intervals of a calibration hold the truth, and how many are printed?
+
+    python benchmarks/coverage.py [--draws 200] [--seed 0] [--designs twin twelve_poses ...]
+
+A motion is made with known parameters and noise is drawn; each draw is calibrated from the knee's
+own values, as procedure III does, and its intervals are those that `kneejax calibrate` prints:
+an estimate +- 1.96 standard errors, limits of the profile, or one limit. All draws of a design are
+fitted at once. A parameter that is not determined has no interval; its share is stated.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import time
+from pathlib import Path
+
+import numpy as np
+from _protocol import ANGLES, RESULTS, TRUTH, finish, load, true_knee
+
+import kneejax as kj
+from kneejax.geometry import COLUMNS, FREE_COORDINATES
+from kneejax.inference import MotionData, fit_many
+from kneejax.inference._intervals import IntervalKind, sureties
+from kneejax.inference._many_fits import add_offsets, balances_of, best_offsets, with_offsets
+from kneejax.inference._problem import DEFAULT_WEIGHTS, TABLE_UNITS
+from kneejax.inference._profiles import named
+from kneejax.statics import Stations, balance_with_slopes
+
+NAMES = ("*.stiffness", "*.reference_strain")
+MRI = Path(__file__).parents[2] / (
+    "shared/data/lenhart2015/measured/dynamic_mri_passive_knee_kinematics.csv"
+)
+#: Draws that are fitted at once: bounds memory.
+_AT_ONCE = 50
+
+
+@dataclasses.dataclass(frozen=True)
+class Design:
+    """What is measured, how well, within which bounds, and whether the noise is stated.
+
+    Attributes:
+        flexion_deg: of the poses.
+        noise: standard deviation, mm and degrees alike.
+        stiffness: bounds, N.
+        strain: bounds of reference strains.
+        stated: whether the study states the noise.
+        offsets: constants between frames that are free.
+    """
+
+    flexion_deg: np.ndarray
+    noise: float
+    stiffness: tuple[float, float] = (300.0, 10000.0)
+    strain: tuple[float, float] = (-0.2, 0.2)
+    stated: bool = True
+    offsets: tuple[str, ...] = ()
+
+
+def designs() -> dict[str, Design]:
+    """Designs by name; that of the MRI only where its table is."""
+    twelve = np.linspace(0.0, 110.0, 12)
+    found = {
+        "twin": Design(ANGLES, 0.1),
+        "twin, noise estimated": Design(ANGLES, 0.1, stated=False),
+        "twin, wide bounds": Design(ANGLES, 0.1, (100.0, 30000.0), (-0.4, 0.4)),
+        "twin, narrow bounds": Design(ANGLES, 0.1, (2000.0, 9500.0), (-0.11, 0.08)),
+        "twelve poses": Design(twelve, 0.2),
+        "twelve poses, noise estimated": Design(twelve, 0.2, stated=False),
+        "twelve poses, wide bounds": Design(twelve, 0.2, (100.0, 30000.0), (-0.4, 0.4)),
+    }
+    if MRI.exists():
+        flexion = np.genfromtxt(MRI, delimiter=",", names=True)["knee_flex_deg"]
+        # Every third of the 60 frames: what is not determined is slow to follow.
+        found["MRI angles"] = Design(flexion[::3], 1.0, offsets=FREE_COORDINATES)
+    return found
+
+
+def intervals(knee, design: Design, draws: int, seed: int):
+    """Fit all draws; for each its answer and how sure it is, and the names of the values."""
+    chosen, stations = kj.select(knee, NAMES), Stations.at(design.flexion_deg)
+    truth = np.array([TRUTH[name] for name in chosen.names])
+    exact = balance_with_slopes(true_knee(knee), chosen.apply, truth[None], stations)
+    errors = np.random.default_rng(seed).standard_normal((draws, len(stations), 5))
+    target = exact.q[0] * TABLE_UNITS + design.noise * errors
+    start = np.asarray(chosen.read(knee))
+    begin = balance_with_slopes(knee, chosen.apply, start[None], stations)
+    bounds = [design.stiffness if ".stiffness" in name else design.strain for name in chosen.names]
+    answers, found = [], []
+    for first in range(0, draws, _AT_ONCE):
+        some = _some(knee, chosen, design, stations, target[first : first + _AT_ONCE], begin, bounds)
+        answers += list(some[0])
+        found += some[1]
+    shifts = [(name, 0.0) for name in design.offsets]
+    return answers, found, dict(zip(chosen.names, truth, strict=True)) | dict(shifts)
+
+
+def _some(knee, chosen, design: Design, stations, target, begin, bounds):
+    count, offsets = len(target), design.offsets
+    lower, upper = np.array(bounds).T
+    tiles = [np.tile(x, (count, 1)) for x in (begin.values[0], lower, upper)]
+    data = MotionData(stations, target, 1.0 / np.sqrt(DEFAULT_WEIGHTS), offsets)
+    fits = fit_many(
+        knee, chosen, data, begin.take(np.zeros(count, int)), *tiles, most=200, far=True
+    )
+    shift = [best_offsets(data.take([k]), fits.slopes.take([k])) for k in range(count)]
+    answers = add_offsets(fits.slopes, np.reshape(shift, (count, len(offsets))), offsets)
+    wide = np.full(len(offsets), 10.0)
+    units = {c: n.rsplit("_", 1)[1] for c, n in zip(FREE_COORDINATES, COLUMNS[1:], strict=True)}
+    sure = sureties(
+        with_offsets(balances_of(knee, chosen, stations), offsets),
+        dataclasses.replace(data, offsets=()),
+        answers,
+        DEFAULT_WEIGHTS,
+        np.full(5, design.noise if design.stated else np.nan),
+        np.r_[lower, -wide],
+        np.r_[upper, wide],
+        named(chosen) + [(name, units[name]) for name in offsets],
+    )
+    return answers.values, sure
+
+
+def coverage(answers, found, truth: dict[str, float]) -> dict[str, object]:
+    """Shares of kinds, and how often what is printed holds the truth."""
+    true = np.array(list(truth.values()))
+    kinds = np.array([[one.kind.value for one in sure.intervals] for sure in found])
+    low, high, error = (
+        np.array([[getattr(one, field) for one in sure.intervals] for sure in found])
+        for field in ("low", "high", "standard_error")
+    )
+    limits = ~((true < low) | (true > high))
+    bars = np.abs(np.array(answers) - true) <= 1.96 * error
+    by_error = kinds == IntervalKind.STANDARD_ERROR.value
+    printed = kinds != IntervalKind.NOT_DETERMINED.value
+    holds = np.where(by_error, bars, limits)
+    rows: dict[str, object] = {
+        "printed": float(printed.mean()),
+        "holds": _share(holds, printed),
+        "limits_hold": _share(limits, printed),
+    }
+    for kind in IntervalKind:
+        chosen = kinds == kind.value
+        rows[f"share {kind.value}"] = float(chosen.mean())
+        if kind is not IntervalKind.NOT_DETERMINED:
+            rows[f"holds {kind.value}"] = _share(holds, chosen)
+    for k, name in enumerate(truth):
+        rows[f"holds {name}"] = _share(holds[:, k], printed[:, k])
+        rows[f"printed {name}"] = float(printed[:, k].mean())
+    beside = (np.array(answers) < low) | (np.array(answers) > high)
+    return rows | {"answer_outside_its_limits": float(beside.mean())}
+
+
+def _share(holds: np.ndarray, chosen: np.ndarray) -> float:
+    return float(holds[chosen].mean()) if chosen.any() else float("nan")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--out", type=Path, default=RESULTS / "coverage.json")
+    parser.add_argument("--knee", default="four_ligament")
+    parser.add_argument("--draws", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=0)
+    known = designs()
+    parser.add_argument("--designs", nargs="+", choices=list(known), default=list(known))
+    options = parser.parse_args()
+    knee, rows = load(options.knee), {}
+    for name in options.designs:
+        begun = time.perf_counter()
+        found = coverage(*intervals(knee, known[name], options.draws, options.seed))
+        seconds = time.perf_counter() - begun
+        rows |= {f"{name}: {key}": value for key, value in found.items()}
+        rows |= {f"{name}: draws": options.draws, f"{name}: seconds": seconds}
+        finish(options.out, "How often printed 95 % intervals hold the truth", rows)
+
+
+if __name__ == "__main__":
+    main()
