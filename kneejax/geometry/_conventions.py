@@ -173,8 +173,9 @@ def convert_table(table: ArrayLike, source: str, target: str) -> np.ndarray:
         KeyError: if a convention is unknown.
 
     Example:
-        >>> convert_table([[90.0, 0.0, 0.0, 0.0, -3.0, 0.0]], "femoral", "grood-suntay").round(9)
-        array([[90.,  0.,  0.,  3.,  0.,  0.]])
+        >>> found = convert_table([[90.0, 0.0, 0.0, 0.0, -3.0, 0.0]], "femoral", "grood-suntay")
+        >>> [abs(round(x, 9)) for x in found[0].tolist()]
+        [90.0, 0.0, 0.0, 3.0, 0.0, 0.0]
     """
     table = np.asarray(table, float)
     if source == target:
