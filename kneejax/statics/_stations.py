@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.mechanics import Knee, Load
+from kneejax.mechanics import GROOD_SUNTAY, Knee, Load
 
 
 class Stations(eqx.Module):
@@ -21,8 +21,9 @@ class Stations(eqx.Module):
         loads: arrays of shape `(stations, 3)`, N, N mm and mm.
 
     Example:
-        >>> from kneejax.mechanics import Load
-        >>> drawer = Stations.at([20.0, 20.0], [Load([[-90.0, 0, 0], [90.0, 0, 0]])])
+        >>> import numpy as np
+        >>> from kneejax.mechanics import load_of
+        >>> drawer = Stations.at([20.0, 20.0], [load_of(anterior_N=np.array([-90.0, 90.0]))])
         >>> len(drawer), drawer.loads[0].moment.shape
         (2, (2, 3))
     """
@@ -49,7 +50,7 @@ class Stations(eqx.Module):
     def plain(self) -> Stations:
         """The same with at least one load and without names: one compiled program serves more."""
         nothing = Load(jnp.zeros((len(self), 3)), jnp.zeros((len(self), 3)),
-                       jnp.zeros((len(self), 3)), axes="tibia")  # fmt: skip
+                       jnp.zeros((len(self), 3)), axes=GROOD_SUNTAY)  # fmt: skip
         loads = self.loads or (nothing,)
         return Stations(
             self.flexion, tuple(dataclasses.replace(x, name="load") for x in loads)
