@@ -35,6 +35,8 @@ class Mechanics(eqx.Module):
         mean_pressure: `(poses, contacts)`, MPa.
         max_depth: `(poses, contacts)`, mm.
         center: in the tibia frame, `(poses, contacts, 3)`, mm.
+        beyond_mm: how far contact reaches beyond the fitted regions, `(poses, contacts)`, mm.
+        beyond_share: of the force that is carried there, `(poses, contacts)`, 0 to 1.
         known: whether the surfaces meet in their fitted regions, `(poses, contacts)`.
         too_deep: whether the overlap is the whole layer somewhere, `(poses, contacts)`.
         contact_moment: on the tibia about its origin in tibia axes, `(poses, contacts, 3)`, N mm.
@@ -57,6 +59,8 @@ class Mechanics(eqx.Module):
     mean_pressure: Array
     max_depth: Array
     center: Array
+    beyond_mm: Array
+    beyond_share: Array
     known: Array
     too_deep: Array
     contact_moment: Array
@@ -121,9 +125,9 @@ def _evaluate(knee: Knee, poses: Pose, meeting: Array | None) -> Mechanics:
             contacts.append(_over_points(contact, poses))
     stacked = [jnp.stack(x, axis=-1) for x in zip(*contacts, strict=True)] or [
         jnp.zeros(shape + poses.flexion.shape + (0,))
-        for shape in ((3,), (3,), (), (), (), (), (3,), (), ())
+        for shape in ((3,), (3,), (), (), (), (), (3,), (), (), (), ())
     ]
-    force, moment, area, peak, mean, depth, center, known, deep = stacked
+    force, moment, area, peak, mean, depth, center, far, share, known, deep = stacked
     length, wrap = ligaments.length_and_wrap(tibia)
     return Mechanics(
         length.T,
@@ -135,6 +139,8 @@ def _evaluate(knee: Knee, poses: Pose, meeting: Array | None) -> Mechanics:
         mean,
         depth,
         jnp.moveaxis(center, 0, -1),
+        far,
+        share,
         known > 0,
         deep > 0,
         jnp.moveaxis(moment, 0, -1),
@@ -158,8 +164,9 @@ def _over_patch(contact: Contact, poses: Pose, meeting: Array):
     center = jnp.stack(jnp.broadcast_arrays(*contact.tibial.frame.placement.apply(gap.point)))
     known = contact.knows(gap.point, meeting) | (gap.depth <= 0)
     deep = gap.depth >= contact.layer_thickness
-    peak = contact.pressure(gap.depth)
-    return force, moment, area, peak, mean, gap.depth, center, known, deep
+    peak, border = contact.pressure(gap.depth), contact.border(tibia, meeting)
+    beyond = border.beyond_mm, border.share
+    return force, moment, area, peak, mean, gap.depth, center, *beyond, known, deep
 
 
 def _over_points(contact: Contact, poses: Pose):
@@ -177,7 +184,9 @@ def _over_points(contact: Contact, poses: Pose):
     mean = jnp.sum(share, axis=0) / area
     faults = contact.faults(tibia, sampled)
     peak, depth = jnp.max(pressure, axis=0), jnp.max(sampled.depth, axis=0)
-    return force, moment, area, peak, mean, depth, center, ~faults.outside, faults.too_deep
+    border = contact.border(tibia, sampled)
+    beyond = border.beyond_mm, border.share
+    return force, moment, area, peak, mean, depth, center, *beyond, ~faults.outside, faults.too_deep
 
 
 def status_of(poses: Mechanics, knee: Knee) -> Array:

@@ -76,8 +76,9 @@ def press(
     """
     near = nearby(femoral, tibial, motion, meeting, order=3)
     gap = near.gap
-    energy, by_depth = (gap.mean_radius * x for x in energy_per_radius(gap.depth))
-    by_curvature = jnp.where(gap.flat, 0.0, -0.5 * energy / jnp.where(gap.flat, 1.0, gap.curvature))
+    curvature, raised = gap.raised_curvature
+    energy, by_depth = (x / jnp.sqrt(curvature) for x in energy_per_radius(gap.depth))
+    by_curvature = -0.5 * energy * raised / curvature
     force, couple = _at_fixed_meeting(near, gap, by_depth, by_curvature)
     shift_a, shift_b = gap.newton(*_by_meeting(near, gap, by_curvature, force))
 
