@@ -35,6 +35,8 @@ class Mechanics(eqx.Module):
         mean_pressure: `(poses, contacts)`, MPa.
         max_depth: `(poses, contacts)`, mm.
         center: in the tibia frame, `(poses, contacts, 3)`, mm.
+        beyond_mm: how far contact reaches beyond the fitted regions, `(poses, contacts)`, mm.
+        beyond_share: of the force that is carried there, `(poses, contacts)`, 0 to 1.
         known: whether the surfaces meet in their fitted regions, `(poses, contacts)`.
         too_deep: whether the overlap is the whole layer somewhere, `(poses, contacts)`.
         contact_moment: on the tibia about its origin in tibia axes, `(poses, contacts, 3)`, N mm.
@@ -64,6 +66,8 @@ class Mechanics(eqx.Module):
     mean_pressure: Array
     max_depth: Array
     center: Array
+    beyond_mm: Array
+    beyond_share: Array
     known: Array
     too_deep: Array
     contact_moment: Array
@@ -74,8 +78,6 @@ class Mechanics(eqx.Module):
     wrap_beyond: Array
     no_patch: Array
     through_bone: Array
-    beyond_mm: Array
-    beyond_share: Array
     displacement: Array
 
 
@@ -133,9 +135,9 @@ def _evaluate(knee: Knee, poses: Pose, meeting: Array | None) -> Mechanics:
             contacts.append(_over_points(contact, poses))
     stacked = [jnp.stack(x, axis=-1) for x in zip(*contacts, strict=True)] or [
         jnp.zeros(shape + poses.flexion.shape + (0,))
-        for shape in ((3,), (3,), (), (), (), (), (3,), (), (), (), ())
+        for shape in ((3,), (3,), (), (), (), (), (3,), *((),) * 6)
     ]
-    force, moment, area, peak, mean, depth, center, known, deep, flat, through = stacked
+    force, moment, area, peak, mean, depth, center, far, share, known, deep, flat, through = stacked
     length, wrap = ligaments.length_and_wrap(tibia)
     return Mechanics(
         length.T,
@@ -147,6 +149,8 @@ def _evaluate(knee: Knee, poses: Pose, meeting: Array | None) -> Mechanics:
         mean,
         depth,
         jnp.moveaxis(center, 0, -1),
+        far,
+        share,
         known > 0,
         deep > 0,
         jnp.moveaxis(moment, 0, -1),
@@ -157,8 +161,6 @@ def _evaluate(knee: Knee, poses: Pose, meeting: Array | None) -> Mechanics:
         wrap.beyond_ends.T,
         flat > 0,
         through > 0,
-        jnp.full_like(depth, jnp.nan),
-        jnp.full_like(depth, jnp.nan),
         displacement(lanes, poses).T,
     )
 
@@ -173,12 +175,14 @@ def _over_patch(contact: Contact, poses: Pose, meeting: Array):
     )
     mean = safe_sqrt(jnp.sum(force**2, axis=0)) / area
     center = jnp.stack(jnp.broadcast_arrays(*contact.tibial.frame.placement.apply(gap.point)))
-    inside, touches = contact.knows(gap.point, meeting), gap.depth > 0
-    known = inside | ~touches
+    known = pressed.known | (gap.depth <= 0)
     deep = gap.depth >= contact.layer_thickness
-    peak = contact.pressure(gap.depth)
-    flat, through = touches & inside & gap.flat, contact.passed_through(tibia)
-    return force, moment, area, peak, mean, gap.depth, center, known, deep, flat, through
+    flat, through = pressed.known & contact.has_no_patch(gap), contact.passed_through(tibia)
+    peak, border = contact.pressure(gap.depth), contact.border(tibia, meeting)
+    return (
+        force, moment, area, peak, mean, gap.depth, center, border.beyond_mm, border.share,
+        known, deep, flat, through,
+    )  # fmt: skip
 
 
 def _over_points(contact: Contact, poses: Pose):
@@ -196,10 +200,11 @@ def _over_points(contact: Contact, poses: Pose):
     mean = jnp.sum(share, axis=0) / area
     faults = contact.faults(tibia, sampled)
     peak, depth = jnp.max(pressure, axis=0), jnp.max(sampled.depth, axis=0)
-    flat, through = jnp.zeros_like(faults.too_deep), contact.passed_through(tibia)
+    border, through = contact.border(tibia, sampled), contact.passed_through(tibia)
+    flat = jnp.zeros_like(through)
     return (
-        force, moment, area, peak, mean, depth, center,
-        ~faults.outside, faults.too_deep, flat, through,
+        force, moment, area, peak, mean, depth, center, border.beyond_mm, border.share,
+        ~faults.outside, faults.too_deep | faults.lost, flat, through,
     )  # fmt: skip
 
 

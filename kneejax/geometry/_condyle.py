@@ -10,7 +10,7 @@ from jax.typing import ArrayLike
 from kneejax.geometry._bases import CUBIC_SPLINE, POWER, checked_basis, table_partials
 from kneejax.geometry._pose import Frame
 from kneejax.geometry._safe import safe_sqrt
-from kneejax.geometry._surface import Jet, Surface, continued, from_anterior, scaled
+from kneejax.geometry._surface import Jet, Surface, continued, excess, from_anterior, scaled
 from kneejax.geometry._vectors import Rotation, Vector
 
 # How far a radius is continued beyond the region before it stays as it is, mm, by basis. The outer
@@ -162,6 +162,14 @@ class Condyle(Surface):
         if falls:
             by_bb = by_bb - fall_bend
         return (radius, by_angle, by_width), (by_aa, d[1][1] * s_slope * t_slope, by_bb)
+
+    def core(self) -> Vector:
+        return 0.0, 0.0, 0.5 * (self.width[0] + self.width[1])
+
+    def beyond(self, point: Vector) -> Array:
+        x, y, z = point
+        around = excess(from_anterior(x, y), self.angle) * safe_sqrt(x * x + y * y)
+        return safe_sqrt(around**2 + excess(z, self.width) ** 2)
 
     def start(self, direction: Vector) -> tuple[Array, Array]:
         angle = jnp.clip(from_anterior(direction[0], direction[1]), self.angle[0], self.angle[1])

@@ -10,11 +10,14 @@ from jax.typing import ArrayLike
 from kneejax.geometry._bases import CUBIC_SPLINE, POWER, checked_basis, table_partials
 from kneejax.geometry._outline import covered
 from kneejax.geometry._pose import Frame
-from kneejax.geometry._surface import Height, Surface, continued, inside, scaled
+from kneejax.geometry._safe import safe_sqrt
+from kneejax.geometry._surface import Height, Surface, continued, excess, scaled
 from kneejax.geometry._vectors import Rotation, Vector
 
 # How far heights are continued beyond the region before they stay as they are, mm, by basis.
 _REACH_MM = {POWER: 2.0, CUBIC_SPLINE: 0.5}
+# How deep under its middle the solid of a plateau is surely bone.
+_DEEP_MM = 20.0
 
 
 class Plateau(Surface):
@@ -106,8 +109,13 @@ class Plateau(Surface):
     def outwards(self, point: Vector) -> Vector:
         return 0.0, 1.0, 0.0
 
-    def knows(self, point: Vector) -> Array:
-        return inside(self, point[0], point[2])
+    def core(self) -> Vector:
+        middle = 0.5 * (self.x[0] + self.x[1]), 0.5 * (self.z[0] + self.z[1])
+        x, y, z = self.point(*middle)
+        return x, y - _DEEP_MM, z
+
+    def beyond(self, point: Vector) -> Array:
+        return safe_sqrt(excess(point[0], self.x) ** 2 + excess(point[2], self.z) ** 2)
 
     def covered(self, a: Array, b: Array, spacing: tuple[Array, Array]) -> Array | float:
         if self.outline is None:

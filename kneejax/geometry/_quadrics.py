@@ -9,7 +9,7 @@ from jax.typing import ArrayLike
 from kneejax.geometry import _vectors as v
 from kneejax.geometry._pose import Frame
 from kneejax.geometry._safe import safe_sqrt
-from kneejax.geometry._surface import Height, Surface, from_anterior, inside
+from kneejax.geometry._surface import Height, Surface, excess, from_anterior
 from kneejax.geometry._vectors import Vector
 
 
@@ -40,8 +40,12 @@ class Plane(Surface):
     def outwards(self, point: Vector) -> Vector:
         return 0.0, 1.0, 0.0
 
-    def knows(self, point: Vector) -> Array:
-        return inside(self, point[0], point[2])
+    def core(self) -> Vector:
+        return 0.0, -20.0, 0.0
+
+    def beyond(self, point: Vector) -> Array:
+        x, z = self.half_extent
+        return safe_sqrt(excess(point[0], (-x, x)) ** 2 + excess(point[2], (-z, z)) ** 2)
 
     def start(self, direction: Vector) -> tuple[Array, Array]:
         return jnp.zeros_like(direction[0]), jnp.zeros_like(direction[0])

@@ -137,9 +137,18 @@ class Surface(eqx.Module):
         """
         return 1.0
 
+    def core(self) -> Vector:
+        """A point well inside the solid, which no other surface reaches in a sane pose, mm."""
+        return 0.0, 0.0, 0.0
+
+    def beyond(self, point: Vector) -> Array:
+        """How far a point on (or near) the surface lies beyond the region in which it is known,
+        mm; zero inside."""
+        return jnp.zeros(())
+
     def knows(self, point: Vector) -> Array:
         """Whether a point on (or near) the surface lies in the region in which it is known."""
-        return jnp.asarray(True)
+        return self.beyond(point) <= 0.0
 
 
 def jet(surface: Surface, a: ArrayLike, b: ArrayLike) -> Jet:
@@ -229,6 +238,11 @@ def scaled(value: Array, limits: Array) -> tuple[Array, Array]:
     """A coordinate scaled to -1..1 over its limits, and the derivative of that scaling."""
     factor = 2.0 / (limits[1] - limits[0])
     return (value - limits[0]) * factor - 1.0, factor
+
+
+def excess(value: Array, limits: Array | tuple[Array, Array]) -> Array:
+    """By how much a coordinate lies beyond its limits, either way."""
+    return jnp.maximum(jnp.maximum(limits[0] - value, value - limits[1]), 0.0)
 
 
 def continued(value: Array, limits: Array, reach: float) -> tuple[Array, Array, Array]:

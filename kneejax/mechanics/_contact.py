@@ -15,15 +15,16 @@ from jax.typing import ArrayLike
 
 from kneejax.geometry import (
     Placement,
-    Plane,
     Surface,
     Vector,
     inside,
     partials,
     positive_part,
+    principal_curvatures,
 )
+from kneejax.mechanics import _border, _patch
 from kneejax.mechanics import _cartilage_law as law
-from kneejax.mechanics import _patch
+from kneejax.mechanics._border import Border
 from kneejax.mechanics._patch import Gap
 from kneejax.mechanics._patch_force import Pressed, press
 from kneejax.mechanics._points_force import press_points, sampled_wrench
@@ -147,15 +148,6 @@ class Contact(eqx.Module):
         """Gap of the surfaces at a femoral point."""
         return _patch.gap_at(self.femoral, self.tibial, self.femur_to_plateau(tibia), meeting)
 
-    def knows(self, point: Vector, meeting: Array) -> Array:
-        """Whether a meeting point lies inside the fitted regions of both surfaces.
-
-        Args:
-            point: in the tibial surface's frame, mm.
-            meeting: its two parameters on the femoral surface.
-        """
-        return inside(self.femoral, meeting[0], meeting[1]) & self.tibial.knows(point)
-
     def quadrature_points(self) -> Points:
         """Points of the tibial surface, along an axis before the lanes."""
         if self.placed is not None:
@@ -196,11 +188,32 @@ class Contact(eqx.Module):
         outside = jnp.any((sampled.depth > 0) & ~self.femoral.knows(hit), axis=0)
         return Faults(deep, outside, jnp.any(sampled.lost, axis=0))
 
+    def has_no_patch(self, gap: Gap) -> Array:
+        """Whether surfaces that overlap have no elliptical patch: the gap is nearly flat or not
+        convex, as between two meeting points. Its force is a guess; the form `quadrature` knows."""
+        return (gap.depth > 0) & ~gap.has_ellipse
+
+    def outgrown(self, gap: Gap, meeting: Array) -> Array:
+        """Whether the patch is larger than a radius of the femoral surface where it lies: the
+        closed form, exact for small patches, is then a guess."""
+        largest, _ = principal_curvatures(self.femoral, meeting[0], meeting[1])
+        return gap.semi_axes[0] * largest > 1.0
+
     def passed_through(self, tibia: Placement) -> Array:
-        """Whether the femoral solid's own origin lies under the tibial surface, `(...)`."""
-        motion = self.femur_to_plateau(tibia)
-        under = self.tibial.level(motion.apply((0.0, 0.0, 0.0))) < 0
-        return under & (not isinstance(self.femoral, Plane))
+        """Whether the middle of the femoral solid lies inside the tibial one: a pose that no
+        bones have, though no point of their surfaces need touch any more."""
+        core = self.femur_to_plateau(tibia).apply(self.femoral.core())
+        return self.tibial.level(core) < 0.0
+
+    def border(self, tibia: Placement, at: Sampled | Array) -> Border:
+        """How far contact reaches beyond the fitted regions, and what force is carried there.
+
+        Args:
+            tibia: where the tibia is.
+            at: depths at the points, or the parameters of a patch's meeting point.
+        """
+        of = _border.of_points if isinstance(at, Sampled) else _border.of_patch
+        return of(self, tibia, at)
 
     def patch_energy(self, gap: Gap) -> Array:
         """Energy of the layer if the patch were centred at a point with this gap, N mm."""

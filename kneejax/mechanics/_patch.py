@@ -34,8 +34,9 @@ _SEARCH_STEPS = 12
 _LONGEST_STEP, _FLATTEST, _LEAST_CURVATURE = 6.0, 1e-5, 0.003
 # Parameters may leave the surface's region by this part of its size before they are held.
 _OVERSHOOT = 0.15
-# Gauss curvature (1/mm^2) below which a gap counts as flat: no ellipse fits in it.
-_FLAT = 1e-6
+# Product of the relative curvatures, 1/mm^2, below which it is raised smoothly: mean radii of 141
+# mm are the largest that enter as they are, and 200 mm the largest of all.
+_NEARLY_FLAT = 5e-5
 _NOTHING = ((0.0, 0.0, 0.0),) * 3
 
 
@@ -47,9 +48,11 @@ class Gap(eqx.Module):
         slope: first derivatives by the two parameters.
         aa: second derivative; likewise `ab`, `bb`.
         steepness: squared gradient of the height in space.
+        mixed: scalar product of the point's derivatives by the two parameters, mm^2.
         metric: square of the area that a unit square of parameters covers, mm^4.
         stretch: mm covered by a unit of each parameter.
         point: in the tibial surface's frame, mm.
+        along: derivatives of the point by the two parameters, mm.
     """
 
     value: Array
@@ -58,9 +61,11 @@ class Gap(eqx.Module):
     ab: Array
     bb: Array
     steepness: Array
+    mixed: Array
     metric: Array
     stretch: tuple[Array, Array]
     point: Vector
+    along: tuple[Vector, Vector]
 
     @property
     def determinant(self) -> Array:
@@ -83,14 +88,49 @@ class Gap(eqx.Module):
         return -self.value / jnp.sqrt(self.steepness)
 
     @property
-    def flat(self) -> Array:
-        """Whether no ellipse fits, or one so large that its radius is held at 1 m."""
-        return ~self.convex | (self.curvature < _FLAT)
+    def has_ellipse(self) -> Array:
+        """Whether the closed form holds: the gap is convex, with a mean radius below 141 mm."""
+        return self.convex & (self.curvature >= _NEARLY_FLAT)
+
+    @property
+    def raised_curvature(self) -> tuple[Array, Array]:
+        """The curvature that is reckoned with, and its slope by the gap's own.
+
+        Their product vanishes as one of the two relative curvatures does, and there is no ellipse
+        any more; energy and force must not jump there. It is the curvature itself where that is
+        enough, and half of `_NEARLY_FLAT` where the gap is not convex.
+        """
+        t = jnp.clip(jnp.where(self.convex, self.curvature, 0.0) / _NEARLY_FLAT, 0.0, 1.0)
+        more = jnp.where(self.convex, jnp.maximum(self.curvature - _NEARLY_FLAT, 0.0), 0.0)
+        raised = _NEARLY_FLAT * (0.5 + t**4 * (2.5 + t * (t - 3.0))) + more
+        return raised, t**3 * (10.0 + t * (6.0 * t - 15.0))
 
     @property
     def mean_radius(self) -> Array:
         """Geometric mean of the two relative radii of curvature, mm."""
-        return jnp.where(self.flat, _FLAT, self.curvature) ** -0.5
+        return self.raised_curvature[0] ** -0.5
+
+    @property
+    def semi_axes(self) -> tuple[Array, Array]:
+        """Of the patch, mm, the larger first; 0 when apart, infinite along a line of contact."""
+        along_a, along_b = self.stretch
+        steep = jnp.sqrt(self.steepness) * self.metric
+        twice = self.aa * along_b**2 - 2.0 * self.ab * self.mixed + self.bb * along_a**2
+        mean = 0.5 * twice / steep
+        spread = safe_sqrt(mean * mean - self.curvature)
+        depth = jnp.maximum(self.depth, 0.0)
+        return tuple(
+            jnp.where(k > 0, safe_sqrt(2.0 * depth / jnp.where(k > 0, k, 1.0)), jnp.inf)
+            for k in (mean - spread, mean + spread)
+        )
+
+    def reach(self, by_a: Array | float, by_b: Array | float) -> Array:
+        """How far the patch reaches from its middle in a quantity that changes by so much with each
+        parameter; 0 when apart, or where there is no ellipse."""
+        square = by_a * by_a * self.bb - 2.0 * by_a * by_b * self.ab + by_b * by_b * self.aa
+        rise = 2.0 * jnp.maximum(self.depth, 0.0) * jnp.sqrt(self.steepness)
+        inverse = jnp.where(self.convex, 1.0 / jnp.where(self.convex, self.determinant, 1.0), 0.0)
+        return safe_sqrt(rise * inverse * square)
 
     @property
     def tilt(self) -> Array:
@@ -142,9 +182,11 @@ class Nearby(eqx.Module):
             ab=dot(self.pulled, jet.ab) + dot(bent_a, along_b),
             bb=dot(self.pulled, jet.bb) + dot(bent_b, along_b),
             steepness=dot(gradient, gradient),
+            mixed=dot(jet.a, jet.b),
             metric=square_a * square_b - dot(jet.a, jet.b) ** 2,
             stretch=(jnp.sqrt(square_a), jnp.sqrt(square_b)),
             point=self.point,
+            along=self.along,
         )
 
 

@@ -23,7 +23,17 @@ import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
 
-from kneejax.geometry import Placement, Surface, Vector, add, cross, dot, rotate, scale
+from kneejax.geometry import (
+    Placement,
+    Surface,
+    Vector,
+    add,
+    cross,
+    dot,
+    inside,
+    rotate,
+    scale,
+)
 from kneejax.mechanics._patch import _NOTHING, Gap, Nearby, nearby, renewed
 from kneejax.mechanics._wrench import Wrench
 
@@ -39,6 +49,7 @@ class Pressed(eqx.Module):
         gap: at the meeting point.
         renewed: parameters of the meeting point after one Newton step towards the smallest gap.
         miss: how far that step leads, mm.
+        known: whether all of the patch lies where both surfaces are known.
     """
 
     energy: Array
@@ -47,12 +58,14 @@ class Pressed(eqx.Module):
     gap: Gap
     renewed: tuple[Array, Array]
     miss: Array
+    known: Array
 
     def carried(self, frame: Placement, tibia: Placement) -> Pressed:
         """Wrenches from the tibial surface's frame to femur axes, about the tibia's origin."""
         first, second = (w.moved(frame).turned(tibia) for w in self.slope_wrenches)
         wrench = self.wrench.moved(frame).turned(tibia)
-        return Pressed(self.energy, wrench, (first, second), self.gap, self.renewed, self.miss)
+        rest = self.gap, self.renewed, self.miss, self.known
+        return Pressed(self.energy, wrench, (first, second), *rest)
 
 
 def press(
@@ -76,8 +89,9 @@ def press(
     """
     near = nearby(femoral, tibial, motion, meeting, order=3)
     gap = near.gap
-    energy, by_depth = (gap.mean_radius * x for x in energy_per_radius(gap.depth))
-    by_curvature = jnp.where(gap.flat, 0.0, -0.5 * energy / jnp.where(gap.flat, 1.0, gap.curvature))
+    curvature, raised = gap.raised_curvature
+    energy, by_depth = (x / jnp.sqrt(curvature) for x in energy_per_radius(gap.depth))
+    by_curvature = -0.5 * energy * raised / curvature
     force, couple = _at_fixed_meeting(near, gap, by_depth, by_curvature)
     shift_a, shift_b = gap.newton(*_by_meeting(near, gap, by_curvature, force))
 
@@ -93,7 +107,19 @@ def press(
     # Blind to first order to what is left of the search for the meeting point.
     energy = energy + shift_a * gap.slope[0] + shift_b * gap.slope[1]
     wrench = Wrench.at(near.point, force, couple)
-    return Pressed(energy, wrench, slope_wrenches, gap, *renewed(femoral, gap, meeting))
+    known = _inside(femoral, tibial, gap, meeting)
+    return Pressed(energy, wrench, slope_wrenches, gap, *renewed(femoral, gap, meeting), known)
+
+
+def _inside(femoral: Surface, tibial: Surface, gap: Gap, meeting: Array) -> Array:
+    """Whether the patch, or its middle while the surfaces are apart, lies in both regions."""
+    (a, b), (by_a, by_b) = meeting, (gap.reach(1.0, 0.0), gap.reach(0.0, 1.0))
+    reach = tuple(gap.reach(p, q) for p, q in zip(*gap.along, strict=True))
+    known = jnp.asarray(True)
+    for way in (1.0, -1.0):
+        rim = add(gap.point, scale(way, reach))
+        known = known & inside(femoral, a + way * by_a, b + way * by_b) & tibial.knows(rim)
+    return known
 
 
 def _cofactors(near: Nearby, gap: Gap) -> tuple[Vector, Vector]:

@@ -33,6 +33,7 @@ class Forces(eqx.Module):
         point: the meeting points in the tibial surfaces' frames, each component `(n, lanes)`, mm.
         meeting: their parameters after one Newton step towards the smallest gap, two `(n, lanes)`.
         flat: whether no elliptical patch fits there, `(n, lanes)`.
+        known: whether all of the patch lies where both surfaces are known, `(n, lanes)`.
         fibres: what is wrong with any fibre.
     """
 
@@ -44,6 +45,7 @@ class Forces(eqx.Module):
     point: Vector
     meeting: tuple[Array, Array]
     flat: Array
+    known: Array
     fibres: FibreFaults
 
 
@@ -205,9 +207,10 @@ def _forces(
     if pressed is None:
         none = jnp.zeros((0, *jnp.shape(pose.adduction)))
         drift, point, pair = ((none, none),) * 5, (none,) * 3, (none, none)
-        return Forces(energy, load, drift, none, none, point, pair, none > 0, fibres)
+        return Forces(energy, load, drift, none, none, point, pair, none > 0, none > 0, fibres)
     gap = pressed.gap
     moved = (generalised_force(pose, pose.placement, w) for w in pressed.slope_wrenches)
     drift = tuple(gap.newton(a, b) for a, b in zip(*moved, strict=True))
-    met = pressed.miss, gap.depth, gap.point, pressed.renewed, gap.flat
-    return Forces(energy, load, drift, *met, fibres)
+    met = pressed.miss, gap.depth, gap.point, pressed.renewed
+    fits = ~gap.has_ellipse, pressed.known
+    return Forces(energy, load, drift, *met, *fits, fibres)

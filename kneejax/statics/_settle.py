@@ -295,7 +295,7 @@ def described(knee: Knee, flexion: Array, found: Guess, here: SearchState):
     units = jnp.asarray(UNITS).reshape(5, *(1,) * here.done.ndim)
     scaled = symmetric(here.guess.tangent) * units[:, None] * units[None]
     pivots = jnp.stack(solve(scaled, here.residual)[1])
-    status = _status(knee, flexion, here, pivots, found.meeting)
+    status = _status(knee, flexion, here, pivots)
     rest = dict(
         residual=jnp.stack(here.residual),
         tangent=here.guess.tangent,
@@ -308,23 +308,20 @@ def described(knee: Knee, flexion: Array, found: Guess, here: SearchState):
     return jnp.where(converged(status), found.q, jnp.nan), found.meeting, rest
 
 
-def _status(
-    knee: Knee, flexion: Array, here: SearchState, pivots: Array, meeting: Array
-) -> Array:
+def _status(knee: Knee, flexion: Array, here: SearchState, pivots: Array) -> Array:
     stable = jnp.where(jnp.all(pivots > 0, axis=0), int(Status.BALANCED), int(Status.UNSTABLE))
-    worst = jnp.maximum(stable, _faults(knee, flexion, here, meeting).status)
+    worst = jnp.maximum(stable, _faults(knee, flexion, here).status)
     return jnp.where(here.done, worst, int(Status.NOT_CONVERGED)).astype(int)
 
 
-def _faults(knee: Knee, flexion: Array, here: SearchState, meeting: Array) -> Faults:
+def _faults(knee: Knee, flexion: Array, here: SearchState) -> Faults:
     """What is wrong with the poses, from what their search has computed already."""
     pose, forces = Pose.from_state(flexion, here.guess.q), here.forces
     tibia, found, row = pose.placement, [], 0
     for contact in knee.contacts:
         if contact.has_patch:
-            depth = forces.depth[row]
-            point = jax.tree.map(lambda x, row=row: x[row], forces.point)
-            touches, known = depth > 0, contact.knows(point, meeting[row])
+            depth, known = forces.depth[row], forces.known[row]
+            touches = depth > 0
             outside, deep = touches & ~known, depth >= contact.layer_thickness
             # Off the fitted surfaces a shape says nothing, and that has been said.
             flat = touches & known & forces.flat[row]
@@ -332,7 +329,7 @@ def _faults(knee: Knee, flexion: Array, here: SearchState, meeting: Array) -> Fa
         else:
             sampled = contact.sample(tibia)
             faults = contact.faults(tibia, sampled)
-            deep, outside = faults.too_deep, faults.outside
+            deep, outside = faults.too_deep | faults.lost, faults.outside
             depth, flat = jnp.max(sampled.depth, axis=0), jnp.zeros_like(deep)
         through = contact.passed_through(tibia)
         found.append(ContactFaults(depth, outside, deep, flat, through))

@@ -97,12 +97,71 @@ def test_a_ball_in_a_hollow_plateau_has_the_difference_of_curvatures():
     assert float(there.mean_radius) == pytest.approx(expected, rel=1e-9)
 
 
-def test_a_gap_without_an_ellipse_is_held_at_a_large_radius():
+def test_a_gap_without_an_ellipse_is_said_and_keeps_a_large_radius():
     cylinder = geo.Condyle([[24.0]], np.deg2rad([0.0, 180.0]), (-20.0, 20.0))
     contact = Contact(cylinder, geo.Plane())
     there = contact.gap(at(-23.5), jnp.array(DOWN))
-    assert float(there.mean_radius) == 1000.0
+    assert float(there.mean_radius) == pytest.approx(200.0, rel=1e-12)
+    assert not bool(there.has_ellipse) and bool(contact.has_no_patch(there))
     assert np.isfinite(np.asarray(there.newton(*there.slope))).all()
+
+
+@compiled
+def lift(bend):
+    """Force and stiffness of a cylinder of 24 mm on a plane whose lowest line bends, 1/mm."""
+    c = jnp.zeros((1, 3)).at[0, 0].set(24.0).at[0, 2].set(-0.5 * bend * 20.0**2)
+    contact = Contact(geo.Condyle(c, np.deg2rad([0.0, 180.0]), (-20.0, 20.0)), geo.Plane())
+
+    def energy(height):
+        return contact.patch_energy(contact.gap(at(height), jnp.array(DOWN)))
+
+    return jnp.stack([jax.grad(energy)(-23.0), jax.grad(jax.grad(energy))(-23.0)])
+
+
+def test_force_and_stiffness_go_through_a_curvature_that_changes_its_sign():
+    """From a barrel over a cylinder to a waist: the radius grows, rests, and nothing jumps."""
+    bends = np.linspace(0.004, -0.002, 601)
+    force, stiffness = np.array([lift(b) for b in bends]).T
+    sure = bends > 24.0 * 5e-5
+    np.testing.assert_allclose(force[sure], force[0] * np.sqrt(bends[0] / bends[sure]), rtol=1e-9)
+    np.testing.assert_allclose(force[bends < 0], force[-1], rtol=1e-12)
+    for y in (force, stiffness):
+        assert np.abs(np.diff(y)).max() < 0.02 * abs(y).max()
+        assert np.abs(np.diff(y, 2)).max() < 2e-3 * abs(y).max()
+
+
+def test_semi_axes_are_those_of_the_overlap_of_a_paraboloid():
+    a, b, c = 27.0, 22.0, 16.0
+    there = gap(Contact(geo.Ellipsoid((a, b, c)), geo.Plane()), at(-(b - 0.7)))
+    expected = [np.sqrt(2 * 0.7 * r) for r in (a**2 / b, c**2 / b)]
+    np.testing.assert_allclose(np.array(there.semi_axes), expected, rtol=1e-9)
+
+
+def test_a_patch_larger_than_a_radius_is_outgrown():
+    contact = Contact(geo.Sphere(10.0), geo.Plane())
+    for depth, expected in ((0.5, False), (6.0, True)):
+        tibia = at(-(10.0 - depth))
+        meeting = contact.meeting(tibia)
+        assert bool(contact.outgrown(contact.gap(tibia, meeting), meeting)) is expected
+
+
+@pytest.mark.parametrize("form", ["elliptical_patch", "quadrature"])
+def test_a_tibia_that_has_passed_through_the_femur_is_seen_at_any_depth(form):
+    contact = condyle_on_plateau()
+    contact = Contact(contact.femoral, contact.tibial, form=form)
+    for up, expected in ((-5.0, False), (0.0, False), (3.0, False), (30.0, True), (80.0, True)):
+        tibia = placement(POSE + up * np.eye(6)[4])
+        assert bool(contact.passed_through(tibia)) is expected
+
+
+def test_a_patch_on_the_border_carries_half_its_force_beyond_it():
+    plane = geo.Plane(half_extent=(10.0, 10.0))
+    contact, reach = Contact(geo.Sphere(30.0), plane), np.sqrt(2 * 30.0 * 0.5)
+    for shift, mm, share in ((0.0, 0.0, 0.0), (10.0, reach, 0.5), (25.0, 15.0 + reach, 1.0)):
+        tibia = at(-29.5, -shift)
+        border = contact.border(tibia, contact.meeting(tibia))
+        assert float(border.beyond_mm) == pytest.approx(mm, abs=1e-6)
+        assert float(border.share) == pytest.approx(share, abs=0.05)
 
 
 def condyle_on_plateau():
