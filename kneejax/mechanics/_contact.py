@@ -16,8 +16,6 @@ from jax.typing import ArrayLike
 from kneejax.geometry import (
     Placement,
     Surface,
-    Vector,
-    inside,
     partials,
     positive_part,
     principal_curvatures,
