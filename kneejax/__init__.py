@@ -17,6 +17,7 @@ from kneejax.files import read_poses as read_poses
 from kneejax.geometry import Pose as Pose
 from kneejax.inference import Calibration as Calibration
 from kneejax.inference import calibrate as calibrate
+from kneejax.inference import cut as cut
 from kneejax.inference import design_tests as design_tests
 from kneejax.inference import identify as identify
 from kneejax.inference import local_sensitivity as local_sensitivity

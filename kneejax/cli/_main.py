@@ -128,6 +128,13 @@ def _build_parser() -> argparse.ArgumentParser:
     simulate.add_argument("--flexion", default="0:120:5", help="degrees: first:last:step or a,b,c")
     simulate.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", dest="values")
     simulate.add_argument(
+        "--cut",
+        action="append",
+        default=[],
+        metavar="LIGAMENT",
+        help="a ligament, or a group of them, that does not act; once for each",
+    )
+    simulate.add_argument(
         "--load",
         action="append",
         default=[],

@@ -25,7 +25,7 @@ from kneejax.files import (
     write_text,
 )
 from kneejax.geometry import convert_table
-from kneejax.inference import versions
+from kneejax.inference import cut, versions
 from kneejax.mechanics import GROOD_SUNTAY, Knee, load_of, load_words
 from kneejax.statics import Status
 
@@ -34,7 +34,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Simulate, print a table, write poses.csv, forces.csv, settings.json and a figure."""
     flexion = parse_flexion(arguments.flexion)
     values, loads = read_pairs("--set", arguments.values), read_loads(arguments.load)
-    knee = knee_with(load_knee(arguments.knee), values, "--set")
+    knee = cut(knee_with(load_knee(arguments.knee), values, "--set"), arguments.cut)
     motion = passive_flexion(knee, flexion, [load_of(**loads)] if loads else [])
     mechanics = evaluate(knee, motion.pose, motion.settled.meeting)
     table, status = np.array(motion.to_table()), with_flips(motion.status, mechanics)
@@ -44,7 +44,8 @@ def run(arguments: argparse.Namespace) -> int:
     tension = np.asarray(mechanics.tension)
     contact = np.linalg.norm(np.asarray(mechanics.contact_force), axis=-1)
 
-    print(f"{knee.name}, {load_words(loads)}")
+    without = f" without {', '.join(arguments.cut)}" if arguments.cut else ""
+    print(f"{knee.name}{without}, {load_words(loads)}")
     print("\n".join(pose_lines(shown, status, arguments.convention)))
     words = [Status(s) for s in status]
     write_poses(
@@ -83,6 +84,7 @@ def _record(arguments, knee: Knee, values: dict[str, float], loads: dict[str, fl
         "side": knee.side,
         "flexion": arguments.flexion,
         "set": values,
+        "cut": arguments.cut,
         "load": loads,
         "load_axes": GROOD_SUNTAY,
         "convention": arguments.convention,

@@ -69,6 +69,7 @@ from kneejax.inference._parameters import QUANTITIES as QUANTITIES
 from kneejax.inference._parameters import Selection as Selection
 from kneejax.inference._parameters import UnknownParameter as UnknownParameter
 from kneejax.inference._parameters import UnsuitableData as UnsuitableData
+from kneejax.inference._parameters import cut as cut
 from kneejax.inference._parameters import select as select
 from kneejax.inference._parameters import with_values as with_values
 from kneejax.inference._physiological import PHYSIOLOGICAL_LIMITS as PHYSIOLOGICAL_LIMITS

@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import functools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -203,6 +203,36 @@ def with_values(knee: Knee, values: dict[str, float]) -> Knee:
     if values:
         check_fibres(knee.ligaments, *at_reference(knee.ligaments, knee.reference_pose))
     return knee
+
+
+def cut(knee: Knee, names: Sequence[str]) -> Knee:
+    """The same knee with some ligaments cut: they neither pull nor tear.
+
+    Args:
+        knee: any knee.
+        names: of ligaments, or of groups of them.
+
+    Raises:
+        UnknownParameter: naming the nearest ligament or group.
+
+    Example:
+        >>> import kneejax as kj
+        >>> cut(kj.load_knee("four_ligament"), ["ACL"]).ligaments.stiffness.tolist()[0]
+        0.0
+    """
+    fibres = knee.ligaments.names
+    groups = {**{name: (name,) for name in fibres}, **dict(knee.groups)}
+    for name in names:
+        if name not in groups:
+            near = difflib.get_close_matches(name, groups, 1, 0.0)
+            raise UnknownParameter(f"unknown ligament {name!r}; did you mean {near[0]!r}?")
+    gone = {fibre for name in names for fibre in groups[name]}
+    torn = np.array([fibre in gone for fibre in fibres])
+    law = knee.ligaments.stiffness, knee.ligaments.failure_strain
+    ends = jnp.where(torn, 0.0, law[0]), jnp.where(torn, jnp.inf, law[1])
+    return eqx.tree_at(
+        lambda k: (k.ligaments.stiffness, k.ligaments.failure_strain), knee, ends
+    )
 
 
 def default_bounds(knee: Knee, selection: Selection) -> tuple[Array, Array]:
