@@ -1,4 +1,4 @@
-"""How often do the printed 95 % intervals of a calibration hold the truth, and how many are printed?
+"""How often do printed 95 % intervals of a calibration hold the truth, and how many are printed?
 
     python benchmarks/coverage.py [--draws 200] [--seed 0] [--designs twin twelve_poses ...]
 
@@ -87,7 +87,8 @@ def intervals(knee, design: Design, draws: int, seed: int):
     bounds = [design.stiffness if ".stiffness" in name else design.strain for name in chosen.names]
     answers, found = [], []
     for first in range(0, draws, _AT_ONCE):
-        some = _some(knee, chosen, design, stations, target[first : first + _AT_ONCE], begin, bounds)
+        lot = target[first : first + _AT_ONCE]
+        some = _some(knee, chosen, design, stations, lot, begin, bounds)
         answers += list(some[0])
         found += some[1]
     shifts = [(name, 0.0) for name in design.offsets]

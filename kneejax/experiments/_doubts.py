@@ -68,8 +68,8 @@ def of_search(motion: PassiveFlexion, loads: Mapping[str, float] | None = None) 
     numbers = [np.asarray(x) for x in (motion.reached, motion.left_mm, motion.residual_force)]
     status = np.asarray(motion.status)
     return tuple(
-        "" if converged(s) else _of_lost(s, *row, loads or {})
-        for s, *row in zip(status, *numbers, strict=True)
+        "" if converged(s) else _of_lost(s, reached, left_mm, left_N, loads or {})
+        for s, reached, left_mm, left_N in zip(status, *numbers, strict=True)
     )
 
 

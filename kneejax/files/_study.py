@@ -365,7 +365,7 @@ def _noise(study: Field, name: str, made: float) -> float | None:
     """As stated, or as synthetic poses were made."""
     if name not in study:
         return made or None
-    noise = study[name].number(at_least=0)
+    noise = study[name].number(RANGES[name])
     if not noise > 0:
         raise study[name].problem("a standard deviation above 0; leave it out to have it estimated")
     return noise

@@ -11,14 +11,22 @@ from kneejax.geometry import COLUMNS, FREE_COORDINATES
 from kneejax.inference._information import slack_poses
 from kneejax.inference._intervals import Interval, IntervalKind, Surety, sureties
 from kneejax.inference._likelihood import on_bounds
-from kneejax.inference._many_fits import MotionData, add_offsets, with_offsets
+from kneejax.inference._many_fits import (
+    Balance,
+    MotionData,
+    add_offsets,
+    balances_of,
+    with_offsets,
+)
 from kneejax.inference._problem import Evaluation, Problem, slopes_of
 from kneejax.inference._profiles import named
 from kneejax.inference._result import Ending, Estimate, Fit, Motion, Starts
 from kneejax.inference._search import Trail
-from kneejax.statics import Stations, Status
+from kneejax.statics import Slopes, Stations, Status
 
 _UNITS = {c: n.rsplit("_", 1)[1] for c, n in zip(FREE_COORDINATES, COLUMNS[1:], strict=True)}
+#: Motions that take as long as tracing the program for many of them.
+_FEW = 150
 #: Rise of the objective, in units of what is left for each spare number, that tells two ends apart.
 _APART = 3.84
 
@@ -41,8 +49,23 @@ def surety_of(
     answer = add_offsets(slopes_of(x, found), x[None, len(problem.selection) :], offsets)
     stations = Stations.at(problem.measured[:, 0])
     data = MotionData(stations, problem.target.T, np.ones(5), (), problem.used)
-    balance = with_offsets(problem.balance, offsets)
+    balance = with_offsets(_balance(problem, stations), offsets)
     return sureties(balance, data, answer, problem.weights, stated, lower, upper, names)[0]
+
+
+def _balance(problem: Problem, stations: Stations) -> Balance:
+    """Balances one after another while they are few, many at a time from then on.
+
+    Most limits take some 70 motions; a valley that is nearly flat takes thousands.
+    """
+    many, done = balances_of(problem.knee, problem.selection, stations), 0
+
+    def balance(values: np.ndarray, near: Slopes) -> Slopes:
+        nonlocal done
+        done += len(values)
+        return problem.balance(values, near) if done <= _FEW else many(values, near)
+
+    return balance
 
 
 def fit_of(

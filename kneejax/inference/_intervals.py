@@ -30,7 +30,7 @@ SAME = 0.3
 #: Limits that exclude less than this part of what bounds allow tell nothing.
 _TELLING = 0.1
 #: Relative decrease of chi squared that ends the likeliest fit of a calibration.
-_RTOL = 1e-7
+_RTOL = 1e-6
 
 
 class IntervalKind(enum.Enum):

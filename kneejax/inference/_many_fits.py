@@ -291,7 +291,7 @@ def _advance(bounds, rtol, state, trial, residual, slope, active):
     """
 
     def one(bounds, state, trial, residual, slope, active):
-        solver = _solver(*bounds, rtol)
+        solver = _solver(bounds[0], bounds[1], rtol)
         following, new = solver.following(solver.judged(trial, residual, slope, state))
         stop, _ = solver.terminate(None, following, None, {}, new, frozenset())
         new = jax.tree.map(lambda x, y: jnp.where(active, x, y), new, state)

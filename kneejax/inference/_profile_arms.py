@@ -9,8 +9,8 @@ import numpy as np
 
 from kneejax.statics import Slopes
 
-#: A step is at most this part of the bounds' width.
-_LONGEST = 1.0 / 8.0
+#: From a point so near the limit (in parts of the root of the rise) on, a line will do.
+NEAR = 0.05
 #: A step beyond which there is no balance is halved so often.
 _HALVINGS = 3
 
@@ -25,24 +25,26 @@ class _Steps:
         stride: of the root of the likelihood ratio between points; infinite goes for the limit.
         beyond: the walk ends at so many times the limit; NaN ends it near the limit.
         most: points of an arm.
+        longest: step, as a part of the bounds' width.
+        near: the root of the rise so near the limit, in parts of it, is at the limit.
         rtol: relative decrease of chi squared that ends the fit of a point.
     """
 
     stride: float
     beyond: float
     most: int
+    longest: float
+    near: float
     rtol: float
 
 
 class Pace(enum.Enum):
     """Whether a profile is wanted as a curve, or its limits only."""
 
-    FINE = _Steps(0.4, 1.3, 40, 1e-9)
-    LIMITS = _Steps(np.inf, np.nan, 14, 1e-5)
+    FINE = _Steps(0.4, 1.3, 40, 1.0 / 8.0, NEAR, 1e-9)
+    LIMITS = _Steps(np.inf, np.nan, 14, 1.0 / 4.0, NEAR, 1e-6)
 
 
-#: The root of the rise so near the level, in parts of it, is at the limit.
-NEAR = 0.04
 
 
 class Arms:
@@ -69,7 +71,7 @@ class Arms:
         width = (upper - lower)[self.index]
         rate = error[self.fit_of, self.index]
         self.rate = np.minimum(np.where(np.isfinite(rate), rate, width), width)
-        self.longest = _LONGEST * width
+        self.longest = pace.value.longest * width
         self.points: list[list[Point]] = [
             [(float(fits.values[fit, i]), 0.0, fits.values[fit])]
             for fit, i in zip(self.fit_of, self.index, strict=True)
@@ -120,7 +122,7 @@ class Arms:
         if np.isfinite(self.steps.beyond):
             arrived = root > self.steps.beyond * level
         else:
-            arrived = abs(root - level) < NEAR * level
+            arrived = abs(root - level) < self.steps.near * level
         if arrived:
             self.active[row] = False
         elif root < level and self._room(row) <= 1e-12 * (self.upper[i] - self.lower[i]):

@@ -240,15 +240,13 @@ def _profile(name: tuple[str, str], arms: Arms, fit: int, i: int, threshold: flo
 
 
 def crossing(arm: list[tuple[float, float, np.ndarray]], level: float) -> float:
-    """The outermost place where the root of the rise passes the level, by a monotone cubic.
+    """The outermost place where the root of the rise passes the level, by a monotone cubic, or by a
+    line if one of the points is all but there.
 
     Args:
         arm: value, rise and parameters of points, the estimate first.
         level: of the root of the rise.
     """
-    from scipy.interpolate import PchipInterpolator
-    from scipy.optimize import brentq
-
     values = np.array([p[0] for p in arm])
     roots = np.sqrt(np.maximum([p[1] for p in arm], 0.0))
     along = np.abs(values - values[0])
@@ -258,7 +256,16 @@ def crossing(arm: list[tuple[float, float, np.ndarray]], level: float) -> float:
     if inside == len(arm) - 1:
         # The last point is all but there.
         place = along[-1] * level / roots[-1]
+    elif np.abs(roots[inside : inside + 2] - level).min() < NEAR * level:
+        place = np.interp(level, roots[inside : inside + 2], along[inside : inside + 2])
     else:
-        curve = PchipInterpolator(along, roots)
-        place = brentq(lambda x: float(curve(x)) - level, along[inside], along[inside + 1])
+        place = _by_cubic(along, roots, level, inside)
     return float(values[0] + np.sign(values[-1] - values[0]) * place)
+
+
+def _by_cubic(along: np.ndarray, roots: np.ndarray, level: float, inside: int) -> float:
+    from scipy.interpolate import PchipInterpolator
+    from scipy.optimize import brentq
+
+    curve = PchipInterpolator(along, roots)
+    return float(brentq(lambda x: float(curve(x)) - level, along[inside], along[inside + 1]))

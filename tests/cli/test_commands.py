@@ -129,7 +129,14 @@ def test_calibrate_writes_everything(tmp_path, capsys):
         "upper",
         "standard_error",
         "at_bound",
+        "low",
+        "high",
+        "interval",
     }
+    assert result["outcome"] == "Converged" and result["noise"]["lateral"] == 0.1
+    kinds = {name: one["interval"] for name, one in result["parameters"].items()}
+    # Beside paper 1's bound of 10,000 N the data give no upper limit.
+    assert kinds["MCL.stiffness"] == "one-sided" and kinds["ACL.stiffness"] == "standard error"
     assert result["objective"] < 1e-2 * result["objective_start"]
     assert set(result["versions"]) >= {"jax", "optimistix", "numpy"}
     page = (tmp_path / "report.html").read_text()

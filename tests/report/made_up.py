@@ -63,10 +63,11 @@ def _estimates(rng: np.random.Generator, spread: float) -> tuple[Estimate, ...]:
     for name, value, start in zip(LIGAMENTS, strains, (0.03, -0.1, 0.07, 0.07), strict=True):
         here = value + 0.05 * spread * rng.normal()
         bent = name == "PCL"
+        high = here + (0.02 if bent else 0.008)
         made.append(
             Estimate(
                 f"{name}.reference_strain", "", here, start, -0.2, 0.2,
-                np.nan if bent else 0.004, False, "", here - 0.008, here + (0.02 if bent else 0.008),
+                np.nan if bent else 0.004, False, "", here - 0.008, high,
                 IntervalKind.PROFILE if bent else IntervalKind.STANDARD_ERROR,
             )
         )  # fmt: skip
