@@ -168,8 +168,7 @@ def balance_many(
     led = _lead(walker, routes, [routes.at(lead) for lead in leads], own.known[0])
     _bend(walker, routes, led)
     _fill(walker, routes, led, own.known[0])
-    for chains in (routes.hops, *routes.loading):
-        _walk_chains(walker, chains, _ALONG_LOADS)
+    _walk_off_the_stem(walker, routes)
     return _asked(found, routes)
 
 
@@ -235,8 +234,14 @@ def own_motion(knee: Knee, vary: Vary, base: Any, stations: Stations) -> Balance
         RuntimeError: float64 is switched off.
     """
     needs_float64()
-    routes = Routes.to(stations, float(knee.reference_pose.flexion))
-    return _asked(_walked_by_itself(knee, vary, base, routes).found, routes)
+    reference = float(knee.reference_pose.flexion)
+    routes = Routes.to(stations, reference)
+    found = _walked_by_itself(knee, vary, base, routes).found
+    if not found.known[0, routes.home]:
+        # Where the way begins must not depend on how far it was to lead.
+        routes = Routes.to(stations, reference, tuple(reference + lead for lead in _LEADS))
+        found = _walked_by_itself(knee, vary, base, routes).found
+    return _asked(found, routes)
 
 
 def _walked_by_itself(knee: Knee, vary: Vary, base: Any, routes: Routes) -> Walker:
@@ -249,8 +254,7 @@ def _walked_by_itself(knee: Knee, vary: Vary, base: Any, routes: Routes) -> Walk
     one = jax.tree.map(lambda x: np.asarray(x)[None], base)
     walker = Walker(Variants.of(knee, vary, one), routes.nodes, found, lambda _: None)
     _bend_from_reference(walker, routes)
-    for chains in (routes.hops, *routes.loading):
-        _walk_chains(walker, chains, _ALONG_LOADS)
+    _walk_off_the_stem(walker, routes)
     return walker
 
 
@@ -269,12 +273,22 @@ def _bend_from_reference(walker: Walker, routes: Routes) -> None:
             _walk_chains(walker, back, _ALONG_STATIONS)
 
 
-def _walk_chains(walker: Walker, chains: Sequence[Chain], give_up: int) -> None:
+def _walk_off_the_stem(walker: Walker, routes: Routes) -> None:
+    """To flexions between its nodes, from either side, and under loads."""
+    _walk_chains(walker, routes.hops, _ALONG_LOADS)
+    _walk_chains(walker, routes.back, _ALONG_LOADS, again=False)
+    for chains in routes.loading:
+        _walk_chains(walker, chains, _ALONG_LOADS)
+
+
+def _walk_chains(
+    walker: Walker, chains: Sequence[Chain], give_up: int, again: bool = True
+) -> None:
     """All variants along chains."""
     chains = [chain for chain in chains if chain.nodes]
     if chains:
         everyone = np.arange(len(walker.found.status))
-        _walk_all(walker, along_chains(walker.found, chains, everyone), give_up)
+        _walk_all(walker, along_chains(walker.found, chains, everyone, again), give_up)
 
 
 def _filled(own: Found | Balances, knee: Knee) -> Own:

@@ -130,13 +130,16 @@ def single_nodes(found: Found, variants: np.ndarray, near: Own | None) -> Paths:
     return paths(found, variant, station, one, *_away(found, *near))
 
 
-def along_chains(found: Found, chains: Sequence[Chain], variants: np.ndarray) -> Paths:
+def along_chains(
+    found: Found, chains: Sequence[Chain], variants: np.ndarray, again: bool = True
+) -> Paths:
     """Some variants along chains of stations.
 
     Args:
         found: so far; where a variant is not balanced at the origin, the chain is not walked.
         chains: at least one.
         variants: rows.
+        again: whether chains whose first node is balanced already are walked all the same.
 
     Returns:
         The paths, chain after chain.
@@ -147,6 +150,8 @@ def along_chains(found: Found, chains: Sequence[Chain], variants: np.ndarray) ->
     length = np.repeat([len(chain.nodes) for chain in chains], len(variants))
     variant = np.tile(variants, len(chains))
     begins = found.known[variant, origin]
+    if not again:
+        begins &= ~found.known[variant, np.repeat(stations[:, 0], len(variants))]
     q, meeting = (
         np.nan_to_num(here[variant, origin] - own[origin])
         for here, own in zip((found.q, found.meeting), found.own, strict=True)

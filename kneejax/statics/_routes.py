@@ -9,6 +9,7 @@ way to the largest. So a station's route is its own, and a load is reached throu
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import numpy as np
 
@@ -46,7 +47,8 @@ class Routes:
         asked: the node of each station that was asked for, `(stations,)`.
         stem: unloaded nodes in strides from the reference, in order of flexion.
         home: the node at the reference flexion.
-        hops: chains that leave the stem for flexions between its nodes.
+        hops: chains that leave the stem for flexions between its nodes, from the side of the
+            reference; `back` are the same from the other side.
         loading: for the first load, the second, ...: chains along which it grows.
     """
 
@@ -55,6 +57,7 @@ class Routes:
     stem: np.ndarray
     home: int
     hops: tuple[Chain, ...]
+    back: tuple[Chain, ...]
     loading: tuple[tuple[Chain, ...], ...]
 
     @classmethod
@@ -71,7 +74,8 @@ class Routes:
     @property
     def needed(self) -> np.ndarray:
         """Nodes of the stem on which something depends."""
-        origins = [c.origin for chains in (self.hops, *self.loading) for c in chains]
+        chains = itertools.chain(self.hops, self.back, *self.loading)
+        origins = [chain.origin for chain in chains]
         return np.intersect1d(self.stem, np.r_[self.asked, np.array(origins, int)])
 
     def at(self, flexion: float) -> int:
@@ -108,15 +112,19 @@ class _Layout:
         self.flexion: list[float] = []
         self.acting: list[np.ndarray] = []
         self.numbers: dict[tuple[int, bytes], int] = {}
-        strides = [self._stride(flexion) for flexion in (*self.wanted, *also, reference)]
+        strides = [
+            way(self._along(flexion)) for flexion in (*self.wanted, *also, reference)
+            for way in (np.floor, np.ceil)
+        ]  # fmt: skip
         self.nothing = np.zeros((len(self.kinds), 9))
-        self.first = min(strides)
+        self.first = int(min(strides))
         self.stem = np.array(
             [self._node(reference + STRIDE * k, self.nothing)
-             for k in range(self.first, max(strides) + 1)]
+             for k in range(self.first, int(max(strides)) + 1)]
         )  # fmt: skip
         self.home = int(self.stem[-self.first])
         self.hops: dict[int, Chain] = {}
+        self.back: dict[int, Chain] = {}
         self.groups: list[dict[tuple, set[tuple[float, int]]]] = [{} for _ in self.kinds]
 
     def routes(self) -> Routes:
@@ -137,12 +145,17 @@ class _Layout:
             for k, kind in enumerate(self.kinds)
         )  # fmt: skip
         nodes = Stations(np.array(self.flexion), loads)
-        return Routes(nodes, asked, self.stem, self.home, tuple(self.hops.values()), loading)
+        hops, back = (tuple(chains.values()) for chains in (self.hops, self.back))
+        return Routes(nodes, asked, self.stem, self.home, hops, back, loading)
 
     def _stride(self, flexion: float) -> int:
         """Whole strides from the reference, towards it."""
+        return int(np.trunc(self._along(flexion)))
+
+    def _along(self, flexion: float) -> float:
+        """Strides from the reference; whole ones are whole."""
         along = (flexion - self.reference) / STRIDE
-        return int(np.trunc(along + np.copysign(_SAME, along)))
+        return round(along) if abs(along - round(along)) < _SAME / STRIDE else along
 
     def _node(self, flexion: float, acting: np.ndarray) -> int:
         key = (round(float(flexion) / _SAME), acting.tobytes())
@@ -170,11 +183,14 @@ class _Layout:
         return node
 
     def _unloaded(self, flexion: float) -> int:
-        beside = int(self.stem[self._stride(flexion) - self.first])
+        place = self._stride(flexion) - self.first
+        beside = int(self.stem[place])
         if abs(flexion - self.flexion[beside]) < _SAME:
             return beside
         node = self._node(flexion, self.nothing)
         self.hops[node] = Chain(beside, (node,))
+        beyond = int(self.stem[place + (1 if flexion > self.reference else -1)])
+        self.back[node] = Chain(beyond, (node,))
         return node
 
 

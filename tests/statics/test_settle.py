@@ -186,7 +186,7 @@ def test_a_lane_whose_meeting_points_are_lost_finds_them_again(knee, motion):
 def test_a_compartment_that_is_apart_is_apart_as_far_as_it_is(knee):
     """It pulls at nothing: a pose balances however wrong its meeting point is."""
     lower = eqx.tree_at(
-        lambda k: k.contacts[1].tibial.frame.origin, knee, replace_fn=lambda x: x.at[1].add(-1.5)
+        lambda k: k.contacts[1].tibial.frame.origin, knee, replace_fn=lambda x: x.at[1].add(-1.8)
     )
     here = kj.passive_flexion(lower, [20.0]).settled
     apart = np.asarray(here.depth)[1, 0]
@@ -202,11 +202,11 @@ def test_a_compartment_that_is_apart_is_apart_as_far_as_it_is(knee):
 
 
 def test_a_lax_knee_is_found_in_extension(knee):
-    """Its surfaces are nearly flat against each other there, and meeting points are far to seek."""
-    for strain in (0.02, 0.015):
+    """Its surfaces are flat against each other there, and meeting points are far to seek."""
+    for strain in (0.02, 0.015, 0.0):
         lax = kj.with_values(knee, {"MCL.reference_strain": strain})
         motion = kj.passive_flexion(lax, FLEXION / 10)
-        assert (np.asarray(motion.status) == Status.BALANCED).all()
+        assert np.asarray(motion.stable).all()
 
 
 @pytest.mark.parametrize(
@@ -226,10 +226,9 @@ def test_a_motion_does_not_jump_to_another_balance(knee, strain, most_deg):
 
 
 def test_a_search_that_ends_on_another_branch_is_not_believed(knee):
-    """One of 400 random knees; if strides are not held short it jumps by 6.8 mm at 20 degrees."""
+    """One of 600 random knees; if strides are not held short it jumps by 8.2 mm at 110 degrees."""
     selection = select(knee, ("*.stiffness", "*.reference_strain"))
-    strain = [0.1249, -0.0493, -0.007, 0.158]
-    values = np.array([7248.7349, 1923.0763, 12728.9286, 8627.6358, *strain])
+    values = np.array([7714.09, 4438.9077, 1379.1424, 8284.0577, -0.143, -0.2727, -0.0281, 0.0463])
     motion = kj.passive_flexion(selection.apply(knee, values), FLEXION)
     balanced = np.asarray(motion.settled.converged)
     assert 8 < balanced.sum() < len(FLEXION)

@@ -1,0 +1,113 @@
+"""Loads are followed from the unloaded balance, and a knee that gives way says where."""
+
+import numpy as np
+import pytest
+
+import kneejax as kj
+from kneejax.mechanics import load_of
+from kneejax.statics import Stations, Status, balance_many, own_motion
+
+UNITS = np.array([1 / 30, 1 / 30, 1.0, 1.0, 1.0])
+
+
+@pytest.fixture(scope="module")
+def knee():
+    return kj.load_knee("four_ligament")
+
+
+@pytest.fixture(scope="module")
+def chosen(knee):
+    return kj.select(knee, ("*.stiffness", "*.reference_strain"))
+
+
+@pytest.fixture(scope="module")
+def base(knee, chosen):
+    return np.asarray(chosen.read(knee))
+
+
+@pytest.fixture(scope="module")
+def variants(base):
+    draw = np.random.default_rng(5)
+    stiffness = base[:4] * draw.uniform(0.5, 1.5, (12, 4))
+    return np.hstack([stiffness, base[4:] + draw.uniform(-0.04, 0.04, (12, 4))])
+
+
+def drawer(sizes, angle=25.0):
+    return Stations.at(np.full(len(sizes), angle), [load_of(anterior_N=np.asarray(sizes, float))])
+
+
+def moved(found, other):
+    return np.abs((found - other) / UNITS)
+
+
+def test_a_ramp_in_tenth_steps_is_the_same_curve(knee, chosen, base, variants):
+    coarse = balance_many(knee, chosen.apply, base, variants, drawer(np.linspace(20, 200, 4)))
+    fine = balance_many(knee, chosen.apply, base, variants, drawer(np.linspace(6, 200, 98)))
+    there = np.searchsorted(np.linspace(6, 200, 98), np.linspace(20, 200, 4) - 1e-6)
+    both = coarse.converged & fine.converged[:, there]
+    assert both.mean() > 0.9
+    assert moved(coarse.q, fine.q[:, there])[both].max() < 1e-6
+    jumps = moved(fine.q[:, 1:], fine.q[:, :-1]).max(axis=-1)
+    assert np.nanmax(jumps) < 2.0
+
+
+def test_the_order_of_a_ramp_does_not_matter_nor_who_is_beside(knee, chosen, base, variants):
+    sizes = np.array([150.0, -80.0, 40.0, 0.0, -200.0])
+    together = balance_many(knee, chosen.apply, base, variants, drawer(sizes))
+    for rows in ([4, 3, 2, 1, 0], [0], [1, 2]):
+        few = balance_many(knee, chosen.apply, base, variants, drawer(sizes[rows]))
+        np.testing.assert_array_equal(few.status, together.status[:, rows])
+        both = few.converged
+        assert moved(few.q, together.q[:, rows])[both].max() < 2e-6
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_pose_does_not_depend_on_the_other_angles(knee, chosen, base, seed):
+    """20 degrees was lost in 0:120:5 and found in 0:40:10; strides were counted by the farthest."""
+    draw = np.random.default_rng(seed)
+    strains = base[4:] + draw.uniform(-0.1, 0.1, (8, 4))
+    variants = np.hstack([base[:4] * draw.uniform(0.2, 1.8, (8, 4)), strains])
+    angles = np.sort(draw.choice(np.arange(0.0, 121.0, 2.5), 9, replace=False))
+    together = balance_many(knee, chosen.apply, base, variants, Stations.at(angles))
+    some = np.sort(draw.choice(9, 3, replace=False))
+    few = balance_many(knee, chosen.apply, base, variants, Stations.at(angles[some]))
+    np.testing.assert_array_equal(few.status, together.status[:, some])
+    assert np.nanmax(moved(few.q, together.q[:, some])) < 2e-6
+    alone = kj.passive_flexion(chosen.apply(knee, variants[0]), angles)
+    one = kj.passive_flexion(chosen.apply(knee, variants[0]), angles[some])
+    np.testing.assert_array_equal(np.asarray(one.status), np.asarray(alone.status)[some])
+
+
+def test_a_lax_mcl_is_balanced_in_either_range(knee):
+    lax = kj.with_values(knee, {"MCL.reference_strain": -0.1})
+    fine, coarse = (kj.passive_flexion(lax, np.arange(0.0, last, step))
+                    for last, step in ((121.0, 5.0), (41.0, 10.0)))  # fmt: skip
+    np.testing.assert_array_equal(np.asarray(fine.status)[:9:2], np.asarray(coarse.status))
+
+
+def test_a_heavy_load_is_reached_through_lighter_ones(knee, chosen, base):
+    """5 kN along the tibia at once: the search from the unloaded pose alone would end anywhere."""
+    heavy = Stations.at([0.0], [load_of(compression_N=5000.0)])
+    ramp = Stations.at(np.zeros(20), [load_of(compression_N=np.linspace(250.0, 5000.0, 20))])
+    once = own_motion(knee, chosen.apply, base, heavy)
+    followed = own_motion(knee, chosen.apply, base, ramp)
+    assert once.converged.all() and followed.converged.all()
+    assert moved(once.q[0, 0], followed.q[0, -1]).max() < 1e-6
+
+
+def test_a_knee_that_nothing_holds_gives_way_and_says_at_which_load(knee):
+    """Pulled apart with all ligaments cut but one: beyond some load no pose is connected."""
+    torn = kj.cut(knee, ["PCL", "MCL", "LCL"])
+    sizes = np.array([-5.0, -10.0, -200.0])
+    motion = kj.passive_flexion(torn, np.zeros(3), [load_of(compression_N=sizes)])
+    status, reached = np.asarray(motion.status), np.asarray(motion.reached)
+    lost = ~np.isin(status, [Status.BALANCED, Status.OUTSIDE_REGION, Status.OVERSTRETCHED])
+    assert lost.any()
+    assert np.isnan(np.asarray(motion.to_table())[status >= Status.TOO_DEEP, 1:]).all()
+    assert (reached[status >= Status.TOO_DEEP] < 1.0).all()
+
+
+def test_cut_names_the_nearest_ligament(knee):
+    with pytest.raises(kj.UnknownParameter if hasattr(kj, "UnknownParameter") else ValueError,
+                       match="did you mean 'ACL'"):  # fmt: skip
+        kj.cut(knee, ["ACLL"])
