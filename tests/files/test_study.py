@@ -144,7 +144,7 @@ SYNTHETIC = {"parameters": {"ACL.stiffness": 5876}, "flexion_deg": "0:120:5"}
         ({"frame_offset": "all"}, "true, false, or a list"),
         ({"frame_offset": ["flexion"]}, "flexion is prescribed as it was measured"),
         ({"noise_mm": 0}, "a standard deviation above 0"),
-        ({"noise_deg": -0.1}, "at least 0"),
+        ({"noise_deg": -0.1}, "between 1e-06 and 90"),
         ({"noise": 0.1}, "did you mean noise_mm?"),
         ({"method": "least_square"}, "did you mean least_squares?"),
         ({"flexion_deg": [90, 0]}, "a lower and a larger upper limit"),
