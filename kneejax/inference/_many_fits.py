@@ -169,15 +169,18 @@ def fit_lanes(
     Returns:
         The `ManyFits`.
     """
-    starts = np.asarray(starts, float)
-    count, size = starts.shape
-    bounds = np.asarray(lower, float), np.asarray(upper, float)
+    asked = np.ones(len(starts), bool) if asked is None else np.array(asked)
+    count, (rows, size) = len(starts), _padded(np.shape(starts))
+    # Filled up with the last fit, which nobody asks for: one compiled step for several numbers.
+    fill = np.minimum(np.arange(rows), count - 1)
+    starts = np.asarray(starts, float)[fill]
+    bounds = np.asarray(lower, float)[fill], np.asarray(upper, float)[fill]
     state = _begin(starts, data.count, 1.0 if far else 1e-3)
-    known = begin.take(np.arange(count))
-    residual, slope = np.zeros((count, data.count)), np.zeros((count, data.count, size))
+    known = begin.take(fill)
+    residual, slope = np.zeros((rows, data.count)), np.zeros((rows, data.count, size))
     trial, evaluations = starts.copy(), 0
-    active = np.ones(count, bool) if asked is None else np.array(asked)
-    ended = np.zeros(count, bool)
+    active = asked[fill] & (np.arange(rows) < count)
+    ended = np.zeros(rows, bool)
     for _ in range(most):
         here = np.flatnonzero(active)
         found = balance(trial[here], known.take(here))
@@ -195,8 +198,15 @@ def fit_lanes(
         trial = np.where(active[:, None], np.asarray(following), trial)
         if not active.any():
             break
-    chi2 = np.sum(np.asarray(state.residual) ** 2, axis=1)
-    return ManyFits(known, np.where(np.isfinite(chi2), chi2, np.inf), ended, evaluations)
+    chi2 = np.sum(np.asarray(state.residual)[:count] ** 2, axis=1)
+    chi2 = np.where(np.isfinite(chi2), chi2, np.inf)
+    return ManyFits(known.take(np.arange(count)), chi2, ended[:count], evaluations)
+
+
+def _padded(shape: tuple[int, ...]) -> tuple[int, ...]:
+    """Fits are counted in sixteens, and beyond 64 of them in sixty-fours."""
+    lot = 16 if shape[0] <= 64 else 64
+    return (-(-shape[0] // lot) * lot, *shape[1:])
 
 
 def with_offsets(balance: Balance, offsets: Sequence[str]) -> Balance:
@@ -275,10 +285,11 @@ def _solver(lower, upper, rtol=_RTOL) -> BoundedLevenbergMarquardt:
 
 def _begin(starts: np.ndarray, rows: int, damping: float):
     """One state a fit."""
-    x, struct = jnp.zeros(starts.shape[1]), jax.ShapeDtypeStruct((rows,), float)
+    x, struct = np.zeros(starts.shape[1]), jax.ShapeDtypeStruct((rows,), float)
     one = _solver(x, x).init(None, x, None, {}, struct, None, frozenset())
-    state = jax.tree.map(lambda x: jnp.broadcast_to(x, (len(starts), *x.shape)), one)
-    begin = jnp.asarray(starts), jnp.full(len(starts), damping)
+    # NumPy compiles nothing; JAX would, for every leaf and number of fits.
+    state = jax.tree.map(lambda x: np.repeat(np.asarray(x)[None], len(starts), axis=0), one)
+    begin = starts, np.full(len(starts), damping)
     return eqx.tree_at(lambda s: (s.x, s.damping), state, begin)
 
 
