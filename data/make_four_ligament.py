@@ -112,7 +112,7 @@ ADAPTATIONS = [
     {
         "field": "contacts.*.femoral_surface.coefficients_mm",
         "from": "degree 8 in angle and 6 in width (0.06 to 0.14 mm rms)",
-        "to": "degree 5 in angle and 2 in width; what meets in passive flexion weighs 20 times more",
+        "to": "degree 5 in angle, 2 in width; what meets in passive flexion weighs 20 times more",
         "reason": (
             "one elliptical patch needs a gap with one minimum: with degree 4 in width the lateral "
             "meeting point jumps by 8 mm between 25 and 45 degrees"
