@@ -108,28 +108,49 @@ def _press_points_jvp(primals, tangents):
 
 def _stiff(contact: Contact, points: Points, motion: Placement):
     """Energy and wrench, and the wrench's change by three shifts and three turns."""
-    quick = quick_exit(contact.femoral, *lines_of(points, motion))
-    sampled, sound = quickly(contact.femoral, points, motion, quick)
+    quick, sound = quick_exit(contact.femoral, *lines_of(points, motion))
+    sampled = quickly(contact.femoral, points, motion, quick)
     usual = _pressed(contact, sampled), stiffness(contact, sampled, motion)
 
     def again():
-        def pressed(*twist: Array):
-            moved = _displaced(motion, twist)
-            seen = thoroughly(contact.femoral, points, moved, sampled.depth, sound)
-            return _pressed(contact, seen)
-
         nowhere = (jnp.zeros(jnp.shape(motion.translation[0])),) * 6
 
-        def by(unit: Array):
-            rates = tuple(x + rate for x, rate in zip(nowhere, unit, strict=True))
-            return jax.jvp(pressed, nowhere, rates)
+        def of_row(row):
+            own, known, is_known = row
 
-        # One after the other: this is seldom needed, and small to compile.
-        (energies, wrenches), (_, changes) = lax.map(by, jnp.eye(6))
+            def pressed(*twist: Array):
+                moved = _displaced(motion, twist)
+                return _pressed(contact, thoroughly(contact.femoral, own, moved, known, is_known))
+
+            def by(unit: Array):
+                rates = tuple(x + rate for x, rate in zip(nowhere, unit, strict=True))
+                return jax.jvp(pressed, nowhere, rates)
+
+            return lax.map(by, jnp.eye(6))
+
+        # Row by row of points: a program's memory is that of its largest part, asked for in each
+        # call. All at once, this part, which is seldom needed, made every solve four times slower.
+        count, shape = contact.points[0], jnp.shape(quick)
+        split = jax.tree.map(
+            lambda x: _by_rows(x, count, shape), (points, quick, sound), is_leaf=_is_number
+        )
+        sums = jax.tree.map(lambda x: jnp.sum(x, axis=0), lax.map(of_row, split))
+        (energies, wrenches), (_, changes) = sums
         first = jax.tree.map(lambda x: x[0], (energies, wrenches))
         return first, [jax.tree.map(lambda x, k=k: x[k], changes) for k in range(6)]
 
     return lax.cond(jnp.all(sound), lambda: usual, again)
+
+
+def _is_number(x) -> bool:
+    return isinstance(x, float)
+
+
+def _by_rows(x: Array | float, count: int, shape: tuple[int, ...]) -> Array:
+    """What is known of points, `(points, ...)`, as `(rows, points of a row, ...)`."""
+    x = jnp.asarray(x)
+    whole = jnp.broadcast_to(x, shape[:1] + (x.shape[1:] or (1,) * (len(shape) - 1)))
+    return whole.reshape(count, -1, *whole.shape[1:])
 
 
 def _displaced(motion: Placement, twist: tuple[Array, ...]) -> Placement:

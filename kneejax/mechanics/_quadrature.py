@@ -104,8 +104,8 @@ def over_rays(
 ) -> Answer:
     """What a function makes of the depths at points of the tibial surface.
 
-    The usual rays take a short search; if one of them is not usual, `answer` is asked once more,
-    with all rays searched for thoroughly.
+    The usual rays take a short search; if one of them is not usual, those that are not are
+    searched for thoroughly.
 
     Args:
         femoral: the surface whose solid presses.
@@ -113,36 +113,32 @@ def over_rays(
         motion: from the femoral to the tibial surface's frame.
         answer: returns arrays.
     """
-    quick = rays.quick_exit(femoral, *lines_of(points, motion))
-    sampled, sound = quickly(femoral, points, motion, quick)
-    usual = answer(sampled)
+    quick, sound = rays.quick_exit(femoral, *lines_of(points, motion))
+    usual = answer(quickly(femoral, points, motion, quick))
 
     def again() -> Answer:
-        return answer(thoroughly(femoral, points, motion, sampled.depth, sound))
+        return answer(thoroughly(femoral, points, motion, quick, sound))
 
     return lax.cond(jnp.all(sound), lambda: usual, again)
 
 
-def quickly(
-    femoral: Surface, points: Points, motion: Placement, quick: tuple[Array, Array]
-) -> tuple[Sampled, Array]:
-    """What the points see if their rays are the usual ones, and whose are.
+def quickly(femoral: Surface, points: Points, motion: Placement, quick: Array) -> Sampled:
+    """What the points see where their rays are the usual ones.
 
     Args:
         femoral: the surface whose solid presses.
         points: of the tibial surface.
         motion: from the femoral to the tibial surface's frame.
-        quick: of the short search.
+        quick: depths of the short search, mm.
     """
     lines = lines_of(points, motion)
-    own = rays.follow(femoral, *lines, quick[0])
+    own = rays.follow(femoral, *lines, quick)
     level, gradient, steep = rays.look(femoral, own, *lines)
-    falls = jnp.where(steep < 0.0, steep, -1.0)
-    miss = level / falls
-    depth, sound = rays.judged(own, quick[1], miss, steep)
-    slope = motion.turn(scale(1.0 / falls, gradient))
-    lost = jnp.zeros(jnp.shape(miss), bool)
-    return Sampled(points, depth, slope, (0.0, 0.0, 0.0), lost), sound
+    per_steep = 1.0 / jnp.minimum(steep, -rays.LEVEL)
+    depth = own + jnp.clip(level * per_steep, -rays.LAST_STEP, rays.LAST_STEP)
+    lost = jnp.zeros(jnp.shape(depth), bool)
+    slope = motion.turn(scale(per_steep, gradient))
+    return Sampled(points, depth, slope, (0.0, 0.0, 0.0), lost)
 
 
 def thoroughly(

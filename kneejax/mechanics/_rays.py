@@ -25,17 +25,22 @@ from kneejax.geometry import Surface, Vector, add, dot, instantiate, rotate, sca
 
 #: Parts of Newton's first step up to which a depth is the ray's own, and at which it rests.
 STRAIGHT, HELD = 1.5, 1.8
-# The last step that may be left, mm, of a point that touches, and how much more of one that is as
-# far apart as contact takes to fade out. It is taken too: what is left then is its square.
-_ENOUGH, _APART_ENOUGH, _FADES = 4e-6, 1e-5, 0.02
+# The last step that may be left, mm, of a point that touches; how much more of one that is as far
+# apart as contact takes to fade out; and of a point that is searched thoroughly. It is taken too:
+# what is left then is its square.
+_ENOUGH, _APART_ENOUGH, _FADES, _THOROUGH = 5e-5, 3e-5, 0.02, 1e-7
 # Cosines between a line and the gradient: where the line counts as grazing, and as steep.
 _GRAZING, _STEEP = 0.1, 0.3
-# Slopes along the line below which no step is taken.
-_LEVEL, _FLAT = 0.05, 1e-3
-_QUICK_LOOKS, _MOST_LOOKS = 2, 60
+#: Slope along the line that a usual ray has at least; below the second no step is taken at all.
+LEVEL, _FLAT = 0.05, 1e-3
+_QUICK_LOOKS, _MOST_QUICK_LOOKS, _NEWTON_LOOKS, _MOST_LOOKS = 2, 4, 6, 60
 #: Beyond this distance, mm, contact has faded out: a depth need only be known to be less.
-APART = 3.0
+APART = 2.5
+# Newton's first step where that is so, whatever the search finds.
+_SURELY_APART = 4.0
 _FARTHEST = 1e3
+#: The longest step, mm, that the look that uses a depth takes.
+LAST_STEP = 0.1
 
 
 class Exit(eqx.Module):
@@ -61,7 +66,7 @@ def look(femoral: Surface, depth: Array, start: Vector, along: Vector):
 
 
 def quick_exit(femoral: Surface, start: Vector, along: Vector) -> tuple[Array, Array]:
-    """Exit of a line that leaves the solid nearby and steeply, from two looks.
+    """Exits of lines that leave the solid nearby and steeply, from two looks or a few more.
 
     Args:
         femoral: the solid.
@@ -69,54 +74,49 @@ def quick_exit(femoral: Surface, start: Vector, along: Vector) -> tuple[Array, A
         along: unit direction; one goes against it.
 
     Returns:
-        Depth, and Newton's first step, mm; `judged` says what they are worth.
+        Depths, mm, and whose are sound: those whose steps have ended unheld, or so far apart that
+        nothing depends on them. The look that uses a depth takes the step that is left.
     """
-
     femoral, start, along = lax.stop_gradient((femoral, start, along))
 
-    def nearer(step: Array, state):
-        depth, first, before = state
-        level, gradient, steep = look(femoral, depth, start, along)
-        begins = step == 0
-        size = jnp.sqrt(dot(gradient, gradient))
-        falls = jnp.minimum(steep, -_STEEP * size)
-        newton = level / falls
-        # The level's bend from both looks: the cubic through two levels and two slopes.
-        far = jnp.where(first == 0.0, 1.0, first)
-        bend = 4.0 * (before - steep) / far - 6.0 * level / (far * far)
-        short = jnp.clip(0.5 * bend * newton / falls, -0.5, 0.5)
-        return (
-            depth + newton * jnp.where(begins, 1.0, 1.0 + short),
-            jnp.where(begins, newton, first),
-            jnp.where(begins, steep, before),
-        )
+    def nearer(state):
+        step, depth, _, first = state
+        level, _, steep = look(femoral, depth, start, along)
+        newton = level / jnp.minimum(steep, -_STEEP)
+        return step + 1, depth + newton, depth, jnp.where(step == 0, newton, first)
+
+    def goes_on(state) -> Array:
+        step, depth, before, first = state
+
+        def left() -> Array:
+            return jnp.any(_coarse(depth, before) & ~_apart(depth, first))
+
+        return lax.cond(step < _QUICK_LOOKS, lambda: True, left) & (step < _MOST_QUICK_LOOKS)
 
     # A loop, though it is short: looks that follow each other in one kernel are computed anew for
-    # each use of what they found, and three of them took minutes to compile.
+    # each use of what they found, and three of them took minutes to compile. A look hands on
+    # nothing but its step: with the level and its slope besides, it took twice the time.
     nothing = jnp.zeros(jnp.broadcast_shapes(jnp.shape(start[0]), jnp.shape(along[0])))
-    state = (nothing, nothing, nothing)
-    return lax.fori_loop(0, _QUICK_LOOKS, nearer, state)[:2]
+    state = (jnp.asarray(0), nothing, nothing, nothing)
+    step, depth, before, first = lax.while_loop(goes_on, nearer, state)
+    # What the first step has left tells the level's bend: the second step goes along it.
+    second = jnp.where(step == _QUICK_LOOKS, depth - before, 0.0)
+    part = second / jnp.where(first == 0.0, 1.0, first)
+    found = depth + second * jnp.minimum(part * part, 0.5)
+    astray = (jnp.abs(found) > STRAIGHT * jnp.abs(first)) | (found * first < 0.0)
+    # A number that is none is nobody's fault here: the solver refuses it.
+    unsound, far = astray | _coarse(depth, before), _apart(depth, first)
+    resting = jnp.clip(found, -_FARTHEST, -APART - 2.0 * LAST_STEP)
+    return jnp.where(unsound & far, resting, found), ~unsound | far
 
 
-def judged(depth: Array, first: Array, miss: Array, steep: Array) -> tuple[Array, Array]:
-    """Depths with the step that is left, and whether they are the exits of their lines.
+def _coarse(depth: Array, before: Array) -> Array:
+    """Whether the step after the last one matters: some hundredths (1/mm) of its square."""
+    return 0.03 * (depth - before) ** 2 > _allowed(depth)
 
-    Args:
-        depth: of the last look.
-        first: Newton's first step.
-        miss: the step that is left.
-        steep: how fast the level falls with the direction.
 
-    Returns:
-        Depths, mm, and whose are sound: those that are met and unheld, or so far apart that
-        nothing depends on them.
-    """
-    final = depth + miss
-    far = (first < -4.0 * APART) | (jnp.maximum(depth, final) < -APART)
-    astray = (jnp.abs(depth) > STRAIGHT * jnp.abs(first)) | (depth * first < 0.0)
-    # A number that is none is nobody's fault here: the search refuses it.
-    unsound = (steep > -_LEVEL) | (jnp.abs(miss) > _allowed(depth)) | astray
-    return jnp.where(unsound & far, jnp.clip(final, -_FARTHEST, -APART), final), ~unsound | far
+def _apart(depth: Array, first: Array) -> Array:
+    return (depth < -APART) | (first < -_SURELY_APART)
 
 
 def thorough_exit(
@@ -144,12 +144,13 @@ def thorough_exit(
         closed = closed | passed
         newton = depth + level / jnp.where(steep < -_FLAT, steep, -1.0)
         within = (steep < -_FLAT) & ((newton - near) * (far - newton) >= 0.0)
-        halves = closed & (step % 3 == 2)
+        # Newton's steps end in a few; where they do not, every third halves the bracket.
+        halves = closed & (step > _NEWTON_LOOKS) & (step % 3 == 2)
         bracketed = jnp.where(closed, 0.5 * (near + far), HELD * first)
         further = jnp.where(within & ~halves, newton, bracketed)
         further = jnp.where(begins, first, further)
         ends = ~passed & (jnp.abs(depth) >= HELD * jnp.abs(first)) & (first != 0.0) & ~begins
-        small = within & (jnp.abs(newton - depth) <= _ENOUGH)
+        small = within & (jnp.abs(newton - depth) <= _THOROUGH)
         narrow = closed & (jnp.abs(far - near) <= 1e-9)
         found = ~begins & ~ends & (small | narrow | (first == 0.0) | ~jnp.isfinite(level))
         depth = jnp.where(done | ends, depth, jnp.where(small, newton, further))
