@@ -271,11 +271,11 @@ def test_second_derivatives_of_the_meeting_point_equal_central_differences_of_th
     )
 
 
-def test_a_meeting_point_inside_both_regions_is_known_and_beyond_them_is_not():
+def test_a_patch_inside_both_regions_is_known_and_beyond_them_is_not():
     contact = CONTACTS["condyle on plateau"]
     for shift, known in ((0.0, True), (40.0, False)):
         c = POSE + shift * np.eye(6)[3]
-        assert bool(contact.knows(gap_of(contact, c).point, meeting(contact, c))) is known
+        assert bool(contact.press(placement(c), meeting(contact, c)).known) is known
 
 
 def test_unknown_laws_and_forms_are_errors_that_list_the_known_ones():
