@@ -76,7 +76,7 @@ def test_tables_agree_with_each_other(done):
     out, _, _ = done
     swept = rows(out / "sweeps.csv")
     assert len(swept) == (3 + 4 * 2) * 3
-    assert {row["status"] for row in swept} == {"balanced"}
+    assert {row["status"] for row in swept} <= {"balanced", "outside_region"}
     slopes = rows(out / "local_sensitivity.csv")
     assert [row["flexion_deg"] for row in slopes] == ["0.0", "20.0", "50.0"] * 2
     for row in slopes:
