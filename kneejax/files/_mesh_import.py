@@ -117,8 +117,8 @@ def import_meshes(
     Example:
         >>> found = import_meshes("femur.stl", "tibia.stl", side="r", poisson_ratio=0.5)
         Traceback (most recent call last):
-        kneejax.files._problem.InputProblem: --poisson-ratio: Poisson's ratio: 0.5: expected between 0
-        and 0.4999
+        kneejax.files._problem.InputProblem: --poisson-ratio: Poisson's ratio: 0.5: expected
+        between 0 and 0.4999
     """
     side = choices.checked_side(side)
     files = {
