@@ -12,7 +12,7 @@ import numpy as np
 from jax import Array
 
 from kneejax.geometry import Pose, lanes_for, safe_sqrt, traced
-from kneejax.mechanics import Contact, Knee, add_lane_axis
+from kneejax.mechanics import Contact, Knee, Sampled, add_lane_axis
 from kneejax.statics import Status, compiled, with_meeting
 
 # Poses of one call: what they need stays in the processor's cache (benchmarks/evaluate.py).
@@ -171,22 +171,25 @@ def _over_patch(contact: Contact, poses: Pose, meeting: Array):
 
 def _over_points(contact: Contact, poses: Pose):
     tibia = poses.placement
-    sampled = contact.sample(tibia)
-    points = sampled.points
-    pressure = contact.point_pressure(sampled)
-    share = pressure * points.area
-    area = jnp.sum(contact.touching(sampled.depth) * points.area, axis=0)
-    wrench = contact.sampled_wrench(tibia, sampled)
-    force, moment = (jnp.stack(tibia.turn_back(x)) for x in (wrench.force, wrench.moment))
-    weight = share / jnp.sum(share, axis=0)
-    place = contact.tibial.frame.placement.apply(points.point)
-    center = jnp.stack([jnp.sum(weight * x, axis=0) for x in place])
-    mean = jnp.sum(share, axis=0) / area
-    faults = contact.faults(tibia, sampled)
-    peak, depth = jnp.max(pressure, axis=0), jnp.max(sampled.depth, axis=0)
-    border = contact.border(tibia, sampled)
-    beyond = border.beyond_mm, border.share
-    return force, moment, area, peak, mean, depth, center, *beyond, ~faults.outside, faults.too_deep
+
+    def summed(sampled: Sampled):
+        points = sampled.points
+        pressure = contact.point_pressure(sampled)
+        share = pressure * points.area
+        area = jnp.sum(contact.touching(sampled.depth) * points.area, axis=0)
+        wrench = contact.sampled_wrench(tibia, sampled)
+        force, moment = (jnp.stack(tibia.turn_back(x)) for x in (wrench.force, wrench.moment))
+        weight = share / jnp.sum(share, axis=0)
+        place = contact.tibial.frame.placement.apply(points.point)
+        center = jnp.stack([jnp.sum(weight * x, axis=0) for x in place])
+        mean = jnp.sum(share, axis=0) / area
+        faults, border = contact.faults(tibia, sampled), contact.border(tibia, sampled)
+        peak, depth = jnp.max(pressure, axis=0), jnp.max(sampled.depth, axis=0)
+        beyond = border.beyond_mm, border.share
+        sums = force, moment, area, peak, mean, depth, center, *beyond
+        return *sums, ~faults.outside, faults.too_deep
+
+    return contact.over_points(tibia, summed)
 
 
 def status_of(poses: Mechanics, knee: Knee) -> Array:
