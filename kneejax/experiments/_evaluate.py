@@ -12,7 +12,7 @@ import numpy as np
 from jax import Array
 
 from kneejax.geometry import Pose, lanes_for, safe_sqrt, traced
-from kneejax.mechanics import Contact, FibreFaults, Knee, add_lane_axis, displacement
+from kneejax.mechanics import Contact, FibreFaults, Knee, Sampled, add_lane_axis, displacement
 from kneejax.statics import ContactFaults, Faults, Status, compiled, with_meeting
 
 # Poses of one call: what they need stays in the processor's cache (benchmarks/evaluate.py).
@@ -187,25 +187,28 @@ def _over_patch(contact: Contact, poses: Pose, meeting: Array):
 
 def _over_points(contact: Contact, poses: Pose):
     tibia = poses.placement
-    sampled = contact.sample(tibia)
-    points = sampled.points
-    pressure = contact.point_pressure(sampled)
-    share = pressure * points.area
-    area = jnp.sum(contact.touching(sampled.depth) * points.area, axis=0)
-    wrench = contact.sampled_wrench(tibia, sampled)
-    force, moment = (jnp.stack(tibia.turn_back(x)) for x in (wrench.force, wrench.moment))
-    weight = share / jnp.sum(share, axis=0)
-    place = contact.tibial.frame.placement.apply(points.point)
-    center = jnp.stack([jnp.sum(weight * x, axis=0) for x in place])
-    mean = jnp.sum(share, axis=0) / area
-    faults = contact.faults(tibia, sampled)
-    peak, depth = jnp.max(pressure, axis=0), jnp.max(sampled.depth, axis=0)
-    border, through = contact.border(tibia, sampled), contact.passed_through(tibia)
+
+    def summed(sampled: Sampled):
+        points = sampled.points
+        pressure = contact.point_pressure(sampled)
+        share = pressure * points.area
+        area = jnp.sum(contact.touching(sampled.depth) * points.area, axis=0)
+        wrench = contact.sampled_wrench(tibia, sampled)
+        force, moment = (jnp.stack(tibia.turn_back(x)) for x in (wrench.force, wrench.moment))
+        weight = share / jnp.sum(share, axis=0)
+        place = contact.tibial.frame.placement.apply(points.point)
+        center = jnp.stack([jnp.sum(weight * x, axis=0) for x in place])
+        mean = jnp.sum(share, axis=0) / area
+        faults, border = contact.faults(tibia, sampled), contact.border(tibia, sampled)
+        peak, depth = jnp.max(pressure, axis=0), jnp.max(sampled.depth, axis=0)
+        return (
+            force, moment, area, peak, mean, depth, center, border.beyond_mm, border.share,
+            ~faults.outside, faults.too_deep | faults.lost,
+        )  # fmt: skip
+
+    through = contact.passed_through(tibia)
     flat = jnp.zeros_like(through)
-    return (
-        force, moment, area, peak, mean, depth, center, border.beyond_mm, border.share,
-        ~faults.outside, faults.too_deep | faults.lost, flat, through,
-    )  # fmt: skip
+    return *contact.over_points(tibia, summed), flat, through
 
 
 def status_of(poses: Mechanics, knee: Knee) -> Array:

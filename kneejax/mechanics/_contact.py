@@ -8,6 +8,8 @@ depths, at a cost in proportion to its points.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
@@ -26,7 +28,14 @@ from kneejax.mechanics._border import Border
 from kneejax.mechanics._patch import Gap
 from kneejax.mechanics._patch_force import Pressed, press
 from kneejax.mechanics._points_force import press_points, sampled_wrench
-from kneejax.mechanics._quadrature import Points, Sampled, midpoints, sample
+from kneejax.mechanics._quadrature import (
+    Answer,
+    Points,
+    Sampled,
+    midpoints,
+    over_rays,
+    sample,
+)
 from kneejax.mechanics._rays import faded
 from kneejax.mechanics._wrench import Wrench
 
@@ -163,6 +172,12 @@ class Contact(eqx.Module):
     def sample(self, tibia: Placement) -> Sampled:
         """Depth at the quadrature points; see `Sampled`."""
         return sample(self.femoral, self.quadrature_points(), self.femur_to_plateau(tibia))
+
+    def over_points(self, tibia: Placement, answer: Callable[[Sampled], Answer]) -> Answer:
+        """What a function makes of the depths at the quadrature points; faster than `sample`
+        where it returns less than it reads."""
+        motion = self.femur_to_plateau(tibia)
+        return over_rays(self.femoral, self.quadrature_points(), motion, answer)
 
     def layer(self, points: Points) -> Array:
         """Thickness of both cartilages at points of the tibial surface, mm."""

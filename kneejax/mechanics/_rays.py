@@ -105,7 +105,7 @@ def quick_exit(femoral: Surface, start: Vector, along: Vector) -> tuple[Array, A
     found = depth + second * jnp.minimum(part * part, 0.5)
     astray = (jnp.abs(found) > STRAIGHT * jnp.abs(first)) | (found * first < 0.0)
     # A number that is none is nobody's fault here: the solver refuses it.
-    unsound, far = astray | _coarse(depth, before), _apart(depth, first)
+    unsound, far = astray | _coarse(depth, before), _apart(found, first)
     resting = jnp.clip(found, -_FARTHEST, -APART - 2.0 * LAST_STEP)
     return jnp.where(unsound & far, resting, found), ~unsound | far
 
