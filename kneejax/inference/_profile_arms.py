@@ -46,7 +46,6 @@ class Pace(enum.Enum):
 
 
 
-
 class Arms:
     """From each fit, each parameter down (even rows) and up (odd rows)."""
 
@@ -119,13 +118,15 @@ class Arms:
         self.points[row].append((value, rise, values))
         gained = max(abs(root - _root(before[1])), 1e-3)
         self.rate[row] = min(abs(value - before[0]) / gained, 4.0 * self.rate[row])
-        if np.isfinite(self.steps.beyond):
+        whole_curve = np.isfinite(self.steps.beyond)
+        if whole_curve:
             arrived = root > self.steps.beyond * level
         else:
             arrived = abs(root - level) < self.steps.near * level
+        at_bound = self._room(row) <= 1e-12 * (self.upper[i] - self.lower[i])
         if arrived:
             self.active[row] = False
-        elif root < level and self._room(row) <= 1e-12 * (self.upper[i] - self.lower[i]):
+        elif at_bound and (whole_curve or root < level):
             self._stop(row, "its bound")
         elif len(self.points[row]) > self.steps.most:
             self._stop(row, f"given up after {self.steps.most} steps")

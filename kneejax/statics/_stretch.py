@@ -38,6 +38,9 @@ _WAITING = 0.5
 _ENDS = 2
 #: Least part of a stride that is tried before a node is given up; of one along which a load grows.
 _FINEST, _FINEST_LOADED = 2.0**-3, 2.0**-14
+#: How far from where it was expected a balance may be found, mm (rotations at 30 mm): one branch is
+#: smooth, and comes as near as one likes in shorter strides; another one does not.
+_MISSED_MM = 1.0
 #: How far a knee may move while a load grows by one step, mm (rotations at 30 mm).
 _LOADED_MM = 2.0
 
@@ -244,6 +247,9 @@ def walk_stretch(
         stride = ahead - memory.when[0]
         reach = jnp.where(loading, _LOADED_MM, jnp.maximum(1.0, nodes.reach[there] * stride))
         far = memory.begun & (jnp.max(jnp.abs(change), axis=0) > reach)
+        expected = _extrapolated(memory.away_q, memory.when, ahead, memory.known)
+        miss = (found.q - own_q - expected) / jnp.asarray(UNITS)[:, None]
+        far |= (memory.known > 1) & (jnp.max(jnp.abs(miss), axis=0) > _MISSED_MM)
         softest = jnp.min(rest["pivots"], axis=0)
         astray = far | (loading & ~(softest > 0.0))
         status = jnp.where(astray & converged(status), Status.NOT_CONVERGED, status)
@@ -268,7 +274,7 @@ def walk_stretch(
         aim = jnp.where(shorter, 0.5 * memory.aim, jnp.where(lost, 1.0, memory.aim))
         lost_in_a_row = jnp.where(arrived, 0, memory.lost + (lost & memory.led))
         uneven = over & ~nodes.even[at(place)]
-        known = jnp.where(lost, 0, memory.known + good)
+        known = memory.known + good
         tangent = jnp.where(good, rest["tangent"], jnp.where(again, 0.0, memory.tangent))
         memory = Memory(
             away_q=_pushed(memory.away_q, found.q - own_q, good),

@@ -73,7 +73,7 @@ def test_the_folder_of_a_map_belongs_to_its_study(mapped, study, capsys):
         (["--pair", "PCL.stifness", "ACL.stiffness"], "did you mean 'PCL.stiffness'"),
         (["--pair", "PCL.stiffness", "PCL.stiffness"], "two different parameters"),
         ([*PAIR, *PAIR], "every pair once"),
-        ([*PAIR, "--grid", "1"], "two or more points"),
+        ([*PAIR, "--grid", "1"], "expected 2 to 2000 points a side"),
         ([*PAIR, "--grid", "4y5"], "as in 41 or 41x61"),
         ([*PAIR, "--range", "PCL.stiffness=900:300"], "lower bound first"),
         ([*PAIR, "--range", "PCL.stifness=300:900"], "did you mean PCL.stiffness?"),

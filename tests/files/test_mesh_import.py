@@ -249,7 +249,7 @@ def test_a_field_of_thickness(tmp_path):
         ({"side": "medial"}, "right or left"),
         ({"law": "cubic"}, "one of linear"),
         ({"thickness": "fields"}, "one of constant"),
-        ({"layer_thickness_mm": 0.0}, "at least 0.1"),
+        ({"layer_thickness_mm": 0.0}, "between 0.1 and 50 mm"),
         ({"unit": "inch"}, "one of auto"),
     ],
 )
