@@ -53,14 +53,16 @@ A cell lists the flexions 0, 30, 60 and 90 degrees:
 | `s` | balanced, with a fibre beyond its failure strain: it would have torn |
 | `w` | balanced, with a fibre whose obstacle is doubtful |
 | `D` | dislocated |
-| 44 | the knee gave way under this part of the load, in per cent |
-| `x44` | the search ended there, though the knee had not become soft |
+| `T` | bone through bone |
+| 44 | the knee gave way under this part of the load, in per cent: its stiffness became singular |
+| `D44` | beyond this part of the load no balance was found; the sign says what the knee was there |
 | `-` | no balance without the load |
 """
 LETTERS = {
     Status.BALANCED: "b", Status.OUTSIDE_REGION: "o", Status.OVERSTRETCHED: "s",
     Status.WAY_FLIPPED: "w", Status.PAST_WRAP: "w", Status.WRAP_INSIDE: "w",
-    Status.UNSTABLE: "u", Status.DISLOCATED: "D",
+    Status.UNSTABLE: "u", Status.DISLOCATED: "D", Status.TOO_DEEP: "T", Status.NO_PATCH: "o",
+    Status.THROUGH_BONE: "T",
 }  # fmt: skip
 
 
@@ -74,8 +76,9 @@ def cut_by_factor(knee: kj.Knee, factors) -> kj.Knee:
     )
 
 
-def outcomes(knee: kj.Knee) -> tuple[np.ndarray, np.ndarray]:
-    """Status and part of the load that was held, `(cuts, loads, angles)`."""
+def outcomes(knee: kj.Knee) -> tuple[np.ndarray, ...]:
+    """Status, part of the load that was held, and what the last pose was: `(cuts, loads, angles)`.
+    """
     fibres = knee.ligaments.names
     groups = {**{name: (name,) for name in fibres}, **dict(knee.groups)}
     factors = np.array(
@@ -88,29 +91,30 @@ def outcomes(knee: kj.Knee) -> tuple[np.ndarray, np.ndarray]:
     stations = Stations.at(np.tile(ANGLES_DEG, len(LOADS)), [load])
     found = balance_many(knee, cut_by_factor, np.ones(len(fibres)), factors, stations)
     shape = len(CUTS), len(LOADS), len(ANGLES_DEG)
-    return found.status.reshape(shape), found.reached.reshape(shape)
+    return tuple(x.reshape(shape) for x in (found.status, found.reached, found.fault))
 
 
 def table(knee: kj.Knee) -> str:
     """One row a cut, one column a load."""
-    status, reached = outcomes(knee)
+    found = outcomes(knee)
     words = [f"{name.split('_')[0]} {size:+g} {NAMED_LOADS[name].unit}" for name, size in LOADS]
     lines = [f"\n## {knee.name}\n", f"| cut | {' | '.join(words)} |", f"|---{'|---' * len(words)}|"]
-    for gone, of_cut, held in zip(CUTS, status, reached, strict=True):
+    for gone, *of_cut in zip(CUTS, *found, strict=True):
         cells = [
-            " ".join(_cell(Status(int(s)), r) for s, r in zip(*pair, strict=True))
-            for pair in zip(of_cut, held, strict=True)
+            " ".join(_cell(Status(s), held, Status(f)) for s, held, f in zip(*at, strict=True))
+            for at in zip(*of_cut, strict=True)
         ]
         lines.append(f"| {', '.join(gone) or 'none'} | {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
 
 
-def _cell(status: Status, held: float) -> str:
-    if status in LETTERS:
+def _cell(status: Status, held: float, fault: Status) -> str:
+    if status.converged:
         return LETTERS[status]
     if held == 0.0:
         return "-"
-    return f"{100 * held:.0f}" if status is Status.GIVES_WAY else f"x{100 * held:.0f}"
+    sign = "" if status is Status.GIVES_WAY else LETTERS.get(fault, "x")
+    return f"{sign}{100 * held:.0f}"
 
 
 if __name__ == "__main__":

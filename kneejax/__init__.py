@@ -7,6 +7,7 @@ not.
 
 from kneejax.experiments import Mechanics as Mechanics
 from kneejax.experiments import PassiveFlexion as PassiveFlexion
+from kneejax.experiments import branches as branches
 from kneejax.experiments import evaluate as evaluate
 from kneejax.experiments import passive_flexion as passive_flexion
 from kneejax.files import InputProblem as InputProblem

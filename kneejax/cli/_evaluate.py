@@ -6,11 +6,10 @@ import argparse
 
 import numpy as np
 
-from kneejax.cli._say_status import say_status
+from kneejax.cli._say_status import say_given
 from kneejax.experiments import (
     Mechanics,
     Way,
-    doubts,
     evaluate,
     status_of,
     ways_of,
@@ -65,8 +64,8 @@ def run(arguments: argparse.Namespace) -> int:
     write_rows(out / "contact.csv", CONTACT_COLUMNS, _contacts(knee, found, status))
     poses = counted(len(table), "pose")
     print(f"{poses} of {knee.name}; written: {out}/ligaments.csv, contact.csv")
-    rows = [str(row) for row in range(len(table))]
-    return int(say_status(status, rows, "(row)", doubts(knee, found), given=True))
+    say_given(knee, found, range(len(table)))
+    return int((status != Status.BALANCED).any())
 
 
 def _ligaments(knee: Knee, table: np.ndarray, found: Mechanics, ways: np.ndarray) -> list[list]:

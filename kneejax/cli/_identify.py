@@ -121,12 +121,14 @@ def _write(
     from kneejax.report import (
         CANDIDATE_COLUMNS,
         ESTIMATE_COLUMNS,
+        accepted_statuses,
         candidates_rows,
         design_text,
         estimate_rows,
         estimates_text,
         information_text,
         json_safe,
+        pose_doubts,
         undetermined_words,
     )
 
@@ -155,6 +157,8 @@ def _write(
     _draw(found, sampled, design, asked, out)
     doubts = [*found.warnings, *(sampled.warnings if sampled is not None else ())]
     doubts += undetermined_words(found)
+    accepted = accepted_statuses(asked.study.failures)
+    doubts += pose_doubts(found.motion, found.motion.table[:, 0], accepted)
     document = {
         "study": asked.study.title,
         "knee": asked.study.knee,

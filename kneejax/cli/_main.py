@@ -135,6 +135,11 @@ def _build_parser() -> argparse.ArgumentParser:
         help="a ligament, or a group of them, that does not act; once for each",
     )
     simulate.add_argument(
+        "--branches",
+        action="store_true",
+        help="look for other stable balances at the same angles and load as well: branches.csv",
+    )
+    simulate.add_argument(
         "--load",
         action="append",
         default=[],

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from kneejax.experiments import Mechanics, doubts, status_of, with_flips
+from kneejax.mechanics import Knee
 from kneejax.statics import Status
 
 
@@ -31,6 +33,22 @@ def say_status(
         _details(rows, places, doubts)
     _details(np.flatnonzero(status == Status.BALANCED).tolist(), places, doubts)
     return bool((status != Status.BALANCED).any())
+
+
+def say_given(knee: Knee, found: Mechanics, rows: Sequence[int]) -> np.ndarray:
+    """Say what is wrong with poses that nobody balanced.
+
+    Args:
+        knee: with which they were evaluated.
+        found: their mechanics.
+        rows: what each pose is called.
+
+    Returns:
+        `Status` values, `(poses,)`.
+    """
+    status = with_flips(status_of(found, knee), found)
+    say_status(status, [str(row) for row in rows], "(row)", doubts(knee, found), given=True)
+    return status
 
 
 def _listed(places: Sequence[str], rows: list[int], unit: str) -> str:

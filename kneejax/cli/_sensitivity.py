@@ -59,14 +59,16 @@ def run(arguments: argparse.Namespace) -> int:
     # A wrong name, too, is better known before the work.
     select(knee, tuple(swept))
     problem = with_measurement(study, knee, calibrated=False)
-    parameters = problem.study.parameters
+    parameters, failures = problem.study.parameters, failures_of(problem.study.failures)
     flexion, seconds = np.unique(problem.measured[:, 0]), {}
     with _timed(seconds, "local"):
         local = local_sensitivity(
             problem.knee, parameters, flexion, scale=arguments.scale, given=priors
         )
     with _timed(seconds, "sweeps"), balances_on_terminal("sweeps") as progress:
-        sweeps = sweep(problem.knee, swept or parameters, flexion, progress=progress)
+        sweeps = sweep(
+            problem.knee, swept or parameters, flexion, progress=progress, failures=failures
+        )
     indices = None
     if arguments.indices:
         with _timed(seconds, "global"), balances_on_terminal("indices") as progress:
@@ -83,7 +85,7 @@ def run(arguments: argparse.Namespace) -> int:
                 samples=_samples(arguments),
                 seed=arguments.seed,
                 progress=progress,
-                failures=failures_of(problem.study.failures),
+                failures=failures,
             )
     return _write(problem, arguments, local, sweeps, indices, seconds)
 

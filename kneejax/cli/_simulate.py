@@ -15,7 +15,14 @@ from kneejax.cli._displacement import (
 )
 from kneejax.cli._given import knee_with, read_loads, read_pairs
 from kneejax.cli._say_status import say_status
-from kneejax.experiments import doubts, evaluate, of_search, passive_flexion, with_flips
+from kneejax.experiments import (
+    branches,
+    doubts,
+    evaluate,
+    of_search,
+    passive_flexion,
+    with_flips,
+)
 from kneejax.files import (
     FEMORAL,
     load_knee,
@@ -24,9 +31,9 @@ from kneejax.files import (
     write_rows,
     write_text,
 )
-from kneejax.geometry import convert_table
+from kneejax.geometry import COLUMNS, convert_table
 from kneejax.inference import cut, versions
-from kneejax.mechanics import GROOD_SUNTAY, Knee, load_of, load_words
+from kneejax.mechanics import GROOD_SUNTAY, Knee, Load, load_of, load_words
 from kneejax.statics import Status
 
 
@@ -70,10 +77,33 @@ def run(arguments: argparse.Namespace) -> int:
         write_rows(arguments.out / "displacement.csv", *displacement_table(flexion, moved))
         files.append("displacement.csv")
         print("\n".join(displacement_lines(flexion, moved)))
+    if arguments.branches:
+        _branches(arguments, knee, flexion, [load_of(**loads)] if loads else [])
+        files.append("branches.csv")
     _figure(arguments, flexion, shown, status, knee, tension, contact)
     doubtful = say_status(status, [f"{x:g}" for x in flexion], "degrees", said, given=False)
     print(f"written: {arguments.out}/{', '.join(files)}, figures/simulation.png and .svg")
     return int(doubtful)
+
+
+def _branches(arguments, knee: Knee, flexion: np.ndarray, loads: list[Load]) -> None:
+    """Say and write which stable balances there are besides those of the test."""
+    found = branches(knee, flexion, loads)
+    poses = np.array([[flexion[b.station], *b.pose[1:]] for b in found]).reshape(-1, 6)
+    shown = convert_table(poses, FEMORAL, arguments.convention)
+    others = np.array([not branch.by_test for branch in found], bool)
+    if others.any():
+        print("Besides these, the knee also balances at:")
+        status = np.array([branch.status for branch in found])
+        print("\n".join(pose_lines(shown[others], status[others], arguments.convention)))
+    else:
+        print("No other stable balance was found at any of these angles.")
+    header = [*COLUMNS, "status", "by_test", "apart_mm", "starts"]
+    rows = [
+        [*row, branch.status.word, int(branch.by_test), branch.apart_mm, branch.starts]
+        for row, branch in zip(shown, found, strict=True)
+    ]
+    write_rows(arguments.out / "branches.csv", header, rows)
 
 
 def _record(arguments, knee: Knee, values: dict[str, float], loads: dict[str, float]) -> None:

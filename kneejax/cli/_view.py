@@ -9,9 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from kneejax import report
-from kneejax.files import InputProblem, load_knee, read_mesh_points, read_poses
+from kneejax.cli._say_status import say_given
+from kneejax.experiments import evaluate
+from kneejax.files import InputProblem, counted, load_knee, read_mesh_points, read_poses
 from kneejax.geometry import Pose
 from kneejax.mechanics import Knee
+from kneejax.statics import Status
 
 #: A bone whose nearest corner is farther than this from a ligament's end on it is in another frame.
 _FARTHEST_MM = 50.0
@@ -45,8 +48,9 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"kneejax: no pictures in space: {problem}", file=sys.stderr)
         status = 1
     names = ", ".join(path.name for path in written)
-    print(f"{len(table)} poses of {knee.name}; written to {out}: {names}")
-    return status
+    print(f"{counted(len(table), 'pose')} of {knee.name}; written to {out}: {names}")
+    found = say_given(knee, evaluate(knee, Pose.from_table(table)), range(len(table)))
+    return max(status, int((found != Status.BALANCED).any()))
 
 
 def _bone(knee: Knee, bone: str, path: Path) -> report.BoneMesh:

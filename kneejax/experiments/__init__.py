@@ -1,5 +1,7 @@
 """Experiments on a knee: each is a few lines over statics."""
 
+from kneejax.experiments._branches import Branch as Branch
+from kneejax.experiments._branches import branches as branches
 from kneejax.experiments._doubts import doubts as doubts
 from kneejax.experiments._doubts import of_search as of_search
 from kneejax.experiments._doubts import with_flips as with_flips

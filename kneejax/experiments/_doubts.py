@@ -65,21 +65,31 @@ def of_search(motion: PassiveFlexion, loads: Mapping[str, float] | None = None) 
     Returns:
         A text a pose, empty where a balance was found; for `doubts`.
     """
-    numbers = [np.asarray(x) for x in (motion.reached, motion.left_mm, motion.residual_force)]
-    status = np.asarray(motion.status)
+    motion = jax.tree.map(np.asarray, motion)
+    lost = ~converged(motion.status)
     return tuple(
-        "" if converged(s) else _of_lost(s, reached, left_mm, left_N, loads or {})
-        for s, reached, left_mm, left_N in zip(status, *numbers, strict=True)
+        _of_lost(motion, row, loads or {}) if gone else "" for row, gone in enumerate(lost)
     )
 
 
-def _of_lost(status: int, reached: float, left_mm: float, left_N: float, loads) -> str:
-    if status == Status.GIVES_WAY:
-        held = load_words({name: float(f"{reached * size:.3g}") for name, size in loads.items()})
-        return f"held {held or f'{reached:.3g} of the load'}, and nothing beyond"
-    if np.isfinite([left_mm, left_N]).all():
-        return f"the search stopped {left_mm:.2g} mm and {left_N:.2g} N from a balance"
-    return ""
+def _of_lost(motion: PassiveFlexion, row: int, loads: Mapping[str, float]) -> str:
+    reached = float(motion.reached[row])
+    if motion.status[row] == Status.GIVES_WAY:
+        return f"held {_part(loads, reached)}, and nothing beyond"
+    left_mm, left_N = float(motion.left_mm[row]), float(motion.residual_force[row])
+    if not np.isfinite([left_mm, left_N]).all():
+        return ""
+    told = f"the search stopped {left_mm:.2g} mm and {left_N:.2g} N from a balance"
+    if 0.0 < reached < 1.0:
+        told += f" beyond {_part(loads, reached)}"
+    fault = Status(int(motion.settled.fault[row])).fault
+    return f"{told}, where {fault}" if fault else told
+
+
+def _part(loads: Mapping[str, float], part: float) -> str:
+    """A part of all loads, in words."""
+    words = load_words({name: float(f"{part * size:.3g}") for name, size in loads.items()})
+    return words or f"{part:.3g} of the load"
 
 
 def _of_pose(knee: Knee, found: Mechanics, row: int, flips: np.ndarray):

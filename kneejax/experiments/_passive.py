@@ -9,7 +9,7 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.geometry import Pose, filled, traced
+from kneejax.geometry import Pose, traced
 from kneejax.mechanics import Knee, Load, add_lane_axis
 from kneejax.statics import (
     Settled,
@@ -19,8 +19,10 @@ from kneejax.statics import (
     own_motion,
     poses_on_the_way,
     settle,
-    settled_at,
 )
+
+#: Fields of a solution that a walk has found.
+_FOUND = ("q", "meeting", "status", "fault", "left_mm", "steps")
 
 
 class PassiveFlexion(eqx.Module):
@@ -33,8 +35,7 @@ class PassiveFlexion(eqx.Module):
         residual_force: largest unbalanced force, `(poses,)`, N; where the search failed, what it
             left.
         residual_moment: largest unbalanced moment, `(poses,)`, N mm.
-        left_mm: how far the search was from a balance where it failed, `(poses,)`, mm (rotations
-            at 30 mm).
+        left_mm: how far the search ended from a balance, `(poses,)`, mm (rotations at 30 mm).
         reached: part of the load under which the knee still balanced, `(poses,)`.
         stable: `(poses,)`.
         settled: the solution in full, for further derivatives.
@@ -83,18 +84,17 @@ def passive_flexion(
     if traced(knee, flexion_deg, loads):
         return _whole_motion(knee, Stations.at(flexion_deg, loads))
     stations = Stations.at(flexion_deg, loads)
-    found = own_motion(knee, _itself, np.zeros(()), stations)
-    count = len(stations)
-    # Filled up with the last pose: one compiled program for tables of several lengths.
-    rows = np.minimum(np.arange(len(filled(np.zeros(count)))), count - 1)
-    q, meeting = (np.moveaxis(x[0][rows], 0, -1) for x in (found.q, found.meeting))
-    there = stations.take(rows)
-    settled = settled_at(
-        _in_lanes(knee, there), np.asarray(there.flexion), q, meeting, found.status[0][rows]
+    found = own_motion(knee, _itself, np.zeros(()), stations).at(0)
+    settled = Settled(
+        flexion=np.asarray(stations.flexion),
+        **{name: _ends_in_lanes(getattr(found, name)) for name in _FOUND},
+        **{name: _ends_in_lanes(x) for name, x in found.holding.items()},
     )
-    left = (x[0][rows] for x in (found.left_N, found.left_mm, found.reached))
-    motion = _described(settled, *left)
-    return jax.tree.map(lambda x: jnp.asarray(np.asarray(x)[..., :count]), motion)
+    return jax.tree.map(jnp.asarray, _described(settled, found.left_N, found.reached))
+
+
+def _ends_in_lanes(x: np.ndarray) -> np.ndarray:
+    return np.moveaxis(x, 0, -1)
 
 
 def _itself(knee: Knee, _) -> Knee:
@@ -110,16 +110,10 @@ def _whole_motion(knee: Knee, stations: Stations) -> PassiveFlexion:
     count = poses_on_the_way(start, stations.flexion)
     settled = settle(lanes, stations.flexion, guess, start, count)
     none = jnp.full(start.shape, jnp.nan)
-    return _described(settled, none, none, jnp.where(settled.converged, 1.0, 0.0))
+    return _described(settled, none, jnp.where(settled.converged, 1.0, 0.0))
 
 
-@jax.jit
-def _in_lanes(knee: Knee, stations: Stations) -> Knee:
-    return stations.load(add_lane_axis(knee))
-
-
-@jax.jit
-def _described(settled: Settled, left_N: Array, left_mm: Array, reached: Array) -> PassiveFlexion:
+def _described(settled: Settled, left_N: Array, reached: Array) -> PassiveFlexion:
     moment, force = jnp.abs(settled.residual[:2]), jnp.abs(settled.residual[2:])
     found = settled.converged
     return PassiveFlexion(
@@ -128,7 +122,7 @@ def _described(settled: Settled, left_N: Array, left_mm: Array, reached: Array) 
         settled.status,
         jnp.where(found, jnp.max(force, axis=0), left_N),
         jnp.where(found, jnp.max(moment, axis=0), jnp.nan),
-        jnp.where(found, 0.0, left_mm),
+        settled.left_mm,
         reached,
         settled.stable,
         settled,

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
 from kneejax.experiments import doubts, with_flips
 from kneejax.experiments import evaluate as evaluate_mechanics
-from kneejax.geometry import COLUMNS, FREE_COORDINATES
+from kneejax.geometry import COLUMNS, FREE_COORDINATES, Pose
 from kneejax.inference._information import slack_poses
 from kneejax.inference._intervals import Interval, IntervalKind, Surety, sureties
 from kneejax.inference._likelihood import on_bounds
@@ -22,6 +23,7 @@ from kneejax.inference._problem import Evaluation, Problem, slopes_of
 from kneejax.inference._profiles import named
 from kneejax.inference._result import Ending, Estimate, Fit, Motion, Starts
 from kneejax.inference._search import Trail
+from kneejax.mechanics import Knee
 from kneejax.statics import Slopes, Stations, Status
 
 _UNITS = {c: n.rsplit("_", 1)[1] for c, n in zip(FREE_COORDINATES, COLUMNS[1:], strict=True)}
@@ -193,11 +195,27 @@ def starts_of(problem: Problem, answer: Fit, ends: np.ndarray, objectives: np.nd
 def motion_of(problem: Problem, x: np.ndarray, found: Evaluation) -> Motion:
     """Poses with the forces that hold them."""
     knee = problem.selection.apply(problem.knee, jnp.asarray(x[: len(problem.selection)]))
-    mechanics = evaluate_mechanics(knee, found.settled.pose, found.settled.meeting)
     table = np.column_stack([problem.measured[:, 0], np.asarray(found.table).T])
+    settled = found.settled
+    return motion_at(knee, table, settled.pose, settled.meeting, settled.status)
+
+
+def motion_at(
+    knee: Knee, table: np.ndarray, pose: Pose, meeting: ArrayLike, status: ArrayLike
+) -> Motion:
+    """Poses with the forces that hold them.
+
+    Args:
+        knee: that was balanced.
+        table: what is shown of the poses, degrees and mm, `(n, 6)`.
+        pose: the balances, `(n,)`.
+        meeting: parameters of the meeting points, `(patches, 2, n)`.
+        status: `Status` values, `(n,)`.
+    """
+    mechanics = evaluate_mechanics(knee, pose, meeting)
     return Motion(
         table,
-        with_flips(found.settled.status, mechanics),
+        with_flips(status, mechanics),
         np.asarray(mechanics.tension),
         np.linalg.norm(np.asarray(mechanics.contact_force), axis=-1),
         doubts(knee, mechanics),

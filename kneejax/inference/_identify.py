@@ -7,7 +7,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from kneejax.geometry import FREE_COORDINATES
+from kneejax.geometry import FREE_COORDINATES, Pose
+from kneejax.inference._answers import motion_at
 from kneejax.inference._information import Information, fit_information
 from kneejax.inference._intervals import Interval
 from kneejax.inference._likelihood import likeliest, on_bounds, rise_at_limits, stated_noise
@@ -21,8 +22,9 @@ from kneejax.inference._parameters import (
 )
 from kneejax.inference._problem import DEFAULT_WEIGHTS, Problem
 from kneejax.inference._profiles import Profile, follow_to_the_lowest, named
+from kneejax.inference._result import Motion
 from kneejax.mechanics import Knee
-from kneejax.statics import Stations, balance_with_slopes
+from kneejax.statics import Slopes, Stations, balance_with_slopes
 
 #: Chi squared per degree of freedom beyond which the noise that was given is doubted.
 _MISFIT = 2.0
@@ -47,6 +49,7 @@ class Identification:
         information: Fisher information at the fit.
         profiles: one a parameter; empty if none were asked for.
         intervals: what they say of each parameter; likewise.
+        motion: the poses of the fit, without frame offsets.
         problem: for what builds on the fit (posterior, next test).
         warnings: what a reader must know.
     """
@@ -65,6 +68,7 @@ class Identification:
     information: Information
     profiles: tuple[Profile, ...]
     intervals: tuple[Interval, ...]
+    motion: Motion
     problem: Problem
     warnings: tuple[str, ...]
 
@@ -165,10 +169,17 @@ def identify(
         told,
         followed,
         tuple(map(Interval.of, followed, values, told.standard_error, lower, upper)),
+        _motion(selection.apply(knee, values), stations, fit),
         problem,
         (),
     )
     return dataclasses.replace(answer, warnings=_warnings(answer, used, spare))
+
+
+def _motion(knee: Knee, stations: Stations, fit: Slopes) -> Motion:
+    q, meeting = np.moveaxis(fit.q[0], 0, -1), np.moveaxis(fit.meeting[0], 0, -1)
+    pose = Pose.from_state(stations.flexion, q)
+    return motion_at(knee, np.asarray(pose.to_table()), pose, meeting, fit.status[0])
 
 
 def _warnings(answer: Identification, used: np.ndarray, spare: int) -> tuple[str, ...]:

@@ -293,7 +293,7 @@ class _Study:
                 here = self._lines(
                     self._values(x, y[block], column, row),
                     np.full(y[block].size, middle),
-                    Balances(*(getattr(near, f.name)[0, block] for f in dataclasses.fields(near))),
+                    near.at(0, block),
                     lambda done, _, before=first: report(before * x.size * size + done, 0),
                 )
                 known = self._reduced(here)

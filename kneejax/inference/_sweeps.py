@@ -18,7 +18,7 @@ from kneejax.inference._parameters import (
 )
 from kneejax.inference._physiological import unphysiological
 from kneejax.mechanics import Knee
-from kneejax.statics import Progress, Stations, balance_lines, sound
+from kneejax.statics import FAILURES, Progress, Stations, Status, balance_lines, fails
 
 #: Ranges of paper 1, section 3; other quantities go over their bounds.
 SWEEP_RANGES = {"stiffness": (300.0, 9300.0), "reference_strain": (-0.2, 0.2)}
@@ -40,6 +40,7 @@ class Sweep:
         status: `Status` values, `(values, stations)`.
         unphysiological: balanced, but not as a knee moves (see `unphysiological`),
             `(values, stations)`.
+        failures: statuses of balances that count for nothing.
     """
 
     name: str
@@ -49,11 +50,12 @@ class Sweep:
     table: np.ndarray
     status: np.ndarray
     unphysiological: np.ndarray
+    failures: tuple[Status, ...] = FAILURES
 
     @property
     def sound(self) -> np.ndarray:
-        """Balanced, stable and physiological, `(values, stations)`."""
-        return sound(self.status) & ~self.unphysiological
+        """Balanced, no failure, and physiological, `(values, stations)`."""
+        return ~fails(self.status, self.failures) & ~self.unphysiological
 
 
 @dataclasses.dataclass(frozen=True)
@@ -83,6 +85,7 @@ def sweep(
     *,
     count: int = _COUNT,
     progress: Progress | None = None,
+    failures: tuple[Status, ...] = FAILURES,
 ) -> Sweeps:
     """Vary parameters one at a time and balance the knee at every value.
 
@@ -97,6 +100,7 @@ def sweep(
         stations: angles in degrees, or stations with loads of their own.
         count: how many values where none are given.
         progress: called now and then with balances done and asked for.
+        failures: statuses of balances that count for nothing: such poses are not sound.
 
     Returns:
         The `Sweeps`; stations in ascending flexion if angles are given.
@@ -140,6 +144,7 @@ def sweep(
                 table,
                 status,
                 unphysiological(table, motion),
+                failures,
             )
         )
     return Sweeps(flexion, motion, outcome, tuple(sweeps))

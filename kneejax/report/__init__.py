@@ -90,6 +90,8 @@ from kneejax.report._surface_figure import surface_fit_figure as surface_fit_fig
 from kneejax.report._sweep_figure import sweep_figure as sweep_figure
 from kneejax.report._text import calibration_summary as calibration_summary
 from kneejax.report._verdict import Outcome as Outcome
+from kneejax.report._verdict import accepted_statuses as accepted_statuses
 from kneejax.report._verdict import outcome as outcome
+from kneejax.report._verdict import pose_doubts as pose_doubts
 from kneejax.report._verdict import verdict as verdict
 from kneejax.report._verdict import warnings as warnings

@@ -6,6 +6,7 @@ import dataclasses
 import enum
 import math
 from collections import Counter
+from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -134,9 +135,28 @@ def row_status(motion: Motion) -> np.ndarray:
     return np.where(lost & converged(status), int(Status.NOT_CONVERGED), status)
 
 
-def _pose_doubts(
+def accepted_statuses(failures: Collection[str]) -> tuple[Status, ...]:
+    """What a study that names its `failures` accepts: all balances with another status.
+
+    Args:
+        failures: words of statuses; where there are none, nothing but `balanced` is accepted.
+    """
+    return tuple(s for s in Status if s.converged and s.word not in failures) if failures else ()
+
+
+def pose_doubts(
     motion: Motion, flexion: np.ndarray, accepted: tuple[Status, ...] = ()
 ) -> list[str]:
+    """Say what is wrong with the poses of a motion.
+
+    Args:
+        motion: as it was found.
+        flexion: of its poses, degrees.
+        accepted: statuses of which nothing is said.
+
+    Returns:
+        A sentence a status.
+    """
     status = row_status(motion)
     sentences = []
     for outcome in sorted(set(status.tolist()) - {Status.BALANCED, *accepted}, reverse=True):
@@ -179,7 +199,7 @@ def _doubts(fit: Fit, flexion: np.ndarray, accepted: tuple[Status, ...] = ()) ->
         sentences.append(f"{listed(names, 40)} {verb} not determined by the data: {why}.")
     if fit.starts is not None and fit.starts.rivals.any():
         sentences.append(_rivals(fit))
-    return sentences + _pose_doubts(fit.motion, flexion, accepted)
+    return sentences + pose_doubts(fit.motion, flexion, accepted)
 
 
 def _rivals(fit: Fit) -> str:
@@ -253,8 +273,7 @@ def warnings(calibration: Calibration) -> list[str]:
     Returns:
         Sentences, those on the answer first; empty if nothing is doubtful.
     """
-    named = calibration.settings.get("failures") or ()
-    accepted = tuple(s for s in Status if s.converged and s.word not in named) if named else ()
+    accepted = accepted_statuses(calibration.settings.get("failures") or ())
     flexion = np.asarray(calibration.measured, float)[:, 0]
     found: dict[str, list[str]] = {}
     for fit in calibration.fits:
@@ -267,7 +286,7 @@ def warnings(calibration: Calibration) -> list[str]:
         who = f"Procedure{plural} {', '.join(procedures)}: " if several else ""
         sentences.append(who + sentence)
     sentences += [
-        f"Start: {sentence}" for sentence in _pose_doubts(calibration.start, flexion, accepted)
+        f"Start: {sentence}" for sentence in pose_doubts(calibration.start, flexion, accepted)
     ]
     return sentences
 

@@ -17,6 +17,7 @@ from kneejax.statics._compiled import (
 from kneejax.statics._compiled import use_shared_fusion as use_shared_fusion
 from kneejax.statics._faults import ContactFaults as ContactFaults
 from kneejax.statics._faults import Faults as Faults
+from kneejax.statics._newton import UNITS as UNITS
 from kneejax.statics._newton import EnergyNewton as EnergyNewton
 from kneejax.statics._newton import Guess as Guess
 from kneejax.statics._settle import Settled as Settled
@@ -24,7 +25,6 @@ from kneejax.statics._settle import differentiable as differentiable
 from kneejax.statics._settle import first_guess as first_guess
 from kneejax.statics._settle import poses_on_the_way as poses_on_the_way
 from kneejax.statics._settle import settle as settle
-from kneejax.statics._settle import settled_at as settled_at
 from kneejax.statics._settle import with_meeting as with_meeting
 from kneejax.statics._slopes import Slopes as Slopes
 from kneejax.statics._slopes import balance_with_slopes as balance_with_slopes

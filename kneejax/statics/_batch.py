@@ -36,13 +36,13 @@ from kneejax.statics._settle import STRIDE, longest_stride_mm, needs_float64
 from kneejax.statics._stations import Stations
 from kneejax.statics._status import Status, converged
 from kneejax.statics._variants import Variants, Vary
-from kneejax.statics._walk import LANES, Walker
+from kneejax.statics._walk import Walker
 
 #: Called with how many balances are done, and of how many.
 Progress = Callable[[int, int], None]
 
-#: Paths of a lot, at least and at most.
-_LOT = (2 * LANES, 8 * LANES)
+#: Paths of a lot, at least and at most, for each lane of a call.
+_LOT = (2, 8)
 #: Lost nodes in a row after which a path is given up. Along stations the next ones may well
 #: balance (a knee too tight in extension); beyond the end of a branch nothing does.
 _ALONG_STATIONS, _ALONG_VALUES, _ALONG_LOADS = 5, 2, 1
@@ -72,6 +72,10 @@ class Balances:
         left_mm: how far the last search was from a balance where none was found, mm (rotations at
             30 mm).
         left_N: the unbalanced force that it left, N (moments at 30 mm).
+        fault: the pose at which the last search ended, balanced or not, taken by itself; `Status`
+            values.
+        holding: what holds the balances, fields of `Settled` by name, `(variants, stations, ...)`;
+            of `own_motion` only.
     """
 
     q: np.ndarray
@@ -81,15 +85,23 @@ class Balances:
     reached: np.ndarray
     left_mm: np.ndarray
     left_N: np.ndarray
+    fault: np.ndarray
+    holding: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)
 
     @classmethod
     def of(cls, found: Found, shape: tuple[int, ...]) -> Balances:
         """What was found, with the leading axes of the values."""
         reached = np.where(found.known, 1.0, 0.0)
         arrays = (
-            found.q, found.meeting, found.status, found.steps, reached, found.left_mm, found.left_N
+            found.q, found.meeting, found.status, found.steps, reached, found.left_mm,
+            found.left_N, found.fault, found.holding or {},
         )  # fmt: skip
-        return cls(*(np.reshape(x, (*shape, *x.shape[1:])) for x in arrays))
+        return cls(*jax.tree.map(lambda x: np.reshape(x, (*shape, *x.shape[1:])), arrays))
+
+    def at(self, *where: Any) -> Balances:
+        """The balances at some of the variants and stations, as NumPy indexes."""
+        fields = (getattr(self, field.name) for field in dataclasses.fields(self))
+        return Balances(*(jax.tree.map(lambda x: x[where], field) for field in fields))
 
     @property
     def table(self) -> np.ndarray:
@@ -107,12 +119,12 @@ def _asked(found: Found, routes: Routes) -> Balances:
     every = Balances.of(found, (len(found.status),))
     for chain in itertools.chain.from_iterable(routes.loading):
         _say_how_far(every, found, chain)
-    return Balances(*(getattr(every, f.name)[:, routes.asked] for f in dataclasses.fields(every)))
+    return every.at(slice(None), routes.asked)
 
 
 def _say_how_far(every: Balances, found: Found, chain: Chain) -> None:
     """Write down how much of its load each variant held along a chain, and whether it gave way:
-    whether it had become soft where the last balance was."""
+    whether it had become soft where the last balance was, or was unstable right behind."""
     nodes, sizes = np.array(chain.nodes), np.array(chain.sizes)
     known, row = found.known[:, nodes], np.arange(len(found.status))
     lost = np.where(known.all(axis=1), len(nodes) - 1, np.argmin(known, axis=1))
@@ -120,7 +132,10 @@ def _say_how_far(every: Balances, found: Found, chain: Chain) -> None:
     held = begin + found.share[row, nodes[lost]] * (end - begin)
     held = np.where(found.known[:, chain.origin], held, 0.0)[:, None]
     soft = found.softest[row, nodes[lost]] < _SOFT * found.softest[:, chain.origin]
-    gives_way = ~known & (held > 0.0) & soft[:, None]
+    fault = found.fault[row, nodes[lost]]
+    singular = soft | (fault == Status.UNSTABLE)
+    gives_way = ~known & (held > 0.0) & singular[:, None]
+    every.fault[:, nodes] = np.where(known, every.fault[:, nodes], fault[:, None])
     every.reached[:, nodes] = np.where(known, 1.0, np.minimum(held / sizes, 1.0))
     every.status[:, nodes] = np.where(gives_way, Status.GIVES_WAY, found.status[:, nodes])
 
@@ -249,7 +264,7 @@ def _walked_by_itself(knee: Knee, vary: Vary, base: Any, routes: Routes) -> Walk
     reference = np.array([float(x) for x in knee.reference_pose.state])
     size = len(routes.nodes)
     found = Found.nothing(
-        1, (np.tile(reference, (size, 1)), np.zeros((size, knee.patch_count, 2)))
+        1, (np.tile(reference, (size, 1)), np.zeros((size, knee.patch_count, 2))), holding={}
     )
     one = jax.tree.map(lambda x: np.asarray(x)[None], base)
     walker = Walker(Variants.of(knee, vary, one), routes.nodes, found, lambda _: None)
@@ -318,7 +333,8 @@ def _counter(progress: Progress | None, total: int) -> Callable[[int], None]:
 def _walk_all(walker: Walker, rows: Paths, give_up: int, **how: Any) -> None:
     """Deal the paths to threads; arguments as in `Walker.walk`."""
     count = len(rows)
-    most = int(np.clip(-(-count // 2), *_LOT))
+    least, longest = (walker.lanes * size for size in _LOT)
+    most = min(max(-(-count // 2), least), longest)
     # Neighbours are alike, and the hard ones would all be in the last lot.
     lots = max(-(-count // most), 1)
     lots = [rows.take(slice(i, None, lots)) for i in range(lots)]

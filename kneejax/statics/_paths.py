@@ -31,6 +31,9 @@ class Found:
         softest: least pivot of the scaled stiffness at the last balance before a node.
         left_mm: how far the last search was from a balance, mm (rotations at 30 mm).
         left_N: the unbalanced force that it left, N.
+        fault: see `Settled`, of the last search; `NOT_CONVERGED` where nothing was searched.
+        holding: what holds the balances, fields of `Settled` by name, `(variants, stations, ...)`;
+            None where nobody asks.
     """
 
     own: Own
@@ -42,9 +45,13 @@ class Found:
     softest: np.ndarray
     left_mm: np.ndarray
     left_N: np.ndarray
+    fault: np.ndarray
+    holding: dict[str, np.ndarray] | None = None
 
     @classmethod
-    def nothing(cls, variants: int, own: Own) -> Found:
+    def nothing(
+        cls, variants: int, own: Own, holding: dict[str, np.ndarray] | None = None
+    ) -> Found:
         """Nothing known yet: every node counts as not balanced."""
         size = variants, len(own[0])
         return cls(
@@ -57,6 +64,8 @@ class Found:
             np.full(size, np.nan),
             np.full(size, np.nan),
             np.full(size, np.nan),
+            np.full(size, int(Status.NOT_CONVERGED), np.int8),
+            holding,
         )
 
     @property

@@ -22,7 +22,6 @@ from jax.typing import ArrayLike
 from kneejax.geometry import Pose, instantiate
 from kneejax.mechanics import Contact, Knee, displacement
 from kneejax.statics._balance import (
-    balance,
     force_derivative,
     force_derivative_without_patches,
 )
@@ -34,7 +33,6 @@ from kneejax.statics._newton import (
     EnergyNewton,
     Guess,
     SearchState,
-    begun,
     look,
 )
 from kneejax.statics._status import Status, converged
@@ -60,6 +58,9 @@ class Settled(eqx.Module):
         pivots: of the scaled symmetric tangent; all positive where the pose is stable.
         depth: of each patch, `(n, lanes)`, mm.
         status: `Status` value.
+        fault: the pose at which the search ended, balanced or not, taken by itself; `Status` value.
+        left_mm: how far the search ended from a balance: the Newton step that is left, mm
+            (rotations at 30 mm).
         steps: Newton steps taken.
     """
 
@@ -72,6 +73,8 @@ class Settled(eqx.Module):
     pivots: Array
     depth: Array
     status: Array
+    fault: Array
+    left_mm: Array
     steps: Array
 
     @property
@@ -254,32 +257,6 @@ def _search(
     return Settled(flexion, q, meeting, **rest)
 
 
-@compiled()
-def settled_at(knee: Knee, flexion: Array, q: Array, meeting: Array, status: Array) -> Settled:
-    """What holds balances that have been found: nothing is searched.
-
-    Args:
-        knee: leaves end in a lane axis.
-        flexion: rad, `(lanes,)`.
-        q: free coordinates `(5, lanes)`, rad and mm; NaN where there is no balance.
-        meeting: parameters of the meeting points `(n, 2, lanes)`.
-        status: `Status` values where there is none.
-
-    Returns:
-        The balances, to be made differentiable by `differentiable`.
-    """
-    known, knee = converged(status), knee.for_many_poses()
-    there = jnp.where(known, q, first_guess(knee, flexion).q), jnp.nan_to_num(meeting)
-    here = balance(knee, flexion, there[0], (there[1][:, 0], there[1][:, 1]))
-    state = begun(Guess(*there, here.tangent), here.forces)
-    state = eqx.tree_at(
-        lambda s: (s.residual, s.done), state, (tuple(here.residual), known)
-    )
-    q, meeting, rest = described(knee, flexion, state.guess, state)
-    rest["status"] = jnp.where(known, rest["status"], status)
-    return Settled(flexion, jnp.where(known, q, jnp.nan), meeting, **rest)
-
-
 def _known_meeting(knee: Knee, flexion: Array, q: Array, meeting: Array) -> Array:
     """The meeting points, searched from scratch in lanes where they are NaN."""
     unknown = jnp.any(jnp.isnan(meeting), axis=(0, 1))
@@ -294,8 +271,9 @@ def described(knee: Knee, flexion: Array, found: Guess, here: SearchState):
     """Coordinates (NaN where they are no balance), meeting points, and the rest of `Settled`."""
     units = jnp.asarray(UNITS).reshape(5, *(1,) * here.done.ndim)
     scaled = symmetric(here.guess.tangent) * units[:, None] * units[None]
-    pivots = jnp.stack(solve(scaled, here.residual)[1])
-    status = _status(knee, flexion, here, pivots)
+    step, pivots = map(jnp.stack, solve(scaled, jnp.stack(here.residual) * units))
+    fault = _fault(knee, flexion, here, pivots)
+    status = jnp.where(here.done, fault, int(Status.NOT_CONVERGED))
     rest = dict(
         residual=jnp.stack(here.residual),
         tangent=here.guess.tangent,
@@ -303,15 +281,16 @@ def described(knee: Knee, flexion: Array, found: Guess, here: SearchState):
         pivots=pivots,
         depth=here.forces.depth,
         status=status,
+        fault=fault,
+        left_mm=jnp.max(jnp.abs(step), axis=0),
         steps=here.count,
     )
     return jnp.where(converged(status), found.q, jnp.nan), found.meeting, rest
 
 
-def _status(knee: Knee, flexion: Array, here: SearchState, pivots: Array) -> Array:
+def _fault(knee: Knee, flexion: Array, here: SearchState, pivots: Array) -> Array:
     stable = jnp.where(jnp.all(pivots > 0, axis=0), int(Status.BALANCED), int(Status.UNSTABLE))
-    worst = jnp.maximum(stable, _faults(knee, flexion, here).status)
-    return jnp.where(here.done, worst, int(Status.NOT_CONVERGED)).astype(int)
+    return jnp.maximum(stable, _faults(knee, flexion, here).status).astype(int)
 
 
 def _faults(knee: Knee, flexion: Array, here: SearchState) -> Faults:

@@ -26,6 +26,8 @@ from kneejax.statics._stations import Stations
 from kneejax.statics._status import Status, converged
 from kneejax.statics._variants import with_numbers
 
+#: What holds a balance, fields of `Settled` that a walk keeps.
+HOLDING = ("residual", "tangent", "drift", "pivots", "depth")
 _ACCURACY_MM = 1e-7
 #: Looks for a node that nothing leads to (its search may not go on: it would end anywhere), for
 #: one that is predicted, for a part of the way, and for one that was lost.
@@ -147,8 +149,9 @@ class Reached(eqx.Module):
         steps: looks of all searches for the node.
         way: how far along the path the last balance was, in nodes, `(turns, lanes)`.
         softest: least pivot of the scaled stiffness there, or at the node if it is balanced.
-        left_mm: how far the last search was from a balance, mm (rotations at 30 mm).
+        left_mm: see `Settled`, of the last search; likewise `fault`.
         left_N: the unbalanced force that it left, N (moments at 30 mm).
+        holding: fields of `Settled` by name, those of `HOLDING`.
     """
 
     place: Array
@@ -160,6 +163,8 @@ class Reached(eqx.Module):
     softest: Array
     left_mm: Array
     left_N: Array
+    fault: Array
+    holding: dict[str, Array]
 
 
 class _Walk(eqx.Module):
@@ -263,7 +268,8 @@ def walk_stretch(
         steps = memory.steps + rest["steps"]
         entry = Reached(
             jnp.where(over, walk.place, -1), found.q, found.meeting, status, steps,
-            memory.when[0], jnp.where(good, softest, memory.softest), *_left(walk.state),
+            memory.when[0], jnp.where(good, softest, memory.softest), rest["left_mm"],
+            _left_N(walk.state), rest["fault"], {name: rest[name] for name in HOLDING},
         )  # fmt: skip
         log = jax.tree.map(lambda rows, row: rows.at[walk.turns].set(row), walk.log, entry)
         place = walk.place + over
@@ -324,14 +330,21 @@ def _nothing_reached(turns: int, guess: Guess) -> Reached:
     lanes = guess.q.shape[1:]
     numbers, counts = jnp.zeros((turns, *lanes)), jnp.zeros((turns, *lanes), int)
     q, meeting = (jnp.zeros((turns, *x.shape)) for x in (guess.q, guess.meeting))
-    return Reached(counts - 1, q, meeting, counts, counts, *(numbers,) * 4)
+    shapes = zip(HOLDING, _shapes_of_holding(guess), strict=True)
+    holding = {name: jnp.zeros((turns, *shape, *lanes)) for name, shape in shapes}
+    left = numbers, numbers, numbers, numbers
+    return Reached(counts - 1, q, meeting, counts, counts, *left, counts, holding)
 
 
-def _left(state: SearchState) -> tuple[Array, Array]:
-    """How far a search still is from a balance: its next step, and the unbalanced force."""
-    units = jnp.asarray(UNITS)[:, None]
-    step = jnp.max(jnp.abs(jnp.stack(state.step)), axis=0)
-    return step, jnp.max(jnp.abs(jnp.stack(state.residual) * units), axis=0)
+def _shapes_of_holding(guess: Guess) -> tuple[tuple[int, ...], ...]:
+    patches = guess.meeting.shape[0]
+    return (5,), (5, 5), (5, patches, 2), (5,), (patches,)
+
+
+def _left_N(state: SearchState) -> Array:
+    """The unbalanced force of a search."""
+    residual = jnp.stack(state.residual)
+    return jnp.max(jnp.abs(residual * jnp.asarray(UNITS)[:, None]), axis=0)
 
 
 @compiled()

@@ -29,10 +29,11 @@ from kneejax.statics._variants import Variants
 
 #: Lanes of a call. Few lanes are soon filled, many share what an operation costs by itself (before
 #: lanes went at their own pace a map of 101 x 101 points took 2.2, 1.4, 1.4 and 1.5 s with 32, 64,
-#: 96 and 128 lanes, the motion of a single knee 22, 31, 43 and 65 ms).
-LANES = 64
-#: Nodes of a call in each lane, and lanes that must be busy where others wait.
-_STRETCH, _FULL = 32, 32
+#: 96 and 128 lanes, the motion of a single knee 22, 31, 43 and 65 ms). Over points a lane by itself
+#: fills the processor.
+LANES, LANES_OVER_POINTS = 64, 8
+#: Nodes of a call in each lane.
+_STRETCH = 32
 #: Flexion between stations beyond which distances from the own motion are not extrapolated, rad.
 _FAR = np.deg2rad(12.0)
 
@@ -42,6 +43,7 @@ class Walker:
 
     Attributes:
         found: what has been found so far.
+        lanes: of a call of the compiled program.
     """
 
     def __init__(
@@ -62,6 +64,8 @@ class Walker:
         self.variants = variants
         self.stations = jax.tree.map(np.asarray, stations)
         self.found, self.report = found, report
+        over_points = variants.knee.patch_count < len(variants.knee.contacts)
+        self.lanes = LANES_OVER_POINTS if over_points else LANES
         self._count = threading.Lock()
         numbers = [np.reshape(x, (len(stations), -1)) for x in jax.tree.leaves(self.stations)]
         self._marks = np.hstack(numbers)
@@ -82,9 +86,9 @@ class Walker:
         place, left = np.zeros(len(paths), int), paths.length.copy()
         memory = self._nothing_behind(self._met(paths), led_to, aim)
         while left.any():
-            rows = np.argsort(-left, kind="stable")[: min(LANES, np.count_nonzero(left))]
+            rows = np.argsort(-left, kind="stable")[: min(self.lanes, np.count_nonzero(left))]
             # Where others wait, lanes that are through make room for them.
-            fewest = _FULL if np.count_nonzero(left) > len(rows) else 0
+            fewest = self.lanes // 2 if np.count_nonzero(left) > len(rows) else 0
             reached = self._stretch(paths, rows, place[rows], memory, give_up, fewest)
             ended = self._note(paths, rows, place[rows], reached)
             place[rows] += ended
@@ -95,7 +99,7 @@ class Walker:
     def _stretch(self, paths: Paths, rows, place, memory: Memory, give_up, fewest) -> Reached:
         """Walk some paths for a stretch; keeps their memory."""
         # Lanes beyond the rows have nothing ahead of them.
-        lane = np.minimum(np.arange(LANES), len(rows) - 1)
+        lane = np.minimum(np.arange(self.lanes), len(rows) - 1)
         row, at = rows[lane], place[lane]
         ahead = np.minimum(paths.length[row] - at, _STRETCH)
         along = at + np.minimum(np.arange(_STRETCH)[:, None], ahead - 1)
@@ -111,7 +115,7 @@ class Walker:
             reach=reach,
             loading=loading,
             first=at.astype(float),
-            length=np.where(np.arange(LANES) < len(rows), ahead, 0),
+            length=np.where(np.arange(self.lanes) < len(rows), ahead, 0),
         )
         behind = _taken(memory, row)
         reached, behind = walk_stretch(self.variants.knee, nodes, behind, give_up, fewest)
@@ -131,9 +135,9 @@ class Walker:
         """With meeting points of all first nodes."""
         meeting = paths.meeting.copy()
         unknown = np.flatnonzero(np.isnan(meeting).any(axis=(1, 2)))
-        for first in range(0, len(unknown), LANES):
-            some = unknown[first : first + LANES]
-            rows = some[np.minimum(np.arange(LANES), len(some) - 1)]
+        for first in range(0, len(unknown), self.lanes):
+            some = unknown[first : first + self.lanes]
+            rows = some[np.minimum(np.arange(self.lanes), len(some) - 1)]
             variant, station = paths.variant[rows, 0], paths.station[rows, 0]
             found = first_meeting(
                 self.variants.knee,
@@ -157,8 +161,13 @@ class Walker:
                 self.found.meeting[node] = reached.meeting[when, :, :, lane]
         self.found.status[node] = reached.status[when, lane]
         self.found.steps[node] += reached.steps[when, lane]
-        for name in ("softest", "left_mm", "left_N"):
+        for name in ("softest", "left_mm", "left_N", "fault"):
             getattr(self.found, name)[node] = getattr(reached, name)[when, lane]
+        if self.found.holding is not None:
+            for name, values in reached.holding.items():
+                there = values[when, ..., lane]
+                every = np.zeros((*self.found.status.shape, *there.shape[1:]))
+                self.found.holding.setdefault(name, every)[node] = there
         # How far along the stride to a node the last balance was.
         self.found.share[node] = np.clip(reached.way[when, lane] - along, 0.0, 1.0)
         return ended.sum(axis=0)

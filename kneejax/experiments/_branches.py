@@ -1,0 +1,155 @@
+"""All balances of a knee at a flexion and load: the one that a test finds, and the others."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+from scipy.stats import qmc
+
+from kneejax.experiments._passive import PassiveFlexion, passive_flexion
+from kneejax.geometry import filled
+from kneejax.mechanics import Knee, Load, add_lane_axis
+from kneejax.statics import UNITS, Guess, Settled, Stations, Status, compiled, settle
+
+#: How far from the balance that a test finds searches begin, degrees twice and mm thrice.
+_SPREAD = np.array([10.0, 25.0, 12.0, 12.0, 8.0])
+_UNITS = np.r_[np.deg2rad([1.0, 1.0]), 1.0, 1.0, 1.0]
+#: Balances nearer than this to each other are one, mm.
+_SAME_MM = 0.01
+#: Searches of a call.
+_LANES = 128
+
+
+@dataclasses.dataclass(frozen=True)
+class Branch:
+    """A stable balance.
+
+    Attributes:
+        station: its place among the flexions that were asked for.
+        pose: degrees and mm, in the order of `kneejax.geometry.COLUMNS`, `(6,)`.
+        status: of the pose.
+        by_test: whether it is the one that a test finds: reached from the reference pose by
+            bending without load and then loading.
+        apart_mm: distance from that one, mm (rotations at 30 mm); NaN where a test finds none.
+        starts: how many of the searches ended here.
+    """
+
+    station: int
+    pose: np.ndarray
+    status: Status
+    by_test: bool
+    apart_mm: float
+    starts: int
+
+
+def branches(
+    knee: Knee,
+    flexion_deg: ArrayLike,
+    loads: tuple[Load, ...] | list[Load] = (),
+    starts: int = 64,
+) -> tuple[Branch, ...]:
+    """Look for every stable balance of a knee at prescribed flexion, not only the one of a test.
+
+    A lax or injured knee may rest in several poses under the same load. Searches begin at poses
+    spread evenly around the one that a test finds (by 10 and 25 degrees, 12, 12 and 8 mm), and at
+    those that were found at the other angles, and run downhill in energy. What is found exists;
+    that nothing else does, no search can tell.
+
+    Args:
+        knee: any knee.
+        flexion_deg: prescribed angles, `(poses,)`.
+        loads: as in `passive_flexion`.
+        starts: searches at each angle.
+
+    Returns:
+        The balances in the order of the angles; at each that of a test first, then the nearest.
+
+    Example:
+        >>> import kneejax as kj
+        >>> found = kj.branches(kj.load_knee("four_ligament"), [20.0], starts=4)
+        >>> found[0].by_test
+        True
+    """
+    motion = passive_flexion(knee, flexion_deg, loads)
+    stations = Stations.at(flexion_deg, loads)
+    found = [_of_test(motion, station) for station in range(len(stations))]
+    row, q = np.repeat(np.arange(len(stations)), starts), _around(knee, motion, starts)
+    while len(row):
+        new = _add(found, motion, row, _searched(knee, stations, row, q))
+        # What rests at one angle may rest at the others too.
+        others = [(at, b) for b in new for at in range(len(stations)) if at != b.station]
+        row = np.array([at for at, _ in others], int)
+        q = np.array([_coordinates(branch.pose) for _, branch in others])
+    return tuple(
+        branch
+        for here in found
+        for branch in sorted(here, key=lambda branch: (not branch.by_test, branch.apart_mm))
+    )
+
+
+def _of_test(motion: PassiveFlexion, station: int) -> list[Branch]:
+    """The balance that a test finds, if it is stable."""
+    if not motion.stable[station]:
+        return []
+    pose, status = np.asarray(motion.to_table())[station], Status(int(motion.status[station]))
+    return [Branch(station, pose, status, True, 0.0, 0)]
+
+
+def _around(knee: Knee, motion: PassiveFlexion, starts: int) -> np.ndarray:
+    """Coordinates at which searches begin, `(stations * starts, 5)`."""
+    reference = np.array([float(x) for x in knee.reference_pose.state])
+    middle = np.asarray(motion.settled.q).T
+    middle = np.where(np.isfinite(middle), middle, reference)
+    points = qmc.Sobol(5, scramble=False).random_base2((starts - 1).bit_length())[:starts]
+    return (middle[:, None] + (2.0 * points - 1.0) * _SPREAD * _UNITS).reshape(-1, 5)
+
+
+def _searched(knee: Knee, stations: Stations, row: np.ndarray, q: np.ndarray) -> Settled:
+    """Searches downhill from coordinates `(searches, 5)`, each at one of the stations."""
+    parts = []
+    for first in range(0, len(row), _LANES):
+        some = slice(first, min(first + _LANES, len(row)))
+        settled = _search(knee, stations.take(filled(row[some])), filled(q[some].T))
+        count = some.stop - some.start
+        parts.append(jax.tree.map(lambda x, n=count: np.asarray(x)[..., :n], settled))
+    return jax.tree.map(lambda *x: np.concatenate(x, axis=-1), *parts)
+
+
+@compiled()
+def _search(knee: Knee, stations: Stations, q: jax.Array) -> Settled:
+    lanes = stations.load(add_lane_axis(knee))
+    nowhere = jnp.full((knee.patch_count, 2, len(stations)), jnp.nan)
+    return settle(lanes, stations.flexion, Guess(q, nowhere))
+
+
+def _add(
+    found: list[list[Branch]], motion: PassiveFlexion, row: np.ndarray, settled: Settled
+) -> list[Branch]:
+    """Add the stable balances that searches found to those of each station; returns the new."""
+    table, own = np.asarray(settled.pose.to_table()), np.asarray(motion.to_table())
+    new = []
+    for lane in np.flatnonzero(settled.stable):
+        station, pose = int(row[lane]), table[lane]
+        here = found[station]
+        same = [i for i, b in enumerate(here) if _distance_mm(b.pose, pose) < _SAME_MM]
+        if same:
+            here[same[0]] = dataclasses.replace(here[same[0]], starts=here[same[0]].starts + 1)
+            continue
+        apart = _distance_mm(own[station], pose)
+        here.append(Branch(station, pose, Status(int(settled.status[lane])), False, apart, 1))
+        new.append(here[-1])
+    return new
+
+
+def _coordinates(pose: np.ndarray) -> np.ndarray:
+    """The free coordinates of a pose, rad and mm."""
+    return pose[1:] * _UNITS
+
+
+def _distance_mm(one: np.ndarray, other: np.ndarray) -> float:
+    """Between two poses, rotations at 30 mm; NaN where one is not known."""
+    return float(np.abs(_coordinates(one - other) / UNITS).max())
