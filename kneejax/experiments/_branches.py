@@ -13,13 +13,25 @@ from scipy.stats import qmc
 from kneejax.experiments._passive import PassiveFlexion, passive_flexion
 from kneejax.geometry import filled
 from kneejax.mechanics import Knee, Load, add_lane_axis
-from kneejax.statics import UNITS, Guess, Settled, Stations, Status, compiled, settle
+from kneejax.statics import (
+    UNITS,
+    Guess,
+    Settled,
+    Stations,
+    Status,
+    compiled,
+    force,
+    settle,
+    with_meeting,
+)
 
 #: How far from the balance that a test finds searches begin, degrees twice and mm thrice.
 _SPREAD = np.array([10.0, 25.0, 12.0, 12.0, 8.0])
 _UNITS = np.r_[np.deg2rad([1.0, 1.0]), 1.0, 1.0, 1.0]
 #: Balances nearer than this to each other are one, mm.
 _SAME_MM = 0.01
+#: Unbalanced force that a balance may have, N (moments at 30 mm).
+_LEFT_N = 1e-3
 #: Searches of a call.
 _LANES = 128
 
@@ -121,9 +133,16 @@ def _searched(knee: Knee, stations: Stations, row: np.ndarray, q: np.ndarray) ->
 
 @compiled()
 def _search(knee: Knee, stations: Stations, q: jax.Array) -> Settled:
-    lanes = stations.load(add_lane_axis(knee))
+    lanes, flexion = stations.load(add_lane_axis(knee)), stations.flexion
     nowhere = jnp.full((knee.patch_count, 2, len(stations)), jnp.nan)
-    return settle(lanes, stations.flexion, Guess(q, nowhere))
+    settled = settle(lanes, flexion, Guess(q, nowhere))
+    # A search from afar may carry its meeting points along to places where surfaces are close, but
+    # not closest: what does not balance with points found anew is nothing.
+    met = with_meeting(lanes, flexion, jnp.nan_to_num(settled.q)).meeting
+    left, _ = force(lanes, flexion, settled.q, (met[:, 0], met[:, 1]))
+    left = jnp.max(jnp.abs(left * jnp.asarray(UNITS)[:, None]), axis=0)
+    status = jnp.where(left < _LEFT_N, settled.status, int(Status.NOT_CONVERGED))
+    return dataclasses.replace(settled, status=status)
 
 
 def _add(
