@@ -11,7 +11,6 @@ from jax.typing import ArrayLike
 from scipy.stats import qmc
 
 from kneejax.experiments._passive import PassiveFlexion, passive_flexion
-from kneejax.geometry import filled
 from kneejax.mechanics import Knee, Load, add_lane_axis
 from kneejax.statics import (
     UNITS,
@@ -124,9 +123,10 @@ def _searched(knee: Knee, stations: Stations, row: np.ndarray, q: np.ndarray) ->
     """Searches downhill from coordinates `(searches, 5)`, each at one of the stations."""
     parts = []
     for first in range(0, len(row), _LANES):
-        some = slice(first, min(first + _LANES, len(row)))
-        settled = _search(knee, stations.take(filled(row[some])), filled(q[some].T))
-        count = some.stop - some.start
+        # Filled up with the last one: one shape, one compilation.
+        lanes = np.minimum(np.arange(first, first + _LANES), len(row) - 1)
+        settled = _search(knee, stations.take(row[lanes]), q[lanes].T)
+        count = min(_LANES, len(row) - first)
         parts.append(jax.tree.map(lambda x, n=count: np.asarray(x)[..., :n], settled))
     return jax.tree.map(lambda *x: np.concatenate(x, axis=-1), *parts)
 

@@ -30,7 +30,7 @@ def condyle_points(knee: Knee) -> tuple[np.ndarray, np.ndarray]:
         >>> from kneejax.joints import condyle_axes
         >>> axes = condyle_axes(*condyle_points(kj.load_knee("four_ligament")))
         >>> [round(facet.cylinder.radius) for facet in axes.facets]
-        [30, 39, 23, 20]
+        [30, 46, 23, 21]
     """
     if not knee.contacts:
         raise ValueError(f"{knee.name} has no contacts, hence no condyles")

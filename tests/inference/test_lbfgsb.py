@@ -94,7 +94,11 @@ def test_the_twin_ends_where_least_squares_ends(twin):
     assert answer.success and answer.message == "converged"
     assert answer.objective == pytest.approx(reference.objective, rel=1e-8)
     for one, other in zip(answer.estimates, reference.estimates, strict=True):
-        error = (other.high - other.low) / (2.0 * 1.96)
+        low, high = (
+            end if np.isfinite(end) else bound
+            for end, bound in ((other.low, other.lower), (other.high, other.upper))
+        )
+        error = (high - low) / (2.0 * 1.96)
         assert abs(one.value - other.value) < 2e-3 * error
     assert answer.evaluations["jacobian"] < 400
 
