@@ -9,10 +9,18 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
+from jax import Array, lax
 
 from kneejax.geometry import Pose, lanes_for, safe_sqrt, traced
-from kneejax.mechanics import Contact, FibreFaults, Knee, Sampled, add_lane_axis, displacement
+from kneejax.mechanics import (
+    Border,
+    Contact,
+    FibreFaults,
+    Knee,
+    Sampled,
+    add_lane_axis,
+    displacement,
+)
 from kneejax.statics import ContactFaults, Faults, Status, compiled, with_meeting
 
 # Poses of one call: what they need stays in the processor's cache (benchmarks/evaluate.py).
@@ -178,7 +186,11 @@ def _over_patch(contact: Contact, poses: Pose, meeting: Array):
     known = pressed.known | (gap.depth <= 0)
     deep = gap.depth >= contact.layer_thickness
     flat, through = pressed.known & contact.has_no_patch(gap), contact.passed_through(tibia)
-    peak, border = contact.pressure(gap.depth), contact.border(tibia, meeting)
+    peak, inside = contact.pressure(gap.depth), jnp.zeros_like(gap.depth)
+    # A hundred places of each patch, for nothing where all patches are known as a whole.
+    border = lax.cond(
+        jnp.all(known), lambda: Border(inside, inside), lambda: contact.border(tibia, meeting)
+    )
     return (
         force, moment, area, peak, mean, gap.depth, center, border.beyond_mm, border.share,
         known, deep, flat, through,

@@ -2,6 +2,7 @@
 
 from kneejax.mechanics import _cartilage_law as cartilage_law
 from kneejax.mechanics import _ligament_law as ligament_law
+from kneejax.mechanics._border import Border as Border
 from kneejax.mechanics._condyle_points import condyle_points as condyle_points
 from kneejax.mechanics._contact import ELLIPTICAL_PATCH as ELLIPTICAL_PATCH
 from kneejax.mechanics._contact import FORMS as FORMS
