@@ -11,6 +11,7 @@ searched node by node together took as long as the slowest, and Figures 3 to 10 
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import equinox as eqx
@@ -179,7 +180,7 @@ class _Walk(eqx.Module):
     here: Place
     y: Guess
     state: SearchState
-    log: Reached
+    log: Reached | None
 
 
 @compiled()
@@ -231,18 +232,23 @@ def walk_stretch(
         patient = memory.led & (known < 2)
         return here, Guess(q, meeting, memory.tangent), patient
 
-    def a_look(walk: _Walk) -> _Walk:
-        memory = walk.memory
+    def a_look(before: _Walk) -> _Walk:
+        walk, memory = before, before.memory
         few = jnp.where(memory.aim < 1.0, _PART, jnp.where(memory.led, _QUICK, _SHORT))
         looks = jnp.where(walk.patient, _PATIENT, few)
         search = EnergyNewton(atol=_ACCURACY_MM, most_steps=looks, waiting=_WAITING)
         args = loaded(walk.here)
         y, state, _ = search.step(look, walk.y, args, {}, walk.state, frozenset())
-        walk = eqx.tree_at(lambda w: (w.y, w.state), walk, (y, state))
+        walk = eqx.tree_at(lambda w: (w.y, w.state, w.log), walk, (y, state, None))
         ended = walk.goes & state.ended
-        return lax.cond(jnp.any(ended), lambda: searches_end(walk, ended), lambda: walk)
+        after, entry = lax.cond(
+            jnp.any(ended), lambda: searches_end(walk, ended), lambda: (walk, nothing)
+        )
+        # Written outside of the branch, which would copy the whole log.
+        log = jax.tree.map(lambda rows, row: rows.at[walk.turns].set(row), before.log, entry)
+        return dataclasses.replace(after, log=log)
 
-    def searches_end(walk: _Walk, ended: Array) -> _Walk:
+    def searches_end(walk: _Walk, ended: Array) -> tuple[_Walk, Reached]:
         memory, found, there = walk.memory, walk.y, at(walk.place)
         loading, here = nodes.loading[there], walk.here
         own_q, own_meeting = (jnp.moveaxis(x, 0, -1) for x in (here.q, here.meeting))
@@ -271,7 +277,6 @@ def walk_stretch(
             memory.when[0], jnp.where(good, softest, memory.softest), rest["left_mm"],
             _left_N(walk.state), rest["fault"], {name: rest[name] for name in HOLDING},
         )  # fmt: skip
-        log = jax.tree.map(lambda rows, row: rows.at[walk.turns].set(row), walk.log, entry)
         place = walk.place + over
         # A longer part where one went well; a node that follows begins with as long a stride.
         easy = jnp.where(rest["steps"] <= _EASY, 2.0, 1.0)
@@ -306,11 +311,12 @@ def walk_stretch(
         y = jax.tree.map(lambda new, old: jnp.where(begins, new, old), guess, walk.y)
         patient = jnp.where(begins, patient | again, walk.patient)
         turns = walk.turns + jnp.any(over)
-        return _Walk(turns, place, goes, patient, memory, _where(begins, new, here), y, state, log)
+        here = _where(begins, new, here)
+        return _Walk(turns, place, goes, patient, memory, here, y, state, None), entry
 
     def unfinished(walk: _Walk) -> Array:
         going = jnp.sum(walk.goes)
-        return (walk.turns < len(walk.log.place)) & (going > 0) & (going >= fewest)
+        return (walk.turns < turns) & (going > 0) & (going >= fewest)
 
     start, goes = jnp.zeros(lanes, int), nodes.length > 0
     known = jnp.where(nodes.even[0], memory.known, jnp.minimum(memory.known, 1))
@@ -318,6 +324,7 @@ def walk_stretch(
     here, guess, patient = begin(start, memory)
     turns = _ENDS * places
     log = _nothing_reached(turns, guess)
+    nothing = jax.tree.map(lambda rows: rows[0], log)
     _, shapes = jax.eval_shape(look, guess, loaded(here))
     state = EnergyNewton().init(look, guess, None, {}, None, shapes, frozenset())
     state = eqx.tree_at(lambda s: s.ended, state, ~goes)
