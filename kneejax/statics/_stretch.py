@@ -245,7 +245,11 @@ def walk_stretch(
             jnp.any(ended), lambda: searches_end(walk, ended), lambda: (walk, nothing)
         )
         # Written outside of the branch, which would copy the whole log.
-        log = jax.tree.map(lambda rows, row: rows.at[walk.turns].set(row), before.log, entry)
+        log = jax.tree.map(
+            lambda rows, row: lax.dynamic_update_index_in_dim(rows, row, walk.turns, 0),
+            before.log,
+            entry,
+        )
         return dataclasses.replace(after, log=log)
 
     def searches_end(walk: _Walk, ended: Array) -> tuple[_Walk, Reached]:
