@@ -11,9 +11,7 @@ from kneejax.experiments import (
     Mechanics,
     Way,
     evaluate,
-    status_of,
     ways_of,
-    with_flips,
 )
 from kneejax.files import counted, load_knee, read_poses, write_rows
 from kneejax.geometry import Pose
@@ -58,13 +56,12 @@ def run(arguments: argparse.Namespace) -> int:
     knee = load_knee(arguments.knee)
     table = read_poses(arguments.poses, arguments.convention)
     found = evaluate(knee, Pose.from_table(table))
-    status, ways = with_flips(status_of(found, knee), found), ways_of(found)
+    status, ways = say_given(knee, found, range(len(table))), ways_of(found)
     out = arguments.out
     write_rows(out / "ligaments.csv", LIGAMENT_COLUMNS, _ligaments(knee, table, found, ways))
     write_rows(out / "contact.csv", CONTACT_COLUMNS, _contacts(knee, found, status))
     poses = counted(len(table), "pose")
     print(f"{poses} of {knee.name}; written: {out}/ligaments.csv, contact.csv")
-    say_given(knee, found, range(len(table)))
     return int((status != Status.BALANCED).any())
 
 

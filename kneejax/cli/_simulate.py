@@ -117,6 +117,7 @@ def _record(arguments, knee: Knee, values: dict[str, float], loads: dict[str, fl
         "cut": arguments.cut,
         "load": loads,
         "load_axes": GROOD_SUNTAY,
+        "branches": arguments.branches,
         "convention": arguments.convention,
         "versions": versions(),
     }

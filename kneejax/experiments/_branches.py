@@ -26,7 +26,7 @@ from kneejax.statics import (
 
 #: How far from the balance that a test finds searches begin, degrees twice and mm thrice.
 _SPREAD = np.array([10.0, 25.0, 12.0, 12.0, 8.0])
-_UNITS = np.r_[np.deg2rad([1.0, 1.0]), 1.0, 1.0, 1.0]
+_IN_TABLE = np.r_[np.deg2rad([1.0, 1.0]), 1.0, 1.0, 1.0]
 #: Balances nearer than this to each other are one, mm.
 _SAME_MM = 0.01
 #: Unbalanced force that a balance may have, N (moments at 30 mm).
@@ -116,7 +116,7 @@ def _around(knee: Knee, motion: PassiveFlexion, starts: int) -> np.ndarray:
     middle = np.asarray(motion.settled.q).T
     middle = np.where(np.isfinite(middle), middle, reference)
     points = qmc.Sobol(5, scramble=False).random_base2((starts - 1).bit_length())[:starts]
-    return (middle[:, None] + (2.0 * points - 1.0) * _SPREAD * _UNITS).reshape(-1, 5)
+    return (middle[:, None] + (2.0 * points - 1.0) * _SPREAD * _IN_TABLE).reshape(-1, 5)
 
 
 def _searched(knee: Knee, stations: Stations, row: np.ndarray, q: np.ndarray) -> Settled:
@@ -166,7 +166,7 @@ def _add(
 
 def _coordinates(pose: np.ndarray) -> np.ndarray:
     """The free coordinates of a pose, rad and mm."""
-    return pose[1:] * _UNITS
+    return pose[1:] * _IN_TABLE
 
 
 def _distance_mm(one: np.ndarray, other: np.ndarray) -> float:

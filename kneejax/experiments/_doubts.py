@@ -13,7 +13,7 @@ from kneejax.experiments._passive import PassiveFlexion
 from kneejax.experiments._ways import flipped, near_flip
 from kneejax.geometry import COLUMNS
 from kneejax.mechanics import LIMITS, WIDEST_GAP_MM, Knee, load_words
-from kneejax.statics import Status, converged
+from kneejax.statics import UNITS, Status, converged
 
 # All compartments farther apart than this: something pulls the bones apart, mm.
 _APART_MM = 0.5
@@ -76,7 +76,7 @@ def _of_lost(motion: PassiveFlexion, row: int, loads: Mapping[str, float]) -> st
     reached = float(motion.reached[row])
     if motion.status[row] == Status.GIVES_WAY:
         return f"held {_part(loads, reached)}, and nothing beyond"
-    left_mm, left_N = float(motion.left_mm[row]), float(motion.residual_force[row])
+    left_mm, left_N = motion.left_mm[row], np.abs(motion.settled.residual[:, row] * UNITS).max()
     if not np.isfinite([left_mm, left_N]).all():
         return ""
     told = f"the search stopped {left_mm:.2g} mm and {left_N:.2g} N from a balance"

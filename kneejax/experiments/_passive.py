@@ -16,13 +16,14 @@ from kneejax.statics import (
     Stations,
     compiled,
     first_guess,
+    newton_step_left,
     own_motion,
     poses_on_the_way,
     settle,
 )
 
 #: Fields of a solution that a walk has found.
-_FOUND = ("q", "meeting", "status", "fault", "left_mm", "steps")
+_FOUND = ("q", "meeting", "status", "fault", "steps")
 
 
 class PassiveFlexion(eqx.Module):
@@ -34,7 +35,7 @@ class PassiveFlexion(eqx.Module):
         status: `Status` value of each pose.
         residual_force: largest unbalanced force, `(poses,)`, N; where the search failed, what it
             left.
-        residual_moment: largest unbalanced moment, `(poses,)`, N mm.
+        residual_moment: largest unbalanced moment, `(poses,)`, N mm; likewise.
         left_mm: how far the search ended from a balance, `(poses,)`, mm (rotations at 30 mm).
         reached: part of the load under which the knee still balanced, `(poses,)`.
         stable: `(poses,)`.
@@ -85,12 +86,16 @@ def passive_flexion(
         return _whole_motion(knee, Stations.at(flexion_deg, loads))
     stations = Stations.at(flexion_deg, loads)
     found = own_motion(knee, _itself, np.zeros(()), stations).at(0)
+    holding = {name: _ends_in_lanes(x) for name, x in found.holding.items()}
+    left_mm, pivots = newton_step_left(holding["tangent"], holding["residual"])
     settled = Settled(
         flexion=np.asarray(stations.flexion),
         **{name: _ends_in_lanes(getattr(found, name)) for name in _FOUND},
-        **{name: _ends_in_lanes(x) for name, x in found.holding.items()},
+        **holding,
+        left_mm=left_mm,
+        pivots=pivots,
     )
-    return jax.tree.map(jnp.asarray, _described(settled, found.left_N, found.reached))
+    return jax.tree.map(jnp.asarray, _described(settled, found.reached))
 
 
 def _ends_in_lanes(x: np.ndarray) -> np.ndarray:
@@ -109,19 +114,17 @@ def _whole_motion(knee: Knee, stations: Stations) -> PassiveFlexion:
     guess = first_guess(lanes, start)
     count = poses_on_the_way(start, stations.flexion)
     settled = settle(lanes, stations.flexion, guess, start, count)
-    none = jnp.full(start.shape, jnp.nan)
-    return _described(settled, none, jnp.where(settled.converged, 1.0, 0.0))
+    return _described(settled, jnp.where(settled.converged, 1.0, 0.0))
 
 
-def _described(settled: Settled, left_N: Array, reached: Array) -> PassiveFlexion:
+def _described(settled: Settled, reached: Array) -> PassiveFlexion:
     moment, force = jnp.abs(settled.residual[:2]), jnp.abs(settled.residual[2:])
-    found = settled.converged
     return PassiveFlexion(
         jnp.rad2deg(settled.flexion),
         settled.pose,
         settled.status,
-        jnp.where(found, jnp.max(force, axis=0), left_N),
-        jnp.where(found, jnp.max(moment, axis=0), jnp.nan),
+        jnp.max(force, axis=0),
+        jnp.max(moment, axis=0),
         settled.left_mm,
         reached,
         settled.stable,

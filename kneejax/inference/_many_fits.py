@@ -8,6 +8,7 @@ linearly, so the best ones are taken out of every residual in closed form.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Sequence
 
 import equinox as eqx
@@ -169,44 +170,43 @@ def fit_lanes(
     Returns:
         The `ManyFits`.
     """
-    asked = np.ones(len(starts), bool) if asked is None else np.array(asked)
-    count, (rows, size) = len(starts), _padded(np.shape(starts))
-    # Filled up with the last fit, which nobody asks for: one compiled step for several numbers.
-    fill = np.minimum(np.arange(rows), count - 1)
-    starts = np.asarray(starts, float)[fill]
-    bounds = np.asarray(lower, float)[fill], np.asarray(upper, float)[fill]
-    state = _begin(starts, data.count, 1.0 if far else 1e-3)
-    known = begin.take(fill)
-    residual, slope = np.zeros((rows, data.count)), np.zeros((rows, data.count, size))
-    trial, evaluations = starts.copy(), 0
-    active = asked[fill] & (np.arange(rows) < count)
-    ended = np.zeros(rows, bool)
+    count = len(starts)
+    trial, known = np.array(starts, float), begin.take(np.arange(count))
+    bounds = np.asarray(lower, float), np.asarray(upper, float)
+    state = _begin(trial.copy(), data.count, 1.0 if far else 1e-3)
+    ended, evaluations = np.zeros(count, bool), 0
+    here = np.arange(count) if asked is None else np.flatnonzero(asked)
     for _ in range(most):
-        here = np.flatnonzero(active)
+        if not len(here):
+            break
         found = balance(trial[here], known.take(here))
         evaluations += len(here)
-        residual[here], slope[here] = data.take(here).residual(found)
+        residual, slope = data.take(here).residual(found)
         lost = ~(np.isfinite(residual).all(axis=1) & np.isfinite(slope).all(axis=(1, 2)))
         # A step into the void is refused for its infinite squares; no NaN may spread from there.
         residual[lost], slope[lost] = np.inf, 0.0
-        following, state, *flags = _advance(bounds, rtol, state, trial, residual, slope, active)
-        stop, searching = map(np.asarray, flags)
-        better = np.asarray(state.accepted) & active
-        known.put(np.flatnonzero(better), found.take(better[here]))
-        ended |= active & stop
-        active &= ~stop & searching
-        trial = np.where(active[:, None], np.asarray(following), trial)
-        if not active.any():
-            break
-    chi2 = np.sum(np.asarray(state.residual)[:count] ** 2, axis=1)
-    chi2 = np.where(np.isfinite(chi2), chi2, np.inf)
-    return ManyFits(known.take(np.arange(count)), chi2, ended[:count], evaluations)
+        # Only fits that still search, filled up with the last one: a profile ends with few of them.
+        own = np.minimum(np.arange(_lanes(len(here))), len(here) - 1)
+        box, before, there = _taken((bounds, state, trial), here[own])
+        new = _advance(rtol, box, before, there, residual[own], slope[own])
+        following, after, stop, searching = _taken(new, slice(len(here)))
+        for every, some in zip(*map(jax.tree.leaves, (state, after)), strict=True):
+            every[here] = some
+        better = after.accepted
+        known.put(here[better], found.take(better))
+        trial[here], ended[here] = following, stop
+        here = here[~stop & searching]
+    chi2 = np.sum(state.residual**2, axis=1)
+    return ManyFits(known, np.where(np.isfinite(chi2), chi2, np.inf), ended, evaluations)
 
 
-def _padded(shape: tuple[int, ...]) -> tuple[int, ...]:
-    """Fits are counted in sixteens, and beyond 64 of them in sixty-fours."""
-    lot = 16 if shape[0] <= 64 else 64
-    return (-(-shape[0] // lot) * lot, *shape[1:])
+def _taken(arrays, rows):
+    return jax.tree.map(lambda x: np.asarray(x)[rows], arrays)
+
+
+def _lanes(fits: int) -> int:
+    """Lanes of a compiled step that does for so many fits: 64, 256, 1024, ..."""
+    return 64 * 4 ** max(0, math.ceil(math.log(fits / 64, 4)))
 
 
 def with_offsets(balance: Balance, offsets: Sequence[str]) -> Balance:
@@ -294,18 +294,17 @@ def _begin(starts: np.ndarray, rows: int, damping: float):
 
 
 @eqx.filter_jit
-def _advance(bounds, rtol, state, trial, residual, slope, active):
-    """Judge trial points and propose the next ones; fits that ended stay as they are.
+def _advance(rtol, bounds, state, trial, residual, slope):
+    """Judge trial points and propose the next ones.
 
     Returns:
         Next points, states, which fits are done, and which have any balance to go on from.
     """
 
-    def one(bounds, state, trial, residual, slope, active):
+    def one(bounds, state, trial, residual, slope):
         solver = _solver(bounds[0], bounds[1], rtol)
         following, new = solver.following(solver.judged(trial, residual, slope, state))
         stop, _ = solver.terminate(None, following, None, {}, new, frozenset())
-        new = jax.tree.map(lambda x, y: jnp.where(active, x, y), new, state)
         return following, new, stop, jnp.isfinite(jnp.sum(new.residual**2))
 
-    return jax.vmap(one)(bounds, state, trial, residual, slope, active)
+    return jax.vmap(one)(bounds, state, trial, residual, slope)

@@ -49,6 +49,8 @@ from kneejax.report._motion_figures import ligament_forces_figure as ligament_fo
 from kneejax.report._motion_figures import motion_figure as motion_figure
 from kneejax.report._motion_figures import simulation_figure as simulation_figure
 from kneejax.report._paper5_figure import paper5_figure as paper5_figure
+from kneejax.report._pose_doubts import accepted_statuses as accepted_statuses
+from kneejax.report._pose_doubts import pose_doubts as pose_doubts
 from kneejax.report._posterior_figures import marginals_figure as marginals_figure
 from kneejax.report._posterior_figures import pairs_figure as pairs_figure
 from kneejax.report._posterior_figures import posterior_figures as posterior_figures
@@ -90,8 +92,6 @@ from kneejax.report._surface_figure import surface_fit_figure as surface_fit_fig
 from kneejax.report._sweep_figure import sweep_figure as sweep_figure
 from kneejax.report._text import calibration_summary as calibration_summary
 from kneejax.report._verdict import Outcome as Outcome
-from kneejax.report._verdict import accepted_statuses as accepted_statuses
 from kneejax.report._verdict import outcome as outcome
-from kneejax.report._verdict import pose_doubts as pose_doubts
 from kneejax.report._verdict import verdict as verdict
 from kneejax.report._verdict import warnings as warnings

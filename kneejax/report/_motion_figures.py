@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kneejax.report._numbers import number
+from kneejax.report._pose_doubts import row_status
 from kneejax.report._style import (
     CONTACT_PARTS,
     COORDINATES,
@@ -22,7 +23,6 @@ from kneejax.report._style import (
     styled,
     verbatim,
 )
-from kneejax.report._verdict import row_status
 from kneejax.statics._status import Status
 
 if TYPE_CHECKING:

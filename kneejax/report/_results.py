@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kneejax.report._verdict import outcome, remark, row_status, warnings
+from kneejax.report._pose_doubts import row_status
+from kneejax.report._verdict import outcome, remark, warnings
 from kneejax.statics._status import Status
 
 if TYPE_CHECKING:

@@ -6,7 +6,6 @@ import dataclasses
 import enum
 import math
 from collections import Counter
-from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,11 +14,12 @@ from kneejax.inference._intervals import IntervalKind
 from kneejax.inference._quality import Fault, Misfit
 from kneejax.inference._result import Ending
 from kneejax.report._numbers import change, listed, number
+from kneejax.report._pose_doubts import accepted_statuses, pose_doubts, row_status
 from kneejax.report._style import COORDINATES
 from kneejax.statics._status import Status, converged
 
 if TYPE_CHECKING:
-    from kneejax.inference._result import Calibration, Estimate, Fit, Motion
+    from kneejax.inference._result import Calibration, Estimate, Fit
 
 #: Published counts: procedure or step -> pattern search steps, Simpack calls.
 PAPER_COUNTS = {
@@ -119,57 +119,6 @@ def search(calibration: Calibration, fit: Fit) -> str:
 
 def _words_of_method(calibration: Calibration) -> tuple[str, str]:
     return _SEARCHES.get(str(calibration.settings.get("method", "")), ("", ""))
-
-
-def row_status(motion: Motion) -> np.ndarray:
-    """Status of every row; a row of NaN that claims to be balanced has not converged.
-
-    Args:
-        motion: poses with status.
-
-    Returns:
-        Integers of `Status`.
-    """
-    status = np.array(motion.status, int)
-    lost = ~np.isfinite(np.asarray(motion.table, float)).all(axis=1)
-    return np.where(lost & converged(status), int(Status.NOT_CONVERGED), status)
-
-
-def accepted_statuses(failures: Collection[str]) -> tuple[Status, ...]:
-    """What a study that names its `failures` accepts: all balances with another status.
-
-    Args:
-        failures: words of statuses; where there are none, nothing but `balanced` is accepted.
-    """
-    return tuple(s for s in Status if s.converged and s.word not in failures) if failures else ()
-
-
-def pose_doubts(
-    motion: Motion, flexion: np.ndarray, accepted: tuple[Status, ...] = ()
-) -> list[str]:
-    """Say what is wrong with the poses of a motion.
-
-    Args:
-        motion: as it was found.
-        flexion: of its poses, degrees.
-        accepted: statuses of which nothing is said.
-
-    Returns:
-        A sentence a status.
-    """
-    status = row_status(motion)
-    sentences = []
-    for outcome in sorted(set(status.tolist()) - {Status.BALANCED, *accepted}, reverse=True):
-        rows = np.flatnonzero(status == outcome)
-        where = listed([f"{flexion[row]:g}" for row in rows], 8)
-        word = Status(outcome).word.replace("_", " ")
-        told = [i for i in rows if i < len(motion.doubts) and motion.doubts[i]]
-        detail = f" At {flexion[told[0]]:g} deg: {motion.doubts[told[0]]}." if told else ""
-        sentences.append(
-            f"{len(rows)} of {len(status)} poses {word} (flexion {where} deg): "
-            f"{Status(outcome).sentence}.{detail}"
-        )
-    return sentences
 
 
 def _doubts(fit: Fit, flexion: np.ndarray, accepted: tuple[Status, ...] = ()) -> list[str]:

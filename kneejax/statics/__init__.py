@@ -4,7 +4,7 @@ from kneejax.statics._balance import Balance as Balance
 from kneejax.statics._balance import balance as balance
 from kneejax.statics._balance import force as force
 from kneejax.statics._balance import force_derivative as force_derivative
-from kneejax.statics._batch import Balances as Balances
+from kneejax.statics._balances import Balances as Balances
 from kneejax.statics._batch import Progress as Progress
 from kneejax.statics._batch import balance_lines as balance_lines
 from kneejax.statics._batch import balance_many as balance_many
@@ -23,6 +23,7 @@ from kneejax.statics._newton import Guess as Guess
 from kneejax.statics._settle import Settled as Settled
 from kneejax.statics._settle import differentiable as differentiable
 from kneejax.statics._settle import first_guess as first_guess
+from kneejax.statics._settle import newton_step_left as newton_step_left
 from kneejax.statics._settle import poses_on_the_way as poses_on_the_way
 from kneejax.statics._settle import settle as settle
 from kneejax.statics._settle import with_meeting as with_meeting

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import concurrent.futures
 import copy
-import dataclasses
 import itertools
 import os
 from collections.abc import Callable, Sequence
@@ -19,6 +18,7 @@ import jax
 import numpy as np
 
 from kneejax.mechanics import Knee
+from kneejax.statics._balances import Balances
 from kneejax.statics._newton import UNITS
 from kneejax.statics._paths import (
     Found,
@@ -58,62 +58,6 @@ _SMALL_CHANGE = 0.125
 _JOINED_MM = float(longest_stride_mm(np.rad2deg(STRIDE)))
 
 
-@dataclasses.dataclass(frozen=True)
-class Balances:
-    """Balanced poses of variants at stations; arrays begin with the axes of the values.
-
-    Attributes:
-        q: free coordinates `(variants, stations, 5)`, rad and mm; NaN where there is no balance.
-        meeting: parameters of the meeting points, `(variants, stations, n, 2)`.
-        status: `Status` values, `(variants, stations)`.
-        steps: Newton steps taken, `(variants, stations)`.
-        reached: part of a station's last load under which the knee still balanced on the way to
-            it, `(variants, stations)`: 1 where it is found.
-        left_mm: how far the last search was from a balance where none was found, mm (rotations at
-            30 mm).
-        left_N: the unbalanced force that it left, N (moments at 30 mm).
-        fault: the pose at which the last search ended, balanced or not, taken by itself; `Status`
-            values.
-        holding: what holds the balances, fields of `Settled` by name, `(variants, stations, ...)`;
-            of `own_motion` only.
-    """
-
-    q: np.ndarray
-    meeting: np.ndarray
-    status: np.ndarray
-    steps: np.ndarray
-    reached: np.ndarray
-    left_mm: np.ndarray
-    left_N: np.ndarray
-    fault: np.ndarray
-    holding: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)
-
-    @classmethod
-    def of(cls, found: Found, shape: tuple[int, ...]) -> Balances:
-        """What was found, with the leading axes of the values."""
-        reached = np.where(found.known, 1.0, 0.0)
-        arrays = (
-            found.q, found.meeting, found.status, found.steps, reached, found.left_mm,
-            found.left_N, found.fault, found.holding or {},
-        )  # fmt: skip
-        return cls(*jax.tree.map(lambda x: np.reshape(x, (*shape, *x.shape[1:])), arrays))
-
-    def at(self, *where: Any) -> Balances:
-        """The balances at some of the variants and stations, as NumPy indexes."""
-        fields = (getattr(self, field.name) for field in dataclasses.fields(self))
-        return Balances(*(jax.tree.map(lambda x: x[where], field) for field in fields))
-
-    @property
-    def table(self) -> np.ndarray:
-        """Free coordinates in degrees and mm, `(variants, stations, 5)`."""
-        return self.q * np.r_[np.rad2deg([1.0, 1.0]), 1.0, 1.0, 1.0]
-
-    @property
-    def converged(self) -> np.ndarray:
-        """Where forces balance, `(variants, stations)`."""
-        return converged(self.status)
-
-
 def _asked(found: Found, routes: Routes) -> Balances:
     """What was found at the stations that were asked for; how far the others got."""
     every = Balances.of(found, (len(found.status),))
@@ -131,7 +75,7 @@ def _say_how_far(every: Balances, found: Found, chain: Chain) -> None:
     begin, end = np.r_[0.0, sizes][lost], sizes[lost]
     held = begin + found.share[row, nodes[lost]] * (end - begin)
     held = np.where(found.known[:, chain.origin], held, 0.0)[:, None]
-    soft = found.softest[row, nodes[lost]] < _SOFT * found.softest[:, chain.origin]
+    soft = found.softness[row, nodes[lost]] < _SOFT * found.softness[:, chain.origin]
     fault = found.fault[row, nodes[lost]]
     singular = soft | (fault == Status.UNSTABLE)
     gives_way = ~known & (held > 0.0) & singular[:, None]

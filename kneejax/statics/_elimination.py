@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import jax.numpy as jnp
 from jax import Array
 
 
@@ -45,4 +44,4 @@ def solve(
 
 def symmetric(matrix: Array) -> Array:
     """Symmetric part over the first two axes."""
-    return 0.5 * (matrix + jnp.swapaxes(matrix, 0, 1))
+    return 0.5 * (matrix + matrix.swapaxes(0, 1))

@@ -28,9 +28,7 @@ class Found:
         status: `Status` values.
         steps: Newton steps taken, of all searches.
         share: part of the stride to a lost node at which the last balance was.
-        softest: least pivot of the scaled stiffness at the last balance before a node.
-        left_mm: how far the last search was from a balance, mm (rotations at 30 mm).
-        left_N: the unbalanced force that it left, N.
+        softness: see `softness_of`, at the last balance before a node or where the search ended.
         fault: see `Settled`, of the last search; `NOT_CONVERGED` where nothing was searched.
         holding: what holds the balances, fields of `Settled` by name, `(variants, stations, ...)`;
             None where nobody asks.
@@ -42,9 +40,7 @@ class Found:
     status: np.ndarray
     steps: np.ndarray
     share: np.ndarray
-    softest: np.ndarray
-    left_mm: np.ndarray
-    left_N: np.ndarray
+    softness: np.ndarray
     fault: np.ndarray
     holding: dict[str, np.ndarray] | None = None
 
@@ -61,8 +57,6 @@ class Found:
             np.full(size, int(Status.NOT_CONVERGED), np.int8),
             np.zeros(size, np.int32),
             np.zeros(size),
-            np.full(size, np.nan),
-            np.full(size, np.nan),
             np.full(size, np.nan),
             np.full(size, int(Status.NOT_CONVERGED), np.int8),
             holding,

@@ -9,6 +9,7 @@ a dense solve per lane, with lanes that failed set to NaN and no influence on th
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import equinox as eqx
 import jax
@@ -19,7 +20,7 @@ from jax import Array, lax
 from jax.custom_derivatives import SymbolicZero
 from jax.typing import ArrayLike
 
-from kneejax.geometry import Pose, instantiate
+from kneejax.geometry import Placement, Pose, instantiate
 from kneejax.mechanics import Contact, Knee, displacement
 from kneejax.statics._balance import (
     force_derivative,
@@ -269,26 +270,67 @@ def _known_meeting(knee: Knee, flexion: Array, q: Array, meeting: Array) -> Arra
 
 def described(knee: Knee, flexion: Array, found: Guess, here: SearchState):
     """Coordinates (NaN where they are no balance), meeting points, and the rest of `Settled`."""
-    units = jnp.asarray(UNITS).reshape(5, *(1,) * here.done.ndim)
-    scaled = symmetric(here.guess.tangent) * units[:, None] * units[None]
-    step, pivots = map(jnp.stack, solve(scaled, jnp.stack(here.residual) * units))
-    fault = _fault(knee, flexion, here, pivots)
+    left_mm, pivots = newton_step_left(here.guess.tangent, here.residual)
+    fault = fault_of(knee, flexion, here, pivots)
     status = jnp.where(here.done, fault, int(Status.NOT_CONVERGED))
-    rest = dict(
-        residual=jnp.stack(here.residual),
-        tangent=here.guess.tangent,
-        drift=jnp.stack([jnp.stack(pair, axis=1) for pair in here.forces.drift]),
-        pivots=pivots,
-        depth=here.forces.depth,
-        status=status,
-        fault=fault,
-        left_mm=jnp.max(jnp.abs(step), axis=0),
-        steps=here.count,
+    rest = holding(here) | dict(
+        pivots=pivots, status=status, fault=fault, left_mm=left_mm, steps=here.count
     )
     return jnp.where(converged(status), found.q, jnp.nan), found.meeting, rest
 
 
-def _fault(knee: Knee, flexion: Array, here: SearchState, pivots: Array) -> Array:
+def holding(here: SearchState) -> dict[str, Array]:
+    """What holds a balance: the fields of `Settled` that a look has computed."""
+    return dict(
+        residual=jnp.stack(here.residual),
+        tangent=here.guess.tangent,
+        drift=jnp.stack([jnp.stack(pair, axis=1) for pair in here.forces.drift]),
+        depth=here.forces.depth,
+    )
+
+
+def newton_step_left(
+    tangent: Array, residual: Sequence[Array] | Array
+) -> tuple[Array, Array]:
+    """How far a pose is from a balance.
+
+    Args:
+        tangent: stiffness, `(5, 5, lanes)`.
+        residual: unbalanced force, five rows of lanes.
+
+    Returns:
+        The largest part of the Newton step that is left, mm (rotations at 30 mm), `(lanes,)`; and
+        the pivots of the scaled symmetric tangent, `(5, lanes)`.
+    """
+    units = np.asarray(UNITS).reshape(5, *(1,) * (tangent.ndim - 2))
+    scaled = symmetric(tangent) * units[:, None] * units[None]
+    right = [row * unit for row, unit in zip(residual, UNITS, strict=True)]
+    step, pivots = map(jnp.stack, solve(scaled, right))
+    return jnp.max(jnp.abs(step), axis=0), pivots
+
+
+def softness_of(tangent: Array) -> tuple[Array, Array]:
+    """How little force moves a knee; near zero where the stiffness is singular.
+
+    Pivots alone do not tell: the least eigenvalue was a twentieth of the least pivot where a knee
+    gave way by turning and sliding at once. A step under some load in every coordinate does.
+
+    Args:
+        tangent: stiffness, `(5, 5, lanes)`.
+
+    Returns:
+        Force by the step that it makes, N/mm (rotations at 30 mm), `(lanes,)`, not positive where
+        the stiffness is not positive definite; and the pivots of the scaled symmetric tangent.
+    """
+    # Any load will do that is not square to the direction that gives; these are unlike each other.
+    load = np.sqrt([2.0, 3.0, 5.0, 7.0, 11.0]) / np.asarray(UNITS)
+    left, pivots = newton_step_left(tangent, list(load))
+    size = float(np.sqrt(28.0))
+    return jnp.where(jnp.all(pivots > 0, axis=0), size / left, jnp.min(pivots, axis=0)), pivots
+
+
+def fault_of(knee: Knee, flexion: Array, here: SearchState, pivots: Array) -> Array:
+    """What the pose at which a search ended is by itself, balanced or not; `Status` values."""
     stable = jnp.where(jnp.all(pivots > 0, axis=0), int(Status.BALANCED), int(Status.UNSTABLE))
     return jnp.maximum(stable, _faults(knee, flexion, here).status).astype(int)
 
@@ -304,15 +346,28 @@ def _faults(knee: Knee, flexion: Array, here: SearchState) -> Faults:
             outside, deep = touches & ~known, depth >= contact.layer_thickness
             # Off the fitted surfaces a shape says nothing, and that has been said.
             flat = touches & known & forces.flat[row]
+            through = _passed_through(contact, tibia, deep | ~known)
             row += 1
         else:
             sampled = contact.sample(tibia)
             faults = contact.faults(tibia, sampled)
             deep, outside = faults.too_deep | faults.lost, faults.outside
             depth, flat = jnp.max(sampled.depth, axis=0), jnp.zeros_like(deep)
-        through = contact.passed_through(tibia)
+            through = contact.passed_through(tibia)
         found.append(ContactFaults(depth, outside, deep, flat, through))
     return Faults.of(found, forces.fibres, displacement(knee, pose))
+
+
+def _passed_through(contact: Contact, tibia: Placement, odd: Array) -> Array:
+    """Whether a condyle is on the wrong side of its plateau, of poses that are odd.
+
+    Two surfaces that meet within the layer where both are known have their solids on either side:
+    the middle of the condyle lies a radius above. Asked of every pose a third of all that is done
+    where a search ends was this.
+    """
+    return lax.cond(
+        jnp.any(odd), lambda: odd & contact.passed_through(tibia), lambda: jnp.zeros_like(odd)
+    )
 
 
 @jax.custom_jvp

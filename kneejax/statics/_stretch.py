@@ -22,13 +22,11 @@ from jax import Array, lax
 from kneejax.mechanics import Knee
 from kneejax.statics._compiled import compiled
 from kneejax.statics._newton import UNITS, EnergyNewton, Guess, SearchState, look
-from kneejax.statics._settle import described, with_meeting
+from kneejax.statics._settle import fault_of, holding, softness_of, with_meeting
 from kneejax.statics._stations import Stations
 from kneejax.statics._status import Status, converged
 from kneejax.statics._variants import with_numbers
 
-#: What holds a balance, fields of `Settled` that a walk keeps.
-HOLDING = ("residual", "tangent", "drift", "pivots", "depth")
 _ACCURACY_MM = 1e-7
 #: Looks for a node that nothing leads to (its search may not go on: it would end anywhere), for
 #: one that is predicted, for a part of the way, and for one that was lost.
@@ -119,7 +117,7 @@ class Memory(eqx.Module):
         wary: whether the next search is not to be predicted, since one was lost.
         aim: part of the way from `last` to the next node that is tried.
         tangent: stiffness at the latest balance, `(5, 5, lanes)`; zero where it is not known.
-        softest: least pivot of the scaled stiffness at the latest balance.
+        softness: see `softness_of`, at the latest balance.
         steps: looks spent so far on a node that is not finished.
     """
 
@@ -135,7 +133,7 @@ class Memory(eqx.Module):
     wary: Any
     aim: Any
     tangent: Any
-    softest: Any
+    softness: Any
     steps: Any
 
 
@@ -147,24 +145,22 @@ class Reached(eqx.Module):
         q: `(turns, 5, lanes)`.
         meeting: `(turns, n, 2, lanes)`.
         status: `(turns, lanes)`.
+        fault: see `Settled`, of the last search.
         steps: looks of all searches for the node.
         way: how far along the path the last balance was, in nodes, `(turns, lanes)`.
-        softest: least pivot of the scaled stiffness there, or at the node if it is balanced.
-        left_mm: see `Settled`, of the last search; likewise `fault`.
-        left_N: the unbalanced force that it left, N (moments at 30 mm).
-        holding: fields of `Settled` by name, those of `HOLDING`.
+        softness: see `softness_of`; there, or where the search ended if that is less and not far;
+            at the node if it is balanced.
+        holding: fields of `Settled` by name, of the last search: those that a look computes.
     """
 
     place: Array
     q: Array
     meeting: Array
     status: Array
+    fault: Array
     steps: Array
     way: Array
-    softest: Array
-    left_mm: Array
-    left_N: Array
-    fault: Array
+    softness: Array
     holding: dict[str, Array]
 
 
@@ -241,23 +237,26 @@ def walk_stretch(
         y, state, _ = search.step(look, walk.y, args, {}, walk.state, frozenset())
         walk = eqx.tree_at(lambda w: (w.y, w.state, w.log), walk, (y, state, None))
         ended = walk.goes & state.ended
-        after, entry = lax.cond(
+        after, verdict = lax.cond(
             jnp.any(ended), lambda: searches_end(walk, ended), lambda: (walk, nothing)
         )
         # Written outside of the branch, which would copy the whole log.
+        entry = dict(q=y.q, meeting=y.meeting, holding=holding(state)) | verdict
         log = jax.tree.map(
             lambda rows, row: lax.dynamic_update_index_in_dim(rows, row, walk.turns, 0),
             before.log,
-            entry,
+            Reached(**entry),
         )
         return dataclasses.replace(after, log=log)
 
-    def searches_end(walk: _Walk, ended: Array) -> tuple[_Walk, Reached]:
+    def searches_end(walk: _Walk, ended: Array) -> tuple[_Walk, dict[str, Array]]:
         memory, found, there = walk.memory, walk.y, at(walk.place)
         loading, here = nodes.loading[there], walk.here
         own_q, own_meeting = (jnp.moveaxis(x, 0, -1) for x in (here.q, here.meeting))
-        _, _, rest = described(*loaded(here), found, walk.state)
-        status, ahead = rest["status"], when(walk.place, memory)
+        softness, pivots = softness_of(walk.state.guess.tangent)
+        fault = fault_of(*loaded(here), walk.state, pivots)
+        status = jnp.where(walk.state.done, fault, int(Status.NOT_CONVERGED))
+        ahead = when(walk.place, memory)
         change = (found.q - own_q - memory.away_q[0]) / jnp.asarray(UNITS)[:, None]
         stride = ahead - memory.when[0]
         reach = jnp.where(loading, _LOADED_MM, jnp.maximum(1.0, nodes.reach[there] * stride))
@@ -265,8 +264,7 @@ def walk_stretch(
         expected = _extrapolated(memory.away_q, memory.when, ahead, memory.known)
         miss = (found.q - own_q - expected) / jnp.asarray(UNITS)[:, None]
         far |= (memory.known > 1) & (jnp.max(jnp.abs(miss), axis=0) > _MISSED_MM)
-        softest = jnp.min(rest["pivots"], axis=0)
-        astray = far | (loading & ~(softest > 0.0))
+        astray = far | (loading & ~(softness > 0.0))
         status = jnp.where(astray & converged(status), Status.NOT_CONVERGED, status)
         good = ended & converged(status)
         finest = jnp.where(loading, _FINEST_LOADED, _FINEST)
@@ -275,22 +273,27 @@ def walk_stretch(
         lost = ended & ~(good | shorter | again)
         arrived = good & (memory.aim >= 1.0)
         over = arrived | lost
-        steps = memory.steps + rest["steps"]
-        entry = Reached(
-            jnp.where(over, walk.place, -1), found.q, found.meeting, status, steps,
-            memory.when[0], jnp.where(good, softest, memory.softest), rest["left_mm"],
-            _left_N(walk.state), rest["fault"], {name: rest[name] for name in HOLDING},
-        )  # fmt: skip
+        looks, steps = walk.state.count, memory.steps + walk.state.count
+        # What ends beside a turning point may be so soft that no balance is told from it.
+        behind = jnp.where(~far & (softness < memory.softness), softness, memory.softness)
+        verdict = dict(
+            place=jnp.where(over, walk.place, -1),
+            status=status,
+            fault=fault,
+            steps=steps,
+            way=memory.when[0],
+            softness=jnp.where(good, softness, behind),
+        )
         place = walk.place + over
         # A longer part where one went well; a node that follows begins with as long a stride.
-        easy = jnp.where(rest["steps"] <= _EASY, 2.0, 1.0)
+        easy = jnp.where(looks <= _EASY, 2.0, 1.0)
         rest_of_way = jnp.where(arrived, 1.0, nodes.first + walk.place + 1.0 - ahead)
         longer = jnp.minimum(1.0, easy * stride / jnp.where(good, rest_of_way, 1.0))
         aim = jnp.where(shorter, 0.5 * memory.aim, jnp.where(lost, 1.0, memory.aim))
         lost_in_a_row = jnp.where(arrived, 0, memory.lost + (lost & memory.led))
         uneven = over & ~nodes.even[at(place)]
         known = memory.known + good
-        tangent = jnp.where(good, rest["tangent"], jnp.where(again, 0.0, memory.tangent))
+        tangent = jnp.where(again, 0.0, memory.tangent)
         memory = Memory(
             away_q=_pushed(memory.away_q, found.q - own_q, good),
             away_meeting=_pushed(memory.away_meeting, found.meeting - own_meeting, good),
@@ -304,8 +307,8 @@ def walk_stretch(
             # What was lost may have been led astray by its prediction.
             wary=jnp.where(ended, ~good, memory.wary),
             aim=jnp.where(good, longer, aim),
-            tangent=tangent,
-            softest=jnp.where(good, softest, memory.softest),
+            tangent=jnp.where(good, walk.state.guess.tangent, tangent),
+            softness=jnp.where(good, softness, memory.softness),
             steps=jnp.where(over, 0, jnp.where(ended, steps, memory.steps)),
         )
         goes = walk.goes & (place < nodes.length) & (lost_in_a_row < give_up)
@@ -316,7 +319,7 @@ def walk_stretch(
         patient = jnp.where(begins, patient | again, walk.patient)
         turns = walk.turns + jnp.any(over)
         here = _where(begins, new, here)
-        return _Walk(turns, place, goes, patient, memory, here, y, state, None), entry
+        return _Walk(turns, place, goes, patient, memory, here, y, state, None), verdict
 
     def unfinished(walk: _Walk) -> Array:
         going = jnp.sum(walk.goes)
@@ -326,36 +329,17 @@ def walk_stretch(
     known = jnp.where(nodes.even[0], memory.known, jnp.minimum(memory.known, 1))
     memory = eqx.tree_at(lambda m: m.known, memory, known)
     here, guess, patient = begin(start, memory)
-    turns = _ENDS * places
-    log = _nothing_reached(turns, guess)
-    nothing = jax.tree.map(lambda rows: rows[0], log)
     _, shapes = jax.eval_shape(look, guess, loaded(here))
     state = EnergyNewton().init(look, guess, None, {}, None, shapes, frozenset())
     state = eqx.tree_at(lambda s: s.ended, state, ~goes)
-    walk = _Walk(jnp.asarray(0), start, goes, patient, memory, here, guess, state, log)
-    walk = lax.while_loop(unfinished, a_look, walk)
+    walk = _Walk(jnp.asarray(0), start, goes, patient, memory, here, guess, state, None)
+    _, nothing = jax.tree.map(jnp.zeros_like, jax.eval_shape(searches_end, walk, goes))
+    nothing["place"] -= 1
+    turns = _ENDS * places
+    row = Reached(**dict(q=guess.q, meeting=guess.meeting, holding=holding(state)) | nothing)
+    log = jax.tree.map(lambda x: jnp.broadcast_to(x, (turns, *x.shape)), row)
+    walk = lax.while_loop(unfinished, a_look, dataclasses.replace(walk, log=log))
     return walk.log, walk.memory
-
-
-def _nothing_reached(turns: int, guess: Guess) -> Reached:
-    lanes = guess.q.shape[1:]
-    numbers, counts = jnp.zeros((turns, *lanes)), jnp.zeros((turns, *lanes), int)
-    q, meeting = (jnp.zeros((turns, *x.shape)) for x in (guess.q, guess.meeting))
-    shapes = zip(HOLDING, _shapes_of_holding(guess), strict=True)
-    holding = {name: jnp.zeros((turns, *shape, *lanes)) for name, shape in shapes}
-    left = numbers, numbers, numbers, numbers
-    return Reached(counts - 1, q, meeting, counts, counts, *left, counts, holding)
-
-
-def _shapes_of_holding(guess: Guess) -> tuple[tuple[int, ...], ...]:
-    patches = guess.meeting.shape[0]
-    return (5,), (5, 5), (5, patches, 2), (5,), (patches,)
-
-
-def _left_N(state: SearchState) -> Array:
-    """The unbalanced force of a search."""
-    residual = jnp.stack(state.residual)
-    return jnp.max(jnp.abs(residual * jnp.asarray(UNITS)[:, None]), axis=0)
 
 
 @compiled()

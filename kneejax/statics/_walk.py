@@ -161,12 +161,12 @@ class Walker:
                 self.found.meeting[node] = reached.meeting[when, :, :, lane]
         self.found.status[node] = reached.status[when, lane]
         self.found.steps[node] += reached.steps[when, lane]
-        for name in ("softest", "left_mm", "left_N", "fault"):
-            getattr(self.found, name)[node] = getattr(reached, name)[when, lane]
+        self.found.fault[node] = reached.fault[when, lane]
+        self.found.softness[node] = reached.softness[when, lane]
         if self.found.holding is not None:
             for name, values in reached.holding.items():
                 there = values[when, ..., lane]
-                every = np.zeros((*self.found.status.shape, *there.shape[1:]))
+                every = np.full((*self.found.status.shape, *there.shape[1:]), np.nan)
                 self.found.holding.setdefault(name, every)[node] = there
         # How far along the stride to a node the last balance was.
         self.found.share[node] = np.clip(reached.way[when, lane] - along, 0.0, 1.0)
@@ -207,7 +207,7 @@ class Walker:
             wary=np.zeros(count, bool),
             aim=np.full(count, aim),
             tangent=np.zeros((5, 5, count)),
-            softest=np.full(count, np.inf),
+            softness=np.full(count, np.inf),
             steps=np.zeros(count, int),
         )
 

@@ -6,6 +6,7 @@ import pytest
 
 from kneejax import report
 from kneejax.cli import main
+from kneejax.statics import Status
 
 POSES = (
     "flexion_deg,adduction_deg,internal_rotation_deg,anterior_mm,superior_mm,lateral_mm\n"
@@ -46,6 +47,14 @@ def test_without_poses_the_reference_pose_is_drawn(drawn, tmp_path):
     assert main(["view", "four_ligament", "--out", str(tmp_path)]) == 0
     assert not (tmp_path / "motion.png").exists()
     assert (tmp_path / "scene.html").read_text() == "page of 1"
+
+
+def test_a_pose_that_is_no_knee_is_drawn_and_said(drawn, tmp_path, capsys):
+    poses, out = tmp_path / "poses.csv", tmp_path / "view"
+    poses.write_text(POSES + "30,1,4,2,40,0.5\n")
+    assert main(["view", "four_ligament", str(poses), "--out", str(out)]) == 1
+    assert (out / "scene.html").exists()
+    assert f"2 (row): {Status.THROUGH_BONE.remark}" in capsys.readouterr().out
 
 
 def test_without_a_driver_the_page_is_there_and_the_reason_is_said(

@@ -1,0 +1,67 @@
+"""What `kneejax simulate` says of other balances and of searches that end elsewhere."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from kneejax.cli import main
+from kneejax.experiments import Branch
+from kneejax.statics import Status
+
+ASKED = ["simulate", "passive-flexion", "--flexion", "20"]
+
+
+def rows(path):
+    with open(path, newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.fixture
+def two_balances(monkeypatch):
+    """Of a knee at 20 degrees: the one that a test finds, and another."""
+
+    def found(knee, flexion, loads):
+        tested = Branch(0, np.array([20.0, 1, 2, 3, 4, 5]), Status.BALANCED, True, 0.0, 40)
+        other = Branch(0, np.array([20.0, 9, 8, 7, 6, 5]), Status.OUTSIDE_REGION, False, 8.5, 24)
+        return tested, other
+
+    monkeypatch.setattr("kneejax.cli._simulate.branches", found)
+
+
+def test_other_balances_are_printed_written_and_recorded(two_balances, tmp_path, capsys):
+    asked = [*ASKED, "--branches", "--out", str(tmp_path)]
+    assert main([*asked, "--convention", "femoral"]) == 0
+    tested, other = rows(tmp_path / "branches.csv")
+    assert (tested["by_test"], other["by_test"]) == ("1", "0")
+    assert other["status"] == "outside_region" and float(other["apart_mm"]) == 8.5
+    assert float(other["adduction_deg"]) == 9.0 and other["starts"] == "24"
+    assert json.loads((tmp_path / "settings.json").read_text())["branches"] is True
+    printed = capsys.readouterr().out
+    assert "Besides these, the knee also balances at:" in printed and "branches.csv" in printed
+
+
+def test_without_the_option_nobody_looks_for_others(two_balances, tmp_path):
+    assert main([*ASKED, "--out", str(tmp_path)]) == 0
+    assert not (tmp_path / "branches.csv").exists()
+    assert json.loads((tmp_path / "settings.json").read_text())["branches"] is False
+
+
+@pytest.mark.parametrize(
+    ("flexion", "change", "status", "told"),
+    [
+        ("20", ["--cut", "MCL", "--load", "varus_Nm=-40"], Status.GIVES_WAY, "held valgus moment"),
+        ("0", ["--set", "MCL.reference_strain=-0.1"], Status.NOT_CONVERGED, "N from a balance, wh"),
+    ],
+)
+def test_a_lost_pose_says_how_far_it_was_and_what_was_in_the_way(
+    flexion, change, status, told, tmp_path, capsys
+):
+    asked = ["simulate", "passive-flexion", "--flexion", flexion, *change]
+    assert main([*asked, "--out", str(tmp_path)]) == 1
+    (pose,) = rows(tmp_path / "poses.csv")
+    printed = capsys.readouterr().out
+    assert pose["status"] == status.word and status.sentence in printed
+    (line,) = [line for line in printed.splitlines() if line.startswith(f"  at {flexion}: ")]
+    assert told in line
