@@ -23,12 +23,12 @@ from kneejax.statics._newton import Guess as Guess
 from kneejax.statics._settle import Settled as Settled
 from kneejax.statics._settle import differentiable as differentiable
 from kneejax.statics._settle import first_guess as first_guess
-from kneejax.statics._settle import newton_step_left as newton_step_left
 from kneejax.statics._settle import poses_on_the_way as poses_on_the_way
 from kneejax.statics._settle import settle as settle
 from kneejax.statics._settle import with_meeting as with_meeting
 from kneejax.statics._slopes import Slopes as Slopes
 from kneejax.statics._slopes import balance_with_slopes as balance_with_slopes
+from kneejax.statics._softness import newton_step_left as newton_step_left
 from kneejax.statics._stations import Stations as Stations
 from kneejax.statics._status import FAILURES as FAILURES
 from kneejax.statics._status import Status as Status

@@ -22,7 +22,8 @@ from jax import Array, lax
 from kneejax.mechanics import Knee
 from kneejax.statics._compiled import compiled
 from kneejax.statics._newton import UNITS, EnergyNewton, Guess, SearchState, look
-from kneejax.statics._settle import fault_of, holding, softness_of, with_meeting
+from kneejax.statics._settle import fault_of, holding, with_meeting
+from kneejax.statics._softness import softness_of
 from kneejax.statics._stations import Stations
 from kneejax.statics._status import Status, converged
 from kneejax.statics._variants import with_numbers

@@ -64,11 +64,8 @@ def study(name, *, factor=1.0, attachments=True, tension=None, lost=False, **cha
         status = np.full((count, len(ramp)), int(Status.BALANCED))
         if lost:
             status[0, -2:], status[1] = Status.OUTSIDE_REGION, Status.NOT_CONVERGED
-        nothing, none_left = np.zeros((count, len(ramp), 0, 2)), np.zeros(status.shape)
-        balances = Balances(
-            q, nothing, status, np.zeros(status.shape, int), none_left + 1.0, none_left, none_left,
-            status,
-        )  # fmt: skip
+        nothing, reached = np.zeros((count, len(ramp), 0, 2)), np.ones(status.shape)
+        balances = Balances(q, nothing, status, np.zeros(status.shape, int), reached, status)
         run = VarusValgus(ramp, balances)
         runs[direction] = run
         for row, change in enumerate(changes, 1):

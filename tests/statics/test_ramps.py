@@ -7,7 +7,7 @@ import pytest
 import kneejax as kj
 from kneejax.mechanics import load_of
 from kneejax.statics import Stations, Status, balance_many, own_motion
-from kneejax.statics._settle import softness_of
+from kneejax.statics._softness import softness_of
 
 UNITS = np.array([1 / 30, 1 / 30, 1.0, 1.0, 1.0])
 
