@@ -164,3 +164,18 @@ def test_bad_input_is_one_line_and_writes_nothing(tmp_path, capsys, words, expec
 def test_a_wrong_name_is_said_before_the_knee_moves(tmp_path, capsys, unmeasured):
     assert main(["sensitivity", study_file(tmp_path), "--sweep", "ACL.stifness"]) == 2
     assert "did you mean 'ACL.stiffness'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("failures", "sound"), [("[dislocated]", "3000"), ("[overstretched]", "4500")]
+)
+def test_a_sweep_is_sound_as_far_as_its_study_says(failures, sound, tmp_path, capsys):
+    """The softest ACL is longer by more than 5 % in extension, where it is said to tear."""
+    study, out = tmp_path / "study.yaml", tmp_path / "out"
+    torn = f"set: {{ACL.failure_strain: 0.05}}\nfailures: {failures}\n"
+    study.write_text(Path(study_file(tmp_path)).read_text() + torn)
+    words = ["sensitivity", str(study), "--sweep", "ACL.stiffness=3000:6000:3"]
+    assert main([*words, "--out", str(out)]) == 0
+    assert f"{sound} to 6000" in capsys.readouterr().out
+    torn = [row["value"] for row in rows(out / "sweeps.csv") if row["status"] == "overstretched"]
+    assert torn == ["3000.0"]

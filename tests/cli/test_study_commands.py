@@ -135,6 +135,18 @@ def test_a_parameter_that_is_not_determined_is_a_doubt(tmp_path, capsys):
     assert any("not determined" in warning for warning in warnings)
 
 
+@pytest.mark.parametrize(("failures", "status"), [("[dislocated]", 0), ("[overstretched]", 1)])
+def test_identify_warns_of_what_its_study_calls_a_failure(failures, status, tmp_path, capsys):
+    """The PCL of the identified knee is longer by 6 % at 120 degrees; here it tears at 5 %."""
+    study, out = tmp_path / "study.yaml", tmp_path / "out"
+    torn = f"{STUDY}set: {{PCL.failure_strain: 0.05}}\nfailures: {failures}\n"
+    study.write_text(torn, encoding="utf-8")
+    assert main(["identify", str(study), "--next-tests", "1", "--out", str(out)]) == status
+    warnings = json.loads((out / "result.json").read_text())["warnings"]
+    assert ["overstretched" in warning for warning in warnings] == [True] * status
+    assert ("PCL" in capsys.readouterr().out) and len(warnings) == status
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
