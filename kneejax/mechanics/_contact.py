@@ -290,11 +290,15 @@ class Contact(eqx.Module):
 
     def rounded(self, depth: Array) -> Array:
         """Depth with the rounded onset, mm: positive, and far less than `onset_width` apart."""
-        return positive_part(faded(depth)[0], self.onset_width)
+        return positive_part(self._counting(depth)[0], self.onset_width)
 
     def touching(self, depth: Array) -> Array:
         """From 0 apart to 1 in touch, over the onset: the slope of `rounded` by depth."""
-        near, slope = faded(depth)
+        near, slope = self._counting(depth)
         return slope * positive_part(near, self.onset_width) / jnp.sqrt(
             near * near + self.onset_width**2
         )
+
+    def _counting(self, depth: Array) -> tuple[Array, Array | float]:
+        """The depth that counts and its slope: far apart, that of a ray may mean nothing."""
+        return (depth, 1.0) if self.has_patch else faded(depth)

@@ -91,15 +91,17 @@ def _tangents_are_dear(knee: Knee) -> bool:
 
 
 class SearchState(eqx.Module):
-    """Of a search; `guess` is the best point so far, `kept` marks lanes whose tangent belongs to
-    an earlier one, `asks` those that want it computed anew, `still` those that look once more at
-    the best point, `miss` says how far off meeting points were at the look before, where there is
-    another at the same pose; `count` counts the looks of each lane. A lane that is `done` waits for
-    the tangent at its solution and is `ended` with it; so is one that is given up."""
+    """Of a search; `guess` is the best point so far, `lift` what makes its tangent positive
+    definite, `kept` marks lanes whose tangent belongs to an earlier one, `asks` those that want it
+    computed anew, `still` those that look once more at the best point, `miss` says how far off
+    meeting points were at the look before, where there is another at the same pose; `count` counts
+    the looks of each lane. A lane that is `done` waits for the tangent at its solution and is
+    `ended` with it; so is one that is given up."""
 
     guess: Guess
     residual: tuple[Array, ...]
     forces: Forces
+    lift: Array
     kept: Array
     asks: Array
     still: Array
@@ -163,9 +165,12 @@ class EnergyNewton(optx.AbstractRootFinder):
         residual, forces = jax.tree.map(
             choose, (residual, forces), (state.residual, state.forces)
         )
-        tangent = lax.cond(
-            anew, lambda: choose(tangent_there(), state.guess.tangent), lambda: state.guess.tangent
-        )
+
+        def renewed() -> tuple[Array, Array]:
+            tangent = choose(tangent_there(), state.guess.tangent)
+            return tangent, _lift(tangent)
+
+        tangent, lift = lax.cond(anew, renewed, lambda: (state.guess.tangent, state.lift))
         kept = jnp.where(accept, ~anew, state.kept & dear)
         # A step by a kept tangent was refused: look once more at the best point, for a new one. Who
         # asks in vain goes on with what there is, in shorter steps.
@@ -176,7 +181,7 @@ class EnergyNewton(optx.AbstractRootFinder):
         longer = in_vain | (refused & ~kept)
         shift = jnp.where(longer, jnp.maximum(8.0 * state.shift, 1.0), shift)
         shift = jnp.where(shift < 1e-3, 0.0, shift)
-        step, definite = _newton_step(tangent, residual, shift)
+        step = _newton_step(tangent, residual, jnp.maximum(shift, lift))
         size, before = _size(step), _size(state.step)
         shrinks = jnp.where(before > 0, size / jnp.where(before > 0, before, 1.0), 1.0)
         short = jnp.minimum(1.0, _LONGEST_STEP / jnp.where(size > 0, size, 1.0))
@@ -187,7 +192,7 @@ class EnergyNewton(optx.AbstractRootFinder):
         )
         left = jnp.where(kept, shrinks, _BEND * size) * size
         # A shift that is small against the stiffness does not hide how far the solution is.
-        at_rest = accept & definite & (left < self.atol) & (size < _CLOSE) & (shift < 1.0)
+        at_rest = accept & (lift == 0.0) & (left < self.atol) & (size < _CLOSE) & (shift < 1.0)
         done = state.done | (searches & at_rest & (_miss(forces) < _MET))
         count = state.count + searches
         lost = searches & ~done & ((shift > _HOPELESS) | (count >= self.most_steps))
@@ -195,6 +200,7 @@ class EnergyNewton(optx.AbstractRootFinder):
             guess=Guess(q, meeting, tangent),
             residual=residual,
             forces=forces,
+            lift=lift,
             kept=kept,
             asks=kept & ~in_vain & (state.asks | still | ((before > 0) & (shrinks > _GOOD))),
             still=still,
@@ -277,6 +283,7 @@ def begun(guess: Guess, forces: Forces) -> SearchState:
         guess=guess,
         residual=nothing,
         forces=forces,
+        lift=_lift(guess.tangent),
         kept=jnp.ones(lanes, bool),
         asks=jnp.all(guess.tangent == 0.0, axis=(0, 1)),
         still=no,
@@ -303,19 +310,27 @@ def _scaled(rows: tuple[Array, ...]) -> tuple[Array, ...]:
     return tuple(unit * row for unit, row in zip(UNITS, rows, strict=True))
 
 
-def _newton_step(tangent: Array, residual: tuple[Array, ...], shift: Array):
-    """Newton step in scaled coordinates, five rows, and whether the tangent was definite."""
-    units = jnp.asarray(UNITS).reshape(5, *(1,) * shift.ndim)
-    tangent = tangent * units[:, None] * units[None]
-    _, pivots = solve(symmetric(tangent), residual)
+def _lift(tangent: Array) -> Array:
+    """N/mm that make a scaled tangent positive definite in any case; 0 where it is."""
+    scaled = _in_units(tangent)
+    _, pivots = solve(symmetric(scaled), (jnp.zeros(tangent.shape[2:]),) * 5)
     definite = functools.reduce(jnp.logical_and, [pivot > 0 for pivot in pivots])
-    diagonal = [tangent[i, i] for i in range(5)]
-    # Gershgorin: adding this much makes the matrix positive definite in any case.
-    spread = jnp.sum(jnp.abs(tangent), axis=1)
+    # Gershgorin's discs.
+    spread = jnp.sum(jnp.abs(scaled), axis=1)
+    diagonal = [scaled[i, i] for i in range(5)]
     needed = functools.reduce(
         jnp.maximum, [s - jnp.abs(d) - d for s, d in zip(spread, diagonal, strict=True)]
     )
-    extra = jnp.where(definite, shift, jnp.maximum(shift, jnp.clip(needed + 1.0, 1.0)))
-    identity = jnp.eye(5).reshape(5, 5, *(1,) * shift.ndim)
-    step, _ = solve(tangent + extra * identity, tuple(-row for row in _scaled(residual)))
-    return step, definite
+    return jnp.where(definite, 0.0, jnp.clip(needed + 1.0, 1.0))
+
+
+def _newton_step(tangent: Array, residual: tuple[Array, ...], extra: Array):
+    """Newton step in scaled coordinates, five rows, with a multiple of the identity added."""
+    identity = jnp.eye(5).reshape(5, 5, *(1,) * extra.ndim)
+    right = tuple(-row for row in _scaled(residual))
+    return solve(_in_units(tangent) + extra * identity, right)[0]
+
+
+def _in_units(tangent: Array) -> Array:
+    units = jnp.asarray(UNITS).reshape(5, *(1,) * (tangent.ndim - 2))
+    return tangent * units[:, None] * units[None]

@@ -17,6 +17,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array, lax
 
 from kneejax.mechanics import Knee
@@ -164,6 +165,22 @@ class Reached(eqx.Module):
     softness: Array
     holding: dict[str, Array]
 
+    def packed(self) -> Array:
+        """All numbers of one turn, `(numbers, lanes)`: one by one their writing took 2 % of it."""
+        leaves = jax.tree.leaves(self)
+        return jnp.concatenate([x.reshape(-1, x.shape[-1]).astype(float) for x in leaves])
+
+    def unpacked(self, log: np.ndarray) -> Reached:
+        """All turns of a log, whose turns are like this one; nothing is copied but integers."""
+        leaves, kinds = jax.tree.flatten(self)
+        ends = np.cumsum([x.size // x.shape[-1] for x in leaves])
+        parts = np.split(log, ends[:-1], axis=1)
+        shaped = [
+            part.reshape(len(log), *leaf.shape).astype(leaf.dtype, copy=False)
+            for part, leaf in zip(parts, leaves, strict=True)
+        ]
+        return jax.tree.unflatten(kinds, shaped)
+
 
 class _Walk(eqx.Module):
     """State of the loop: turns in which nodes ended, the place of each lane, whether it goes on and
@@ -177,13 +194,13 @@ class _Walk(eqx.Module):
     here: Place
     y: Guess
     state: SearchState
-    log: Reached | None
+    log: Array | None
 
 
 @compiled()
 def walk_stretch(
     knee: Knee, nodes: Nodes, memory: Memory, give_up: Array, fewest: Array
-) -> tuple[Reached, Memory]:
+) -> tuple[Array, Reached, Memory]:
     """Walk all lanes along their places, each at its own pace.
 
     Args:
@@ -195,7 +212,8 @@ def walk_stretch(
             it anew with the next call.
 
     Returns:
-        What became of the nodes, and the memory with which to go on.
+        What became of the nodes, packed, and one turn of it, for `Reached.unpacked`; and the memory
+        with which to go on.
     """
     places, lanes = nodes.even.shape
 
@@ -241,13 +259,9 @@ def walk_stretch(
         after, verdict = lax.cond(
             jnp.any(ended), lambda: searches_end(walk, ended), lambda: (walk, nothing)
         )
-        # Written outside of the branch, which would copy the whole log.
-        entry = dict(q=y.q, meeting=y.meeting, holding=holding(state)) | verdict
-        log = jax.tree.map(
-            lambda rows, row: lax.dynamic_update_index_in_dim(rows, row, walk.turns, 0),
-            before.log,
-            Reached(**entry),
-        )
+        # Written outside of the branch, which would copy the whole log; in one piece.
+        entry = Reached(**dict(q=y.q, meeting=y.meeting, holding=holding(state)) | verdict)
+        log = lax.dynamic_update_index_in_dim(before.log, entry.packed(), walk.turns, 0)
         return dataclasses.replace(after, log=log)
 
     def searches_end(walk: _Walk, ended: Array) -> tuple[_Walk, dict[str, Array]]:
@@ -338,9 +352,9 @@ def walk_stretch(
     nothing["place"] -= 1
     turns = _ENDS * places
     row = Reached(**dict(q=guess.q, meeting=guess.meeting, holding=holding(state)) | nothing)
-    log = jax.tree.map(lambda x: jnp.broadcast_to(x, (turns, *x.shape)), row)
+    log = jnp.broadcast_to(row.packed(), (turns, *row.packed().shape))
     walk = lax.while_loop(unfinished, a_look, dataclasses.replace(walk, log=log))
-    return walk.log, walk.memory
+    return walk.log, row, walk.memory
 
 
 @compiled()

@@ -60,6 +60,8 @@ class Variants:
     def at(self, rows: np.ndarray) -> dict[int, np.ndarray]:
         """Numbers of some variants, first axes those of the rows; of the knee itself where a row is
         negative."""
+        if np.all(rows >= 0):
+            return {leaf: x[rows] for leaf, x in self.numbers.items()}
         leaves = jax.tree.leaves(self.knee)
         own = {leaf: np.asarray(leaves[leaf]) for leaf in self.numbers}
         return {

@@ -118,9 +118,9 @@ class Walker:
             length=np.where(np.arange(self.lanes) < len(rows), ahead, 0),
         )
         behind = _taken(memory, row)
-        reached, behind = walk_stretch(self.variants.knee, nodes, behind, give_up, fewest)
+        log, turn, behind = walk_stretch(self.variants.knee, nodes, behind, give_up, fewest)
         _keep(memory, rows, behind)
-        return jax.tree.map(lambda x: np.asarray(x)[..., : len(rows)], reached)
+        return jax.tree.map(lambda x: x[..., : len(rows)], turn.unpacked(np.asarray(log)))
 
     def _place(self, variant: np.ndarray, station: np.ndarray) -> Place:
         """Numbers of variants at stations, and the own motion there."""
@@ -179,12 +179,15 @@ class Walker:
             np.where(place < k, paths.origin[row], paths.station[row, np.maximum(place - k, 0)])
             for k in (0, 1, 2)
         )
+        if np.array_equal(here, last) and np.array_equal(last, before):
+            # Along values, at one station, nothing is known.
+            still = np.zeros(place.shape, bool)
+            return ~still, np.full(place.shape, np.inf), still
         stride = self._marks[here] - self._marks[last]
         former = self._marks[last] - self._marks[before]
         size = np.abs(stride).max(axis=-1)
         alike = np.abs(stride - former).max(axis=-1) <= 1e-6 * size
         bend, loads = np.abs(stride[..., 0]), np.abs(stride[..., 1:]).max(axis=-1)
-        # Along values, at one station, nothing is known.
         reach = np.where(bend > 0, longest_stride_mm(np.rad2deg(bend)), np.inf)
         return (alike | (place < 2)) & (bend <= _FAR), reach, loads > 0
 
