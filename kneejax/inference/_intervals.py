@@ -29,8 +29,6 @@ from kneejax.statics import Slopes
 SAME = 0.3
 #: Limits that exclude less than this part of what bounds allow tell nothing.
 _TELLING = 0.1
-#: Relative decrease of chi squared that ends the likeliest fit of a calibration.
-_RTOL = 1e-6
 
 
 class IntervalKind(enum.Enum):
@@ -155,7 +153,7 @@ def sureties(
         data = dataclasses.replace(data, noise=1.0 / np.sqrt(weights))
     noise = noise_left(data, answers, stated, lower, upper)
     first = dataclasses.replace(data, noise=noise)
-    fits, weighed = likeliest(balance, first, answers, stated, lower, upper, rtol=_RTOL)
+    fits, weighed = likeliest(balance, first, answers, stated, lower, upper)
     threshold = rise_at_limits(spare if unknown else None)
     here, found = follow_to_the_lowest(
         balance, weighed, fits, lower, upper, threshold, names, Pace.LIMITS
@@ -169,7 +167,7 @@ def sureties(
         linear = uncertainty(jacobian, error, weights, held, np.where(np.isinf(own), np.nan, own))
         judged.append(
             Surety(
-                tuple(map(Interval.of, profiles, values, linear.standard_error, lower, upper)),
+                _intervals(profiles, values, linear.standard_error, lower, upper),
                 here.values[row],
                 linear.correlation,
                 own,
@@ -178,6 +176,13 @@ def sureties(
             )
         )
     return judged
+
+
+def _intervals(profiles, values, error, lower, upper) -> tuple[Interval, ...]:
+    if any(profile.better for profile in profiles):
+        # Where lower valleys are found over and over, limits are those of none.
+        return _nothing_known(len(profiles)).intervals
+    return tuple(map(Interval.of, profiles, values, error, lower, upper))
 
 
 def _nothing_known(size: int) -> Surety:

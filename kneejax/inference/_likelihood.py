@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from kneejax.geometry import FREE_COORDINATES
-from kneejax.inference._many_fits import Balance, ManyFits, MotionData, fit_lanes
+from kneejax.inference._many_fits import PATIENT, Balance, ManyFits, MotionData, fit_lanes
 from kneejax.inference._parameters import UnsuitableData
 from kneejax.inference._uncertainty import uncertainty
 from kneejax.statics import Slopes
@@ -56,7 +56,6 @@ def likeliest(
     upper: np.ndarray,
     *,
     far: bool = False,
-    rtol: float = 1e-9,
 ) -> tuple[ManyFits, MotionData]:
     """Fit by maximum likelihood, many times at once.
 
@@ -68,7 +67,6 @@ def likeliest(
         lower: bounds, `(p,)`.
         upper: bounds.
         far: whether the answers may be far.
-        rtol: see `fit_lanes`.
 
     Returns:
         The fits, and the data with the noise that is stated or that the fits leave, `(fits, 5)`.
@@ -79,7 +77,7 @@ def likeliest(
     noise = np.where(np.isnan(stated) | np.isinf(noise), noise, stated)
     data = dataclasses.replace(data, noise=noise)
     for _ in range(_ROUNDS if np.isnan(stated).any() else 1):
-        fits = fit_lanes(balance, data, near, near.values, *box, far=far, rtol=rtol)
+        fits = fit_lanes(balance, data, near, near.values, *box, most=PATIENT, far=far)
         near, far = fits.slopes, False
         data = dataclasses.replace(data, noise=noise_left(data, near, stated, lower, upper))
     return fits, data

@@ -23,6 +23,8 @@ from kneejax.inference._problem import TABLE_UNITS
 from kneejax.mechanics import Knee
 from kneejax.statics import Slopes, Stations, balance_with_slopes
 
+#: Evaluations of a fit that is to reach the end of a long flat valley.
+PATIENT = 200
 #: Relative decrease of an objective, and relative step, that end a fit.
 _RTOL, _ATOL = 1e-9, 1e-8
 #: Balances at values `(fits, p)`, reached from near ones, with their derivatives by the values.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -14,7 +15,26 @@ NEAR = 0.05
 #: A step beyond which there is no balance is halved so often.
 _HALVINGS = 3
 
+#: Better by more than this than the fit: the fit was not the best there is.
+BETTER = 0.01
+
+#: Value of the arm's parameter, rise of chi squared, all parameters.
 Point = tuple[float, float, np.ndarray]
+
+
+@dataclasses.dataclass(frozen=True)
+class Narrow:
+    """An arm whose limit is too narrow.
+
+    Attributes:
+        arm: its row.
+        point: beyond the limit, as likely as what lies inside.
+        donor: row of the arm that has been there.
+    """
+
+    arm: int
+    point: Point
+    donor: int
 
 
 @dataclasses.dataclass(frozen=True)
@@ -106,6 +126,62 @@ class Arms:
         self.near.put(rows[good], found.slopes.take(rows[good]))
         self.slope[rows[good]] = slopes[good]
 
+    def leave(self, fits: np.ndarray) -> None:
+        """End all arms of some fits where they are."""
+        self.active[np.isin(self.fit_of, fits)] = False
+
+    def lowest(self) -> np.ndarray:
+        """Of each fit, the arm whose last point is lowest, `(fits,)`."""
+        last = np.array([points[-1][1] for points in self.points]).reshape(-1, 2 * self.size)
+        return np.argmin(last, axis=1) + 2 * self.size * np.arange(len(last))
+
+    def too_narrow(self) -> list[Narrow]:
+        """Arms whose limits leave out what other arms of the same fit have seen."""
+        every = np.arange(len(self.active)).reshape(-1, 2 * self.size)
+        return [narrow for rows in every for narrow in self._too_narrow(rows)]
+
+    def _too_narrow(self, rows: np.ndarray) -> Iterator[Narrow]:
+        seen = [(row, point) for row in rows for point in self.points[row]]
+        inside = [(row, p) for row, p in seen if _root(p[1]) < (1.0 - NEAR) * self.level]
+        if any(point[1] < -BETTER for _, point in inside):
+            return  # The fit itself has to move first.
+        values = np.array([point[2] for _, point in inside])
+        for row in rows:
+            arm = self.sorted_points(row)
+            if self.end[row] or max(_root(p[1]) for p in arm) < (1.0 - NEAR) * self.level:
+                continue
+            limit, i, way = crossing(arm, self.level), self.index[row], self.way[row]
+            farthest = int(np.argmax(way * values[:, i]))
+            if way * (values[farthest, i] - limit) > NEAR * abs(limit - arm[0][0]):
+                donor, point = inside[farthest]
+                yield Narrow(row, (float(point[2][i]), *point[1:]), donor)
+
+    def reopen(
+        self, narrow: Sequence[Narrow], there: Slopes, slopes: np.ndarray, close: bool
+    ) -> None:
+        """Walk on from points beyond the limits.
+
+        Args:
+            narrow: arms and points.
+            there: balances at the points.
+            slopes: of the residual there.
+            close: whether the arms end there instead, without a limit; so do those that find no
+                balance there.
+        """
+        good = np.isfinite(there.q).all(axis=(1, 2))
+        for (row, point), on in zip(((n.arm, n.point) for n in narrow), good, strict=True):
+            nearer = [
+                p for p in self.points[row]
+                if self.way[row] * (point[0] - p[0]) > 0 and _root(p[1]) < self.level
+            ]
+            self.points[row] = [*nearer, point]
+            self.active[row], self.halved[row] = on and not close, 0
+            if not self.active[row]:
+                self._stop(row, "another valley goes farther")
+        rows = np.array([n.arm for n in narrow])[good]
+        self.near.put(rows, there.take(good))
+        self.slope[rows] = slopes[good]
+
     def sorted_points(self, row: int) -> list[Point]:
         """Points of an arm, nearest the fit first."""
         first = self.points[row][0][0]
@@ -178,3 +254,36 @@ class Arms:
 
 def _root(rise: float) -> float:
     return float(np.sqrt(max(rise, 0.0)))
+
+
+def crossing(arm: list[tuple[float, float, np.ndarray]], level: float) -> float:
+    """The outermost place where the root of the rise passes the level, by a monotone cubic, or by a
+    line if one of the points is all but there.
+
+    Args:
+        arm: value, rise and parameters of points, the estimate first.
+        level: of the root of the rise.
+    """
+    values = np.array([p[0] for p in arm])
+    roots = np.sqrt(np.maximum([p[1] for p in arm], 0.0))
+    along = np.abs(values - values[0])
+    inside = int(np.flatnonzero(roots < level)[-1])
+    outside = np.flatnonzero(roots >= level)
+    if inside == len(arm) - 1 and roots[-1] < (1.0 - NEAR) * level and len(outside):
+        inside = int(outside[0]) - 1
+    if inside == len(arm) - 1:
+        # The last point is all but there.
+        place = along[-1] * level / max(roots[-1], (1.0 - NEAR) * level)
+    elif np.abs(roots[inside : inside + 2] - level).min() < NEAR * level:
+        place = np.interp(level, roots[inside : inside + 2], along[inside : inside + 2])
+    else:
+        place = _by_cubic(along, roots, level, inside)
+    return float(values[0] + np.sign(values[-1] - values[0]) * place)
+
+
+def _by_cubic(along: np.ndarray, roots: np.ndarray, level: float, inside: int) -> float:
+    from scipy.interpolate import PchipInterpolator
+    from scipy.optimize import brentq
+
+    curve = PchipInterpolator(along, roots)
+    return float(brentq(lambda x: float(curve(x)) - level, along[inside], along[inside + 1]))

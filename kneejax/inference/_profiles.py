@@ -7,16 +7,23 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from kneejax.inference._many_fits import Balance, ManyFits, MotionData, balances_of, fit_lanes
+from kneejax.inference._many_fits import (
+    PATIENT,
+    Balance,
+    ManyFits,
+    MotionData,
+    balances_of,
+    fit_lanes,
+)
 from kneejax.inference._parameters import QUANTITIES, Selection
-from kneejax.inference._profile_arms import NEAR, Arms, Pace
+from kneejax.inference._profile_arms import BETTER, Arms, Pace, crossing
 from kneejax.mechanics import Knee
 from kneejax.statics import Slopes
 
-#: Better by more than this than the fit: the fit was not the best there is.
-_BETTER = 0.01
 #: How often a lower valley that a profile finds is followed.
-_RESTARTS = 4
+_RESTARTS = 10
+#: How often arms walk on from where others have shown that their limits were too narrow.
+_ROUNDS = 4
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,15 +64,10 @@ class Profile:
         return not (self.low_open or self.high_open)
 
     @property
-    def lowest(self) -> np.ndarray:
-        """All parameters where chi squared is lowest, `(p,)`."""
-        return self.parameters[np.argmin(self.rise)]
-
-    @property
     def better(self) -> float:
         """How much lower than at the fit chi squared has been found; zero as it should be."""
         lowest = -float(np.min(self.rise))
-        return lowest if lowest > _BETTER else 0.0
+        return lowest if lowest > BETTER else 0.0
 
 
 def profiles(
@@ -94,7 +96,7 @@ def profiles(
     """
     balance = balances_of(knee, selection, data.stations)
     names = named(selection)
-    return follow(balance, data, fit, lower, upper, threshold, names)[0]
+    return follow(balance, data, fit, lower, upper, threshold, names)[0][0]
 
 
 def named(selection: Selection) -> list[tuple[str, str]]:
@@ -111,11 +113,13 @@ def follow(
     threshold: float,
     names: Sequence[tuple[str, str]],
     pace: Pace = Pace.FINE,
-) -> list[tuple[Profile, ...]]:
+    leave: bool = False,
+) -> tuple[list[tuple[Profile, ...]], Slopes]:
     """Profiles of many fits at once.
 
     All arms advance together; each fit begins where the curvature at its neighbour says that the
-    others will go.
+    others will go. Any arm of a fit tells of all its parameters: where one has been beyond the
+    limit of another at a likelihood that the limit excludes, that one walks on from there.
 
     Args:
         balance: of the values that are fitted.
@@ -126,9 +130,10 @@ def follow(
         threshold: rise of chi squared at the limits.
         names: of the values, with their units.
         pace: whether the whole curve is wanted, or its limits only.
+        leave: whether a fit is left alone as soon as an arm of it finds a better one.
 
     Returns:
-        For each fit one profile a value.
+        For each fit one profile a value; and balances at the lowest of the last points of its arms.
     """
     residual, slope = data.residual(fits)
     best = np.sum(residual**2, axis=1)
@@ -136,21 +141,52 @@ def follow(
     box = lower, upper
     arms = Arms(fits, slope, *box, np.array([curvature_errors(s) for s in slope]), width, pace)
     of_arms = data.take(arms.fit_of)
+    for last in [*[False] * _ROUNDS, True]:
+        _walk(balance, of_arms, arms, best[arms.fit_of], pace, leave)
+        narrow = arms.too_narrow()
+        if not narrow:
+            break
+        rows, donors = (np.array([getattr(n, field) for n in narrow]) for field in ("arm", "donor"))
+        there = _led(balance, arms.near.take(donors), np.array([n.point[2] for n in narrow]))
+        arms.reopen(narrow, there, of_arms.take(rows).residual(there)[1], close=last)
+    profiles_ = [
+        tuple(_profile(names[i], arms, fit, i, threshold) for i in range(len(names)))
+        for fit in range(len(fits.values))
+    ]
+    return profiles_, arms.near.take(arms.lowest())
+
+
+def _led(balance: Balance, near: Slopes, values: np.ndarray) -> Slopes:
+    """Balances at values, in ever shorter strides where one was too long; NaN where none does."""
+    there = balance(values, near)
+    for parts in (4, 16):
+        lost = np.flatnonzero(np.isnan(there.q).any(axis=(1, 2)))
+        if not len(lost):
+            break
+        here = near.take(lost)
+        for stop in np.linspace(near.values[lost], values[lost], parts + 1)[1:]:
+            here = balance(stop, here)
+        there.put(lost, here)
+    return there
+
+
+def _walk(
+    balance: Balance, data: MotionData, arms: Arms, best: np.ndarray, pace: Pace, leave: bool
+) -> None:
+    """Advance all arms to their ends; data and the lowest chi squared are those of each arm."""
     while arms.active.any():
         starts, low, high = arms.next_fits()
         asked = arms.active.copy()
         found = fit_lanes(
-            balance, of_arms, arms.near, starts, low, high, asked=asked, rtol=pace.value.rtol
+            balance, data, arms.near, starts, low, high, asked=asked, rtol=pace.value.rtol
         )
         rows = np.flatnonzero(asked)
-        _, slopes = of_arms.take(rows).residual(found.slopes.take(rows))
+        _, slopes = data.take(rows).residual(found.slopes.take(rows))
         rise = np.full(len(asked), np.nan)
-        rise[rows] = np.maximum(found.chi2 - best[arms.fit_of], -np.inf)[rows]
+        rise[rows] = np.maximum(found.chi2 - best, -np.inf)[rows]
         arms.advance(rows, found, rise, slopes)
-    return [
-        tuple(_profile(names[i], arms, fit, i, threshold) for i in range(len(names)))
-        for fit in range(len(fits.values))
-    ]
+        if leave:
+            arms.leave(np.unique(arms.fit_of[rise < -BETTER]))
 
 
 def follow_to_the_lowest(
@@ -180,21 +216,25 @@ def follow_to_the_lowest(
     Returns:
         Where the fits are now, and their profiles.
     """
-    here = fits.slopes.take(np.arange(len(fits.values)))
-    found = follow(balance, data, here, lower, upper, threshold, names, pace)
-    for _ in range(restarts):
-        better = [max(own, key=lambda profile: profile.better) for own in found]
-        rows = np.array([row for row, one in enumerate(better) if one.better], int)
-        if not len(rows):
-            break
-        lowest = np.array([better[row].lowest for row in rows])
-        box = [np.tile(bound, (len(rows), 1)) for bound in (lower, upper)]
-        own = data.take(rows)
-        moved = fit_lanes(balance, own, here.take(rows), lowest, *box, far=True)
-        here.put(rows, moved.slopes)
-        again = follow(balance, own, here.take(rows), lower, upper, threshold, names, pace)
+    rows = np.arange(len(fits.values))
+    here = fits.slopes.take(rows)
+    found: list[tuple[Profile, ...]] = [()] * len(rows)
+    for left in reversed(range(restarts + 1)):
+        own, leave = data.take(rows), left > 0
+        again, lowest = follow(
+            balance, own, here.take(rows), lower, upper, threshold, names, pace, leave
+        )
         for row, profiles_ in zip(rows, again, strict=True):
             found[row] = profiles_
+        which = np.array([any(one.better for one in profiles_) for profiles_ in again])
+        if not which.any() or not left:
+            break
+        rows, lowest = rows[which], lowest.take(which)
+        box = [np.tile(bound, (len(rows), 1)) for bound in (lower, upper)]
+        moved = fit_lanes(
+            balance, data.take(rows), lowest, lowest.values, *box, most=PATIENT, far=True
+        )
+        here.put(rows, moved.slopes)
     return here, found
 
 
@@ -237,35 +277,3 @@ def _profile(name: tuple[str, str], arms: Arms, fit: int, i: int, threshold: flo
         arms.end[rows[1]],
         threshold,
     )
-
-
-def crossing(arm: list[tuple[float, float, np.ndarray]], level: float) -> float:
-    """The outermost place where the root of the rise passes the level, by a monotone cubic, or by a
-    line if one of the points is all but there.
-
-    Args:
-        arm: value, rise and parameters of points, the estimate first.
-        level: of the root of the rise.
-    """
-    values = np.array([p[0] for p in arm])
-    roots = np.sqrt(np.maximum([p[1] for p in arm], 0.0))
-    along = np.abs(values - values[0])
-    inside = int(np.flatnonzero(roots < level)[-1])
-    if inside == len(arm) - 1 and roots[-1] < (1.0 - NEAR) * level:
-        inside = int(np.flatnonzero(roots >= level)[0]) - 1
-    if inside == len(arm) - 1:
-        # The last point is all but there.
-        place = along[-1] * level / roots[-1]
-    elif np.abs(roots[inside : inside + 2] - level).min() < NEAR * level:
-        place = np.interp(level, roots[inside : inside + 2], along[inside : inside + 2])
-    else:
-        place = _by_cubic(along, roots, level, inside)
-    return float(values[0] + np.sign(values[-1] - values[0]) * place)
-
-
-def _by_cubic(along: np.ndarray, roots: np.ndarray, level: float, inside: int) -> float:
-    from scipy.interpolate import PchipInterpolator
-    from scipy.optimize import brentq
-
-    curve = PchipInterpolator(along, roots)
-    return float(brentq(lambda x: float(curve(x)) - level, along[inside], along[inside + 1]))

@@ -13,8 +13,9 @@ from kneejax.inference._many_fits import (
     without_offsets,
 )
 from kneejax.inference._problem import DEFAULT_WEIGHTS, TABLE_UNITS
-from kneejax.inference._profiles import Profile, named
-from kneejax.statics import Stations, balance_with_slopes
+from kneejax.inference._profile_arms import Pace
+from kneejax.inference._profiles import Profile, follow, named
+from kneejax.statics import Slopes, Stations, Status, balance_with_slopes
 
 NAMES = ("*.stiffness", "*.reference_strain")
 #: Paper 1, Table 3.
@@ -51,6 +52,32 @@ def test_the_kind_of_an_interval_follows_from_its_profile(followed, error, kind,
     assert found.kind is kind
     np.testing.assert_array_equal([found.low, found.high], ends or (np.nan, np.nan))
     assert np.isfinite(found.standard_error) == (kind is IntervalKind.STANDARD_ERROR)
+
+
+def two_valleys(values, _):
+    """Along y = 0 a change of x alone is seen at once; with y it is made up for."""
+    x, y = np.asarray(values, float).T
+    q, jacobian = np.zeros((len(x), 1, 5)), np.zeros((len(x), 1, 5, 2))
+    q[:, 0, 2], q[:, 0, 3] = 2.0 * (x - 3.0 * y**2), 0.8 * y**2
+    jacobian[:, 0, 2] = np.stack([np.full(len(x), 2.0), -12.0 * y], axis=1)
+    jacobian[:, 0, 3, 1] = 1.6 * y
+    shape = (len(x), 1)
+    return Slopes(
+        np.array(values, float), q, jacobian, np.zeros((*shape, 0, 2)),
+        np.zeros((*shape, 0, 2, 2)), np.zeros((*shape, 5, 5)), np.full(shape, Status.BALANCED),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("pace", list(Pace))
+def test_a_limit_is_where_the_farthest_valley_ends(pace):
+    """At x = 3, y = 1 the fit is worse by 0.64 only: nothing that the arm of x alone would see."""
+    data = MotionData(Stations.at([0.0]), np.zeros((1, 1, 5)), np.ones(5))
+    ends = np.array([-5.0, -1.0]), np.array([5.0, 1.0])
+    fit, names = two_valleys([[0.0, 0.0]], None), [("x", ""), ("y", "")]
+    ((x, y),), _ = follow(two_valleys, data, fit, *ends, 3.84, names, pace)
+    assert x.low == pytest.approx(-np.sqrt(3.84) / 2.0, abs=0.02)
+    assert x.high == pytest.approx(3.0 + np.sqrt(3.84 - 0.64) / 2.0, abs=0.02)
+    assert y.low_open and y.high_open and x.closed
 
 
 @pytest.fixture(scope="module")
