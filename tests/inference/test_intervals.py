@@ -7,6 +7,7 @@ import kneejax as kj
 from kneejax.inference import MotionData, fit_many
 from kneejax.inference._intervals import Interval, IntervalKind, sureties
 from kneejax.inference._many_fits import (
+    ManyFits,
     add_offsets,
     balances_of,
     with_offsets,
@@ -14,7 +15,7 @@ from kneejax.inference._many_fits import (
 )
 from kneejax.inference._problem import DEFAULT_WEIGHTS, TABLE_UNITS
 from kneejax.inference._profile_arms import Pace
-from kneejax.inference._profiles import Profile, follow, named
+from kneejax.inference._profiles import Profile, _led, follow, follow_to_the_lowest, named
 from kneejax.statics import Slopes, Stations, Status, balance_with_slopes
 
 NAMES = ("*.stiffness", "*.reference_strain")
@@ -54,11 +55,14 @@ def test_the_kind_of_an_interval_follows_from_its_profile(followed, error, kind,
     assert np.isfinite(found.standard_error) == (kind is IntervalKind.STANDARD_ERROR)
 
 
-def two_valleys(values, _):
-    """Along y = 0 a change of x alone is seen at once; with y it is made up for."""
+def two_valleys(values, near=None, longest=np.inf):
+    """Along y = 0 a change of x alone is seen at once; with y it is made up for. No balance is
+    found by a stride that is too long."""
     x, y = np.asarray(values, float).T
     q, jacobian = np.zeros((len(x), 1, 5)), np.zeros((len(x), 1, 5, 2))
     q[:, 0, 2], q[:, 0, 3] = 2.0 * (x - 3.0 * y**2), 0.8 * y**2
+    if near is not None:
+        q[np.abs(values - near.values).max(axis=1) > longest] = np.nan
     jacobian[:, 0, 2] = np.stack([np.full(len(x), 2.0), -12.0 * y], axis=1)
     jacobian[:, 0, 3, 1] = 1.6 * y
     shape = (len(x), 1)
@@ -68,16 +72,46 @@ def two_valleys(values, _):
     )  # fmt: skip
 
 
+BOX = np.array([-5.0, -1.0]), np.array([5.0, 1.0])
+XY = [("x", ""), ("y", "")]
+
+
 @pytest.mark.parametrize("pace", list(Pace))
 def test_a_limit_is_where_the_farthest_valley_ends(pace):
     """At x = 3, y = 1 the fit is worse by 0.64 only: nothing that the arm of x alone would see."""
     data = MotionData(Stations.at([0.0]), np.zeros((1, 1, 5)), np.ones(5))
-    ends = np.array([-5.0, -1.0]), np.array([5.0, 1.0])
-    fit, names = two_valleys([[0.0, 0.0]], None), [("x", ""), ("y", "")]
-    ((x, y),), _ = follow(two_valleys, data, fit, *ends, 3.84, names, pace)
+    ((x, y),), _ = follow(two_valleys, data, two_valleys([[0.0, 0.0]]), *BOX, 3.84, XY, pace)
     assert x.low == pytest.approx(-np.sqrt(3.84) / 2.0, abs=0.02)
     assert x.high == pytest.approx(3.0 + np.sqrt(3.84 - 0.64) / 2.0, abs=0.02)
     assert y.low_open and y.high_open and x.closed
+
+
+@pytest.mark.parametrize("pace", list(Pace))
+def test_a_fit_moves_to_the_valley_that_an_arm_has_found(pace):
+    """Of 0.8 measured, y = 0 explains nothing and y = 1 all; it is too far for one stride."""
+
+    def balance(values, near):
+        return two_valleys(values, near, longest=2.0)
+
+    target = np.zeros((1, 1, 5))
+    target[..., 3] = 0.8
+    data = MotionData(Stations.at([0.0]), target, np.ones(5))
+    begin = ManyFits(two_valleys([[0.0, 0.0]]), np.array([0.64]), np.array([True]), 1)
+    here, ((x, _),) = follow_to_the_lowest(balance, data, begin, *BOX, 3.84, XY, pace)
+    np.testing.assert_allclose(np.abs(here.values), [[3.0, 1.0]], atol=1e-3)
+    assert x.high == pytest.approx(3.0 + np.sqrt(3.84) / 2.0, abs=0.05)  # 1 % of the interval
+    assert x.low == pytest.approx(-np.sqrt(3.84 - 0.64) / 2.0, abs=0.05)  # 1 % of the interval
+    assert not x.better
+
+
+def test_values_far_away_are_reached_in_shorter_strides():
+    def balance(values, near):
+        return two_valleys(values, near, longest=0.5)
+
+    found = _led(balance, two_valleys(np.zeros((2, 2))), np.array([[3.0, 1.0], [9.0, 1.0]]))
+    np.testing.assert_array_equal(found.values, [[3.0, 1.0], [9.0, 1.0]])
+    # Sixteen strides are not enough for the other.
+    np.testing.assert_array_equal(np.isfinite(found.q).all(axis=(1, 2)), [True, False])
 
 
 @pytest.fixture(scope="module")
