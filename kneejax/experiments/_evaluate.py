@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import concurrent.futures
-import os
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
-from kneejax.geometry import Pose, lanes_for, safe_sqrt, traced
+from kneejax.geometry import Placement, Pose, lanes_for, safe_sqrt, traced
 from kneejax.mechanics import (
     Border,
     Contact,
@@ -21,10 +18,19 @@ from kneejax.mechanics import (
     add_lane_axis,
     displacement,
 )
-from kneejax.statics import ContactFaults, Faults, Status, compiled, with_meeting
+from kneejax.statics import (
+    ContactFaults,
+    Faults,
+    Status,
+    compiled,
+    on_all_cores,
+    with_meeting,
+)
 
-# Poses of one call: what they need stays in the processor's cache (benchmarks/evaluate.py).
-_CHUNK, _CHUNK_OVER_POINTS = 512, 64
+# Poses of one call: what they need stays in the processor's cache.
+_CHUNK, _CHUNK_OVER_POINTS = 512, 128
+# Poses that share what is rare and dear: the border of their patches, a thorough search of rays.
+_BORDER_LANES, _RAY_LANES = 32, 8
 
 
 class Mechanics(eqx.Module):
@@ -43,8 +49,6 @@ class Mechanics(eqx.Module):
         mean_pressure: `(poses, contacts)`, MPa.
         max_depth: `(poses, contacts)`, mm.
         center: in the tibia frame, `(poses, contacts, 3)`, mm.
-        beyond_mm: how far contact reaches beyond the fitted regions, `(poses, contacts)`, mm.
-        beyond_share: of the force that is carried there, `(poses, contacts)`, 0 to 1.
         known: whether the surfaces meet in their fitted regions, `(poses, contacts)`.
         too_deep: whether the overlap is the whole layer somewhere, `(poses, contacts)`.
         contact_moment: on the tibia about its origin in tibia axes, `(poses, contacts, 3)`, N mm.
@@ -58,9 +62,9 @@ class Mechanics(eqx.Module):
         wrap_beyond: whether a fibre touches a cylinder beyond its length, `(poses, ligaments)`.
         no_patch: whether the surfaces touch where no elliptical patch fits, `(poses, contacts)`.
         through_bone: whether the condyle has passed through the plateau, `(poses, contacts)`.
-        beyond_mm: how far contact reaches off the fitted surfaces, `(poses, contacts)`; NaN where
-            it is not known.
-        beyond_share: part of the contact force out there, `(poses, contacts)`; likewise.
+        beyond_mm: how far contact reaches beyond the fitted regions, `(poses, contacts)`, mm; NaN
+            where it is not known.
+        beyond_share: of the force that is carried there, `(poses, contacts)`, 0 to 1; likewise.
         displacement: of the tibia from the reference pose, degrees and mm, `(poses, 5)`; see
             `kneejax.mechanics.displacement`.
     """
@@ -118,14 +122,15 @@ def evaluate(knee: Knee, poses: Pose, meeting: Array | None = None) -> Mechanics
     # The last chunk is filled up with the last pose: one shape, one compilation.
     rows = np.minimum(np.arange(-(-count // size) * size), count - 1).reshape(-1, size)
 
+    poses = jax.tree.map(np.atleast_1d, poses)
+    meeting = None if meeting is None else np.asarray(meeting)
+
     def chunk(own: np.ndarray) -> Mechanics:
-        here = jax.tree.map(lambda x: np.atleast_1d(x)[own], poses)
-        there = None if meeting is None else np.asarray(meeting)[..., own]
+        here, there = jax.tree.map(lambda x: x[..., own], (poses, meeting))
         return jax.tree.map(np.asarray, _evaluate(knee, here, there))
 
-    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
-        parts = list(pool.map(chunk, rows))
-    return jax.tree.map(lambda *x: jnp.asarray(np.concatenate(x)[:count]), *parts)
+    parts = on_all_cores(chunk, rows)
+    return jax.device_put(jax.tree.map(lambda *x: np.concatenate(x)[:count], *parts))
 
 
 @compiled()
@@ -140,7 +145,7 @@ def _evaluate(knee: Knee, poses: Pose, meeting: Array | None) -> Mechanics:
             contacts.append(_over_patch(contact, poses, meeting[row]))
             row += 1
         else:
-            contacts.append(_over_points(contact, poses))
+            contacts.append(_over_points_in_blocks(contact, poses))
     stacked = [jnp.stack(x, axis=-1) for x in zip(*contacts, strict=True)] or [
         jnp.zeros(shape + poses.flexion.shape + (0,))
         for shape in ((3,), (3,), (), (), (), (), (3,), *((),) * 6)
@@ -186,15 +191,41 @@ def _over_patch(contact: Contact, poses: Pose, meeting: Array):
     known = pressed.known | (gap.depth <= 0)
     deep = gap.depth >= contact.layer_thickness
     flat, through = pressed.known & contact.has_no_patch(gap), contact.passed_through(tibia)
-    peak, inside = contact.pressure(gap.depth), jnp.zeros_like(gap.depth)
-    # A hundred places of each patch, for nothing where all patches are known as a whole.
-    border = lax.cond(
-        jnp.all(known), lambda: Border(inside, inside), lambda: contact.border(tibia, meeting)
-    )
+    peak, border = contact.pressure(gap.depth), _border(contact, tibia, meeting, known)
     return (
         force, moment, area, peak, mean, gap.depth, center, border.beyond_mm, border.share,
         known, deep, flat, through,
     )  # fmt: skip
+
+
+def _border(contact: Contact, tibia: Placement, meeting: Array, known: Array) -> Border:
+    """Border of patches: a hundred places of each, asked only where one is not known as a whole.
+
+    Those that are not are put together in blocks, and blocks of known ones are passed over.
+    """
+    count = jnp.cumsum(~known)
+    place = jnp.where(known, count[-1] + jnp.cumsum(known), count) - 1
+    order = jnp.zeros_like(place).at[place].set(jnp.arange(len(place)), unique_indices=True)
+    block = _BORDER_LANES if len(known) % _BORDER_LANES == 0 else len(known)
+
+    def of_block(own: Array) -> Border:
+        def asked() -> Border:
+            return contact.border(*jax.tree.map(lambda x: x[..., own], (tibia, meeting)))
+
+        nothing = jnp.zeros(block)
+        return lax.cond(jnp.all(known[own]), lambda: Border(nothing, nothing), asked)
+
+    found = lax.map(of_block, order.reshape(-1, block))
+    return jax.tree.map(lambda x: x.ravel()[place], found)
+
+
+def _over_points_in_blocks(contact: Contact, poses: Pose):
+    """As `_over_points`: one unusual ray then costs a few poses a thorough search, not all."""
+    count = len(poses.flexion)
+    block = _RAY_LANES if count % _RAY_LANES == 0 else count
+    blocks = jax.tree.map(lambda x: x.reshape(-1, block), poses)
+    found = lax.map(lambda some: _over_points(contact, some), blocks)
+    return tuple(jnp.moveaxis(x, 0, -2).reshape(*x.shape[1:-1], count) for x in found)
 
 
 def _over_points(contact: Contact, poses: Pose):
@@ -207,10 +238,11 @@ def _over_points(contact: Contact, poses: Pose):
         area = jnp.sum(contact.touching(sampled.depth) * points.area, axis=0)
         wrench = contact.sampled_wrench(tibia, sampled)
         force, moment = (jnp.stack(tibia.turn_back(x)) for x in (wrench.force, wrench.moment))
-        weight = share / jnp.sum(share, axis=0)
-        place = contact.tibial.frame.placement.apply(points.point)
-        center = jnp.stack([jnp.sum(weight * x, axis=0) for x in place])
-        mean = jnp.sum(share, axis=0) / area
+        total = jnp.sum(share, axis=0)
+        # Divided after the sums: all of them then go over the points together.
+        middle = tuple(jnp.sum(share * x, axis=0) / total for x in points.point)
+        center = jnp.stack(contact.tibial.frame.placement.apply(middle))
+        mean = total / area
         faults, border = contact.faults(tibia, sampled), contact.border(tibia, sampled)
         peak, depth = jnp.max(pressure, axis=0), jnp.max(sampled.depth, axis=0)
         return (

@@ -15,6 +15,7 @@ from kneejax.statics._compiled import (
     share_memory_between_threads as share_memory_between_threads,
 )
 from kneejax.statics._compiled import use_shared_fusion as use_shared_fusion
+from kneejax.statics._cores import on_all_cores as on_all_cores
 from kneejax.statics._faults import ContactFaults as ContactFaults
 from kneejax.statics._faults import Faults as Faults
 from kneejax.statics._newton import UNITS as UNITS

@@ -7,10 +7,8 @@ nor on who was first.
 
 from __future__ import annotations
 
-import concurrent.futures
 import copy
 import itertools
-import os
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -19,6 +17,7 @@ import numpy as np
 
 from kneejax.mechanics import Knee
 from kneejax.statics._balances import Balances
+from kneejax.statics._cores import on_all_cores
 from kneejax.statics._newton import UNITS
 from kneejax.statics._paths import (
     Found,
@@ -282,19 +281,7 @@ def _walk_all(walker: Walker, rows: Paths, give_up: int, **how: Any) -> None:
     # Neighbours are alike, and the hard ones would all be in the last lot.
     lots = max(-(-count // most), 1)
     lots = [rows.take(slice(i, None, lots)) for i in range(lots)]
-    if len(lots) < 2:
-        for lot in lots:
-            walker.walk(lot, give_up, **how)
-        return
-    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
-        # Ctrl-C or an error in one lot must not wait for all the others.
-        futures = [pool.submit(walker.walk, lot, give_up, **how) for lot in lots]
-        try:
-            for future in futures:
-                future.result()
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+    on_all_cores(lambda lot: walker.walk(lot, give_up, **how), lots)
 
 
 def _lead(walker: Walker, routes: Routes, leads: list[int], balanced: np.ndarray) -> np.ndarray:

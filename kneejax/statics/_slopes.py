@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import concurrent.futures
 import dataclasses
-import os
 from typing import Any
 
 import jax
@@ -14,6 +12,7 @@ import numpy as np
 from kneejax.mechanics import Knee
 from kneejax.statics._batch import balance_many
 from kneejax.statics._compiled import compiled
+from kneejax.statics._cores import on_all_cores
 from kneejax.statics._newton import EnergyNewton, Guess
 from kneejax.statics._settle import Settled, differentiable, settle
 from kneejax.statics._stations import Stations
@@ -134,7 +133,6 @@ def _in_chunks(knee, vary, values, stations: Stations, guess) -> Slopes:
         slope, met_slope = map(np.asarray, slopes)
         return q_, slope, met, met_slope, stiffness, np.asarray(found.status)
 
-    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
-        parts = list(pool.map(chunk, range(0, count * size, _LANES)))
+    parts = on_all_cores(chunk, range(0, count * size, _LANES))
     whole = (np.concatenate(x)[: count * size] for x in zip(*parts, strict=True))
     return Slopes(values, *(x.reshape(count, size, *x.shape[1:]) for x in whole))
