@@ -1,11 +1,15 @@
-"""How the report looks on a screen, on a phone and on paper."""
+"""How the report looks on a screen, on a phone and on paper.
+
+A table wider than the screen scrolls in its own box (`.wide`), with a shadow at the side where it
+goes on: the two white layers move with the table and cover the shadows at its ends.
+"""
 
 CSS = """
 :root { color-scheme: light; }
 * { box-sizing: border-box; }
 body { margin: 0; background: #fff; color: #1a1a1a; font: 16px/1.5 system-ui, -apple-system,
   "Segoe UI", Roboto, "Liberation Sans", Arial, sans-serif; -webkit-text-size-adjust: 100%; }
-main { max-width: 60rem; margin: 0 auto; padding: 1.5rem 1.25rem 4rem; }
+main { max-width: 70rem; margin: 0 auto; padding: 1.5rem 1.25rem 4rem; }
 h1 { font-size: 1.75rem; line-height: 1.2; margin: 0 0 .25rem; text-wrap: balance; }
 h2 { font-size: 1.25rem; margin: 2.25rem 0 .5rem; padding-top: .6rem;
   border-top: 1px solid #d5d9dd; }
@@ -25,7 +29,11 @@ dd { margin: 0; font-size: 1.125rem; font-weight: 600; font-variant-numeric: tab
 .warnings h2 { border: 0; padding: 0; margin: 0; font-size: 1rem; }
 .warnings ul { margin: .25rem 0 0; padding-left: 1.2rem; }
 .warnings li { margin: .2rem 0; overflow-wrap: anywhere; }
-.wide { overflow-x: auto; }
+.wide { overflow-x: auto; background:
+  linear-gradient(to right, #fff 40%, #fff0) left / 3rem 100% no-repeat local,
+  linear-gradient(to left, #fff 40%, #fff0) right / 3rem 100% no-repeat local,
+  linear-gradient(to right, #0004, #0000) left / 1rem 100% no-repeat scroll,
+  linear-gradient(to left, #0004, #0000) right / 1rem 100% no-repeat scroll; }
 table { border-collapse: collapse; font-size: .875rem; margin: .5rem 0;
   font-variant-numeric: tabular-nums; }
 th, td { text-align: left; vertical-align: baseline; padding: .25rem .7rem .25rem 0; }
@@ -38,12 +46,11 @@ td:last-child:not(.n) { overflow-wrap: anywhere; min-width: 9rem; }
 .n { text-align: right; }
 td.n { white-space: nowrap; }
 figure { margin: 1rem 0; }
-figure svg { display: block; width: 100%; height: auto; min-width: 34rem; }
+figure svg { display: block; width: 100%; height: auto; }
 @media print {
   body { font-size: 10pt; }
   main { max-width: none; padding: 0; }
-  .wide { overflow: visible; }
-  figure svg { min-width: 0; }
+  .wide { overflow: visible; background: none; }
   figure, tr, .warnings { break-inside: avoid; }
   h2, h3 { break-after: avoid; }
   table { font-size: 8pt; }

@@ -99,6 +99,17 @@ def test_files_are_complete_and_the_page_needs_nothing_else(folder, paths):
     assert len(identifiers) == len(set(identifiers))
 
 
+def test_what_is_wider_than_the_screen_scrolls_in_its_own_box(paths):
+    page = paths[0].read_text(encoding="utf-8")
+    for wide in ("table", "svg"):
+        assert page.count(f'<div class="wide"><{wide}') == page.count(f"<{wide}") > 0
+    style = page[page.index("<style>") : page.index("</style>")]
+    assert ".wide { overflow-x: auto;" in style
+    # A figure shrinks with the screen: nothing but a column of a table asks for a width.
+    widths = re.findall(r"([^{}]*){[^{}]*min-width", style)
+    assert [selector.strip() for selector in widths] == ["td:last-child:not(.n)"]
+
+
 def test_page_names_every_parameter_and_warning(paths):
     calibration, page = made_up.calibration(), paths[0].read_text(encoding="utf-8")
     text = html.unescape(page)
