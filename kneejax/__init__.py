@@ -5,35 +5,86 @@ Everything is computed in float64. The command line switches it on; in Python,
 not.
 """
 
-from kneejax.experiments import Mechanics as Mechanics
-from kneejax.experiments import PassiveFlexion as PassiveFlexion
-from kneejax.experiments import branches as branches
-from kneejax.experiments import evaluate as evaluate
-from kneejax.experiments import passive_flexion as passive_flexion
-from kneejax.files import InputProblem as InputProblem
-from kneejax.files import load_knee as load_knee
-from kneejax.files import load_knee_file as load_knee_file
-from kneejax.files import read_joint as read_joint
-from kneejax.files import read_poses as read_poses
-from kneejax.geometry import Pose as Pose
-from kneejax.inference import Calibration as Calibration
-from kneejax.inference import calibrate as calibrate
-from kneejax.inference import cut as cut
-from kneejax.inference import design_tests as design_tests
-from kneejax.inference import identify as identify
-from kneejax.inference import local_sensitivity as local_sensitivity
-from kneejax.inference import select as select
-from kneejax.inference import sensitivity_map as sensitivity_map
-from kneejax.inference import sensitivity_maps as sensitivity_maps
-from kneejax.inference import sweep as sweep
-from kneejax.inference import with_values as with_values
-from kneejax.joints import Joint as Joint
-from kneejax.joints import fit_joints as fit_joints
-from kneejax.joints import generalised_axis as generalised_axis
-from kneejax.joints import hinge as hinge
-from kneejax.joints import moving_axis as moving_axis
-from kneejax.mechanics import Knee as Knee
-from kneejax.statics import Status as Status
-from kneejax.statics import use_shared_fusion as use_shared_fusion
+from typing import TYPE_CHECKING
+
+from kneejax._lazy import lazy_names
 
 __version__ = "0.1.0"
+
+#: Public name -> the room that it comes from, and every room itself. Editors and type checkers
+#: read the same names from the imports below.
+_MODULES = {
+    "Mechanics": "kneejax.experiments",
+    "PassiveFlexion": "kneejax.experiments",
+    "branches": "kneejax.experiments",
+    "evaluate": "kneejax.experiments",
+    "passive_flexion": "kneejax.experiments",
+    "InputProblem": "kneejax.files",
+    "load_knee": "kneejax.files",
+    "load_knee_file": "kneejax.files",
+    "read_joint": "kneejax.files",
+    "read_poses": "kneejax.files",
+    "Pose": "kneejax.geometry",
+    "Calibration": "kneejax.inference",
+    "calibrate": "kneejax.inference",
+    "cut": "kneejax.inference",
+    "design_tests": "kneejax.inference",
+    "identify": "kneejax.inference",
+    "local_sensitivity": "kneejax.inference",
+    "select": "kneejax.inference",
+    "sensitivity_map": "kneejax.inference",
+    "sensitivity_maps": "kneejax.inference",
+    "sweep": "kneejax.inference",
+    "with_values": "kneejax.inference",
+    "Joint": "kneejax.joints",
+    "fit_joints": "kneejax.joints",
+    "generalised_axis": "kneejax.joints",
+    "hinge": "kneejax.joints",
+    "moving_axis": "kneejax.joints",
+    "Knee": "kneejax.mechanics",
+    "Status": "kneejax.statics",
+    "use_shared_fusion": "kneejax.statics",
+    "experiments": "kneejax.experiments",
+    "files": "kneejax.files",
+    "geometry": "kneejax.geometry",
+    "inference": "kneejax.inference",
+    "joints": "kneejax.joints",
+    "mechanics": "kneejax.mechanics",
+    "report": "kneejax.report",
+    "statics": "kneejax.statics",
+}
+
+if TYPE_CHECKING:
+    from kneejax.experiments import Mechanics as Mechanics
+    from kneejax.experiments import PassiveFlexion as PassiveFlexion
+    from kneejax.experiments import branches as branches
+    from kneejax.experiments import evaluate as evaluate
+    from kneejax.experiments import passive_flexion as passive_flexion
+    from kneejax.files import InputProblem as InputProblem
+    from kneejax.files import load_knee as load_knee
+    from kneejax.files import load_knee_file as load_knee_file
+    from kneejax.files import read_joint as read_joint
+    from kneejax.files import read_poses as read_poses
+    from kneejax.geometry import Pose as Pose
+    from kneejax.inference import Calibration as Calibration
+    from kneejax.inference import calibrate as calibrate
+    from kneejax.inference import cut as cut
+    from kneejax.inference import design_tests as design_tests
+    from kneejax.inference import identify as identify
+    from kneejax.inference import local_sensitivity as local_sensitivity
+    from kneejax.inference import select as select
+    from kneejax.inference import sensitivity_map as sensitivity_map
+    from kneejax.inference import sensitivity_maps as sensitivity_maps
+    from kneejax.inference import sweep as sweep
+    from kneejax.inference import with_values as with_values
+    from kneejax.joints import Joint as Joint
+    from kneejax.joints import fit_joints as fit_joints
+    from kneejax.joints import generalised_axis as generalised_axis
+    from kneejax.joints import hinge as hinge
+    from kneejax.joints import moving_axis as moving_axis
+    from kneejax.mechanics import Knee as Knee
+    from kneejax.statics import Status as Status
+    from kneejax.statics import use_shared_fusion as use_shared_fusion
+else:
+    __all__ = [*_MODULES]
+    __getattr__, __dir__ = lazy_names(__name__, _MODULES)

@@ -5,21 +5,18 @@ from __future__ import annotations
 import dataclasses
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from kneejax.files._knee_file import KneeFile, read_knee
-from kneejax.files._meshes import MESH_ENDINGS
 from kneejax.files._problem import InputProblem, nearest_name
 from kneejax.files._schema import Field
 from kneejax.files._text import neighbour
 from kneejax.files._yaml import load_yaml
-from kneejax.mechanics import Knee
 
-#: Ending -> what such a file is, and what to do with it.
-_OTHER_KINDS = {
-    ".osim": ("an OpenSim model", ", which kneejax import osim makes of it"),
-    ".csv": ("a table", "; a table of poses is given after the knee"),
-    **{e: ("a mesh", ", which kneejax import stl makes of meshes") for e in MESH_ENDINGS},
-}
+# A list of what is bundled needs no knee: those who build one import more.
+if TYPE_CHECKING:
+    from kneejax.files._knee_file import KneeFile
+    from kneejax.mechanics import Knee
+
 _ENDINGS = {"knees": ".yaml", "measurements": ".csv", "studies": ".yaml"}
 
 
@@ -181,6 +178,8 @@ def load_knee_file(name_or_path: str | os.PathLike[str]) -> KneeFile:
         >>> sorted(read.document["ligaments"])
         ['ACL', 'LCL', 'MCL', 'PCL']
     """
+    from kneejax.files._knee_file import read_knee
+
     path = _path("knees", "knee", name_or_path)
     check_kind(path)
     return read_knee(path)
@@ -195,7 +194,15 @@ def check_kind(path: Path) -> None:
     Raises:
         InputProblem: it is a model, a mesh or a table, or a folder with a knee file.
     """
-    found, hint = _OTHER_KINDS.get(path.suffix.lower(), ("", ""))
+    from kneejax.files._meshes import MESH_ENDINGS
+
+    # Ending -> what such a file is, and what to do with it.
+    other_kinds = {
+        ".osim": ("an OpenSim model", ", which kneejax import osim makes of it"),
+        ".csv": ("a table", "; a table of poses is given after the knee"),
+        **{e: ("a mesh", ", which kneejax import stl makes of meshes") for e in MESH_ENDINGS},
+    }
+    found, hint = other_kinds.get(path.suffix.lower(), ("", ""))
     if path.is_dir():
         inside = path / "knee.yaml"
         near = os.fspath(inside) if inside.is_file() else None

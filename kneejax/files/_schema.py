@@ -6,10 +6,12 @@ import dataclasses
 import math
 import re
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from kneejax.files._problem import InputProblem, nearest_name
-from kneejax.mechanics import Range
+
+if TYPE_CHECKING:
+    from kneejax.mechanics import Range
 
 #: No seed and no count is larger.
 MOST = 2**32 - 1
