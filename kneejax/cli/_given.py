@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 from kneejax.files import InputProblem
-from kneejax.inference import with_values
+from kneejax.inference import UnknownParameter, with_values
 from kneejax.mechanics import (
     NAMED_LOADS,
     RANGES,
@@ -108,7 +109,17 @@ def knee_with(
         UnknownParameter: the knee has no parameter of this name.
     """
     try:
-        return with_values(knee, dict(values))
+        with parameters_named_in(given_in):
+            return with_values(knee, dict(values))
     except Implausible as problem:
         field = f"{problem.fibre}.{problem.quantity}"
         raise InputProblem(given_in, field, problem.value, problem.expected) from None
+
+
+@contextlib.contextmanager
+def parameters_named_in(place: str | os.PathLike[str]) -> Iterator[None]:
+    """Let an `UnknownParameter` say where the name stands: the file or the option."""
+    try:
+        yield
+    except UnknownParameter as problem:
+        raise UnknownParameter(f"{os.fspath(place)}: {problem}") from None

@@ -7,9 +7,9 @@ import json
 
 import numpy as np
 
-from kneejax.cli._given import knee_with
+from kneejax.cli._given import knee_with, parameters_named_in
 from kneejax.files import Study, load_knee, read_measured, read_study, study_path
-from kneejax.inference import synthetic_motion
+from kneejax.inference import QUANTITIES, select, synthetic_motion
 from kneejax.mechanics import Knee
 
 
@@ -41,10 +41,17 @@ def study_and_knee(name: str) -> tuple[Study, Knee]:
 
     Raises:
         InputProblem: a file cannot be read or a field is at fault.
-        UnknownParameter: the study fixes a parameter that its knee does not have.
+        UnknownParameter: the study names a parameter that its knee does not have.
     """
     study = read_study(study_path(name))
-    return study, knee_with(load_knee(study.knee), study.overrides, study.path)
+    knee = knee_with(load_knee(study.knee), study.overrides, study.path)
+    made = study.synthetic.parameters if study.synthetic else {}
+    bounded = [name for name in study.bounds if name not in QUANTITIES]
+    with parameters_named_in(study.path):
+        select(knee, study.parameters)
+        for named in (*made, *study.start, *bounded):
+            select(knee, [named])
+    return study, knee
 
 
 def with_measurement(study: Study, knee: Knee, *, calibrated: bool) -> StudyProblem:

@@ -6,6 +6,7 @@ import csv
 import io
 import math
 import os
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -21,6 +22,8 @@ FEMORAL = "femoral"
 
 # No knee moves less than this in mm; one given in metres does.
 _METRES_BELOW = 0.1
+#: Columns of the patellofemoral joint, as laboratories call them.
+_PATELLA = re.compile(r"(?:^|[^a-z])(?:pf|patell)", re.IGNORECASE)
 
 
 def read_poses(
@@ -202,8 +205,10 @@ def _check_column(file: str, header: list[str], name: str, sought: list[str]) ->
     if count > 1:
         raise InputProblem(file, name, f"{count} columns", "one column of this name")
     if count == 0:
-        # A column that is needed itself is no misspelling of another.
-        found = nearest_name(name, [other for other in header if other not in sought])
+        # A column that is needed itself is no misspelling of another, nor is one of another joint.
+        joint = bool(_PATELLA.search(name))
+        others = [x for x in header if x not in sought and bool(_PATELLA.search(x)) == joint]
+        found = nearest_name(name, others)
         what = f"this column among {', '.join(header)}"
         raise InputProblem(file, name, "missing", what, found)
 

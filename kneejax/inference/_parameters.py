@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -49,6 +49,7 @@ DEFAULT_BOUNDS = {
     "failure_strain": (0.05, 0.5),
 }
 _AXES = ("anterior", "superior", "lateral")
+_MOST_SHOWN = 12  # names in an error
 
 
 class UnknownParameter(ValueError):
@@ -145,20 +146,35 @@ def select(knee: Knee, names: list[str] | tuple[str, ...]) -> Selection:
     """
     ligaments, chosen = knee.ligaments.names, []
     owners = (*ligaments, *(name for name, _ in knee.groups))
-    known = [f"{owner}.{quantity}" for owner in owners for quantity in QUANTITIES]
-    wild = [f"*.{quantity}" for quantity in QUANTITIES]
     for name in names:
-        if name in wild:
-            matches = [f"{ligament}.{name[2:]}" for ligament in ligaments]
-        elif name in known:
-            matches = [name]
-        else:
-            near = difflib.get_close_matches(name, known + wild, 1, 0.0)
-            raise UnknownParameter(f"unknown parameter {name!r}; did you mean {near[0]!r}?")
+        owner, _, quantity = name.partition(".")
+        if quantity not in QUANTITIES or owner not in ("*", *owners):
+            raise UnknownParameter(f"unknown parameter {name!r}{_meant(owner, quantity, owners)}")
+        matches = [f"{ligament}.{quantity}" for ligament in ligaments] if owner == "*" else [name]
         chosen += [match for match in matches if match not in chosen]
     selection = Selection(tuple(chosen), ligaments, knee.groups)
     _check_once(selection)
     return _one(selection)
+
+
+def _meant(owner: str, quantity: str, owners: Sequence[str]) -> str:
+    """The end of a sentence on a parameter that there is not: the nearest that there is, or which
+    there are of the part that is wrong."""
+    near_owner = owner if owner == "*" else nearest_of(owner, owners)
+    near_quantity = nearest_of(quantity, QUANTITIES)
+    if near_owner and near_quantity:
+        return f"; did you mean {f'{near_owner}.{near_quantity}'!r}?"
+    if near_owner:
+        return f": expected {near_owner}. and one of {', '.join(QUANTITIES)}"
+    shown = [*owners[:_MOST_SHOWN], *["..."] * (len(owners) > _MOST_SHOWN)]
+    return f": expected a ligament or a group of the knee, of {', '.join(shown) or 'none'}"
+
+
+def nearest_of(word: str, known: Iterable[str]) -> str | None:
+    """The one of some names that a word may be meant to be; None if it is like none of them."""
+    by_lower = {name.lower(): name for name in known}
+    near = difflib.get_close_matches(word.lower(), by_lower, 1)
+    return by_lower[near[0]] if near else None
 
 
 @functools.cache
@@ -224,8 +240,9 @@ def cut(knee: Knee, names: Sequence[str]) -> Knee:
     groups = {**{name: (name,) for name in fibres}, **dict(knee.groups)}
     for name in names:
         if name not in groups:
-            near = difflib.get_close_matches(name, groups, 1, 0.0)
-            raise UnknownParameter(f"unknown ligament {name!r}; did you mean {near[0]!r}?")
+            near = nearest_of(name, groups)
+            end = f"; did you mean {near!r}?" if near else f": expected one of {', '.join(groups)}"
+            raise UnknownParameter(f"unknown ligament {name!r}{end}")
     gone = {fibre for name in names for fibre in groups[name]}
     torn = np.array([fibre in gone for fibre in fibres])
     law = knee.ligaments.stiffness, knee.ligaments.failure_strain

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kneejax.inference._parameters import Selection, UnknownParameter, UnsuitableData
+from kneejax.inference._parameters import (
+    Selection,
+    UnknownParameter,
+    UnsuitableData,
+    nearest_of,
+)
 
 T = TypeVar("T")
 
@@ -111,8 +115,10 @@ def stated(selection: Selection, given: Mapping[str, T], what: str) -> list[T | 
     known = sorted({key for i in range(len(selection)) for key in _keys(selection, i)})
     for key in given:
         if key not in known:
-            near = difflib.get_close_matches(key, known, 1, 0.0)[0]
-            raise UnknownParameter(f"{what} of {key!r}, which is not free; did you mean {near!r}?")
+            # A wildcard is no misspelling of one parameter.
+            near = nearest_of(key, [name for name in known if ("*" in name) == ("*" in key)])
+            end = f"; did you mean {near!r}?" if near else f": free are {', '.join(known)}"
+            raise UnknownParameter(f"{what} of {key!r}, which is not free{end}")
     return looked_up(selection, given)
 
 
