@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from kneejax.cli._contact_knee import read_contact_knee
-from kneejax.cli._joint import add_table_arguments, degrees, renamed_columns
+from kneejax.cli._joint import renamed_columns
 from kneejax.cli._joint_models import (
     Modelled,
     curve_flexion,
@@ -30,71 +30,6 @@ from kneejax.joints import (
 
 #: Poses as near as this to a flexion of calibration are averaged for it, unless another is given.
 _WITHIN_DEG = 0.5
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of `kneejax joint compare`."""
-    parser.add_argument(
-        "measured", type=Path, nargs="+", help="CSV of measured poses, one file a subject"
-    )
-    add_table_arguments(parser)
-    parser.add_argument(
-        "--joint",
-        action="append",
-        default=[],
-        metavar="[NAME=]FILE[,FILE...]",
-        help="joint file for all subjects, or one for each, in their order; may be repeated",
-    )
-    parser.add_argument(
-        "--knee",
-        action="append",
-        default=[],
-        help="contact knee in passive flexion: bundled name, knee file, or the result.json of a "
-        "calibration; may be repeated",
-    )
-    parser.add_argument(
-        "--calibrate-at",
-        type=degrees,
-        nargs="+",
-        default=[],
-        metavar="DEGREES",
-        help="fit moving axis and hinge here, each subject's on its own poses at these flexions "
-        "with the points of --axes; and leave those poses out of the comparison",
-    )
-    parser.add_argument(
-        "--average-within",
-        type=float,
-        metavar="DEGREES",
-        help="poses as near as this to a flexion of calibration are averaged for it (0.5)",
-    )
-    parser.add_argument(
-        "--axes",
-        action="append",
-        default=[],
-        metavar="FILE[,FILE...]",
-        help="axis points, as for kneejax joint fit: one file for all subjects, or one for each, "
-        "in their order",
-    )
-    parser.add_argument(
-        "--side",
-        choices=["right", "left"],
-        help="of the knees whose points --axes gives, with Z to the person's right; poses go by "
-        "clinical meaning on either side (right)",
-    )
-    parser.add_argument(
-        "--spread",
-        type=float,
-        default=1.0,
-        metavar="DEGREES",
-        help="by how much subjects may be flexed differently at one condition (1)",
-    )
-    parser.add_argument(
-        "--anova",
-        action=argparse.BooleanOptionalAction,
-        help="test differences (package pingouin); by default from three subjects on",
-    )
-    parser.add_argument("--alpha", type=float, default=0.01)
-    parser.add_argument("--out", type=Path, default=Path("kneejax-joint-compare"))
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from kneejax.cli._contact_knee import ContactKnee, passive_motion, read_contact_knee
-from kneejax.cli._joint import add_table_arguments, degrees, renamed_columns
+from kneejax.cli._joint import renamed_columns
 from kneejax.cli._joint_axes import (
     FemurAxes,
     FindAxes,
@@ -83,64 +83,6 @@ class _Motion:
     doubts: tuple[str, ...] = ()
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of `kneejax joint fit`."""
-    point = {"type": float, "nargs": 3, "metavar": ("X", "Y", "Z")}
-    parser.add_argument(
-        "poses", type=Path, nargs="?", help="CSV of two or more measured poses; or --knee"
-    )
-    add_table_arguments(parser)
-    parser.add_argument(
-        "--knee",
-        help="passive flexion of a contact knee instead of poses: bundled name, knee file, or the "
-        "result.json of a calibration; without --femur and --axes its condyles give the axes",
-    )
-    parser.add_argument(
-        "--at",
-        type=degrees,
-        nargs="+",
-        metavar="DEGREES",
-        help="calibrate on the poses nearest to these flexions; on the first and last otherwise, "
-        "of a knee at both ends of --flexion",
-    )
-    femur = parser.add_mutually_exclusive_group()
-    femur.add_argument("--femur", type=Path, metavar="MESH", help="bone or cartilage")
-    femur.add_argument("--axes", type=Path, metavar="FILE", help="YAML or CSV of axis points")
-    parser.add_argument(
-        "--tibia",
-        type=Path,
-        metavar="MESH",
-        help="facets are where the femur meets it, at the first and at the last calibration pose",
-    )
-    parser.add_argument(
-        "--touching-within", type=_millimetres, metavar="MM", help="how near that is (4)"
-    )
-    parser.add_argument("--unit", choices=["auto", "m", "mm", "cm"], help="of the meshes; auto")
-    parser.add_argument("--side", choices=["right", "left"], help="right, or the knee's")
-    parser.add_argument(
-        "--landmarks",
-        type=Path,
-        metavar="FILE",
-        help="YAML: axes of femur and tibia, in the frames of their meshes",
-    )
-    parser.add_argument(
-        "--extension-facet", type=float, nargs=2, metavar="DEGREES",
-        help="from anterior through distal, about the transverse axis (65 110)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--flexion-facet", type=float, nargs=2, metavar="DEGREES", help="likewise (110 190)"
-    )
-    parser.add_argument("--medial-epicondyle", **point, help="mm, for the hinge")
-    parser.add_argument("--lateral-epicondyle", **point)
-    parser.add_argument(
-        "--interpolation", choices=["linear", "monotone"], help="monotone from three poses on"
-    )
-    parser.add_argument(
-        "--flexion", default="0:120:5", help="of the tables: first:last:step or a,b,c"
-    )
-    parser.add_argument("--out", type=Path, default=Path("kneejax-joint"))
-
-
 def run(arguments: argparse.Namespace) -> int:
     """Calibrate the joints, write them, their motion and figures, print a summary."""
     _check_options(arguments)
@@ -199,16 +141,6 @@ def _shown(arguments: argparse.Namespace, name: str) -> str:
     value = getattr(arguments, name)
     words = value if isinstance(value, list) else [value]
     return " ".join(f"{x:g}" if isinstance(x, float) else str(x) for x in words)
-
-
-def _millimetres(text: str) -> float:
-    try:
-        length = float(text)
-    except ValueError:
-        length = 0.0
-    if not 0.0 < length < np.inf:
-        raise argparse.ArgumentTypeError(f"{text}: expected mm above 0")
-    return length
 
 
 def _side(arguments: argparse.Namespace, read: ContactKnee | None) -> str:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 from pathlib import Path
 
 
 def add_map(parser: argparse.ArgumentParser) -> None:
     """Arguments of `kneejax map`."""
-    _add_study(parser)
+    add_study(parser)
     parser.add_argument(
         "--pair",
         nargs=2,
@@ -18,7 +17,9 @@ def add_map(parser: argparse.ArgumentParser) -> None:
         metavar=("X", "Y"),
         help="two parameters, e.g. PCL.stiffness PCL.reference_strain; may be repeated",
     )
-    parser.add_argument("--all-pairs", action="store_true", help="every pair of the study's")
+    parser.add_argument(
+        "--all-pairs", action="store_true", help="every pair of the study's parameters"
+    )
     parser.add_argument("--grid", default="41", help="points a side, or as in 41x61")
     parser.add_argument(
         "--range",
@@ -28,12 +29,11 @@ def add_map(parser: argparse.ArgumentParser) -> None:
         dest="ranges",
         help="of a parameter; the study's bounds otherwise",
     )
-    parser.add_argument("--out", type=Path, default=Path("kneejax-map"))
 
 
 def add_sensitivity(parser: argparse.ArgumentParser) -> None:
     """Arguments of `kneejax sensitivity`."""
-    _add_study(parser)
+    add_study(parser)
     parser.add_argument(
         "--sweep",
         action="append",
@@ -63,7 +63,8 @@ def add_sensitivity(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--samples",
         type=int,
-        help="points of Sobol's sequence (256), a power of two, or Morris trajectories (64)",
+        help="points of Sobol's sequence, a power of two, or Morris trajectories (default: 256 or "
+        "64)",
     )
     parser.add_argument(
         "--range",
@@ -79,13 +80,12 @@ def add_sensitivity(parser: argparse.ArgumentParser) -> None:
         metavar="KNEE",
         help="compare knees instead: varus and valgus moments, scores of paper 4",
     )
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--out", type=Path, default=Path("kneejax-sensitivity"))
+    parser.add_argument("--seed", type=int, default=0, help="of the random numbers")
 
 
 def add_identify(parser: argparse.ArgumentParser) -> None:
     """Arguments of `kneejax identify`."""
-    _add_study(parser)
+    add_study(parser)
     parser.add_argument("--noise-mm", type=float, help="standard deviation of measured positions")
     parser.add_argument("--noise-deg", type=float, help="standard deviation of measured rotations")
     parser.add_argument(
@@ -98,9 +98,9 @@ def add_identify(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--posterior", action="store_true", help="sample it (packages BlackJAX and ArviZ)"
     )
-    parser.add_argument("--chains", type=int, default=4)
+    parser.add_argument("--chains", type=int, default=4, help="of the posterior's samples")
     parser.add_argument("--draws", type=int, default=1000, help="of each chain, after warm-up")
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seed", type=int, default=0, help="of the random numbers")
     parser.add_argument(
         "--next-tests", type=int, default=3, metavar="K", help="how many tests to choose"
     )
@@ -114,23 +114,8 @@ def add_identify(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--candidates", type=Path, help="CSV of tests to choose from; a usual set otherwise"
     )
-    parser.add_argument("--out", type=Path, default=Path("kneejax-identify"))
 
 
-def add_reproduce(parser: argparse.ArgumentParser) -> None:
-    """Arguments of `kneejax reproduce`."""
-    parser.add_argument("paper", choices=["1", "4", "5"])
-    parser.add_argument("--out", type=Path, default=Path("kneejax-reproduction"))
-
-
-def _add_study(parser: argparse.ArgumentParser) -> None:
+def add_study(parser: argparse.ArgumentParser) -> None:
+    """The study, of every command that has one."""
     parser.add_argument("study", nargs="?", default="paper1", help="study file or bundled study")
-
-
-#: Command -> one line of help, and what adds its arguments.
-STUDY_COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]] = {
-    "map": ("objective over pairs of parameters", add_map),
-    "sensitivity": ("what each parameter does to the motion", add_sensitivity),
-    "identify": ("what the data can and cannot tell", add_identify),
-    "reproduce": ("published claims, computed", add_reproduce),
-}

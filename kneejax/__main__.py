@@ -1,0 +1,5 @@
+"""`python -m kneejax`."""
+
+from kneejax.cli import main
+
+raise SystemExit(main())

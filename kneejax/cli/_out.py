@@ -1,0 +1,48 @@
+"""Whether results can be written where they are asked for: better known before the work."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from pathlib import Path
+
+from kneejax.files import InputProblem
+
+
+def try_out(out: Path, *, folder: bool) -> None:
+    """Write something there and take it away again.
+
+    Permissions alone do not tell: a folder of the system, or a full or read-only disk, refuses
+    whoever may write.
+
+    Args:
+        out: where results shall be.
+        folder: whether that is a folder, not a file.
+
+    Raises:
+        InputProblem: nothing can be written there.
+    """
+    if folder and os.path.exists(out) and not out.is_dir():
+        raise InputProblem("--out", "folder", str(out), "a folder; this is a file")
+    if not folder and out.is_dir():
+        raise InputProblem("--out", "file", str(out), "the name of the new file; this is a folder")
+    place = out if folder else out.parent
+    above = next(one for one in (place, *place.parents) if os.path.exists(one))
+    if not above.is_dir():
+        raise InputProblem("--out", "folder", str(out), f"a place in a folder; {above} is a file")
+    made: list[Path] = []
+    try:
+        for one in reversed([one for one in (place, *place.parents) if not os.path.exists(one)]):
+            one.mkdir()
+            made.append(one)
+        with tempfile.NamedTemporaryFile(dir=place, prefix=".kneejax"):
+            pass
+    except OSError as error:
+        expected = f"a place to write; {above} takes no new files ({error.strerror})"
+        raise InputProblem("--out", "folder", str(out), expected) from None
+    finally:
+        for one in reversed(made):
+            # Whoever else writes there keeps the folder.
+            with contextlib.suppress(OSError):
+                one.rmdir()

@@ -1,0 +1,94 @@
+"""How the command line is read and explained: help, defaults, and mistakes in one line."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from pathlib import Path
+from typing import Any, NoReturn
+
+from kneejax.files import nearest_name
+
+BAD_INPUT = 2
+#: As `kneejax.geometry.CONVENTIONS`, which would bring in JAX.
+CONVENTIONS = ("femoral", "grood-suntay", "tibial", "femur-in-tibia")
+
+
+class Parser(argparse.ArgumentParser):
+    """A command's own parser: help begins with what the command does and ends with an example."""
+
+    def __init__(self, *arguments: Any, **options: Any):
+        super().__init__(*arguments, **{"formatter_class": _WithDefaults, **options})
+        # Whatever a command does not know, its own parser reports: it knows the command's options.
+        self.set_defaults(parser=self)
+
+    def format_help(self) -> str:
+        """The sentence first, then how the command is called."""
+        sentence, self.description = self.description, None
+        try:
+            return f"{sentence}\n\n{super().format_help()}"
+        finally:
+            self.description = sentence
+
+    def error(self, message: str) -> NoReturn:
+        """Say a mistake in one line, with the nearest name that would be right."""
+        near = self._nearest(message)
+        message += f"; did you mean {near}?" if near else ""
+        print(f"kneejax: {' '.join(message.split())}", file=sys.stderr)
+        raise SystemExit(BAD_INPUT)
+
+    def _nearest(self, message: str) -> str | None:
+        """The option or choice most like the one that the message complains of."""
+        choice = re.search(r"argument ([^:]+): invalid choice: '([^']+)'", message)
+        if choice:
+            own = [
+                a
+                for a in self._actions
+                if choice.group(1) in ("/".join(a.option_strings), a.metavar, a.dest)
+            ]
+            named = [name for action in own for name in action.choices or ()]
+            if any(isinstance(action, argparse._SubParsersAction) for action in own):
+                # `kneejax help` and `kneejax version` are options here.
+                named += [name for name in self._option_string_actions if name.startswith("--")]
+            return nearest_name(choice.group(2), named)
+        option = re.search(r"unrecognized arguments: -+([^ =]+)", message)
+        options = {name.lstrip("-"): name for name in self._option_string_actions}
+        near = nearest_name(option.group(1), options) if option else None
+        return options.get(near or "")
+
+
+class _WithDefaults(argparse.RawDescriptionHelpFormatter):
+    """Every option says what it is without being given."""
+
+    def _get_help_string(self, action: argparse.Action) -> str:
+        words = action.help or ""
+        told = action.default not in (None, argparse.SUPPRESS, []) and action.default is not False
+        return f"{words} (default: %(default)s)" if told else words
+
+
+def add_command(commands: Any, name: str, sentence: str, example: str) -> Parser:
+    """Add a command.
+
+    Args:
+        commands: what `add_subparsers` of the parser above gave.
+        name: of the command.
+        sentence: what it does; for the list of commands and the beginning of its help.
+        example: a line that runs, for the end of its help.
+
+    Returns:
+        Its parser.
+    """
+    return commands.add_parser(
+        name, help=sentence, description=sentence, epilog=f"example:\n  {example}"
+    )
+
+
+def add_out(parser: argparse.ArgumentParser, folder: str) -> None:
+    """Where results are written: `--out`, by default this folder."""
+    parser.add_argument("--out", type=Path, default=Path(folder), help="folder for the results")
+
+
+def add_convention(parser: argparse.ArgumentParser, whose: str) -> None:
+    """What the six numbers of a pose mean: `--convention`."""
+    parser.add_argument("--convention", choices=CONVENTIONS, default="femoral", help=whose)
