@@ -28,12 +28,13 @@ def try_out(out: Path, *, folder: bool) -> None:
     if not folder and out.is_dir():
         raise InputProblem("--out", "file", str(out), "the name of the new file; this is a folder")
     place = out if folder else out.parent
-    above = next(one for one in (place, *place.parents) if os.path.exists(one))
-    if not above.is_dir():
+    missing = [one for one in (place, *place.parents) if not os.path.exists(one)]
+    above = missing[-1].parent if missing else place
+    if os.path.exists(above) and not above.is_dir():
         raise InputProblem("--out", "folder", str(out), f"a place in a folder; {above} is a file")
     made: list[Path] = []
     try:
-        for one in reversed([one for one in (place, *place.parents) if not os.path.exists(one)]):
+        for one in reversed(missing):
             one.mkdir()
             made.append(one)
         with tempfile.NamedTemporaryFile(dir=place, prefix=".kneejax"):

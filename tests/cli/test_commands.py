@@ -219,6 +219,19 @@ BAD = {
         lambda t: ["simulate", "passive-flexion", "--set", "ACL.stifness=3", "--out", str(t / "o")],
         "ACL.stiffness",
     ),
+    "set: a parameter of no ligament": (
+        lambda t: simulate(t, "--set", "patellar_tendon.tension=3"),
+        "--set: unknown parameter 'patellar_tendon.tension': expected a ligament or a group of",
+    ),
+    "unknown parameter of a study": (
+        lambda t: study(t, TWIN.replace('"*.stiffness"', "ACL.stifness")),
+        "study.yaml: unknown parameter 'ACL.stifness'; did you mean 'ACL.stiffness'?",
+    ),
+    "unknown bounds of a study": (
+        lambda t: study(t, TWIN.replace("stiffness: [300, 10000]", "ACL.stifness: [300, 10000]")),
+        "study.yaml: unknown parameter 'ACL.stifness'; did you mean 'ACL.stiffness'?",
+    ),
+    "unknown ligament": (lambda t: simulate(t, "--cut", "foo"), "expected one of ACL, PCL"),
     "unknown load": (
         lambda t: simulate(t, "--load", "anterio_N=3"), "did you mean anterior_N?",
     ),

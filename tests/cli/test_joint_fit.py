@@ -408,6 +408,14 @@ def test_a_calibration_becomes_the_joint_of_its_measured_frames(tmp_path):
     np.testing.assert_allclose(joint.tibial, unmoved.tibial, atol=1e-9)
 
 
+def test_an_unknown_parameter_of_a_calibration_is_said_with_its_file(tmp_path, capsys):
+    result = tmp_path / "result.json"
+    number = {"ACL.stifness": {"value": 3000.0}}
+    result.write_text(json.dumps({"parameters": number, "settings": {"knee": "four_ligament"}}))
+    line = _refused(["joint", "fit", "--knee", str(result)], capsys, tmp_path / "out")
+    assert f"{result}: unknown parameter 'ACL.stifness'; did you mean 'ACL.stiffness'?" in line
+
+
 def test_poses_without_balance_are_refused_or_said(tmp_path, capsys):
     words = ["joint", "fit", "--knee", "four_ligament", "--flexion=-30:170:8"]
     line = _refused(words, capsys, tmp_path / "none")

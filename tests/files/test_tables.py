@@ -51,6 +51,14 @@ def test_other_column_names_and_columns_to_ignore(tmp_path):
     assert "did you mean knee flexion_deg?" in refusal(path)
 
 
+def test_a_column_of_the_patella_is_not_offered_for_one_of_the_tibia(tmp_path):
+    """As in the cine-MRI of lenhart2015, whose pf_flex_deg is the nearer word."""
+    header = "frame,knee_flex_deg,pf_flex_deg,patella_flexion_deg"
+    path = write(tmp_path / "p.csv", f"{header}\n1,26.3,22.4,22.4\n")
+    assert "flexion_deg: missing" in refusal(path)
+    assert "did you mean knee_flex_deg?" in refusal(path)
+
+
 def rows(*lines):
     return "\n".join([HEADER, *lines]) + "\n"
 

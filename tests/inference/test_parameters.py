@@ -75,3 +75,19 @@ def test_no_number_is_driven_twice(bundled):
         select(bundled, ["cruciates.slack_length", "all.reference_strain"])
     with pytest.raises(UnknownParameter, match="did you mean 'cruciates.stiffness'"):
         select(bundled, ["crucates.stiffness"])
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("acl.stiffnes", "did you mean 'ACL.stiffness'"),
+        ("*.stifness", r"did you mean '\*.stiffness'"),
+        ("ACL.femoral_attachment.anteror", "did you mean 'ACL.femoral_attachment.anterior'"),
+        # Nothing like it: what could stand there, and no wildcard for one part of a knee.
+        ("patellar_tendon.tension", "tension': expected a ligament or a group of the knee, of ACL"),
+        ("ACL.tension", "tension': expected ACL. and one of stiffness, reference_strain"),
+    ],
+)
+def test_the_nearest_name_is_one_that_would_be_right_there(bundled, name, said):
+    with pytest.raises(UnknownParameter, match=said):
+        select(bundled, [name])

@@ -1,0 +1,174 @@
+"""What needs no knee is answered at once: help, versions, mistakes, places that take no files."""
+
+import argparse
+import importlib.metadata
+import os
+import re
+import subprocess
+import sys
+
+import pytest
+
+from kneejax import __version__, geometry
+from kneejax.cli import main
+from kneejax.cli._commands import SHELLS, build_parser
+from kneejax.cli._parser import CONVENTIONS
+
+HEAVY = {
+    "jax", "equinox", "optimistix", "numpy", "scipy", "matplotlib", "trimesh", "yaml", "tqdm",
+    "shtab",
+}  # fmt: skip
+
+
+def parsers(parser=None, words=()):
+    """Every command's words and parser; those that only hold further commands too."""
+    parser = build_parser() if parser is None else parser
+    yield words, parser
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for name, below in action.choices.items():
+                yield from parsers(below, (*words, name))
+
+
+COMMANDS = dict(parsers())
+WITH_OUT = [w for w, p in COMMANDS.items() if "--out" in p._option_string_actions]
+
+
+def example(parser):
+    return parser.format_help().rstrip("\n").splitlines()[-1].strip()
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "allowed"),
+    [
+        ("", 0, set()),
+        ("--help", 0, set()),
+        ("simulate --help", 0, set()),
+        ("joint fit --help", 0, set()),
+        ("--version", 0, set()),
+        ("calibrat", 2, set()),
+        ("calibrate --outt x", 2, set()),
+        ("knees", 0, {"yaml"}),
+        ("completion fish", 0, {"shtab"}),
+        (f"calibrate --out {os.devnull}/x", 2, set()),
+    ],
+)
+def test_nothing_heavy_is_imported_for_a_quick_answer(words, status, allowed):
+    code = (
+        "import sys\nfrom kneejax.cli import main\n"
+        "try: status = main(sys.argv[1:])\n"
+        "except SystemExit as ended: status = ended.code or 0\n"
+        "print('modules', status, *sys.modules)"
+    )
+    command = [sys.executable, "-c", code, *words.split()]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    _, found, *modules = done.stdout.splitlines()[-1].split()
+    assert int(found) == status
+    assert HEAVY & set(modules) <= allowed
+
+
+def test_the_module_runs_and_without_a_command_it_helps():
+    done = subprocess.run([sys.executable, "-m", "kneejax"], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "calibrate" in done.stdout and "usage: kneejax" in done.stdout
+
+
+def test_versions_are_those_that_are_installed(capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["--version"])
+    assert ended.value.code == 0
+    first, second = capsys.readouterr().out.splitlines()
+    assert first == f"kneejax {__version__}"
+    for package in ("jax", "numpy", "optimistix"):
+        assert f"{package} {importlib.metadata.version(package)}" in second
+
+
+@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
+def test_help_begins_with_a_sentence_and_ends_with_an_example(words):
+    parser = COMMANDS[words]
+    lines = parser.format_help().splitlines()
+    assert re.fullmatch(r"[A-Z].*\.", lines[0]) and len(lines[0]) < 80
+    assert lines[-2] == "example:"
+    assert f"kneejax {' '.join(words)}".strip() in example(parser)
+    # To show the help must leave the parser as it was.
+    assert parser.format_help().splitlines() == lines
+
+
+@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
+def test_help_explains_every_argument_with_its_default(words, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "999")  # no line is broken
+    parser = COMMANDS[words]
+    said = " ".join(parser.format_help().split())
+    for action in parser._actions:
+        assert action.help or isinstance(action, argparse._SubParsersAction), action.dest
+        if action.default not in (None, argparse.SUPPRESS, []) and action.default is not False:
+            assert f"(default: {action.default})" in said
+
+
+@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
+def test_the_example_is_a_command_line(words):
+    """Of several commands in a row each one; $(...) is what a shell puts in its place."""
+    lines = re.sub(r'eval "\$\((.*)\)"', r"\1", example(COMMANDS[words])).split(" && ")
+    for line in lines:
+        name, *rest = line.split()
+        chosen, unknown = build_parser().parse_known_args(rest)
+        assert name == "kneejax" and not unknown and chosen.command
+
+
+@pytest.mark.parametrize(
+    ("word", "near"), [("help", "--help"), ("version", "--version"), ("knes", "knees")]
+)
+def test_the_nearest_command_or_option_is_named(word, near, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main([word])
+    assert ended.value.code == 2 and f"did you mean {near}?" in capsys.readouterr().err
+
+
+def test_conventions_are_those_of_the_package():
+    assert CONVENTIONS == tuple(geometry.CONVENTIONS)
+
+
+def needed(words):
+    """Words for everything that a command cannot do without."""
+    given = list(words)
+    for action in COMMANDS[words]._actions:
+        word = str(next(iter(action.choices or ["x"])))
+        if action.required and action.option_strings and action.dest != "out":
+            given += [action.option_strings[0], word]
+        elif not action.option_strings and action.nargs != "?":
+            given.append(word)
+    return given
+
+
+@pytest.mark.parametrize("words", WITH_OUT, ids=" ".join)
+def test_a_place_that_takes_no_files_is_known_before_anything_else(
+    words, tmp_path, monkeypatch, capsys
+):
+    """Once it was said after the work; and as root, who may write everywhere, on Linux's /proc."""
+    monkeypatch.setattr("kneejax.cli._main._prepare_jax", lambda: pytest.fail("JAX came first"))
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").write_text("")
+    for place in ("file/x", *(["/proc/x"] if os.path.isdir("/proc/self") else [])):
+        out = os.path.join(place, "new.osim") if words[0] == "export" else os.path.normpath(place)
+        assert main([*needed(words), "--out", out]) == 2
+        error = capsys.readouterr().err
+        assert error.startswith(f"kneejax: --out: folder: {out}") and error.count("\n") == 1
+
+
+def test_the_trial_leaves_nothing_behind(tmp_path):
+    out = tmp_path / "a" / "b"
+    assert main(["evaluate", "four_ligamnt", "x.csv", "--out", str(out)]) == 2
+    assert not list(tmp_path.iterdir())
+    out.mkdir(parents=True)
+    assert main(["evaluate", "four_ligamnt", "x.csv", "--out", str(out)]) == 2
+    assert out.is_dir() and not list(out.iterdir())
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+def test_a_shell_completes_every_command_and_option(shell, capsys):
+    assert main(["completion", shell]) == 0
+    script = capsys.readouterr().out
+    for words, parser in COMMANDS.items():
+        assert all(word in script for word in words)
+        options = [name for name in parser._option_string_actions if name.startswith("--")]
+        assert all(name.lstrip("-") in script for name in options)

@@ -1,0 +1,52 @@
+"""What `import kneejax` offers, and that it costs nothing until it is used."""
+
+import ast
+import importlib
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import kneejax
+import kneejax.files
+
+FACES = (kneejax, kneejax.files)
+
+
+def stated(package):
+    """Name -> module, from the imports that editors and type checkers read."""
+    tree = ast.parse(Path(package.__file__).read_text(encoding="utf-8"))
+    (block,) = [node for node in tree.body if isinstance(node, ast.If)]
+    found = [node for node in block.body if isinstance(node, ast.ImportFrom)]
+    return {alias.asname: node.module for node in found for alias in node.names}
+
+
+@pytest.mark.parametrize("package", FACES, ids=lambda package: package.__name__)
+def test_the_table_the_imports_and_all_name_the_same(package):
+    rooms = {
+        name: module for name, module in package._MODULES.items() if module.endswith(f".{name}")
+    }
+    assert stated(package) | rooms == package._MODULES
+    assert sorted(package.__all__) == sorted(package._MODULES)
+
+
+@pytest.mark.parametrize("package", FACES, ids=lambda package: package.__name__)
+def test_every_public_name_is_there(package):
+    for name, module in package._MODULES.items():
+        found = importlib.import_module(module)
+        assert getattr(package, name) is getattr(found, name, found)
+        assert name in dir(package)
+
+
+def test_a_name_that_there_is_not_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="'kneejax' has no attribute 'calibrte'") as caught:
+        _ = kneejax.calibrte  # pyright: ignore[reportAttributeAccessIssue]
+    # From these Python suggests a name.
+    assert caught.value.name == "calibrte" and caught.value.obj is kneejax
+
+
+def test_to_import_the_package_is_cheap():
+    check = "import sys, kneejax, kneejax.files; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", check], capture_output=True, text=True, check=True)
+    assert not {"jax", "numpy", "scipy", "yaml", "kneejax.geometry"} & set(done.stdout.split())
