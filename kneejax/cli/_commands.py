@@ -64,7 +64,7 @@ def _add_simulate(commands) -> None:
         commands,
         "simulate",
         "Balance a knee at every flexion, under a load if one is given.",
-        "kneejax simulate passive-flexion --set ACL.stiffness=300 --load anterior_N=50",
+        "kneejax simulate passive-flexion --set ACL.stiffness=3000 --load anterior_N=50",
     )
     simulate.add_argument("experiment", choices=["passive-flexion"], help="what is done")
     simulate.add_argument("--knee", default="four_ligament", help="bundled name or knee file")

@@ -1,6 +1,7 @@
 """`kneejax joint compare`: tables, figure, status, and bad input in one line."""
 
 import csv
+import errno
 import json
 import os
 import re
@@ -277,7 +278,10 @@ def test_mistakes_are_one_line_and_nothing_is_written(cohort, axes, words, said,
 
 
 def test_a_place_that_may_not_be_written_to_is_known_before_the_work(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(os, "access", lambda *_: False)
+    def refuse(*_, **__):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+
+    monkeypatch.setattr(Path, "mkdir", refuse)
     assert status("nothing.csv", "--out", str(tmp_path / "new" / "out")) == 2
     assert "--out: folder:" in (line := capsys.readouterr().err) and "a place to write" in line
 

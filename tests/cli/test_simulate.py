@@ -65,3 +65,14 @@ def test_a_lost_pose_says_how_far_it_was_and_what_was_in_the_way(
     assert pose["status"] == status.word and status.sentence in printed
     (line,) = [line for line in printed.splitlines() if line.startswith(f"  at {flexion}: ")]
     assert told in line
+
+
+def test_the_terminal_prints_the_poses_that_are_written(tmp_path, capsys):
+    """Once it printed femoral numbers whatever the convention of poses.csv."""
+    assert main([*ASKED, "--convention", "tibial", "--out", str(tmp_path)]) == 0
+    printed = capsys.readouterr().out.splitlines()
+    (row,) = [line.split() for line in printed if line.split()[:1] == ["20.0"]]
+    (pose,) = rows(tmp_path / "poses.csv")
+    assert pose["convention"] == "tibial" and any("Poses, tibial:" in line for line in printed)
+    written = [float(number) for number in list(pose.values())[:6]]
+    assert [float(number) for number in row[:6]] == pytest.approx(written, abs=0.051)
