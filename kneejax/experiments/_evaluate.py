@@ -122,11 +122,10 @@ def evaluate(knee: Knee, poses: Pose, meeting: Array | None = None) -> Mechanics
     # The last chunk is filled up with the last pose: one shape, one compilation.
     rows = np.minimum(np.arange(-(-count // size) * size), count - 1).reshape(-1, size)
 
-    poses = jax.tree.map(np.atleast_1d, poses)
-    meeting = None if meeting is None else np.asarray(meeting)
+    given = jax.tree.map(np.atleast_1d, (poses, meeting))
 
     def chunk(own: np.ndarray) -> Mechanics:
-        here, there = jax.tree.map(lambda x: x[..., own], (poses, meeting))
+        here, there = jax.tree.map(lambda x: x[..., own], given)
         return jax.tree.map(np.asarray, _evaluate(knee, here, there))
 
     parts = on_all_cores(chunk, rows)
