@@ -17,8 +17,9 @@ import numpy as np
 jax.config.update("jax_enable_x64", True)
 
 import kneejax as kj  # noqa: E402
-from kneejax.inference import versions, with_values  # noqa: E402
-from kneejax.statics import use_shared_fusion  # noqa: E402
+from kneejax.inference import versions  # noqa: E402
+from kneejax.numerics import use_shared_fusion  # noqa: E402
+from kneejax.parameters import with_values  # noqa: E402
 
 #: Environment variable that keeps XLA's fusion as it is in this process.
 PLAIN = "KNEEJAX_PLAIN_FUSION"

@@ -20,11 +20,13 @@ from _protocol import ANGLES, TRUTH, arguments, finish, load, true_knee
 from scipy import optimize
 
 import kneejax as kj
-from kneejax.inference import Problem, calibrate, select
-from kneejax.inference._parameters import default_bounds
-from kneejax.inference._problem import DEFAULT_WEIGHTS, TABLE_UNITS
+from kneejax.inference import Problem, calibrate
+from kneejax.inference.fit._problem import DEFAULT_WEIGHTS, TABLE_UNITS
 from kneejax.mechanics import add_lane_axis
-from kneejax.statics import Guess, compiler_options, settle
+from kneejax.numerics import compiler_options
+from kneejax.parameters import select
+from kneejax.parameters._selection import default_bounds
+from kneejax.statics import Guess, settle
 
 NAMES = ("*.stiffness", "*.reference_strain")
 

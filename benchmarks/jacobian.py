@@ -16,9 +16,11 @@ import jax.numpy as jnp
 import numpy as np
 from _protocol import ANGLES, arguments, finish, load, timed
 
-from kneejax.inference import evaluate_poses, select
+from kneejax.inference import evaluate_poses
 from kneejax.mechanics import add_lane_axis
-from kneejax.statics import Guess, compiler_options, first_guess, settle
+from kneejax.numerics import compiler_options
+from kneejax.parameters import select
+from kneejax.statics import Guess, first_guess, settle
 
 
 @partial(jax.jit, static_argnums=0, compiler_options=dict(compiler_options()))

@@ -27,15 +27,15 @@ _MODULES = {
     "Pose": "kneejax.geometry",
     "Calibration": "kneejax.inference",
     "calibrate": "kneejax.inference",
-    "cut": "kneejax.inference",
+    "cut": "kneejax.parameters",
     "design_tests": "kneejax.inference",
     "identify": "kneejax.inference",
     "local_sensitivity": "kneejax.inference",
-    "select": "kneejax.inference",
+    "select": "kneejax.parameters",
     "sensitivity_map": "kneejax.inference",
     "sensitivity_maps": "kneejax.inference",
     "sweep": "kneejax.inference",
-    "with_values": "kneejax.inference",
+    "with_values": "kneejax.parameters",
     "Joint": "kneejax.joints",
     "fit_joints": "kneejax.joints",
     "generalised_axis": "kneejax.joints",
@@ -43,7 +43,7 @@ _MODULES = {
     "moving_axis": "kneejax.joints",
     "Knee": "kneejax.mechanics",
     "Status": "kneejax.statics",
-    "use_shared_fusion": "kneejax.statics",
+    "use_shared_fusion": "kneejax.numerics",
     "experiments": "kneejax.experiments",
     "files": "kneejax.files",
     "geometry": "kneejax.geometry",
@@ -68,23 +68,23 @@ if TYPE_CHECKING:
     from kneejax.geometry import Pose as Pose
     from kneejax.inference import Calibration as Calibration
     from kneejax.inference import calibrate as calibrate
-    from kneejax.inference import cut as cut
     from kneejax.inference import design_tests as design_tests
     from kneejax.inference import identify as identify
     from kneejax.inference import local_sensitivity as local_sensitivity
-    from kneejax.inference import select as select
     from kneejax.inference import sensitivity_map as sensitivity_map
     from kneejax.inference import sensitivity_maps as sensitivity_maps
     from kneejax.inference import sweep as sweep
-    from kneejax.inference import with_values as with_values
     from kneejax.joints import Joint as Joint
     from kneejax.joints import fit_joints as fit_joints
     from kneejax.joints import generalised_axis as generalised_axis
     from kneejax.joints import hinge as hinge
     from kneejax.joints import moving_axis as moving_axis
     from kneejax.mechanics import Knee as Knee
+    from kneejax.numerics import use_shared_fusion as use_shared_fusion
+    from kneejax.parameters import cut as cut
+    from kneejax.parameters import select as select
+    from kneejax.parameters import with_values as with_values
     from kneejax.statics import Status as Status
-    from kneejax.statics import use_shared_fusion as use_shared_fusion
 else:
     __all__ = [*_MODULES]
     __getattr__, __dir__ = lazy_names(__name__, _MODULES)

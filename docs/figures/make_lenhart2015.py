@@ -13,7 +13,7 @@ import argparse
 import io
 from pathlib import Path
 
-from kneejax.statics import use_shared_fusion
+from kneejax.numerics import use_shared_fusion
 
 use_shared_fusion()
 

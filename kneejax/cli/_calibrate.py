@@ -16,8 +16,9 @@ from kneejax.cli._study_problem import study_and_knee, study_settings, with_meas
 from kneejax.experiments import evaluate
 from kneejax.files import Study, read_measured, write_poses, write_rows, write_text
 from kneejax.geometry import FREE_COORDINATES, Pose
-from kneejax.inference import Calibration, calibrate, compile_step, select
+from kneejax.inference import Calibration, calibrate, compile_step
 from kneejax.mechanics import Knee
+from kneejax.parameters import select
 from kneejax.statics import Status
 
 

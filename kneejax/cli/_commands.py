@@ -207,7 +207,7 @@ def _add_joint(commands) -> None:
         "kneejax joint fit --knee four_ligament --flexion 0:90:10",
     )
     add_joint(joint)
-    joint.set_defaults(run=_lazily("_joint"))
+    joint.set_defaults(run=_lazily("joint"))
 
 
 def _add_import(commands) -> None:

@@ -8,7 +8,6 @@ import os
 from collections.abc import Iterable, Iterator, Mapping
 
 from kneejax.files import InputProblem
-from kneejax.inference import UnknownParameter, with_values
 from kneejax.mechanics import (
     NAMED_LOADS,
     RANGES,
@@ -18,6 +17,7 @@ from kneejax.mechanics import (
     load_called,
     range_of_parameter,
 )
+from kneejax.parameters import UnknownParameter, with_values
 
 
 def read_pairs(option: str, words: Iterable[str]) -> dict[str, float]:

@@ -73,8 +73,8 @@ def _says_what_to_mend(problem: ValueError) -> bool:
 
     if isinstance(problem, InputProblem):
         return True
-    from kneejax.inference import UnknownParameter, UnsuitableData
     from kneejax.mechanics import Implausible
+    from kneejax.parameters import UnknownParameter, UnsuitableData
 
     return isinstance(problem, UnknownParameter | UnsuitableData | Implausible)
 
@@ -82,7 +82,7 @@ def _says_what_to_mend(problem: ValueError) -> bool:
 def _prepare_jax() -> None:
     import jax
 
-    from kneejax.statics import share_memory_between_threads, use_shared_fusion
+    from kneejax.numerics import share_memory_between_threads, use_shared_fusion
 
     share_memory_between_threads()
     use_shared_fusion()

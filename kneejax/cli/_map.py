@@ -22,15 +22,9 @@ from kneejax.files import (
     write_text,
 )
 from kneejax.geometry import FREE_COORDINATES
-from kneejax.inference import (
-    Condition,
-    ParameterMap,
-    check_installed,
-    select,
-    sensitivity_maps,
-    versions,
-)
+from kneejax.inference import Condition, ParameterMap, check_installed, sensitivity_maps, versions
 from kneejax.mechanics import Knee
+from kneejax.parameters import select
 from kneejax.statics import failures_of
 
 _PACKAGES = ("xarray", "h5netcdf", "h5py")

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 from kneejax.cli._given import check_parameter, check_width
 from kneejax.files import InputProblem
-from kneejax.inference import Selection, select
 from kneejax.mechanics import Knee
+from kneejax.parameters import Selection, select
 
 _OPTION = "--prior"
 

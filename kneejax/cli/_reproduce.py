@@ -12,4 +12,4 @@ def run(arguments: argparse.Namespace) -> int:
     A claim that is not reproduced is an answer like any other: status 0. Status 1 says that
     something computed on the way is doubtful.
     """
-    return importlib.import_module(f"kneejax.cli._reproduce_paper{arguments.paper}").run(arguments)
+    return importlib.import_module(f"kneejax.cli.papers._paper{arguments.paper}").run(arguments)

@@ -28,10 +28,10 @@ from kneejax.inference import (
     check_installed,
     local_sensitivity,
     motion_indices,
-    select,
     sweep,
     versions,
 )
+from kneejax.parameters import select
 from kneejax.statics import Status, failures_of
 
 #: Values of a sweep where no count is given, and samples of a method.

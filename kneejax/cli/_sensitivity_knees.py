@@ -8,8 +8,8 @@ from pathlib import Path
 
 from kneejax.cli._progress import balances_on_terminal
 from kneejax.files import InputProblem, load_knee, write_rows, write_text
-from kneejax.inference import KneeComparison, compare_knees
 from kneejax.mechanics import Knee
+from kneejax.reproduction import KneeComparison, compare_knees
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -53,8 +53,8 @@ def _loaded(names: list[str]) -> dict[str, Knee]:
 
 def write_tables(found: KneeComparison, out: Path) -> list[str]:
     """Write what was found; the names of the files come back."""
-    from kneejax.report import _knee_comparison_text as text
     from kneejax.report import comparison_document
+    from kneejax.report import knee_comparison_text as text
 
     tables = {
         "outcomes.csv": (text.OUTCOME_COLUMNS, text.outcome_rows),

@@ -32,8 +32,9 @@ from kneejax.files import (
     write_text,
 )
 from kneejax.geometry import COLUMNS, convert_table
-from kneejax.inference import cut, versions
+from kneejax.inference import versions
 from kneejax.mechanics import GROOD_SUNTAY, Knee, Load, load_of, load_words
+from kneejax.parameters import cut
 from kneejax.statics import Status
 
 

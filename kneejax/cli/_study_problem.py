@@ -9,8 +9,9 @@ import numpy as np
 
 from kneejax.cli._given import knee_with, parameters_named_in
 from kneejax.files import Study, load_knee, read_measured, read_study, study_path
-from kneejax.inference import QUANTITIES, select, synthetic_motion
+from kneejax.inference import synthetic_motion
 from kneejax.mechanics import Knee
+from kneejax.parameters import QUANTITIES, select
 
 
 @dataclasses.dataclass(frozen=True)

@@ -12,6 +12,7 @@ from kneejax.experiments._passive import PassiveFlexion as PassiveFlexion
 from kneejax.experiments._passive import passive_flexion as passive_flexion
 from kneejax.experiments._peak_pressure import PeakPressure as PeakPressure
 from kneejax.experiments._peak_pressure import peak_pressure as peak_pressure
+from kneejax.experiments._slack import slack_poses as slack_poses
 from kneejax.experiments._varus_valgus import BODY_WEIGHT_N as BODY_WEIGHT_N
 from kneejax.experiments._varus_valgus import DIRECTIONS as DIRECTIONS
 from kneejax.experiments._varus_valgus import VALGUS as VALGUS

@@ -12,17 +12,8 @@ from scipy.stats import qmc
 
 from kneejax.experiments._passive import PassiveFlexion, passive_flexion
 from kneejax.mechanics import Knee, Load, add_lane_axis
-from kneejax.statics import (
-    UNITS,
-    Guess,
-    Settled,
-    Stations,
-    Status,
-    compiled,
-    force,
-    settle,
-    with_meeting,
-)
+from kneejax.numerics import compiled
+from kneejax.statics import UNITS, Guess, Settled, Stations, Status, force, settle, with_meeting
 
 #: How far from the balance that a test finds searches begin, degrees twice and mm thrice.
 _SPREAD = np.array([10.0, 25.0, 12.0, 12.0, 8.0])

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
-from kneejax.geometry import Placement, Pose, lanes_for, safe_sqrt, traced
+from kneejax.geometry import Placement, Pose
 from kneejax.mechanics import (
     Border,
     Contact,
@@ -18,14 +18,8 @@ from kneejax.mechanics import (
     add_lane_axis,
     displacement,
 )
-from kneejax.statics import (
-    ContactFaults,
-    Faults,
-    Status,
-    compiled,
-    on_all_cores,
-    with_meeting,
-)
+from kneejax.numerics import compiled, lanes_for, on_all_cores, safe_sqrt, traced
+from kneejax.statics import ContactFaults, Faults, Status, with_meeting
 
 # Poses of one call: what they need stays in the processor's cache.
 _CHUNK, _CHUNK_OVER_POINTS = 512, 128

@@ -9,12 +9,12 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.geometry import Pose, traced
+from kneejax.geometry import Pose
 from kneejax.mechanics import Knee, Load, add_lane_axis
+from kneejax.numerics import compiled, traced
 from kneejax.statics import (
     Settled,
     Stations,
-    compiled,
     first_guess,
     newton_step_left,
     own_motion,

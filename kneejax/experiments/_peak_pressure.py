@@ -10,7 +10,7 @@ from jax import Array
 
 from kneejax.geometry import Pose
 from kneejax.mechanics import Contact, Knee, add_lane_axis
-from kneejax.statics import compiled
+from kneejax.numerics import compiled
 
 #: Rings of an elliptical patch, and how much finer than its own a contact's points are.
 _RINGS, _FINER = 200, 3

@@ -7,14 +7,11 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kneejax.files._problem import InputProblem, nearest_name
-from kneejax.files._schema import Field
-from kneejax.files._text import neighbour
-from kneejax.files._yaml import load_yaml
+from kneejax.files.reading import Field, InputProblem, load_yaml, nearest_name, neighbour
 
 # A list of what is bundled needs no knee: those who build one import more.
 if TYPE_CHECKING:
-    from kneejax.files._knee_file import KneeFile
+    from kneejax.files.knee import KneeFile
     from kneejax.mechanics import Knee
 
 _ENDINGS = {"knees": ".yaml", "measurements": ".csv", "studies": ".yaml"}
@@ -178,7 +175,7 @@ def load_knee_file(name_or_path: str | os.PathLike[str]) -> KneeFile:
         >>> sorted(read.document["ligaments"])
         ['ACL', 'LCL', 'MCL', 'PCL']
     """
-    from kneejax.files._knee_file import read_knee
+    from kneejax.files.knee import read_knee
 
     path = _path("knees", "knee", name_or_path)
     check_kind(path)
@@ -194,7 +191,7 @@ def check_kind(path: Path) -> None:
     Raises:
         InputProblem: it is a model, a mesh or a table, or a folder with a knee file.
     """
-    from kneejax.files._meshes import MESH_ENDINGS
+    from kneejax.files.meshes import MESH_ENDINGS
 
     # Ending -> what such a file is, and what to do with it.
     other_kinds = {

@@ -10,10 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from kneejax.files._bundled import bundled_knees, bundled_measurements
-from kneejax.files._problem import InputProblem
-from kneejax.files._schema import Field
-from kneejax.files._tables import FEMORAL, read_poses
-from kneejax.files._yaml import load_yaml
+from kneejax.files.reading import Field, InputProblem, load_yaml
+from kneejax.files.tables import FEMORAL, read_poses
 from kneejax.geometry import COLUMNS, CONVENTIONS, FREE_COORDINATES
 from kneejax.mechanics import RANGES, range_of_parameter
 

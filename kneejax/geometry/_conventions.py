@@ -17,10 +17,9 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from kneejax.geometry import _vectors as v
-from kneejax.geometry._lanes import filled, traced
 from kneejax.geometry._pose import Placement, Pose, angles_from_rotation, rotation_from_angles
-from kneejax.geometry._safe import safe_sqrt
 from kneejax.geometry._vectors import Rotation
+from kneejax.numerics import filled, safe_sqrt, traced
 
 
 def _from_femoral(c: Array) -> Placement:

@@ -16,7 +16,7 @@ from typing import TypeAlias
 import jax.numpy as jnp
 from jax import Array
 
-from kneejax.geometry._safe import safe_sqrt
+from kneejax.numerics import safe_sqrt
 
 Component: TypeAlias = Array | float
 Vector: TypeAlias = tuple[Component, Component, Component]

@@ -7,7 +7,7 @@ import importlib.util
 import warnings
 from typing import Any
 
-from kneejax.inference._parameters import UnsuitableData
+from kneejax.parameters import UnsuitableData
 
 
 def imported(module: str, package: str, extra: str = "posterior") -> Any:

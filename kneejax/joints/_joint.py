@@ -19,18 +19,17 @@ from kneejax.geometry import (
     angles_from_rotation,
     compose,
     dot,
-    filled,
     full,
     norm,
     rotate,
     scale,
     subtract,
-    traced,
     transpose,
     vector,
 )
 from kneejax.joints._interpolation import between, monotone_slopes
 from kneejax.joints._problems import UnsuitableAxis
+from kneejax.numerics import filled, traced
 
 #: How points move between calibration angles: straight (paper 5), or along monotone cubics.
 INTERPOLATIONS = ("linear", "monotone")

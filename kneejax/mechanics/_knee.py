@@ -10,12 +10,10 @@ import jax.numpy as jnp
 from jax import Array
 
 from kneejax.geometry import Placement, Pose
-from kneejax.mechanics._contact import Contact
-from kneejax.mechanics._failure_strain import FibreFaults
-from kneejax.mechanics._ligaments import Ligaments
 from kneejax.mechanics._loads import ConstantTensionLine, Load
-from kneejax.mechanics._patch_force import Pressed
 from kneejax.mechanics._wrench import Wrench, generalised_force
+from kneejax.mechanics.contact import Contact, Pressed
+from kneejax.mechanics.ligaments import FibreFaults, Ligaments
 
 
 class Knee(eqx.Module):

@@ -16,7 +16,7 @@ import numpy as np
 from jax import Array
 
 from kneejax.geometry import Pose
-from kneejax.mechanics._ligaments import Ligaments
+from kneejax.mechanics.ligaments import Ligaments
 
 
 @dataclasses.dataclass(frozen=True)

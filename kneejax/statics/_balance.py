@@ -2,9 +2,9 @@
 
 The free coordinates `q` (5) are joined by the meeting points `s` of the contacts (2 each), which
 are determined by `q` through "the slope of the gap is zero". A patch's wrench is the derivative of
-its energy along `(q, s(q))` already (`mechanics/_patch_force.py`), so the tangent is the derivative
-of the wrenches along the same path: nothing has to be differentiated through a search. All arrays
-end in lanes.
+its energy along `(q, s(q))` already (`mechanics/contact/_patch_force.py`), so the tangent is the
+derivative of the wrenches along the same path: nothing has to be differentiated through a search.
+All arrays end in lanes.
 """
 
 from __future__ import annotations

@@ -30,8 +30,8 @@ import optimistix as optx
 from jax import Array, lax
 
 from kneejax.mechanics import Knee
+from kneejax.numerics import solve, symmetric
 from kneejax.statics._balance import Forces, linearised, rows_of_force
-from kneejax.statics._elimination import solve, symmetric
 
 #: Rad and mm that count as one unit of a free coordinate: 1 mm at 30 mm from the centre.
 UNITS = (1.0 / 30.0, 1.0 / 30.0, 1.0, 1.0, 1.0)

@@ -19,14 +19,13 @@ from jax import Array, lax
 from jax.custom_derivatives import SymbolicZero
 from jax.typing import ArrayLike
 
-from kneejax.geometry import Placement, Pose, instantiate
+from kneejax.geometry import Placement, Pose
 from kneejax.mechanics import Contact, Knee, displacement
+from kneejax.numerics import compiled, instantiate, solve
 from kneejax.statics._balance import (
     force_derivative,
     force_derivative_without_patches,
 )
-from kneejax.statics._compiled import compiled
-from kneejax.statics._elimination import solve
 from kneejax.statics._faults import ContactFaults, Faults
 from kneejax.statics._newton import (
     UNITS,

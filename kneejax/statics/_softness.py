@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from kneejax.statics._elimination import solve, symmetric
+from kneejax.numerics import solve, symmetric
 from kneejax.statics._newton import UNITS
 
 

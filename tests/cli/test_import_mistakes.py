@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "files"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "files" / "meshes"))
 import meshed_knee as made
 
 from kneejax.cli import main
 
-MODELS = Path(__file__).parents[1] / "files" / "models"
+MODELS = Path(__file__).parents[1] / "files" / "opensim" / "models"
 LEFT, RIGHT = MODELS / "left_schema4.osim", MODELS / "right_schema3.osim"
 HEADER = "flexion_deg,adduction_deg,internal_rotation_deg,anterior_mm,superior_mm,lateral_mm"
 

@@ -7,7 +7,7 @@ import pytest
 from kneejax.cli import main
 from kneejax.files import load_knee_file
 
-MODELS = Path(__file__).parents[1] / "files" / "models"
+MODELS = Path(__file__).parents[1] / "files" / "opensim" / "models"
 LEFT, RIGHT = MODELS / "left_schema4.osim", MODELS / "right_schema3.osim"
 
 

@@ -11,10 +11,11 @@ import yaml
 from kneejax.cli import main
 from kneejax.files import bundled_path
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "report"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "reproduction" / "paper4"))
 from compared_knees import comparison, study
 
-from kneejax.cli import _reproduce_paper4, _sensitivity_knees
+from kneejax.cli import _sensitivity_knees
+from kneejax.cli.papers import _paper4 as _reproduce_paper4
 
 
 def rows(path):

@@ -11,8 +11,8 @@ import pytest
 import kneejax as kj
 from kneejax.files import bundled_path, load_knee_file, mirror_document, read_knee, write_knee
 from kneejax.geometry import Pose, convert_table
-from kneejax.inference import select
 from kneejax.mechanics import load_of
+from kneejax.parameters import select
 
 SCRIPT = Path(__file__).parents[2] / "data" / "make_lenhart2015.py"
 NAMES = ("lenhart2015", "lenhart2015_reduced")

@@ -8,7 +8,7 @@ import pytest
 import kneejax as kj
 import kneejax.geometry as geo
 from kneejax.mechanics import Contact, Knee, Ligaments
-from kneejax.statics import compiler_options
+from kneejax.numerics import compiler_options
 
 #: Answers that are smooth where a ball presses on a plane.
 SMOOTH = ("length", "tension", "contact_force", "area", "max_pressure", "max_depth", "center")

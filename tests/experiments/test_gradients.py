@@ -13,7 +13,8 @@ import pytest
 import kneejax as kj
 import kneejax.geometry as geo
 from kneejax.mechanics import Contact, Load, add_lane_axis
-from kneejax.statics import compiler_options, force, sound
+from kneejax.numerics import compiler_options
+from kneejax.statics import force, sound
 
 #: Rad and mm that weigh the same: 1 mm at 30 mm from the centre.
 UNITS = np.array([1 / 30, 1 / 30, 1.0, 1.0, 1.0])[:, None]

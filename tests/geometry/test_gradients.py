@@ -15,8 +15,9 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from derivatives import both_ways
 
 import kneejax.geometry as geo
+from kneejax import numerics
 from kneejax.geometry import _vectors as v
-from kneejax.geometry._polynomials import partials
+from kneejax.geometry.surfaces._polynomials import partials
 
 RADIANS, MM = 0.3, 10.0
 seeds = st.integers(0, 2**31)
@@ -63,11 +64,11 @@ def algebra(x):
 
 
 def primitives(x):
-    logarithm = geo.branch(
+    logarithm = numerics.branch(
         x[0] > 10.0, jnp.log, lambda y: 0.1 * y, x[0], inside=1.0, outside=1.0
     )
-    root = geo.safe_sqrt(jnp.stack([x[0], -x[0]]))
-    return jnp.stack([logarithm, *root, geo.positive_part(x[1], x[2])])
+    root = numerics.safe_sqrt(jnp.stack([x[0], -x[0]]))
+    return jnp.stack([logarithm, *root, numerics.positive_part(x[1], x[2])])
 
 
 def polynomial(x):

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kneejax.inference._intervals import IntervalKind
-from kneejax.inference._result import (
+from kneejax.inference.calibration._result import (
     Calibration,
     Ending,
     Estimate,
@@ -14,6 +13,7 @@ from kneejax.inference._result import (
     Motion,
     Starts,
 )
+from kneejax.inference.intervals._intervals import IntervalKind
 from kneejax.statics._status import Status
 
 LIGAMENTS = ("ACL", "PCL", "MCL", "LCL")

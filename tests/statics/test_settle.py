@@ -9,18 +9,12 @@ import numpy as np
 import pytest
 
 import kneejax as kj
-from kneejax.inference import evaluate_poses, select
+from kneejax.inference import evaluate_poses
 from kneejax.mechanics import add_lane_axis
-from kneejax.statics import (
-    EnergyNewton,
-    Guess,
-    Status,
-    compiler_options,
-    first_guess,
-    settle,
-    with_meeting,
-)
-from kneejax.statics._elimination import solve
+from kneejax.numerics import compiler_options
+from kneejax.numerics._elimination import solve
+from kneejax.parameters import select
+from kneejax.statics import EnergyNewton, Guess, Status, first_guess, settle, with_meeting
 
 FLEXION = np.arange(0.0, 121.0, 5.0)
 

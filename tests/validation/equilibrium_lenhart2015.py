@@ -18,7 +18,8 @@ import numpy as np
 
 from kneejax import Knee, Pose, Status
 from kneejax.mechanics import Ligaments, Load, Wrench, add_lane_axis
-from kneejax.statics import EnergyNewton, Guess, Settled, balance, compiled, settle
+from kneejax.numerics import compiled
+from kneejax.statics import EnergyNewton, Guess, Settled, balance, settle
 
 if TYPE_CHECKING:
     from recorded_lenhart2015 import Record

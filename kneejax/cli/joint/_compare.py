@@ -1,0 +1,217 @@
+"""`kneejax joint compare`: joints and contact knees against measured motion, as in paper 5."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+import numpy as np
+
+from kneejax.cli._contact_knee import read_contact_knee
+from kneejax.cli.joint._arguments import renamed_columns
+from kneejax.cli.joint._models import (
+    Modelled,
+    curve_flexion,
+    each_subject,
+    fitted_models,
+    joint_models,
+    knee_model,
+)
+from kneejax.files import InputProblem, counted, read_poses, write_rows, write_text
+from kneejax.inference import versions
+from kneejax.joints import (
+    Comparison,
+    UnsuitableMotions,
+    clinical_measures,
+    compare_motions,
+    is_tested,
+)
+from kneejax.parameters import UnsuitableData
+
+#: Poses as near as this to a flexion of calibration are averaged for it, unless another is given.
+_WITHIN_DEG = 0.5
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Compare, print tables, write them with a figure."""
+    _check_options(arguments)
+    # From here on, and in result.json, what is used.
+    arguments.convention = arguments.convention or "femoral"
+    arguments.side = arguments.side or "right"
+    if arguments.average_within is None:
+        arguments.average_within = _WITHIN_DEG
+    tables = _measured(arguments)
+    flexion = tables[..., 0]
+    # All that can be at fault is read before the knees move, which takes long.
+    used = _calibration_rows(arguments, flexion.mean(axis=0))
+    models = _joints(arguments, tables, used)
+    knees = {}
+    for name in arguments.knee:
+        read = read_contact_knee(name)
+        if read.title in (*models, *knees):
+            raise InputProblem("--knee", "knee", name, f"every model once; {read.title} is twice")
+        knees[read.title] = (read, name)
+    if not models and not knees:
+        expected = "a model: --joint, --knee, or --calibrate-at with --axes"
+        raise InputProblem("joint compare", "models", "none", expected)
+    for title, (read, name) in knees.items():
+        models[title] = knee_model(read, name, flexion)
+    found = _compared(arguments, tables, models, used)
+    doubts = (*(doubt for one in models.values() for doubt in one.doubts), *found.doubts)
+    _write(arguments, found, models, flexion, doubts)
+    return 1 if doubts else 0
+
+
+def _check_options(arguments: argparse.Namespace) -> None:
+    """What needs no file to be wrong: no option is silently ignored."""
+    for name, value in (
+        ("--spread", arguments.spread), ("--average-within", arguments.average_within)
+    ):  # fmt: skip
+        if value is not None and not 0.0 <= value < np.inf:
+            raise InputProblem(name, "degrees", f"{value:g}", "a number of at least 0")
+    if not 0.0 < arguments.alpha < 1.0:
+        expected = "a number between 0 and 1, as 0.01"
+        raise InputProblem("--alpha", "level", f"{arguments.alpha:g}", expected)
+    for i, file in enumerate(arguments.measured):
+        if file in arguments.measured[:i]:
+            raise InputProblem("joint compare", "measured", str(file), "every subject once")
+    if bool(arguments.calibrate_at) != bool(arguments.axes):
+        missing = "--calibrate-at" if arguments.axes else "--axes"
+        raise InputProblem(missing, "option", "missing", "both --calibrate-at and --axes")
+    for name, value in (
+        ("--side", arguments.side), ("--average-within", arguments.average_within)
+    ):  # fmt: skip
+        if value is not None and not arguments.axes:
+            expected = "this option beside --calibrate-at and --axes only"
+            raise InputProblem(name, "option", str(value), expected)
+    try:
+        is_tested(len(arguments.measured), arguments.anova)
+    except UnsuitableMotions as problem:
+        raise UnsuitableData(f"--anova: {problem}") from problem
+
+
+def _measured(arguments: argparse.Namespace) -> np.ndarray:
+    """Tables of all subjects by flexion, shape `(subjects, n, 6)`."""
+    tables, columns = [], renamed_columns(arguments.column)
+    for file in arguments.measured:
+        table = read_poses(file, arguments.convention, columns)
+        tables.append(table[np.argsort(table[:, 0], kind="stable")])
+    first = tables[0]
+    for file, table in zip(arguments.measured, tables, strict=True):
+        if len(table) != len(first):
+            expected = f"{counted(len(first), 'flexion')}, as {arguments.measured[0]}"
+            raise InputProblem(file, "rows", counted(len(table), "pose"), expected)
+        apart = np.abs(table[:, 0] - first[:, 0])
+        if apart.max() > arguments.spread:
+            i = int(apart.argmax())
+            expected = (
+                f"{first[i, 0]:g} within {arguments.spread:g} degrees (--spread), as "
+                f"{arguments.measured[0]}"
+            )
+            raise InputProblem(file, "flexion_deg", f"{table[i, 0]:g}", expected)
+    return np.array(tables)
+
+
+def _calibration_rows(arguments: argparse.Namespace, flexion: np.ndarray) -> np.ndarray:
+    """Which of the flexions, means over the subjects, joints are fitted at, shape `(k, n)`."""
+    rows = np.zeros((0, len(flexion)), bool)
+    for angle in sorted(arguments.calibrate_at):
+        near = np.abs(flexion - angle) <= arguments.average_within
+        expected = ""
+        if not near.any():
+            expected = (
+                f"a flexion within {arguments.average_within:g} degrees of a measured one, of "
+                f"{flexion[0]:g} to {flexion[-1]:g} (or another --average-within)"
+            )
+        elif (rows & near).any():
+            expected = f"flexions farther apart than twice {arguments.average_within:g} degrees"
+        if expected:
+            raise InputProblem("--calibrate-at", "degrees", f"{angle:g}", expected)
+        rows = np.concatenate([rows, near[None]])
+    if len(rows) == 1:
+        only = f"{arguments.calibrate_at[0]:g} alone"
+        raise InputProblem("--calibrate-at", "degrees", only, "two flexions or more")
+    return rows
+
+
+def _joints(
+    arguments: argparse.Namespace, tables: np.ndarray, used: np.ndarray
+) -> dict[str, Modelled]:
+    """Joints from files, and those fitted to the mean of each subject's poses in `used` rows."""
+    flexion = tables[..., 0]
+    models = joint_models(arguments.joint, flexion)
+    if not len(used):
+        return models
+    poses = np.stack([tables[:, near].mean(axis=1) for near in used], axis=1)
+    listed = [file for words in arguments.axes for file in words.split(",")]
+    axes = each_subject("--axes", listed, len(tables))
+    fitted = fitted_models(axes, arguments.side, arguments.measured, poses, flexion)
+    for name in fitted:
+        if name in models:
+            expected = "another NAME=FILE; --calibrate-at makes a model of this name"
+            raise InputProblem("--joint", "name", name, expected)
+    return models | fitted
+
+
+def _compared(
+    arguments: argparse.Namespace, tables: np.ndarray, models: dict[str, Modelled], used: np.ndarray
+) -> Comparison:
+    flexion = tables[..., 0].mean(axis=0)
+    # Where a joint was calibrated on a pose of any subject, that condition foretells nothing.
+    known = np.any([*used, *(one.calibrated for one in models.values())], axis=0)
+    try:
+        return compare_motions(
+            flexion,
+            clinical_measures(tables),
+            {name: one.measures for name, one in models.items()},
+            calibrated_at_deg=tuple(flexion[known]),
+            anova=arguments.anova,
+            alpha=arguments.alpha,
+        )
+    except UnsuitableMotions as problem:
+        files = ", ".join(str(file) for file in arguments.measured)
+        raise UnsuitableData(f"{files}: {problem}") from problem
+
+
+def _write(
+    arguments: argparse.Namespace,
+    found: Comparison,
+    models: dict[str, Modelled],
+    flexion: np.ndarray,
+    doubts: tuple[str, ...],
+) -> None:
+    from kneejax.report import joint_comparison_figure, save_figure
+    from kneejax.report import joint_comparison_text as text
+
+    out = arguments.out
+    tables = {
+        "summary.csv": (text.SUMMARY_COLUMNS, text.summary_rows),
+        "differences.csv": (text.DIFFERENCE_COLUMNS, text.difference_rows),
+        "predictions.csv": (text.PREDICTION_COLUMNS, text.prediction_rows),
+    }
+    if found.tests:
+        tables["tests.csv"] = (text.TEST_COLUMNS, text.test_rows)
+    for name, (columns, rows) in tables.items():
+        write_rows(out / name, list(columns), rows(found))
+    settings = {
+        name: value if not isinstance(value, Path) else str(value)
+        for name, value in vars(arguments).items()
+        if name not in ("command", "kind", "run", "parser", "out", "measured")
+    }
+    settings["measured"] = [str(file) for file in arguments.measured]
+    settings["sources"] = {name: one.source for name, one in models.items()}
+    document = text.joint_comparison_document(found, settings, versions())
+    document["doubts"] = list(doubts)
+    write_text(out / "result.json", json.dumps(document, indent=1) + "\n")
+    figure = joint_comparison_figure(
+        found,
+        curve_flexion(flexion),
+        {name: one.curve for name, one in models.items()},
+        flexion,
+    )
+    save_figure(figure, out / "figures", "joints")
+    print(text.joint_comparison_summary(found))
+    for doubt in doubts[: len(doubts) - len(found.doubts)]:
+        print(f"! {doubt}")
+    print(f"written: {out}/{', '.join(tables)}, result.json, figures/joints.png")

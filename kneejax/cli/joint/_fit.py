@@ -1,0 +1,269 @@
+"""`kneejax joint fit`: a moving axis and a hinge, of measured poses or of a contact knee."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+
+from kneejax.cli._contact_knee import ContactKnee, passive_motion, read_contact_knee
+from kneejax.cli.joint._arguments import renamed_columns
+from kneejax.cli.joint._axes import (
+    FemurAxes,
+    FindAxes,
+    axes_from_file,
+    axes_from_knee,
+    axes_from_mesh,
+    problem,
+)
+from kneejax.files import (
+    AxisPoints,
+    InputProblem,
+    JointFile,
+    counted,
+    parse_flexion,
+    read_poses,
+    write_axis_points,
+    write_joint,
+    write_poses,
+    write_rows,
+    write_text,
+)
+from kneejax.geometry import FREE_COORDINATES, Pose
+from kneejax.inference import versions
+from kneejax.joints import (
+    JointFit,
+    JointProblem,
+    UnsuitablePoses,
+    calibration_rows,
+    fit_joints,
+)
+from kneejax.report import (
+    FACET_COLUMNS,
+    facet_rows,
+    joint_axes_figure,
+    joint_fit_summary,
+    joint_kind,
+    joint_motion_figure,
+    save_figure,
+)
+from kneejax.statics import Status
+
+# Options that mean nothing without another, and that mean nothing beside another.
+_NEEDED = {
+    "convention": "poses",
+    "column": "poses",
+    "unit": "femur",
+    "landmarks": "femur",
+    "tibia": "femur",
+    "touching_within": "tibia",
+}
+_EXCLUDED = {"extension_facet": ("axes", "tibia"), "flexion_facet": ("axes", "tibia")}
+
+
+@dataclasses.dataclass(frozen=True)
+class _Motion:
+    """Poses that joints are made of and held against.
+
+    Attributes:
+        table: shape `(n, 6)`, degrees and mm; NaN where a contact knee has no balance.
+        at_deg: flexions to calibrate at; empty for the first and the last.
+        name: in tables and figures.
+        source: the file, or the knee.
+        status: of a contact knee's poses.
+        doubts: sentences on them.
+    """
+
+    table: np.ndarray
+    at_deg: tuple[float, ...]
+    name: str
+    source: str
+    status: tuple[Status, ...] = ()
+    doubts: tuple[str, ...] = ()
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Calibrate the joints, write them, their motion and figures, print a summary."""
+    _check_options(arguments)
+    flexion = parse_flexion(arguments.flexion)
+    # All that can be at fault is read before a knee is bent, which takes long.
+    read = None if arguments.knee is None else read_contact_knee(arguments.knee)
+    side = _side(arguments, read)
+    find_axes = _axes(arguments, side, read)
+    motion = _measured(arguments) if read is None else _bent(arguments, read, flexion)
+    try:
+        rows = calibration_rows(motion.table, motion.at_deg)
+        axes = find_axes(Pose.from_table(motion.table[rows]))
+        fit = fit_joints(
+            motion.table, axes.points, axes.hinge, motion.at_deg, arguments.interpolation
+        )
+    except UnsuitablePoses as error:
+        raise problem(motion.source, error) from None
+    except JointProblem as error:
+        raise problem(arguments.femur or arguments.axes or arguments.knee, error) from None
+    files = _write(arguments, fit, axes, motion, flexion, side)
+    over = _held_against(motion)
+    print(joint_fit_summary(fit, over, axes.hinge_source, axes.facets, axes.regions))
+    doubts = (*motion.doubts, *axes.doubts)
+    for doubt in doubts:
+        print(f"! {doubt}")
+    print(f"written to {arguments.out}:\n{', '.join(files)}, figures/")
+    return 1 if doubts else 0
+
+
+def _check_options(arguments: argparse.Namespace) -> None:
+    """Every option must be of use: none is silently ignored."""
+    if (arguments.poses is None) == (arguments.knee is None):
+        found = "none" if arguments.poses is None else "a table and --knee"
+        expected = "a CSV of measured poses, or --knee"
+        raise InputProblem("joint fit", "poses", found, expected)
+    if arguments.knee is None and arguments.femur is None and arguments.axes is None:
+        expected = "--femur MESH, --axes FILE or, of a contact knee, --knee"
+        raise InputProblem("joint fit", "axis points", "none", expected)
+    given = {name for name, value in vars(arguments).items() if value is not None}
+    for name, other in _NEEDED.items():
+        if name in given and other not in given:
+            expected = f"this option beside {_option(other)} only"
+            raise InputProblem(_option(name), "option", _shown(arguments, name), expected)
+    for name, others in _EXCLUDED.items():
+        for other in others:
+            if {name, other} <= given:
+                expected = f"this option or {_option(other)}, one of both"
+                raise InputProblem(_option(name), "option", _shown(arguments, name), expected)
+
+
+def _option(name: str) -> str:
+    return "a CSV of poses" if name == "poses" else f"--{name.replace('_', '-')}"
+
+
+def _shown(arguments: argparse.Namespace, name: str) -> str:
+    value = getattr(arguments, name)
+    words = value if isinstance(value, list) else [value]
+    return " ".join(f"{x:g}" if isinstance(x, float) else str(x) for x in words)
+
+
+def _side(arguments: argparse.Namespace, read: ContactKnee | None) -> str:
+    if read is None:
+        return arguments.side or "right"
+    if arguments.side not in (None, read.knee.side):
+        raise InputProblem("--side", "side", arguments.side, f"{read.knee.side}, as {read.title}")
+    return read.knee.side
+
+
+def _axes(arguments: argparse.Namespace, side: str, read: ContactKnee | None) -> FindAxes:
+    if arguments.axes is not None:
+        return axes_from_file(arguments, side)
+    if arguments.femur is None and read is not None:
+        return axes_from_knee(arguments, read)
+    return axes_from_mesh(arguments, side)
+
+
+def _measured(arguments: argparse.Namespace) -> _Motion:
+    columns = renamed_columns(arguments.column)
+    table = read_poses(arguments.poses, arguments.convention or "femoral", columns)
+    return _Motion(table, tuple(arguments.at or ()), "measured", str(arguments.poses))
+
+
+def _bent(arguments: argparse.Namespace, read: ContactKnee, flexion: np.ndarray) -> _Motion:
+    """Passive flexion of a contact knee, balanced where joints are calibrated on it."""
+    at = tuple(arguments.at or (flexion.min(), flexion.max()))
+    parse_flexion(",".join(map(str, at)), "--at", "degrees")
+    angles = np.unique(np.concatenate([flexion, at]))
+    try:  # whether these are flexions for a joint is known before any pose
+        calibration_rows(np.pad(angles[:, None], ((0, 0), (0, 5))), at)
+    except UnsuitablePoses as error:
+        raise problem("--at" if arguments.at else "--flexion", error) from None
+    found = passive_motion(read, angles)
+    usable = np.array([status.converged for status in found.status])
+    for angle in sorted(at):
+        status = found.status[int(np.searchsorted(angles, angle))]
+        if not status.converged:
+            expected = "a pose with balance to calibrate on; choose by --at"
+            if usable.any():
+                expected += f", from {angles[usable].min():g} to {angles[usable].max():g} degrees"
+            place = f"pose at {angle:g} degrees"
+            raise InputProblem(arguments.knee, place, status.word, expected)
+    table = found.table
+    table[:, 0] = angles
+    return _Motion(table, at, read.title, arguments.knee, found.status, found.doubts)
+
+
+def _write(
+    arguments: argparse.Namespace,
+    fit: JointFit,
+    axes: FemurAxes,
+    motion: _Motion,
+    flexion: np.ndarray,
+    side: str,
+) -> list[str]:
+    """Write everything; the names of the files."""
+    out, name = arguments.out, arguments.out.name or "joint"
+    origin = arguments.femur or arguments.axes
+    whence = "its condyles" if origin is None else origin.name
+    angles = ", ".join(f"{x:.1f}" for x in fit.poses[:, 0])
+    whose = f"{motion.name}, passive flexion" if motion.status else arguments.poses.name
+    for joint, file, title, source in (
+        (fit.moving, "joint.yaml", name, f"{whose} at {angles} degrees; axes from {whence}"),
+        (fit.hinge, "hinge.yaml", f"{name} hinge", f"{whose}; axis through {axes.hinge_source}"),
+    ):
+        write_joint(JointFile(joint, title, side, source), out / file)
+    for joint, file in ((fit.moving, "poses.csv"), (fit.hinge, "hinge_poses.csv")):
+        write_poses(out / file, np.asarray(joint.pose(np.deg2rad(flexion)).to_table()))
+    files = ["joint.yaml", "hinge.yaml", "poses.csv", "hinge_poses.csv", "result.json"]
+    if motion.status:
+        write_poses(out / "knee_poses.csv", motion.table, status=motion.status)
+        files.append("knee_poses.csv")
+    if axes.facets is not None:
+        write_rows(out / "facets.csv", list(FACET_COLUMNS), facet_rows(axes.facets))
+        write_axis_points(AxisPoints(axes.points, axes.epicondyles), out / "axes.csv")
+        files += ["facets.csv", "axes.csv"]
+    document = _document(arguments, fit, axes, motion, side, whence)
+    write_text(out / "result.json", json.dumps(document, indent=1) + "\n")
+    _write_figures(out / "figures", fit, axes, motion, flexion)
+    return files
+
+
+def _document(arguments, fit: JointFit, axes: FemurAxes, motion: _Motion, side, whence) -> dict:
+    settings = {
+        name: str(value) if isinstance(value, Path) else value
+        for name, value in vars(arguments).items()
+        if name not in ("command", "kind", "run", "parser", "out")
+    }
+    return {
+        "poses": None if motion.status else arguments.poses.name,
+        "knee": motion.name if motion.status else None,
+        "convention": arguments.convention or "femoral",
+        "side": side,
+        "axes": whence,
+        "facets": axes.regions or None,
+        "calibration_flexion_deg": fit.poses[:, 0].tolist(),
+        "interpolation": fit.moving.interpolation,
+        "hinge": axes.hinge_source,
+        "rmse": {
+            joint: dict(zip(FREE_COORDINATES, row.tolist(), strict=True))
+            for joint, row in zip(("moving", "hinge"), fit.rmse, strict=True)
+        },
+        "doubts": [*motion.doubts, *axes.doubts],
+        "settings": settings,
+        "versions": versions(),
+    }
+
+
+def _write_figures(folder: Path, fit: JointFit, axes: FemurAxes, motion: _Motion, flexion) -> None:
+    drawn = joint_axes_figure(fit.moving, fit.hinge, axes.surface, axes.facets)
+    save_figure(drawn, folder, "axes")
+    dense = np.linspace(flexion.min(), flexion.max(), 241)
+    joints = {joint_kind(fit): fit.moving, "hinge": fit.hinge}
+    drawn = joint_motion_figure(joints, motion.table, fit.rows, dense, motion.name)
+    save_figure(drawn, folder, "motion")
+
+
+def _held_against(motion: _Motion) -> str:
+    known = motion.table[np.isfinite(motion.table).all(axis=1), 0]
+    if not motion.status:
+        return f"{len(known)} measured poses"
+    ends = f"{known.min():g} to {known.max():g} degrees"
+    return f"passive flexion of {motion.name}, {counted(len(known), 'pose')} from {ends}"

@@ -1,0 +1,1 @@
+"""`kneejax reproduce`: a file a paper."""

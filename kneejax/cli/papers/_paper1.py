@@ -1,0 +1,118 @@
+"""`kneejax reproduce 1`: sweeps, maps and procedures of paper 1, against its claims."""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+
+from kneejax.cli._progress import balances_on_terminal
+from kneejax.cli._study_problem import StudyProblem, study_and_knee, with_measurement
+from kneejax.files import write_rows
+from kneejax.geometry import FREE_COORDINATES
+from kneejax.inference import calibrate, in_convention, sensitivity_maps, sweep, versions
+from kneejax.reproduction import VERDICTS, Claim, Paper1Study, paper1_claims
+from kneejax.reproduction.paper1 import CONVENTION, LIGAMENTS, as_paper1_sees
+
+_STUDY, _GRID, _VALUES = "paper1", (61, 61), 37
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Compute the study, judge the claims, print and write them."""
+    asked = with_measurement(*study_and_knee(_STUDY), calibrated=True)
+    found = _study(asked)
+    claims, doubts = paper1_claims(found), _doubts(found)
+    _write(asked, found, claims, doubts, arguments.out)
+    from kneejax.report import claims_summary
+
+    print(claims_summary(claims))
+    for doubt in doubts:
+        print(f"! {doubt}")
+    print(f"written: {arguments.out}/reproduction.csv, report.html, figures/")
+    return 1 if doubts else 0
+
+
+def _study(asked: StudyProblem) -> Paper1Study:
+    weights = np.array([asked.study.weights[name] for name in FREE_COORDINATES])
+    with balances_on_terminal("sweeps") as progress:
+        sweeps = sweep(
+            asked.knee,
+            asked.study.parameters,
+            asked.measured[:, 0],
+            count=_VALUES,
+            progress=progress,
+        )
+    pairs = [(f"{name}.stiffness", f"{name}.reference_strain") for name in LIGAMENTS]
+    with balances_on_terminal("maps") as progress:
+        maps = sensitivity_maps(
+            asked.knee,
+            asked.measured,
+            [*pairs, ("ACL.stiffness", "PCL.stiffness")],
+            grid=_GRID,
+            bounds=asked.study.bounds,
+            weights=weights,
+            convention=CONVENTION,
+            progress=progress,
+        )
+    calibration = calibrate(
+        asked.knee,
+        asked.measured,
+        asked.study.parameters,
+        bounds=dict(asked.study.bounds),
+        weights=weights,
+        procedures=("III", "II", "I"),
+        cycles=1,
+        truth=asked.truth,
+        title=asked.study.title,
+    )
+    own = dict(zip(LIGAMENTS, maps[:4], strict=True))
+    flexion = asked.measured[:, 0]
+    seen = in_convention(asked.measured[:, 1:], flexion, CONVENTION)
+    measured = np.column_stack([flexion, seen])
+    return Paper1Study(as_paper1_sees(sweeps), measured, weights, maps[4], own, calibration)
+
+
+def _doubts(found: Paper1Study) -> list[str]:
+    doubts = []
+    if (found.sweeps.status > 0).any():
+        doubts.append("The knee's own motion is not balanced, stable and on fitted surfaces.")
+    for fit in found.calibration.fits:
+        if not fit.success:
+            doubts.append(f"Procedure {fit.procedure}: {fit.message}.")
+    return doubts
+
+
+def _write(asked: StudyProblem, found: Paper1Study, claims: tuple[Claim, ...], doubts, out) -> None:
+    from kneejax.report import CLAIM_COLUMNS, map_figure, sweep_figure, write_reproduction
+
+    rows = [[getattr(claim, column) for column in CLAIM_COLUMNS] for claim in claims]
+    write_rows(out / "reproduction.csv", list(CLAIM_COLUMNS), rows)
+    figures = {}
+    for number, one in enumerate(found.sweeps.sweeps, 3):
+        figures[one.name.replace(".", "-")] = (
+            sweep_figure(found.sweeps, one.name, found.measured),
+            f"As Figure {number} of the paper: {one.name} over its range, the others by Table 1.",
+        )
+    mapped = [("PCL", "11"), ("LCL", "12")]
+    for name, number in mapped:
+        figures[f"map-{name}"] = (
+            map_figure(found.own[name]),
+            f"As Figure {number} of the paper: objective over stiffness and reference strain of "
+            f"the {name}.",
+        )
+    figures["map-ACL-PCL"] = (
+        map_figure(found.cruciates),
+        "As Figure 13 of the paper: objective over the stiffnesses of ACL and PCL.",
+    )
+    noise = asked.study.synthetic.noise_mm if asked.study.synthetic else 0.0
+    about = [
+        "The paper's four ligaments with the values of its Table 1, on the articular surfaces of "
+        "one healthy knee (lenhart2015), instead of its cadaver's. Its measured motion was not "
+        "published: here it is made by the same knee with the parameters of its Table 3, with "
+        f"{noise:g} mm and degrees of noise. Coordinates are the paper's, the femur in the tibia. "
+        "What the paper reads off its figures is turned into criteria, stated with each claim.",
+        f"Verdicts: {', '.join(VERDICTS)}.",
+    ]
+    settings = {"study": _STUDY, "grid": list(_GRID), "values_of_a_sweep": _VALUES}
+    title = "Paper 1: influence of ligament parameters on motion, and their identification"
+    write_reproduction(title, about, claims, figures, doubts, settings, versions(), out)

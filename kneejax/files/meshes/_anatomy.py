@@ -1,0 +1,395 @@
+"""Where the joint is in cartilage meshes: the femoral axis, the notch, the compartments.
+
+Everything here is in mm, in the frames of a right knee (X anterior, Y superior, Z lateral): a left
+knee's meshes are mirrored before.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+
+from kneejax.files.meshes._health import Sheet, borders
+from kneejax.files.reading import InputProblem
+from kneejax.geometry import Frame, Placement, fit_plane, full
+
+#: Femur and tibia meet within this distance at the reference pose, mm.
+FARTHEST_MM = 50.0
+_WIDEST_MM = (30.0, 200.0)
+_STEEPEST_AXIS_DEG = 35.0
+_AXIS_STEPS = 50
+_OUTLINE_CORNERS = 48
+# Part of the condyles that is round enough to find their axis: from distal to posterior.
+_ROUND = np.deg2rad([75.0, 230.0])
+_BEHIND_TROCHLEA = np.deg2rad(75.0)
+# Faces whose normal leaves the joint's direction by more than this are edges of a volume.
+_FACING = 0.05
+_NARROWEST_NOTCH_MM = 3.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Cloud:
+    """Corners of an articular surface, mm, in its bone's frame.
+
+    Attributes:
+        points: shape `(n, 3)`.
+        areas: mm^2 that each stands for.
+        normals: outward unit normals there.
+    """
+
+    points: np.ndarray
+    areas: np.ndarray
+    normals: np.ndarray
+
+    def kept(self, rows: np.ndarray) -> Cloud:
+        """The part with these rows."""
+        return Cloud(self.points[rows], self.areas[rows], self.normals[rows])
+
+
+@dataclasses.dataclass(frozen=True)
+class Femur:
+    """Articular surface of the femur.
+
+    Attributes:
+        cloud: of both condyles and the trochlea.
+        axis: its Z is the transverse axis.
+        notch_mm: the intercondylar notch along the axis.
+    """
+
+    cloud: Cloud
+    axis: Frame
+    notch_mm: float
+
+    def cylindrical(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Angle from anterior, rad; distance from the axis and place along it, mm."""
+        return cylindrical(self.axis, points)
+
+
+def cylindrical(axis: Frame, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Angle from anterior through distal, rad; distance from an axis and place along it, mm."""
+    x, y, z = in_frame(axis, points).T
+    return 0.5 * np.pi - np.arctan2(x, -y), np.hypot(x, y), z
+
+
+def in_frame(frame: Frame, points: np.ndarray) -> np.ndarray:
+    """Points of a bone in a frame placed in it, shape `(n, 3)`."""
+    local = frame.placement.apply_inverse(tuple(points.T))
+    return np.stack([np.broadcast_to(np.asarray(c), len(points)) for c in local], axis=1)
+
+
+def find_femur(
+    sheets: list[Sheet], findings: list[str], axis: Frame | None, notch_mm: float | None
+) -> Femur:
+    """Find the transverse axis and the notch.
+
+    Args:
+        sheets: of the femoral cartilage.
+        findings: to which sentences are added.
+        axis: the axis, where it is known.
+        notch_mm: the notch along the axis, where it is known.
+
+    Raises:
+        InputProblem: the mesh has not the size or the place of a femur's cartilage.
+    """
+    name = sheets[0].name
+    points = np.concatenate([sheet.corners()[0] for sheet in sheets])
+    width = float(np.ptp(points[:, 2]))
+    if not _WIDEST_MM[0] < width < _WIDEST_MM[1]:
+        expected = f"a femoral cartilage {_WIDEST_MM[0]:g} to {_WIDEST_MM[1]:g} mm wide (along Z)"
+        raise InputProblem(name, "width", f"{width:.3g} mm", expected + "; is the unit right?")
+    center = _middle_circle(points) if axis is None else axis
+    facing = [towards_joint(sheet, _radial(center, sheet), findings) for sheet in sheets]
+    facing = outermost(facing, lambda p: _by_angle(center, p), "outer", findings)
+    cloud = joined(facing)
+    axis = _found_axis(cloud, center, name, findings) if axis is None else axis
+    if notch_mm is None:
+        notch_mm = _found_notch(cylindrical(axis, cloud.points), name)
+        findings.append(f"{Path(name).name}: the notch lies at {notch_mm:.1f} mm along the axis.")
+    return Femur(cloud, axis, notch_mm)
+
+
+def find_plateaus(
+    sheets: list[Sheet],
+    femur: Femur,
+    tibia: Placement,
+    findings: list[str],
+    split_mm: float | None = None,
+) -> dict[str, Sheet]:
+    """Take the tibial cartilage apart into compartments.
+
+    Args:
+        sheets: of the tibial cartilage.
+        femur: what it meets.
+        tibia: pose of the tibia in the femur at which the meshes meet.
+        findings: to which sentences are added.
+        split_mm: lateral place, tibia frame, at which the compartments part, where it is known.
+
+    Returns:
+        Name (`medial`, `lateral`) -> sheet, facing upwards.
+
+    Raises:
+        InputProblem: the meshes do not meet, or both parts lie on one side of the notch.
+    """
+    name = sheets[0].name
+    facing = [
+        towards_joint(sheet, np.tile([0.0, 1.0, 0.0], (len(sheet.faces), 1)), findings)
+        for sheet in sheets
+    ]
+    facing = outermost(facing, _by_height, "upper", findings)
+    _check_meeting(femur, joined(facing), tibia, name)
+    parts = _parted(facing, split_mm, findings)
+    found: dict[str, Sheet] = {}
+    for part in parts:
+        middle = np.average(part.centers, axis=0, weights=part.face_areas)
+        along = in_frame(femur.axis, moved(tibia, middle[None]))[0, 2]
+        side = "lateral" if along > femur.notch_mm else "medial"
+        if side in found:
+            value = f"two parts on the {side} side of the notch"
+            expected = "one on either side; is the frame right, and is the side?"
+            raise InputProblem(name, "compartments", value, expected)
+        found[side] = part
+    if len(found) == 1:
+        findings.append(f"{Path(name).name}: only a {next(iter(found))} compartment was found.")
+    return {side: found[side] for side in ("medial", "lateral") if side in found}
+
+
+def plateau_frame(cloud: Cloud) -> Frame:
+    """Frame in the middle of a plateau, its Y normal to the plane nearest to the points."""
+    return fit_plane(cloud.points, cloud.areas).surface.frame
+
+
+def outline(sheet: Sheet, frame: Frame) -> np.ndarray:
+    """Border of a sheet in its frame, corners `(x, z)` at equal distances, shape `(k, 2)`, mm."""
+    line = in_frame(frame, sheet.points[borders(sheet)[0]])[:, [0, 2]]
+    # The same line for the same sheet, however its corners are numbered.
+    if np.sum(line[:, 0] * np.roll(line[:, 1], -1) - np.roll(line[:, 0], -1) * line[:, 1]) < 0:
+        line = line[::-1]
+    line = np.roll(line, -int(np.argmax(line @ [1.0, 0.3])), axis=0)
+    closed = np.r_[line, line[:1]]
+    along = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(closed, axis=0), axis=1))]
+    at = along[-1] * np.arange(_OUTLINE_CORNERS) / _OUTLINE_CORNERS
+    return np.stack([np.interp(at, along, c) for c in closed.T], axis=1)
+
+
+def condyle_region(
+    femur: Femur, cloud: Cloud, tibial: np.ndarray, margin_deg: float = 15.0
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Angles, degrees, and widths, mm, over which a condyle can meet its plateau.
+
+    It begins a margin before the plateau's foremost point at the reference pose, since a knee may
+    extend further, and ends with the cartilage.
+
+    Args:
+        femur: both condyles.
+        cloud: the condyle, with the trochlea of its side.
+        tibial: points of the plateau at the reference pose, femur frame.
+        margin_deg: of extension beyond the reference pose.
+    """
+    angle, _, along = femur.cylindrical(cloud.points)
+    foremost = femur.cylindrical(tibial)[0].min() - np.deg2rad(margin_deg)
+    lower, upper = max(foremost, angle.min()), angle.max()
+    behind = (angle > max(lower, min(_BEHIND_TROCHLEA, 0.5 * (lower + upper)))) & (angle < upper)
+    width = along[behind].min(), along[behind].max()
+    return (float(np.rad2deg(lower)), float(np.rad2deg(upper))), (float(width[0]), float(width[1]))
+
+
+def moved(placement: Placement, points: np.ndarray) -> np.ndarray:
+    """Points after a motion, shape `(n, 3)`."""
+    there = placement.apply(tuple(points.T))
+    return np.stack([np.broadcast_to(np.asarray(c), len(points)) for c in there], axis=1)
+
+
+def joined(sheets: list[Sheet]) -> Cloud:
+    """Corners of several sheets."""
+    parts = zip(*(sheet.corners() for sheet in sheets), strict=True)
+    return Cloud(*(np.concatenate(part) for part in parts))
+
+
+def _middle_circle(points: np.ndarray) -> Frame:
+    """A frame at the centre of the circle nearest to the points seen from the side."""
+    columns = np.c_[2.0 * points[:, :2], np.ones(len(points))]
+    solution, *_ = np.linalg.lstsq(columns, (points[:, :2] ** 2).sum(axis=1), rcond=None)
+    return Frame([solution[0], solution[1], 0.0])
+
+
+def _radial(axis: Frame, sheet: Sheet) -> np.ndarray:
+    away = in_frame(axis, sheet.centers)
+    away[:, 2] = 0.0
+    turned = axis.placement.turn(tuple(away.T))
+    away = np.stack([np.broadcast_to(np.asarray(c), len(away)) for c in turned], axis=1)
+    return away / np.linalg.norm(away, axis=1, keepdims=True)
+
+
+def _by_angle(axis: Frame, points: np.ndarray):
+    angle, radius, along = cylindrical(axis, points)
+    return angle * 10.0, along / 3.0, radius
+
+
+def _by_height(points: np.ndarray):
+    return points[:, 0] / 3.0, points[:, 2] / 3.0, points[:, 1]
+
+
+def towards_joint(sheet: Sheet, direction: np.ndarray, findings: list[str]) -> Sheet:
+    """The sheet with its articular side out; of a volume, its articular side alone.
+
+    Args:
+        sheet: as read.
+        direction: towards the joint, one unit vector a triangle.
+        findings: to which a sentence is added where something was done.
+    """
+    along = np.einsum("ij,ij->i", sheet.normals, direction)
+    if not sheet.closed:
+        if np.average(along, weights=sheet.face_areas) >= 0:
+            return sheet
+        findings.append(f"{Path(sheet.name).name}: the normals faced the bone and were turned.")
+        return sheet.turned()
+    findings.append(f"{Path(sheet.name).name}: a closed volume; its articular side was taken.")
+    return sheet.kept(along > _FACING)
+
+
+def outermost(sheets: list[Sheet], place, word: str, findings: list[str]) -> list[Sheet]:
+    """Without sheets that lie behind another one.
+
+    Args:
+        sheets: all of one bone.
+        place: points -> two parameters, in units of a cell, and the height over them.
+        word: for the sheet that is kept, in the sentence.
+        findings: to which a sentence is added for each sheet that is left out.
+    """
+    kept: list[Sheet] = []
+    grids = {id(sheet): _heights(*place(sheet.corners()[0])) for sheet in sheets}
+    for sheet in sheets:
+        own, behind = grids[id(sheet)], False
+        for other in sheets:
+            shared = own.keys() & grids[id(other)].keys()
+            if other is sheet or 2 * len(shared) < len(own):
+                continue
+            higher = np.mean([grids[id(other)][c] - own[c] for c in shared])
+            behind = behind or higher > 0
+        if behind:
+            text = "a second sheet behind the first was left out"
+            findings.append(f"{Path(sheet.name).name}: {text}: the {word} one carries contact.")
+        else:
+            kept.append(sheet)
+    return kept
+
+
+def _heights(a: np.ndarray, b: np.ndarray, height: np.ndarray) -> dict[tuple[int, int], float]:
+    cells = np.floor(np.c_[a, b]).astype(int)
+    unique, place = np.unique(cells, axis=0, return_inverse=True)
+    mean = np.bincount(place.ravel(), height) / np.bincount(place.ravel())
+    return {(int(i), int(j)): float(h) for (i, j), h in zip(unique, mean, strict=True)}
+
+
+def _found_axis(cloud: Cloud, axis: Frame, name: str, findings: list[str]) -> Frame:
+    for _ in range(3):
+        angle, _, _ = cylindrical(axis, cloud.points)
+        rows = np.flatnonzero((angle > _ROUND[0]) & (angle < _ROUND[1]))
+        if len(rows) < 20:
+            expected = "condyles below and behind the axis; is the frame X anterior, Y superior?"
+            raise InputProblem(name, "frame", f"{len(rows)} corners there", expected)
+        axis = _nearest_cylinder(cloud.points[rows], cloud.areas[rows], axis)
+        turn = np.rad2deg(np.abs(np.asarray(axis.rotation)))
+        if turn.max() > _STEEPEST_AXIS_DEG:
+            expected = (
+                f"a transverse axis within {_STEEPEST_AXIS_DEG:g} degrees of Z; are these femoral "
+                "condyles, with X anterior, Y superior, Z to the right?"
+            )
+            raise InputProblem(name, "frame", f"an axis {turn.max():.1f} degrees off", expected)
+    x, y, _ = np.asarray(axis.origin)
+    rx, ry, _ = np.rad2deg(np.asarray(axis.rotation))
+    findings.append(
+        f"{Path(name).name}: the transverse axis passes through ({x:.1f}, {y:.1f}) mm, turned "
+        f"{rx:.1f} and {ry:.1f} degrees about X and Y."
+    )
+    return axis
+
+
+def _nearest_cylinder(points: np.ndarray, areas: np.ndarray, axis: Frame) -> Frame:
+    """Axis of the cylinder nearest to points, by Gauss and Newton from a frame near it."""
+    u = np.array([float(c) for c in full(axis.placement.turn((0.0, 0.0, 1.0)))])
+    line = np.r_[np.asarray(axis.origin)[:2], u[:2] / u[2]]
+    root = np.sqrt(areas / areas.sum())
+    for _ in range(_AXIS_STEPS):
+        along = np.r_[line[2:], 1.0]
+        size = np.linalg.norm(along)
+        from_line = points - np.r_[line[:2], 0.0]
+        place = from_line @ along / size
+        away = from_line - place[:, None] * along / size
+        radius = np.linalg.norm(away, axis=1)
+        toward = -away[:, :2] / radius[:, None]
+        columns = np.c_[toward, toward * (place / size)[:, None], -np.ones(len(points))]
+        step, *_ = np.linalg.lstsq(columns * root[:, None], -radius * root, rcond=None)
+        line = line + step[:4]
+        if np.abs(step[:2]).max() < 1e-9 and np.abs(step[2:4]).max() < 1e-11:
+            break
+    x, y, z = np.r_[line[2:], 1.0] / np.linalg.norm(np.r_[line[2:], 1.0])
+    return Frame([line[0], line[1], 0.0], [-np.arctan2(y, z), np.arcsin(x), 0.0])
+
+
+def _found_notch(where, name: str) -> float:
+    angle, _, along = where
+    behind = np.sort(along[(angle > np.deg2rad(110)) & (angle < np.deg2rad(230))])
+    gaps = np.diff(behind)
+    if len(gaps) == 0 or gaps.max() < _NARROWEST_NOTCH_MM:
+        expected = (
+            "a gap between the condyles behind the joint, or the notch's place given; have femur "
+            "and tibia changed places?"
+        )
+        raise InputProblem(name, "notch", "none found", expected)
+    k = int(np.argmax(gaps))
+    return float(0.5 * (behind[k] + behind[k + 1]))
+
+
+def _check_meeting(femur: Femur, cloud: Cloud, tibia: Placement, name: str) -> None:
+    tibial = moved(tibia, cloud.points)
+    sample = tibial[:: max(1, len(tibial) // 500)], femur.cloud.points
+    few = sample[1][:: max(1, len(sample[1]) // 2000)]
+    distance = np.sqrt(((sample[0][:, None] - few[None]) ** 2).sum(axis=2).min())
+    if distance > FARTHEST_MM:
+        expected = f"within {FARTHEST_MM:g} mm of the femoral cartilage at the reference pose"
+        raise InputProblem(name, "place", f"{distance:.0f} mm apart", expected + "; frames differ?")
+    angle, radius, _ = femur.cylindrical(tibial)
+    below = np.average(np.sin(angle) * radius, weights=cloud.areas)
+    if below < 0:
+        expected = "tibial cartilage below the femoral axis; is Y superior?"
+        raise InputProblem(name, "place", f"{-below:.0f} mm above the axis", expected)
+
+
+def _parted(sheets: list[Sheet], split_mm: float | None, findings: list[str]) -> list[Sheet]:
+    name = Path(sheets[0].name).name
+    if split_mm is None and len(sheets) > 1:
+        if len(sheets) > 2:
+            expected = "one sheet, or one for each compartment; or give where they part"
+            raise InputProblem(sheets[0].name, "sheets", f"{len(sheets)} of them", expected)
+        return sheets
+    if split_mm is None:
+        split_mm = _valley(sheets[0])
+        if split_mm is None:
+            return sheets
+        findings.append(f"{name}: one sheet, parted at z = {split_mm:.1f} mm, where it is narrow.")
+    parts = []
+    for lower in (True, False):
+        own = [s.kept((s.centers[:, 2] < split_mm) == lower) for s in sheets]
+        own = [s for s in own if len(s.faces)]
+        if own:
+            offset = np.cumsum([0, *(len(s.points) for s in own[:-1])])
+            faces = np.concatenate([s.faces + o for s, o in zip(own, offset, strict=True)])
+            points = np.concatenate([s.points for s in own])
+            parts.append(Sheet(points, faces, False, sheets[0].name))
+    return parts
+
+
+def _valley(sheet: Sheet) -> float | None:
+    """Where a sheet of two compartments is narrowest between them; None where it has but one."""
+    z = sheet.centers[:, 2]
+    edges = np.arange(np.floor(z.min()), np.ceil(z.max()) + 1.0)
+    width, _ = np.histogram(z, edges, weights=sheet.face_areas)
+    width = np.convolve(width, np.ones(3) / 3.0, mode="same")
+    quarter = len(width) // 4
+    k = quarter + int(np.argmin(width[quarter : len(width) - quarter]))
+    if width[k] > 0.75 * min(width[:k].max(initial=0.0), width[k:].max(initial=0.0)):
+        return None
+    return float(0.5 * (edges[k] + edges[k + 1]))

@@ -1,0 +1,274 @@
+"""What is wrong with a triangle mesh, and its repair.
+
+Repairs are said in findings, one sentence each. What cannot be repaired is refused.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections import deque
+from pathlib import Path
+
+import numpy as np
+
+from kneejax.files.meshes._points import MeshPoints, read_mesh_points
+from kneejax.files.reading import InputProblem, counted
+
+#: Corners closer than this are one, mm.
+_SAME_MM = 1e-3
+_SMALLEST_MM2 = 1e-9
+#: Holes up to this diameter are bridged by a smooth fit, mm.
+LARGEST_HOLE_MM = 10.0
+_FRAGMENT = 0.05
+_MOST_BRANCHING = 0.01
+
+
+@dataclasses.dataclass(frozen=True)
+class Sheet:
+    """A connected, consistently wound part of a mesh.
+
+    Attributes:
+        points: corners of the whole mesh, shape `(n, 3)`, mm.
+        faces: rows of three corners, shape `(m, 3)`.
+        closed: whether it bounds a volume; its normals then point outwards.
+        name: the file.
+    """
+
+    points: np.ndarray
+    faces: np.ndarray
+    closed: bool
+    name: str
+
+    @property
+    def area(self) -> float:
+        """In mm^2."""
+        return float(self.face_areas.sum())
+
+    @property
+    def face_areas(self) -> np.ndarray:
+        """Of each face, mm^2."""
+        return 0.5 * np.linalg.norm(self._crosses, axis=1)
+
+    @property
+    def normals(self) -> np.ndarray:
+        """Unit normals of the faces, shape `(m, 3)`."""
+        crosses = self._crosses
+        return crosses / np.linalg.norm(crosses, axis=1, keepdims=True)
+
+    @property
+    def centers(self) -> np.ndarray:
+        """Of the faces, shape `(m, 3)`, mm."""
+        return self.points[self.faces].mean(axis=1)
+
+    @property
+    def _crosses(self) -> np.ndarray:
+        a, b, c = (self.points[self.faces[:, k]] for k in range(3))
+        return np.cross(b - a, c - a)
+
+    def kept(self, faces: np.ndarray) -> Sheet:
+        """The part with these faces only (a mask or row numbers)."""
+        return dataclasses.replace(self, faces=self.faces[faces], closed=False)
+
+    def turned(self) -> Sheet:
+        """The same sheet with the other side out."""
+        return dataclasses.replace(self, faces=self.faces[:, ::-1])
+
+    def corners(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Used corners, the area that each stands for, and unit normals there."""
+        used, place = np.unique(self.faces, return_inverse=True)
+        place = place.reshape(-1, 3)
+        share = np.repeat(self.face_areas / 3.0, 3)
+        area = np.bincount(place.ravel(), share, len(used))
+        crosses = np.repeat(self._crosses, 3, axis=0)
+        raw = np.stack([np.bincount(place.ravel(), c, len(used)) for c in crosses.T], axis=1)
+        length = np.linalg.norm(raw, axis=1, keepdims=True)
+        return self.points[used], area, raw / np.where(length > 0, length, 1.0)
+
+
+def read_sheets(path: str | os.PathLike[str], unit: str = "auto") -> tuple[list[Sheet], list[str]]:
+    """Read a mesh, repair it, and take it apart into connected sheets.
+
+    Args:
+        path: as in `read_mesh_points`.
+        unit: see `read_mesh_points`.
+
+    Returns:
+        Sheets, the largest first, without fragments of less than a twentieth of the area; and what
+        was found and repaired, one sentence each.
+
+    Raises:
+        InputProblem: the file is not a mesh, or one beyond repair.
+    """
+    mesh = read_mesh_points(path, unit)
+    return take_apart(mesh, os.fspath(path))
+
+
+def take_apart(mesh: MeshPoints, name: str) -> tuple[list[Sheet], list[str]]:
+    """As `read_sheets`, of a mesh in memory.
+
+    Args:
+        mesh: the mesh.
+        name: what findings call it.
+    """
+    findings: list[str] = []
+    named = Path(name).name
+    if mesh.scale != 1.0:
+        findings.append(f"{named}: lengths were multiplied by {mesh.scale:g} to be in mm.")
+    points, faces = _merged(mesh, name, findings)
+    faces = _without_degenerate(points, faces, name, findings)
+    pairs, same_way, open_edges, branching = _edges(faces)
+    if branching > _MOST_BRANCHING * 1.5 * len(faces):
+        value = f"{branching} with more than two triangles"
+        raise InputProblem(name, "edges", value, "a surface")
+    if branching:
+        findings.append(f"{named}: {counted(branching, 'edge')} of more than two triangles, kept.")
+    part, flip = _connected(len(faces), pairs, same_way)
+    boundary = np.zeros(part.max() + 1, bool)
+    boundary[part[open_edges]] = True
+    sheets, turned = [], 0
+    for number in range(part.max() + 1):
+        rows = part == number
+        flipped = flip[rows]
+        # The winding of the majority stays, until the sheet as a whole is turned to the joint.
+        flipped = ~flipped if 2 * flipped.sum() > len(flipped) else flipped
+        turned += int(flipped.sum())
+        own = np.where(flipped[:, None], faces[rows][:, ::-1], faces[rows])
+        sheet = Sheet(points, own, not boundary[number], name)
+        if sheet.closed and _volume(sheet) < 0:
+            sheet, turned = sheet.turned(), turned + len(own)
+        sheets.append(sheet)
+    if turned:
+        findings.append(f"{named}: {turned} of {len(faces)} triangles faced the other way; turned.")
+    return _large(sheets, name, findings), findings
+
+
+def borders(sheet: Sheet) -> list[np.ndarray]:
+    """Closed border lines of a sheet, the longest first: rows of corner numbers."""
+    a, b = sheet.faces.ravel(), np.roll(sheet.faces, -1, axis=1).ravel()
+    there = set(zip(a.tolist(), b.tolist(), strict=True))
+    onwards: dict[int, list[int]] = {}
+    for i, j in there:
+        if (j, i) not in there:
+            onwards.setdefault(i, []).append(j)
+    lines = []
+    for start in sorted(onwards):
+        while onwards[start]:
+            line, at = [start], onwards[start].pop()
+            while at != start and onwards.get(at):
+                line.append(at)
+                at = onwards[at].pop()
+            lines.append(np.array(line))
+    lengths = [_length(sheet.points[line]) for line in lines]
+    return [lines[k] for k in np.argsort(lengths)[::-1]]
+
+
+def check_holes(sheet: Sheet, findings: list[str]) -> None:
+    """Say which holes a sheet has, and refuse those that are too large to be bridged.
+
+    Args:
+        sheet: any sheet.
+        findings: to which sentences are added.
+
+    Raises:
+        InputProblem: a hole is wider than `LARGEST_HOLE_MM`.
+    """
+    lines, named = borders(sheet), Path(sheet.name).name
+    size = np.sqrt(sheet.area)
+    is_border = lines and _length(sheet.points[lines[0]]) > 0.5 * np.pi * size
+    for line in lines[1:] if is_border else lines:
+        diameter = _length(sheet.points[line]) / np.pi
+        place = ", ".join(f"{x:.0f}" for x in sheet.points[line].mean(axis=0))
+        if diameter > LARGEST_HOLE_MM:
+            expected = f"holes of at most {LARGEST_HOLE_MM:g} mm"
+            value = f"a hole of {diameter:.0f} mm at ({place}) mm"
+            raise InputProblem(sheet.name, "faces", value, expected)
+        findings.append(
+            f"{named}: a hole of {diameter:.1f} mm at ({place}) mm; the fit bridges it."
+        )
+
+
+def _length(line: np.ndarray) -> float:
+    return float(np.linalg.norm(line - np.roll(line, -1, axis=0), axis=1).sum())
+
+
+def _merged(mesh: MeshPoints, name: str, findings: list[str]) -> tuple[np.ndarray, np.ndarray]:
+    _, first, place = np.unique(
+        np.round(mesh.points_mm / _SAME_MM), axis=0, return_index=True, return_inverse=True
+    )
+    if len(first) < len(mesh.points_mm):
+        count, named = len(mesh.points_mm) - len(first), Path(name).name
+        findings.append(f"{named}: corners that coincide with others, merged: {count}.")
+    return mesh.points_mm[first], place.ravel()[mesh.faces]
+
+
+def _without_degenerate(points, faces, name: str, findings: list[str]) -> np.ndarray:
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    flat = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1) < _SMALLEST_MM2
+    _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
+    twice = np.ones(len(faces), bool)
+    twice[first] = False
+    named = Path(name).name
+    for wrong, what in ((flat, "without area"), (twice & ~flat, "that stood there twice")):
+        if wrong.any():
+            findings.append(f"{named}: left out {counted(wrong.sum(), 'triangle')} {what}.")
+    faces = faces[~(flat | twice)]
+    if len(faces) < 4:
+        value = f"{len(faces)} with area"
+        raise InputProblem(name, "faces", value, "a mesh of triangles with area")
+    return faces
+
+
+def _edges(faces: np.ndarray):
+    """Pairs of faces that share an edge, whether both run along it the same way, rows with open
+    edges, and the number of edges with more than two faces."""
+    a, b = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    row = np.repeat(np.arange(len(faces)), 3)
+    low, high = np.minimum(a, b), np.maximum(a, b)
+    order = np.lexsort((row, high, low))
+    low, high, row, way = low[order], high[order], row[order], (a < b)[order]
+    new = np.r_[True, (low[1:] != low[:-1]) | (high[1:] != high[:-1])]
+    start = np.flatnonzero(new)
+    count = np.diff(np.r_[start, len(low)])
+    two = start[count == 2]
+    pairs = np.stack([row[two], row[two + 1]], axis=1)
+    return pairs, way[two] == way[two + 1], row[start[count == 1]], int((count > 2).sum())
+
+
+def _connected(count: int, pairs: np.ndarray, same_way: np.ndarray):
+    """Number of the part of each face, and whether it is wound against the part's first face."""
+    both = np.r_[pairs, pairs[:, ::-1]]
+    turned = np.r_[same_way, same_way]
+    order = np.argsort(both[:, 0], kind="stable")
+    other, turned = both[order, 1].tolist(), turned[order].tolist()
+    start = np.searchsorted(both[order, 0], np.arange(count + 1)).tolist()
+    part, flip, number = [-1] * count, [False] * count, 0
+    for seed in range(count):
+        if part[seed] >= 0:
+            continue
+        part[seed], queue = number, deque([seed])
+        while queue:
+            face = queue.popleft()
+            for k in range(start[face], start[face + 1]):
+                if part[other[k]] < 0:
+                    part[other[k]] = number
+                    flip[other[k]] = flip[face] != turned[k]
+                    queue.append(other[k])
+        number += 1
+    return np.array(part), np.array(flip)
+
+
+def _volume(sheet: Sheet) -> float:
+    a, b, c = (sheet.points[sheet.faces[:, k]] for k in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
+
+
+def _large(sheets: list[Sheet], name: str, findings: list[str]) -> list[Sheet]:
+    sheets = sorted(sheets, key=lambda sheet: -sheet.area)
+    total = sum(sheet.area for sheet in sheets)
+    large = [sheet for sheet in sheets if sheet.area >= _FRAGMENT * total]
+    if len(large) < len(sheets):
+        lost = 100.0 * (1.0 - sum(sheet.area for sheet in large) / total)
+        fragments = counted(len(sheets) - len(large), "fragment")
+        findings.append(f"{Path(name).name}: left out {fragments} with {lost:.1f} % of the area.")
+    return large

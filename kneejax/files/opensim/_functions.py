@@ -1,0 +1,181 @@
+"""OpenSim's functions of a coordinate, as far as the pose of a joint needs them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.linalg import solve_banded
+
+from kneejax.files.opensim._xml import Element
+
+#: Kinds of function that are understood.
+FUNCTIONS = (
+    "Constant", "LinearFunction", "PolynomialFunction", "SimmSpline", "NaturalCubicSpline",
+    "PiecewiseLinearFunction", "MultiplierFunction",
+)  # fmt: skip
+_SPLINES = ("SimmSpline", "NaturalCubicSpline")  # the second is the first's name in OpenSim 2
+
+
+class UnknownFunction(Exception):
+    """A kind of function that is not understood; its argument is the kind."""
+
+
+def evaluate(function: Element, arguments: Sequence[float]) -> float:
+    """A function's value.
+
+    Args:
+        function: one of `FUNCTIONS`.
+        arguments: values of its coordinates, rad or m.
+
+    Returns:
+        The value, rad or m.
+
+    Raises:
+        UnknownFunction: its kind is not understood.
+        ValueError: its numbers are not what that kind needs.
+    """
+    x = arguments[0] if arguments else 0.0
+    if function.tag == "Constant":
+        return float(function.word("value", default="0"))
+    if function.tag == "LinearFunction":
+        # OpenSim 2 and 3 call them coefficients too; the constant comes last.
+        *slopes, constant = _numbers(function, "coefficients", 2)
+        return float(sum(a * b for a, b in zip(slopes, arguments, strict=False)) + constant)
+    if function.tag == "PolynomialFunction":
+        return float(np.polyval(_numbers(function, "coefficients", 1), x))
+    if function.tag == "PiecewiseLinearFunction":
+        knots, values = _points(function)
+        return _between(knots, values, x)
+    if function.tag in _SPLINES:
+        knots, values = _points(function)
+        return simm_spline(knots, values, x)
+    if function.tag == "MultiplierFunction":
+        inner = function_of(function)
+        if inner is None:
+            raise ValueError("no function to multiply")
+        return float(function.word("scale", default="1")) * evaluate(inner, arguments)
+    raise UnknownFunction(function.tag)
+
+
+def function_of(owner: Element) -> Element | None:
+    """The function of a transform axis or a multiplier: its child, or the child of <function>.
+
+    Args:
+        owner: the element.
+    """
+    for child in owner.children:
+        if child.tag == "function":
+            return child.children[0] if child.children else None
+        if child.tag in FUNCTIONS or child.tag.endswith(("Function", "Spline")):
+            return child
+    return None
+
+
+def describe(function: Element) -> str:
+    """A function in a few words, for a report.
+
+    Args:
+        function: of any kind.
+    """
+    if function.tag == "Constant":
+        return f"constant {float(function.word('value', default='0')):g}"
+    if function.tag in ("LinearFunction", "PolynomialFunction"):
+        return f"{function.tag} {function.word('coefficients')}"
+    if function.tag == "MultiplierFunction":
+        inner = function_of(function)
+        scale = float(function.word("scale", default="1"))
+        return f"{scale:g} times {describe(inner) if inner is not None else 'nothing'}"
+    count = len(function.word("x").split())
+    return f"{function.tag} through {count} points" if count else function.tag
+
+
+def simm_spline(knots: np.ndarray, values: np.ndarray, x: float) -> float:
+    """The cubic spline of SIMM and OpenSim at one place; see `simm_splines`.
+
+    Args:
+        knots: shape `(n,)`, increasing; where they are not, or are two, lines join them.
+        values: shape `(n,)`.
+        x: where.
+
+    Example:
+        >>> t = np.array([0.0, 1.0, 3.0, 4.0, 6.0])
+        >>> round(simm_spline(t, t**3 - t, 2.0), 12)
+        6.0
+    """
+    if len(knots) == 2 or np.any(np.diff(knots) <= 0):
+        return _between(knots, values, x)
+    return float(simm_splines(knots, values, np.array([x]))[0])
+
+
+def simm_splines(knots: np.ndarray, values: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Cubic splines of SIMM and OpenSim, with the same knots.
+
+    Twice continuously differentiable; its third derivative in the first and last interval is that
+    of the cubic through the first and last four points; straight outside.
+
+    Args:
+        knots: shape `(n,)`, increasing, three or more.
+        values: shape `(n, ...)`.
+        x: where, shape `(m,)`.
+
+    Returns:
+        Shape `(m, ...)`.
+
+    Source: Forsythe, Malcolm and Moler, Computer Methods for Mathematical Computations (1977).
+    """
+    count = len(knots)
+    wide = (-1, *[1] * (values.ndim - 1))
+    step = np.diff(knots)
+    slope = np.diff(values, axis=0) / step.reshape(wide)
+    # Three diagonals: above, on and below the main one, each at the column that it multiplies.
+    above, main, below = np.zeros((3, count))
+    above[2:], below[:-2] = step[1:], step[:-1]
+    main[1:-1] = 2.0 * (step[:-1] + step[1:])
+    above[1], main[0], main[-1], below[-2] = 1.0, -1.0, 1.0, -1.0
+    wanted = np.zeros(values.shape)
+    wanted[1:-1] = np.diff(slope, axis=0)
+    if count > 3:
+        wanted[0] = step[0] * _third_difference(knots[:4], values[:4])
+        wanted[-1] = step[-1] * _third_difference(knots[-4:], values[-4:])
+    # A sixth of the second derivative at the knots.
+    bend = solve_banded((1, 1), np.stack([above, main, below]), wanted.reshape(count, -1))
+    bend = bend.reshape(values.shape)
+    last = slope[-1] + step[-1] * (bend[-2] + 2.0 * bend[-1])
+    inside = np.clip(x, knots[0], knots[-1])
+    i = np.clip(np.searchsorted(knots, inside, side="right") - 1, 0, count - 2)
+    t, width = (inside - knots[i]).reshape(wide), step[i].reshape(wide)
+    tangent = slope[i] - width * (bend[i + 1] + 2.0 * bend[i])
+    third = (bend[i + 1] - bend[i]) / width
+    within = values[i] + t * (tangent + t * (3.0 * bend[i] + t * third))
+    first = slope[0] - step[0] * (bend[1] + 2.0 * bend[0])
+    beyond = (x - inside).reshape(wide)
+    return within + beyond * np.where(beyond < 0, first, last)
+
+
+def _third_difference(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Divided difference of four points."""
+    for order in range(1, 4):
+        y = np.diff(y, axis=0) / (x[order:] - x[:-order]).reshape(-1, *[1] * (y.ndim - 1))
+    return y[0]
+
+
+def _between(knots: np.ndarray, values: np.ndarray, x: float) -> float:
+    i = int(np.clip(np.searchsorted(knots, x, side="right") - 1, 0, len(knots) - 2))
+    width = knots[i + 1] - knots[i]
+    slope = (values[i + 1] - values[i]) / width if width > 0 else 0.0
+    return float(values[i] + (x - knots[i]) * slope)
+
+
+def _points(function: Element) -> tuple[np.ndarray, np.ndarray]:
+    knots, values = (_numbers(function, name, 2) for name in ("x", "y"))
+    if len(knots) != len(values):
+        raise ValueError(f"{len(knots)} values of x and {len(values)} of y")
+    return knots, values
+
+
+def _numbers(function: Element, name: str, at_least: int) -> np.ndarray:
+    numbers = np.array([float(word) for word in function.word(name).split()])
+    if len(numbers) < at_least or not np.isfinite(numbers).all():
+        raise ValueError(f"{name}: {function.word(name) or 'missing'}")
+    return numbers

@@ -1,0 +1,317 @@
+"""A knee made of an OpenSim model: its ligaments, obstacles, pose and contact settings."""
+
+from __future__ import annotations
+
+import collections
+import dataclasses
+import fnmatch
+import hashlib
+import os
+import re
+from typing import Any
+
+import numpy as np
+
+from kneejax.files.knee import check_knee
+from kneejax.files.opensim._contact import OsimContact, find_contacts
+from kneejax.files.opensim._joints import Joint
+from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, find_knee
+from kneejax.files.opensim._ligaments import Found, OsimLigament, find_ligaments
+from kneejax.files.opensim._model import Model, Offset, read_model
+from kneejax.files.opensim._numbers import METRES_TO_MM, shifted
+from kneejax.files.opensim._wraps import OsimWrap, depth_inside, wrap_document
+from kneejax.files.reading import Field, InputProblem
+from kneejax.geometry import COLUMNS
+from kneejax.mechanics import FAILURE_SOURCE, usual_failure_strain
+
+#: Rounding of the ligament law's corners, which OpenSim's law does not have: small enough for its
+#: forces, see `kneejax.mechanics.ligament_law.largest_tension_error`.
+TRANSITION_WIDTH = 1e-4
+#: A point this little inside an obstacle is a matter of digitising.
+SHALLOW_MM = 0.5
+_TO_MM = {"slack_length_mm"}
+
+
+@dataclasses.dataclass(frozen=True)
+class OsimImport:
+    """What a model gave.
+
+    Attributes:
+        document: content of a knee file, in mm and N.
+        model: the model as it was read.
+        knee: its bones and joints.
+        ligaments: name in the knee file -> fibre of the model.
+        wraps: name in the knee file -> wrap object of the model.
+        found: fibres, with those left out and why.
+        contacts: contacts of femur and tibia.
+        other_contacts: contacts of other bodies.
+        without: names that were left out because a person asked for it.
+    """
+
+    document: dict[str, Any]
+    model: Model
+    knee: OsimKneeJoint
+    ligaments: dict[str, OsimLigament]
+    wraps: dict[str, OsimWrap]
+    found: Found
+    contacts: tuple[OsimContact, ...]
+    other_contacts: tuple[str, ...]
+    without: tuple[str, ...]
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What a person should look at; empty if everything of the knee was read."""
+        unsupported = (
+            f"{name} was left out: not supported: {why}."
+            for name, why in self.found.unsupported.items()
+        )
+        contact = (f"{c.name}: {doubt}" for c in self.contacts for doubt in c.doubts)
+        return (*unsupported, *self.knee.doubts, *contact)
+
+
+def import_osim(
+    path: str | os.PathLike[str],
+    *,
+    side: str,
+    femur: str | None = None,
+    tibia: str | None = None,
+    without: tuple[str, ...] | list[str] = (),
+    inside: str = "refuse",
+    data: bytes | None = None,
+) -> OsimImport:
+    """Read a knee from an OpenSim model of schema 3 or 4.
+
+    Lengths become mm by moving the decimal point, so that every digit of the file is kept.
+
+    Args:
+        path: the model.
+        side: `r` or `l`.
+        femur: body of the femur; found from the joints if it is not given.
+        tibia: body of the tibia; likewise, and only together with it.
+        without: names or patterns of fibres to leave out.
+        inside: what to do with a fibre that begins more than 0.5 mm inside what it goes around:
+            `refuse` the model, or let it run `straight`, as OpenSim does.
+        data: the model's bytes, if they are at hand.
+
+    Returns:
+        A knee document without contacts, and what the model said.
+
+    Raises:
+        InputProblem: the file is not a model that can be read, it has no knee of that side or
+            several, no ligament spans it, or something in a ligament or wrap object is wrong.
+
+    Example:
+        >>> from kneejax.files import SMALLEST_MODEL
+        >>> read = import_osim("smallest.osim", side="r", data=SMALLEST_MODEL.encode())
+        >>> read.document["ligaments"]["LCL"]["tibial_attachment_mm"]
+        [-18.0, -52.0, 36.0]
+        >>> read.doubts
+        ()
+    """
+    if side not in SIDES:
+        raise InputProblem(path, "--side", side, "r or l")
+    model = read_model(path, data)
+    knee = find_knee(model, side, femur, tibia)
+    found = find_ligaments(model, knee)
+    left_out = _leave_out(model, found, without)
+    if not found.ligaments:
+        why = [f"{name} {reason}" for name, reason in (found.unsupported | found.outside).items()]
+        shown = "; ".join(why[:4]) + ("; ..." if len(why) > 4 else "")
+        raise InputProblem(
+            path, "ligaments", f"none between {knee.femur} and {knee.tibia}",
+            f"a ligament that spans the {SIDES[side]} knee ({shown or 'all were left out'})",
+        )  # fmt: skip
+    found.ligaments[:] = _outside_obstacles(model, knee, found, inside)
+    keys = [ligament.key for ligament in found.ligaments]
+    ligaments = dict(zip(_names(keys, "L"), found.ligaments, strict=True))
+    used = {id(x.wrap.element): x.wrap for x in found.ligaments if x.wrap is not None}
+    wraps = dict(zip(_names([w.key for w in used.values()], "W"), used.values(), strict=True))
+    contacts, others = find_contacts(model, knee)
+    answer = OsimImport(
+        {}, model, knee, ligaments, wraps, found, tuple(contacts), tuple(others), left_out
+    )
+    _check_lengths(model, knee, found.ligaments)
+    answer.document.update(_document(answer))
+    check_knee(Field(os.fspath(path), "", answer.document))
+    return answer
+
+
+def _document(read: OsimImport) -> dict[str, Any]:
+    model, knee, file = read.model, read.knee, read.model.file.path.name
+    side = SIDES[knee.side]
+    wrap_names = {id(wrap.element): name for name, wrap in read.wraps.items()}
+    document: dict[str, Any] = {
+        "kneejax": 1,
+        "name": model.root.name or model.file.path.stem,
+        "side": side,
+        "description": f"The {side} knee of the OpenSim model {model.root.name or file} ({file})",
+        "reference_pose": dict(zip(COLUMNS, knee.pose, strict=True))
+        | {"source": f"{file}: {knee.tibia} in {knee.femur} at the coordinates' default values"},
+        "ligaments": {
+            name: _ligament(ligament, knee, file, wrap_names)
+            for name, ligament in read.ligaments.items()
+        },
+        "contacts": {},
+        "wraps": {
+            name: wrap_document(
+                model, wrap, knee, f"{file}, {wrap.element.tag} {wrap.key} of {wrap.body}"
+            )
+            for name, wrap in read.wraps.items()
+        },
+        "groups": _groups(list(read.ligaments)),
+        "notes": _notes(knee.joints, read.contacts),
+        "imported_from": {
+            "file": file,
+            "sha256": hashlib.sha256(model.file.original).hexdigest(),
+            "side": knee.side,
+            "femur": knee.femur,
+            "tibia": knee.tibia,
+            # Only names that a knee file does not allow differ from the model's.
+            "ligaments": {n: x.key for n, x in read.ligaments.items() if n != x.key},
+            "wraps": {n: x.key for n, x in read.wraps.items() if n != x.key},
+        },
+    }
+    for part, section in (
+        (document, "wraps"), (document, "groups"),
+        (document["imported_from"], "ligaments"), (document["imported_from"], "wraps"),
+    ):  # fmt: skip
+        if not part[section]:
+            del part[section]
+    return document
+
+
+def _ligament(
+    ligament: OsimLigament, knee: OsimKneeJoint, file: str, wraps: dict[int, str]
+) -> dict[str, Any]:
+    bones = [knee.rigid[point.body][0] for point in ligament.points]
+    places = [
+        [shifted(x, METRES_TO_MM) for x in point.in_bone(knee)] for point in ligament.points
+    ]
+    entry: dict[str, Any] = {"femoral_attachment_mm": places[0]}
+    if len(places) > 2:
+        entry["via_points"] = [
+            {"bone": bone, "point_mm": place}
+            for bone, place in zip(bones[1:-1], places[1:-1], strict=True)
+        ]
+    entry["tibial_attachment_mm"] = places[-1]
+    if ligament.wrap is not None:
+        entry["wrap"] = wraps[id(ligament.wrap.element)]
+    for field, value in ligament.numbers.items():
+        entry[field] = shifted(value, METRES_TO_MM) if field in _TO_MM else float(value)
+    entry["transition_width"] = TRANSITION_WIDTH
+    entry["failure_strain"] = float(usual_failure_strain([ligament.key])[0])
+    source = f"{file}, {ligament.element.tag} {ligament.key}; failure_strain: {FAILURE_SOURCE}"
+    if ligament.assumed:
+        source += f"; OpenSim's default: {', '.join(ligament.assumed)}"
+    return entry | {"source": source}
+
+
+def _leave_out(model: Model, found: Found, without) -> tuple[str, ...]:
+    names: list[str] = []
+    for pattern in without:
+        known = [x.key for x in found.ligaments] + list(found.unsupported) + list(found.outside)
+        hits = fnmatch.filter(known, pattern)
+        if not hits:
+            expected = "the name of a fibre, or a pattern that fits one"
+            raise InputProblem(model.file.path, "--without", pattern, expected, known)
+        names += [name for name in hits if name not in names]
+    found.ligaments[:] = [x for x in found.ligaments if x.key not in names]
+    for name in names:
+        found.unsupported.pop(name, None)
+    return tuple(names)
+
+
+def _outside_obstacles(
+    model: Model, knee: OsimKneeJoint, found: Found, inside: str
+) -> list[OsimLigament]:
+    """The fibres; those with a point inside their obstacle run straight, if that is allowed.
+
+    OpenSim itself leaves out an obstacle as long as a point lies inside it.
+    """
+    femur_from = {"femur": Offset(), "tibia": knee.tibia_in_femur}
+    answer = []
+    for ligament in found.ligaments:
+        if ligament.wrap is None:
+            answer.append(ligament)
+            continue
+        obstacle = wrap_document(model, ligament.wrap, knee, "")
+        to_obstacle = femur_from[obstacle["bone"]].inverse()
+        deepest, where, at_pose = 0.0, "", ""
+        for point in ligament.points:
+            bone = knee.rigid[point.body][0]
+            place = to_obstacle.after(femur_from[bone]).point(point.in_bone(knee))
+            depth = depth_inside(obstacle, np.array(place, float) * 1e3)
+            if depth > max(deepest, 1e-9):
+                deepest, where = depth, point.element.name or "a path point"
+                at_pose = "" if bone == obstacle["bone"] else " at the reference pose"
+        if deepest > 0:
+            shape = f"the {obstacle['kind']} {ligament.wrap.key}{at_pose}"
+            if inside != "straight" and deepest > SHALLOW_MM:
+                raise model.file.problem(
+                    ligament.element, where, f"{deepest:.3g} mm inside {shape}",
+                    "a point outside what the fibre goes around; --inside straight leaves the "
+                    f"obstacle out, as OpenSim does, --without {ligament.key} the fibre",
+                )  # fmt: skip
+            found.notes.append(
+                f"{ligament.key}: {where} lies {deepest:.2g} mm inside {shape}; the fibre runs "
+                "straight, as in OpenSim, which leaves out an obstacle that a point is inside of."
+            )
+            ligament = dataclasses.replace(ligament, wrap=None)
+        answer.append(ligament)
+    return answer
+
+
+def _check_lengths(model: Model, knee: OsimKneeJoint, ligaments: list[OsimLigament]) -> None:
+    """Attachments closer than 1 mm or farther than 300 mm are in another unit or frame."""
+    for ligament in ligaments:
+        femoral, tibial = (ligament.points[i].in_bone(knee) for i in (0, -1))
+        tibial = np.array(knee.tibia_in_femur.point(tibial), float)
+        length = 1e3 * float(np.linalg.norm(tibial - np.array(femoral, float)))
+        if not 1.0 <= length <= 300.0:
+            raise model.file.problem(
+                ligament.element, "attachments", f"{length:.4g} mm apart at the reference pose",
+                "1 to 300 mm: another unit than metres, or a default pose in which the knee is "
+                "apart, are suspected",
+            )  # fmt: skip
+
+
+def _names(keys: list[str], prefix: str) -> list[str]:
+    """Names that a knee file allows, each once."""
+    answer: list[str] = []
+    for key in keys:
+        name = re.sub(r"[^A-Za-z0-9_+-]", "_", key)
+        name = name if re.match(r"[A-Za-z]", name) else f"{prefix}{name}"
+        stem, count = name, 1
+        while name in answer:
+            count += 1
+            name = f"{stem}_{count}"
+        answer.append(name)
+    return answer
+
+
+def _groups(names: list[str]) -> dict[str, list[str]]:
+    """Fibres that differ in the number at the end; bundles that begin with the same capitals."""
+    stems: dict[str, list[str]] = collections.defaultdict(list)
+    ligaments: dict[str, list[str]] = collections.defaultdict(list)
+    for name in names:
+        stem = re.sub(r"[_-]?\d+$", "", name)
+        stems[stem].append(name)
+        capitals = re.match(r"[A-Z]{2,}", stem)
+        if capitals:
+            ligaments[capitals.group()].append(name)
+    # Fibres by number first: a ligament of one bundle is that bundle.
+    every = stems | {name: many for name, many in ligaments.items() if name not in stems}
+    seen: list[list[str]] = []
+    answer = {}
+    for name, many in every.items():
+        if len(many) > 1 and name and name not in names and many not in seen:
+            seen.append(many)
+            answer[name] = many
+    return answer
+
+
+def _notes(joints: tuple[Joint, ...], contacts: tuple[OsimContact, ...]) -> str:
+    lines = [f"{joint.name} ({joint.kind}): {'; '.join(joint.describe())}." for joint in joints]
+    for contact in contacts:
+        lines += [f"Contact {contact.name} of the model:", *contact.findings]
+    return "Knee joint of the model. " + " ".join(lines)

@@ -1,0 +1,313 @@
+"""Which bodies of an OpenSim model are the femur and the tibia: found from its joints."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+
+import numpy as np
+
+from kneejax.files.opensim._joints import Joint, read_joints
+from kneejax.files.opensim._model import GROUND, Model, Offset
+from kneejax.files.reading import InputProblem
+from kneejax.geometry import angles_from_rotation
+
+SIDES = {"r": "right", "l": "left"}
+_MARKS = {
+    "r": re.compile(r"(?:^|[^a-z])r(?:$|[^a-z])|right", re.IGNORECASE),
+    "l": re.compile(r"(?:^|[^a-z])l(?:$|[^a-z])|left", re.IGNORECASE),
+}
+_CAMEL = {"r": re.compile(r"[a-z0-9]R$"), "l": re.compile(r"[a-z0-9]L$")}
+_KNEE = re.compile(r"knee|tibiofemoral|femorotibial|(?:^|[^a-z])tf(?:$|[^a-z])", re.IGNORECASE)
+_OTHER = re.compile(r"patell|menisc|(?:^|[^a-z])(?:pf|pat)(?:$|[^a-z])", re.IGNORECASE)
+_FEMUR = re.compile(r"femur|femor|thigh", re.IGNORECASE)
+_TIBIA = re.compile(r"tibia|shank|shin|lower_?leg|crus", re.IGNORECASE)
+
+
+@dataclasses.dataclass(frozen=True)
+class OsimKneeJoint:
+    """The knee of a model.
+
+    Attributes:
+        side: `r` or `l`.
+        femur: body whose frame is the femur's.
+        tibia: likewise.
+        joints: between them, from the femur to the tibia.
+        rigid: body -> (`femur` or `tibia`, the motion from the body's to that bone's coordinates),
+            for the bones and what does not move against them.
+        pose: table row of the tibia in the femur at the coordinates' defaults, in the order of
+            `kneejax.geometry.COLUMNS`, by clinical meaning.
+        tibia_in_femur: the same as a motion, in the model's own axes.
+        findings: what was taken as what.
+        doubts: what a person should look at.
+    """
+
+    side: str
+    femur: str
+    tibia: str
+    joints: tuple[Joint, ...]
+    rigid: dict[str, tuple[str, Offset]]
+    pose: tuple[float, ...]
+    tibia_in_femur: Offset
+    findings: tuple[str, ...]
+    doubts: tuple[str, ...]
+
+
+def find_knee(
+    model: Model, side: str, femur: str | None = None, tibia: str | None = None
+) -> OsimKneeJoint:
+    """Find the knee of a side.
+
+    Without `femur` and `tibia`, it is the joint (or the joints in a row) whose names speak of a
+    knee of that side, and of these the one whose child carries the foot.
+
+    Args:
+        model: the model.
+        side: `r` or `l`.
+        femur: the femur's body; with `tibia`, nothing is guessed.
+        tibia: the tibia's body.
+
+    Returns:
+        The bones, what is rigidly joined to each, and the reference pose.
+
+    Raises:
+        InputProblem: the model has no such knee, several, or not those bodies.
+    """
+    joints = read_joints(model)
+    above = {joint.child: joint for joint in joints}
+    findings: list[str] = []
+    turned: list[str] = []
+    if (femur is None) != (tibia is None):
+        given = "--femur" if femur is not None else "--tibia"
+        raise InputProblem(model.file.path, given, femur or tibia, "--femur and --tibia together")
+    if femur is not None and tibia is not None:
+        femur, tibia = _body(model, "--femur", femur), _body(model, "--tibia", tibia)
+        found = _between(above, femur, tibia)
+        turned = _upside_down(above, femur, tibia)
+    else:
+        found = _guess(model, joints, above, side, findings)
+        femur, tibia = found[0].parent, found[-1].child
+    for bone, body in (("femur", femur), ("tibia", tibia)):
+        findings.append(f"{body} was taken as the {bone}.")
+    names = ", ".join(f"{joint.name} ({joint.kind})" for joint in found)
+    findings.append(f"Joint between them: {names}.")
+    rigid, doubts = {}, []
+    for bone, body in (("femur", femur), ("tibia", tibia)):
+        for other, offset, through in _rigid(model, joints, body, found, doubts):
+            if other in rigid:
+                at = f"{rigid[other][0]} and {bone}"
+                raise InputProblem(
+                    model.file.path, f"body {other}", at, "bones that are not one rigid body"
+                )
+            rigid[other] = bone, offset
+            if other != body:
+                findings.append(f"{other} does not move against the {bone} ({through}).")
+    placed = _placed(model, above, femur, doubts).inverse().after(
+        _placed(model, above, tibia, doubts)
+    )
+    doubts += turned + _axes_doubts(joints, rigid) + _coupled(model, found)
+    pose = _pose(placed, side)
+    return OsimKneeJoint(
+        side, femur, tibia, tuple(found), rigid, pose, placed, tuple(findings),
+        tuple(dict.fromkeys(doubts)),
+    )  # fmt: skip
+
+
+def _guess(
+    model: Model, joints: list[Joint], above: dict[str, Joint], side: str, findings: list[str]
+) -> list[Joint]:
+    moving = [joint for joint in joints if joint.coordinates]
+    candidates = [j for j in moving if _KNEE.search(_words(j)) and not _OTHER.search(_words(j))]
+    if not candidates:
+        candidates = [
+            joint
+            for joint in moving
+            if any(_FEMUR.search(n) for n in _row(joints, joint.parent, joint))
+            and any(_TIBIA.search(n) for n in _row(joints, joint.child, joint))
+        ]
+    marked = {s: [j for j in candidates if _side(j) == s] for s in SIDES}
+    if marked["r"] or marked["l"]:
+        if not marked[side]:
+            other = "l" if side == "r" else "r"
+            names = ", ".join(joint.name for joint in marked[other])
+            raise InputProblem(
+                model.file.path, "--side", side,
+                f"a side the model has a knee of: {other} ({names}); or give --femur and --tibia",
+            )  # fmt: skip
+        candidates = marked[side]
+    elif candidates:
+        findings.append(
+            f"No name says which side the knee is of; it was taken as {SIDES[side]}, as asked."
+        )
+    carrying = [j for j in candidates if any(k.parent == j.child for k in joints)]
+    candidates = carrying if len(candidates) > 1 and carrying else candidates
+    row = _in_a_row(candidates, above)
+    if row:
+        return row
+    shown = candidates or moving
+    names = "; ".join(f"{j.name}: {j.parent} to {j.child}" for j in shown[:12]) or "no joint"
+    many = f"{len(candidates)} joints that may be the knee" if candidates else "no joint of a knee"
+    raise InputProblem(
+        model.file.path, "knee joint", many,
+        f"one; say which bodies with --femur BODY --tibia BODY ({names})",
+    )  # fmt: skip
+
+
+def _words(joint: Joint) -> str:
+    return " ".join((joint.name, joint.child, *(c.name for c in joint.coordinates)))
+
+
+def _side(joint: Joint) -> str:
+    """The side that a joint's names speak of; empty if none or both."""
+    words = (joint.name, joint.parent, joint.child, *(c.name for c in joint.coordinates))
+    said = {s for s in SIDES if any(_MARKS[s].search(w) or _CAMEL[s].search(w) for w in words)}
+    return said.pop() if len(said) == 1 else ""
+
+
+def _in_a_row(candidates: list[Joint], above: dict[str, Joint]) -> list[Joint]:
+    """The candidates from the uppermost to the lowest, with what is between; else nothing."""
+    for last in candidates:
+        row, seen = [last], {last.child}
+        while row[0].parent in above and row[0].parent not in seen:
+            if all(any(j is c for j in row) for c in candidates):
+                break
+            seen.add(row[0].parent)
+            row.insert(0, above[row[0].parent])
+        if all(any(j is c for j in row) for c in candidates):
+            return row
+    return []
+
+
+def _between(above: dict[str, Joint], femur: str, tibia: str) -> list[Joint]:
+    """Joints of the way from one body to the other."""
+
+    def way(body: str) -> list[Joint]:
+        answer: list[Joint] = []
+        while body in above and above[body] not in answer:
+            answer.append(above[body])
+            body = above[body].parent
+        return answer
+
+    up, down = way(femur), way(tibia)
+    shared = [joint for joint in up if joint in down]
+    joints = [j for j in up if j not in shared] + [j for j in reversed(down) if j not in shared]
+    # Welds within the way belong to a bone; so do locked joints unless nothing else is left.
+    return [j for j in joints if not j.fixed] or [j for j in joints if j.coordinates] or joints
+
+
+def _upside_down(above: dict[str, Joint], femur: str, tibia: str) -> list[str]:
+    """Whether the tibia carries the femur, as in a model that stands on its foot, or by mistake."""
+    body, seen = femur, {femur}
+    while body in above and above[body].parent not in seen:
+        body = above[body].parent
+        seen.add(body)
+    if tibia not in seen or tibia == femur:
+        return []
+    return [
+        f"{tibia}, given as the tibia, carries {femur}, given as the femur: have --femur and "
+        "--tibia changed places?"
+    ]
+
+
+def _row(joints: list[Joint], body: str, knee: Joint) -> set[str]:
+    """A body and those welded to it."""
+    names, grows = {body}, True
+    while grows:
+        before = len(names)
+        for joint in joints:
+            if joint is not knee and joint.fixed and names & {joint.parent, joint.child}:
+                names |= {joint.parent, joint.child}
+        grows = len(names) > before
+    return names - {GROUND}
+
+
+def _rigid(model: Model, joints: list[Joint], bone: str, knee: list[Joint], doubts: list[str]):
+    """Bodies that do not move against a bone: name, motion to the bone's coordinates, why."""
+    found, waiting = {bone}, [(bone, Offset(), "")]
+    while waiting:
+        body, offset, through = waiting.pop(0)
+        yield body, offset, through
+        for joint in joints:
+            moves = not joint.fixed or any(joint is other for other in knee)
+            if moves or GROUND in (joint.parent, joint.child):
+                continue
+            why = f"{joint.kind} {joint.name}" + (", locked" if joint.coordinates else "")
+            if joint.parent == body and joint.child not in found:
+                found.add(joint.child)
+                waiting.append((joint.child, offset.after(joint.placement(model, doubts)), why))
+            if joint.child == body and joint.parent not in found:
+                found.add(joint.parent)
+                back = joint.placement(model, doubts).inverse()
+                waiting.append((joint.parent, offset.after(back), why))
+
+
+def _placed(model: Model, above: dict[str, Joint], body: str, doubts: list[str]) -> Offset:
+    """The motion from a body's coordinates to the uppermost body's above it."""
+    placed, seen = Offset(), set()
+    while body in above and body not in seen:
+        seen.add(body)
+        placed = above[body].placement(model, doubts).after(placed)
+        body = above[body].parent
+    return placed
+
+
+def _pose(tibia_in_femur: Offset, side: str) -> tuple[float, ...]:
+    rotation = tibia_in_femur.matrix
+    shift = np.array(tibia_in_femur.translation, float) * 1e3
+    if side == "l":  # clinical meaning is that of the mirrored right knee
+        mirror = np.diag([1.0, 1.0, -1.0])
+        rotation, shift = mirror @ rotation @ mirror, mirror @ shift
+    angles = [float(a) for a in angles_from_rotation(rotation)]
+    return tuple(float(x) + 0.0 for x in (*np.rad2deg(angles), *shift))
+
+
+def _coupled(model: Model, knee: list[Joint]) -> list[str]:
+    """Constraints that move the knee's coordinates away from their defaults."""
+    own = {coordinate.name for joint in knee for coordinate in joint.coordinates}
+    return [
+        f"{element.tag} {element.name} drives {dependent}, which is not supported: the reference "
+        "pose takes the coordinate's default."
+        for element in model.elements()
+        if (dependent := element.word("dependent_coordinate_name")) in own
+    ]
+
+
+def _axes_doubts(joints: list[Joint], rigid: dict[str, tuple[str, Offset]]) -> list[str]:
+    """Whether hip and ankle lie where X anterior, Y superior, Z right would have them."""
+    answer = []
+    for bone, sign, place in (("femur", 1.0, "above"), ("tibia", -1.0, "below")):
+        for joint in joints:
+            if not joint.coordinates or joint.kind == "FreeJoint" or GROUND == joint.parent:
+                continue
+            at = joint.child if bone == "femur" else joint.parent
+            if rigid.get(at, ("",))[0] != bone or any(b in rigid for b in _far(joint, at)):
+                continue
+            if bone == "tibia" and not _leads_on(joints, joint):
+                continue
+            frame = joint.child_frame if bone == "femur" else joint.parent_frame
+            center = np.array(rigid[at][1].point(frame.translation), float) * 1e3
+            if np.linalg.norm(center) > 100 and center[1] * sign < 0.7 * np.linalg.norm(center):
+                x, y, z = center
+                answer.append(
+                    f"Joint {joint.name} lies at ({x:.0f}, {y:.0f}, {z:.0f}) mm in the {bone}'s "
+                    f"frame, not {place} its origin: kneejax takes X as anterior, Y as superior, "
+                    "Z as to the person's right, and this model may mean other axes."
+                )
+    return answer
+
+
+def _far(joint: Joint, near: str) -> tuple[str, ...]:
+    return tuple(body for body in (joint.parent, joint.child) if body != near)
+
+
+def _leads_on(joints: list[Joint], joint: Joint) -> bool:
+    return any(other.parent == joint.child for other in joints)
+
+
+def _body(model: Model, option: str, name: str) -> str:
+    found = model.named(name)
+    if not found or found == GROUND:
+        known = [body for body in model.bodies if body != GROUND]
+        listed = ", ".join(known[:12]) + (", ..." if len(known) > 12 else "")
+        raise InputProblem(model.file.path, option, name, f"a body of the model: {listed}", known)
+    return found

@@ -1,0 +1,259 @@
+"""Ligament fibres of an OpenSim model, and which of them span the knee."""
+
+from __future__ import annotations
+
+import dataclasses
+from decimal import Decimal
+
+from kneejax.files.opensim._knee import OsimKneeJoint
+from kneejax.files.opensim._model import Model, Offset, Point
+from kneejax.files.opensim._wraps import OsimWrap, read_wraps, unsupported
+from kneejax.files.opensim._xml import Element
+
+KIND = "Blankevoort1991Ligament"
+#: Field -> (tag, what OpenSim takes where a file and its <defaults> say nothing).
+NUMBERS = {
+    "stiffness_N": ("linear_stiffness", "1"),
+    "slack_length_mm": ("slack_length", "0"),
+    "transition_strain": ("transition_strain", "0.06"),
+    "damping_s": ("damping_coefficient", "0.003"),
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class OsimPoint:
+    """A point of a path.
+
+    Attributes:
+        element: in the file.
+        body: that carries its frame.
+        frame: from the coordinates that it is stated in to the body's.
+        location: m, as stated.
+    """
+
+    element: Element
+    body: str
+    frame: Offset
+    location: Point
+
+    def carrier_in_bone(self, knee: OsimKneeJoint) -> Offset:
+        """The motion from the coordinates that it is stated in to its bone's."""
+        return knee.rigid[self.body][1].after(self.frame)
+
+    def in_bone(self, knee: OsimKneeJoint) -> Point:
+        """The point in its bone's frame, m."""
+        return self.carrier_in_bone(knee).point(self.location)
+
+
+@dataclasses.dataclass(frozen=True)
+class OsimLigament:
+    """A fibre that spans the knee.
+
+    Attributes:
+        element: in the file.
+        key: its name; with `#2` if another fibre before it has the same.
+        points: from the femur to the tibia.
+        wrap: what it goes around; None if nothing.
+        numbers: field of a knee file -> number of the model, in SI.
+        assumed: fields that stand neither at the fibre nor in <defaults>.
+    """
+
+    element: Element
+    key: str
+    points: tuple[OsimPoint, ...]
+    wrap: OsimWrap | None
+    numbers: dict[str, Decimal]
+    assumed: tuple[str, ...]
+
+
+@dataclasses.dataclass
+class Found:
+    """What was found on looking for fibres.
+
+    Attributes:
+        ligaments: those that span the knee and are supported.
+        outside: name -> why it does not belong to this knee.
+        unsupported: name -> why it cannot be read though it belongs to the knee.
+        notes: what else should be said, a sentence each.
+    """
+
+    ligaments: list[OsimLigament] = dataclasses.field(default_factory=list)
+    outside: dict[str, str] = dataclasses.field(default_factory=dict)
+    unsupported: dict[str, str] = dataclasses.field(default_factory=dict)
+    notes: list[str] = dataclasses.field(default_factory=list)
+
+
+class _Outside(Exception):
+    """A fibre that does not belong to the knee."""
+
+
+class _Unsupported(Exception):
+    """A fibre of the knee that cannot be read."""
+
+
+def find_ligaments(model: Model, knee: OsimKneeJoint) -> Found:
+    """Sort a model's fibres.
+
+    Args:
+        model: the model.
+        knee: its bones.
+
+    Returns:
+        The fibres of the knee, and the others with the reason.
+
+    Raises:
+        InputProblem: the model has no fibre at all, a fibre names a body or wrap object that does
+            not exist, or has numbers that are none.
+    """
+    found, seen = Found(), {}
+    wraps = read_wraps(model)
+    defaults = {e.tag: e for e in model.root.inside("defaults")}
+    elements = [e for e in model.elements() if e.tag in (KIND, "Ligament")]
+    if not any(element.tag == KIND for element in elements):
+        plain = f"{len(elements)} of class Ligament, which is not supported" if elements else "none"
+        raise model.file.problem(model.root, "ligaments", plain, f"at least one {KIND}")
+    for element in elements:
+        seen[element.name] = seen.get(element.name, 0) + 1
+        count = seen[element.name]
+        key = (element.name or "ligament") + (f"#{count}" if count > 1 else "")
+        try:
+            points = _points(model, element, knee)
+            if element.tag != KIND:
+                raise _Unsupported(
+                    "of class Ligament (resting_length, pcsa_force and a force-length curve)"
+                )
+            wrap = _wrap(model, element, points, wraps, knee, found.notes, key)
+            numbers, assumed = _numbers(model, element, defaults.get(KIND))
+        except _Outside as reason:
+            found.outside[key] = str(reason)
+        except _Unsupported as reason:
+            found.unsupported[key] = str(reason)
+        else:
+            found.ligaments.append(OsimLigament(element, key, points, wrap, numbers, assumed))
+    return found
+
+
+def _points(model: Model, element: Element, knee: OsimKneeJoint) -> tuple[OsimPoint, ...]:
+    """Points from the femur to the tibia."""
+    path = element.child("GeometryPath")
+    if path is None:
+        kinds = ", ".join(c.tag for c in element.children if c.tag.endswith("Path")) or "none"
+        raise _Unsupported(f"its path is no GeometryPath ({kinds})")
+    points = [_point(model, e) for e in _objects(path, "PathPointSet")]
+    bodies = dict.fromkeys(point.body for point in points)
+    strange = [body for body in bodies if body not in knee.rigid]
+    bones = [knee.rigid[body][0] for body in bodies if body in knee.rigid]
+    if strange:
+        raise _Outside(f"attached to {', '.join(strange)}")
+    if len(set(bones)) < 2:
+        raise _Outside(f"does not leave the {bones[0]}" if bones else "has no points")
+    if not _applied(model, element):
+        raise _Outside("switched off in the model (appliesForce or isDisabled)")
+    for point in points:
+        if point.element.tag != "PathPoint":
+            raise _Unsupported(f"its point {point.element.name} is a {point.element.tag}")
+    ends = [knee.rigid[points[i].body][0] for i in (0, -1)]
+    if ends[0] == ends[1]:
+        raise _Unsupported(f"begins and ends on the {ends[0]}")
+    return tuple(points if ends[0] == "femur" else reversed(points))
+
+
+def _point(model: Model, element: Element) -> OsimPoint:
+    if element.child("body") is not None:
+        body, frame = model.body_of(element, "body"), Offset()
+    else:
+        body, frame = model.socket(element, "parent_frame")
+    moving = element.tag == "MovingPathPoint"
+    location = model.point(element, "location") if not moving else (Decimal(0),) * 3
+    return OsimPoint(element, body, frame, location)
+
+
+def _objects(path: Element | None, name: str) -> list[Element]:
+    held = None if path is None else path.child(name)
+    if held is None:
+        return []
+    objects = held.child("objects")
+    return (held if objects is None else objects).children
+
+
+def _applied(model: Model, element: Element) -> bool:
+    if element.child("isDisabled") is not None:
+        return not model.truth(element, "isDisabled", False)
+    return model.truth(element, "appliesForce", True)
+
+
+def _wrap(
+    model: Model,
+    element: Element,
+    points: tuple[OsimPoint, ...],
+    wraps: list[OsimWrap],
+    knee: OsimKneeJoint,
+    notes: list[str],
+    key: str,
+) -> OsimWrap | None:
+    """What a fibre goes around."""
+    found: list[OsimWrap] = []
+    for path_wrap in _objects(element.child("GeometryPath"), "PathWrapSet"):
+        word = path_wrap.word("wrap_object")
+        name = word.rstrip("/").rsplit("/", 1)[-1]
+        same = [wrap for wrap in wraps if wrap.element.name == name]
+        if not same:
+            raise model.file.problem(
+                path_wrap, "wrap_object", word or "missing",
+                f"a wrap object of the model ({element.tag} {element.name} goes around it)",
+                [wrap.element.name for wrap in wraps],
+            )  # fmt: skip
+        # OpenSim takes the first of that name; one on the knee's bones is what is meant here.
+        wrap = next((wrap for wrap in same if wrap.body in knee.rigid), same[0])
+        if not wrap.active:
+            notes.append(f"{key}: its wrap object {wrap.key} is not active and was left out.")
+            continue
+        if wrap.body not in knee.rigid:
+            raise _Unsupported(f"its wrap object {wrap.key} is on {wrap.body}")
+        reason = unsupported(wrap)
+        if reason:
+            raise _Unsupported(reason)
+        _check_range(path_wrap, points, wrap)
+        if all(wrap.element is not other.element for other in found):
+            found.append(wrap)
+    if len(found) > 1:
+        names = ", ".join(wrap.key for wrap in found)
+        raise _Unsupported(f"goes around {len(found)} wrap objects ({names})")
+    if found and len(points) > 2:
+        notes.append(
+            f"{key}: has via points and the wrap object {found[0].key}; every piece of it goes "
+            "around the object, where OpenSim picks one piece."
+        )
+    return found[0] if found else None
+
+
+def _check_range(path_wrap: Element, points: tuple[OsimPoint, ...], wrap: OsimWrap) -> None:
+    words = path_wrap.word("range").split()
+    try:
+        first, last = (int(float(word)) for word in words) if words else (-1, -1)
+    except ValueError:
+        first, last = 0, 0
+    whole = first in (-1, 1) and last in (-1, len(points))
+    if not whole:
+        raise _Unsupported(f"goes around {wrap.key} with only some points ({' '.join(words)})")
+
+
+def _numbers(
+    model: Model, element: Element, defaults: Element | None
+) -> tuple[dict[str, Decimal], tuple[str, ...]]:
+    values, assumed = {}, []
+    for field, (tag, own) in NUMBERS.items():
+        owner = element
+        if not element.word(tag) and defaults is not None and defaults.word(tag):
+            owner = defaults
+        if not owner.word(tag):
+            assumed.append(field)
+        values[field] = model.numbers(owner, tag, 1, own)[0]
+        limit = ">= 0" if field == "damping_s" else "> 0"
+        if values[field] < 0 or (values[field] == 0 and field != "damping_s"):
+            unit = {"stiffness_N": " N", "slack_length_mm": " m"}.get(field, "")
+            raise model.file.problem(
+                element, tag, owner.word(tag) or f"{own} (OpenSim's default)",
+                f"a number {limit}{unit}",
+            )  # fmt: skip
+    return values, tuple(assumed)

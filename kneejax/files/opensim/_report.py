@@ -1,0 +1,145 @@
+"""What an import read, left out and could not read, for people."""
+
+from __future__ import annotations
+
+import collections
+
+from kneejax.files.opensim._contact import FORCE
+from kneejax.files.opensim._import import TRANSITION_WIDTH, OsimImport
+from kneejax.files.opensim._knee import SIDES
+from kneejax.files.opensim._ligaments import KIND
+from kneejax.geometry import COLUMNS
+from kneejax.mechanics import ligament_law
+
+_SETS = ("ForceSet", "ConstraintSet")
+
+
+def format_import_report(read: OsimImport, geometry: tuple[str, ...] = ()) -> str:
+    """An import report in Markdown.
+
+    Args:
+        read: what a model gave.
+        geometry: sentences of the fit of its meshes; without any, how to add contacts is said.
+
+    Returns:
+        The report, a section for each kind of thing that a model has.
+
+    Example:
+        >>> from kneejax.files import SMALLEST_MODEL, import_osim
+        >>> read = import_osim("smallest.osim", side="r", data=SMALLEST_MODEL.encode())
+        >>> print(format_import_report(read).splitlines()[6])
+        - femur_r was taken as the femur.
+    """
+    model, knee = read.model, read.knee
+    name = model.root.name or model.file.path.name
+    lines = [
+        f"# Import of {name}, {SIDES[knee.side]} knee",
+        "",
+        f"File {model.file.path.name}, version {model.version} of OpenSim's format.",
+    ]
+    _section(lines, "What was taken as what", [*knee.findings, *model.notes])
+    pose = (f"{c} {value:.6g}" for c, value in zip(COLUMNS, knee.pose, strict=True))
+    joints = [
+        f"{joint.name} ({joint.kind}): {text}" for joint in knee.joints for text in joint.describe()
+    ]
+    reference = f"Reference pose, from the coordinates' defaults: {', '.join(pose)}"
+    _section(lines, "Joint", [reference, *joints])
+    _ligaments(lines, read)
+    _section(lines, "Wrap objects read", [_wrap(read, wrap) for wrap in read.wraps])
+    contacts = [f"{c.name}: {text}" for c in read.contacts for text in c.findings]
+    if geometry:
+        contacts += geometry
+    elif read.contacts:
+        contact = read.contacts[0]
+        contacts.append(
+            "No surfaces: with --geometry FOLDER the importer fits them to the meshes "
+            f"{contact.femur.file} and {contact.tibia.file}, or `kneejax import stl --knee "
+            "knee.yaml ...` adds them to this knee."
+        )
+    else:
+        contacts.append(
+            f"The model has no {FORCE} between femur and tibia; `kneejax import stl --knee "
+            "knee.yaml ...` adds contacts to this knee."
+        )
+    _section(lines, "Contact", contacts)
+    _section(lines, "Not supported", list(read.doubts), "Nothing that belongs to this knee.")
+    _section(lines, "Left out", _left_out(read), "Nothing.")
+    _section(lines, "Notes", [*dict.fromkeys(read.found.notes), *_notes(read)])
+    return "\n".join(lines) + "\n"
+
+
+def _section(lines: list[str], title: str, items: list[str], empty: str = "None.") -> None:
+    lines += ["", f"## {title}", ""]
+    lines += [f"- {item}" for item in items] or [empty]
+
+
+def _ligaments(lines: list[str], read: OsimImport) -> None:
+    lines += ["", f"## Ligaments read: {len(read.ligaments)} fibres of class {KIND}", ""]
+    lines.append("| fibre | points | wrap object | stiffness N | slack length mm | transition |")
+    lines.append("|---|---|---|---|---|---|")
+    for name, entry in read.document["ligaments"].items():
+        row = (
+            name,
+            str(2 + len(entry.get("via_points", ()))),
+            entry.get("wrap", ""),
+            f"{entry['stiffness_N']:g}",
+            f"{entry['slack_length_mm']:.6g}",
+            f"{entry['transition_strain']:g}",
+        )
+        lines.append(f"| {' | '.join(row)} |")
+    groups = read.document.get("groups", {})
+    if groups:
+        listed = ", ".join(f"{name} ({len(fibres)})" for name, fibres in groups.items())
+        lines += ["", f"Groups made from their names: {listed}."]
+
+
+def _wrap(read: OsimImport, name: str) -> str:
+    entry = read.document["wraps"][name]
+    sizes = ", ".join(
+        f"{field} {entry[field]}" for field in ("radius_mm", "length_mm", "semi_axes_mm")
+        if field in entry
+    )  # fmt: skip
+    users = [n for n, x in read.document["ligaments"].items() if x.get("wrap") == name]
+    return f"{name}: {entry['kind']} on the {entry['bone']}, {sizes}, for {', '.join(users)}"
+
+
+def _left_out(read: OsimImport) -> list[str]:
+    by_reason = collections.defaultdict(list)
+    for name, reason in read.found.outside.items():
+        by_reason[reason].append(name)
+    lines = [f"Ligaments, {reason}: {', '.join(names)}." for reason, names in by_reason.items()]
+    if read.without:
+        lines.append(f"Ligaments, as asked by --without: {', '.join(read.without)}.")
+    lines += [f"{text}." for text in read.other_contacts]
+    others = collections.defaultdict(list)
+    for element in read.model.elements():
+        held = element.parent if element.parent is None else element.parent.parent
+        inside = element.parent is not None and element.parent.tag == "objects"
+        if inside and held is not None and held.tag in _SETS:
+            if element.tag not in (KIND, "Ligament", FORCE):
+                others[element.tag].append(element.name)
+    lines += [f"{tag} ({len(n)}): {', '.join(sorted(n))}." for tag, n in sorted(others.items())]
+    return lines
+
+
+def _notes(read: OsimImport) -> list[str]:
+    entries = read.document["ligaments"].values()
+    error = max(
+        float(
+            ligament_law.largest_tension_error(
+                e["stiffness_N"], e["transition_strain"], TRANSITION_WIDTH
+            )
+        )
+        for e in {(e["stiffness_N"], e["transition_strain"]): e for e in entries}.values()
+    )
+    notes = [
+        f"transition_width {TRANSITION_WIDTH:g} rounds the corners of the law, which OpenSim's has "
+        f"not: a force errs by at most {error:.2g} N.",
+        "damping_s is kept for the way back; statics does not read it.",
+    ]
+    if read.wraps:
+        notes.append(
+            "Paths over an obstacle are the shortest; OpenSim's methods for ellipsoids (hybrid, "
+            "midpoint, axial) come near to that."
+        )
+    return notes

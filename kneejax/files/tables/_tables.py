@@ -1,0 +1,261 @@
+"""Tables: UTF-8 CSV with a header row and units in the names."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import os
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from kneejax.files.reading import InputProblem, counted, nearest_name, read_text, write_text
+from kneejax.geometry import COLUMNS, CONVENTIONS, convert_table
+from kneejax.mechanics import RANGES, Range
+
+#: The convention of the package's own tables.
+FEMORAL = "femoral"
+
+# No knee moves less than this in mm; one given in metres does.
+_METRES_BELOW = 0.1
+#: Columns of the patellofemoral joint, as laboratories call them.
+_PATELLA = re.compile(r"(?:^|[^a-z])(?:pf|patell)", re.IGNORECASE)
+
+
+def read_poses(
+    path: str | os.PathLike[str],
+    convention: str = FEMORAL,
+    columns: Mapping[str, str] | None = None,
+) -> np.ndarray:
+    """Read poses from a CSV table.
+
+    Args:
+        path: the table; columns it does not need are ignored, except `convention`, which must
+            then agree.
+        convention: what the six columns mean, one of `kneejax.geometry.CONVENTIONS`.
+        columns: column of the package (`flexion_deg`, ...) -> column of the file, for tables
+            with other names.
+
+    Returns:
+        Shape `(n, 6)`, degrees and mm, in the package's convention and the order of
+        `kneejax.geometry.COLUMNS`.
+
+    Raises:
+        InputProblem: the file cannot be read, a column is missing, there are no rows, a cell is
+            not a finite number or out of range, or the numbers look like metres or radians.
+
+    Example:
+        >>> import tempfile
+        >>> from pathlib import Path
+        >>> path = Path(tempfile.mkdtemp()) / "poses.csv"
+        >>> _ = path.write_text(",".join(COLUMNS) + "\\n30, 1.5, 4, 2, -28, 0.5\\n")
+        >>> read_poses(path).tolist()
+        [[30.0, 1.5, 4.0, 2.0, -28.0, 0.5]]
+    """
+    file, names = os.fspath(path), dict(columns or {})
+    _check_convention(file, "convention", convention)
+    for name in names:
+        if name not in COLUMNS:
+            expected = f"the package's columns {', '.join(COLUMNS)}"
+            raise InputProblem(file, "columns", name, expected, COLUMNS)
+    sought = [names.get(name, name) for name in COLUMNS]
+    header, rows = read_rows(file, sought)
+    if "convention" in header:
+        position = header.index("convention")
+        for number, (_, cells) in enumerate(rows, 1):
+            if cells[position].strip() != convention:
+                place = f"row {number}, convention"
+                expected = f"{convention}, the convention asked for"
+                raise InputProblem(file, place, cells[position].strip(), expected)
+    positions = [header.index(name) for name in sought]
+    limits = [RANGES["rotation_deg"]] * 3 + [RANGES["point_mm"]] * 3
+    table = np.array(
+        [
+            [
+                cell_number(file, f"row {number} (line {line}), {header[i]}", cells[i], allowed)
+                for i, allowed in zip(positions, limits, strict=True)
+            ]
+            for number, (line, cells) in enumerate(rows, 1)
+        ]
+    )
+    _check_units(file, table, sought)
+    return convert_table(table, convention, FEMORAL)
+
+
+def write_poses(
+    path: str | os.PathLike[str],
+    table: np.ndarray,
+    status: Sequence[Any] | None = None,
+    converged: Sequence[bool] | None = None,
+    stable: Sequence[bool] | None = None,
+    convention: str = FEMORAL,
+    doubts: Sequence[str] | None = None,
+) -> None:
+    """Write poses to a CSV table, completely or not at all.
+
+    Args:
+        path: the table.
+        table: shape `(n, 6)`, degrees and mm, in the package's convention; NaN is written `nan`.
+        status: a word for each row, or an object that has one as `word`.
+        converged: one a row.
+        stable: one a row.
+        convention: what the six columns of the file shall mean. Any but the package's own is
+            named in a further column `convention`.
+        doubts: what is wrong with each row, in words and numbers.
+
+    Raises:
+        InputProblem: the convention is unknown or the file cannot be written.
+        ValueError: lengths differ.
+
+    Example:
+        >>> import tempfile
+        >>> from pathlib import Path
+        >>> path = Path(tempfile.mkdtemp()) / "poses.csv"
+        >>> write_poses(path, np.array([[30.0, 1.5, 4.0, 2.0, -28.0, 0.5]]), converged=[True])
+        >>> print(path.read_text().splitlines()[1])
+        30.0,1.5,4.0,2.0,-28.0,0.5,true
+    """
+    _check_convention(os.fspath(path), "convention", convention)
+    table = np.asarray(table, float).reshape(-1, len(COLUMNS))
+    header: list[str] = list(COLUMNS)
+    values: list[Sequence[Any]] = list(convert_table(table, FEMORAL, convention).T)
+    for name, column in (("converged", converged), ("stable", stable)):
+        if column is not None:
+            header.append(name)
+            values.append([bool(x) for x in column])
+    if status is not None:
+        header.append("status")
+        values.append([getattr(x, "word", x) for x in status])
+    if doubts is not None:
+        header.append("doubt")
+        values.append(doubts)
+    if convention != FEMORAL:
+        header.append("convention")
+        values.append([convention] * len(table))
+    write_rows(path, header, zip(*values, strict=True))
+
+
+def write_rows(
+    path: str | os.PathLike[str], header: Sequence[str], rows: Iterable[Sequence[Any]]
+) -> None:
+    """Write a CSV table, completely or not at all.
+
+    Args:
+        path: the table.
+        header: names of the columns, with units.
+        rows: one sequence a row; floats keep all digits, NaN is written `nan`, truth values
+            `true` and `false`, None as an empty cell.
+
+    Raises:
+        InputProblem: the file cannot be written.
+        ValueError: a row is longer or shorter than the header.
+
+    Example:
+        >>> import tempfile
+        >>> from pathlib import Path
+        >>> path = Path(tempfile.mkdtemp()) / "forces.csv"
+        >>> write_rows(path, ["ligament", "force_N"], [["ACL", 12.5]])
+        >>> path.read_text().splitlines()
+        ['ligament,force_N', 'ACL,12.5']
+    """
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(header)
+    for row in rows:
+        cells = [_cell(value) for value in row]
+        if len(cells) != len(header):
+            raise ValueError(f"a row of {len(cells)} cells under a header of {len(header)}")
+        writer.writerow(cells)
+    write_text(path, stream.getvalue())
+
+
+def read_rows(file: str, sought: list[str]) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """The header, which has the columns sought, and line number and cells of each row not blank."""
+    reader = csv.reader(io.StringIO(read_text(file, "a CSV table"), newline=""), strict=True)
+    lines: list[tuple[int, list[str]]] = []
+    try:
+        for cells in reader:
+            if any(cell.strip() for cell in cells):
+                lines.append((reader.line_num, cells))
+    except csv.Error as error:
+        place = f"line {reader.line_num}"
+        raise InputProblem(file, place, str(error), "comma separated values") from None
+    header = [name.strip() for name in lines[0][1]]
+    if len(header) == 1 and any(mark in header[0] for mark in ";\t"):
+        raise InputProblem(file, "header", header[0], "columns separated by commas")
+    for name in sought:
+        _check_column(file, header, name, sought)
+    rows = lines[1:]
+    if not rows:
+        raise InputProblem(file, "rows", "none", "at least one row under the header")
+    for number, (line, cells) in enumerate(rows, 1):
+        if len(cells) != len(header):
+            place = f"row {number} (line {line})"
+            expected = f"{counted(len(header), 'cell')}, as in the header"
+            raise InputProblem(file, place, counted(len(cells), "cell"), expected)
+    return header, rows
+
+
+def _check_column(file: str, header: list[str], name: str, sought: list[str]) -> None:
+    count = header.count(name)
+    if count > 1:
+        raise InputProblem(file, name, f"{count} columns", "one column of this name")
+    if count == 0:
+        # A column that is needed itself is no misspelling of another, nor is one of another joint.
+        joint = bool(_PATELLA.search(name))
+        others = [x for x in header if x not in sought and bool(_PATELLA.search(x)) == joint]
+        found = nearest_name(name, others)
+        what = f"this column among {', '.join(header)}"
+        raise InputProblem(file, name, "missing", what, found)
+
+
+def cell_number(file: str, place: str, cell: str, allowed: Range | None = None) -> float:
+    try:
+        x = float(cell)
+    except ValueError:
+        raise InputProblem(file, place, cell.strip(), "a number") from None
+    if not math.isfinite(x):
+        raise InputProblem(file, place, cell.strip(), "a finite number")
+    if allowed and not allowed.holds(x):
+        raise InputProblem(file, place, cell.strip(), allowed.expected(x))
+    return x
+
+
+def _check_units(file: str, table: np.ndarray, names: list[str]) -> None:
+    largest = np.abs(table[:, 3:]).max()
+    if 0 < largest < _METRES_BELOW:
+        raise InputProblem(
+            file,
+            ", ".join(names[3:]),
+            f"at most {largest:.3g}",
+            "translations in mm; metres are suspected",
+        )
+    flexion, turns = table[:, 0], np.abs(table[:, 1:3])
+    looks_radian = flexion.max() <= 3.2 and np.ptp(flexion) >= 0.5 and turns.max() <= 1.6
+    if len(table) > 3 and looks_radian and np.any(flexion != np.round(flexion)):
+        raise InputProblem(
+            file,
+            names[0],
+            f"{flexion.min():.3g} to {flexion.max():.3g}",
+            "angles in degrees; radians are suspected",
+        )
+
+
+def _check_convention(file: str, place: str, convention: str) -> None:
+    if convention not in CONVENTIONS:
+        expected = f"one of {', '.join(CONVENTIONS)}"
+        raise InputProblem(file, place, convention, expected, CONVENTIONS)
+
+
+def _cell(value: Any) -> Any:
+    if value is None or isinstance(value, str):
+        return value
+    if isinstance(value, bool | np.bool_):
+        return "true" if value else "false"
+    if hasattr(value, "item"):  # NumPy and JAX numbers
+        value = value.item()
+        return _cell(value)
+    return repr(value) if isinstance(value, float) else value

@@ -1,0 +1,209 @@
+"""Least-squares cylinder of points, such as those of a facet of a condyle."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from jax.typing import ArrayLike
+
+from kneejax.geometry.fitting._fitting import points_and_weights
+
+# Directions that are tried where none is known, and how many of them are followed to the end.
+_DIRECTIONS, _FOLLOWED = 64, 3
+# The axis is sought within about 45 degrees of a start, which is then renewed.
+_RENEWALS = 2
+# Centres of circles that are tried, in standard deviations of the points along their arc.
+_CENTERS = np.array([-16.0, -8.0, -4.0, -2.0, -1.0, 1.0, 2.0, 4.0, 8.0, 16.0])
+# A cylinder leaves less than this share of what a plane leaves.
+_SHARE_OF_PLANE = 0.9
+
+
+@dataclasses.dataclass(frozen=True)
+class CylinderFit:
+    """A fitted cylinder and what is left over.
+
+    Attributes:
+        center: point of the axis nearest to the mean of the points, shape `(3,)`, mm.
+        direction: unit vector along the axis, shape `(3,)`.
+        radius: mm.
+        residual: signed distance of each point from the surface, shape `(n,)`, mm.
+        weights: weight of each point.
+        center_error: standard error of the centre where it is worst known, mm, from what is
+            left over; independent errors of the points are assumed.
+        direction_error_deg: likewise of the direction.
+    """
+
+    center: np.ndarray
+    direction: np.ndarray
+    radius: float
+    residual: np.ndarray
+    weights: np.ndarray
+    center_error: float
+    direction_error_deg: float
+
+    @property
+    def rms(self) -> float:
+        """Root of the weighted mean square of the residual, mm."""
+        return float(np.sqrt(np.average(self.residual**2, weights=self.weights)))
+
+
+def fit_cylinder(
+    points: ArrayLike,
+    weights: ArrayLike | None = None,
+    along: ArrayLike | None = None,
+    turned: bool = True,
+) -> CylinderFit:
+    """Fit a cylinder by the squared distances of the points.
+
+    Args:
+        points: shape `(n, 3)`, mm.
+        weights: shape `(n,)`; equal by default.
+        along: direction, within some 45 degrees of the axis, to which the fit's shall point;
+            without it every direction is tried.
+        turned: whether the axis may turn against `along`.
+
+    Returns:
+        The cylinder.
+
+    Raises:
+        ValueError: fewer than 6 points, or a plane fits them as well.
+
+    Example:
+        >>> angle, height = np.meshgrid(np.linspace(0.0, 1.0, 9), np.linspace(-9.0, 9.0, 7))
+        >>> rows = [20.0 * np.cos(angle), 20.0 * np.sin(angle), height]
+        >>> found = fit_cylinder(np.stack(rows, axis=-1).reshape(-1, 3), along=(0, 0, 1))
+        >>> round(found.radius, 6), found.direction.round(6).tolist()
+        (20.0, [0.0, 0.0, 1.0])
+    """
+    p, w = points_and_weights(points, weights, 6, "cylinder")
+    middle = np.average(p, axis=0, weights=w)
+    root = np.sqrt(w / w.mean())
+    starts = _starts(p - middle, root) if along is None else [np.asarray(along, float)]
+    turned = turned or along is None
+    fits = [_followed(p - middle, root, s / np.linalg.norm(s), turned) for s in starts]
+    best = min((fit for fit in fits if fit is not None), key=lambda fit: fit[0], default=None)
+    seen = p - middle if turned else (p - middle) @ _across(starts[0] / np.linalg.norm(starts[0]))
+    flat = np.linalg.svd(seen * root[:, None], compute_uv=False)[-1] ** 2 / len(p)
+    if best is None or not best[0] < _SHARE_OF_PLANE**2 * flat:
+        raise ValueError("a plane fits as well as a cylinder: is the arc long enough?")
+    _, center, direction, radius, jacobian = best
+    away = p - middle - center
+    residual = np.linalg.norm(away - np.outer(away @ direction, direction), axis=1) - radius
+    center_error, direction_error = _errors(jacobian, residual * root)
+    return CylinderFit(
+        middle + center, direction, radius, residual, w, center_error, direction_error
+    )
+
+
+def _starts(p: np.ndarray, root: np.ndarray) -> list[np.ndarray]:
+    """The directions along which the points look most like an arc of a circle."""
+    k = np.arange(_DIRECTIONS) + 0.5
+    height, turn = k / _DIRECTIONS, np.pi * (1.0 + np.sqrt(5.0)) * k
+    ring = np.sqrt(1.0 - height**2)
+    directions = np.stack([ring * np.cos(turn), ring * np.sin(turn), height], axis=1)
+    return sorted(directions, key=lambda d: _circle(p @ _across(d), root)[1])[:_FOLLOWED]
+
+
+def _across(direction: np.ndarray) -> np.ndarray:
+    """Two unit vectors normal to a direction and to each other, shape `(3, 2)`."""
+    _, _, axes = np.linalg.svd(direction[None])
+    return axes[1:].T
+
+
+def _circle(flat: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, float]:
+    """Centre and radius of a circle near points of a plane, and its mean square.
+
+    The linear fit of a circle is drawn to small ones where points scatter about a short arc, so
+    circles on either side of the points are tried beside it.
+    """
+    # |p - c|^2 = r^2 is linear in c and r^2 - |c|^2.
+    columns = np.c_[2.0 * flat, np.ones(len(flat))]
+    (x, y, _), *_ = np.linalg.lstsq(
+        columns * root[:, None], (flat**2).sum(axis=1) * root, rcond=None
+    )
+    _, size, axes = np.linalg.svd(flat * root[:, None], full_matrices=False)
+    length = size[0] / np.sqrt(len(flat))
+    centers = np.r_[[[x, y]], np.outer(length * _CENTERS, axes[1])]
+    distance = np.linalg.norm(flat - centers[:, None], axis=2)
+    radius = np.average(distance, axis=1, weights=root**2)
+    mean_square = np.mean(((distance - radius[:, None]) * root) ** 2, axis=1)
+    best = int(np.argmin(mean_square))
+    return np.r_[centers[best], radius[best]], float(mean_square[best])
+
+
+def _followed(p: np.ndarray, root: np.ndarray, direction: np.ndarray, turned: bool):
+    """Mean square, centre, direction, radius and Jacobian of the cylinder near a direction.
+
+    None if there is none. Unknown are the axis' foot in the plane through the origin across the
+    start, its two slopes against the start, and the radius.
+    """
+    from scipy.optimize import least_squares  # 0.2 s that no other command should wait for
+
+    solution, foot, wanted = None, np.zeros(3), direction
+    free = np.array([True, True, turned, turned, True])
+    for _ in range(_RENEWALS if turned else 1):
+        plane = _across(direction)
+        axes = np.c_[plane, direction]
+        local = p @ axes
+        circle, _ = _circle(local[:, :2], root)
+        start = np.r_[circle[:2], 0.0, 0.0, circle[2]]
+        solution = least_squares(
+            _distances, start[free], _slopes, method="lm", xtol=1e-12, ftol=1e-15, gtol=1e-15,
+            args=(local, root, free), x_scale=np.array([1.0, 1.0, 0.1, 0.1, 1.0])[free],
+            max_nfev=200,
+        )  # fmt: skip
+        if not np.isfinite(solution.x).all():
+            return None
+        y = _all_unknowns(solution.x, free)
+        slope = np.r_[y[2:4], 1.0]
+        foot, direction = axes @ np.r_[y[:2], 0.0], axes @ slope / np.linalg.norm(slope)
+    if solution is None or solution.status <= 0:
+        return None
+    center = foot - (foot @ direction) * direction
+    direction = direction * (1.0 if direction @ wanted >= 0 else -1.0)
+    mean_square = 2.0 * solution.cost / len(p)
+    return mean_square, center, direction, float(solution.x[-1]), solution.jac
+
+
+def _all_unknowns(y: np.ndarray, free: np.ndarray) -> np.ndarray:
+    whole = np.zeros(5)
+    whole[free] = y
+    return whole
+
+
+def _distances(y: np.ndarray, p: np.ndarray, root: np.ndarray, free: np.ndarray) -> np.ndarray:
+    _, away, _, _ = _from_axis(_all_unknowns(y, free), p)
+    return (np.linalg.norm(away, axis=1) - y[-1]) * root
+
+
+def _slopes(y: np.ndarray, p: np.ndarray, root: np.ndarray, free: np.ndarray) -> np.ndarray:
+    place, away, along, size = _from_axis(_all_unknowns(y, free), p)
+    toward = -away[:, :2] / np.linalg.norm(away, axis=1)[:, None]
+    columns = np.c_[toward, toward * (place / size)[:, None], -np.ones(len(p))]
+    return columns[:, free] * root[:, None]
+
+
+def _from_axis(y: np.ndarray, p: np.ndarray):
+    """Place along the axis, what leads from the axis to a point, the axis and its length."""
+    along = np.r_[y[2:4], 1.0]
+    size = np.linalg.norm(along)
+    from_foot = p - np.r_[y[:2], 0.0]
+    place = from_foot @ along / size
+    return place, from_foot - np.outer(place, along / size), along / size, size
+
+
+def _errors(jacobian: np.ndarray, residual: np.ndarray) -> tuple[float, float]:
+    """Standard errors of centre, mm, and direction, degrees, where each is worst known."""
+    free = len(residual) - jacobian.shape[1]
+    variance = residual @ residual / max(free, 1)
+    try:
+        covariance = variance * np.linalg.inv(jacobian.T @ jacobian)
+    except np.linalg.LinAlgError:
+        return float("inf"), float("inf")
+    worst = [
+        np.linalg.eigvalsh(covariance[i : i + 2, i : i + 2])[-1] if i < len(covariance) - 1 else 0.0
+        for i in (0, 2)
+    ]
+    center, slope = np.sqrt(np.maximum(worst, 0.0))
+    return float(center), float(np.rad2deg(slope))

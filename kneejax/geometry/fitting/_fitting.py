@@ -1,0 +1,192 @@
+"""Least-squares fits of planes, quadrics and axes to points (a mesh's vertices).
+
+Spheres, ellipsoids and axes are fitted by Levenberg-Marquardt on the distance. Everything is in mm
+and in the bone's frame; the meshes themselves are read in `kneejax.files`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Generic, TypeVar
+
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from jax.typing import ArrayLike
+
+from kneejax.geometry._pose import Frame
+from kneejax.geometry.surfaces import Ellipsoid, Plane, Sphere, Surface
+
+S = TypeVar("S", bound=Surface)
+
+
+@dataclasses.dataclass(frozen=True)
+class SurfaceFit(Generic[S]):
+    """A fitted surface and what is left over.
+
+    Attributes:
+        surface: the fit.
+        points: the points that were used, shape `(n, 3)`, mm, bone frame.
+        residual: signed distance of each point from the fit, shape `(n,)`, mm.
+        weights: weight of each point.
+    """
+
+    surface: S
+    points: np.ndarray
+    residual: np.ndarray
+    weights: np.ndarray
+
+    @property
+    def rms(self) -> float:
+        """Root of the weighted mean square of the residual, mm."""
+        return float(np.sqrt(np.average(self.residual**2, weights=self.weights)))
+
+    @property
+    def maximum(self) -> float:
+        """Largest distance of a point from the fit, mm."""
+        return float(np.abs(self.residual).max())
+
+
+def fit_plane(points: ArrayLike, weights: ArrayLike | None = None, up: ArrayLike = (0, 1, 0)):
+    """Fit a plane: the smallest principal direction of the points.
+
+    Args:
+        points: shape `(n, 3)`, mm.
+        weights: shape `(n,)`; equal by default.
+        up: side to which the normal points.
+
+    Returns:
+        A `SurfaceFit` of a `Plane`.
+
+    Raises:
+        ValueError: fewer than 3 points.
+    """
+    p, w = points_and_weights(points, weights, 3, "plane")
+    center = np.average(p, axis=0, weights=w)
+    _, _, axes = np.linalg.svd((p - center) * np.sqrt(w)[:, None], full_matrices=False)
+    n = axes[2] * np.sign(axes[2] @ np.asarray(up, float))
+    # Rx(a) Rz(c) takes Y to (-sin c, cos a cos c, sin a cos c).
+    frame = Frame(center, (np.arctan2(n[2], n[1]), 0.0, -np.arcsin(n[0])))
+    local = in_frame(frame, p)
+    return finished(Plane(frame, np.abs(local[:, [0, 2]]).max(axis=0)), p, w)
+
+
+def fit_sphere(points: ArrayLike, weights: ArrayLike | None = None):
+    """Fit a sphere by the squared distances of the points.
+
+    Args:
+        points: shape `(n, 3)`, mm.
+        weights: shape `(n,)`; equal by default.
+
+    Returns:
+        A `SurfaceFit` of a `Sphere`.
+
+    Raises:
+        ValueError: fewer than 4 points.
+    """
+    p, w = points_and_weights(points, weights, 4, "sphere")
+
+    def build(y):
+        return Sphere(y[3], Frame(y[:3]))
+
+    return _by_distance(build, _center_and_radius(p, w), p, w)
+
+
+def fit_ellipsoid(points: ArrayLike, weights: ArrayLike | None = None, turned: bool = True):
+    """Fit an ellipsoid by the squared (first-order) distances of the points.
+
+    Args:
+        points: shape `(n, 3)`, mm.
+        weights: shape `(n,)`; equal by default.
+        turned: whether its axes may turn against the bone's.
+
+    Returns:
+        A `SurfaceFit` of an `Ellipsoid`.
+
+    Raises:
+        ValueError: fewer than 9 points.
+    """
+    p, w = points_and_weights(points, weights, 9, "ellipsoid")
+    sphere = fit_sphere(p, w).surface
+    start = np.r_[np.asarray(sphere.frame.origin), np.log(float(sphere.radius)) * np.ones(3)]
+    start = np.r_[start, np.zeros(3)] if turned else start
+
+    def build(y):
+        return Ellipsoid(jnp.exp(y[3:6]), Frame(y[:3], y[6:9] if turned else None))
+
+    return _by_distance(build, start, p, w)
+
+
+def fit_transverse_axis(points: ArrayLike, weights: ArrayLike | None = None) -> Frame:
+    """Axis of the cylinder, roughly medial-lateral, that lies closest to the points.
+
+    Args:
+        points: shape `(n, 3)`, mm, femur frame, of both condyles.
+        weights: shape `(n,)`; equal by default.
+
+    Returns:
+        A frame on the axis at `z = 0`, whose Z axis is the cylinder's.
+
+    Raises:
+        ValueError: fewer than 6 points.
+    """
+    p, w = points_and_weights(points, weights, 6, "cylinder")
+    circle = _center_and_radius(p[:, :2], w)
+
+    def residual(y, _):
+        local = _local_traced(Frame(jnp.r_[y[:2], 0.0], jnp.r_[y[2:4], 0.0]), p)
+        return jnp.sqrt(w) * (jnp.hypot(local[0], local[1]) - y[4])
+
+    y = _levenberg_marquardt(residual, np.r_[circle[:2], 0.0, 0.0, circle[2]])
+    return Frame(np.r_[y[:2], 0.0], np.r_[y[2:4], 0.0])
+
+
+def _center_and_radius(points: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Centre, then radius, of the circle or sphere near the points: a start for distance fits."""
+    # |p - c|^2 = r^2 is linear in c and r^2 - |c|^2.
+    root = np.sqrt(weights)
+    columns = np.c_[2 * points, np.ones(len(points))] * root[:, None]
+    solution, *_ = np.linalg.lstsq(columns, root * (points**2).sum(axis=1), rcond=None)
+    center = solution[:-1]
+    return np.r_[center, np.sqrt(solution[-1] + center @ center)]
+
+
+def in_frame(frame: Frame, points: np.ndarray) -> np.ndarray:
+    """Points of a bone in the frame of a surface, shape `(n, 3)`."""
+    return np.stack([np.asarray(c) for c in _local_traced(frame, points)], axis=1)
+
+
+def _local_traced(frame: Frame, points):
+    return frame.placement.apply_inverse((points[:, 0], points[:, 1], points[:, 2]))
+
+
+def _by_distance(build, start, points, weights):
+    def residual(y, _):
+        surface = build(y)
+        return jnp.sqrt(weights) * surface.level(_local_traced(surface.frame, points))
+
+    return finished(build(_levenberg_marquardt(residual, start)), points, weights)
+
+
+def _levenberg_marquardt(residual, start) -> np.ndarray:
+    solver = optx.LevenbergMarquardt(rtol=1e-12, atol=1e-12)
+    solution = optx.least_squares(residual, solver, jnp.asarray(start), max_steps=500, throw=False)
+    if solution.result != optx.RESULTS.successful:
+        raise ValueError("the surface fit did not settle: do the points lie on such a surface?")
+    return np.asarray(solution.value)
+
+
+def finished(surface, points, weights):
+    """The `SurfaceFit` of a surface: signed distances of points of its bone, to first order."""
+    local = _local_traced(surface.frame, points)
+    return SurfaceFit(surface, points, np.asarray(surface.level(local)), weights)
+
+
+def points_and_weights(points, weights, least, what):
+    """Points `(n, 3)` and weights `(n,)` as arrays, or a ValueError."""
+    p = np.asarray(points, float)
+    if p.ndim != 2 or p.shape[1] != 3 or len(p) < least:
+        raise ValueError(f"{what}: expected at least {least} points (n, 3), got shape {p.shape}")
+    if not np.isfinite(p).all():
+        raise ValueError(f"{what}: a point is not finite")
+    return p, np.ones(len(p)) if weights is None else np.asarray(weights, float)

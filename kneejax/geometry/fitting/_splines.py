@@ -1,0 +1,331 @@
+"""Smoothed cubic B-splines through the points of an articular surface.
+
+The spline minimises the squared normal distances of the points, each weighted by the area that it
+stands for, plus a bending energy. How fine its cells are and how much bending costs is chosen by
+the distances of points that were held out, a patch at a time: a point's neighbours would tell too
+much about it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from jax.typing import ArrayLike
+
+from kneejax.geometry._pose import Frame
+from kneejax.geometry.fitting._fitting import S, SurfaceFit, finished, in_frame, points_and_weights
+from kneejax.geometry.surfaces import CUBIC_SPLINE, Condyle, Plateau
+
+#: Sizes of cells and lengths of smoothing that are tried, mm.
+CELLS_MM = (8.0, 6.0, 4.5, 3.5, 2.6)
+SMOOTHINGS_MM = (0.1, 0.2, 0.4, 0.8)
+
+_FOLDS = 5
+_MOST_POINTS = 12000
+# The coarsest cells whose held-out distance is within this factor of the best.
+_AS_GOOD = 1.05
+# Places this far from every point, on a grid of this distance, keep a spline in bounds; each has
+# this share of a point's weight.
+_FAR_MM, _ANCHOR_MM, _LIGHT = 1.5, 1.0, 0.02
+Limits = tuple[tuple[float, float], tuple[float, float]]
+
+
+@dataclasses.dataclass(frozen=True)
+class SplineFit(SurfaceFit[S]):
+    """A fitted spline surface, what is left over, and how it was chosen.
+
+    Attributes:
+        cells: number along both parameters.
+        smoothing_mm: bends much shorter than this are smoothed away.
+        held_out_rms: root of the weighted mean square distance of points that were held out, mm.
+        tried: `(cell size mm, smoothing mm, held-out rms mm)` of everything that was tried.
+    """
+
+    cells: tuple[int, int] = (1, 1)
+    smoothing_mm: float = 0.0
+    held_out_rms: float = float("nan")
+    tried: tuple[tuple[float, float, float], ...] = ()
+
+
+def fit_condyle_spline(
+    points: ArrayLike,
+    angle_deg: tuple[float, float],
+    width_mm: tuple[float, float],
+    frame: Frame | None = None,
+    weights: ArrayLike | None = None,
+    cell_mm: float | Sequence[float] = CELLS_MM,
+    smoothing_mm: float | Sequence[float] = SMOOTHINGS_MM,
+    patch_mm: float = 4.0,
+) -> SplineFit[Condyle]:
+    """Fit a radius over angle and width about a transverse axis, as a smoothed spline.
+
+    Args:
+        points: shape `(n, 3)`, mm, femur frame; those outside the region are left out.
+        angle_deg: region from anterior (0) through distal (90) to posterior (180).
+        width_mm: region along the axis.
+        frame: the axis (its Z); the femur's Z by default.
+        weights: area that each point stands for, shape `(n,)`; equal by default.
+        cell_mm: size of the cells, or sizes to choose from.
+        smoothing_mm: length below which bends are smoothed away, or lengths to choose from.
+        patch_mm: size of the patches that are held out.
+
+    Returns:
+        A `SplineFit` of a `Condyle`.
+
+    Raises:
+        ValueError: fewer than 16 points in the region.
+    """
+    frame = Frame() if frame is None else frame
+    p, w = points_and_weights(points, weights, 1, "condyle")
+    x, y, z = in_frame(frame, p).T
+    angle, radius, limits = 0.5 * np.pi - np.arctan2(x, -y), np.hypot(x, y), np.deg2rad(angle_deg)
+    here = (angle > limits[0]) & (angle < limits[1]) & (z > width_mm[0]) & (z < width_mm[1])
+    _enough(here, "condyle")
+    mean = float(np.average(radius[here], weights=w[here]))
+    # Along the arc in mm, so that cells and bends are as long in both directions.
+    region = ((mean * limits[0], mean * limits[1]), width_mm)
+    sheet = _Sheet(mean * angle[here], z[here], radius[here], w[here], region)
+    chosen = _choose(sheet, cell_mm, smoothing_mm, patch_mm, fall=2.0)
+    surface = Condyle(chosen.table, limits, width_mm, frame, CUBIC_SPLINE)
+    return _finished(surface, p[here], w[here], chosen)
+
+
+def fit_plateau_spline(
+    points: ArrayLike,
+    x_mm: tuple[float, float],
+    z_mm: tuple[float, float],
+    frame: Frame | None = None,
+    weights: ArrayLike | None = None,
+    cell_mm: float | Sequence[float] = CELLS_MM,
+    smoothing_mm: float | Sequence[float] = SMOOTHINGS_MM,
+    patch_mm: float = 4.0,
+    outline: ArrayLike | None = None,
+) -> SplineFit[Plateau]:
+    """Fit a height over a plane, as a smoothed spline.
+
+    Args:
+        points: shape `(n, 3)`, mm, tibia frame; those outside the region are left out.
+        x_mm: region, anterior-posterior.
+        z_mm: region, medial-lateral.
+        frame: the plane (its Y is up); the tibia's by default.
+        weights: area that each point stands for, shape `(n,)`; equal by default.
+        cell_mm: size of the cells, or sizes to choose from.
+        smoothing_mm: length below which bends are smoothed away, or lengths to choose from.
+        patch_mm: size of the patches that are held out.
+        outline: border of the sheet, corners `(x, z)`, handed to the surface.
+
+    Returns:
+        A `SplineFit` of a `Plateau`.
+
+    Raises:
+        ValueError: fewer than 16 points in the region.
+    """
+    frame = Frame() if frame is None else frame
+    p, w = points_and_weights(points, weights, 1, "plateau")
+    x, y, z = in_frame(frame, p).T
+    here = (x >= x_mm[0]) & (x <= x_mm[1]) & (z >= z_mm[0]) & (z <= z_mm[1])
+    _enough(here, "plateau")
+    sheet = _Sheet(x[here], z[here], y[here], w[here], (x_mm, z_mm))
+    chosen = _choose(sheet, cell_mm, smoothing_mm, patch_mm, fall=0.0)
+    surface = Plateau(chosen.table, x_mm, z_mm, frame, CUBIC_SPLINE, outline)
+    return _finished(surface, p[here], w[here], chosen)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Sheet:
+    """Values over two lengths, all in mm."""
+
+    a: np.ndarray
+    b: np.ndarray
+    value: np.ndarray
+    weight: np.ndarray
+    region: Limits
+
+    def cells(self, size: float) -> tuple[int, int]:
+        (a0, a1), (b0, b1) = self.region
+        return max(1, round((a1 - a0) / size)), max(1, round((b1 - b0) / size))
+
+    def thinned(self) -> _Sheet:
+        step = -(-len(self.a) // _MOST_POINTS)
+        a, b, value, weight = (x[::step] for x in (self.a, self.b, self.value, self.weight))
+        return _Sheet(a, b, value, weight * step, self.region)
+
+    def beyond(self, fall: float) -> _Sheet:
+        """Places of the region far from every point: there a spline would go where it likes.
+
+        Their values are the nearest point's, less `fall` times the distance, and at least half.
+        They weigh little.
+        """
+        axes = [
+            np.linspace(lower, upper, max(2, round((upper - lower) / _ANCHOR_MM)))
+            for lower, upper in self.region
+        ]
+        a, b = (x.ravel() for x in np.meshgrid(*axes, indexing="ij"))
+        near, away = _nearest(a, b, self.a, self.b)
+        far = away > _FAR_MM
+        value = self.value[near[far]]
+        value = np.maximum(value - fall * away[far], np.minimum(value, 0.5 * value))
+        weight = np.full(far.sum(), _LIGHT * float(np.mean(self.weight)))
+        return _Sheet(a[far], b[far], value, weight, self.region)
+
+    def along_normals(self, table: np.ndarray) -> _Sheet:
+        """Weights that make differences of value count as distances along the normals."""
+        cells = table.shape[0] - 3, table.shape[1] - 3
+        a0, a1 = (_basis(self.a, self.region[0], cells[0], k) for k in (0, 1))
+        b0, b1 = (_basis(self.b, self.region[1], cells[1], k) for k in (0, 1))
+        by_a = np.einsum("pi,ij,pj->p", a1, table, b0)
+        by_b = np.einsum("pi,ij,pj->p", a0, table, b1)
+        return dataclasses.replace(self, weight=self.weight / (1.0 + by_a**2 + by_b**2))
+
+
+@dataclasses.dataclass(frozen=True)
+class _Chosen:
+    table: np.ndarray
+    cells: tuple[int, int]
+    smoothing_mm: float
+    held_out_rms: float
+    tried: tuple[tuple[float, float, float], ...]
+
+
+def _choose(sheet: _Sheet, cell_mm, smoothing_mm, patch_mm: float, fall: float) -> _Chosen:
+    sizes = sorted(np.atleast_1d(cell_mm).tolist(), reverse=True)
+    lengths = sorted(np.atleast_1d(smoothing_mm).tolist())
+    sheet = sheet.thinned()
+    anchors = sheet.beyond(fall)
+    coarse = _normal_equations(sheet, sheet.cells(sizes[0]), anchors)
+    # Slopes of a first fit say what a difference of value is along the normal.
+    sheet = sheet.along_normals(coarse.solve(lengths[-1]))
+    fold = _folds(sheet, patch_mm)
+    # Smoothing and size hardly depend on each other: first one, then the other.
+    middle = [lengths[(len(lengths) - 1) // 2]]
+    tried = [
+        (size, *row)
+        for size in sizes
+        for row in _held_out(sheet, anchors, fold, sheet.cells(size), middle)
+    ]
+    best = min(rms for *_, rms in tried)
+    size = next(size for size, _, rms in tried if rms <= _AS_GOOD * best)
+    rest = [length for length in lengths if length not in middle]
+    tried += [(size, *row) for row in _held_out(sheet, anchors, fold, sheet.cells(size), rest)]
+    _, length, rms = min((row for row in tried if row[0] == size), key=lambda row: row[2])
+    cells = sheet.cells(size)
+    table = _normal_equations(sheet, cells, anchors).solve(length)
+    return _Chosen(table, cells, length, rms, tuple(tried))
+
+
+def _folds(sheet: _Sheet, patch_mm: float) -> np.ndarray:
+    """Number of the fold of each point; patches that touch along an edge are in different ones."""
+    i = np.floor((sheet.a - sheet.region[0][0]) / patch_mm).astype(int)
+    j = np.floor((sheet.b - sheet.region[1][0]) / patch_mm).astype(int)
+    return (i + 2 * j) % _FOLDS
+
+
+def _held_out(sheet: _Sheet, anchors: _Sheet, fold: np.ndarray, cells, lengths):
+    parts, held = [], _normal_equations(anchors, cells)
+    for number in range(_FOLDS):
+        rows = fold == number
+        part = _Sheet(
+            sheet.a[rows], sheet.b[rows], sheet.value[rows], sheet.weight[rows], sheet.region
+        )
+        parts.append((part, _normal_equations(part, cells)))
+    matrix = held.matrix + sum(equations.matrix for _, equations in parts)
+    right = held.right + sum(equations.right for _, equations in parts)
+    for length in lengths:
+        square = 0.0
+        for part, own in parts:
+            rest = dataclasses.replace(own, matrix=matrix - own.matrix, right=right - own.right)
+            off = part.value - _rows(part, cells) @ rest.solve(length).ravel()
+            square += float(np.sum(part.weight * off**2))
+        yield length, float(np.sqrt(square / sheet.weight.sum()))
+
+
+@dataclasses.dataclass(frozen=True)
+class _Equations:
+    matrix: np.ndarray
+    right: np.ndarray
+    bending: np.ndarray
+    cells: tuple[int, int]
+
+    def solve(self, smoothing_mm: float) -> np.ndarray:
+        """Control values with a bending energy whose weight is the smoothing's fourth power."""
+        matrix = self.matrix + smoothing_mm**4 * self.bending
+        # Control values that no point and no bending reaches stay where they are: at zero.
+        matrix = matrix + 1e-12 * np.trace(matrix) / len(matrix) * np.eye(len(matrix))
+        return np.linalg.solve(matrix, self.right).reshape(self.cells[0] + 3, self.cells[1] + 3)
+
+
+def _normal_equations(
+    sheet: _Sheet, cells: tuple[int, int], anchors: _Sheet | None = None
+) -> _Equations:
+    if anchors is not None:
+        own, held = _normal_equations(sheet, cells), _normal_equations(anchors, cells)
+        matrix, right = own.matrix + held.matrix, own.right + held.right
+        return dataclasses.replace(own, matrix=matrix, right=right)
+    rows = _rows(sheet, cells)
+    weighted = rows * sheet.weight[:, None]
+    (a0, a1, a2), (b0, b1, b2) = (
+        tuple(_products(limits, count, k) for k in range(3))
+        for limits, count in zip(sheet.region, cells, strict=True)
+    )
+    bending = np.kron(a2, b0) + 2.0 * np.kron(a1, b1) + np.kron(a0, b2)
+    return _Equations(weighted.T @ rows, weighted.T @ sheet.value, bending, cells)
+
+
+def _rows(sheet: _Sheet, cells: tuple[int, int]) -> np.ndarray:
+    by_a = _basis(sheet.a, sheet.region[0], cells[0], 0)
+    by_b = _basis(sheet.b, sheet.region[1], cells[1], 0)
+    return (by_a[:, :, None] * by_b[:, None, :]).reshape(
+        len(sheet.a), by_a.shape[1] * by_b.shape[1]
+    )
+
+
+def _products(limits: tuple[float, float], count: int, order: int) -> np.ndarray:
+    """Integrals of products of basis functions' derivatives over the region."""
+    size = (limits[1] - limits[0]) / count
+    node, weight = np.polynomial.legendre.leggauss(4)
+    x = (limits[0] + size * (np.arange(count)[:, None] + 0.5 * (1.0 + node))).ravel()
+    basis = _basis(x, limits, count, order)
+    return basis.T @ (basis * np.tile(0.5 * size * weight, count)[:, None])
+
+
+def _basis(x: np.ndarray, limits: tuple[float, float], count: int, order: int) -> np.ndarray:
+    """Cubic B-splines of `count` equal cells, or a derivative of theirs, shape `(n, count + 3)`."""
+    size = (limits[1] - limits[0]) / count
+    along = (x - limits[0]) / size
+    cell = np.clip(np.floor(along).astype(int), 0, count - 1)
+    u = along - cell
+    v = 1.0 - u
+    near = (
+        (v**3 / 6, (3 * u**3 - 6 * u**2 + 4) / 6, (3 * v**3 - 6 * v**2 + 4) / 6, u**3 / 6),
+        (-(v**2) / 2, 1.5 * u**2 - 2 * u, 2 * v - 1.5 * v**2, u**2 / 2),
+        (v, 3 * u - 2, 3 * v - 2, u),
+    )[order]
+    table = np.zeros((len(x), count + 3))
+    for k, values in enumerate(near):
+        table[np.arange(len(x)), cell + k] = values / size**order
+    return table
+
+
+def _nearest(a, b, points_a, points_b) -> tuple[np.ndarray, np.ndarray]:
+    """Number of the point nearest to each place, and its distance."""
+    found = np.empty(len(a), int)
+    for start in range(0, len(a), 200):
+        rows = slice(start, start + 200)
+        square = (a[rows, None] - points_a) ** 2 + (b[rows, None] - points_b) ** 2
+        found[rows] = np.argmin(square, axis=1)
+    return found, np.hypot(a - points_a[found], b - points_b[found])
+
+
+def _enough(here: np.ndarray, what: str) -> None:
+    if here.sum() < 16:
+        raise ValueError(f"{what}: {here.sum()} points in the region; a spline needs 16 at least")
+
+
+def _finished(surface: S, points: np.ndarray, weights: np.ndarray, chosen: _Chosen) -> SplineFit[S]:
+    fit = finished(surface, points, weights)
+    return SplineFit(
+        fit.surface, fit.points, fit.residual, fit.weights,
+        chosen.cells, chosen.smoothing_mm, chosen.held_out_rms, chosen.tried,
+    )  # fmt: skip

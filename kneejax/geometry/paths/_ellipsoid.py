@@ -1,0 +1,351 @@
+"""The taut path around an ellipsoid: a geodesic, found by shooting.
+
+Scaled by its semi-axes the ellipsoid is a unit sphere. Tangents stay tangents, so the straight
+piece from the start touches somewhere on a known circle, and one angle on it fixes where the
+geodesic begins and in which direction. On the unit sphere a geodesic of the ellipsoid is a curve
+with unit tangent `w`, `b = u x w`, and
+
+    u' = w,    w' = -u + k b,    k = -(b . N u) / (u . N u),    N = diag(1/a^2, 1/b^2, 1/c^2)
+
+(its acceleration in the ellipsoid's own space is along the normal). `k` turns the great circle
+that osculates the curve; the Runge-Kutta steps integrate that turn alone, so a sphere's great
+circles are exact. Jacobi's equation is integrated beside it: it gives the miss at the end as a
+function of the angle, for Newton's rule, and the second derivatives of the length.
+
+The search begins at the best of a fan of plane sections. These alone would not do: over random
+obstacles (semi-axes 5 to 40 mm, aspect ratios to 5, wrap angles to 150 degrees, lines oblique) the
+best plane section is longer than the geodesic by 0.02 mm in the worst hundredth of wraps of 30 to
+60 degrees, by 0.3 mm beyond 90, and by 0.43 mm at most.
+
+Over the same obstacles the length is within 1e-6 mm of the exact one in nine of ten cases, 1e-5 mm
+in 99 of 100, and 4e-4 mm at most; directions within 1e-7, 1e-6 and 5e-4, the last where the path
+is about to flip. An independent minimisation never found a path shorter by more than 1e-5 mm. Ends
+within a thousandth of the surface cost two digits. Where another side is shorter by less than about
+0.1 mm the fan may choose the longer one (6 of 16,000).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import Array, lax
+
+from kneejax.geometry import _vectors as v
+from kneejax.geometry._vectors import Vector
+from kneejax.geometry.paths._round import Section, Wrapped, choose, joined, section, unit
+from kneejax.numerics import arctan2
+
+#: Planes through both ends whose paths are compared before the search.
+PLANES = 12
+#: Shots of the search, Runge-Kutta steps in each, and in the last shot.
+SHOTS, SEARCH_STEPS, STEPS = 3, 4, 12
+
+
+class Aim(NamedTuple):
+    """Where on its circle the path leaves (cosine and sine) and how far it runs, rad."""
+
+    cosine: Array
+    sine: Array
+    turn: Array
+
+
+class Shot(NamedTuple):
+    """A geodesic from its point of contact: ends and tangents on the unit sphere, length in mm,
+    and solutions of Jacobi's equation at its end, each with its slope."""
+
+    begin: Vector
+    begin_along: Vector
+    finish: Vector
+    finish_along: Vector
+    arc: Array
+    fields: tuple[tuple[Array, Array], ...]
+
+
+class _Plane(NamedTuple):
+    length: Array
+    contact: Vector
+    turn: Array
+
+
+def around_ellipsoid(
+    start: Vector, end: Vector, shape: tuple[Array, ...], aim: tuple[Array, ...] = ()
+) -> Wrapped:
+    """The taut path around an ellipsoid of semi-axes `shape`.
+
+    With the `aim` of a path that was found before, nothing is searched, and the path can be
+    differentiated by the shape.
+    """
+    if aim:
+        return shot_path(start, end, shape, Aim(*aim))
+    aim, other = search(start, end, shape)
+    path = shot_path(start, end, shape, aim)
+    return path._replace(opposite=path.length + other)
+
+
+def search(start: Vector, end: Vector, shape: tuple[Array, ...]) -> tuple[Aim, Array]:
+    """Aim of the taut path, and how much longer the best path well beside it is, mm."""
+    p, q = v.stretch(_inverse(shape), start), v.stretch(_inverse(shape), end)
+    s = section(p, q)
+    aim, other = _first_aim(p, q, s, shape)
+    aim = lax.fori_loop(0, SHOTS, lambda _, a: _better_aim(end, p, q, s, shape, a), aim)
+    return aim, other
+
+
+def shot_path(start: Vector, end: Vector, shape: tuple[Array, ...], aim: Aim) -> Wrapped:
+    """The path along a geodesic with this aim, its small miss corrected to first order.
+
+    Differentiable by the shape for a fixed aim: the correction is one step of Newton's rule.
+    """
+    p, q = v.stretch(_inverse(shape), start), v.stretch(_inverse(shape), end)
+    s = section(p, q)
+    zero = jnp.zeros_like(aim.turn)
+    one = zero + 1.0
+    shot = _finished(_shoot(p, s, shape, aim, ((one, zero), (zero, one)), STEPS), q, shape)
+    x0, x1 = v.stretch(shape, shot.begin), v.stretch(shape, shot.finish)
+    n0, n1 = (unit(v.stretch(_inverse(shape), u)) for u in (shot.begin, shot.finish))
+    # A piece too short to have a direction of its own has the geodesic's.
+    along = v.stretch(shape, shot.finish_along)
+    speeds = v.norm(v.stretch(shape, shot.begin_along)), v.norm(along)
+    onward = v.subtract(end, x1)
+    short = s.tangents[1] < 1e-5
+    t0 = v.scale(1.0 / speeds[0], v.stretch(shape, shot.begin_along))
+    t1 = unit(choose(short, along, onward))
+    first = s.tangents[0] * speeds[0]
+    last = jnp.where(short, s.tangents[1] * speeds[1], v.norm(onward))
+    b0 = v.cross(n0, t0)
+    b1 = unit(v.cross(n1, along))
+    (a, c), (b, d) = shot.fields
+    a, b, d = joined(first, (a, b, c, d), last)
+    # Newton's step: turned by `swing` at the start, the path gets to the end without a miss.
+    miss = v.dot(b1, onward)
+    fixed = lax.stop_gradient((_away_from_zero(b, first + last), d, last))
+    swing = miss / fixed[0]
+    t0 = v.add(t0, v.scale(swing, b0))
+    t1 = v.add(t1, v.scale(swing * fixed[1] - miss / fixed[2], b1))
+    length = first + shot.arc + last
+    return Wrapped(length, t0, t1, (x0, x1), (n0, n1), (first, last), (a, b, d), length, aim)
+
+
+def trace(start: Vector, end: Vector, shape: tuple[Array, ...], aim: Aim, count: int) -> Vector:
+    """`count` points of the geodesic from contact to contact, along a new first axis."""
+    p, q = v.stretch(_inverse(shape), start), v.stretch(_inverse(shape), end)
+    u, w = _begin(p, section(p, q), aim)
+    stride = _Stride.of(aim.turn / (count - 1), shape)
+    state = (u, w, jnp.zeros_like(aim.turn), ())
+    _, points = lax.scan(lambda at, _: (_step(at, stride), at[0]), state, length=count)
+    return v.stretch(shape, points)
+
+
+def _inverse(shape: tuple[Array, ...]) -> Vector:
+    return 1.0 / shape[0], 1.0 / shape[1], 1.0 / shape[2]
+
+
+def _metric(shape: tuple[Array, ...]) -> Vector:
+    x, y, z = _inverse(shape)
+    return x * x, y * y, z * z
+
+
+def _away_from_zero(spread: Array, length: Array) -> Array:
+    """The spread of neighbouring paths, kept from a zero that Newton's rule would divide by."""
+    return jnp.maximum(spread, 0.03 * length)
+
+
+def _begin(p: Vector, s: Section, aim: Aim) -> tuple[Vector, Vector]:
+    """Point of contact and direction of the geodesic with this aim."""
+    square = v.dot(p, p)
+    around = v.add(v.scale(aim.cosine, s.forward), v.scale(aim.sine, s.pole))
+    distance = jnp.sqrt(square)
+    tangent = s.tangents[0]
+    u = v.scale(1.0 / square, v.add(p, v.scale(tangent * distance, around)))
+    # (u - p) / tangent without the difference, which is small beside the surface
+    w = v.add(v.scale(-tangent / square, p), v.scale(1.0 / distance, around))
+    return u, w
+
+
+def _shoot(
+    p: Vector, s: Section, shape: tuple[Array, ...], aim: Aim, fields: tuple, steps: int
+) -> Shot:
+    u, w = _begin(p, s, aim)
+    stride = _Stride.of(aim.turn / steps, shape)
+    state = (u, w, jnp.zeros_like(aim.turn), fields)
+    finish, along, arc, fields = lax.fori_loop(0, steps, lambda _, at: _step(at, stride), state)
+    return Shot(u, w, finish, along, arc, fields)
+
+
+class _Stride(NamedTuple):
+    """What all steps of a shot share: step, its cosine and sine, those of its half, the shape."""
+
+    step: Array
+    whole: tuple[Array, Array]
+    half: tuple[Array, Array]
+    squares: Vector
+    inverse_squares: Vector
+    curvature: Array
+
+    @classmethod
+    def of(cls, step: Array, shape: tuple[Array, ...]) -> _Stride:
+        c, d = jnp.cos(0.5 * step), jnp.sin(0.5 * step)
+        inverse = _metric(shape)
+        squares = shape[0] * shape[0], shape[1] * shape[1], shape[2] * shape[2]
+        curvature = inverse[0] * inverse[1] * inverse[2]
+        return cls(step, (c * c - d * d, 2.0 * c * d), (c, d), squares, inverse, curvature)
+
+
+def _step(state, stride: _Stride):
+    """One step of the classical Runge-Kutta method, in the frame of a great circle."""
+    e, f, arc, fields = state
+    h = stride.step
+
+    def rates(at, c, s):
+        e, f, fields = at
+        u = v.add(v.scale(c, e), v.scale(s, f))
+        w = v.subtract(v.scale(c, f), v.scale(s, e))
+        b = v.cross(e, f)
+        steep = v.stretch(stride.inverse_squares, u)
+        inverse = 1.0 / v.dot(u, steep)
+        k = -v.dot(b, steep) * inverse
+        speed = jnp.sqrt(v.dot(w, v.stretch(stride.squares, w)))
+        bend = -speed * stride.curvature * inverse * inverse
+        turn = tuple((speed * slope, bend * y) for y, slope in fields)
+        return v.scale(v.times(-s, k), b), v.scale(v.times(c, k), b), turn, speed
+
+    def moved(rate, h):
+        return jax.tree.map(lambda y, r: v.plus(y, v.times(h, r)), (e, f, fields), rate[:3])
+
+    k1 = rates((e, f, fields), 1.0, 0.0)
+    k2 = rates(moved(k1, 0.5 * h), *stride.half)
+    k3 = rates(moved(k2, 0.5 * h), *stride.half)
+    k4 = rates(moved(k3, h), *stride.whole)
+    mean = jax.tree.map(lambda p, q, r, s: (p + 2.0 * (q + r) + s) * (1.0 / 6.0), k1, k2, k3, k4)
+    e, f, fields = moved(mean, h)
+    c, d = stride.whole
+    u = v.add(v.scale(c, e), v.scale(d, f))
+    w = v.subtract(v.scale(c, f), v.scale(d, e))
+    return u, w, arc + h * mean[3], fields
+
+
+def _rest_of_arc(shot: Shot, q: Vector) -> Array:
+    """How much further the arc goes until it can leave for the end, rad, on a great circle."""
+    height, run = v.dot(shot.finish, q), v.dot(shot.finish_along, q)
+    tangent = jnp.sqrt(jnp.maximum(height * height + run * run - 1.0, 1e-24))
+    across = jnp.maximum(height + run * tangent, 0.1)
+    return jnp.clip((run - height * tangent) / across, -0.4, 0.4)
+
+
+def _finished(shot: Shot, q: Vector, shape: tuple[Array, ...]) -> Shot:
+    """The shot with the small rest of its arc."""
+    more = _rest_of_arc(shot, q)
+    c, d = jnp.cos(more), jnp.sin(more)
+    u = v.add(v.scale(c, shot.finish), v.scale(d, shot.finish_along))
+    w = v.subtract(v.scale(c, shot.finish_along), v.scale(d, shot.finish))
+    b, steep = v.cross(u, w), v.stretch(_metric(shape), u)
+    w = v.add(w, v.scale(-more * v.dot(b, steep) / v.dot(u, steep), b))
+    speeds = [v.norm(v.stretch(shape, along)) for along in (shot.finish_along, w)]
+    arc = shot.arc + 0.5 * more * (speeds[0] + speeds[1])
+    return shot._replace(finish=u, finish_along=w, arc=arc)
+
+
+def _better_aim(
+    end: Vector, p: Vector, q: Vector, s: Section, shape: tuple[Array, ...], aim: Aim
+) -> Aim:
+    """One step of Newton's rule on the sideways miss at the end; the arc ends where it leaves."""
+    along = v.stretch(shape, _begin(p, s, aim)[1])
+    speed_square = v.dot(along, along)
+    first = jnp.sqrt(speed_square) * s.tangents[0]
+    fan = ((first, jnp.ones_like(first)),)
+    shot = _shoot(p, s, shape, aim, fan, SEARCH_STEPS)
+    onward = v.subtract(end, v.stretch(shape, shot.finish))
+    steep = v.stretch(_inverse(shape), shot.finish)
+    sideways = unit(v.cross(steep, v.stretch(shape, shot.finish_along)))
+    last = jnp.sqrt(v.dot(onward, onward))
+    miss, slope = shot.fields[0]
+    spread = _away_from_zero(miss + last * slope, first + shot.arc + last)
+    swing = v.dot(sideways, onward) / spread
+    # An angle on the circle of contact turns the straight piece by this much less.
+    area = shape[0] * shape[1] * shape[2] * v.norm(v.stretch(_inverse(shape), shot.begin))
+    angle = swing * jnp.sqrt(v.dot(p, p)) * speed_square / area
+    half = 0.5 * jnp.clip(angle, -0.6, 0.6)
+    inverse = 1.0 / (1.0 + half * half)
+    c, d = (1.0 - half * half) * inverse, 2.0 * half * inverse
+    more = _rest_of_arc(shot, q)
+    return Aim(
+        aim.cosine * c - aim.sine * d,
+        aim.sine * c + aim.cosine * d,
+        jnp.clip(aim.turn + more, -1.0, 5.0),
+    )
+
+
+def _plane(
+    p: Vector, q: Vector, s: Section, shape: tuple[Array, ...], beside: Vector, c: Array, d: Array
+) -> _Plane:
+    """Path in the plane with normal `c s.pole + d beside`, by Boole's rule."""
+    squares = shape[0] * shape[0], shape[1] * shape[1], shape[2] * shape[2]
+
+    def stretched(direction: Vector, square: Array) -> Array:
+        return jnp.sqrt(v.dot(direction, v.stretch(squares, direction)) / square)
+
+    n = unit(v.add(v.scale(c, s.pole), v.scale(d, beside)))
+    height = v.dot(n, p)
+    square = jnp.maximum(1.0 - height * height, 1e-6)
+    radius = jnp.sqrt(square)
+    centre = v.scale(height, n)
+    spokes, straight = [], []
+    for point, tangent in ((p, s.tangents[0]), (q, -s.tangents[1])):
+        out = v.subtract(point, centre)
+        across = v.cross(n, out)
+        inverse = 1.0 / (square + tangent * tangent)
+        spoke = v.add(v.scale(square * inverse, out), v.scale(radius * tangent * inverse, across))
+        spokes.append(spoke)
+        straight.append(stretched(v.subtract(spoke, out), jnp.ones_like(square)))
+    first, last = spokes
+    ends = v.cross(n, first), v.cross(n, last)
+    turn = arctan2(v.dot(ends[0], last), v.dot(first, last))
+    # Behind the centre an arc is never negative, before it only by a little.
+    turn = turn + 2.0 * jnp.pi * (turn < jnp.where(c < 0.1, 0.0, -1.0))
+    # Directions at the half and at the quarters of the arc: each halves the angle of two others.
+    ends = tuple(v.scale(1.0 / radius, end) for end in ends)
+    backwards = v.dot(first, last) < 0.0
+    middle = unit(choose(backwards, v.subtract(last, first), v.add(*ends)))
+    quarters = [unit(v.add(end, middle)) for end in ends]
+    one = jnp.ones_like(square)
+    speed = 7.0 * (stretched(ends[0], one) + stretched(ends[1], one))
+    speed = speed + 32.0 * (stretched(quarters[0], one) + stretched(quarters[1], one))
+    speed = speed + 12.0 * stretched(middle, one)
+    arc = radius * turn
+    length = straight[0] + straight[1] + arc * speed * (1.0 / 90.0)
+    return _Plane(length, v.add(first, centre), arc)
+
+
+def _first_aim(p: Vector, q: Vector, s: Section, shape: tuple[Array, ...]) -> tuple[Aim, Array]:
+    """Aim along the best of a fan of planes, and how much longer the best one beside it is."""
+    # Evenly spaced about the line in the ellipsoid's own space, where no side is squeezed.
+    middle = v.stretch(_inverse(shape), s.pole)
+    across = unit(v.cross(v.stretch(shape, v.subtract(q, p)), middle))
+    beside = v.scale(v.norm(middle), v.stretch(shape, across))
+    angles = [2.0 * math.pi * i / PLANES for i in range(PLANES)]
+    fan = jnp.asarray(angles).reshape(-1, *(1,) * jnp.ndim(p[0]))
+    lengths = _plane(p, q, s, shape, beside, jnp.cos(fan), jnp.sin(fan)).length
+    number = jnp.arange(PLANES).reshape(fan.shape)
+    where = jnp.argmin(lengths, 0)
+    here = where == number
+    apart = jnp.abs(where - number)
+    beyond = 4 * jnp.minimum(apart, PLANES - apart) >= PLANES
+    other = jnp.min(jnp.where(beyond, lengths, jnp.inf), 0) - jnp.min(lengths, 0)
+
+    def at_best(values: Array) -> Array:
+        return jnp.sum(jnp.where(here, values, 0.0), 0)
+
+    cosine, sine, best = at_best(jnp.cos(fan)), at_best(jnp.sin(fan)), jnp.min(lengths, 0)
+    before, after = at_best(jnp.roll(lengths, 1, 0)), at_best(jnp.roll(lengths, -1, 0))
+    bend = jnp.maximum(before - 2.0 * best + after, 1e-12 * best)
+    half = math.pi / PLANES * jnp.clip(0.5 * (before - after) / bend, -0.5, 0.5)
+    inverse = 1.0 / (1.0 + half * half)
+    c, d = (1.0 - half * half) * inverse, 2.0 * half * inverse
+    plane = _plane(p, q, s, shape, beside, cosine * c - sine * d, sine * c + cosine * d)
+    x, y = v.dot(plane.contact, s.forward), v.dot(plane.contact, s.pole)
+    size = jnp.sqrt(x * x + y * y)
+    size = jnp.where(size > 0.0, size, 1.0)
+    return Aim(x / size, y / size, plane.turn), other

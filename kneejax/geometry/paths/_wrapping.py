@@ -1,0 +1,390 @@
+"""Straight fibres that wrap around convex obstacles: shortest paths and their derivatives."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple, TypeAlias
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import Array
+from jax.custom_derivatives import SymbolicZero
+from jax.typing import ArrayLike
+
+from kneejax.geometry import _vectors as v
+from kneejax.geometry._pose import Frame
+from kneejax.geometry._vectors import Vector
+from kneejax.geometry.paths._ellipsoid import around_ellipsoid, search, trace
+from kneejax.geometry.paths._round import (
+    Section,
+    Wrapped,
+    around_cylinder,
+    around_sphere,
+    choose,
+    differentiate,
+    section,
+    unit,
+)
+
+#: Wrap angle over which a free path turns into a wrapped one, rad.
+HANDOVER_WIDTH = 0.02
+#: An end with a squared distance this much below the surface's (scaled to one) is inside.
+_INSIDE = 1e-9
+#: Ends, scaled, of a path that wraps gently: what lanes that do not wrap compute with.
+_HARMLESS = (1.2, -0.5, 0.1), (-1.2, -0.5, -0.1)
+
+Shape: TypeAlias = tuple[Array, ...]
+Around: TypeAlias = Callable[..., Wrapped]
+
+
+class Obstacle(eqx.Module):
+    """A convex body that fibres cannot pass through, fixed to a bone.
+
+    Attributes:
+        frame: the obstacle's frame in the bone's.
+    """
+
+    frame: eqx.AbstractVar[Frame]
+
+    @property
+    @abstractmethod
+    def semi_axes_along_frame(self) -> Shape:
+        """Semi-axes along the frame's X, Y, Z, mm; infinite along a cylinder."""
+
+    @property
+    @abstractmethod
+    def _around(self) -> Around:
+        """The function that winds a path around this kind."""
+
+
+class WrapSphere(Obstacle):
+    """A sphere.
+
+    Attributes:
+        radius: mm, a number or shape `(lanes,)`.
+        frame: its frame in the bone's; only the origin matters.
+    """
+
+    radius: Array
+    frame: Frame
+
+    def __init__(self, radius: ArrayLike, frame: Frame | None = None):
+        self.radius = jnp.asarray(radius, float)
+        self.frame = Frame() if frame is None else frame
+
+    @property
+    def semi_axes_along_frame(self) -> Shape:
+        """Three times the radius, mm."""
+        return self.radius, self.radius, self.radius
+
+    @property
+    def _around(self) -> Around:
+        return around_sphere
+
+
+class WrapCylinder(Obstacle):
+    """A cylinder about the Z axis of its frame, treated as endless.
+
+    Attributes:
+        radius: mm, a number or shape `(lanes,)`.
+        length: mm; a path that touches beyond half of it is flagged, not changed.
+        frame: its frame in the bone's.
+    """
+
+    radius: Array
+    length: Array
+    frame: Frame
+
+    def __init__(self, radius: ArrayLike, length: ArrayLike, frame: Frame | None = None):
+        self.radius = jnp.asarray(radius, float)
+        self.length = jnp.asarray(length, float)
+        self.frame = Frame() if frame is None else frame
+
+    @property
+    def semi_axes_along_frame(self) -> Shape:
+        """The radius twice, then infinity, mm."""
+        return self.radius, self.radius, jnp.full_like(self.radius, jnp.inf)
+
+    @property
+    def _around(self) -> Around:
+        return around_cylinder
+
+
+class WrapEllipsoid(Obstacle):
+    """An ellipsoid.
+
+    Attributes:
+        semi_axes: shape `(3, ...)`, mm, along its frame's X, Y, Z.
+        frame: its frame in the bone's.
+    """
+
+    semi_axes: Array
+    frame: Frame
+
+    def __init__(self, semi_axes: ArrayLike, frame: Frame | None = None):
+        self.semi_axes = jnp.asarray(semi_axes, float)
+        self.frame = Frame() if frame is None else frame
+
+    @property
+    def semi_axes_along_frame(self) -> Shape:
+        """The semi-axes, mm."""
+        return self.semi_axes[0], self.semi_axes[1], self.semi_axes[2]
+
+    @property
+    def _around(self) -> Around:
+        return around_ellipsoid
+
+
+class TautPath(NamedTuple):
+    """The shortest path of a fibre past an obstacle; vectors in the obstacle's frame.
+
+    Attributes:
+        length: mm.
+        excess: length minus the distance of the ends, mm; 0 where the path is free.
+        pull_start: derivative of the length by the start, a direction wherever it wraps.
+        pull_end: derivative of the length by the end.
+        angle: rad; positive where the path wraps. The angle that it turns by, in the plane of
+            its ends and the centre, where the obstacle is scaled to a sphere; minus the angle by
+            which it is free.
+        leaves: where it meets the obstacle, mm; where it is free, its point nearest the centre.
+        arrives: where it parts from the obstacle, mm.
+        side: direction from the centre (a cylinder's axis) to the path's middle. Between two
+            successive poses it turns by much where the path has flipped to another side.
+        detour_other_side: by how much the path round another side is longer, mm; infinite where
+            it is free. Small values announce a flip. For an ellipsoid it is taken from the best
+            plane section at least a right angle away.
+        inside: an end lies inside the obstacle; the path is then the straight line.
+        beyond_ends: it touches a cylinder beyond its length.
+    """
+
+    length: Array
+    excess: Array
+    pull_start: Vector
+    pull_end: Vector
+    angle: Array
+    leaves: Vector
+    arrives: Vector
+    side: Vector
+    detour_other_side: Array
+    inside: Array
+    beyond_ends: Array
+
+
+def taut(
+    obstacle: Obstacle, start: Vector, end: Vector, width: ArrayLike = HANDOVER_WIDTH
+) -> TautPath:
+    """Shortest path between two points that an obstacle may be in the way of.
+
+    Args:
+        obstacle: what is in the way.
+        start: components of any shape that broadcasts with the end's and with the obstacle's
+            leaves, mm, in the obstacle's frame.
+        end: the same.
+        width: wrap angle from which the exact length holds, rad. Between minus and plus the width
+            the detour is blended in by a quintic, which makes the length twice continuously
+            differentiable.
+
+    Returns:
+        The path. `pull_start` and `pull_end` are exact derivatives of `length` and can be
+        differentiated once more, by the ends and by the shape; contact points, side and flags
+        carry no derivative. An end inside the obstacle leaves the path straight.
+
+    Example:
+        >>> path = taut(WrapSphere(10.0), (-20.0, 0.0, 5.0), (20.0, 0.0, 5.0))
+        >>> round(float(path.excess), 4), bool(path.angle > 0)
+        (1.2848, True)
+    """
+    start, end, shape = _common(obstacle, start, end)
+    inverse = tuple(1.0 / a for a in shape)
+    p, q = v.stretch(_triple(inverse), start), v.stretch(_triple(inverse), end)
+    line = v.subtract(end, start)
+    straight = v.norm(line)
+    ahead = unit(line)
+    inside = jnp.minimum(v.dot(p, p), v.dot(q, q)) < 1.0 - _INSIDE
+    free = jax.lax.stop_gradient(section(p, q))
+    near = (free.turn > -_width(free, width)) & ~inside & (straight > 0.0)
+
+    far = [tuple(c * jnp.ones_like(straight) for c in point) for point in _HARMLESS]
+    p, q = choose(near, p, _triple(far[0])), choose(near, q, _triple(far[1]))
+    held = tuple(jnp.where(jnp.isinf(a), 1.0, a) for a in shape)
+    start_near = choose(near, start, v.stretch(_triple(held), _triple(far[0])))
+    end_near = choose(near, end, v.stretch(_triple(held), _triple(far[1])))
+    length, leave, reach, rest = _wound(obstacle._around, start_near, end_near, shape)
+
+    s = section(p, q)
+    share, slope, by_start, by_end = _blend(s, p, q, inverse, width)
+    share, slope = jnp.where(near, share, 0.0), jnp.where(near, slope, 0.0)
+    detour = jnp.where(near, length - straight, 0.0)
+    pull_start = v.add(
+        v.scale(share - 1.0, ahead),
+        v.add(v.scale(-share, leave), v.scale(detour * slope, by_start)),
+    )
+    pull_end = v.add(
+        v.scale(1.0 - share, ahead),
+        v.add(v.scale(share, reach), v.scale(detour * slope, by_end)),
+    )
+    excess = detour * share
+    return TautPath(
+        straight + excess,
+        excess,
+        pull_start,
+        pull_end,
+        *_report(obstacle, start, end, near, inside, free, rest),
+    )
+
+
+def path_points(obstacle: Obstacle, start: Vector, end: Vector, n: int = 33) -> Array:
+    """Points along the shortest path, for drawing.
+
+    Args:
+        obstacle: what is in the way.
+        start: mm, in the obstacle's frame.
+        end: mm, in the obstacle's frame.
+        n: how many points, at least 4: both ends, and between them the part along the obstacle
+            (the whole line where the path is free).
+
+    Returns:
+        Shape `(n, 3, ...)`, mm, in the obstacle's frame.
+
+    Example:
+        >>> path_points(WrapSphere(10.0), (-20.0, 0.0, 5.0), (20.0, 0.0, 5.0), 9).shape
+        (9, 3)
+    """
+    start, end, shape = _common(obstacle, start, end)
+    path = taut(obstacle, start, end)
+    wraps = path.angle > 0.0
+    one = jnp.ones_like(path.length)
+    held = tuple(jnp.where(jnp.isinf(a), 1.0, a) for a in shape)
+    far = [v.stretch(_triple(held), _triple(tuple(c * one for c in x))) for x in _HARMLESS]
+    begin, finish = choose(wraps, start, far[0]), choose(wraps, end, far[1])
+    along = jnp.linspace(0.0, 1.0, n - 2).reshape(-1, *(1,) * one.ndim)
+    if isinstance(obstacle, WrapEllipsoid):
+        touching = trace(begin, finish, shape, search(begin, finish, shape)[0], n - 2)
+    else:
+        inverse = _triple(tuple(1.0 / a for a in shape))
+        s = section(v.stretch(inverse, begin), v.stretch(inverse, finish))
+        cosine, sine = jnp.cos(along * s.turn), jnp.sin(along * s.turn)
+        quarter = v.cross(s.pole, s.contacts[0])
+        x, y, z = v.add(v.scale(cosine, s.contacts[0]), v.scale(sine, quarter))
+        if isinstance(obstacle, WrapCylinder):
+            z = path.leaves[2] + along * (path.arrives[2] - path.leaves[2])
+        touching = v.stretch(_triple(held), (x, y, z))
+    fractions = jnp.linspace(0.0, 1.0, n).reshape(-1, *(1,) * one.ndim)
+    points = []
+    for a, b, middle in zip(start, end, touching, strict=True):
+        bent = jnp.concatenate([jnp.expand_dims(a, 0), middle, jnp.expand_dims(b, 0)])
+        points.append(jnp.where(wraps, bent, a + fractions * (b - a)))
+    return jnp.stack(points, 1)
+
+
+def _triple(a: Any) -> Vector:
+    x, y, z = a
+    return x, y, z
+
+
+def _common(obstacle: Obstacle, start: Vector, end: Vector) -> tuple[Vector, Vector, Shape]:
+    """Ends and semi-axes as arrays of one shape."""
+    arrays = (*start, *end, *obstacle.semi_axes_along_frame)
+    every = jnp.broadcast_arrays(*(jnp.asarray(a, float) for a in arrays))
+    return _triple(every[:3]), _triple(every[3:6]), tuple(every[6:])
+
+
+def _width(s: Section, width: ArrayLike) -> Array:
+    """The hand-over's width, less where an end is so near that its tangent is shorter than it."""
+    full, soft = jnp.asarray(width, float), 4.0 * jnp.square(jnp.asarray(width, float))
+    for tangent in s.tangents:
+        full = full * tangent / jnp.sqrt(tangent * tangent + soft)
+    return full
+
+
+def _blend(
+    s: Section, p: Vector, q: Vector, inverse: Shape, width: ArrayLike
+) -> tuple[Array, Array, Vector, Vector]:
+    """Share of the wrapped path, its slope by the angle over the width, that ratio's gradients."""
+    span = _width(s, width)
+    ratio = s.turn / span
+    x = jnp.clip(0.5 * (ratio + 1.0), 0.0, 1.0)
+    share = x * x * x * (10.0 + x * (6.0 * x - 15.0))
+    slope = 15.0 * jnp.square(x * (1.0 - x))
+    soft = 4.0 * jnp.square(jnp.asarray(width, float))
+    gradients = []
+    for point, contact, tangent in zip((p, q), s.contacts, s.tangents, strict=True):
+        square = tangent * tangent
+        turn = v.scale(-1.0 / (tangent * span), contact)
+        narrowing = v.scale(-ratio * soft / (square * (square + soft)), point)
+        gradients.append(v.stretch(_triple(inverse), v.add(turn, narrowing)))
+    return share, slope, gradients[0], gradients[1]
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(0,))
+def _wound(
+    around: Around, start: Vector, end: Vector, shape: Shape
+) -> tuple[Array, Vector, Vector, Wrapped]:
+    """Length and directions of the wrapped path, and the rest of it, which has no derivative."""
+    w = around(start, end, shape)
+    return w.length, w.leave, w.reach, w
+
+
+def _wound_jvp(around, primals, tangents):
+    start, end, shape = primals
+    out = _wound(around, start, end, shape)
+    moved = [_triple(_change(t) for t in d) for d in tangents[:2]]
+    length, leave, reach = differentiate(out[3], out[1], out[2], *moved)
+    if not all(isinstance(t, SymbolicZero) for t in tangents[2]):
+        # For a fixed aim one step of Newton's rule is left in the path, so its derivative is that
+        # of the taut path; a second derivative would need the aim's, which is not carried.
+        reshaped = tuple(_change(t) for t in tangents[2])
+        aim = jax.lax.stop_gradient(out[3].aim)
+
+        def again(shape: Shape) -> tuple[Array, Vector, Vector]:
+            w = around(start, end, shape, aim)
+            return w.length, w.leave, w.reach
+
+        _, more = jax.jvp(again, (shape,), (reshaped,))
+        length = length + more[0]
+        leave, reach = v.add(leave, more[1]), v.add(reach, more[2])
+    return out, (length, leave, reach, jax.tree.map(jnp.zeros_like, out[3]))
+
+
+_wound.defjvp(_wound_jvp, symbolic_zeros=True)
+
+
+def _change(tangent: Any) -> Array:
+    """The tangent as an array."""
+    if isinstance(tangent, SymbolicZero):
+        return jnp.zeros(tangent.shape, tangent.dtype)
+    return tangent
+
+
+def _report(
+    obstacle: Obstacle,
+    start: Vector,
+    end: Vector,
+    near: Array,
+    inside: Array,
+    free: Section,
+    w: Wrapped,
+) -> tuple[Any, ...]:
+    """What a path reports besides its length: nothing here carries a derivative."""
+    start, end, free, w = jax.lax.stop_gradient((start, end, free, w))
+    axes = obstacle.semi_axes_along_frame
+    angle = jnp.where(inside, -jnp.pi, free.turn)
+    wraps = near & (angle > 0.0)
+    inverse = _triple(1.0 / jax.lax.stop_gradient(a) for a in axes)
+    p, line = v.stretch(inverse, start), v.stretch(inverse, v.subtract(end, start))
+    square = v.dot(line, line)
+    part = jnp.clip(-v.dot(p, line) / jnp.where(square > 0.0, square, 1.0), 0.0, 1.0)
+    nearest = v.add(start, v.scale(part, v.subtract(end, start)))
+    leaves, arrives = choose(wraps, w.contacts[0], nearest), choose(wraps, w.contacts[1], nearest)
+    middle = v.add(leaves, arrives)
+    if isinstance(obstacle, WrapCylinder):
+        middle = middle[0], middle[1], 0.0 * middle[2]
+        height = jnp.maximum(jnp.abs(leaves[2]), jnp.abs(arrives[2]))
+        beyond = wraps & (height > 0.5 * obstacle.length)
+    else:
+        beyond = jnp.zeros_like(wraps)
+    detour = jnp.where(wraps, w.opposite - w.length, jnp.inf)
+    return angle, leaves, arrives, unit(middle), detour, inside, beyond

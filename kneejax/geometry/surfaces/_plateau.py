@@ -1,0 +1,130 @@
+"""A tibial plateau: height over a plane."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax.numpy as jnp
+from jax import Array
+from jax.typing import ArrayLike
+
+from kneejax.geometry._pose import Frame
+from kneejax.geometry._vectors import Rotation, Vector
+from kneejax.geometry.surfaces._bases import CUBIC_SPLINE, POWER, checked_basis, table_partials
+from kneejax.geometry.surfaces._outline import covered
+from kneejax.geometry.surfaces._surface import Height, Surface, continued, excess, scaled
+from kneejax.numerics import safe_sqrt
+
+# How far heights are continued beyond the region before they stay as they are, mm, by basis.
+_REACH_MM = {POWER: 2.0, CUBIC_SPLINE: 0.5}
+# How deep under its middle the solid of a plateau is surely bone.
+_DEEP_MM = 20.0
+
+
+class Plateau(Surface):
+    """Height over a plane: `y = eta(x, z)`; the solid lies below.
+
+    Attributes:
+        coefficients: mm. Basis `power`: shape `(m + 1, n + 1, ...)`, powers of x and z, both
+            scaled to -1..1 over the region. Basis `cubic_spline`: shape `(m + 3, n + 3, ...)`,
+            control values of `m x n` equal cells over the region.
+        x: lower and upper end of the region, mm, shape `(2, ...)`.
+        z: likewise.
+        frame: placement in the tibia.
+        outline: border of the cartilage, corners `(x, z)` in order, shape `(k, 2, ...)`, mm; None
+            where the whole region is covered.
+        basis: `power` or `cubic_spline`.
+    """
+
+    coefficients: Array
+    x: Array
+    z: Array
+    frame: Frame
+    outline: Array | None
+    basis: str = eqx.field(static=True)
+
+    def __init__(
+        self,
+        coefficients: ArrayLike,
+        x: ArrayLike,
+        z: ArrayLike,
+        frame: Frame | None = None,
+        basis: str = POWER,
+        outline: ArrayLike | None = None,
+    ):
+        self.coefficients = jnp.asarray(coefficients, float)
+        self.x = jnp.asarray(x, float)
+        self.z = jnp.asarray(z, float)
+        self.frame = Frame() if frame is None else frame
+        self.outline = None if outline is None else jnp.asarray(outline, float)
+        self.basis = basis
+
+    def __check_init__(self):
+        checked_basis(self.basis, self.coefficients.shape, "Plateau")
+
+    def _table(self, s: Array, t: Array, order: int) -> tuple[tuple[Array, ...], ...]:
+        return table_partials(self.basis, self.coefficients, s, t, order)
+
+    def point(self, a: Array, b: Array) -> Vector:
+        s, _ = scaled(a, self.x)
+        t, _ = scaled(b, self.z)
+        return a, self._table(s, t, 0)[0][0], b
+
+    def oriented(self, a: Array, b: Array) -> tuple[Vector, Vector, Array]:
+        s, by_x = scaled(a, self.x)
+        t, by_z = scaled(b, self.z)
+        (height, slope_t), (slope_s,) = self._table(s, t, 1)
+        along_x, along_z = slope_s * by_x, slope_t * by_z
+        area = jnp.sqrt(1.0 + along_x**2 + along_z**2)
+        return (a, height, b), (-along_x / area, 1.0 / area, -along_z / area), area
+
+    def height(self, point: Vector, order: int = 2) -> Height:
+        x, y, z = point
+        s, by_x = scaled(x, self.x)
+        t, by_z = scaled(z, self.z)
+        d = self._table(s, t, order)
+
+        def lower(i: int, j: int) -> Array:
+            return -d[i][j] * (by_x**i * by_z**j)
+
+        def bent(i: int, j: int) -> Rotation:
+            xx, xz, zz = lower(i + 2, j), lower(i + 1, j + 1), lower(i, j + 2)
+            return (xx, 0.0, xz), (0.0, 0.0, 0.0), (xz, 0.0, zz)
+
+        flat = ((0.0, 0.0, 0.0),) * 3
+        return Height(
+            value=y - d[0][0],
+            gradient=(lower(1, 0), 1.0, lower(0, 1)),
+            hessian=bent(0, 0),
+            third=None if order < 3 else (bent(1, 0), flat, bent(0, 1)),
+        )
+
+    def level(self, point: Vector) -> Array:
+        x, y, z = point
+        s, by_x, _ = continued(x, self.x, _REACH_MM[self.basis])
+        t, by_z, _ = continued(z, self.z, _REACH_MM[self.basis])
+        (height, slope_t), (slope_s,) = self._table(s, t, 1)
+        steep = (slope_s * by_x) ** 2 + (slope_t * by_z) ** 2
+        return (y - height) / jnp.sqrt(1.0 + steep)
+
+    def outwards(self, point: Vector) -> Vector:
+        return 0.0, 1.0, 0.0
+
+    def core(self) -> Vector:
+        middle = 0.5 * (self.x[0] + self.x[1]), 0.5 * (self.z[0] + self.z[1])
+        x, y, z = self.point(*middle)
+        return x, y - _DEEP_MM, z
+
+    def beyond(self, point: Vector) -> Array:
+        return safe_sqrt(excess(point[0], self.x) ** 2 + excess(point[2], self.z) ** 2)
+
+    def covered(self, a: Array, b: Array, spacing: tuple[Array, Array]) -> Array | float:
+        if self.outline is None:
+            return 1.0
+        return covered(self.outline, a, b, spacing)
+
+    def start(self, direction: Vector) -> tuple[Array, Array]:
+        zero = jnp.zeros_like(direction[0])
+        return 0.5 * (self.x[0] + self.x[1]) + zero, 0.5 * (self.z[0] + self.z[1]) + zero
+
+    def bounds(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+        return (self.x[0], self.x[1]), (self.z[0], self.z[1])

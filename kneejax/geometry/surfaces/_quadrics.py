@@ -1,0 +1,125 @@
+"""Plane, sphere and ellipsoid."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+from jax import Array
+from jax.typing import ArrayLike
+
+from kneejax.geometry import _vectors as v
+from kneejax.geometry._pose import Frame
+from kneejax.geometry._vectors import Vector
+from kneejax.geometry.surfaces._surface import Height, Surface, excess, from_anterior
+from kneejax.numerics import safe_sqrt
+
+
+class Plane(Surface):
+    """The plane `y = 0` of its frame; the solid lies below.
+
+    Attributes:
+        frame: placement in the bone; its Y axis is the outward normal.
+        half_extent: half the size of the known region along X and Z, mm, shape `(2, ...)`.
+    """
+
+    frame: Frame
+    half_extent: Array
+
+    def __init__(self, frame: Frame | None = None, half_extent: ArrayLike = (1e3, 1e3)):
+        self.frame = Frame() if frame is None else frame
+        self.half_extent = jnp.asarray(half_extent, float)
+
+    def point(self, a: Array, b: Array) -> Vector:
+        return a, 0.0, b
+
+    def level(self, point: Vector) -> Array:
+        return point[1]
+
+    def height(self, point: Vector, order: int = 2) -> Height:
+        return Height(point[1], self.outwards(point), None)
+
+    def outwards(self, point: Vector) -> Vector:
+        return 0.0, 1.0, 0.0
+
+    def core(self) -> Vector:
+        return 0.0, -20.0, 0.0
+
+    def beyond(self, point: Vector) -> Array:
+        x, z = self.half_extent
+        return safe_sqrt(excess(point[0], (-x, x)) ** 2 + excess(point[2], (-z, z)) ** 2)
+
+    def start(self, direction: Vector) -> tuple[Array, Array]:
+        return jnp.zeros_like(direction[0]), jnp.zeros_like(direction[0])
+
+    def bounds(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+        x, z = self.half_extent
+        return (-x, x), (-z, z)
+
+
+class Sphere(Surface):
+    """A sphere about the origin of its frame, parametrised by angle about Z and latitude.
+
+    Attributes:
+        radius: mm.
+        frame: placement in the bone.
+    """
+
+    radius: Array
+    frame: Frame
+
+    def __init__(self, radius: ArrayLike, frame: Frame | None = None):
+        self.radius = jnp.asarray(radius, float)
+        self.frame = Frame() if frame is None else frame
+
+    def point(self, a: Array, b: Array) -> Vector:
+        return v.scale(self.radius, _direction(a, b))
+
+    def level(self, point: Vector) -> Array:
+        return v.norm(point) - self.radius
+
+    def start(self, direction: Vector) -> tuple[Array, Array]:
+        x, y, z = direction
+        return from_anterior(x, y), jnp.arctan2(z, safe_sqrt(x * x + y * y))
+
+    def bounds(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+        return _full_turn(self.radius)
+
+
+class Ellipsoid(Surface):
+    """An ellipsoid about the origin of its frame, parametrised like the sphere.
+
+    Attributes:
+        semi_axes: shape `(3, ...)`, mm, along the frame's axes.
+        frame: placement in the bone.
+    """
+
+    semi_axes: Array
+    frame: Frame
+
+    def __init__(self, semi_axes: ArrayLike, frame: Frame | None = None):
+        self.semi_axes = jnp.asarray(semi_axes, float)
+        self.frame = Frame() if frame is None else frame
+
+    def point(self, a: Array, b: Array) -> Vector:
+        return v.stretch(v.vector(self.semi_axes), _direction(a, b))
+
+    def level(self, point: Vector) -> Array:
+        inverse = v.vector(1.0 / self.semi_axes)
+        scaled = v.stretch(inverse, point)
+        size = v.norm(scaled)
+        return (size - 1.0) * size / v.norm(v.stretch(inverse, scaled))
+
+    def start(self, direction: Vector) -> tuple[Array, Array]:
+        x, y, z = v.stretch(v.vector(self.semi_axes), direction)
+        return from_anterior(x, y), jnp.arctan2(z, safe_sqrt(x * x + y * y))
+
+    def bounds(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+        return _full_turn(self.semi_axes[0])
+
+
+def _direction(a: Array, b: Array) -> Vector:
+    return jnp.cos(b) * jnp.cos(a), -jnp.cos(b) * jnp.sin(a), jnp.sin(b)
+
+
+def _full_turn(like: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    zero = jnp.zeros_like(like)
+    return (zero - 0.5 * jnp.pi, zero + 1.5 * jnp.pi), (zero - 1.5, zero + 1.5)

@@ -1,0 +1,110 @@
+"""Cubic B-splines of two variables and all their partial derivatives, elementwise over lanes.
+
+Knots are uniform over the region, so a point meets the 4 x 4 control values around its cell and
+nothing else: their cost does not grow with the table. They are gathered from the flat table. The
+other way, every basis function at every point, was measured for 14 x 9 control values at 400
+points in 256 lanes, value and gradient: 42 to 57 ms against 3 ms under shared fusion, 2.2 against
+2.5 without. A degree of 6 x 6 in powers takes 22 and 0.7 ms there.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.custom_derivatives import SymbolicZero
+
+from kneejax.geometry.surfaces._polynomials import change_of_table
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(3,))
+def spline_partials(
+    coefficients: Array, s: Array, t: Array, order: int
+) -> tuple[tuple[Array, ...], ...]:
+    """Partial derivatives of a uniform cubic B-spline over -1..1 x -1..1 up to a total order.
+
+    The spline is twice continuously differentiable; third derivatives are constant in each cell,
+    higher ones zero. Beyond the region the outermost cells continue.
+
+    Args:
+        coefficients: control values, shape `(m + 3, n + 3, ...)` for `m x n` cells.
+        s: first variable, any shape.
+        t: second variable, same shape.
+        order: highest total order.
+
+    Returns:
+        `d` with `d[i][j]` the derivative taken `i` times by `s` and `j` times by `t`,
+        for `i + j <= order`.
+
+    Source: de Boor, A Practical Guide to Splines (1978), chapter IX, for equal distances.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> plane = jnp.arange(5.0)[:, None] + jnp.zeros((5, 4))
+        >>> d = spline_partials(plane, jnp.array(0.5), jnp.array(0.1), 1)
+        >>> float(round(d[0][0], 9)), float(round(d[1][0], 9)), float(abs(round(d[0][1], 9)))
+        (2.5, 1.0, 0.0)
+    """
+    rows, columns = coefficients.shape[:2]
+    lanes = coefficients.shape[2:]
+    first, in_first = _cell(s, rows - 3)
+    second, in_second = _cell(t, columns - 3)
+    by_s, by_t = _weights(in_first, rows - 3, order), _weights(in_second, columns - 3, order)
+    table = coefficients.reshape(-1)
+    size = int(np.prod(lanes))
+    corner = size * (first * columns + second)
+    if size > 1:  # each lane reads its own control values
+        corner = corner + jnp.arange(size, dtype=corner.dtype).reshape(lanes)
+
+    def control(i: int, j: int) -> Array:
+        # The cell is known to exist: a check of every index would double the cost.
+        return table.at[corner + size * (i * columns + j)].get(mode="promise_in_bounds")
+
+    near = [[control(i, j) for j in range(4)] for i in range(4)]
+    lines = [[_sum(near[i], by_t[k]) for i in range(4)] for k in range(order + 1)]
+    return tuple(
+        tuple(_sum(lines[j], by_s[i]) for j in range(order - i + 1)) for i in range(order + 1)
+    )
+
+
+@partial(spline_partials.defjvp, symbolic_zeros=True)
+def _spline_partials_jvp(order, primals, tangents):
+    coefficients, s, t = primals
+    more = spline_partials(coefficients, s, t, order + 1)
+    moved = not isinstance(tangents[0], SymbolicZero)
+    linear = spline_partials(tangents[0], s, t, order) if moved else None
+    return change_of_table(more, linear, tangents[1], tangents[2], order)
+
+
+def _cell(x: Array, count: int) -> tuple[Array, Array]:
+    """Number of the cell and place in it, 0..1, which is NaN where `x` is."""
+    along = (0.5 * count) * (x + 1.0)
+    below = jnp.clip(jnp.floor(along), 0, count - 1)
+    # A NaN may become any whole number.
+    return jnp.clip(below.astype(jnp.int32), 0, count - 1), along - below
+
+
+def _weights(x: Array, count: int, order: int) -> list[tuple[Array, ...]]:
+    """The four basis functions of a cell and their derivatives by the scaled variable."""
+    y, zero = 1.0 - x, jnp.zeros_like(x)
+    rows = (
+        (y * y * y / 6.0, ((3.0 * x - 6.0) * x * x + 4.0) / 6.0,
+         ((3.0 * y - 6.0) * y * y + 4.0) / 6.0, x * x * x / 6.0),
+        (-0.5 * y * y, (1.5 * x - 2.0) * x, (2.0 - 1.5 * y) * y, 0.5 * x * x),
+        (y, 3.0 * x - 2.0, 3.0 * y - 2.0, x),
+        (zero - 1.0, zero + 3.0, zero - 3.0, zero + 1.0),
+    )  # fmt: skip
+    nothing = (zero,) * 4
+    factors = (1.0, *((0.5 * count) ** k for k in range(1, order + 1)))
+    return [
+        tuple(factor * w if k else w for w in (rows[k] if k < len(rows) else nothing))
+        for k, factor in enumerate(factors)
+    ]
+
+
+def _sum(values, weights) -> Array:
+    a, b, c, d = (x * w for x, w in zip(values, weights, strict=True))
+    return (a + b) + (c + d)

@@ -1,0 +1,302 @@
+"""What contact needs to know of an analytic articular surface.
+
+A surface lives in its own frame, which is placed in a bone. It is given twice: as a map from two
+parameters to a point (`point`), and as a level function that is zero on it, positive outside the
+solid, with unit gradient on the surface (`level`). Contact reads the femoral side by its points
+and the tibial side by its level, or the other way round; any pair of surfaces can meet.
+"""
+
+from __future__ import annotations
+
+import abc
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import Array, lax
+from jax.typing import ArrayLike
+
+from kneejax.geometry import _vectors as v
+from kneejax.geometry._pose import Frame
+from kneejax.geometry._vectors import Rotation, Vector
+from kneejax.numerics import arctan2, safe_sqrt
+
+
+class Jet(eqx.Module):
+    """A surface's point and its partial derivatives by the parameters.
+
+    Each is given by its three coefficients along vectors that turn with the surface (for a
+    condyle: the ray, its derivative by the angle, the axis), so that a rigid motion has to turn
+    three vectors instead of six.
+
+    Attributes:
+        basis: the three vectors, in mm per unit of their coefficient.
+        point: coefficients of the point; likewise the first derivatives `a` and `b` and the
+            second derivatives `aa`, `ab` and `bb`.
+        third: the third derivatives `aaa`, `aab`, `abb` and `bbb`, if they were asked for.
+    """
+
+    basis: tuple[Vector, Vector, Vector]
+    point: Vector
+    a: Vector
+    b: Vector
+    aa: Vector
+    ab: Vector
+    bb: Vector
+    third: tuple[Vector, Vector, Vector, Vector] | None = None
+
+    def vector(self, coefficients: Vector) -> Vector:
+        """The vector with these coefficients."""
+        x, y, z = (v.scale(c, e) for c, e in zip(coefficients, self.basis, strict=True))
+        return v.add(v.add(x, y), z)
+
+
+class Height(eqx.Module):
+    """A function that vanishes on a surface and grows outwards, with its derivatives in space.
+
+    Attributes:
+        value: in a unit of its own: only `value / |gradient|` is a distance.
+        gradient: by x, y, z.
+        hessian: rows by x, y, z; None where it vanishes.
+        third: derivatives of the hessian by x, y, z, if they were asked for and do not vanish.
+    """
+
+    value: Array
+    gradient: Vector
+    hessian: Rotation | None
+    third: tuple[Rotation, Rotation, Rotation] | None = None
+
+
+class Surface(eqx.Module):
+    """What contact needs to know of a surface.
+
+    Attributes:
+        frame: placement of the surface in its bone.
+    """
+
+    frame: eqx.AbstractVar[Frame]
+
+    @abc.abstractmethod
+    def point(self, a: Array, b: Array) -> Vector:
+        """Point at the parameters `(a, b)`, in mm, in the surface's frame."""
+
+    @abc.abstractmethod
+    def level(self, point: Vector) -> Array:
+        """Signed distance to first order, mm: zero on the surface, positive outside the solid."""
+
+    @abc.abstractmethod
+    def start(self, direction: Vector) -> tuple[Array, Array]:
+        """Parameters near the point whose outward normal is `direction`: a first guess."""
+
+    @abc.abstractmethod
+    def bounds(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+        """Lower and upper limits of both parameters: the region in which the surface is known."""
+
+    def jet(self, a: Array, b: Array, order: int = 2) -> Jet:
+        """Point and partial derivatives at the parameters `(a, b)`, up to the second or third."""
+        d = _partials(self.point, a, b, order)
+        basis = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+        third = (d[3, 0], d[2, 1], d[1, 2], d[0, 3]) if order == 3 else None
+        return Jet(basis, d[0, 0], d[1, 0], d[0, 1], d[2, 0], d[1, 1], d[0, 2], third)
+
+    def height(self, point: Vector, order: int = 2) -> Height:
+        """The level, or a function with the same zeros that is cheaper, with its derivatives."""
+        point = v.full(point)
+        value, gradient = self.level(point), _gradient(self.level)
+        hessian = _rows(gradient)
+        third = _rows(hessian)(point) if order == 3 else None
+        return Height(value, gradient(point), hessian(point), third)
+
+    def oriented(self, a: Array, b: Array) -> tuple[Vector, Vector, Array]:
+        """Point, outward unit normal, and area that a unit square of the parameters covers."""
+        return self.point(a, b), normal(self, a, b), area_element(self, a, b)
+
+    def level_and_slope(self, point: Vector) -> tuple[Array, Vector]:
+        """The level, or a function with the same zeros that is cheaper, and its gradient."""
+        point = v.full(point)
+        return self.level(point), _gradient(self.level)(point)
+
+    def level_slope_and_bend(self, point: Vector) -> tuple[Array, Vector, Rotation]:
+        """As `level_and_slope`, with the rows of its second derivative in space."""
+        point = v.full(point)
+        return *self.level_and_slope(point), _rows(lambda p: self.level_and_slope(p)[1])(point)
+
+    def outwards(self, point: Vector) -> Vector:
+        """Direction that leads away from the solid at a point; need not have unit length."""
+        return _gradient(self.level)(v.full(point))
+
+    def covered(self, a: Array, b: Array, spacing: tuple[Array, Array]) -> Array | float:
+        """Share of small rectangles of parameters around `(a, b)` that carries cartilage, 0 to 1.
+
+        Args:
+            a: first parameter of their centres.
+            b: second parameter.
+            spacing: their sizes along both parameters.
+        """
+        return 1.0
+
+    def core(self) -> Vector:
+        """A point well inside the solid, which no other surface reaches in a sane pose, mm."""
+        return 0.0, 0.0, 0.0
+
+    def beyond(self, point: Vector) -> Array:
+        """How far a point on (or near) the surface lies beyond the region in which it is known,
+        mm; zero inside."""
+        return jnp.zeros(())
+
+    def knows(self, point: Vector) -> Array:
+        """Whether a point on (or near) the surface lies in the region in which it is known."""
+        return self.beyond(point) <= 0.0
+
+
+def jet(surface: Surface, a: ArrayLike, b: ArrayLike) -> Jet:
+    """Point and partial derivatives of a surface.
+
+    Args:
+        surface: any surface.
+        a: first parameter, any shape.
+        b: second parameter, same shape.
+
+    Returns:
+        The jet, each vector with components of that shape.
+    """
+    return surface.jet(*jnp.broadcast_arrays(jnp.asarray(a, float), jnp.asarray(b, float)))
+
+
+def normal(surface: Surface, a: ArrayLike, b: ArrayLike) -> Vector:
+    """Outward unit normal at the parameters `(a, b)`, in the surface's frame."""
+    return _normal(surface, jet(surface, a, b))
+
+
+def _normal(surface: Surface, local: Jet) -> Vector:
+    raw = v.cross(local.vector(local.a), local.vector(local.b))
+    unit = v.scale(1.0 / v.norm(raw), raw)
+    # A parametrisation may be right-handed outwards or inwards: ask the level function.
+    probe = surface.level(v.add(local.vector(local.point), v.scale(1e-3, unit)))
+    return v.scale(lax.stop_gradient(jnp.sign(probe)), unit)
+
+
+def area_element(surface: Surface, a: ArrayLike, b: ArrayLike) -> Array:
+    """Area covered by a unit square of the parameters, mm^2 per unit."""
+    local = jet(surface, a, b)
+    return v.norm(v.cross(local.vector(local.a), local.vector(local.b)))
+
+
+def principal_curvatures(surface: Surface, a: ArrayLike, b: ArrayLike) -> tuple[Array, Array]:
+    """Principal curvatures, the larger first, positive where the solid is convex.
+
+    Args:
+        surface: any surface.
+        a: first parameter.
+        b: second parameter.
+
+    Returns:
+        Two curvatures in 1/mm.
+
+    Example:
+        >>> from kneejax.geometry import Sphere
+        >>> k1, k2 = principal_curvatures(Sphere(radius=25.0), 1.5, 0.1)
+        >>> round(float(k1), 9), round(float(k2), 9)
+        (0.04, 0.04)
+    """
+    local = jet(surface, a, b)
+    n = _normal(surface, local)
+    along_a, along_b = local.vector(local.a), local.vector(local.b)
+    e, f, g = v.dot(along_a, along_a), v.dot(along_a, along_b), v.dot(along_b, along_b)
+    ll, mm, nn = (-v.dot(local.vector(x), n) for x in (local.aa, local.ab, local.bb))
+    area = e * g - f * f
+    gauss = (ll * nn - mm * mm) / area
+    mean = (e * nn - 2 * f * mm + g * ll) / (2 * area)
+    spread = safe_sqrt(mean * mean - gauss)
+    return mean + spread, mean - spread
+
+
+def inside(surface: Surface, a: Array, b: Array, margin: float = 0.0) -> Array:
+    """Whether parameters lie in the region where a surface is known.
+
+    Args:
+        surface: any surface.
+        a: first parameter.
+        b: second parameter.
+        margin: fraction of the region's size by which the limits are drawn in.
+    """
+    answer = jnp.asarray(True)
+    for value, (lower, upper) in zip((a, b), surface.bounds(), strict=True):
+        inset = margin * (upper - lower)
+        answer = answer & (value > lower + inset) & (value < upper - inset)
+    return answer
+
+
+def from_anterior(x: Array, y: Array) -> Array:
+    """Angle from anterior through distal, in -90 to 270 degrees: the jump is proximal."""
+    return 0.5 * jnp.pi - arctan2(x, -y)
+
+
+def scaled(value: Array, limits: Array) -> tuple[Array, Array]:
+    """A coordinate scaled to -1..1 over its limits, and the derivative of that scaling."""
+    factor = 2.0 / (limits[1] - limits[0])
+    return (value - limits[0]) * factor - 1.0, factor
+
+
+def excess(value: Array, limits: Array | tuple[Array, Array]) -> Array:
+    """By how much a coordinate lies beyond its limits, either way."""
+    return jnp.maximum(jnp.maximum(limits[0] - value, value - limits[1]), 0.0)
+
+
+def continued(value: Array, limits: Array, reach: float) -> tuple[Array, Array, Array]:
+    """A coordinate scaled to -1..1 over its limits that soon comes to rest beyond them.
+
+    A table of coefficients says nothing beyond its region. Held at the border it would have a kink
+    there, and a force that jumps; so it goes on for a little and then becomes constant, twice
+    continuously differentiable.
+
+    Args:
+        value: the coordinate.
+        limits: lower and upper end of the region.
+        reach: how far beyond them the coordinate goes at most, in its own unit.
+
+    Returns:
+        The scaled coordinate, and its first two derivatives by the coordinate.
+    """
+    nearest = jnp.clip(value, limits[0], limits[1])
+    s, factor = scaled(nearest, limits)
+    beyond = (value - nearest) / reach
+    slower = 1.0 / (1.0 + beyond * beyond)
+    root = jnp.sqrt(slower)
+    slope = slower * root
+    bend = -3.0 * beyond * slope * slower / reach
+    return s + factor * reach * beyond * root, factor * slope, factor * bend
+
+
+def _partials(point: Callable[[Array, Array], Vector], a: Array, b: Array, order: int) -> dict:
+    """Partial derivatives of a point, taken `i` times by `a` and `j` times by `b`, at `(i, j)`."""
+    one = jnp.ones_like(a)
+    by_b: list[Callable] = [point]
+    for _ in range(order):
+        by_b.append(lambda x, y, f=by_b[-1]: jax.jvp(lambda t: f(x, t), (y,), (one,))[1])
+    answer = {}
+    for j, function in enumerate(by_b):
+        for i in range(order - j + 1):
+            answer[i, j] = function(a, b)
+            function = _derivative_by_first(function, one)
+    return answer
+
+
+def _derivative_by_first(function: Callable, one: Array) -> Callable:
+    return lambda x, y: jax.jvp(lambda t: function(t, y), (x,), (one,))[1]
+
+
+def _gradient(level: Callable[[Vector], Array]) -> Callable[[Vector], Vector]:
+    return jax.grad(lambda point: jnp.sum(level(point)))
+
+
+def _rows(function: Callable) -> Callable:
+    """Derivatives of a function of a vector by its three components."""
+
+    def rows(point: Vector):
+        one, zero = jnp.ones_like(point[0]), jnp.zeros_like(point[0])
+        units = ((one, zero, zero), (zero, one, zero), (zero, zero, one))
+        return tuple(jax.jvp(function, (point,), (unit,))[1] for unit in units)
+
+    return rows

@@ -1,0 +1,319 @@
+"""NUTS over several chains whose log densities are computed together.
+
+BlackJAX knows one chain and is mapped over chains. A log density that contains a solve does not
+take that well: under `jax.vmap` each decision of the search (is a tangent needed?) becomes both
+branches, and every chain pays for them. Here the density is written for all chains at once, with
+its gradient, and `jax.custom_batching.custom_vmap` hands it the chains that `vmap` has collected.
+
+BlackJAX rather than NumPyro, both of which are maintained, because it is made of parts. Both store
+momenta by index, on which XLA aborts under `use_shared_fusion` (see `_stored`); here that one part
+is replaced. And a kernel that is a plain function compiles in a `jit` of our own, with the options
+that a solve needs (`numerics/_compiled.py`).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from kneejax.inference._optional import imported
+from kneejax.numerics import compiled
+
+#: `(chains, p) -> (chains,), (chains, p)`: log densities and their gradients; a pytree, so that its
+#: numbers may change without compiling again. Minus infinity, with any finite gradient, where the
+#: density is zero.
+Target = Callable[[Array], tuple[Array, Array]]
+
+#: Draws of all chains between two looks from outside.
+_CHUNK = 25
+#: Mean acceptance that the step size is tuned to (Stan's default).
+_ACCEPTANCE = 0.8
+_FIRST_STEP = 0.5
+#: A trajectory is at most two to the power of this long, and diverges when so much energy is lost.
+_DOUBLINGS, _LOST_ENERGY = 10, 1000.0
+#: Rounds of the warm-up; each but the last ends with a new scaling.
+_ROUNDS = 3
+
+
+class ChainState(eqx.Module):
+    """Where chains are: positions `(chains, p)`, log densities `(chains,)`, their gradients."""
+
+    position: Array
+    value: Array
+    gradient: Array
+
+
+@dataclasses.dataclass(frozen=True)
+class Chains:
+    """What the chains drew; arrays begin with `(chains, draws)`.
+
+    Attributes:
+        position: `(chains, draws, p)`.
+        value: log density there.
+        divergent: trajectories that ended because their energy was lost.
+        lost: those of them that ran into a place of zero density.
+        evaluations: gradients taken for each draw.
+        acceptance: mean acceptance along each trajectory.
+        step_size: after the warm-up, where the draws have unit covariance.
+        warmup_evaluations: gradients taken by all chains before.
+        seconds: `compile` (the first few steps, with compiling), `warmup`, `sampling`.
+    """
+
+    position: np.ndarray
+    value: np.ndarray
+    divergent: np.ndarray
+    lost: np.ndarray
+    evaluations: np.ndarray
+    acceptance: np.ndarray
+    step_size: float
+    warmup_evaluations: int
+    seconds: dict[str, float]
+
+
+def sample(
+    target: Target,
+    start: ChainState,
+    origin: np.ndarray,
+    covariance: np.ndarray,
+    *,
+    draws: int,
+    warmup: int,
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> Chains:
+    """Draw from a density by the no-U-turn sampler.
+
+    Positions are scaled so that the density is near a standard normal one: by the given covariance
+    at first, then twice by that of the warm-up's draws. Step size and scaling are those of all
+    chains together.
+
+    Args:
+        target: log densities of all chains and their gradients.
+        start: where the chains begin; densities must not be zero there.
+        origin: near the middle of the density, `(p,)`.
+        covariance: about that of the density, `(p, p)`.
+        draws: of each chain.
+        warmup: draws of each chain before, rounded up to a multiple of 75.
+        seed: of the random numbers.
+        progress: called now and then with draws done and asked for, warm-up included.
+
+    Returns:
+        The chains.
+
+    Source: Hoffman and Gelman 2014, J. Machine Learning Research 15, 1593.
+    """
+    scaled = _Scaled(target, jnp.asarray(origin), jnp.linalg.cholesky(jnp.asarray(covariance)))
+    chains = _Run(scaled, scaled.inwards(start), jax.random.key(seed), progress)
+    rounds = -(-warmup // (_ROUNDS * _CHUNK))
+    chains.total = _CHUNK * (_ROUNDS * rounds + -(-draws // _CHUNK))
+    for number in range(_ROUNDS):
+        chains.tuning = _tuning().init(_FIRST_STEP)
+        seen = [chains.advance(adapting=True) for _ in range(rounds)]
+        if number < _ROUNDS - 1:
+            chains.scale_anew(np.concatenate([s["position"] for s in seen[len(seen) // 2 :]]))
+    warmed = time.perf_counter()
+    evaluations, scaled = chains.evaluations, chains.target
+    seen = [chains.advance(adapting=False) for _ in range(-(-draws // _CHUNK))]
+    trace = {key: np.concatenate([s[key] for s in seen])[:draws] for key in seen[0]}
+    trace = {key: np.swapaxes(value, 0, 1) for key, value in trace.items()}
+    return Chains(
+        position=np.asarray(scaled.outwards(trace.pop("position"))),
+        **trace,
+        step_size=float(_tuning().final(chains.tuning)),
+        warmup_evaluations=evaluations,
+        seconds={
+            "compile": chains.first,
+            "warmup": warmed - chains.begun - chains.first,
+            "sampling": time.perf_counter() - warmed,
+        },
+    )
+
+
+class _Run:
+    """Chains under way."""
+
+    def __init__(self, target: _Scaled, state: ChainState, key: Array, progress):
+        self.target, self.state, self.key, self.progress = target, state, key, progress
+        self.tuning: Any = None
+        self.done = self.total = self.evaluations = 0
+        self.begun, self.first = time.perf_counter(), 0.0
+
+    def advance(self, adapting: bool) -> dict[str, np.ndarray]:
+        """A chunk of draws; arrays begin with `(draws, chains)`."""
+        self.key, key = jax.random.split(self.key)
+        tuning = jax.tree.map(lambda x: jnp.asarray(x, float), self.tuning)
+        self.state, self.tuning, trace = _advance(
+            self.target, self.state, tuning, key, jnp.asarray(adapting)
+        )
+        trace = {name: np.asarray(values) for name, values in trace.items()}
+        self.first = self.first or time.perf_counter() - self.begun
+        self.evaluations += int(trace["evaluations"].sum())
+        self.done += _CHUNK
+        if self.progress:
+            self.progress(self.done, self.total)
+        return trace
+
+    def scale_anew(self, seen: np.ndarray) -> None:
+        """Scale by the covariance of draws `(draws, chains, p)`, drawn towards the present one."""
+        outside = self.target.outwards(self.state)
+        points = seen.reshape(-1, seen.shape[-1])
+        count, size = points.shape
+        trust = count / (count + 5.0 * size)
+        found = trust * np.cov(points.T).reshape(size, size) + (1.0 - trust) * np.eye(size)
+        self.target = _Scaled(
+            self.target.target,
+            self.target.outwards(points.mean(axis=0)),
+            self.target.scale @ np.linalg.cholesky(found),
+        )
+        self.state = self.target.inwards(outside)
+
+
+class _Scaled(eqx.Module):
+    """A target in coordinates in which it is near a standard normal density."""
+
+    target: Target
+    origin: Array
+    scale: Array
+
+    def __call__(self, position: Array) -> tuple[Array, Array]:
+        value, gradient = self.target(self.outwards(position))
+        return value, gradient @ self.scale
+
+    def outwards(self, inside):
+        """Positions, or chains, in the target's own coordinates."""
+        if isinstance(inside, ChainState):
+            gradient = jnp.linalg.solve(self.scale.T, inside.gradient.T).T
+            return ChainState(self.outwards(inside.position), inside.value, gradient)
+        return self.origin + inside @ self.scale.T
+
+    def inwards(self, outside: ChainState) -> ChainState:
+        """Chains in scaled coordinates."""
+        position = jnp.linalg.solve(self.scale, (outside.position - self.origin).T).T
+        return ChainState(position, outside.value, outside.gradient @ self.scale)
+
+
+@compiled()
+def _advance(target: _Scaled, state: ChainState, tuning, key: Array, adapting: Array):
+    """A chunk of draws of every chain, all with one step size."""
+    tuner, chains = _tuning(), state.position.shape[0]
+
+    def draw(carry, key: Array):
+        here, tuning = carry
+        step_size = jnp.where(adapting, jnp.exp(tuning.log_step_size), tuner.final(tuning))
+        trajectory = jax.vmap(partial(_trajectory, target), in_axes=(0, 0, None))
+        here, seen = trajectory(jax.random.split(key, chains), here, step_size)
+        tuned = tuner.update(tuning, jnp.mean(seen["acceptance"]))
+        tuning = jax.tree.map(lambda new, old: jnp.where(adapting, new, old), tuned, tuning)
+        return (here, tuning), {"position": here.position, "value": here.value, **seen}
+
+    (state, tuning), trace = jax.lax.scan(draw, (state, tuning), jax.random.split(key, _CHUNK))
+    return state, tuning, trace
+
+
+def _trajectory(
+    target: _Scaled, key: Array, here: ChainState, step_size: Array
+) -> tuple[ChainState, dict[str, Array]]:
+    """One draw of one chain: BlackJAX's NUTS from its parts, but for where momenta are stored."""
+    parts = {
+        name: imported(f"blackjax.mcmc.{name}", "blackjax")
+        for name in ("integrators", "metrics", "proposal", "termination", "trajectory")
+    }
+    metric = parts["metrics"].default_metric(jnp.ones(here.position.shape))
+    integrator = parts["integrators"].velocity_verlet(
+        partial(_log_density, target), metric.kinetic_energy
+    )
+    criterion, update, is_met = parts["termination"].iterative_uturn_numpyro(metric.check_turning)
+    walk = parts["trajectory"].dynamic_progressive_integration(
+        integrator,
+        metric.kinetic_energy,
+        partial(_stored, update),
+        is_met,
+        _LOST_ENERGY,
+    )
+    expand = parts["trajectory"].dynamic_multiplicative_expansion(
+        walk, metric.check_turning, _DOUBLINGS
+    )
+    key_momentum, key = jax.random.split(key)
+    momentum = metric.sample_momentum(key_momentum, here.position)
+    begin = parts["integrators"].IntegratorState(here.position, momentum, here.value, here.gradient)
+    energy = metric.kinetic_energy(momentum) - here.value
+    first = parts["trajectory"].DynamicExpansionState(
+        0,
+        parts["proposal"].Proposal(begin, energy, 0.0, -np.inf),
+        parts["trajectory"].Trajectory(begin, begin, momentum, 0),
+        criterion(begin, _DOUBLINGS),
+    )
+    (_, drawn, path, _), (divergent, _) = expand(key, first, energy, step_size)
+    ends = path.leftmost_state.logdensity, path.rightmost_state.logdensity
+    there = drawn.state
+    return ChainState(there.position, there.logdensity, there.logdensity_grad), {
+        "divergent": divergent,
+        "lost": jnp.isneginf(ends[0]) | jnp.isneginf(ends[1]),
+        "evaluations": path.num_states,
+        "acceptance": jnp.exp(drawn.sum_log_p_accept) / path.num_states,
+    }
+
+
+def _stored(update, kept, momentum_sum: Array, momentum: Array, step: Array):
+    """Keep the momenta of even steps for the criterion.
+
+    BlackJAX writes them by index. Under `jax.vmap` that becomes two scatters, which XLA 0.10 aborts
+    on where it fuses operations with shared values (`use_shared_fusion`). Choosing serves as well.
+    """
+    _, _, low, high = update(kept, momentum_sum, momentum, step)
+    row = (jnp.arange(_DOUBLINGS)[:, None] == high) & (step % 2 == 0)
+    return type(kept)(
+        jnp.where(row, momentum, kept.momentum),
+        jnp.where(row, momentum_sum, kept.momentum_sum),
+        low,
+        high,
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class _Tuner:
+    init: Callable
+    update: Callable
+    final: Callable
+
+
+def _tuning() -> _Tuner:
+    """Dual averaging of the step size."""
+    steps = imported("blackjax.adaptation.step_size", "blackjax")
+    return _Tuner(*steps.dual_averaging_adaptation(_ACCEPTANCE))
+
+
+@jax.custom_vjp
+def _log_density(target: _Scaled, position: Array) -> Array:
+    return _one_chain(target, position)[0]
+
+
+def _forward(target: _Scaled, position: Array):
+    return _one_chain(target, position)
+
+
+def _backward(gradient: Array, change: Array):
+    return None, change * gradient
+
+
+_log_density.defvjp(_forward, _backward)
+
+
+@jax.custom_batching.custom_vmap
+def _one_chain(target: _Scaled, position: Array):
+    value, gradient = target(position[None])
+    return value[0], gradient[0]
+
+
+@_one_chain.def_vmap
+def _all_chains(size: int, batched, target: _Scaled, position: Array):
+    return target(position), (True, True)

@@ -1,0 +1,225 @@
+"""The posterior: all parameters that a motion and what is known beforehand leave possible."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Mapping
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from kneejax.inference._optional import imported
+from kneejax.inference.bayesian._laplace import laplace_covariance, most_probable
+from kneejax.inference.bayesian._motion_density import MotionDensity
+from kneejax.inference.bayesian._nuts import Chains, ChainState, sample
+from kneejax.inference.bayesian._posterior_result import LEVELS, Posterior, doubts
+from kneejax.inference.bayesian._priors import normal_priors
+from kneejax.inference.calibration import versions
+from kneejax.inference.fit import Problem
+from kneejax.inference.identification import noise_of
+from kneejax.parameters import QUANTITIES, UnsuitableData
+
+# Draws of all chains whose motion is computed, and noise drawn for each motion.
+_MOTIONS, _NOISES = 400, 25
+
+
+def posterior(
+    problem: Problem,
+    fit: np.ndarray,
+    noise_mm: float,
+    noise_deg: float,
+    *,
+    priors: Mapping[str, tuple[float, float]] | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    chains: int = 4,
+    draws: int = 1000,
+    warmup: int = 300,
+    seed: int = 0,
+    truth: Mapping[str, float] | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Posterior:
+    """Sample the posterior of ligament parameters by NUTS, several chains at once.
+
+    The likelihood is that of independent normal noise on the five free coordinates at each measured
+    flexion; priors are normal within bounds. Parameters with which a pose has no balance have
+    density zero. Chains begin around the most probable parameters, twice as far apart as the normal
+    density there, and move in coordinates in which that has unit covariance. Drawing is some five
+    times faster after `kneejax.use_shared_fusion()`, which the command line calls.
+
+    Args:
+        problem: what is fitted; its knee is where the calibration began. Its weights are not used.
+        fit: parameters and offsets to search from, `(p,)`, e.g. a calibration's answer.
+        noise_mm: standard deviation of measured positions.
+        noise_deg: standard deviation of measured rotations.
+        priors: name, `*.quantity` or quantity -> mean and standard deviation, which may be
+            infinite; see `normal_priors` for the others.
+        bounds: name, `*.quantity` or quantity -> lower and upper bound; as in `calibrate`.
+        chains: at least 2, since convergence is judged by their agreement.
+        draws: of each chain, after the warm-up.
+        warmup: draws of each chain before.
+        seed: of starts, momenta and noise.
+        truth: values that made the data, for synthetic studies.
+        progress: called now and then with draws done and asked for.
+
+    Returns:
+        The `Posterior`.
+
+    Raises:
+        UnsuitableData: noise, priors, bounds or counts that make no sense, a fit without balanced
+            poses, or a package that is not installed.
+        UnknownParameter: a prior or bounds of something that is not free.
+
+    Source: Vehtari et al. 2021, Bayesian Analysis 16, 667, for R-hat and effective sample size.
+    """
+    begun = time.perf_counter()
+    noise = noise_of(noise_mm, noise_deg)
+    _check_counts(chains, draws, warmup)
+    imported("blackjax", "blackjax")
+    imported("arviz", "arviz")
+    # A calibration's problem must not forget its own weights and poses.
+    problem = dataclasses.replace(problem, weights=noise**-2.0)
+    beliefs = normal_priors(problem, priors, bounds)
+    likely, found = most_probable(problem, beliefs, np.asarray(fit, float))
+    covariance = laplace_covariance(problem, likely, found, beliefs)
+    deviation = np.sqrt(np.diag(covariance))
+    density = MotionDensity.of(problem, noise, beliefs, (likely, found), deviation)
+    origin, spread = _without_bounds(problem, density, beliefs, likely, found, deviation)
+    start = _starts(problem, density, origin, spread, chains, seed)
+    begun_drawing = time.perf_counter()
+    drawn = sample(
+        density, start, origin, spread, draws=draws, warmup=warmup, seed=seed, progress=progress
+    )
+    values = np.asarray(density.values(jnp.asarray(drawn.position)))
+    ended = time.perf_counter()
+    motions = _motions(problem, values)
+    seconds = {
+        "compile": begun_drawing - begun + drawn.seconds["compile"],
+        "warmup": drawn.seconds["warmup"],
+        "sampling": drawn.seconds["sampling"],
+        "motions": time.perf_counter() - ended,
+        "total": time.perf_counter() - begun,
+    }
+    settings = {"chains": chains, "draws": draws, "warmup": warmup, "seed": seed}
+    settings |= {"noise_mm": noise_mm, "noise_deg": noise_deg}
+    known = {p.name: truth[p.name] for p in beliefs if truth and p.name in truth}
+    laplace = likely, covariance
+    return _described(
+        problem, noise, beliefs, laplace, drawn, values, motions, seconds, settings, known
+    )
+
+
+def _check_counts(chains: int, draws: int, warmup: int) -> None:
+    for name, value, least in (("chains", chains, 2), ("draws", draws, 20), ("warmup", warmup, 1)):
+        if value < least:
+            raise UnsuitableData(f"{name}: {value}: expected {least} or more")
+
+
+def _without_bounds(problem, density: MotionDensity, priors, likely, found, deviation):
+    """A middle and a covariance in the coordinates that have no bounds."""
+    lower, upper = (np.array([getattr(p, end) for p in priors]) for end in ("lower", "upper"))
+    # At a bound those coordinates are of no use: inside by a standard deviation.
+    room = np.fmin(deviation, 0.25 * (upper - lower))
+    values = jnp.asarray(np.clip(likely, lower + room, upper - room))
+    middle, each = density.position(values), jnp.ones(len(likely))
+    rate = np.asarray(jax.jvp(density.values, (middle,), (each,))[1])
+    bend = np.asarray(jax.jvp(jax.grad(density.widening), (middle,), (each,))[1])
+    _, jacobian = problem.residual(likely, found)
+    precision = jacobian.T @ jacobian + np.diag(np.asarray(density.precision))
+    return np.asarray(middle), np.linalg.inv(precision * np.outer(rate, rate) - np.diag(bend))
+
+
+def _starts(problem: Problem, density: MotionDensity, origin, spread, chains, seed) -> ChainState:
+    """Begin twice as far out as the normal density reaches, or nearer where nothing balances."""
+    random = np.random.default_rng(seed)
+    away = 2.0 * random.standard_normal((chains, len(origin))) @ np.linalg.cholesky(spread).T
+    rows = []
+    for shift in away:
+        places = (origin + part * shift for part in (1.0, 0.5, 0.25, 0.1, 0.0))
+        looks = ((place, *_density_at(problem, density, place)) for place in places)
+        row = next((look for look in looks if np.isfinite(look[1])), None)
+        if row is None:
+            raise UnsuitableData("no balance near the most probable parameters: check the bounds")
+        rows.append(row)
+    return ChainState(*(jnp.array(column) for column in zip(*rows, strict=True)))
+
+
+def _density_at(problem: Problem, density: MotionDensity, position) -> tuple[float, np.ndarray]:
+    """Log density and gradient by the problem's own poses, which are compiled already."""
+    place = jnp.asarray(position)
+    values, rate = jax.jvp(density.values, (place,), (jnp.ones_like(place),))
+    values = np.asarray(values)
+    residual, jacobian = problem.residual(values, problem.poses(values))
+    prior, slope = jax.value_and_grad(density.prior)(place)
+    value = float(prior) - 0.5 * float(residual @ residual)
+    return value, np.asarray(slope) - (residual @ jacobian) * np.asarray(rate)
+
+
+def _motions(problem: Problem, values: np.ndarray) -> np.ndarray:
+    """Motion of evenly spread draws, frame offset included, `(chains, k, n, 5)`."""
+    rows = np.unique(np.linspace(0, values.shape[1] - 1, _MOTIONS // len(values)).astype(int))
+    chosen = values[:, rows].reshape(-1, values.shape[-1])
+    used = problem.used
+    tables = [problem.target + problem.error(x, problem.poses(x)) for x in chosen]
+    return np.stack(tables)[:, :, used].swapaxes(1, 2).reshape(len(values), len(rows), -1, 5)
+
+
+def _described(
+    problem, noise, priors, laplace, drawn: Chains, values, motions, seconds, settings, truth
+) -> Posterior:
+    arviz = imported("arviz", "arviz")
+    names = tuple(prior.name for prior in priors)
+    size = len(problem.selection)
+    units = [QUANTITIES[problem.selection.quantity(i)] for i in range(size)]
+    units += ["deg" if coordinate < 2 else "mm" for coordinate in problem.offsets]
+    dataset = arviz.convert_to_dataset({"values": values})
+    r_hat, bulk, tail = (
+        np.asarray(found["values"])
+        for found in (arviz.rhat(dataset), arviz.ess(dataset), arviz.ess(dataset, method="tail"))
+    )
+    flat = motions.reshape(-1, *motions.shape[2:])
+    random = np.random.default_rng([settings["seed"], 1])
+    noisy = flat + noise * random.standard_normal((_NOISES, *flat.shape))
+    sampling = int(drawn.evaluations.sum())
+    result = Posterior(
+        names=names,
+        units=tuple(units),
+        draws=values,
+        log_density=drawn.value,
+        r_hat=r_hat,
+        effective_sample_size=bulk,
+        tail_effective_sample_size=tail,
+        divergent=drawn.divergent,
+        unbalanced=int(drawn.lost.sum()),
+        measured=problem.measured[problem.used],
+        noise=noise,
+        motions=motions,
+        levels=LEVELS,
+        motion_quantiles=_over_motion(flat),
+        predictive_quantiles=_over_motion(noisy.reshape(-1, *flat.shape[1:])),
+        priors=priors,
+        laplace_mean=laplace[0],
+        laplace_covariance=laplace[1],
+        truth=truth,
+        acceptance=float(drawn.acceptance.mean()),
+        evaluations={
+            "warmup": drawn.warmup_evaluations,
+            "sampling": sampling,
+            "equilibria": (sampling + drawn.warmup_evaluations) * int(problem.used.sum()),
+        },
+        seconds=seconds,
+        warnings=(),
+        versions=versions() | _packages(),
+        settings=settings,
+    )
+    return dataclasses.replace(result, warnings=doubts(result))
+
+
+def _over_motion(motions: np.ndarray) -> np.ndarray:
+    """Quantiles of motions `(k, n, 5)`, `(5, n, levels)`."""
+    return np.quantile(motions, LEVELS, axis=0).T
+
+
+def _packages() -> dict[str, str]:
+    return {name: imported(name, name).__version__ for name in ("blackjax", "arviz")}

@@ -1,0 +1,15 @@
+"""The procedures of a calibration, its search and its answers."""
+
+from kneejax.inference.calibration._answers import motion_at as motion_at
+from kneejax.inference.calibration._calibrate import calibrate as calibrate
+from kneejax.inference.calibration._calibrate import versions as versions
+from kneejax.inference.calibration._quality import Fault as Fault
+from kneejax.inference.calibration._quality import Misfit as Misfit
+from kneejax.inference.calibration._result import Calibration as Calibration
+from kneejax.inference.calibration._result import Ending as Ending
+from kneejax.inference.calibration._result import Estimate as Estimate
+from kneejax.inference.calibration._result import Fit as Fit
+from kneejax.inference.calibration._result import Iteration as Iteration
+from kneejax.inference.calibration._result import Motion as Motion
+from kneejax.inference.calibration._search import PROCEDURES as PROCEDURES
+from kneejax.inference.calibration._search import run_procedure as run_procedure

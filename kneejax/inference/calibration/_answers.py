@@ -1,0 +1,287 @@
+"""From where a search ended to what is reported of it."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+
+from kneejax.experiments import doubts, slack_poses, with_flips
+from kneejax.experiments import evaluate as evaluate_mechanics
+from kneejax.geometry import COLUMNS, FREE_COORDINATES, Pose
+from kneejax.inference.calibration._result import Ending, Estimate, Fit, Motion, Starts
+from kneejax.inference.calibration._search import Trail
+from kneejax.inference.fit import (
+    Balance,
+    Evaluation,
+    MotionData,
+    Problem,
+    add_offsets,
+    balances_of,
+    slopes_of,
+    with_offsets,
+)
+from kneejax.inference.intervals import Interval, IntervalKind, Surety, named, on_bounds, sureties
+from kneejax.mechanics import Knee
+from kneejax.statics import Slopes, Stations, Status
+
+_UNITS = {c: n.rsplit("_", 1)[1] for c, n in zip(FREE_COORDINATES, COLUMNS[1:], strict=True)}
+#: Motions that take as long as tracing the program for many of them.
+_FEW = 150
+#: Rise of the objective, in units of what is left for each spare number, that tells two ends apart.
+_APART = 3.84
+
+
+def surety_of(
+    problem: Problem, x: np.ndarray, found: Evaluation, stated: np.ndarray, lower, upper
+) -> Surety:
+    """How sure an answer is; constants between frames are values like the others.
+
+    Args:
+        problem: what was fitted.
+        x: parameters and offsets of the answer, `(p,)`.
+        found: poses there.
+        stated: standard deviation of each coordinate, NaN where none is stated, `(5,)`.
+        lower: bounds, `(p,)`.
+        upper: bounds.
+    """
+    offsets = [FREE_COORDINATES[row] for row in problem.offsets]
+    names = named(problem.selection) + [(name, _UNITS[name]) for name in offsets]
+    answer = add_offsets(slopes_of(x, found), x[None, len(problem.selection) :], offsets)
+    stations = Stations.at(problem.measured[:, 0])
+    data = MotionData(stations, problem.target.T, np.ones(5), (), problem.used)
+    balance = with_offsets(_balance(problem, stations), offsets)
+    return sureties(balance, data, answer, problem.weights, stated, lower, upper, names)[0]
+
+
+def _balance(problem: Problem, stations: Stations) -> Balance:
+    """Balances one after another while they are few, many at a time from then on.
+
+    Most limits take some 70 motions; a valley that is nearly flat takes thousands.
+    """
+    many, done = balances_of(problem.knee, problem.selection, stations), 0
+
+    def balance(values: np.ndarray, near: Slopes) -> Slopes:
+        nonlocal done
+        done += len(values)
+        return problem.balance(values, near) if done <= _FEW else many(values, near)
+
+    return balance
+
+
+def fit_of(
+    problem: Problem,
+    procedure: str,
+    trail: Trail,
+    found: Evaluation,
+    start: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    surety: Surety | None,
+) -> Fit:
+    """The answer of one procedure.
+
+    Args:
+        problem: what was fitted.
+        procedure: its name.
+        trail: of the search.
+        found: poses at its end.
+        start: parameters and offsets where it began.
+        lower: bounds.
+        upper: bounds.
+        surety: how sure it is; None for a procedure that is there to compare.
+    """
+    error, size = problem.error(trail.x, found), len(problem.selection)
+    slack = _slack_ligaments(problem, trail.x, found)
+    held = on_bounds(trail.x, lower, upper)
+    names = named(problem.selection)
+    names += [(FREE_COORDINATES[row], _UNITS[FREE_COORDINATES[row]]) for row in problem.offsets]
+    estimates = []
+    for i, (name, unit) in enumerate(names):
+        interval = None if surety is None else surety.intervals[i]
+        loose = slack.get(problem.selection.ligament(i), 0.0) if i < size else 0.0
+        likely = np.nan if surety is None else float(surety.likeliest[i])
+        numbers = (trail.x[i], start[i], lower[i], upper[i])
+        estimate = _estimate(name, unit, numbers, bool(held[i]), interval, likely, loose)
+        estimates.append(estimate)
+    failed = int((~np.asarray(found.settled.converged)).sum())
+    correlation = np.full((size, size), np.nan)
+    if surety is not None:
+        correlation = surety.correlation[:size, :size]
+    return Fit(
+        procedure,
+        tuple(estimates[:size]),
+        objective_of(problem, error),
+        partial_objectives_of(problem, error),
+        rmse_of(problem, error),
+        correlation,
+        motion_of(problem, trail.x, found),
+        tuple(trail.history),
+        {
+            "residual": trail.evaluations,
+            "jacobian": trail.evaluations,
+            "equilibria": trail.evaluations * len(problem.measured),
+            **trail.counts,
+        },
+        bool(trail.converged and not failed),
+        _message(trail, failed, len(problem.measured)),
+        tuple(estimates[size:]),
+        trail.ending,
+    )
+
+
+def _estimate(name, unit, numbers, held, interval: Interval | None, likely, loose) -> Estimate:
+    value, start, lower, upper = map(float, numbers)
+    if interval is None:
+        remark = "on its bound" if held else ""
+        return Estimate(name, unit, value, start, lower, upper, np.nan, held, remark)
+    remarks = []
+    if held:
+        remarks.append("on its bound: the data would move it further")
+    if interval.kind in (IntervalKind.NOT_DETERMINED, IntervalKind.ONE_SIDED) and loose > 0:
+        where = "every pose" if loose == 1.0 else f"{loose:.0%} of the poses"
+        remarks.append(f"its ligament is slack at {where}")
+    if value < interval.low or value > interval.high:
+        remarks.append(f"outside its limits, where the weights pull it; likeliest {likely:.4g}")
+    return Estimate(
+        name,
+        unit,
+        value,
+        start,
+        lower,
+        upper,
+        np.nan if held else interval.standard_error,
+        held,
+        "; ".join(remarks),
+        interval.low,
+        interval.high,
+        interval.kind,
+        likely,
+    )
+
+
+def _message(trail: Trail, failed: int, poses: int) -> str:
+    message = {
+        Ending.CONVERGED: "converged",
+        Ending.FLAT: "converged to within the noise: further steps gained nothing that counts",
+        Ending.STOPPED: trail.reason or "stopped before it converged",
+    }[trail.ending]
+    return message + (f"; {failed} of {poses} poses have no balance" if failed else "")
+
+
+def starts_of(problem: Problem, answer: Fit, ends: np.ndarray, objectives: np.ndarray) -> Starts:
+    """Where several starts ended, and which of them are not the answer.
+
+    Args:
+        problem: what was fitted.
+        answer: the fit, with its limits.
+        ends: parameters and offsets, `(starts, p)`.
+        objectives: there.
+    """
+    order = np.argsort(objectives)
+    ends, objectives = ends[order], objectives[order]
+    estimates = (*answer.estimates, *answer.offsets)
+    counted = (problem.weights > 0).sum() * problem.used.sum()
+    spare = max(int(counted) - len(estimates), 1)
+    rise = (objectives - answer.objective) / max(answer.objective / spare, 1e-300)
+    low = np.array([e.low if np.isfinite(e.low) else e.lower for e in estimates])
+    high = np.array([e.high if np.isfinite(e.high) else e.upper for e in estimates])
+    outside = ((ends < low) | (ends > high)).any(axis=1)
+    elsewhere = ~(rise <= _APART)
+    return Starts(tuple(map(float, objectives)), ends, elsewhere, outside & ~elsewhere)
+
+
+def motion_of(problem: Problem, x: np.ndarray, found: Evaluation) -> Motion:
+    """Poses with the forces that hold them."""
+    knee = problem.selection.apply(problem.knee, jnp.asarray(x[: len(problem.selection)]))
+    table = np.column_stack([problem.measured[:, 0], np.asarray(found.table).T])
+    settled = found.settled
+    return motion_at(knee, table, settled.pose, settled.meeting, settled.status)
+
+
+def motion_at(
+    knee: Knee, table: np.ndarray, pose: Pose, meeting: ArrayLike, status: ArrayLike
+) -> Motion:
+    """Poses with the forces that hold them.
+
+    Args:
+        knee: that was balanced.
+        table: what is shown of the poses, degrees and mm, `(n, 6)`.
+        pose: the balances, `(n,)`.
+        meeting: parameters of the meeting points, `(patches, 2, n)`.
+        status: `Status` values, `(n,)`.
+    """
+    mechanics = evaluate_mechanics(knee, pose, meeting)
+    return Motion(
+        table,
+        with_flips(status, mechanics),
+        np.asarray(mechanics.tension),
+        np.linalg.norm(np.asarray(mechanics.contact_force), axis=-1),
+        doubts(knee, mechanics),
+    )
+
+
+def _slack_ligaments(problem: Problem, x: np.ndarray, found: Evaluation) -> dict[str, float]:
+    """Ligament or group -> part of the poses at which it is slack."""
+    knee = problem.selection.apply(problem.knee, jnp.asarray(x[: len(problem.selection)]))
+    slack = slack_poses(knee, found.settled.pose, found.settled.meeting)
+    return {name: float(np.mean(where)) for name, where in slack.items()}
+
+
+def _squares(problem: Problem, error: np.ndarray) -> np.ndarray:
+    return np.where(problem.used, error, 0.0) ** 2
+
+
+def objective_of(problem: Problem, error: np.ndarray) -> float:
+    """Weighted sum of squares of errors `(5, n)`."""
+    return float((problem.weights[:, None] * _squares(problem, error)).sum())
+
+
+def partial_objectives_of(problem: Problem, error: np.ndarray) -> dict[str, float]:
+    """Coordinate -> sum of squares."""
+    sums = _squares(problem, error).sum(axis=1)
+    return dict(zip(FREE_COORDINATES, (float(s) for s in sums), strict=True))
+
+
+def rmse_of(problem: Problem, error: np.ndarray) -> dict[str, float]:
+    """Coordinate -> root mean square error."""
+    means = _squares(problem, error).sum(axis=1) / problem.used.sum()
+    return dict(zip(FREE_COORDINATES, (float(m) ** 0.5 for m in means), strict=True))
+
+
+def notes_on(problem: Problem, fit: Fit) -> tuple[str, ...]:
+    """Sentences on what limits a fit."""
+    notes = []
+    everything = (*fit.estimates, *fit.offsets)
+    unsure = [e.name for e in everything if e.interval is IntervalKind.NOT_DETERMINED]
+    if unsure:
+        notes.append(
+            "These data do not determine " + ", ".join(unsure) + ": other parameters make up for "
+            "nearly all that their bounds allow. Fix them, or measure where those ligaments are "
+            "tight."
+        )
+    bound = [e.name for e in everything if e.at_bound]
+    if bound:
+        notes.append(
+            "On a bound: " + ", ".join(bound) + ". The model lacks something that these try to "
+            "make up for, or the bounds are too narrow."
+        )
+    share = {
+        c: w * fit.partial_objectives[c]
+        for c, w in zip(FREE_COORDINATES, problem.weights, strict=True)
+    }
+    worst = max(share, key=share.__getitem__)
+    if fit.objective > 0:
+        unit = "degrees" if _UNITS[worst] == "deg" else "mm"
+        notes.append(
+            f"{100 * share[worst] / fit.objective:.0f} % of the remaining misfit is in "
+            f"{worst.replace('_', ' ')} (RMSE {fit.rmse[worst]:.3g} {unit})."
+        )
+    left_out = int((~problem.used).sum())
+    if left_out:
+        poses = "1 pose was" if left_out == 1 else f"{left_out} poses were"
+        notes.append(
+            f"{poses} left out: the start's parameters find no balance there "
+            f"({Status.NOT_CONVERGED.sentence})."
+        )
+    return tuple(notes)

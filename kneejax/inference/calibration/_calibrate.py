@@ -1,0 +1,169 @@
+"""Calibration: which ligaments make the model move as measured, and how sure that is."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.metadata
+import platform
+import time
+from typing import Any
+
+import numpy as np
+
+from kneejax.geometry import FREE_COORDINATES
+from kneejax.inference.calibration._answers import (
+    fit_of,
+    motion_of,
+    notes_on,
+    objective_of,
+    partial_objectives_of,
+    rmse_of,
+    starts_of,
+    surety_of,
+)
+from kneejax.inference.calibration._quality import misfits
+from kneejax.inference.calibration._result import Calibration
+from kneejax.inference.calibration._search import METHODS, run_procedure, several_starts
+from kneejax.inference.fit import DEFAULT_WEIGHTS, Problem
+from kneejax.inference.intervals import stated_noise
+from kneejax.mechanics import Knee
+from kneejax.parameters import UnsuitableData, select, start_within, stated_bounds
+
+_PACKAGES = ("kneejax", "jax", "jaxlib", "optimistix", "equinox", "lineax", "numpy", "jaxopt")
+
+
+def calibrate(
+    knee: Knee,
+    measured: np.ndarray,
+    parameters: tuple[str, ...] = ("*.stiffness", "*.reference_strain"),
+    *,
+    bounds: dict[str, tuple[float, float]] | None = None,
+    weights: np.ndarray | None = None,
+    procedures: tuple[str, ...] = ("II", "I", "III"),
+    noise_mm: float | None = None,
+    noise_deg: float | None = None,
+    offsets: tuple[str, ...] = (),
+    starts: int = 1,
+    seed: int = 0,
+    method: str = "least_squares",
+    cycles: int = 200,
+    truth: dict[str, float] | None = None,
+    title: str = "Calibration",
+    settings: dict[str, Any] | None = None,
+) -> Calibration:
+    """Identify parameters of a knee from measured poses.
+
+    Args:
+        knee: gives everything that is not free, and the start of what is.
+        measured: `(n, 6)` in the order of `kneejax.geometry.COLUMNS`, degrees and mm; flexion is
+            prescribed, the other five are compared.
+        parameters: names, with `*` for every ligament.
+        bounds: by name; those of paper 1 for stiffness and reference strain by default.
+        weights: `(5,)`; by default 8 per degree^2 and 1 per mm^2 (paper 1).
+        procedures: any of `I`, `II`, `III`; the first is reported as the answer, and alone gets
+            error bars.
+        noise_mm: standard deviation of measured displacements; by default estimated from what the
+            likeliest fit leaves.
+        noise_deg: of measured rotations; likewise.
+        offsets: free coordinates whose constant difference between measured and model frame is
+            unknown too.
+        starts: number of starts of procedure III, drawn between the bounds besides the knee's.
+        seed: of those draws.
+        method: `least_squares`, or `lbfgsb` to minimise the objective by jaxopt's L-BFGS-B, which
+            takes seconds for each step of a procedure.
+        cycles: how often procedures I and II may repeat their two steps (paper 1: once).
+        truth: values that made the data, for synthetic studies.
+        title: for the report.
+        settings: recorded with the result.
+
+    Returns:
+        The `Calibration`.
+
+    Raises:
+        UnknownParameter: a name that the knee does not have.
+        UnsuitableData: bounds that exclude the start, numbers that are not finite,
+            no pose that balances, or a method that is unknown or not installed.
+
+    Source: paper 1, sections 2.3 and 3.4.
+    """
+    begun = time.perf_counter()
+    if method not in METHODS:
+        raise UnsuitableData(f"unknown method {method!r}: expected one of {', '.join(METHODS)}")
+    selection = select(knee, parameters)
+    offset_rows = tuple(FREE_COORDINATES.index(name) for name in offsets)
+    weights = DEFAULT_WEIGHTS if weights is None else np.asarray(weights, float)
+    stated = stated_noise(noise_mm, noise_deg)
+    problem = Problem(knee, selection, np.asarray(measured, float), weights, offset_rows)
+    if not np.isfinite(problem.measured).all():
+        row = int(np.flatnonzero(~np.isfinite(problem.measured).all(axis=1))[0])
+        raise UnsuitableData(f"measured row {row} is not finite: leave it out")
+    lower, upper = stated_bounds(knee, selection, bounds or {})
+    start = np.r_[start_within(knee, selection, lower, upper), np.zeros(len(offset_rows))]
+    # A frame is rarely off by more than 10 mm or 10 degrees.
+    wide = np.full(len(offset_rows), 10.0)
+    lower, upper = np.r_[lower, -wide], np.r_[upper, wide]
+
+    first = problem.poses(start)
+    ready = time.perf_counter()
+    balanced = np.asarray(first.settled.converged)
+    if not balanced.any():
+        raise UnsuitableData("no measured flexion has a balance with the start's parameters")
+    problem.use_only(balanced)
+    fits, surety = [], None
+    for procedure in procedures:
+        problem.keep(start, first)
+        begin, reached = start, None
+        if starts > 1 and procedure == "III":
+            draws = np.random.default_rng(seed).uniform(lower, upper, (starts - 1, len(start)))
+            reached = several_starts(problem, np.vstack([start, draws]), lower, upper)
+            begin = reached[0][np.argmin(reached[1])]
+            problem.keep(start, first)
+        trail = run_procedure(problem, procedure, begin, lower, upper, cycles, method=method)
+        found = problem.poses(trail.x)
+        if not fits:
+            surety = surety_of(problem, trail.x, found, stated, lower, upper)
+        own = surety if not fits else None
+        fit = fit_of(problem, procedure, trail, found, start, lower, upper, own)
+        if reached is not None:
+            fit = dataclasses.replace(fit, starts=starts_of(problem, fit, *reached))
+        fits.append(fit)
+    assert surety is not None
+    error = problem.error(start, first)
+    start_rmse = rmse_of(problem, error)
+    poor = misfits(fits[0].rmse, start_rmse, stated, weights, int(problem.used.sum()))
+    total = time.perf_counter() - begun
+    return Calibration(
+        title=title,
+        knee=knee.name,
+        measured=problem.measured,
+        start=motion_of(problem, start, first),
+        start_rmse=start_rmse,
+        start_partial_objectives=partial_objectives_of(problem, error),
+        start_objective=objective_of(problem, error),
+        fits=tuple(fits),
+        ligaments=knee.ligaments.names,
+        contacts=knee.contact_names,
+        truth=dict(truth or {}),
+        noise=dict(zip(FREE_COORDINATES, map(float, surety.noise), strict=True)),
+        noise_estimated=surety.noise_estimated,
+        misfits=poor,
+        notes=notes_on(problem, fits[0]),
+        seconds={
+            "total": total,
+            "compile": ready - begun,
+            "solve": total - (ready - begun),
+        },
+        versions=versions(),
+        settings=dict(settings or {}),
+    )
+
+
+def versions() -> dict[str, str]:
+    """Versions of everything that a number in a result depends on."""
+    found = {"python": platform.python_version(), "platform": platform.platform()}
+    for package in _PACKAGES:
+        try:
+            found[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            found[package] = "not installed"
+    return found

@@ -1,0 +1,193 @@
+"""What a calibration found out."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+from typing import Any
+
+import numpy as np
+
+from kneejax.inference.calibration._quality import Misfit
+from kneejax.inference.intervals import IntervalKind
+
+
+@dataclasses.dataclass(frozen=True)
+class Estimate:
+    """One identified parameter, or one constant between measured and model frames.
+
+    Attributes:
+        name: e.g. `ACL.stiffness`; of a constant its coordinate, e.g. `anterior`.
+        unit: e.g. `N`; empty for strains.
+        value: the estimate.
+        start: where the search began.
+        lower: bound.
+        upper: bound.
+        standard_error: of the estimate; NaN where it would not tell the limits.
+        at_bound: whether the estimate lies on a bound.
+        remark: why it is not determined, or what else a reader must know; empty if nothing.
+        low: lower 95 % limit; NaN if the data give none.
+        high: upper 95 % limit; NaN if the data give none.
+        interval: which of these numbers mean something; None where nobody asked, as for procedures
+            that are there to compare.
+        likeliest: the value at the maximum of the likelihood, around which the limits lie.
+    """
+
+    name: str
+    unit: str
+    value: float
+    start: float
+    lower: float
+    upper: float
+    standard_error: float
+    at_bound: bool
+    remark: str = ""
+    low: float = np.nan
+    high: float = np.nan
+    interval: IntervalKind | None = None
+    likeliest: float = np.nan
+
+    @property
+    def beside(self) -> bool:
+        """Whether the estimate lies outside its own limits: the weights pull it there."""
+        return bool(self.value < self.low or self.value > self.high)
+
+
+@dataclasses.dataclass(frozen=True)
+class Motion:
+    """Poses over flexion with what holds them; angles in degrees, lengths in mm, forces in N.
+
+    Attributes:
+        table: shape `(n, 6)` in the order of `kneejax.geometry.COLUMNS`; NaN rows failed.
+        status: one `Status` value a row.
+        ligament_forces: shape `(n, ligaments)`, N.
+        contact_forces: shape `(n, contacts)`, N.
+        doubts: what is wrong with each row, in numbers (`kneejax.experiments.doubts`).
+    """
+
+    table: np.ndarray
+    status: np.ndarray
+    ligament_forces: np.ndarray
+    contact_forces: np.ndarray
+    doubts: tuple[str, ...] = ()
+
+
+@dataclasses.dataclass(frozen=True)
+class Iteration:
+    """One accepted step of the search: stage (e.g. `I.1`), evaluations so far, objective."""
+
+    stage: str
+    evaluations: int
+    objective: float
+
+
+class Ending(enum.Enum):
+    """Why a search ended."""
+
+    CONVERGED = "converged"
+    FLAT = "converged to within the noise"
+    STOPPED = "stopped before it converged"
+
+
+@dataclasses.dataclass(frozen=True)
+class Starts:
+    """Where the searches from several starts ended, best first.
+
+    Attributes:
+        objectives: `(starts,)`; infinite where a start found no balance.
+        values: parameters and offsets, `(starts, p)`.
+        elsewhere: ends that the data tell from the answer: another valley, `(starts,)`.
+        rivals: ends that they do not, though a parameter is outside the answer's limits.
+    """
+
+    objectives: tuple[float, ...]
+    values: np.ndarray
+    elsewhere: np.ndarray
+    rivals: np.ndarray
+
+
+@dataclasses.dataclass(frozen=True)
+class Fit:
+    """The answer of one procedure.
+
+    Attributes:
+        procedure: `I`, `II` or `III`.
+        estimates: one a parameter.
+        objective: weighted sum of squares at the answer.
+        partial_objectives: coordinate -> its unweighted sum of squares (mm^2 or degree^2).
+        rmse: coordinate -> root mean square error (mm or degree).
+        correlation: of the estimates, shape `(p, p)`; NaN rows for undetermined parameters.
+        motion: the fitted motion.
+        history: accepted steps.
+        evaluations: `residual`, `jacobian`, `equilibria` and, per stage, the counts.
+        success: whether the search converged.
+        message: a sentence.
+        offsets: constants that are added to the model to compare it with the measurement.
+        ending: why the search ended.
+        starts: where several starts ended; None if there was one.
+    """
+
+    procedure: str
+    estimates: tuple[Estimate, ...]
+    objective: float
+    partial_objectives: dict[str, float]
+    rmse: dict[str, float]
+    correlation: np.ndarray
+    motion: Motion
+    history: tuple[Iteration, ...]
+    evaluations: dict[str, int]
+    success: bool
+    message: str
+    offsets: tuple[Estimate, ...] = ()
+    ending: Ending = Ending.CONVERGED
+    starts: Starts | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Calibration:
+    """A calibration: measurement, start, and the fits of one or more procedures.
+
+    Attributes:
+        title: for reports.
+        knee: name of the knee.
+        measured: shape `(n, 6)`, degrees and mm.
+        start: motion of the start's parameters.
+        start_rmse: coordinate -> root mean square error of the start.
+        start_partial_objectives: likewise for the sums of squares.
+        start_objective: weighted sum of squares of the start.
+        fits: one a procedure; the first is the one that is reported as the answer.
+        ligaments: names in the order of the columns of `Motion.ligament_forces`.
+        contacts: names in the order of `Motion.contact_forces`.
+        truth: parameter -> value that made synthetic data; empty for measured data.
+        noise: coordinate -> standard deviation of the measurement (degrees, mm).
+        noise_estimated: whether that was estimated from what the likeliest fit leaves.
+        misfits: coordinates in which the answer is a poor fit, and why.
+        notes: sentences on what limits the fit.
+        seconds: `total`, `compile`, `solve`.
+        versions: package -> version.
+        settings: everything needed to run it again.
+    """
+
+    title: str
+    knee: str
+    measured: np.ndarray
+    start: Motion
+    start_rmse: dict[str, float]
+    start_partial_objectives: dict[str, float]
+    start_objective: float
+    fits: tuple[Fit, ...]
+    ligaments: tuple[str, ...]
+    contacts: tuple[str, ...]
+    truth: dict[str, float]
+    noise: dict[str, float]
+    noise_estimated: bool
+    misfits: tuple[Misfit, ...]
+    notes: tuple[str, ...]
+    seconds: dict[str, float]
+    versions: dict[str, str]
+    settings: dict[str, Any]
+
+    @property
+    def fit(self) -> Fit:
+        """The fit that is reported as the answer."""
+        return self.fits[0]

@@ -1,0 +1,280 @@
+"""The searches that move parameters: stages, procedures I to III, several starts."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from kneejax.geometry import FREE_COORDINATES
+from kneejax.inference.calibration._result import Ending, Iteration
+from kneejax.inference.fit import (
+    BoundedLevenbergMarquardt,
+    Evaluation,
+    MotionData,
+    Problem,
+    best_offsets,
+    fit_many,
+)
+from kneejax.statics import Stations, balance_with_slopes
+
+#: The stages of a procedure of paper 1: which quantities are free in turn. Frame offsets are
+#: free in every stage.
+PROCEDURES = {
+    "I": (("stiffness",), ("reference_strain", "slack_length")),
+    "II": (("reference_strain", "slack_length"), ("stiffness",)),
+    "III": (None,),
+}
+_MAX_EVALUATIONS = 200
+_MAX_CYCLES = 200
+# A search ends when this many accepted steps lower chi squared by less than this altogether.
+_WINDOW, _INSIGNIFICANT = 6, 0.5
+# Cycles that Anderson's extrapolation looks back on.
+_MEMORY = 6
+
+
+@dataclasses.dataclass
+class Trail:
+    """What a search has done so far.
+
+    Attributes:
+        x: best parameters (and offsets).
+        objective: there.
+        history: accepted steps.
+        counts: evaluations by stage.
+        converged: whether the last stage ended by itself.
+        flat: whether it ended because further steps gained less than the noise.
+        reason: why it did not converge, where the search can tell.
+    """
+
+    x: np.ndarray
+    objective: float
+    history: list[Iteration]
+    counts: dict[str, int]
+    converged: bool = True
+    flat: bool = False
+    reason: str = ""
+
+    @property
+    def ending(self) -> Ending:
+        """Why it ended."""
+        if self.flat:
+            return Ending.FLAT
+        return Ending.CONVERGED if self.converged else Ending.STOPPED
+
+    @property
+    def evaluations(self) -> int:
+        """Evaluations of all poses and their Jacobian."""
+        return sum(self.counts.values())
+
+
+def run_procedure(
+    problem: Problem,
+    procedure: str,
+    start: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    cycles: int = _MAX_CYCLES,
+    tolerance: float = 1e-6,
+    method: str = "least_squares",
+) -> Trail:
+    """Search by one of paper 1's procedures.
+
+    Args:
+        problem: what is fitted; its poses at the start must be known (`keep`).
+        procedure: `I` (stiffnesses, then slack lengths), `II` (the reverse) or `III` (all).
+        start: parameters and offsets, `(p,)`.
+        lower: bounds.
+        upper: bounds.
+        cycles: how often I and II may be gone through; paper 1 did it once.
+        tolerance: relative decrease of the objective in a cycle that ends the search.
+        method: of each stage, a key of `METHODS`.
+
+    Returns:
+        The trail.
+    """
+    trail = Trail(np.array(start, float), np.inf, [], {})
+    stages, search = PROCEDURES[procedure], METHODS[method]
+    begun, ended = [], []
+    for cycle in range(cycles if len(stages) > 1 else 1):
+        reached, here = trail.objective, trail.x
+        for number, quantities in enumerate(stages, 1):
+            free = _free(problem, quantities)
+            if free.any():
+                name = f"{procedure}.{number}" if len(stages) > 1 else procedure
+                search(problem, trail, free, lower, upper, name)
+        if len(stages) == 1 or cycles == 1:
+            return trail
+        if trail.objective < 1e-16 * problem.target.size:
+            return trail
+        if cycle and reached - trail.objective <= tolerance * reached:
+            return trail
+        begun.append(here)
+        ended.append(trail.x)
+        _accelerate(problem, trail, begun[-_MEMORY:], ended[-_MEMORY:], lower, upper)
+    trail.converged = False
+    return trail
+
+
+def _accelerate(problem: Problem, trail: Trail, begun, ended, lower, upper) -> None:
+    """Go on where the cycles were heading; kept only where it lowers the objective.
+
+    Alternating between coupled blocks converges linearly: near the answer of paper 1's twin the
+    slowest error shrinks by 1.7 per cent a cycle. Anderson's extrapolation cures that, but not
+    the crawl along bounds and round the bends of the valley before: there its guess is refused,
+    and the last cycle's move is repeated as long as that helps, twice as far each time (the
+    pattern move of Hooke and Jeeves 1961).
+    """
+    if len(begun) < 2:
+        return
+    if len(begun) > 2 and _improves(
+        problem, trail, np.clip(_anderson(begun, ended, upper - lower), lower, upper)
+    ):
+        return
+    move, times = ended[-1] - begun[-1], 1.0
+    while _improves(problem, trail, np.clip(ended[-1] + times * move, lower, upper)):
+        times *= 2.0
+
+
+def _anderson(begun, ended, width: np.ndarray) -> np.ndarray:
+    """Where cycles from `begun` to `ended` would stop if they were linear: `(p,)`."""
+    moved = (np.array(ended) - np.array(begun)) / width
+    mix, *_ = np.linalg.lstsq((moved[1:] - moved[:-1]).T, moved[-1], rcond=1e-12)
+    return ended[-1] - np.diff(ended, axis=0).T @ mix
+
+
+def _improves(problem: Problem, trail: Trail, trial: np.ndarray) -> bool:
+    """Move the trail to a trial point if the objective is lower there."""
+    found = problem.poses(trial)
+    residual, _ = problem.residual(trial, found)
+    trail.counts["acceleration"] = trail.counts.get("acceleration", 0) + 1
+    lower = float(residual @ residual) < trail.objective
+    if lower:
+        _move(problem, trail, trial, found, float(residual @ residual), "acceleration")
+    return lower
+
+
+def _move(problem: Problem, trail: Trail, x, found: Evaluation, objective: float, stage: str):
+    problem.keep(x, found)
+    trail.x, trail.objective = x, objective
+    trail.history.append(Iteration(stage, trail.evaluations, objective))
+
+
+def _free(problem: Problem, quantities) -> np.ndarray:
+    selection = problem.selection
+    chosen = [
+        quantities is None or selection.quantity(i) in quantities for i in range(len(selection))
+    ]
+    if quantities is not None and not any(chosen):
+        return np.zeros(len(chosen) + len(problem.offsets), bool)
+    return np.array(chosen + [True] * len(problem.offsets))
+
+
+def _stage(problem: Problem, trail: Trail, free, lower, upper, name: str) -> None:
+    fixed = jnp.asarray(trail.x)
+    solver = BoundedLevenbergMarquardt(  # pyright: ignore[reportCallIssue]
+        jnp.where(free, lower, fixed), jnp.where(free, upper, fixed), jacobian_from_aux=True
+    )
+    found = None
+
+    def look(y, _):
+        nonlocal found
+        found = problem.poses(np.asarray(y))
+        residual, jacobian = problem.residual(np.asarray(y), found)
+        return residual, (jacobian,)
+
+    y, tags = fixed, frozenset()
+    struct = jax.ShapeDtypeStruct((problem.target.size,), float)
+    state = solver.init(look, y, None, {}, struct, None, tags)
+    ended, reached = False, []
+    spare = max(problem.target.size - int(free.sum()), 1)
+    for _ in range(_MAX_EVALUATIONS):
+        trial = np.asarray(y)
+        y, state, _ = solver.step(look, y, None, {}, state, tags)
+        trail.counts[name] = trail.counts.get(name, 0) + 1
+        if bool(state.accepted):
+            _move(problem, trail, trial, found, float(jnp.sum(state.residual**2)), name)
+            reached.append(trail.objective)
+            # In units of the noise (chi squared): a valley that the data cannot tell from flat.
+            gain = reached[-_WINDOW] - reached[-1] if len(reached) >= _WINDOW else np.inf
+            trail.flat = gain < _INSIGNIFICANT * reached[-1] / spare
+        ended = trail.flat or bool(solver.terminate(look, y, None, {}, state, tags)[0])
+        if ended:
+            break
+    trail.converged = ended
+
+
+def _stage_by_lbfgsb(problem: Problem, trail: Trail, free, lower, upper, name: str) -> None:
+    from kneejax.inference.fit import minimise_bounded
+
+    origin = trail.x
+
+    def place(values: np.ndarray) -> np.ndarray:
+        x = origin.copy()
+        x[free] = values
+        return x
+
+    def objective(values: np.ndarray) -> tuple[float, np.ndarray]:
+        x = place(values)
+        found = problem.poses(x)
+        residual, jacobian = problem.residual(x, found)
+        value = float(residual @ residual)
+        trail.counts[name] = trail.counts.get(name, 0) + 1
+        if value < trail.objective:
+            _move(problem, trail, x, found, value, name)
+        return value, 2.0 * (residual @ jacobian)[free]
+
+    scale = _telling_changes(problem, origin, upper - lower)
+    answer = minimise_bounded(objective, origin[free], lower[free], upper[free], scale[free])
+    if answer.converged:
+        trail.x, trail.objective = place(answer.x), answer.value
+    trail.converged, trail.reason = answer.converged, answer.reason
+
+
+def _telling_changes(problem: Problem, x: np.ndarray, width: np.ndarray) -> np.ndarray:
+    """How far each parameter alone must move to move the poses as far as they are off, `(p,)`."""
+    residual, jacobian = problem.residual(x, problem.poses(x))
+    effect = np.linalg.norm(jacobian, axis=0) * width
+    # The ligament of a parameter may be slack at every pose.
+    effect = np.maximum(effect, 1e-3 * effect.max() or 1.0)
+    return width * max(float(np.linalg.norm(residual)), 1e-6) / effect
+
+
+#: How a stage is searched: with the exact Jacobian, or with the gradient alone (jaxopt).
+METHODS = {"least_squares": _stage, "lbfgsb": _stage_by_lbfgsb}
+
+
+def several_starts(
+    problem: Problem,
+    starts: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    steps: int = 40,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Run procedure III from several starts at once.
+
+    Args:
+        problem: what is fitted.
+        starts: `(s, p)`; offsets need no start, the best ones are known at every step.
+        lower: bounds.
+        upper: bounds.
+        steps: evaluations of each start.
+
+    Returns:
+        End points `(s, p)` and their objectives `(s,)`, infinite where a start found no balance.
+    """
+    size, count = len(problem.selection), len(starts)
+    with np.errstate(divide="ignore"):
+        noise = 1.0 / np.sqrt(problem.weights)
+    offsets = tuple(FREE_COORDINATES[row] for row in problem.offsets)
+    stations = Stations.at(problem.measured[:, 0])
+    data = MotionData(stations, problem.target.T, noise, offsets, problem.used)
+    knee, vary, values = problem.knee, problem.selection.apply, starts[:, :size]
+    begin = balance_with_slopes(knee, vary, values, stations)
+    box = (np.tile(bound[:size], (count, 1)) for bound in (lower, upper))
+    found = fit_many(knee, problem.selection, data, begin, values, *box, most=steps, far=True)
+    problem.equilibria += found.evaluations * len(stations)
+    shifts = [best_offsets(data, found.slopes.take([row])) for row in range(count)]
+    return np.hstack([found.values, np.reshape(shifts, (count, -1))]), found.chi2

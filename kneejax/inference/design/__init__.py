@@ -1,0 +1,14 @@
+"""What to measure next."""
+
+from kneejax.inference.design._candidates import USUAL_LOADS as USUAL_LOADS
+from kneejax.inference.design._candidates import Candidate as Candidate
+from kneejax.inference.design._candidates import stations_of as stations_of
+from kneejax.inference.design._candidates import usual_candidates as usual_candidates
+from kneejax.inference.design._design import Design as Design
+from kneejax.inference.design._design import choose as choose
+from kneejax.inference.design._design import criterion_of as criterion_of
+from kneejax.inference.design._design import design_tests as design_tests
+from kneejax.inference.design._design import standard_errors as standard_errors
+from kneejax.inference.design._design import told_by as told_by
+from kneejax.inference.design._station_derivatives import StationDerivatives as StationDerivatives
+from kneejax.inference.design._station_derivatives import station_derivatives as station_derivatives

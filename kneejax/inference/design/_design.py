@@ -1,0 +1,320 @@
+"""The next best test: which pose, under which load, would tell most about the parameters."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from kneejax.geometry import FREE_COORDINATES
+from kneejax.inference.design._candidates import Candidate, stations_of, usual_candidates
+from kneejax.inference.design._linearity import departures
+from kneejax.inference.design._station_derivatives import station_derivatives
+from kneejax.inference.identification import Information, plain, short, unit_of
+from kneejax.mechanics import Knee
+from kneejax.parameters import Selection, UnsuitableData
+from kneejax.statics import Status
+
+#: What a choice of tests makes small: D the volume of the joint confidence region, A the mean
+#: squared standard error in units of the parameters' scales.
+CRITERIA = ("D", "A")
+# Departure from a straight line from which on a promise is rough.
+_FAR = 0.5
+# Exchanges that gain less are rounding.
+_GAIN = 1e-10
+
+
+@dataclasses.dataclass(frozen=True)
+class Design:
+    """The tests to make next, and what each is expected to tell.
+
+    Attributes:
+        criterion: `D` or `A`.
+        names: of the parameters.
+        scale: of each parameter, in its own unit, `(p,)`.
+        candidates: what there was to choose from.
+        status: `Status` value of each, `(candidates,)`; only balanced, stable poses within the
+            fitted surfaces are chosen from.
+        chosen: rows of the candidates, in the order in which to make the tests.
+        standard_errors: of the parameters, before (row 0) and after each chosen test,
+            `(chosen + 1, p)`.
+        criterion_values: before and after each chosen test, `(chosen + 1,)`, in units of the
+            scales: for D the geometric mean of the half axes of the confidence ellipsoid, for A
+            the root mean square of the standard errors. 1 is what is known of any knee.
+        gains: of each candidate as the very next test, `(candidates,)`: for D information in bits,
+            for A the part of the mean squared standard error that it takes away; NaN where left
+            out.
+        standard_errors_next: after each candidate as the very next test, `(candidates, p)`.
+        departures: how far each chosen test's pose departs from its derivative when the parameters
+            move by a standard deviation of what is known before, as a part of the change,
+            `(chosen,)`.
+        prior: standard deviations of a prior that was added to the data, `(p,)`, or None.
+        notes: what else a reader must know.
+
+    Source: Fedorov 1972, Theory of Optimal Experiments.
+    """
+
+    criterion: str
+    names: tuple[str, ...]
+    scale: np.ndarray
+    candidates: tuple[Candidate, ...]
+    status: np.ndarray
+    chosen: tuple[int, ...]
+    standard_errors: np.ndarray
+    criterion_values: np.ndarray
+    gains: np.ndarray
+    standard_errors_next: np.ndarray
+    departures: np.ndarray
+    prior: np.ndarray | None
+    notes: tuple[str, ...]
+
+    @property
+    def tests(self) -> tuple[Candidate, ...]:
+        """The chosen candidates, in order."""
+        return tuple(self.candidates[row] for row in self.chosen)
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """One a chosen test: what to do, and which parameter profits most."""
+        words = ["Next", *["Then"] * (len(self.chosen) - 1)]
+        return tuple(
+            f"{word}: {test}; it cuts the standard error of {_profit(self, step)}."
+            for step, (word, test) in enumerate(zip(words, self.tests, strict=True))
+        )
+
+
+def design_tests(
+    selection: Selection,
+    knee: Knee,
+    known: Information,
+    noise: np.ndarray,
+    candidates: Sequence[Candidate] | None = None,
+    *,
+    count: int = 3,
+    criterion: str = "D",
+    prior: np.ndarray | None = None,
+    repeat: bool = False,
+) -> Design:
+    """Choose the tests that tell most about a knee's parameters, on top of data that exist.
+
+    Candidates are foreseen with the parameters of the fit, to first order: what a test tells is
+    the exact derivative of its pose by the parameters.
+
+    Args:
+        selection: the parameters.
+        knee: gives everything else.
+        known: information of the data that exist, at the fit (`fit_information`). Parameters that
+            ended on a bound count as free here.
+        noise: standard deviation of what is measured, `(5,)` (`noise_of`).
+        candidates: `usual_candidates()` by default.
+        count: how many tests to choose.
+        criterion: `D` or `A`.
+        prior: standard deviations of what is known besides data, `(p,)`, e.g. `known.scale`.
+            Data that leave a combination of parameters less certain than that need one, or the
+            choice would go after numbers without meaning; `known.scale` is then taken, and a note
+            says so.
+        repeat: whether a test may be made several times.
+
+    Returns:
+        The `Design`.
+
+    Raises:
+        UnsuitableData: an unknown criterion, fewer candidates that balance than tests wanted, a
+            prior without width, parameters that are not those of the information.
+    """
+    tests = tuple(usual_candidates() if candidates is None else candidates)
+    noise, prior = np.asarray(noise, float), None if prior is None else np.asarray(prior, float)
+    _check(selection, known, noise, tests, count, criterion, prior)
+    found = station_derivatives(selection, knee, known.values, stations_of(tests))
+    usable = found.status == Status.BALANCED
+    if usable.sum() < (1 if repeat else count):
+        raise UnsuitableData(
+            f"{count} tests wanted, but the model foresees only {usable.sum()} of {len(tests)} "
+            "candidates: ask for fewer, or give others"
+        )
+    told = told_by(tests, np.where(usable[:, None, None], found.jacobian, 0.0), noise, known.scale)
+    base, prior, notes = _base(known, prior)
+    left_out = int((~usable).sum())
+    if left_out:
+        words = sorted({Status(s).word.replace("_", " ") for s in found.status[~usable]})
+        verb, them = ("is", "it") if left_out == 1 else ("are", "them")
+        notes.append(
+            f"{left_out} of {len(tests)} candidates {verb} left out, since the model does not "
+            f"foresee {them} well ({', '.join(words)})."
+        )
+    if known.at_bound.any():
+        bound = [plain(n) for n, on in zip(known.names, known.at_bound, strict=True) if on]
+        notes.append(f"On a bound at the fit, but counted as free here: {', '.join(bound)}.")
+    chosen = choose(base, told, count, criterion, usable=usable, repeat=repeat)
+    covariance = np.linalg.inv(base) * np.outer(known.scale, known.scale)
+    bends = departures(selection, knee, known.values, covariance, noise, tests, chosen, found)
+    notes += [
+        f"{tests[row]}: the pose is far from a straight line over what the parameters may still be "
+        f"({_off(bend)}). Take what it promises as a rough guide, and plan again after it."
+        for row, bend in zip(chosen, bends, strict=True)
+        if bend > _FAR
+    ]
+    steps = base + np.concatenate([np.zeros((1, *base.shape)), np.cumsum(told[list(chosen)], 0)])
+    after = base + told
+    return Design(
+        criterion=criterion,
+        names=known.names,
+        scale=known.scale,
+        candidates=tests,
+        status=found.status,
+        chosen=chosen,
+        standard_errors=standard_errors(steps) * known.scale,
+        criterion_values=_in_scales(criterion, criterion_of(steps, criterion), len(base)),
+        gains=np.where(usable, _gain(base, after, criterion), np.nan),
+        standard_errors_next=np.where(
+            usable[:, None], standard_errors(after) * known.scale, np.nan
+        ),
+        departures=bends,
+        prior=prior,
+        notes=tuple(notes),
+    )
+
+
+def told_by(
+    candidates: Sequence[Candidate], jacobian: np.ndarray, noise: np.ndarray, scale: np.ndarray
+) -> np.ndarray:
+    """Information of each candidate, scaled, `(candidates, p, p)`.
+
+    Args:
+        candidates: the tests; only what they measure counts.
+        jacobian: of the five coordinates by the parameters, `(candidates, 5, p)`.
+        noise: standard deviations, `(5,)`.
+        scale: of the parameters, `(p,)`.
+    """
+    measured = np.array([[c in test.measured for c in FREE_COORDINATES] for test in candidates])
+    rows = np.where(measured[:, :, None], jacobian, 0.0) / np.asarray(noise)[:, None] * scale
+    return np.einsum("tci,tcj->tij", rows, rows)
+
+
+def choose(
+    base: np.ndarray,
+    told: np.ndarray,
+    count: int,
+    criterion: str = "D",
+    *,
+    usable: np.ndarray | None = None,
+    repeat: bool = False,
+) -> tuple[int, ...]:
+    """Choose candidates: one after the other, then exchanging while that gains.
+
+    The best next one is added until there are enough (greedy). Then each is exchanged for any other
+    candidate while the criterion falls (Fedorov), and the final choice is put in the order in
+    which each next one tells most.
+
+    Args:
+        base: information that exists, regular, `(p, p)`.
+        told: information of each candidate, `(candidates, p, p)`.
+        count: how many to choose.
+        criterion: `D` or `A`.
+        usable: candidates to choose from, `(candidates,)`; all by default.
+        repeat: whether one may be chosen several times.
+
+    Returns:
+        Rows of `told`.
+    """
+    usable = np.ones(len(told), bool) if usable is None else np.asarray(usable, bool)
+    rows: list[int] = _greedy(base, told, count, criterion, usable, repeat)
+    total = base + told[rows].sum(axis=0)
+    best = float(criterion_of(total, criterion))
+    improved = True
+    while improved:
+        improved = False
+        for place in range(count):
+            others = total - told[rows[place]]
+            values = criterion_of(others + told, criterion)
+            values[~usable] = np.inf
+            if not repeat:
+                values[rows] = np.inf
+            candidate = int(np.argmin(values))
+            if values[candidate] < best - _GAIN * max(1.0, abs(best)):
+                rows[place], best = candidate, float(values[candidate])
+                total, improved = others + told[candidate], True
+    own, order = told[rows], np.ones(count, bool)
+    return tuple(rows[i] for i in _greedy(base, own, count, criterion, order, False))
+
+
+def criterion_of(information: np.ndarray, criterion: str) -> np.ndarray:
+    """What is made small: minus the log determinant (D) or the trace of the inverse (A).
+
+    Args:
+        information: `(..., p, p)`, regular.
+        criterion: `D` or `A`.
+    """
+    if criterion == "D":
+        return -np.linalg.slogdet(information)[1]
+    return np.trace(np.linalg.inv(information), axis1=-2, axis2=-1)
+
+
+def standard_errors(information: np.ndarray) -> np.ndarray:
+    """Standard errors that regular information promises, `(..., p)`."""
+    return np.sqrt(np.diagonal(np.linalg.inv(information), axis1=-2, axis2=-1))
+
+
+def _greedy(base, told, count, criterion, usable, repeat) -> list[int]:
+    rows, total, free = [], base, usable.copy()
+    for _ in range(count):
+        values = np.where(free, criterion_of(total + told, criterion), np.inf)
+        rows.append(int(np.argmin(values)))
+        total = total + told[rows[-1]]
+        free[rows[-1]] = repeat
+    return rows
+
+
+def _check(selection, known, noise, tests, count, criterion, prior) -> None:
+    if criterion not in CRITERIA:
+        raise UnsuitableData(f"unknown criterion {criterion!r}: expected D or A")
+    if known.names != selection.names:
+        raise UnsuitableData("the information is not that of the selected parameters")
+    if count < 1:
+        raise UnsuitableData(f"{count} tests: expected at least 1")
+    if not tests:
+        raise UnsuitableData("no candidates: expected at least one test to choose from")
+    if noise.shape != (5,) or not (np.isfinite(noise) & (noise > 0)).all():
+        raise UnsuitableData(f"noise {noise}: expected five standard deviations above 0")
+    if prior is None:
+        return
+    if prior.shape != known.scale.shape:
+        raise UnsuitableData(f"prior of shape {prior.shape}: expected {known.scale.shape}")
+    for name, width in zip(known.names, prior, strict=True):
+        if not width > 0:
+            raise UnsuitableData(f"{name}: prior of width {width:g}: expected above 0")
+
+
+def _base(known: Information, prior: np.ndarray | None):
+    """Information before the tests, scaled; the prior in it; and what to say."""
+    if prior is not None:
+        return known.matrix + np.diag((known.scale / prior) ** 2), prior, []
+    if np.linalg.eigvalsh(known.matrix)[0] >= 1.0:
+        return known.matrix, None, []
+    note = (
+        "The data alone leave combinations of parameters less certain than they are for any knee. "
+        "What is known of any knee (the scale of each parameter, as a standard deviation) is "
+        "therefore part of every number here."
+    )
+    return known.matrix + np.eye(len(known.names)), known.scale, [note]
+
+
+def _off(bend: float) -> str:
+    return f"off by {bend:.0%}" if np.isfinite(bend) else "some of it has no balance"
+
+
+def _in_scales(criterion: str, values: np.ndarray, size: int) -> np.ndarray:
+    return np.exp(values / (2 * size)) if criterion == "D" else np.sqrt(values / size)
+
+
+def _gain(base: np.ndarray, after: np.ndarray, criterion: str) -> np.ndarray:
+    before, then = criterion_of(base, criterion), criterion_of(after, criterion)
+    return (before - then) / (2 * np.log(2)) if criterion == "D" else 1.0 - then / before
+
+
+def _profit(design: Design, step: int) -> str:
+    before, after = design.standard_errors[step : step + 2]
+    row = int(np.argmax(before / after))
+    name = design.names[row]
+    return f"{plain(name)} from {short(before[row])} to {short(after[row])}{unit_of(name)}"

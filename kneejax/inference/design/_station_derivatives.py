@@ -1,0 +1,75 @@
+"""Balanced poses of a knee at any flexions and loads, with their exact Jacobian."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from kneejax.inference.fit import TABLE_UNITS
+from kneejax.mechanics import Knee
+from kneejax.parameters import Selection
+from kneejax.statics import Slopes, Stations, balance_with_slopes
+
+
+@dataclasses.dataclass(frozen=True)
+class StationDerivatives:
+    """Poses at stations, and how parameters move them; rows that failed are NaN.
+
+    Attributes:
+        slopes: the balances in full, one variant.
+    """
+
+    slopes: Slopes
+
+    @property
+    def table(self) -> np.ndarray:
+        """Free coordinates, degrees and mm, `(stations, 5)`."""
+        return self.slopes.q[0] * TABLE_UNITS
+
+    @property
+    def jacobian(self) -> np.ndarray:
+        """Derivative of the table by the parameters, `(stations, 5, p)`."""
+        return self.slopes.jacobian[0] * TABLE_UNITS[:, None]
+
+    @property
+    def status(self) -> np.ndarray:
+        """`Status` values, `(stations,)`."""
+        return self.slopes.status[0]
+
+    def take(self, rows: Sequence[int]) -> StationDerivatives:
+        """Some of the stations, in the order of `rows`."""
+        found, place = self.slopes, list(rows)
+        arrays = {
+            field.name: getattr(found, field.name)[:, place]
+            for field in dataclasses.fields(found)
+            if field.name != "values"
+        }
+        return StationDerivatives(dataclasses.replace(found, **arrays))
+
+
+def station_derivatives(
+    selection: Selection,
+    knee: Knee,
+    values: np.ndarray,
+    stations: Stations,
+    near: StationDerivatives | None = None,
+) -> StationDerivatives:
+    """Balance a knee at flexions with loads, and differentiate each pose by the parameters.
+
+    Every station is reached as a test is made: the knee is bent without the load, which then grows.
+
+    Args:
+        selection: the parameters.
+        knee: gives everything else.
+        values: of the parameters, `(p,)`.
+        stations: in any order; none depends on another.
+        near: balanced poses at these stations, of parameters close by, to predict from instead.
+
+    Returns:
+        Poses, exact derivatives (the implicit function theorem) and outcomes.
+    """
+    known = None if near is None else near.slopes
+    one = np.asarray(values, float)[None]
+    return StationDerivatives(balance_with_slopes(knee, selection.apply, one, stations, known))

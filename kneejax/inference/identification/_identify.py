@@ -1,0 +1,213 @@
+"""What measured motion can and cannot tell of a knee's parameters."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+
+from kneejax.geometry import FREE_COORDINATES, Pose
+from kneejax.inference.calibration import Motion, motion_at
+from kneejax.inference.fit import DEFAULT_WEIGHTS, MotionData, Problem, balances_of, best_offsets
+from kneejax.inference.identification._information import Information, fit_information
+from kneejax.inference.intervals import (
+    Interval,
+    Profile,
+    follow_to_the_lowest,
+    likeliest,
+    named,
+    on_bounds,
+    rise_at_limits,
+    stated_noise,
+)
+from kneejax.mechanics import Knee
+from kneejax.parameters import Selection, UnsuitableData, select, start_within, stated_bounds
+from kneejax.statics import Slopes, Stations, balance_with_slopes
+
+#: Chi squared per degree of freedom beyond which the noise that was given is doubted.
+_MISFIT = 2.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Identification:
+    """A fit by maximum likelihood, and what the data say about it.
+
+    Attributes:
+        selection: the free parameters.
+        values: the estimates, `(p,)`.
+        lower: bounds, `(p,)`.
+        upper: bounds.
+        at_bound: estimates on a bound, `(p,)`.
+        offsets: free coordinate -> constant difference of the frames at the fit, degrees or mm.
+        noise: standard deviation of each coordinate, degrees and mm, `(5,)`.
+        noise_estimated: whether that was estimated from the misfit of the fit itself.
+        chi2: sum of squared errors over their variances.
+        data: how many numbers were measured.
+        converged: whether the fit converged.
+        information: Fisher information at the fit.
+        profiles: one a parameter; empty if none were asked for.
+        intervals: what they say of each parameter; likewise.
+        motion: the poses of the fit, without frame offsets.
+        problem: for what builds on the fit (posterior, next test).
+        warnings: what a reader must know.
+    """
+
+    selection: Selection
+    values: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    at_bound: np.ndarray
+    offsets: dict[str, float]
+    noise: np.ndarray
+    noise_estimated: bool
+    chi2: float
+    data: int
+    converged: bool
+    information: Information
+    profiles: tuple[Profile, ...]
+    intervals: tuple[Interval, ...]
+    motion: Motion
+    problem: Problem
+    warnings: tuple[str, ...]
+
+    @property
+    def vector(self) -> np.ndarray:
+        """Parameters, then frame offsets in the order of the problem."""
+        return np.r_[self.values, list(self.offsets.values())]
+
+
+def identify(
+    knee: Knee,
+    measured: np.ndarray,
+    parameters: tuple[str, ...] = ("*.stiffness", "*.reference_strain"),
+    *,
+    noise_mm: float | None = None,
+    noise_deg: float | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    weights: np.ndarray | None = None,
+    offsets: tuple[str, ...] = (),
+    with_profiles: bool = True,
+) -> Identification:
+    """Fit a motion by maximum likelihood and ask what its data determine.
+
+    Errors are taken as independent and normal. Where their size is not given it is estimated from
+    what the fit leaves, for displacements and rotations apart.
+
+    Args:
+        knee: gives everything that is not free, and the start of what is.
+        measured: `(n, 6)` in the order of `kneejax.geometry.COLUMNS`, degrees and mm.
+        parameters: names, with `*` for every ligament.
+        noise_mm: standard deviation of measured displacements; estimated by default.
+        noise_deg: of measured rotations; likewise.
+        bounds: by name, wildcard or quantity; those of paper 1 by default.
+        weights: `(5,)`, of the first fit, from which noise is estimated; paper 1's by default.
+        offsets: free coordinates whose constant difference to the measurement is free.
+        with_profiles: whether to follow the profiles.
+
+    Returns:
+        The `Identification`.
+
+    Raises:
+        UnknownParameter: a name that the knee does not have.
+        UnsuitableData: bounds that exclude the start, data that are not finite, no more data than
+            parameters while the noise must be estimated, or no pose that balances.
+    """
+    measured = np.asarray(measured, float)
+    selection = select(knee, parameters)
+    rows = tuple(FREE_COORDINATES.index(name) for name in offsets)
+    if not np.isfinite(measured).all():
+        row = int(np.flatnonzero(~np.isfinite(measured).all(axis=1))[0])
+        raise UnsuitableData(f"measured row {row} is not finite: leave it out")
+    stated = stated_noise(noise_mm, noise_deg)
+    lower, upper = stated_bounds(knee, selection, bounds or {})
+    start = start_within(knee, selection, lower, upper)
+    stations = Stations.at(measured[:, 0])
+    begin = balance_with_slopes(knee, selection.apply, start[None], stations)
+    used = begin.converged[0]
+    if not used.any():
+        raise UnsuitableData("no measured flexion has a balance with the start's parameters")
+    estimated = bool(np.isnan(stated).any())
+    weights = DEFAULT_WEIGHTS if weights is None else np.asarray(weights, float)
+    count = int((weights > 0).sum() * used.sum())
+    spare = count - len(selection) - len(offsets)
+    if estimated and spare <= 0:
+        raise UnsuitableData(
+            f"{count} measured numbers for {len(selection) + len(offsets)} unknowns: "
+            "their noise cannot be estimated; give noise_mm and noise_deg, or free fewer parameters"
+        )
+    balance = balances_of(knee, selection, stations)
+    with np.errstate(divide="ignore"):
+        data = MotionData(stations, measured[:, 1:], 1.0 / np.sqrt(weights), offsets, used)
+    fits, data = likeliest(balance, data, begin, stated, lower, upper, far=True)
+    fit, followed = fits.slopes, ()
+    if with_profiles:
+        threshold = rise_at_limits(spare if estimated else None)
+        fit, (followed,) = follow_to_the_lowest(
+            balance, data, fits, lower, upper, threshold, named(selection)
+        )
+    residual, _ = data.residual(fit)
+    values, noise = fit.values[0], data.noise[0]
+    at_bound = on_bounds(values, lower, upper)
+    problem = Problem(knee, selection, measured, 1.0 / noise**2, rows)
+    problem.use_only(used)
+    one = dataclasses.replace(data, noise=noise)
+    told = fit_information(knee, selection, one, fit, at_bound=at_bound)
+    answer = Identification(
+        selection,
+        values,
+        lower,
+        upper,
+        at_bound,
+        dict(zip(offsets, best_offsets(one, fit), strict=True)),
+        noise,
+        estimated,
+        float(residual[0] @ residual[0]),
+        count,
+        bool(fits.converged[0]),
+        told,
+        followed,
+        tuple(map(Interval.of, followed, values, told.standard_error, lower, upper)),
+        _motion(selection.apply(knee, values), stations, fit),
+        problem,
+        (),
+    )
+    return dataclasses.replace(answer, warnings=_warnings(answer, used, spare))
+
+
+def _motion(knee: Knee, stations: Stations, fit: Slopes) -> Motion:
+    q, meeting = np.moveaxis(fit.q[0], 0, -1), np.moveaxis(fit.meeting[0], 0, -1)
+    pose = Pose.from_state(stations.flexion, q)
+    return motion_at(knee, np.asarray(pose.to_table()), pose, meeting, fit.status[0])
+
+
+def _warnings(answer: Identification, used: np.ndarray, spare: int) -> tuple[str, ...]:
+    notes = []
+    if not answer.converged:
+        notes.append("The fit did not converge: free fewer parameters or start nearer.")
+    lost = int((~used).sum())
+    if lost:
+        notes.append(f"{lost} measured poses count nowhere: the start has no balance there.")
+    per_freedom = answer.chi2 / max(spare, 1)
+    if not answer.noise_estimated and spare > 0 and per_freedom > _MISFIT:
+        notes.append(
+            f"The fit misses the data by {np.sqrt(per_freedom):.2g} times the noise that was "
+            "given: the model lacks something, or the noise is larger; all limits are too narrow."
+        )
+    if spare <= 0:
+        notes.append(
+            f"{answer.data} measured numbers for {len(answer.values)} parameters: fewer data than "
+            "unknowns; what follows is what priors leave."
+        )
+    for profile in answer.profiles:
+        if profile.better:
+            notes.append(
+                f"Along the profile of {profile.name} chi squared falls {profile.better:.3g} below "
+                "the fit: there is a better fit; start the calibration from there."
+            )
+    names = [n for n, on in zip(answer.selection.names, answer.at_bound, strict=True) if on]
+    if names:
+        notes.append(
+            f"On a bound: {', '.join(names)}. Standard errors of the others hold them there."
+        )
+    return tuple(notes)

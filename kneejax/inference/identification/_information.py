@@ -1,0 +1,300 @@
+"""Fisher information at a fit: which combinations of parameters the data fix, and which not."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import jax.numpy as jnp
+import numpy as np
+
+from kneejax.experiments import slack_poses
+from kneejax.geometry import Pose
+from kneejax.inference.fit import MotionData
+from kneejax.inference.identification._information_words import (
+    fixed_combination,
+    loose_combination,
+    reason,
+)
+from kneejax.mechanics import Knee
+from kneejax.parameters import Selection, UnsuitableData, prior_scales
+from kneejax.statics import Slopes
+
+# Singular values below this part of the largest are rounding.
+_ROUNDING = 1e-13
+# Sentences on the best and the worst known combinations.
+_STIFF, _SLOPPY = 2, 3
+
+
+@dataclasses.dataclass(frozen=True)
+class Information:
+    """What data tell about parameters, to first order at a fit.
+
+    Parameters are scaled by `scale`, what is known of them before a knee is measured. A combination
+    with eigenvalue 100 is then known ten times better from these data than before; one whose
+    eigenvalue is below 1 the data leave where it was.
+
+    Attributes:
+        names: of the parameters.
+        values: at which the derivatives were taken, `(p,)`.
+        scale: of each parameter, in its own unit, `(p,)`.
+        at_bound: which parameters are on a bound, `(p,)`; these are held in all that follows but
+            `matrix`.
+        matrix: information of all parameters, scaled, `(p, p)`: `(J/noise)^T (J/noise)`.
+        eigenvalues: of the free parameters' part, largest first, `(free,)`.
+        eigenvectors: columns, `(p, free)`; zero in rows of parameters on a bound.
+        standard_error: in the parameter's unit, `(p,)`; infinite where data say nothing, NaN on a
+            bound.
+        correlation: of the estimates, `(p, p)`; NaN where there is none.
+        condition_number: largest eigenvalue over the smallest; infinite if that is zero.
+        data: how many numbers were measured.
+        stiff: sentences on the combinations that the data fix best.
+        sloppy: sentences on those that they leave as they were.
+        reasons: for each parameter that is not determined a sentence why; empty for the others.
+        notes: what else a reader must know.
+
+    Source: Gutenkunst et al. 2007, PLoS Computational Biology 3, e189, for stiff and sloppy.
+    """
+
+    names: tuple[str, ...]
+    values: np.ndarray
+    scale: np.ndarray
+    at_bound: np.ndarray
+    matrix: np.ndarray
+    eigenvalues: np.ndarray
+    eigenvectors: np.ndarray
+    standard_error: np.ndarray
+    correlation: np.ndarray
+    condition_number: float
+    data: int
+    stiff: tuple[str, ...]
+    sloppy: tuple[str, ...]
+    reasons: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def determined(self) -> np.ndarray:
+        """Where data know a parameter better than its scale, `(p,)`."""
+        return self.standard_error < self.scale
+
+
+def information(
+    jacobian: np.ndarray,
+    noise: np.ndarray | float,
+    names: Sequence[str],
+    values: np.ndarray,
+    *,
+    scale: np.ndarray | None = None,
+    at_bound: np.ndarray | None = None,
+    flexion_deg: np.ndarray | None = None,
+    slack: Mapping[str, np.ndarray] | None = None,
+) -> Information:
+    """Fisher information of measured coordinates with independent normal noise.
+
+    A fit that weights its data by `1 / noise^2` reaches these standard errors where the model is
+    linear over their width; no unbiased estimate does better.
+
+    Args:
+        jacobian: derivative of what is measured by the parameters, `(5, n, p)` or `(rows, p)`.
+            Poses that are not finite count for nothing.
+        noise: standard deviation of what is measured: `(5,)` in the order of
+            `kneejax.geometry.FREE_COORDINATES` (`noise_of`), or `(rows,)`, or one for all.
+        names: of the parameters, `LIGAMENT.quantity`.
+        values: of the parameters, `(p,)`.
+        scale: `(p,)`; `prior_scales` by default.
+        at_bound: parameters that are held on a bound, `(p,)`.
+        flexion_deg: of the poses, `(n,)`; with `slack`, it serves the reasons.
+        slack: ligament or group -> where it is slack, `(n,)` (`slack_poses`).
+
+    Returns:
+        The `Information`.
+
+    Raises:
+        UnsuitableData: shapes that do not fit, noise or a scale that is not positive.
+
+    Example:
+        >>> found = information([[1.0, 1.0], [1.0, 1.0]], 0.1, ["ACL.stiffness", "PCL.stiffness"],
+        ...                     [10.0, 10.0])
+        >>> found.standard_error.tolist(), found.reasons[0].split(": ")[1]
+        ([inf, inf], 'PCL stiffness makes up for it exactly.')
+    """
+    jacobian, values = np.asarray(jacobian, float), np.asarray(values, float)
+    names, size = tuple(names), len(names)
+    scale = (
+        prior_scales(Selection(names, ()), values) if scale is None else np.asarray(scale, float)
+    )
+    held = np.zeros(size, bool) if at_bound is None else np.asarray(at_bound, bool)
+    _check_sizes(jacobian, names, values, scale, held)
+    rows, lost = _rows(jacobian, noise)
+    weighted = rows * scale
+    free = ~held
+    _, singular, right = np.linalg.svd(weighted[:, free], full_matrices=True)
+    roots = np.zeros(free.sum())
+    roots[: len(singular)] = singular
+    roots[roots <= _ROUNDING * roots.max(initial=0.0)] = 0.0
+    eigenvectors = np.zeros((size, free.sum()))
+    eigenvectors[free] = right.T
+    # Signs are free: the largest component counts as positive.
+    largest = np.abs(eigenvectors).argmax(axis=0)
+    eigenvectors *= np.sign(eigenvectors[largest, np.arange(free.sum())])
+    spread, correlation = _spread(roots, eigenvectors, held)
+    error = spread * scale
+    eigenvalues = roots**2
+    reasons = _reasons(weighted, names, scale, error, held, flexion_deg, slack or {})
+    worst = eigenvalues.min(initial=np.inf)
+    condition = float(eigenvalues.max(initial=0.0) / worst) if worst > 0 else np.inf
+    return Information(
+        names=names,
+        values=values,
+        scale=scale,
+        at_bound=held,
+        matrix=weighted.T @ weighted,
+        eigenvalues=eigenvalues,
+        eigenvectors=eigenvectors,
+        standard_error=error,
+        correlation=correlation,
+        condition_number=condition,
+        data=len(rows),
+        stiff=tuple(
+            fixed_combination(i, names, values, scale, eigenvalues, eigenvectors)
+            for i in range(min(_STIFF, len(eigenvalues)))
+            if eigenvalues[i] > 1.0
+        ),
+        sloppy=tuple(
+            loose_combination(i, names, scale, eigenvalues, eigenvectors)
+            for i in reversed(range(max(len(eigenvalues) - _SLOPPY, 0), len(eigenvalues)))
+            if eigenvalues[i] < 1.0
+        ),
+        reasons=reasons,
+        notes=_notes(len(rows), names, held, lost),
+    )
+
+
+def fit_information(
+    knee: Knee,
+    selection: Selection,
+    data: MotionData,
+    fit: Slopes,
+    *,
+    scale: np.ndarray | None = None,
+    at_bound: np.ndarray | None = None,
+) -> Information:
+    """Fisher information of a motion's data at a fit, with the reasons that slack ligaments give.
+
+    Args:
+        knee: gives everything that is not free.
+        selection: the parameters.
+        data: the motion. Constant frame offsets take the information that they need; the rest is
+            what is told of the parameters.
+        fit: balances and derivatives at the fit, one variant (`balance_with_slopes`).
+        scale: `(p,)`; `prior_scales` by default.
+        at_bound: parameters on a bound, `(p,)`.
+
+    Returns:
+        The `Information`.
+    """
+    counted = data.counted & fit.converged[0]
+    _, rows = dataclasses.replace(data, used=counted).residual(fit)
+    poses = Pose.from_state(data.stations.flexion, jnp.asarray(fit.q[0].T))
+    meeting = jnp.moveaxis(jnp.asarray(fit.meeting[0]), 0, -1)
+    slack = slack_poses(selection.apply(knee, jnp.asarray(fit.values[0])), poses, meeting)
+    answer = information(
+        rows[0],
+        1.0,
+        selection.names,
+        fit.values[0],
+        scale=scale,
+        at_bound=at_bound,
+        flexion_deg=np.rad2deg(np.asarray(data.stations.flexion))[counted],
+        slack={name: where[counted] for name, where in slack.items()},
+    )
+    lost = int(data.counted.sum() - counted.sum())
+    notes = _notes(len(rows[0]), answer.names, answer.at_bound, lost)
+    return dataclasses.replace(answer, notes=notes)
+
+
+def noise_of(noise_mm: float, noise_deg: float) -> np.ndarray:
+    """Standard deviations of the five free coordinates, `(5,)`, mm and degrees.
+
+    Raises:
+        UnsuitableData: one is not a positive number.
+    """
+    for name, value in (("noise_mm", noise_mm), ("noise_deg", noise_deg)):
+        if not (np.isfinite(value) and value > 0):
+            raise UnsuitableData(f"{name}: {value:g}: expected a standard deviation above 0")
+    return np.array([noise_deg, noise_deg, noise_mm, noise_mm, noise_mm])
+
+
+def _check_sizes(jacobian, names, values, scale, held) -> None:
+    size = len(names)
+    if jacobian.ndim not in (2, 3) or jacobian.shape[-1] != size or not size:
+        raise UnsuitableData(
+            f"a Jacobian of shape {jacobian.shape} for {size} parameters: expected "
+            f"(5, poses, {size}) or (rows, {size})"
+        )
+    for what, array in (("values", values), ("scale", scale), ("at_bound", held)):
+        if array.shape != (size,):
+            raise UnsuitableData(f"{what} of shape {array.shape}: expected ({size},)")
+    for name, width in zip(names, scale, strict=True):
+        if not (np.isfinite(width) and width > 0):
+            raise UnsuitableData(f"{name}: scale {width:g}: expected a number above 0")
+
+
+def _rows(jacobian: np.ndarray, noise: np.ndarray | float) -> tuple[np.ndarray, int]:
+    """Rows in units of their noise without what is not finite; how many poses that was."""
+    deviation = np.asarray(noise, float)
+    if not (np.isfinite(deviation) & (deviation > 0)).all():
+        raise UnsuitableData(f"noise {deviation}: expected standard deviations above 0")
+    expected = len(jacobian)
+    if deviation.shape not in ((), (1,), (expected,)):
+        raise UnsuitableData(f"noise of shape {deviation.shape}: expected ({expected},)")
+    deviation = np.broadcast_to(deviation, expected)
+    rows = jacobian / deviation.reshape(-1, *(1,) * (jacobian.ndim - 1))
+    if jacobian.ndim == 3:
+        known = np.isfinite(rows).all(axis=(0, 2))
+        rows = rows[:, known].reshape(-1, rows.shape[-1])
+    else:
+        known = np.isfinite(rows).all(axis=1)
+        rows = rows[known]
+    return rows, int((~known).sum())
+
+
+def _spread(roots: np.ndarray, vectors: np.ndarray, held: np.ndarray):
+    """Standard errors in units of the scale, and correlations."""
+    known = roots > 0
+    unknown = (vectors[:, ~known] ** 2).sum(axis=1) > 1e-12
+    half = vectors[:, known] / roots[known]
+    covariance = half @ half.T
+    spread = np.sqrt(np.diag(covariance))
+    spread = np.where(held, np.nan, np.where(unknown, np.inf, spread))
+    finite = np.where(np.isfinite(spread), spread, np.nan)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return spread, covariance / np.outer(finite, finite)
+
+
+def _reasons(weighted, names, scale, error, held, flexion, slack) -> tuple[str, ...]:
+    sentences = []
+    for i, name in enumerate(names):
+        if error[i] < scale[i]:
+            sentences.append("")
+            continue
+        ligament = name.split(".", 1)[0]
+        where = slack.get(ligament) if flexion is not None else None
+        sentences.append(reason(i, names, scale, weighted, held, flexion, where))
+    return tuple(sentences)
+
+
+def _notes(data: int, names: tuple[str, ...], held: np.ndarray, lost: int) -> tuple[str, ...]:
+    notes, free = [], int((~held).sum())
+    if data < free:
+        notes.append(
+            f"{data} measured numbers for {free} free parameters: at least {free - data} "
+            "combinations stay unknown whatever was measured. Fix parameters or measure more."
+        )
+    if held.any():
+        bound = ", ".join(name for name, on in zip(names, held, strict=True) if on)
+        notes.append(f"On a bound and held there: {bound}.")
+    if lost:
+        poses = "1 pose counts" if lost == 1 else f"{lost} poses count"
+        notes.append(f"{poses} for nothing: no balance was found there.")
+    return tuple(notes)

@@ -1,0 +1,225 @@
+"""What the spectrum of an information matrix means, in plain words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from kneejax.parameters import QUANTITIES
+
+# Components of a direction below this part of the largest are not named, nor is a fourth.
+_NAMED, _MOST = 0.3, 3
+# What is left out may widen the standard error of the rest this many times, and is else mentioned.
+_NEARLY = 5.0
+# A column that others reproduce within this part of its length is made up for exactly.
+_EXACT = 1e-6
+
+
+def plain(name: str) -> str:
+    """A parameter's name in words: `ACL.reference_strain` becomes `ACL reference strain`."""
+    return name.replace(".", " ").replace("_", " ")
+
+
+def unit_of(name: str) -> str:
+    """Unit of a parameter with a blank before it, empty for strains."""
+    unit = QUANTITIES.get(name.split(".", 1)[-1], "")
+    return f" {unit}" if unit else ""
+
+
+def short(value: float) -> str:
+    """A number with two or three digits, thousands set apart."""
+    if not np.isfinite(value):
+        return "unknown"
+    if abs(value) >= 1e6 or 0 < abs(value) < 1e-4:
+        return f"{value:.1e}"
+    return f"{value:,.0f}" if abs(value) >= 99.5 else f"{value:.2g}"
+
+
+def slack_words(flexion_deg: np.ndarray, slack: np.ndarray) -> str:
+    """Where a ligament is slack, as ranges of flexion.
+
+    Args:
+        flexion_deg: `(n,)`, in any order; a flexion that occurs twice counts as slack where every
+            pose there is.
+        slack: `(n,)`.
+
+    Returns:
+        E.g. `above 40 degrees`: from there on every measured pose is slack. Empty if none is.
+
+    Example:
+        >>> slack_words([0, 20, 40, 60, 80], [True, False, False, True, True])
+        'below 20 and above 40 degrees'
+    """
+    angles = np.unique(flexion_deg)
+    loose = [bool(np.asarray(slack)[np.asarray(flexion_deg) == angle].all()) for angle in angles]
+    if all(loose):
+        return "at every pose"
+    words, last = [], len(angles) - 1
+    starts = [i for i in range(len(angles)) if loose[i] and not (i and loose[i - 1])]
+    for first in starts:
+        end = next((i for i in range(first, last + 1) if not loose[i]), last + 1) - 1
+        if first == 0:
+            words.append(f"below {angles[end + 1]:g}")
+        elif end == last:
+            words.append(f"above {angles[first - 1]:g}")
+        else:
+            words.append(f"between {angles[first - 1]:g} and {angles[end + 1]:g}")
+    return f"{joined(words)} degrees" if words else ""
+
+
+def joined(words: Sequence[str]) -> str:
+    """Words with commas, and `and` before the last."""
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+
+
+def fixed_combination(
+    index: int,
+    names: Sequence[str],
+    values: np.ndarray,
+    scale: np.ndarray,
+    eigenvalues: np.ndarray,
+    eigenvectors: np.ndarray,
+) -> str:
+    """Say what a direction of much information means, and to what standard error it is known.
+
+    Parameters of one quantity are added in their own unit. Where quantities differ, those that
+    have a unit are counted in parts of their values. Small components are not named where the
+    combination of the named ones is known nearly as well.
+    """
+    vector = eigenvectors[:, index]
+    rows = _named(vector)
+    mixed = len({names[row].split(".", 1)[-1] for row in rows}) > 1
+    parts = [mixed and bool(unit_of(names[row])) for row in rows]
+    terms = [
+        f"({plain(names[row])} / {short(values[row])}{unit_of(names[row])})"
+        if part
+        else plain(names[row])
+        for row, part in zip(rows, parts, strict=True)
+    ]
+    sizes = [abs(values[row]) if part else 1.0 for row, part in zip(rows, parts, strict=True)]
+    weights = np.array([vector[r] / scale[r] * size for r, size in zip(rows, sizes, strict=True)])
+    sentence = terms[0]
+    for term, weight in zip(terms[1:], weights[1:] / weights[0], strict=True):
+        factor = "" if abs(abs(weight) - 1.0) < 0.05 else f"{short(abs(weight))} "
+        sentence += f" {'-' if weight < 0 else '+'} {factor}{term}"
+    deviation, others = _deviation(index, rows, eigenvalues, eigenvectors)
+    known = deviation / abs(weights[0])
+    unit = "" if parts[0] else unit_of(names[rows[0]])
+    width = f"{short(known)}{unit}" if unit else f"{short(100 * known)} %"
+    return f"The data fix {sentence}{others} to {width}."
+
+
+def _deviation(
+    index: int, rows: list[int], eigenvalues: np.ndarray, eigenvectors: np.ndarray
+) -> tuple[float, str]:
+    """Standard deviation of the named part of a direction, or of all of it, which words say."""
+    named = np.zeros(len(eigenvectors))
+    named[rows] = eigenvectors[rows, index]
+    overlap = (eigenvectors.T @ named) ** 2
+    whole = float(eigenvalues[index] ** -0.5)
+    if (overlap[eigenvalues == 0] < 1e-12).all():
+        known = eigenvalues > 0
+        alone = float(np.sqrt((overlap[known] / eigenvalues[known]).sum()))
+        if alone < _NEARLY * whole:
+            return alone, ""
+    return whole, " with small parts of others"
+
+
+def loose_combination(
+    index: int,
+    names: Sequence[str],
+    scale: np.ndarray,
+    eigenvalues: np.ndarray,
+    eigenvectors: np.ndarray,
+) -> str:
+    """Say what change of parameters leaves hardly a trace in the data.
+
+    The change is as large as the parameters' scales, so that its trace can be compared with noise.
+    """
+    vector = eigenvectors[:, index] / np.abs(eigenvectors[:, index]).max()
+    rows = _named(vector)
+    changes = [
+        f"{plain(names[row])} by {_signed(vector[row] * scale[row])}{unit_of(names[row])}"
+        for row in rows
+    ]
+    trace = float(np.sqrt(eigenvalues[index]) * np.linalg.norm(vector))
+    named = np.zeros(len(vector))
+    named[rows] = vector[rows]
+    alone = float(np.linalg.norm(np.sqrt(eigenvalues) * (eigenvectors.T @ named)))
+    others = ", with small changes of others," if alone > 1.5 * trace + 0.01 else ""
+    together = " together" if len(rows) > 1 and not others else ""
+    return f"Changing {joined(changes)}{together}{others} moves the data {noise_words(trace)}."
+
+
+def noise_words(deviations: float) -> str:
+    """How far data move, as a multiple of their noise."""
+    if deviations < 1e-3:
+        return "by nothing that counts"
+    return f"by {short(deviations)} standard deviation{'s' * (deviations != 1.0)} of their noise"
+
+
+def _signed(value: float) -> str:
+    return short(value) if value < 0 else f"+{short(value)}"
+
+
+def reason(
+    row: int,
+    names: Sequence[str],
+    scale: np.ndarray,
+    weighted: np.ndarray,
+    held: np.ndarray,
+    flexion_deg: np.ndarray | None,
+    slack: np.ndarray | None,
+) -> str:
+    """Say why data do not determine a parameter.
+
+    Args:
+        row: of the parameter.
+        names: of all parameters.
+        scale: of all, `(p,)`.
+        weighted: derivatives in units of noise and scale, `(data, p)`.
+        held: parameters on a bound, `(p,)`.
+        flexion_deg: of the poses, or None.
+        slack: where the parameter's ligament is slack, or None.
+    """
+    begin = f"{plain(names[row])} is not determined by these data: "
+    if held[row]:
+        return f"{begin}it is on its bound, and the data would move it further."
+    causes = []
+    where = slack_words(flexion_deg, slack) if slack is not None and flexion_deg is not None else ""
+    if where:
+        causes.append(f"its ligament is slack {where}")
+    seen = float(np.linalg.norm(weighted[:, row]))
+    if seen >= 1.0:
+        causes.append(_rivals(row, names, weighted, held))
+    elif seen > 1e-3 or not where:
+        change = f"{short(scale[row])}{unit_of(names[row])}"
+        causes.append(f"a change by {change} moves the data {noise_words(seen)}")
+    return begin + "; ".join(causes) + "."
+
+
+def _rivals(row: int, names: Sequence[str], weighted: np.ndarray, held: np.ndarray) -> str:
+    """Which other parameters make up for a change of one, and how well.
+
+    How well is said by all others together, free to move anywhere. Who, by the least movement that
+    does it: in a spectrum over decades, the weakest would else carry the largest numbers.
+    """
+    others = np.flatnonzero(~held & (np.arange(len(names)) != row))
+    column, rest = weighted[:, row], weighted[:, others]
+    anywhere = np.linalg.lstsq(rest, column, rcond=None)[0]
+    left = np.linalg.norm(column - rest @ anywhere) / np.linalg.norm(column)
+    least = np.linalg.solve(rest.T @ rest + np.eye(len(others)), rest.T @ column)
+    part = np.abs(least) * np.linalg.norm(rest, axis=0)
+    order = [i for i in np.argsort(-part)[:_MOST] if part[i] >= 0.5 * part.max()]
+    who = joined([plain(names[int(others[i])]) for i in order])
+    verb = "make" if len(order) > 1 else "makes"
+    percent = 100.0 * (1.0 - left)
+    much = "exactly" if left < _EXACT else f"to {percent:{'.0f' if percent < 99 else '.4g'}} %"
+    return f"{who} {verb} up for it {much}"
+
+
+def _named(vector: np.ndarray) -> list[int]:
+    """The components worth naming, largest first."""
+    order = np.argsort(-np.abs(vector), kind="stable")[:_MOST]
+    return [int(row) for row in order if abs(vector[row]) >= _NAMED * np.abs(vector).max()]

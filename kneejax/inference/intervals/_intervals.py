@@ -1,0 +1,197 @@
+"""Error bars that hold: a standard error where it tells the limits, else the limits themselves.
+
+Limits are those of the profile likelihood, with the noise that is stated or that the likeliest fit
+leaves. They follow the bend of the valley and know of bounds, which a standard error does not.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+from collections.abc import Sequence
+
+import numpy as np
+
+from kneejax.inference.fit import Balance, MotionData
+from kneejax.inference.intervals._likelihood import (
+    errors,
+    likeliest,
+    noise_left,
+    on_bounds,
+    rise_at_limits,
+)
+from kneejax.inference.intervals._profile_arms import Pace
+from kneejax.inference.intervals._profiles import Profile, follow_to_the_lowest
+from kneejax.inference.intervals._uncertainty import uncertainty
+from kneejax.statics import Slopes
+
+#: Ends that differ by less than this part of the interval tell the same.
+SAME = 0.3
+#: Limits that exclude less than this part of what bounds allow tell nothing.
+_TELLING = 0.1
+
+
+class IntervalKind(enum.Enum):
+    """What is known of a parameter, in the word that tables print."""
+
+    STANDARD_ERROR = "standard error"
+    PROFILE = "profile"
+    ONE_SIDED = "one-sided"
+    NOT_DETERMINED = "not determined"
+
+
+@dataclasses.dataclass(frozen=True)
+class Interval:
+    """What data say about one parameter, with 95 % confidence.
+
+    Attributes:
+        kind: which of the numbers mean something.
+        low: lower limit; NaN if the data give none.
+        high: upper limit; NaN if the data give none.
+        standard_error: NaN unless it tells the limits as well.
+    """
+
+    kind: IntervalKind
+    low: float
+    high: float
+    standard_error: float = np.nan
+
+    @classmethod
+    def of(
+        cls, profile: Profile, value: float, error: float, lower: float, upper: float
+    ) -> Interval:
+        """What is known of a parameter.
+
+        A standard error means something where it leads from the estimate to the same limits as the
+        profile: the valley is straight, no bound cuts it, and the estimate lies in its middle.
+
+        Args:
+            profile: of it, at the likeliest fit.
+            value: the estimate that is printed.
+            error: its standard error; NaN if it has none.
+            lower: bound.
+            upper: bound.
+        """
+        low = np.nan if profile.low_open else profile.low
+        high = np.nan if profile.high_open else profile.high
+        excluded = upper - lower - (profile.high - profile.low)
+        both_open = profile.low_open and profile.high_open
+        if both_open or not excluded > _TELLING * (upper - lower):
+            return cls(IntervalKind.NOT_DETERMINED, np.nan, np.nan)
+        if not profile.closed:
+            return cls(IntervalKind.ONE_SIDED, low, high)
+        half = np.sqrt(profile.threshold) * error
+        if same_ends((low, high), (value - half, value + half)):
+            return cls(IntervalKind.STANDARD_ERROR, low, high, float(error))
+        return cls(IntervalKind.PROFILE, low, high)
+
+
+def same_ends(ends: Sequence[float], others: Sequence[float]) -> bool:
+    """Whether two intervals tell the same story."""
+    both = np.array([ends, others])
+    if not np.isfinite(both).all():
+        return False
+    width = max(both[0, 1] - both[0, 0], 1e-300)
+    return bool(np.all(np.abs(both[0] - both[1]) <= SAME * width))
+
+
+@dataclasses.dataclass(frozen=True)
+class Surety:
+    """How sure an answer is.
+
+    Attributes:
+        intervals: one a value.
+        likeliest: values at the maximum of the likelihood, `(p,)`.
+        correlation: of the answer's values, `(p, p)`; NaN for those on a bound.
+        noise: standard deviation of each coordinate, degrees and mm, `(5,)`.
+        noise_estimated: whether any of it was estimated from what the likeliest fit leaves.
+        converged: whether that fit converged.
+    """
+
+    intervals: tuple[Interval, ...]
+    likeliest: np.ndarray
+    correlation: np.ndarray
+    noise: np.ndarray
+    noise_estimated: bool
+    converged: bool
+
+
+def sureties(
+    balance: Balance,
+    data: MotionData,
+    answers: Slopes,
+    weights: np.ndarray,
+    stated: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    names: Sequence[tuple[str, str]],
+) -> list[Surety]:
+    """How sure answers are that made a weighted sum of squares small, many at once.
+
+    Weights need not be the inverse variances of the measurement (those of paper 1 are not). Limits
+    are therefore taken from the likelihood, around its own best fit, and so are the same whatever
+    the weights. A standard error is that of the weighted answer.
+
+    Args:
+        balance: of the values.
+        data: measured motion; of its noise only what is infinite counts.
+        answers: balances at the answers, with their derivatives.
+        weights: of the sum, `(5,)`.
+        stated: standard deviation of each coordinate, NaN where it is to be estimated, `(5,)`.
+        lower: bounds, `(p,)`.
+        upper: bounds.
+        names: of the values, with their units.
+
+    Returns:
+        One an answer.
+    """
+    unknown, size = bool(np.isnan(stated).any()), len(names)
+    spare = int((weights > 0).sum() * data.counted.sum()) - size
+    if unknown and spare <= 0:
+        return [_nothing_known(size) for _ in answers.values]
+    with np.errstate(divide="ignore"):
+        data = dataclasses.replace(data, noise=1.0 / np.sqrt(weights))
+    noise = noise_left(data, answers, stated, lower, upper)
+    first = dataclasses.replace(data, noise=noise)
+    fits, weighed = likeliest(balance, first, answers, stated, lower, upper)
+    threshold = rise_at_limits(spare if unknown else None)
+    here, found = follow_to_the_lowest(
+        balance, weighed, fits, lower, upper, threshold, names, Pace.LIMITS
+    )
+    judged = []
+    for row, profiles in enumerate(found):
+        own, at_answer = weighed.noise[row], answers.take([row])
+        error, jacobian = errors(data.take([row]), at_answer)
+        values = at_answer.values[0]
+        held = on_bounds(values, lower, upper)
+        linear = uncertainty(jacobian, error, weights, held, np.where(np.isinf(own), np.nan, own))
+        judged.append(
+            Surety(
+                _intervals(profiles, values, linear.standard_error, lower, upper),
+                here.values[row],
+                linear.correlation,
+                own,
+                unknown,
+                bool(fits.converged[row]),
+            )
+        )
+    return judged
+
+
+def _intervals(profiles, values, error, lower, upper) -> tuple[Interval, ...]:
+    if any(profile.better for profile in profiles):
+        # Where lower valleys are found over and over, limits are those of none.
+        return _nothing_known(len(profiles)).intervals
+    return tuple(map(Interval.of, profiles, values, error, lower, upper))
+
+
+def _nothing_known(size: int) -> Surety:
+    nothing = Interval(IntervalKind.NOT_DETERMINED, np.nan, np.nan)
+    return Surety(
+        (nothing,) * size,
+        np.full(size, np.nan),
+        np.full((size, size), np.nan),
+        np.full(5, np.nan),
+        True,
+        True,
+    )

@@ -1,0 +1,272 @@
+"""Profile likelihoods: how far each parameter can go while all the others make up for it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from kneejax.inference.fit import PATIENT, Balance, ManyFits, MotionData, balances_of, fit_lanes
+from kneejax.inference.intervals._profile_arms import BETTER, Arms, Pace, crossing
+from kneejax.mechanics import Knee
+from kneejax.parameters import QUANTITIES, Selection
+from kneejax.statics import Slopes
+
+#: How often a lower valley that a profile finds is followed.
+_RESTARTS = 10
+#: How often arms walk on from where others have shown that their limits were too narrow.
+_ROUNDS = 4
+
+
+@dataclasses.dataclass(frozen=True)
+class Profile:
+    """How the best chi squared grows as one parameter is led away from its estimate.
+
+    Attributes:
+        name: of the parameter.
+        unit: its unit; empty for strains.
+        estimate: its value at the fit.
+        standard_error: by the curvature at the fit; NaN if it has none.
+        values: along the profile, ascending, the estimate among them, `(points,)`.
+        rise: of chi squared above that of the fit, `(points,)`.
+        parameters: all of them along the profile, `(points, p)`.
+        low: lower confidence limit; the lower bound if open.
+        high: upper confidence limit; the upper bound if open.
+        low_open: why there is no lower limit; empty if there is one.
+        high_open: likewise.
+        threshold: rise of chi squared at the limits.
+    """
+
+    name: str
+    unit: str
+    estimate: float
+    standard_error: float
+    values: np.ndarray
+    rise: np.ndarray
+    parameters: np.ndarray
+    low: float
+    high: float
+    low_open: str
+    high_open: str
+    threshold: float
+
+    @property
+    def closed(self) -> bool:
+        """Whether the data limit the parameter from both sides."""
+        return not (self.low_open or self.high_open)
+
+    @property
+    def better(self) -> float:
+        """How much lower than at the fit chi squared has been found; zero as it should be."""
+        lowest = -float(np.min(self.rise))
+        return lowest if lowest > BETTER else 0.0
+
+
+def profiles(
+    knee: Knee,
+    selection: Selection,
+    data: MotionData,
+    fit: Slopes,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    threshold: float,
+) -> tuple[Profile, ...]:
+    """Follow every parameter in both directions, fitting the others anew at each value.
+
+    Args:
+        knee: gives everything else.
+        selection: the parameters.
+        data: measured motion, one for all.
+        fit: balances and derivatives at the best fit, one variant.
+        lower: bounds, `(p,)`.
+        upper: bounds.
+        threshold: rise of chi squared at the confidence limits: 3.84 for 95 % and a noise that is
+            known.
+
+    Returns:
+        One profile a parameter.
+    """
+    balance = balances_of(knee, selection, data.stations)
+    names = named(selection)
+    return follow(balance, data, fit, lower, upper, threshold, names)[0][0]
+
+
+def named(selection: Selection) -> list[tuple[str, str]]:
+    """Names and units of parameters."""
+    return [(name, QUANTITIES[selection.quantity(i)]) for i, name in enumerate(selection.names)]
+
+
+def follow(
+    balance: Balance,
+    data: MotionData,
+    fits: Slopes,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    threshold: float,
+    names: Sequence[tuple[str, str]],
+    pace: Pace = Pace.FINE,
+    leave: bool = False,
+) -> tuple[list[tuple[Profile, ...]], Slopes]:
+    """Profiles of many fits at once.
+
+    All arms advance together; each fit begins where the curvature at its neighbour says that the
+    others will go. Any arm of a fit tells of all its parameters: where one has been beyond the
+    limit of another at a likelihood that the limit excludes, that one walks on from there.
+
+    Args:
+        balance: of the values that are fitted.
+        data: measured motion, one for all fits or one each.
+        fits: balances and derivatives at the best fits.
+        lower: bounds, `(p,)`.
+        upper: bounds.
+        threshold: rise of chi squared at the limits.
+        names: of the values, with their units.
+        pace: whether the whole curve is wanted, or its limits only.
+        leave: whether a fit is left alone as soon as an arm of it finds a better one.
+
+    Returns:
+        For each fit one profile a value; and balances at the lowest of the last points of its arms.
+    """
+    residual, slope = data.residual(fits)
+    best = np.sum(residual**2, axis=1)
+    width = np.sqrt(threshold)
+    box = lower, upper
+    arms = Arms(fits, slope, *box, np.array([curvature_errors(s) for s in slope]), width, pace)
+    of_arms = data.take(arms.fit_of)
+    for last in [*[False] * _ROUNDS, True]:
+        _walk(balance, of_arms, arms, best[arms.fit_of], pace, leave)
+        narrow = arms.too_narrow()
+        if not narrow:
+            break
+        rows, donors = (np.array([getattr(n, field) for n in narrow]) for field in ("arm", "donor"))
+        there = _led(balance, arms.near.take(donors), np.array([n.point[2] for n in narrow]))
+        arms.reopen(narrow, there, of_arms.take(rows).residual(there)[1], close=last)
+    profiles_ = [
+        tuple(_profile(names[i], arms, fit, i, threshold) for i in range(len(names)))
+        for fit in range(len(fits.values))
+    ]
+    return profiles_, arms.near.take(arms.lowest())
+
+
+def _led(balance: Balance, near: Slopes, values: np.ndarray) -> Slopes:
+    """Balances at values, in ever shorter strides where one was too long; NaN where none does."""
+    there = balance(values, near)
+    for parts in (4, 16):
+        lost = np.flatnonzero(np.isnan(there.q).any(axis=(1, 2)))
+        if not len(lost):
+            break
+        here = near.take(lost)
+        for stop in np.linspace(near.values[lost], values[lost], parts + 1)[1:]:
+            here = balance(stop, here)
+        there.put(lost, here)
+    return there
+
+
+def _walk(
+    balance: Balance, data: MotionData, arms: Arms, best: np.ndarray, pace: Pace, leave: bool
+) -> None:
+    """Advance all arms to their ends; data and the lowest chi squared are those of each arm."""
+    while arms.active.any():
+        starts, low, high = arms.next_fits()
+        asked = arms.active.copy()
+        found = fit_lanes(
+            balance, data, arms.near, starts, low, high, asked=asked, rtol=pace.value.rtol
+        )
+        rows = np.flatnonzero(asked)
+        _, slopes = data.take(rows).residual(found.slopes.take(rows))
+        rise = np.full(len(asked), np.nan)
+        rise[rows] = np.maximum(found.chi2 - best, -np.inf)[rows]
+        arms.advance(rows, found, rise, slopes)
+        if leave:
+            arms.leave(np.unique(arms.fit_of[rise < -BETTER]))
+
+
+def follow_to_the_lowest(
+    balance: Balance,
+    data: MotionData,
+    fits: ManyFits,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    threshold: float,
+    names: Sequence[tuple[str, str]],
+    pace: Pace = Pace.FINE,
+    restarts: int = _RESTARTS,
+) -> tuple[Slopes, list[tuple[Profile, ...]]]:
+    """Profiles of fits; a fit moves where one of its profiles has found a lower valley.
+
+    Args:
+        balance: as in `follow`, and so is all but the last.
+        data: measured motion, one each.
+        fits: the best fits as far as they are known.
+        lower: bounds.
+        upper: bounds.
+        threshold: rise of chi squared at the limits.
+        names: of the values.
+        pace: of the profiles.
+        restarts: how often a fit may move.
+
+    Returns:
+        Where the fits are now, and their profiles.
+    """
+    rows = np.arange(len(fits.values))
+    here = fits.slopes.take(rows)
+    found: list[tuple[Profile, ...]] = [()] * len(rows)
+    for left in reversed(range(restarts + 1)):
+        own, leave = data.take(rows), left > 0
+        again, lowest = follow(
+            balance, own, here.take(rows), lower, upper, threshold, names, pace, leave
+        )
+        for row, profiles_ in zip(rows, again, strict=True):
+            found[row] = profiles_
+        which = np.array([any(one.better for one in profiles_) for profiles_ in again])
+        if not which.any() or not left:
+            break
+        rows, lowest = rows[which], lowest.take(which)
+        box = [np.tile(bound, (len(rows), 1)) for bound in (lower, upper)]
+        moved = fit_lanes(
+            balance, data.take(rows), lowest, lowest.values, *box, most=PATIENT, far=True
+        )
+        here.put(rows, moved.slopes)
+    return here, found
+
+
+def curvature_errors(slope: np.ndarray) -> np.ndarray:
+    """Standard errors by the curvature; NaN where the data say nothing at all.
+
+    Args:
+        slope: derivatives of the residual in units of the noise, `(r, p)`.
+
+    Returns:
+        `(p,)`.
+    """
+    normal = slope.T @ slope
+    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    values, vectors = np.linalg.eigh(normal / np.outer(scale, scale))
+    safe = np.where(values > 1e-13, values, np.nan)
+    return np.sqrt(((vectors / scale[:, None]) ** 2 / safe).sum(axis=1))
+
+
+def _profile(name: tuple[str, str], arms: Arms, fit: int, i: int, threshold: float) -> Profile:
+    rows = [2 * (fit * arms.size + i) + way for way in (0, 1)]
+    down, up = (arms.sorted_points(row) for row in rows)
+    points = [*reversed(down[1:]), *up]
+    limits = []
+    for row, arm in zip(rows, (down, up), strict=True):
+        crossed = arms.end[row] == "" and len(arm) > 1
+        bound = arms.lower[i] if arms.way[row] < 0 else arms.upper[i]
+        limit = crossing(arm, np.sqrt(threshold)) if crossed else float(bound)
+        limits.append(float(np.clip(limit, arms.lower[i], arms.upper[i])))
+    return Profile(
+        *name,
+        up[0][0],
+        float(arms.error[fit, i]),
+        np.array([p[0] for p in points]),
+        np.array([p[1] for p in points]),
+        np.array([p[2] for p in points]),
+        limits[0],
+        limits[1],
+        arms.end[rows[0]],
+        arms.end[rows[1]],
+        threshold,
+    )

@@ -1,0 +1,106 @@
+"""Local sensitivity: the exact slope of every coordinate by every parameter, over flexion."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kneejax.inference.fit import DEFAULT_WEIGHTS, Problem
+from kneejax.mechanics import Knee
+from kneejax.parameters import QUANTITIES, UnsuitableData, percent_scales, prior_scales, select
+
+#: How a slope is scaled -> words that finish "mm or degrees per ...".
+SCALES = {"prior": "standard deviation of the prior", "percent": "per cent of the parameter"}
+
+
+@dataclasses.dataclass(frozen=True)
+class LocalSensitivity:
+    """Slopes of a motion by parameters; rows that failed are NaN.
+
+    Attributes:
+        names: parameters, `(p,)`.
+        units: of the parameters; empty for strains.
+        values: of the parameters, `(p,)`.
+        flexion_deg: shape `(n,)`.
+        table: free coordinates, degrees and mm, `(n, 5)`.
+        status: `Status` values, `(n,)`.
+        derivative: of coordinates (degrees, mm) by parameters in their units, `(n, 5, p)`.
+        scale: `prior` or `percent`.
+        widths: of one step of that scale in the parameters' units, `(p,)`.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    values: np.ndarray
+    flexion_deg: np.ndarray
+    table: np.ndarray
+    status: np.ndarray
+    derivative: np.ndarray
+    scale: str
+    widths: np.ndarray
+
+    @property
+    def scaled(self) -> np.ndarray:
+        """Degrees and mm for one step of the scale, `(n, 5, p)`: what can be compared."""
+        return self.derivative * self.widths
+
+    def largest(self) -> tuple[np.ndarray, np.ndarray]:
+        """Largest scaled slope (with its sign) over flexion and its row, each `(5, p)`."""
+        size = np.nan_to_num(np.abs(self.scaled))
+        row = size.argmax(axis=0)
+        return np.take_along_axis(np.nan_to_num(self.scaled), row[None], axis=0)[0], row
+
+
+def local_sensitivity(
+    knee: Knee,
+    parameters: Sequence[str],
+    flexion_deg: ArrayLike,
+    *,
+    scale: str = "prior",
+    given: Mapping[str, float] | None = None,
+) -> LocalSensitivity:
+    """Differentiate the motion of a knee by parameters.
+
+    The derivatives are exact: they follow from the implicit function theorem at each balance, not
+    from differences of two motions.
+
+    Args:
+        knee: where the slopes are taken.
+        parameters: names or wildcards.
+        flexion_deg: prescribed angles, `(n,)`.
+        scale: `prior` for one standard deviation of a prior (see `prior_scales`), `percent` for
+            one per cent of the value (0.01 for a reference strain).
+        given: standard deviations of priors, by name, wildcard or quantity.
+
+    Returns:
+        The `LocalSensitivity`.
+
+    Raises:
+        UnknownParameter: a name that the knee does not have.
+        UnsuitableData: an unknown scale, a prior of zero width, or a per cent that means nothing.
+    """
+    if scale not in SCALES:
+        raise UnsuitableData(f"unknown scale {scale!r}: expected one of {', '.join(SCALES)}")
+    selection = select(knee, tuple(parameters))
+    values = np.asarray(selection.read(knee))
+    if scale == "prior":
+        widths = prior_scales(selection, values, given)
+    else:
+        widths = percent_scales(selection, values)
+    flexion = np.atleast_1d(np.asarray(flexion_deg, float))
+    at = np.column_stack([flexion, np.zeros((len(flexion), 5))])
+    found = Problem(knee, selection, at, DEFAULT_WEIGHTS).poses(values)
+    return LocalSensitivity(
+        selection.names,
+        tuple(QUANTITIES[selection.quantity(i)] for i in range(len(selection))),
+        values,
+        flexion,
+        np.asarray(found.table).T,
+        np.asarray(found.settled.status),
+        np.moveaxis(np.asarray(found.jacobian), 1, 0),
+        scale,
+        widths,
+    )

@@ -1,0 +1,200 @@
+"""One parameter at a time over a range: what it does to the motion (paper 1, Figures 3 to 10)."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kneejax.mechanics import Knee
+from kneejax.parameters import (
+    QUANTITIES,
+    Selection,
+    UnsuitableData,
+    default_bounds,
+    select,
+    unphysiological,
+)
+from kneejax.statics import FAILURES, Progress, Stations, Status, balance_lines, fails
+
+#: Ranges of paper 1, section 3; other quantities go over their bounds.
+SWEEP_RANGES = {"stiffness": (300.0, 9300.0), "reference_strain": (-0.2, 0.2)}
+_COUNT = 31
+#: Part of a slack length to either side, the same as that of a reference strain.
+_SLACK = 0.2
+
+
+@dataclasses.dataclass(frozen=True)
+class Sweep:
+    """One parameter over its values, everything else kept.
+
+    Attributes:
+        name: e.g. `ACL.stiffness`.
+        unit: e.g. `N`; empty for strains.
+        own: the knee's own value.
+        values: ascending, `(values,)`.
+        table: free coordinates, degrees and mm, `(values, stations, 5)`; NaN where no balance.
+        status: `Status` values, `(values, stations)`.
+        unphysiological: balanced, but not as a knee moves (see `unphysiological`),
+            `(values, stations)`.
+        failures: statuses of balances that count for nothing.
+    """
+
+    name: str
+    unit: str
+    own: float
+    values: np.ndarray
+    table: np.ndarray
+    status: np.ndarray
+    unphysiological: np.ndarray
+    failures: tuple[Status, ...] = FAILURES
+
+    @property
+    def sound(self) -> np.ndarray:
+        """Balanced, no failure, and physiological, `(values, stations)`."""
+        return ~fails(self.status, self.failures) & ~self.unphysiological
+
+
+@dataclasses.dataclass(frozen=True)
+class Sweeps:
+    """Parameters of one knee, swept one at a time.
+
+    Attributes:
+        flexion_deg: of the stations, `(stations,)`.
+        table: motion of the knee itself, degrees and mm, `(stations, 5)`.
+        status: `Status` values of that motion, `(stations,)`.
+        sweeps: one a parameter.
+    """
+
+    flexion_deg: np.ndarray
+    table: np.ndarray
+    status: np.ndarray
+    sweeps: tuple[Sweep, ...]
+
+    def __getitem__(self, name: str) -> Sweep:
+        return next(one for one in self.sweeps if one.name == name)
+
+
+def sweep(
+    knee: Knee,
+    parameters: Sequence[str] | Mapping[str, ArrayLike | None],
+    stations: ArrayLike | Stations,
+    *,
+    count: int = _COUNT,
+    progress: Progress | None = None,
+    failures: tuple[Status, ...] = FAILURES,
+) -> Sweeps:
+    """Vary parameters one at a time and balance the knee at every value.
+
+    The walk over a parameter begins at the knee's own value and goes both ways, each pose predicted
+    from its neighbours, so that it stays on the branch of the knee as long as there is one.
+
+    Args:
+        knee: gives everything that is not varied.
+        parameters: names or wildcards; or a mapping from them to values, None for the usual ones:
+            `count` values from 300 to 9300 N, from -0.2 to 0.2 of reference strain (paper 1), over
+            a fifth of the slack length to either side, or over the bounds of the quantity.
+        stations: angles in degrees, or stations with loads of their own.
+        count: how many values where none are given.
+        progress: called now and then with balances done and asked for.
+        failures: statuses of balances that count for nothing: such poses are not sound.
+
+    Returns:
+        The `Sweeps`; stations in ascending flexion if angles are given.
+
+    Raises:
+        UnknownParameter: a name that the knee does not have.
+        UnsuitableData: a parameter twice, fewer than two values, or values that are not finite,
+            distinct numbers.
+
+    Source: paper 1, sections 3.1 and 3.2.
+    """
+    selection, values = _chosen(knee, parameters, count)
+    if isinstance(stations, Stations):
+        flexion = np.rad2deg(np.asarray(stations.flexion))
+    else:
+        flexion = np.unique(np.asarray(stations, float))
+        stations = Stations.at(flexion)
+    own = np.asarray(selection.read(knee))
+    # Each line gets the knee's own value besides, where its walk begins. All have one shape: a
+    # short one stands at its last value.
+    begin = np.array([np.searchsorted(v, o) for v, o in zip(values, own, strict=True)])
+    longest = 1 + max(len(line) for line in values)
+    lines = np.tile(own, (len(values), longest, 1))
+    for i, line in enumerate(values):
+        walked = np.insert(line, begin[i], own[i])
+        lines[i, :, i] = np.pad(walked, (0, longest - len(walked)), mode="edge")
+
+    base = jnp.asarray(own)
+    found = balance_lines(knee, selection.apply, base, lines, stations, begin, progress=progress)
+    motion, outcome = found.table[0, begin[0]], found.status[0, begin[0]]
+    sweeps = []
+    for i, line in enumerate(values):
+        asked = np.delete(np.arange(len(line) + 1), begin[i])
+        table, status = found.table[i, asked], found.status[i, asked]
+        sweeps.append(
+            Sweep(
+                selection.names[i],
+                QUANTITIES[selection.quantity(i)],
+                float(own[i]),
+                line,
+                table,
+                status,
+                unphysiological(table, motion),
+                failures,
+            )
+        )
+    return Sweeps(flexion, motion, outcome, tuple(sweeps))
+
+
+def _chosen(
+    knee: Knee, parameters: Sequence[str] | Mapping[str, ArrayLike | None], count: int
+) -> tuple[Selection, list[np.ndarray]]:
+    """The parameters and the values of each."""
+    names = list(parameters)
+    if not names:
+        raise UnsuitableData("no parameter to sweep: name at least one, such as ACL.stiffness")
+    given = parameters if isinstance(parameters, Mapping) else {}
+    owner: dict[str, str] = {}
+    for asked in names:
+        for name in select(knee, [asked]).names:
+            if name in owner:
+                both = "" if owner[name] == asked else f" (by {owner[name]} and by {asked})"
+                raise UnsuitableData(f"{name} is swept twice{both}: name it once")
+            owner[name] = asked
+    selection = select(knee, tuple(owner))
+    values = []
+    for i, name in enumerate(selection.names):
+        stated = given.get(owner[name])
+        line = _usual(knee, selection, i, count) if stated is None else np.asarray(stated, float)
+        values.append(_checked(name, line))
+    return selection, values
+
+
+def _checked(name: str, values: np.ndarray) -> np.ndarray:
+    if values.ndim != 1 or len(values) < 2:
+        raise UnsuitableData(f"{name}: a sweep of {values.size} value: expected at least two")
+    if not np.isfinite(values).all():
+        raise UnsuitableData(f"{name}: a sweep over values that are not finite")
+    if not (np.diff(values) > 0).all():
+        first, last = values[0], values[-1]
+        raise UnsuitableData(
+            f"{name}: a sweep from {first:g} to {last:g}: expected ascending values, "
+            "the lower end first"
+        )
+    return values
+
+
+def _usual(knee: Knee, selection: Selection, index: int, count: int) -> np.ndarray:
+    quantity = selection.quantity(index)
+    if quantity in SWEEP_RANGES:
+        low, high = SWEEP_RANGES[quantity]
+    elif quantity == "slack_length":
+        value = float(selection.read(knee)[index])
+        low, high = (1 - _SLACK) * value, (1 + _SLACK) * value
+    else:
+        low, high = (float(limit[index]) for limit in default_bounds(knee, selection))
+    return np.linspace(low, high, max(count, 0))

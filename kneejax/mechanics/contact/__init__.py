@@ -1,0 +1,13 @@
+"""Cartilage: its law, and a contact over a patch or over points."""
+
+from kneejax.mechanics.contact import _cartilage_law as cartilage_law
+from kneejax.mechanics.contact._border import Border as Border
+from kneejax.mechanics.contact._contact import ELLIPTICAL_PATCH as ELLIPTICAL_PATCH
+from kneejax.mechanics.contact._contact import FORMS as FORMS
+from kneejax.mechanics.contact._contact import QUADRATURE as QUADRATURE
+from kneejax.mechanics.contact._contact import Contact as Contact
+from kneejax.mechanics.contact._patch import Gap as Gap
+from kneejax.mechanics.contact._patch_force import Pressed as Pressed
+from kneejax.mechanics.contact._quadrature import Sampled as Sampled
+
+__all__ = ["cartilage_law"]

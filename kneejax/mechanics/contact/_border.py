@@ -1,0 +1,99 @@
+"""How far a contact reaches beyond the regions in which its surfaces are known."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from kneejax.geometry import Placement, add, excess, scale
+from kneejax.mechanics.contact import _cartilage_law as law
+from kneejax.mechanics.contact._patch import Nearby, nearby
+from kneejax.numerics import safe_sqrt
+
+if TYPE_CHECKING:
+    from kneejax.mechanics.contact._contact import Contact
+    from kneejax.mechanics.contact._quadrature import Sampled
+
+# Rings of equal area that a patch is cut into, and places on each.
+_RINGS, _PLACES = 6, 16
+
+
+class Border(eqx.Module):
+    """What of a contact lies where a surface is not known.
+
+    Attributes:
+        beyond_mm: how far the contact reaches beyond the border at most; 0 inside.
+        share: of the force that is carried there, 0 to 1.
+    """
+
+    beyond_mm: Array
+    share: Array
+
+
+def of_points(contact: Contact, tibia: Placement, sampled: Sampled) -> Border:
+    """Border of a contact summed over points.
+
+    All points lie on tibial cartilage; only the femoral region can be left.
+
+    Args:
+        contact: whose pressure law is meant.
+        tibia: where the tibia is.
+        sampled: depths at the points.
+    """
+    hit = contact.femur_to_plateau(tibia).apply_inverse(sampled.hit)
+    away = jnp.where(sampled.depth > 0, contact.femoral.beyond(hit), 0.0)
+    force = contact.point_pressure(sampled) * sampled.points.area
+    carried = jnp.where(sampled.points.area > 0, away, 0.0)
+    share = jnp.sum(jnp.where(carried > 0, force, 0.0), axis=0) / jnp.sum(force, axis=0)
+    return Border(jnp.max(carried, axis=0), share)
+
+
+def of_patch(contact: Contact, tibia: Placement, meeting: Array) -> Border:
+    """Border of an elliptical patch: how far its rim reaches, and what is carried there.
+
+    Args:
+        contact: the surfaces and the pressure law.
+        tibia: where the tibia is.
+        meeting: parameters of the meeting point, shape `(2, ...)`.
+    """
+    motion = contact.femur_to_plateau(tibia)
+    near = nearby(contact.femoral, contact.tibial, motion, meeting)
+    inner = np.append((np.arange(_RINGS) + 0.5) / _RINGS, 1.0)
+    square, angle = np.meshgrid(inner, 2.0 * np.pi * np.arange(_PLACES) / _PLACES, indexing="ij")
+    angle = angle + np.where(square < 1.0, np.pi / _PLACES, 0.0)
+    lanes = (1,) * jnp.ndim(near.gap.depth)
+    square, angle = (x.reshape(-1, *lanes) for x in (square, angle))
+    away = _away(contact, near, meeting, np.sqrt(square), angle)
+    depth = jnp.maximum(near.gap.depth, 0.0)
+    relative = jnp.minimum(depth * (1.0 - square) / contact.layer_thickness, 0.99)
+    # The rim says how far; it carries nothing.
+    pressure = law.relative_pressure(contact.law, relative)
+    total = jnp.sum(pressure, axis=0)
+    outside = jnp.sum(jnp.where(away > 0, pressure, 0.0), axis=0)
+    touches = near.gap.depth > 0
+    share = jnp.where(touches, outside / jnp.where(total > 0, total, 1.0), 0.0)
+    return Border(jnp.where(touches, jnp.max(away, axis=0), 0.0), share)
+
+
+def _away(contact: Contact, near: Nearby, meeting: Array, part, angle) -> Array:
+    """How far places of the patch lie beyond either region, mm."""
+    gap = near.gap
+    # A gap that is not convex has no ellipse: its middle alone is asked then.
+    convex = gap.convex
+    aa = jnp.where(convex, gap.aa, 1.0)
+    first = jnp.sqrt(aa)
+    second = jnp.sqrt(jnp.where(convex, gap.determinant, 1.0) / aa)
+    size = jnp.where(convex, safe_sqrt(2.0 * gap.depth * jnp.sqrt(gap.steepness)), 0.0) * part
+    by_b = size * jnp.sin(angle) / second
+    by_a = (size * jnp.cos(angle) - jnp.where(convex, gap.ab, 0.0) / first * by_b) / first
+    (limits_a, limits_b), (stretch_a, stretch_b) = contact.femoral.bounds(), gap.stretch
+    femoral = safe_sqrt(
+        (stretch_a * excess(meeting[0] + by_a, limits_a)) ** 2
+        + (stretch_b * excess(meeting[1] + by_b, limits_b)) ** 2
+    )
+    shift = add(scale(by_a, near.along[0]), scale(by_b, near.along[1]))
+    return jnp.maximum(femoral, contact.tibial.beyond(add(gap.point, shift)))

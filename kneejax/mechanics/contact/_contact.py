@@ -1,0 +1,299 @@
+"""Two articular surfaces pressed together: an elastic layer between rigid bones.
+
+The same contact can be computed in two ways. `ELLIPTICAL_PATCH` uses the closed form over the
+patch that two smooth surfaces share: fast, and exact as the patch becomes small against the
+radii. `QUADRATURE` sums the pressure law over points of the tibial surface: for any surfaces and
+depths, at a cost in proportion to its points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import equinox as eqx
+import jax.numpy as jnp
+from jax import Array
+from jax.typing import ArrayLike
+
+from kneejax.geometry import Placement, Surface, partials, principal_curvatures
+from kneejax.mechanics._wrench import Wrench
+from kneejax.mechanics.contact import _border, _patch
+from kneejax.mechanics.contact import _cartilage_law as law
+from kneejax.mechanics.contact._border import Border
+from kneejax.mechanics.contact._patch import Gap
+from kneejax.mechanics.contact._patch_force import Pressed, press
+from kneejax.mechanics.contact._points_force import press_points, sampled_wrench
+from kneejax.mechanics.contact._quadrature import (
+    Answer,
+    Points,
+    Sampled,
+    midpoints,
+    over_rays,
+    sample,
+)
+from kneejax.mechanics.contact._rays import faded
+from kneejax.numerics import positive_part
+
+#: The two ways to compute a contact.
+ELLIPTICAL_PATCH, QUADRATURE = "elliptical_patch", "quadrature"
+FORMS = (ELLIPTICAL_PATCH, QUADRATURE)
+
+
+class Faults(eqx.Module):
+    """What is wrong with a contact, each `(...)` for the lanes.
+
+    Attributes:
+        too_deep: the overlap is the whole layer somewhere.
+        outside: points touch outside the region in which the femoral surface is known.
+        lost: the depth of a point could not be found.
+    """
+
+    too_deep: Array
+    outside: Array
+    lost: Array
+
+
+class Contact(eqx.Module):
+    """One compartment.
+
+    Attributes:
+        femoral: surface placed in the femur.
+        tibial: surface placed in the tibia.
+        youngs_modulus: MPa.
+        poisson_ratio: below 0.5.
+        layer_thickness: both cartilages together, mm.
+        layer_variation: what is added to it over the tibial surface, `(m + 1, n + 1, ...)`, mm:
+            powers of both parameters, scaled to -1..1 over the region; None where it is the same
+            everywhere. Read by `QUADRATURE` only.
+        onset_width: rounding of the depth's corner at first touch, mm.
+        law: pressure law, one of `linear`, `log`, `ratio`.
+        form: `elliptical_patch` or `quadrature`.
+        points: quadrature points along the two parameters of the tibial surface.
+        placed: these points, where they have been computed beforehand.
+    """
+
+    femoral: Surface
+    tibial: Surface
+    youngs_modulus: Array
+    poisson_ratio: Array
+    layer_thickness: Array
+    layer_variation: Array | None
+    onset_width: Array
+    law: str = eqx.field(static=True)
+    form: str = eqx.field(static=True)
+    points: tuple[int, int] = eqx.field(static=True)
+    placed: Points | None
+
+    def __init__(
+        self,
+        femoral: Surface,
+        tibial: Surface,
+        youngs_modulus: ArrayLike = 5.0,
+        poisson_ratio: ArrayLike = 0.45,
+        layer_thickness: ArrayLike = 6.0,
+        onset_width: ArrayLike = 0.02,
+        law: str = "log",
+        form: str = ELLIPTICAL_PATCH,
+        points: tuple[int, int] = (24, 24),
+        layer_variation: ArrayLike | None = None,
+        placed: Points | None = None,
+    ):
+        self.femoral = femoral
+        self.tibial = tibial
+        self.youngs_modulus = jnp.asarray(youngs_modulus, float)
+        self.poisson_ratio = jnp.asarray(poisson_ratio, float)
+        self.layer_thickness = jnp.asarray(layer_thickness, float)
+        varies = layer_variation is not None
+        self.layer_variation = jnp.asarray(layer_variation, float) if varies else None
+        self.onset_width = jnp.asarray(onset_width, float)
+        self.law = law
+        self.form = form
+        self.points = points
+        self.placed = placed
+
+    def __check_init__(self):
+        if self.law not in law.LAWS:
+            raise ValueError(f"Contact.law is {self.law!r}; expected one of {law.LAWS}")
+        if self.form not in FORMS:
+            raise ValueError(f"Contact.form is {self.form!r}; expected one of {FORMS}")
+
+    @property
+    def modulus(self) -> Array:
+        """Confined modulus of the layer, MPa."""
+        return law.confined_modulus(self.youngs_modulus, self.poisson_ratio)
+
+    def femur_to_plateau(self, tibia: Placement) -> Placement:
+        """The motion from the femoral to the tibial surface's frame."""
+        to_tibia = tibia.inverse().after(self.femoral.frame.placement)
+        return self.tibial.frame.placement.inverse().after(to_tibia)
+
+    @property
+    def has_patch(self) -> bool:
+        """Whether the contact is computed over an elliptical patch, around a meeting point."""
+        return self.form == ELLIPTICAL_PATCH
+
+    def first_meeting(self, tibia: Placement) -> tuple[Array, Array]:
+        """A first guess of the meeting point's parameters."""
+        return _patch.first_guess(self.femoral, self.tibial, self.femur_to_plateau(tibia))
+
+    def meeting(self, tibia: Placement) -> Array:
+        """Parameters of the femoral point where the surfaces meet, shape `(2, ...)`."""
+        return _patch.meeting_point(self.femoral, self.tibial, self.femur_to_plateau(tibia))
+
+    def improved(
+        self, tibia: Placement, meeting: tuple[Array, Array]
+    ) -> tuple[Array, Array]:
+        """Parameters after one Newton step towards the meeting point."""
+        return _patch.improve(self.femoral, self.tibial, self.femur_to_plateau(tibia), meeting)
+
+    def gap(self, tibia: Placement, meeting: tuple[Array, Array]) -> Gap:
+        """Gap of the surfaces at a femoral point."""
+        return _patch.gap_at(self.femoral, self.tibial, self.femur_to_plateau(tibia), meeting)
+
+    def quadrature_points(self) -> Points:
+        """Points of the tibial surface, along an axis before the lanes."""
+        if self.placed is not None:
+            return self.placed
+        return midpoints(self.tibial, self.points, jnp.ndim(self.onset_width))
+
+    def with_points_placed(self) -> Contact:
+        """The same contact for many poses: where its points are is computed once, here."""
+        if self.has_patch:
+            return self
+        return eqx.tree_at(
+            lambda c: c.placed, self, self.quadrature_points(), is_leaf=lambda x: x is None
+        )
+
+    def sample(self, tibia: Placement) -> Sampled:
+        """Depth at the quadrature points; see `Sampled`."""
+        return sample(self.femoral, self.quadrature_points(), self.femur_to_plateau(tibia))
+
+    def over_points(self, tibia: Placement, answer: Callable[[Sampled], Answer]) -> Answer:
+        """What a function makes of the depths at the quadrature points; faster than `sample`
+        where it returns less than it reads."""
+        motion = self.femur_to_plateau(tibia)
+        return over_rays(self.femoral, self.quadrature_points(), motion, answer)
+
+    def layer(self, points: Points) -> Array:
+        """Thickness of both cartilages at points of the tibial surface, mm."""
+        if self.layer_variation is None:
+            return self.layer_thickness
+        return self.layer_thickness + partials(self.layer_variation, *points.across, 0)[0][0]
+
+    def point_pressure(self, sampled: Sampled) -> Array:
+        """Pressure at points of the tibial surface, MPa, with the rounded onset.
+
+        It is the derivative of the energy per area by the depth.
+        """
+        relative = self.rounded(sampled.depth) / self.layer(sampled.points)
+        steep = self.touching(sampled.depth)
+        return self.modulus * law.relative_pressure(self.law, relative) * steep
+
+    def faults(self, tibia: Placement, sampled: Sampled) -> Faults:
+        """What is wrong with a contact summed over points."""
+        deep = jnp.any(sampled.depth >= self.layer(sampled.points), axis=0)
+        hit = self.femur_to_plateau(tibia).apply_inverse(sampled.hit)
+        outside = jnp.any((sampled.depth > 0) & ~self.femoral.knows(hit), axis=0)
+        return Faults(deep, outside, jnp.any(sampled.lost, axis=0))
+
+    def has_no_patch(self, gap: Gap) -> Array:
+        """Whether surfaces that overlap have no elliptical patch: the gap is nearly flat or not
+        convex, as between two meeting points. Its force is a guess; the form `quadrature` knows."""
+        return (gap.depth > 0) & ~gap.has_ellipse
+
+    def outgrown(self, gap: Gap, meeting: Array) -> Array:
+        """Whether the patch is larger than a radius of the femoral surface where it lies: the
+        closed form, exact for small patches, is then a guess."""
+        largest, _ = principal_curvatures(self.femoral, meeting[0], meeting[1])
+        return gap.semi_axes[0] * largest > 1.0
+
+    def passed_through(self, tibia: Placement) -> Array:
+        """Whether the middle of the femoral solid lies inside the tibial one: a pose that no
+        bones have, though no point of their surfaces need touch any more."""
+        core = self.femur_to_plateau(tibia).apply(self.femoral.core())
+        return self.tibial.level(core) < 0.0
+
+    def border(self, tibia: Placement, at: Sampled | Array) -> Border:
+        """How far contact reaches beyond the fitted regions, and what force is carried there.
+
+        Args:
+            tibia: where the tibia is.
+            at: depths at the points, or the parameters of a patch's meeting point.
+        """
+        of = _border.of_points if isinstance(at, Sampled) else _border.of_patch
+        return of(self, tibia, at)
+
+    def patch_energy(self, gap: Gap) -> Array:
+        """Energy of the layer if the patch were centred at a point with this gap, N mm."""
+        return self._energy_per_radius(gap.depth)[0] * gap.mean_radius
+
+    def _energy_per_radius(self, depth: Array) -> tuple[Array, Array]:
+        """Energy of a patch over its mean radius, N, and the slope of that by depth, N/mm."""
+        rounded = self.rounded(depth)
+        relative, factor = rounded / self.layer_thickness, 2.0 * jnp.pi * self.modulus
+        energy = rounded * law.patch_energy(self.law, relative)
+        # The mean over 0..depth times the depth: its slope is the density itself.
+        by_depth = self.touching(depth) * law.relative_energy(self.law, relative)
+        return factor * self.layer_thickness * energy, factor * self.layer_thickness * by_depth
+
+    def press(self, tibia: Placement, meeting: tuple[Array, Array]) -> Pressed:
+        """Energy and wrenches of a patch around a femoral point.
+
+        Args:
+            tibia: where the tibia is.
+            meeting: parameters of the point, shape `(2, ...)`.
+
+        Returns:
+            The patch, its wrenches on the tibia about the tibia's origin in femur axes.
+        """
+        motion = self.femur_to_plateau(tibia)
+        pressed = press(self.femoral, self.tibial, motion, meeting, self._energy_per_radius)
+        return pressed.carried(self.tibial.frame.placement, tibia)
+
+    def wrench(self, tibia: Placement) -> Wrench:
+        """Of the layer on the tibia, about the tibia's origin in femur axes."""
+        if self.has_patch:
+            return self.press(tibia, self.meeting(tibia)).wrench
+        return self.press_points(tibia)[1]
+
+    def press_points(self, tibia: Placement) -> tuple[Array, Wrench]:
+        """Energy over points, N mm, and the wrench on the tibia as in `wrench`."""
+        motion = self.femur_to_plateau(tibia)
+        energy, wrench = press_points(self, self.quadrature_points(), motion)
+        return energy, wrench.moved(self.tibial.frame.placement).turned(tibia)
+
+    def sampled_wrench(self, tibia: Placement, sampled: Sampled) -> Wrench:
+        """As `wrench`, from depths at the quadrature points."""
+        return sampled_wrench(self, sampled).moved(self.tibial.frame.placement).turned(tibia)
+
+    def energy(self, tibia: Placement) -> Array:
+        """Elastic energy of the layer, N mm."""
+        if self.has_patch:
+            return self.patch_energy(self.gap(tibia, self.meeting(tibia)))
+        return self.sampled_energy(self.sample(tibia))
+
+    def sampled_energy(self, sampled: Sampled) -> Array:
+        """As `energy`, from depths at the quadrature points."""
+        layer, area = self.layer(sampled.points), sampled.points.area
+        density = law.relative_energy(self.law, self.rounded(sampled.depth) / layer)
+        return self.modulus * jnp.sum(area * layer * density, axis=0)
+
+    def pressure(self, depth: Array) -> Array:
+        """Pressure at a depth, MPa, with the rounded onset."""
+        relative = self.rounded(depth) / self.layer_thickness
+        return self.modulus * law.relative_pressure(self.law, relative)
+
+    def rounded(self, depth: Array) -> Array:
+        """Depth with the rounded onset, mm: positive, and far less than `onset_width` apart."""
+        return positive_part(self._counting(depth)[0], self.onset_width)
+
+    def touching(self, depth: Array) -> Array:
+        """From 0 apart to 1 in touch, over the onset: the slope of `rounded` by depth."""
+        near, slope = self._counting(depth)
+        return slope * positive_part(near, self.onset_width) / jnp.sqrt(
+            near * near + self.onset_width**2
+        )
+
+    def _counting(self, depth: Array) -> tuple[Array, Array | float]:
+        """The depth that counts and its slope: far apart, that of a ray may mean nothing."""
+        return (depth, 1.0) if self.has_patch else faded(depth)

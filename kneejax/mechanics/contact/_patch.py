@@ -1,0 +1,285 @@
+"""Where two smooth surfaces meet: the point, the depth and the size of the elliptical patch.
+
+The gap is the height of a point of the femoral surface over the tibial one. It is smallest where
+both surfaces share a normal (paper 3, Eqs 1 and 2), and near there it is a paraboloid whose
+curvature is the relative curvature of the two; the patch is where it is negative. Only the
+product of the two relative radii enters force and energy, so the determinant of the gap's second
+derivative in the metric of the surface is all that is needed: nothing divides by the difference
+of two curvatures, which vanishes for a sphere on a plane.
+"""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import Array, lax
+
+from kneejax.geometry import Height, Jet, Placement, Surface, Vector, add, dot, rotate, scale
+from kneejax.numerics import safe_sqrt
+
+_SEARCH_STEPS = 12
+# A search step, mm; the least relative curvature, 1/mm, that it believes, and what it reckons with
+# where there is less or none.
+_LONGEST_STEP, _FLATTEST, _LEAST_CURVATURE = 6.0, 1e-5, 0.003
+# Parameters may leave the surface's region by this part of its size before they are held.
+_OVERSHOOT = 0.15
+# Product of the relative curvatures, 1/mm^2, below which it is raised smoothly: mean radii of 141
+# mm are the largest that enter as they are, and 200 mm the largest of all.
+_NEARLY_FLAT = 5e-5
+_NOTHING = ((0.0, 0.0, 0.0),) * 3
+
+
+class Gap(eqx.Module):
+    """The gap at a point of the femoral surface, and its derivatives by that point's parameters.
+
+    Attributes:
+        value: height over the tibial surface, in the unit of `Height`.
+        slope: first derivatives by the two parameters.
+        aa: second derivative; likewise `ab`, `bb`.
+        steepness: squared gradient of the height in space.
+        mixed: scalar product of the point's derivatives by the two parameters, mm^2.
+        metric: square of the area that a unit square of parameters covers, mm^4.
+        stretch: mm covered by a unit of each parameter.
+        point: in the tibial surface's frame, mm.
+        along: derivatives of the point by the two parameters, mm.
+    """
+
+    value: Array
+    slope: tuple[Array, Array]
+    aa: Array
+    ab: Array
+    bb: Array
+    steepness: Array
+    mixed: Array
+    metric: Array
+    stretch: tuple[Array, Array]
+    point: Vector
+    along: tuple[Vector, Vector]
+
+    @property
+    def determinant(self) -> Array:
+        """Of the second derivatives."""
+        return self.aa * self.bb - self.ab * self.ab
+
+    @property
+    def convex(self) -> Array:
+        """Whether the gap has a smallest value near here."""
+        return (self.determinant > 0) & (self.aa > 0)
+
+    @property
+    def curvature(self) -> Array:
+        """Product of the relative curvatures, 1/mm^2; not positive where no ellipse fits."""
+        return self.determinant / (self.metric * self.steepness)
+
+    @property
+    def depth(self) -> Array:
+        """Overlap, mm; negative when apart."""
+        return -self.value / jnp.sqrt(self.steepness)
+
+    @property
+    def has_ellipse(self) -> Array:
+        """Whether the closed form holds: the gap is convex, with a mean radius below 141 mm."""
+        return self.convex & (self.curvature >= _NEARLY_FLAT)
+
+    @property
+    def raised_curvature(self) -> tuple[Array, Array]:
+        """The curvature that is reckoned with, and its slope by the gap's own.
+
+        Their product vanishes as one of the two relative curvatures does, and there is no ellipse
+        any more; energy and force must not jump there. It is the curvature itself where that is
+        enough, and half of `_NEARLY_FLAT` where the gap is not convex.
+        """
+        t = jnp.clip(jnp.where(self.convex, self.curvature, 0.0) / _NEARLY_FLAT, 0.0, 1.0)
+        more = jnp.where(self.convex, jnp.maximum(self.curvature - _NEARLY_FLAT, 0.0), 0.0)
+        raised = _NEARLY_FLAT * (0.5 + t**4 * (2.5 + t * (t - 3.0))) + more
+        return raised, t**3 * (10.0 + t * (6.0 * t - 15.0))
+
+    @property
+    def mean_radius(self) -> Array:
+        """Geometric mean of the two relative radii of curvature, mm."""
+        return self.raised_curvature[0] ** -0.5
+
+    @property
+    def semi_axes(self) -> tuple[Array, Array]:
+        """Of the patch, mm, the larger first; 0 when apart, infinite along a line of contact."""
+        along_a, along_b = self.stretch
+        steep = jnp.sqrt(self.steepness) * self.metric
+        twice = self.aa * along_b**2 - 2.0 * self.ab * self.mixed + self.bb * along_a**2
+        mean = 0.5 * twice / steep
+        spread = safe_sqrt(mean * mean - self.curvature)
+        depth = jnp.maximum(self.depth, 0.0)
+        return tuple(
+            jnp.where(k > 0, safe_sqrt(2.0 * depth / jnp.where(k > 0, k, 1.0)), jnp.inf)
+            for k in (mean - spread, mean + spread)
+        )
+
+    def reach(self, by_a: Array | float, by_b: Array | float) -> Array:
+        """How far the patch reaches from its middle in a quantity that changes by so much with each
+        parameter; 0 when apart, or where there is no ellipse."""
+        square = by_a * by_a * self.bb - 2.0 * by_a * by_b * self.ab + by_b * by_b * self.aa
+        rise = 2.0 * jnp.maximum(self.depth, 0.0) * jnp.sqrt(self.steepness)
+        inverse = jnp.where(self.convex, 1.0 / jnp.where(self.convex, self.determinant, 1.0), 0.0)
+        return safe_sqrt(rise * inverse * square)
+
+    @property
+    def tilt(self) -> Array:
+        """Slope of the gap along the surface, mm per mm; zero where the surfaces meet."""
+        a, b = self.slope[0] / self.stretch[0], self.slope[1] / self.stretch[1]
+        return jnp.abs(a) + jnp.abs(b)
+
+    def newton(self, a: Array, b: Array) -> tuple[Array, Array]:
+        """Minus the solution of a system with the second derivatives; zero where they are not
+        positive definite."""
+        inverse = jnp.where(self.convex, -1.0 / jnp.where(self.convex, self.determinant, 1.0), 0.0)
+        return (self.bb * a - self.ab * b) * inverse, (self.aa * b - self.ab * a) * inverse
+
+
+class Nearby(eqx.Module):
+    """Both surfaces around a femoral point, in the tibial surface's frame.
+
+    Attributes:
+        jet: of the femoral surface, its basis turned into that frame.
+        height: of the femoral point over the tibial surface.
+        point: mm.
+        pulled: components of the height's gradient along the jet's basis.
+        along: derivatives of the point by its two parameters.
+        bent: the height's hessian applied to those.
+    """
+
+    jet: Jet
+    height: Height
+    point: Vector
+    pulled: Vector
+    along: tuple[Vector, Vector]
+    bent: tuple[Vector, Vector]
+
+    def components(self, direction: Vector) -> Vector:
+        """Components of a direction along the jet's basis."""
+        x, y, z = self.jet.basis
+        return dot(direction, x), dot(direction, y), dot(direction, z)
+
+    @property
+    def gap(self) -> Gap:
+        """The gap at the femoral point."""
+        jet, gradient = self.jet, self.height.gradient
+        (along_a, along_b), (bent_a, bent_b) = self.along, self.bent
+        square_a, square_b = dot(jet.a, jet.a), dot(jet.b, jet.b)
+        return Gap(
+            value=self.height.value,
+            slope=(dot(self.pulled, jet.a), dot(self.pulled, jet.b)),
+            aa=dot(self.pulled, jet.aa) + dot(bent_a, along_a),
+            ab=dot(self.pulled, jet.ab) + dot(bent_a, along_b),
+            bb=dot(self.pulled, jet.bb) + dot(bent_b, along_b),
+            steepness=dot(gradient, gradient),
+            mixed=dot(jet.a, jet.b),
+            metric=square_a * square_b - dot(jet.a, jet.b) ** 2,
+            stretch=(jnp.sqrt(square_a), jnp.sqrt(square_b)),
+            point=self.point,
+            along=self.along,
+        )
+
+
+def nearby(
+    femoral: Surface, tibial: Surface, motion: Placement, meeting: Array, order: int = 2
+) -> Nearby:
+    """Both surfaces around a femoral point, with derivatives to an order; else as `gap_at`."""
+    jet = femoral.jet(meeting[0], meeting[1], order)
+    jet = eqx.tree_at(lambda j: j.basis, jet, tuple(motion.turn(e) for e in jet.basis))
+    point = add(jet.vector(jet.point), motion.translation)
+    height = tibial.height(point, order)
+    along = jet.vector(jet.a), jet.vector(jet.b)
+    hessian = _NOTHING if height.hessian is None else height.hessian
+    bent = rotate(hessian, along[0]), rotate(hessian, along[1])
+    x, y, z = (dot(height.gradient, e) for e in jet.basis)
+    return Nearby(jet, height, point, (x, y, z), along, bent)
+
+
+def gap_at(femoral: Surface, tibial: Surface, motion: Placement, meeting: Array) -> Gap:
+    """The gap at a point of the femoral surface.
+
+    Args:
+        femoral: the surface that carries the point.
+        tibial: the surface over which the gap is measured.
+        motion: from the femoral to the tibial surface's frame.
+        meeting: the point's two parameters.
+    """
+    return nearby(femoral, tibial, motion, meeting).gap
+
+
+def first_guess(
+    femoral: Surface, tibial: Surface, motion: Placement
+) -> tuple[Array, Array]:
+    """Parameters near the smallest gap: where the normals roughly oppose."""
+    away = tibial.outwards(motion.translation)
+    guess = femoral.start(scale(-1.0, motion.turn_back(away)))
+    a, b, _ = jnp.broadcast_arrays(*guess, motion.translation[0])
+    return a, b
+
+
+def improve(
+    femoral: Surface, tibial: Surface, motion: Placement, meeting: tuple[Array, Array]
+) -> tuple[Array, Array]:
+    """One guarded Newton step towards the smallest gap.
+
+    Arguments as `gap_at`. Parameters come and go as a pair, not stacked: whatever the compiler
+    computes into a stack it computes once for each row.
+    """
+    return renewed(femoral, gap_at(femoral, tibial, motion, meeting), meeting)[0]
+
+
+def renewed(
+    femoral: Surface, gap: Gap, meeting: tuple[Array, Array]
+) -> tuple[tuple[Array, Array], Array]:
+    """As `improve`, from the gap at the meeting point; and how far the step leads, mm."""
+    # In mm along both parameters, so that the guards below have a meaning.
+    along_a, along_b = gap.stretch
+    slope_a, slope_b = gap.slope[0] / along_a, gap.slope[1] / along_b
+    aa, ab, bb = gap.aa / along_a**2, gap.ab / (along_a * along_b), gap.bb / along_b**2
+    smallest = 0.5 * (aa + bb) - safe_sqrt(0.25 * (aa - bb) ** 2 + ab * ab)
+    shift = jnp.where(smallest > _FLATTEST, 0.0, _LEAST_CURVATURE - smallest)
+    aa, bb = aa + shift, bb + shift
+    determinant = aa * bb - ab * ab
+    step_a = (bb * slope_a - ab * slope_b) / determinant
+    step_b = (aa * slope_b - ab * slope_a) / determinant
+    miss = jnp.abs(step_a) + jnp.abs(step_b)
+    short = jnp.minimum(1.0, _LONGEST_STEP / (miss + 1e-9))
+    (lower_a, upper_a), (lower_b, upper_b) = femoral.bounds()
+    more_a, more_b = _OVERSHOOT * (upper_a - lower_a), _OVERSHOOT * (upper_b - lower_b)
+    a = jnp.clip(meeting[0] - short * step_a / along_a, lower_a - more_a, upper_a + more_a)
+    b = jnp.clip(meeting[1] - short * step_b / along_b, lower_b - more_b, upper_b + more_b)
+    return (a, b), miss
+
+
+@jax.custom_jvp
+def meeting_point(femoral: Surface, tibial: Surface, motion: Placement) -> Array:
+    """Parameters of the femoral point where two surfaces meet: the smallest gap.
+
+    Args:
+        femoral: the surface that is searched.
+        tibial: the surface over which the gap is measured.
+        motion: from the femoral to the tibial surface's frame.
+
+    Returns:
+        Shape `(2, ...)`, differentiable to any order by the motion and every number of the
+        surfaces: the rule below is made of the function itself.
+    """
+    found = lax.fori_loop(
+        0,
+        _SEARCH_STEPS,
+        lambda _, meeting: improve(femoral, tibial, motion, meeting),
+        first_guess(femoral, tibial, motion),
+    )
+    return jnp.stack(found)
+
+
+@meeting_point.defjvp
+def _meeting_point_jvp(primals, tangents):
+    meeting = meeting_point(*primals)
+
+    def slope(femoral: Surface, tibial: Surface, motion: Placement):
+        gap = gap_at(femoral, tibial, motion, meeting)
+        return gap.slope, gap
+
+    _, moved, gap = jax.jvp(slope, primals, tangents, has_aux=True)
+    return meeting, jnp.stack(gap.newton(*moved))

@@ -1,0 +1,198 @@
+"""Force and moment of an elliptical patch: the derivatives of its energy, written out.
+
+The energy `W(depth, curvature)` depends on the motion of the bones and on the meeting point `s`.
+With `G` the gap, `x` the femoral point, `c_i` its derivatives by `s`, `g`, `H` and `T` the first
+three derivatives of the height at `x`, a small motion of the femur (`dx` at the point, `w` of
+rotation) changes
+
+    G by       g . dx
+    G_i by     (H c_i) . dx + w . (c_i x g)
+    G_ij by    (H c_ij + T c_i c_j) . dx + w . (c_ij x g + c_i x H c_j + c_j x H c_i)
+
+and with them depth, curvature and energy. The meeting point follows; a multiplier on the slopes
+`G_i` makes the energy blind to that. Reverse differentiation of the energy gives the same numbers
+with three times the operations, and its derivative, which every step of a search takes, with four
+times (tests/mechanics/contact/test_patch_force.py holds the two against each other).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import equinox as eqx
+import jax.numpy as jnp
+from jax import Array
+
+from kneejax.geometry import (
+    Placement,
+    Surface,
+    Vector,
+    add,
+    cross,
+    dot,
+    inside,
+    rotate,
+    scale,
+)
+from kneejax.mechanics._wrench import Wrench
+from kneejax.mechanics.contact._patch import _NOTHING, Gap, Nearby, nearby, renewed
+
+
+class Pressed(eqx.Module):
+    """A patch under load.
+
+    Attributes:
+        energy: N mm.
+        wrench: on the tibia.
+        slope_wrenches: by a motion of the tibia the two slopes of the gap change as if these
+            did work on it.
+        gap: at the meeting point.
+        renewed: parameters of the meeting point after one Newton step towards the smallest gap.
+        miss: how far that step leads, mm.
+        known: whether all of the patch lies where both surfaces are known.
+    """
+
+    energy: Array
+    wrench: Wrench
+    slope_wrenches: tuple[Wrench, Wrench]
+    gap: Gap
+    renewed: tuple[Array, Array]
+    miss: Array
+    known: Array
+
+    def carried(self, frame: Placement, tibia: Placement) -> Pressed:
+        """Wrenches from the tibial surface's frame to femur axes, about the tibia's origin."""
+        first, second = (w.moved(frame).turned(tibia) for w in self.slope_wrenches)
+        wrench = self.wrench.moved(frame).turned(tibia)
+        rest = self.gap, self.renewed, self.miss, self.known
+        return Pressed(self.energy, wrench, (first, second), *rest)
+
+
+def press(
+    femoral: Surface,
+    tibial: Surface,
+    motion: Placement,
+    meeting: Array,
+    energy_per_radius: Callable[[Array], tuple[Array, Array]],
+) -> Pressed:
+    """Energy, force and moment of a patch, in the tibial surface's frame.
+
+    Args:
+        femoral: the surface that carries the meeting point.
+        tibial: the surface over which the gap is measured.
+        motion: from the femoral to the tibial surface's frame.
+        meeting: parameters of the meeting point, shape `(2, ...)`.
+        energy_per_radius: of a depth, energy per mm of the mean radius, N, and its slope, N/mm.
+
+    Returns:
+        The patch; its wrench is the exact derivative of the energy where the slopes vanish.
+    """
+    near = nearby(femoral, tibial, motion, meeting, order=3)
+    gap = near.gap
+    curvature, raised = gap.raised_curvature
+    energy, by_depth = (x / jnp.sqrt(curvature) for x in energy_per_radius(gap.depth))
+    by_curvature = -0.5 * energy * raised / curvature
+    force, couple = _at_fixed_meeting(near, gap, by_depth, by_curvature)
+    shift_a, shift_b = gap.newton(*_by_meeting(near, gap, by_curvature, force))
+
+    (along_a, along_b), (bent_a, bent_b) = near.along, near.bent
+    gradient = near.height.gradient
+    force = add(force, add(scale(shift_a, bent_a), scale(shift_b, bent_b)))
+    shifted = add(scale(shift_a, along_a), scale(shift_b, along_b))
+    couple = add(couple, cross(shifted, gradient))
+    slope_wrenches = tuple(
+        -Wrench.at(near.point, bent, cross(along, gradient))
+        for bent, along in zip(near.bent, near.along, strict=True)
+    )
+    # Blind to first order to what is left of the search for the meeting point.
+    energy = energy + shift_a * gap.slope[0] + shift_b * gap.slope[1]
+    wrench = Wrench.at(near.point, force, couple)
+    known = _inside(femoral, tibial, gap, meeting)
+    return Pressed(energy, wrench, slope_wrenches, gap, *renewed(femoral, gap, meeting), known)
+
+
+def _inside(femoral: Surface, tibial: Surface, gap: Gap, meeting: Array) -> Array:
+    """Whether the patch, or its middle while the surfaces are apart, lies in both regions."""
+    (a, b), (by_a, by_b) = meeting, (gap.reach(1.0, 0.0), gap.reach(0.0, 1.0))
+    reach = tuple(gap.reach(p, q) for p, q in zip(*gap.along, strict=True))
+    known = jnp.asarray(True)
+    for way in (1.0, -1.0):
+        rim = add(gap.point, scale(way, reach))
+        known = known & inside(femoral, a + way * by_a, b + way * by_b) & tibial.knows(rim)
+    return known
+
+
+def _cofactors(near: Nearby, gap: Gap) -> tuple[Vector, Vector]:
+    """Derivatives of the point, mixed by the cofactors of the gap's second derivatives."""
+    along_a, along_b = near.along
+    return (
+        add(scale(gap.bb, along_a), scale(-gap.ab, along_b)),
+        add(scale(-gap.ab, along_a), scale(gap.aa, along_b)),
+    )
+
+
+def _at_fixed_meeting(
+    near: Nearby, gap: Gap, by_depth: Array, by_curvature: Array
+) -> tuple[Vector, Vector]:
+    """Derivative of the energy by a motion of the femur: force and couple at the point."""
+    gradient, hessian, third = near.height.gradient, near.height.hessian, near.height.third
+    hessian = _NOTHING if hessian is None else hessian
+    by_determinant = by_curvature / (gap.metric * gap.steepness)
+    by_steepness = -(0.5 * by_depth * gap.depth + by_curvature * gap.curvature) / gap.steepness
+    mixed_a, mixed_b = _cofactors(near, gap)
+    along_a, along_b = near.along
+    jet = near.jet
+    second = jet.vector(_contracted(gap, jet.aa, jet.ab, jet.bb))
+    inner = add(scale(2.0 * by_steepness, gradient), scale(by_determinant, second))
+    force = add(scale(-by_depth / jnp.sqrt(gap.steepness), gradient), rotate(hessian, inner))
+    if third is not None:
+        x, y, z = (
+            dot(along_a, rotate(t, mixed_a)) + dot(along_b, rotate(t, mixed_b)) for t in third
+        )
+        force = add(force, scale(by_determinant, (x, y, z)))
+    twist = add(
+        cross(along_a, rotate(hessian, mixed_a)), cross(along_b, rotate(hessian, mixed_b))
+    )
+    couple = add(cross(second, gradient), scale(2.0, twist))
+    return force, scale(by_determinant, couple)
+
+
+def _by_meeting(
+    near: Nearby, gap: Gap, by_curvature: Array, force: Vector
+) -> tuple[Array, Array]:
+    """Derivative of the energy by the two parameters of the meeting point.
+
+    A shift of the point moves it through the height as a motion of the femur would, and changes
+    the derivatives of the point besides.
+    """
+    jet = near.jet
+    by_determinant = by_curvature / (gap.metric * gap.steepness)
+    hessian = _NOTHING if near.height.hessian is None else near.height.hessian
+    mixed_a, mixed_b = (near.components(rotate(hessian, m)) for m in _cofactors(near, gap))
+    assert jet.third is not None
+    aaa, aab, abb, bbb = jet.third
+    square_a, mixed, square_b = dot(jet.a, jet.a), dot(jet.a, jet.b), dot(jet.b, jet.b)
+
+    def by(along: Vector, of_a: Vector, of_b: Vector, of_second: Vector) -> Array:
+        determinant = dot(near.pulled, of_second) + 2.0 * (dot(mixed_a, of_a) + dot(mixed_b, of_b))
+        metric = 2.0 * (
+            dot(jet.a, of_a) * square_b
+            + dot(jet.b, of_b) * square_a
+            - mixed * (dot(jet.a, of_b) + dot(jet.b, of_a))
+        )
+        return (
+            dot(force, along)
+            + by_determinant * determinant
+            - by_curvature * gap.curvature * metric / gap.metric
+        )
+
+    along_a, along_b = near.along
+    return (
+        by(along_a, jet.aa, jet.ab, _contracted(gap, aaa, aab, abb)),
+        by(along_b, jet.ab, jet.bb, _contracted(gap, aab, abb, bbb)),
+    )
+
+
+def _contracted(gap: Gap, aa: Vector, ab: Vector, bb: Vector) -> Vector:
+    """Sum over second derivatives, weighted by the cofactors of the gap's."""
+    return add(add(scale(gap.bb, aa), scale(-2.0 * gap.ab, ab)), scale(gap.aa, bb))

@@ -1,0 +1,246 @@
+"""Force and moment of a contact summed over points, and how they change as the bones move.
+
+A solve asks for the change of the wrench along five motions. Differentiated, each motion would go
+over all points again; but what it does to a point is a few lines of vector algebra, and their sum
+over the points is a 6 x 6 stiffness that serves all motions. A point `h` of the femur that moves
+by `u` changes the depth there by `-s . u`, where `s` is the slope of the depth, and with the force
+`f = -P a s` (pressure, area)
+
+    f by   a P' s (s . u) - P a (change of s),
+    s by   w x s - s (n . w x s) - M u,    M = (I - s n') H (I - n s') / (g . n),
+
+`w` the rotation of the femur, `n` the normal of the tibial surface, `g` and `H` the first two
+derivatives of the femoral level. Any other change, of a surface or of a modulus, is differentiated.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import partial
+from typing import TYPE_CHECKING
+
+import jax
+import jax.numpy as jnp
+from jax import Array, lax
+from jax.custom_derivatives import SymbolicZero
+
+from kneejax.geometry import (
+    Placement,
+    Rotation,
+    Vector,
+    add,
+    compose,
+    cross,
+    dot,
+    plus,
+    rotate,
+    scale,
+    subtract,
+    times,
+    transpose,
+)
+from kneejax.mechanics._wrench import Wrench
+from kneejax.mechanics.contact._quadrature import (
+    Points,
+    Sampled,
+    lines_of,
+    over_rays,
+    quickly,
+    thoroughly,
+)
+from kneejax.mechanics.contact._rays import quick_exit
+from kneejax.numerics import instantiate
+
+if TYPE_CHECKING:
+    from kneejax.mechanics.contact._contact import Contact
+
+_UNITS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+def sampled_wrench(contact: Contact, sampled: Sampled) -> Wrench:
+    """Wrench on the tibia in its surface's frame.
+
+    A displacement of the tibia changes a depth by its slope, at the point where the normal's line
+    leaves the femur: the force is pressure times area times that slope, there.
+
+    Args:
+        contact: whose pressure law is meant.
+        sampled: depths at the points.
+    """
+    share = -contact.point_pressure(sampled) * sampled.points.area
+    couple = scale(share, sampled.twist)
+    return _sum(Wrench.at(sampled.hit, scale(share, sampled.slope), couple))
+
+
+@jax.custom_jvp
+def press_points(contact: Contact, points: Points, motion: Placement) -> tuple[Array, Wrench]:
+    """Energy and wrench of a layer over points.
+
+    Args:
+        contact: gives the femoral surface and the pressure law.
+        points: of the tibial surface.
+        motion: from the femoral to the tibial surface's frame.
+
+    Returns:
+        N mm, and the wrench on the tibia in its surface's frame.
+    """
+    return over_rays(contact.femoral, points, motion, partial(_pressed, contact))
+
+
+def _pressed(contact: Contact, sampled: Sampled) -> tuple[Array, Wrench]:
+    return contact.sampled_energy(sampled), sampled_wrench(contact, sampled)
+
+
+def _press_points_jvp(primals, tangents):
+    contact, points, motion = primals
+    *of_parts, of_motion = tangents
+    if not all(isinstance(t, SymbolicZero) for t in jax.tree.leaves(of_parts)):
+        return jax.jvp(press_points.fun, primals, instantiate(tangents))
+    (energy, wrench), by_twist = _stiff(contact, points, motion)
+    shift, turn = _twist(motion, instantiate(of_motion))
+    change = Wrench((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    for rate, by in zip((*shift, *turn), by_twist, strict=True):
+        change = change + Wrench(scale(rate, by.force), scale(rate, by.moment))
+    # The work of the wrench on the tibia, as the femur moves instead.
+    work = plus(dot(shift, wrench.force), dot(turn, wrench.moment))
+    return (energy, wrench), (work, change)
+
+
+def _stiff(contact: Contact, points: Points, motion: Placement):
+    """Energy and wrench, and the wrench's change by three shifts and three turns."""
+    quick, sound = quick_exit(contact.femoral, *lines_of(points, motion))
+    sampled = quickly(contact.femoral, points, motion, quick)
+    usual = _pressed(contact, sampled), stiffness(contact, sampled, motion)
+
+    def again():
+        nowhere = (jnp.zeros(jnp.shape(motion.translation[0])),) * 6
+
+        def of_row(row):
+            own, known, is_known = row
+
+            def pressed(*twist: Array):
+                moved = _displaced(motion, twist)
+                return _pressed(contact, thoroughly(contact.femoral, own, moved, known, is_known))
+
+            def by(unit: Array):
+                rates = tuple(x + rate for x, rate in zip(nowhere, unit, strict=True))
+                return jax.jvp(pressed, nowhere, rates)
+
+            return lax.map(by, jnp.eye(6))
+
+        # Row by row of points: a program's memory is that of its largest part, asked for in each
+        # call. All at once, this part, which is seldom needed, made every solve four times slower.
+        count, shape = contact.points[0], jnp.shape(quick)
+        split = jax.tree.map(
+            lambda x: _by_rows(x, count, shape), (points, quick, sound), is_leaf=_is_number
+        )
+        sums = jax.tree.map(lambda x: jnp.sum(x, axis=0), lax.map(of_row, split))
+        (energies, wrenches), (_, changes) = sums
+        first = jax.tree.map(lambda x: x[0], (energies, wrenches))
+        return first, [jax.tree.map(lambda x, k=k: x[k], changes) for k in range(6)]
+
+    return lax.cond(jnp.all(sound), lambda: usual, again)
+
+
+def _is_number(x) -> bool:
+    return isinstance(x, float)
+
+
+def _by_rows(x: Array | float, count: int, shape: tuple[int, ...]) -> Array:
+    """What is known of points, `(points, ...)`, as `(rows, points of a row, ...)`."""
+    x = jnp.asarray(x)
+    whole = jnp.broadcast_to(x, shape[:1] + (x.shape[1:] or (1,) * (len(shape) - 1)))
+    return whole.reshape(count, -1, *whole.shape[1:])
+
+
+def _displaced(motion: Placement, twist: tuple[Array, ...]) -> Placement:
+    """The femur after a small shift and turn about the origin of the tibial surface's frame."""
+    shift, turn = twist[:3], twist[3:]
+    columns = transpose(_UNITS if motion.rotation is None else motion.rotation)
+    turned = transpose(tuple(add(column, cross(turn, column)) for column in columns))
+    moved = add(motion.translation, add(shift, cross(turn, motion.translation)))
+    return Placement(turned, moved)
+
+
+press_points.defjvp(_press_points_jvp, symbolic_zeros=True)
+
+
+def stiffness(contact: Contact, sampled: Sampled, motion: Placement) -> list[Wrench]:
+    """Change of the wrench on the tibia by motions of the femur, in the tibial surface's frame.
+
+    Args:
+        contact: gives the femoral surface and the pressure law.
+        sampled: depths at the points of the tibial surface, none of them held.
+        motion: from the femoral to the tibial surface's frame.
+
+    Returns:
+        Per mm along X, Y and Z; per rad about them, through the origin.
+    """
+    hit, slope, normal = sampled.hit, sampled.slope, sampled.points.normal
+    pressure, by_depth = _pressure_and_slope(contact, sampled)
+    force, firm = -pressure * sampled.points.area, by_depth * sampled.points.area
+    # Force by a motion of the femoral point, if the slope keeps its direction: symmetric.
+    bent = _bend_along_layer(contact, sampled, motion)
+    spring = tuple(
+        tuple(firm * slope[i] * slope[j] - force * bent[i][j] for j in range(3)) for i in range(3)
+    )
+    aside = cross(slope, normal)
+    by_shift, by_turn = [], []
+    for unit in _UNITS:
+        change = rotate(spring, unit)
+        # The point at which the force acts moves along the normal, as the depth does.
+        arm_moves = scale(-times(force, dot(slope, unit)), aside)
+        by_shift.append(_sum(Wrench(change, add(arm_moves, cross(hit, change)))))
+        moved = cross(unit, hit)
+        turned = subtract(cross(unit, slope), scale(dot(unit, aside), slope))
+        change = add(rotate(spring, moved), scale(force, turned))
+        arm_moves = scale(-force * dot(slope, moved), aside)
+        by_turn.append(_sum(Wrench(change, add(arm_moves, cross(hit, change)))))
+    return [*by_shift, *by_turn]
+
+
+def _pressure_and_slope(contact: Contact, sampled: Sampled):
+    """MPa, and MPa per mm of depth."""
+
+    def pressure(depth):
+        return contact.point_pressure(dataclasses.replace(sampled, depth=depth))
+
+    return jax.jvp(pressure, (sampled.depth,), (jnp.ones_like(sampled.depth),))
+
+
+def _bend_along_layer(contact: Contact, sampled: Sampled, motion: Placement) -> Rotation:
+    """The matrix `M` of the file's first lines, 1/mm."""
+    slope, normal = sampled.slope, sampled.points.normal
+    _, gradient, bend = contact.femoral.level_slope_and_bend(motion.apply_inverse(sampled.hit))
+    if motion.rotation is not None:
+        gradient = motion.turn(gradient)
+        bend = compose(motion.rotation, compose(bend, transpose(motion.rotation)))
+    along = rotate(bend, normal)
+    twice = dot(normal, along)
+    steep = dot(gradient, normal)
+    per_steep = 1.0 / jnp.where(steep < 0, steep, -1.0)
+    return tuple(
+        tuple(
+            per_steep * (bend[i][j] - along[i] * slope[j] - slope[i] * along[j]
+                         + twice * slope[i] * slope[j])
+            for j in range(3)
+        )
+        for i in range(3)
+    )  # fmt: skip
+
+
+def _twist(motion: Placement, rates: Placement) -> tuple[Vector, Vector]:
+    """Velocity of the femur's point at the tibial frame's origin, and its rotation."""
+    if motion.rotation is None:
+        return rates.translation, (0.0, 0.0, 0.0)
+    spin = compose(rates.rotation, transpose(motion.rotation))
+    turn = tuple(
+        0.5 * (spin[k][j] - spin[j][k]) for j, k in ((1, 2), (2, 0), (0, 1))
+    )
+    return subtract(rates.translation, cross(turn, motion.translation)), turn
+
+
+def _sum(wrench: Wrench) -> Wrench:
+    parts = jnp.broadcast_arrays(*(jnp.asarray(x) for x in (*wrench.force, *wrench.moment)))
+    fx, fy, fz, mx, my, mz = (jnp.sum(x, axis=0) for x in parts)
+    return Wrench((fx, fy, fz), (mx, my, mz))

@@ -1,0 +1,290 @@
+"""Where a line leaves a solid: a short search for the usual line, a bounded one for the others.
+
+The depth of a point `p` along a unit direction `n` is the `u` at which the level `F(p - u n)` of
+the solid vanishes. Newton's first step, taken from the point itself, is `first = -F / c`, `c` how
+fast the level rises along the line (never less than a fifth of its gradient). Two looks at the
+surface and a third that judges them are enough for a line that leaves the solid nearby and steeply:
+the usual one. If a single line is not that usual, all that are not are searched between 0 and 1.8
+times `first`, where Newton's steps cannot leave the bracket.
+
+A line that grazes the solid leaves it ever farther away, and then not at all. Where the level is
+quadratic, that happens at twice `first`. Beyond 1.5 times `first` the depth therefore comes to rest
+below 1.8 times `first`, and stays there for lines that have no exit: the depth, its slope and its
+bend are continuous, and no point beneath the surface is ever taken for one that is apart.
+"""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import Array, lax
+from jax.custom_derivatives import SymbolicZero
+
+from kneejax.geometry import Surface, Vector, add, dot, rotate, scale, subtract
+from kneejax.numerics import instantiate
+
+#: Parts of Newton's first step up to which a depth is the ray's own, and at which it rests.
+STRAIGHT, HELD = 1.5, 1.8
+# The last step that may be left, mm, of a point that touches; how much more of one that is as far
+# apart as contact takes to fade out; and of a point that is searched thoroughly. It is taken too:
+# what is left then is its square.
+_ENOUGH, _APART_ENOUGH, _FADES, _THOROUGH = 5e-5, 3e-5, 0.02, 1e-7
+# Cosines between a line and the gradient: where the line counts as grazing, and as steep.
+_GRAZING, _STEEP = 0.1, 0.3
+#: Slope along the line that a usual ray has at least; below the second no step is taken at all.
+LEVEL, _FLAT = 0.05, 1e-3
+_QUICK_LOOKS, _MOST_QUICK_LOOKS, _NEWTON_LOOKS, _MOST_LOOKS = 2, 4, 6, 60
+#: Beyond this distance, mm, contact has faded out: a depth need only be known to be less.
+APART = 2.5
+# Newton's first step where that is so, whatever the search finds.
+_SURELY_APART = 4.0
+_FARTHEST = 1e3
+#: The longest step, mm, that the look that uses a depth takes.
+LAST_STEP = 0.1
+
+
+class Exit(eqx.Module):
+    """Where lines leave a solid.
+
+    Attributes:
+        depth: how far back along the line, mm; negative outside the solid.
+        first: Newton's first step, mm.
+        held: whether the line has no exit within reach: the depth rests at `HELD * first`.
+        lost: whether the search has not ended.
+    """
+
+    depth: Array
+    first: Array
+    held: Array
+    lost: Array
+
+
+def look(femoral: Surface, depth: Array, start: Vector, along: Vector):
+    """Level, its gradient, and how fast it falls with the direction, at a depth of a line."""
+    level, gradient = femoral.level_and_slope(subtract(start, scale(depth, along)))
+    return level, gradient, dot(gradient, along)
+
+
+def quick_exit(femoral: Surface, start: Vector, along: Vector) -> tuple[Array, Array]:
+    """Exits of lines that leave the solid nearby and steeply, from two looks or a few more.
+
+    Args:
+        femoral: the solid.
+        start: mm, in its frame.
+        along: unit direction; one goes against it.
+
+    Returns:
+        Depths, mm, and whose are sound: those whose steps have ended unheld, or so far apart that
+        nothing depends on them. The look that uses a depth takes the step that is left.
+    """
+    femoral, start, along = lax.stop_gradient((femoral, start, along))
+
+    def nearer(state):
+        step, depth, _, first = state
+        level, _, steep = look(femoral, depth, start, along)
+        newton = level / jnp.minimum(steep, -_STEEP)
+        return step + 1, depth + newton, depth, jnp.where(step == 0, newton, first)
+
+    def goes_on(state) -> Array:
+        step, depth, before, first = state
+
+        def left() -> Array:
+            return jnp.any(_coarse(depth, before) & ~_apart(depth, first))
+
+        return lax.cond(step < _QUICK_LOOKS, lambda: True, left) & (step < _MOST_QUICK_LOOKS)
+
+    # A loop, though it is short: looks that follow each other in one kernel are computed anew for
+    # each use of what they found, and three of them took minutes to compile. A look hands on
+    # nothing but its step: with the level and its slope besides, it took twice the time.
+    nothing = jnp.zeros(jnp.broadcast_shapes(jnp.shape(start[0]), jnp.shape(along[0])))
+    state = (jnp.asarray(0), nothing, nothing, nothing)
+    step, depth, before, first = lax.while_loop(goes_on, nearer, state)
+    # What the first step has left tells the level's bend: the second step goes along it.
+    second = jnp.where(step == _QUICK_LOOKS, depth - before, 0.0)
+    part = second / jnp.where(first == 0.0, 1.0, first)
+    found = depth + second * jnp.minimum(part * part, 0.5)
+    astray = (jnp.abs(found) > STRAIGHT * jnp.abs(first)) | (found * first < 0.0)
+    # A number that is none is nobody's fault here: the solver refuses it.
+    unsound, far = astray | _coarse(depth, before), _apart(found, first)
+    resting = jnp.clip(found, -_FARTHEST, -APART - 2.0 * LAST_STEP)
+    return jnp.where(unsound & far, resting, found), ~unsound | far
+
+
+def _coarse(depth: Array, before: Array) -> Array:
+    """Whether the step after the last one matters: some hundredths (1/mm) of its square."""
+    return 0.03 * (depth - before) ** 2 > _allowed(depth)
+
+
+def _apart(depth: Array, first: Array) -> Array:
+    return (depth < -APART) | (first < -_SURELY_APART)
+
+
+def thorough_exit(
+    femoral: Surface, start: Vector, along: Vector, known: Array, is_known: Array
+) -> Exit:
+    """Exit of any line, by Newton's steps in a bracket that halves where they do not end.
+
+    Args:
+        femoral: the solid.
+        start: mm, in its frame.
+        along: unit direction; one goes against it.
+        known: depths that have been found, mm.
+        is_known: whose they are; these stay as they are.
+    """
+    femoral, start, along, known = lax.stop_gradient((femoral, start, along, known))
+
+    def closer(state):
+        step, depth, first, near, far, closed, held, done = state
+        begins = step == 0
+        level, gradient, steep = look(femoral, jnp.where(begins, 0.0, depth), start, along)
+        first = jnp.where(begins, -level / rise(gradient, along)[0], first)
+        passed = ~begins & (level * first > 0.0)
+        near = jnp.where(passed | begins, near, depth)
+        far = jnp.where(begins, HELD * first, jnp.where(passed, depth, far))
+        closed = closed | passed
+        newton = depth + level / jnp.where(steep < -_FLAT, steep, -1.0)
+        within = (steep < -_FLAT) & ((newton - near) * (far - newton) >= 0.0)
+        # Newton's steps end in a few; where they do not, every third halves the bracket.
+        halves = closed & (step > _NEWTON_LOOKS) & (step % 3 == 2)
+        bracketed = jnp.where(closed, 0.5 * (near + far), HELD * first)
+        further = jnp.where(within & ~halves, newton, bracketed)
+        further = jnp.where(begins, first, further)
+        ends = ~passed & (jnp.abs(depth) >= HELD * jnp.abs(first)) & (first != 0.0) & ~begins
+        small = within & (jnp.abs(newton - depth) <= _THOROUGH)
+        narrow = closed & (jnp.abs(far - near) <= 1e-9)
+        found = ~begins & ~ends & (small | narrow | (first == 0.0) | ~jnp.isfinite(level))
+        depth = jnp.where(done | ends, depth, jnp.where(small, newton, further))
+        depth = jnp.where(begins & ~done, first, depth)
+        held = held | (ends & ~done)
+        return step + 1, depth, first, near, far, closed, held, done | ends | found
+
+    shape = jnp.broadcast_shapes(jnp.shape(start[0]), jnp.shape(along[0]))
+    nothing, no = jnp.zeros(shape), jnp.zeros(shape, bool)
+    state = (jnp.asarray(0), known, nothing, nothing, nothing, no, no, is_known)
+    # One look at least: it gives the first step of those that are known.
+    searches = lambda s: (s[0] < 1) | ((s[0] < _MOST_LOOKS) & ~jnp.all(s[-1]))  # noqa: E731
+    _, depth, first, _, _, _, held, done = lax.while_loop(searches, closer, state)
+    return Exit(depth, first, held, ~done)
+
+
+def rise(gradient: Vector, along: Vector) -> tuple[Array, Array, Array]:
+    """How fast the level rises against a direction, never less than a fifth of its gradient.
+
+    Args:
+        gradient: of the level.
+        along: unit direction.
+
+    Returns:
+        The rise `c`, and what it is made of: `dc = by_size * d|gradient| - by_slope * d(slope)`
+        with `slope` the gradient along the direction.
+    """
+    size = jnp.sqrt(dot(gradient, gradient))
+    cosine = -dot(gradient, along) / size
+    t = jnp.clip((cosine - _GRAZING) / (_STEEP - _GRAZING), 0.0, 1.0)
+    width = _STEEP - _GRAZING
+    # From the constant 0.2 at a cosine of 0.1 to the cosine itself at 0.3, smooth at both.
+    least = 0.5 * (_GRAZING + _STEEP)
+    share = jnp.maximum(cosine, _STEEP) - _STEEP + least + width * (t**3 - 0.5 * t**4)
+    by_slope = t * t * (3.0 - 2.0 * t)
+    return size * share, share - cosine * by_slope, by_slope
+
+
+def faded(depth: Array) -> tuple[Array, Array]:
+    """A depth that comes to rest between half of `APART` and `APART`, and its derivative.
+
+    What the rounded onset leaves of contact there, some 1e-5 of a mm, must not change with rays
+    that lead nowhere.
+    """
+    begin = 0.5 * APART
+    t = jnp.clip((-depth - begin) / (APART - begin), 0.0, 1.0)
+    rest = (APART - begin) * (t - t**3 + 0.5 * t**4)
+    return jnp.maximum(depth, -begin) - rest, 1.0 - t * t * (3.0 - 2.0 * t)
+
+
+def hold(ratio: Array) -> tuple[Array, Array]:
+    """A ratio that comes to rest between `STRAIGHT` and `HELD`, and its derivative."""
+    width = HELD - STRAIGHT
+    t = jnp.clip((ratio - STRAIGHT) / width, 0.0, 1.0)
+    held = jnp.minimum(ratio, STRAIGHT) + width * (t - t**3 + 0.5 * t**4)
+    return held, 1.0 - t * t * (3.0 - 2.0 * t)
+
+
+def any_depth(
+    femoral: Surface, start: Vector, along: Vector, found: Exit
+) -> tuple[Array, Vector, Vector]:
+    """Depth of any line, held or not, and its slopes.
+
+    Args:
+        femoral: the solid.
+        start: mm, in its frame.
+        along: unit direction; one goes against it.
+        found: its exit.
+
+    Returns:
+        Depth, mm; its derivatives by a motion of the start and by one of the direction.
+    """
+    level, gradient, bend = femoral.level_slope_and_bend(start)
+    rises, by_size, by_slope = rise(gradient, along)
+    first = -level / rises
+    size = jnp.sqrt(dot(gradient, gradient))
+    of_rise = add(scale(by_size / size, gradient), scale(-by_slope, along))
+    first_by_start = scale(-1.0 / rises, add(gradient, scale(first, rotate(bend, of_rise))))
+    first_by_along = scale(first * by_slope / rises, gradient)
+
+    own = follow(femoral, start, along, found.depth)
+    left, there, steep = look(femoral, own, start, along)
+    steep = jnp.where(steep < -_FLAT, steep, -1.0)
+    own = own + jnp.where(found.held, 0.0, left / steep)
+    own_by_start = scale(1.0 / steep, there)
+
+    some = found.first != 0.0
+    ratio = jnp.where(some, own / jnp.where(some, first, 1.0), 1.0)
+    ratio = jnp.where(found.held, HELD, ratio)
+    held, by_ratio = hold(ratio)
+    rest = held - ratio * by_ratio
+    depth = jnp.where(ratio <= STRAIGHT, own, first * held)
+    by_start = add(scale(by_ratio, own_by_start), scale(rest, first_by_start))
+    by_along = add(scale(-by_ratio * own, own_by_start), scale(rest, first_by_along))
+    return depth, by_start, by_along
+
+
+@jax.custom_jvp
+def follow(femoral: Surface, start: Vector, along: Vector, depth: Array) -> Array:
+    """An exit that has been found, differentiable by the implicit function theorem.
+
+    Args:
+        femoral: the solid.
+        start: mm, in its frame.
+        along: unit direction.
+        depth: of the exit, mm; nothing is differentiated through it.
+    """
+    return depth
+
+
+def _follow_jvp(primals, tangents):
+    *of_line, depth = primals
+    femoral, start, along = of_line
+    moved = [not isinstance(t, SymbolicZero) for t in jax.tree.leaves(tangents[0])]
+    # A surface that is not perturbed need not be differentiated.
+    if any(moved):
+        names, rates = tuple(of_line), instantiate(tangents[:3])
+    else:
+        names, rates = (start, along), instantiate(tangents[1:3])
+
+    def level(*where):
+        solid = where if any(moved) else (femoral, *where)
+        found, _, steep = look(solid[0], depth, *solid[1:])
+        return found, steep
+
+    _, change, steep = jax.jvp(level, names, rates, has_aux=True)
+    return depth, change / jnp.where(steep < -_FLAT, steep, -1.0)
+
+
+follow.defjvp(_follow_jvp, symbolic_zeros=True)
+
+
+def _allowed(depth: Array) -> Array:
+    """The last step that may be left, mm: more, the farther apart."""
+    apart = jnp.minimum(depth, 0.0) / _FADES
+    return _ENOUGH + _APART_ENOUGH * apart * apart

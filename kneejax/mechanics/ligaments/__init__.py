@@ -1,0 +1,11 @@
+"""Fibres: their law, their courses, their failure."""
+
+from kneejax.mechanics.ligaments import _law as ligament_law
+from kneejax.mechanics.ligaments._courses import Course as Course
+from kneejax.mechanics.ligaments._failure_strain import FAILURE_SOURCE as FAILURE_SOURCE
+from kneejax.mechanics.ligaments._failure_strain import FibreFaults as FibreFaults
+from kneejax.mechanics.ligaments._failure_strain import usual_failure_strain as usual_failure_strain
+from kneejax.mechanics.ligaments._ligaments import Ligaments as Ligaments
+from kneejax.mechanics.ligaments._ligaments import WrapState as WrapState
+
+__all__ = ["ligament_law"]

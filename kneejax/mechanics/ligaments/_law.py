@@ -1,0 +1,199 @@
+"""The nonlinear spring of a ligament fibre: energy, tension and stiffness as functions of strain.
+
+Slack below zero strain, a parabola up to the transition strain, a line above (Blankevoort 1991).
+The smooth law replaces the two corners of the tension's slope by a rounded positive part of width
+`w`. It integrates twice in closed form, so tension and energy are exact derivatives of each
+other, and a slack fibre keeps a small gradient, which lets a calibration pull it tight.
+"""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+from jax import Array
+from jax.typing import ArrayLike
+
+from kneejax.numerics import branch, positive_part, safe_sqrt
+
+
+def exact_tension(strain: ArrayLike, stiffness: ArrayLike, transition_strain: ArrayLike) -> Array:
+    """Tension by the published law.
+
+    Args:
+        strain: length over slack length, minus one.
+        stiffness: N per unit strain.
+        transition_strain: strain where the parabola meets the line (`2 eps_l`).
+
+    Returns:
+        Tension in N. Once continuously differentiable.
+
+    Source: paper 1, Eq 2 (corrected); Blankevoort and Huiskes (1991).
+
+    Example:
+        >>> [round(float(exact_tension(e, 2000.0, 0.06)), 4) for e in (-0.1, 0.01, 0.06, 0.08)]
+        [0.0, 1.6667, 60.0, 100.0]
+    """
+    strain, toe = jnp.asarray(strain, float), jnp.asarray(transition_strain, float)
+    parabola = 0.5 * strain * strain / toe
+    line = strain - 0.5 * toe
+    return stiffness * jnp.where(strain <= 0, 0.0, jnp.where(strain < toe, parabola, line))
+
+
+def exact_stiffness(strain: ArrayLike, stiffness: ArrayLike, transition_strain: ArrayLike) -> Array:
+    """Slope of the published tension by strain, in N per unit strain. Continuous."""
+    return stiffness * jnp.clip(jnp.asarray(strain, float) / transition_strain, 0.0, 1.0)
+
+
+def exact_energy(
+    strain: ArrayLike,
+    stiffness: ArrayLike,
+    transition_strain: ArrayLike,
+    slack_length: ArrayLike,
+) -> Array:
+    """Energy of a fibre by the published law, in N mm. Twice continuously differentiable.
+
+    Args:
+        strain: length over slack length, minus one.
+        stiffness: N per unit strain.
+        transition_strain: strain where the parabola meets the line.
+        slack_length: mm.
+    """
+    strain, toe = jnp.asarray(strain, float), jnp.asarray(transition_strain, float)
+    parabola = strain**3 / (6.0 * toe)
+    line = 0.5 * (strain - 0.5 * toe) ** 2 + toe * toe / 24.0
+    per_length = jnp.where(strain <= 0, 0.0, jnp.where(strain < toe, parabola, line))
+    return stiffness * slack_length * per_length
+
+
+def tension(
+    strain: ArrayLike, stiffness: ArrayLike, transition_strain: ArrayLike, width: ArrayLike
+) -> Array:
+    """Tension by the smooth law.
+
+    Args:
+        strain: length over slack length, minus one.
+        stiffness: N per unit strain.
+        transition_strain: strain where the parabola meets the line.
+        width: rounding of the two corners, in strain; positive.
+
+    Returns:
+        Tension in N, infinitely differentiable for `width > 0`. Its largest distance from the
+        published law is `largest_tension_error`.
+
+    Example:
+        >>> import jax
+        >>> float(jax.grad(tension)(-0.01, 2000.0, 0.06, 0.001)) > 0.0
+        True
+    """
+    strain, toe = jnp.asarray(strain, float), jnp.asarray(transition_strain, float)
+    return stiffness / toe * (_ramp(strain, width) - _ramp(strain - toe, width))
+
+
+def stiffness_at(
+    strain: ArrayLike, stiffness: ArrayLike, transition_strain: ArrayLike, width: ArrayLike
+) -> Array:
+    """Slope of the smooth tension by strain, in N per unit strain. Arguments as `tension`."""
+    strain, toe = jnp.asarray(strain, float), jnp.asarray(transition_strain, float)
+    return stiffness / toe * (positive_part(strain, width) - positive_part(strain - toe, width))
+
+
+def energy(
+    strain: ArrayLike,
+    stiffness: ArrayLike,
+    transition_strain: ArrayLike,
+    width: ArrayLike,
+    slack_length: ArrayLike,
+) -> Array:
+    """Energy of a fibre by the smooth law, in N mm, up to a constant.
+
+    Args:
+        strain: length over slack length, minus one.
+        stiffness: N per unit strain.
+        transition_strain: strain where the parabola meets the line.
+        width: rounding of the two corners, in strain.
+        slack_length: mm.
+    """
+    strain, toe = jnp.asarray(strain, float), jnp.asarray(transition_strain, float)
+    return stiffness * slack_length / toe * (_bowl(strain, width) - _bowl(strain - toe, width))
+
+
+def largest_tension_error(
+    stiffness: ArrayLike, transition_strain: ArrayLike, width: ArrayLike
+) -> Array:
+    """Largest distance of the smooth tension from the published one, in N.
+
+    It is reached half way up the parabola, where both corners pull the same way:
+    about `k w^2 / (2 eps_t) (1/2 + ln(eps_t / w))`, quadratic in `w` up to the logarithm.
+
+    Args:
+        stiffness: N per unit strain.
+        transition_strain: strain where the parabola meets the line.
+        width: rounding of the two corners, in strain.
+
+    Example:
+        >>> round(float(largest_tension_error(5000.0, 0.03, 0.001)), 3)
+        0.325
+    """
+    middle = 0.5 * jnp.asarray(transition_strain, float)
+    smooth = tension(middle, stiffness, transition_strain, width)
+    return jnp.abs(smooth - exact_tension(middle, stiffness, transition_strain))
+
+
+def slack_length_from_strain(reference_length: ArrayLike, reference_strain: ArrayLike) -> Array:
+    """Slack length of a fibre that has a given strain at a given length.
+
+    Args:
+        reference_length: length at the reference pose, mm.
+        reference_strain: strain there.
+
+    Source: paper 1, Eq 4.
+    """
+    return jnp.asarray(reference_length, float) / (1.0 + jnp.asarray(reference_strain, float))
+
+
+def slack_length_from_force(
+    reference_length: ArrayLike,
+    reference_force: ArrayLike,
+    stiffness: ArrayLike,
+    transition_strain: ArrayLike,
+    width: ArrayLike,
+) -> Array:
+    """Slack length of a fibre that carries a given force at a given length, by the smooth law.
+
+    The published law is inverted in closed form; Newton's rule then carries the strain over to
+    the smooth law, and differentiates with it.
+
+    Args:
+        reference_length: length at the reference pose, mm.
+        reference_force: tension there, N; positive.
+        stiffness: N per unit strain.
+        transition_strain: strain where the parabola meets the line.
+        width: rounding of the two corners, in strain.
+    """
+    toe = jnp.asarray(transition_strain, float)
+    relative = jnp.asarray(reference_force, float) / stiffness
+    strain = branch(
+        relative < 0.5 * toe,
+        lambda f: safe_sqrt(2.0 * f * toe),
+        lambda f: f + 0.5 * toe,
+        relative,
+        inside=0.001,
+        outside=0.1,
+    )
+    for _ in range(8):
+        # The smooth law is convex and increasing: from the right Newton cannot overshoot.
+        excess = tension(strain, stiffness, toe, width) - relative * stiffness
+        strain = strain - excess / stiffness_at(strain, stiffness, toe, width)
+    return slack_length_from_strain(reference_length, strain)
+
+
+def _ramp(x: Array, width: ArrayLike) -> Array:
+    """Integral of the smooth positive part."""
+    root = jnp.sqrt(x * x + jnp.square(width))
+    return 0.25 * (x * (x + root) + jnp.square(width) * jnp.arcsinh(x / width))
+
+
+def _bowl(x: Array, width: ArrayLike) -> Array:
+    """Integral of `_ramp`."""
+    square, soft = x * x + jnp.square(width), 0.25 * jnp.square(width)
+    root = jnp.sqrt(square)
+    return (x**3 + square * root) / 12.0 + soft * (x * jnp.arcsinh(x / width) - root)

@@ -1,0 +1,383 @@
+"""Figures of what a calibration learnt: parameters, objectives, correlations, convergence."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kneejax.report.calibration._verdict import PAPER_COUNTS, undetermined
+from kneejax.report.look import (
+    BLUE,
+    COORDINATES,
+    FITS,
+    GREY,
+    LIGHT,
+    SHOWN,
+    START,
+    VERMILLION,
+    WIDTH,
+    readable,
+    styled,
+    verbatim,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
+
+    from kneejax.inference import Calibration, Estimate
+
+
+def _plain_log_axis(axis, decades: float = 7.0) -> None:
+    """Numbers without exponents; between the powers of ten too where there are few decades."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
+    subs = (1.0, 2.0, 5.0) if decades < 2.5 else (1.0,)
+    axis.set_major_locator(LogLocator(base=10, subs=subs, numticks=7))
+    axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+
+
+def _quantities(estimates: tuple[Estimate, ...]) -> dict[tuple[str, str], list[Estimate]]:
+    groups: dict[tuple[str, str], list[Estimate]] = {}
+    for e in estimates:
+        quantity = e.name.partition(".")[2] or e.name
+        groups.setdefault((quantity, e.unit), []).append(e)
+    return groups
+
+
+@styled
+def parameters_figure(calibration: Calibration) -> Figure:
+    """Draw each parameter between its bounds: start, estimate with its error, truth if known.
+
+    Args:
+        calibration: what to draw; small rings are the other procedures.
+
+    Returns:
+        One panel a quantity (stiffness, reference strain, ...), one row a parameter.
+    """
+    from matplotlib.figure import Figure
+
+    groups = _quantities(calibration.fit.estimates)
+    columns = min(2, len(groups)) or 1
+    rows = -(-len(groups) // columns) or 1
+    sizes = [len(group) for group in groups.values()] or [1]
+    depths = [0.42 * max(sizes[i * columns : (i + 1) * columns]) for i in range(rows)]
+    longest = max((len(e.name.partition(".")[0]) for e in calibration.fit.estimates), default=4)
+    left = min(max(0.07, (0.064 * longest + 0.12) / WIDTH), 0.3)
+    gap = left + 0.015
+    between = 0.55
+    height = sum(depths) + (rows - 1) * between + 0.75
+    figure = Figure(figsize=(WIDTH, height))
+    panels = figure.subplots(rows, columns, squeeze=False, height_ratios=depths)
+    figure.subplots_adjust(
+        left=left, right=0.985, top=1 - 0.5 / height, bottom=0.25 / height,
+        wspace=2 * gap / (0.985 - left - gap), hspace=between * rows / sum(depths),
+    )  # fmt: skip
+    handles: dict = {}
+    for axes, ((quantity, unit), group) in zip(panels.flat, groups.items(), strict=False):
+        title = quantity.replace(".", " ").replace("_", " ").capitalize()
+        axes.set_title(verbatim(f"{title}, {unit}" if unit else title))
+        _parameter_rows(axes, group, calibration, handles)
+    for axes in panels.flat[len(groups) :]:
+        axes.set_axis_off()
+    figure.legend(
+        list(handles.values()),
+        list(handles),
+        loc="upper left",
+        bbox_to_anchor=(0.06, 1.0),
+        ncols=len(handles),
+        columnspacing=1.5,
+        handletextpad=0.5,
+        handlelength=1.4,
+        fontsize=7.5,
+        borderaxespad=0.2,
+    )
+    return figure
+
+
+def _parameter_rows(
+    axes: Axes, group: list[Estimate], calibration: Calibration, handles: dict
+) -> None:
+    y = np.arange(len(group), dtype=float)
+    values = np.array([e.value for e in group])
+    starts = np.array([e.start for e in group])
+    truth = np.array([calibration.truth.get(e.name, np.nan) for e in group])
+    seen = np.concatenate([values, starts, truth])
+    seen = seen[np.isfinite(seen)]
+    lower = np.array([e.lower for e in group])
+    upper = np.array([e.upper for e in group])
+    ends = np.concatenate([seen, lower, upper])
+    ends = ends[np.isfinite(ends)]
+    low, high = (np.min(ends), np.max(ends)) if ends.size else (0.0, 1.0)
+    bounded = np.isfinite(lower) & np.isfinite(upper)
+    pad = 0.04 * (high - low) or 1.0
+    if bounded.any():
+        widths = (upper - lower)[bounded]
+        handles.setdefault(
+            "bounds", axes.barh(y[bounded], widths, left=lower[bounded], height=0.5, color=LIGHT)
+        )
+    (handles["start"],) = axes.plot(starts, y, "o", color=START, markersize=4.5)
+    for row, e in enumerate(group):
+        _limits_line(axes, row, e)
+    drawn = axes.plot(values, y, "s", color=VERMILLION, markersize=4)
+    handles["estimate and 95 % limits"] = drawn[0]
+    for i, fit in enumerate(calibration.fits[1:], 1):
+        others = {e.name: e.value for e in fit.estimates}
+        (handles[verbatim(f"procedure {fit.procedure}")],) = axes.plot(
+            [others.get(e.name, np.nan) for e in group],
+            y + 0.2,
+            "^" if i % 2 else "v",
+            color=FITS[i % len(FITS)],
+            markersize=3.5,
+            markerfacecolor="none",
+        )
+    if calibration.truth:
+        (handles["truth"],) = axes.plot(
+            truth, y, "D", color="black", markersize=6, markerfacecolor="none"
+        )
+    for row, e in enumerate(group):
+        words = ["at bound"] * e.at_bound + ["not determined"] * undetermined(e)
+        if words:
+            axes.text(
+                high, row - 0.27, ", ".join(words), fontsize=7, color=VERMILLION,
+                ha="right", va="bottom", style="italic",
+            )  # fmt: skip
+    axes.set_xlim(low - pad, high + pad)
+    axes.set_ylim(len(group) - 0.5, -0.62)
+    axes.set_yticks(y, [verbatim(e.name.partition(".")[0]) for e in group])
+    axes.tick_params(axis="y", length=0)
+    axes.grid(False, axis="y")
+
+
+def _limits_line(axes: Axes, row: int, e: Estimate) -> None:
+    """A line between the limits, with a cap at each; where there is none, to the bound, open."""
+    known = np.isfinite([e.low, e.high])
+    if not known.any():
+        return
+    ends = np.where(known, [e.low, e.high], [e.lower, e.upper])
+    axes.plot(ends, [row, row], color=VERMILLION, linewidth=1.3, solid_capstyle="butt")
+    for end, closed, arrow in zip(ends, known, "<>", strict=True):
+        marker = "|" if closed else arrow
+        axes.plot(end, row, marker, color=VERMILLION, markersize=5, markeredgewidth=1.2)
+
+
+@styled
+def partial_objectives_figure(calibration: Calibration) -> Figure:
+    """Draw the sum of squares of each coordinate, at the start and fitted, on a log scale.
+
+    Args:
+        calibration: what to draw.
+
+    Returns:
+        Grouped bars: translations in mm^2, rotations in deg^2.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, 2.9))
+    axes = figure.subplots()
+    figure.subplots_adjust(left=0.085, right=0.985, top=0.9, bottom=0.17)
+    series = [("start", START, calibration.start_partial_objectives)]
+    for i, fit in enumerate(calibration.fits):
+        label = verbatim(f"procedure {fit.procedure}")
+        series.append((label, FITS[i % len(FITS)], fit.partial_objectives))
+    values = np.array([[part.get(name, np.nan) for name in SHOWN] for _, _, part in series])
+    positive = values[np.isfinite(values) & (values > 0)]
+    floor = 10 ** math.floor(math.log10(positive.min()) - 0.3) if positive.size else 1e-3
+    width = 0.8 / len(series)
+    for i, (label, color, _) in enumerate(series):
+        place = np.arange(len(SHOWN)) + (i - (len(series) - 1) / 2) * width
+        heights = np.maximum(np.nan_to_num(values[i], nan=floor), floor) - floor
+        axes.bar(place, heights, 0.88 * width, bottom=floor, color=color, label=label)
+    axes.set_yscale("log")
+    axes.set_ylim(floor, (positive.max() if positive.size else 1.0) * 1.5)
+    _plain_log_axis(axes.yaxis)
+    shown = [COORDINATES[name] for name in SHOWN]
+    labels = [f"{one.label.replace(' ', chr(10))}, {one.unit}²" for one in shown]
+    axes.set_xticks(np.arange(len(SHOWN)), labels)
+    axes.tick_params(axis="x", length=0)
+    axes.grid(False, axis="x")
+    axes.set_title("Sum of squared differences")
+    axes.legend(
+        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(series), borderaxespad=0.2,
+        handlelength=1.0, columnspacing=1.4,
+    )  # fmt: skip
+    return figure
+
+
+def correlation_figure(calibration: Calibration) -> Figure:
+    """Draw the correlation of the estimates; parameters not determined are hatched.
+
+    Args:
+        calibration: what to draw; the matrix is that of the answer.
+
+    Returns:
+        A matrix with numbers in its cells where they are readable.
+    """
+    estimates = calibration.fit.estimates
+    return correlation_matrix_figure([e.name for e in estimates], calibration.fit.correlation)
+
+
+@styled
+def correlation_matrix_figure(parameters: Sequence[str], correlation: ArrayLike) -> Figure:
+    """Draw a matrix of correlations; parameters without any are hatched.
+
+    Args:
+        parameters: their names, `LIGAMENT.quantity`.
+        correlation: `(p, p)`; NaN where there is none.
+
+    Returns:
+        A matrix with numbers in its cells where they are readable.
+    """
+    from matplotlib.colors import LinearSegmentedColormap
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Rectangle
+
+    matrix = np.array(correlation, float)
+    names = [readable(name) for name in parameters]
+    n = len(names)
+    side = min(max(0.44 * n, 1.6), 5.0)
+    longest = max((len(name) for name in names), default=8)
+    margin, above = 0.062 * longest + 0.12, 0.3
+    below = 0.05 * longest + 0.15
+    wide, height = margin + side + 1.5, side + above + below
+    figure = Figure(figsize=(wide, height))
+    axes = figure.add_axes((margin / wide, below / height, side / wide, side / height))
+    colours = LinearSegmentedColormap.from_list("correlation", [BLUE, "#FFFFFF", VERMILLION])
+    unknown = ~np.isfinite(matrix)
+    axes.set_facecolor(LIGHT)
+    axes.pcolormesh(
+        np.ma.masked_where(unknown | np.eye(n, dtype=bool), matrix),
+        cmap=colours,
+        vmin=-1,
+        vmax=1,
+        edgecolors="white",
+        linewidth=1,
+    )
+    hatched = None
+    for i in np.flatnonzero(unknown.all(axis=1)):
+        for corner, size in (((0, i), (n, 1)), ((i, 0), (1, n))):
+            hatched = Rectangle(corner, *size, hatch="////", fc="#F4F4F4", ec="#A0A0A0", lw=0)
+            axes.add_patch(hatched)
+    if n <= 16:
+        size = 6.8 if n <= 11 else 5.2
+        for i, j in np.argwhere(~unknown & ~np.eye(n, dtype=bool)):
+            value = matrix[i, j]
+            axes.text(
+                j + 0.5, i + 0.5, f"{value:.2f}".replace("-", "\u2212"), ha="center", va="center",
+                # Black is the more legible on all but dark blue.
+                fontsize=size, color="white" if value < -0.8 else "black",
+            )  # fmt: skip
+    axes.set_xlim(0, n)
+    axes.set_ylim(n, 0)
+    size = 7.5 if n <= 20 else 5.5
+    ticks = np.arange(n) + 0.5
+    axes.set_xticks(ticks, names, rotation=45, ha="right", rotation_mode="anchor", fontsize=size)
+    axes.set_yticks(ticks, names, fontsize=size)
+    axes.tick_params(length=0)
+    axes.grid(False)
+    axes.spines[:].set_visible(False)
+    axes.set_title("Correlation of the estimates")
+    keys = [
+        Rectangle((0, 0), 1, 1, facecolor=colours(0.5 + value / 2), edgecolor="#A0A0A0", lw=0.4)
+        for value in (1.0, 0.5, 0.0, -0.5, -1.0)
+    ]
+    words = ["+1", "+0.5", "0", "\u22120.5", "\u22121"]
+    if hatched is not None:
+        keys.append(hatched)
+        words.append("not determined")
+    axes.legend(
+        keys, words, loc="upper left", bbox_to_anchor=(1.03, 1.0), borderaxespad=0,
+        handlelength=1.2, handleheight=1.2, fontsize=7.5,
+    )  # fmt: skip
+    return figure
+
+
+@styled
+def convergence_figure(calibration: Calibration) -> Figure:
+    """Draw the objective against residual evaluations, with a marker shape for each stage.
+
+    Args:
+        calibration: what to draw; for synthetic data the published counts are thin lines.
+
+    Returns:
+        One curve a procedure, logarithmic in the objective.
+    """
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+    from matplotlib.ticker import MaxNLocator
+
+    figure = Figure(figsize=(WIDTH, 3.1))
+    axes = figure.subplots()
+    figure.subplots_adjust(left=0.095, right=0.985, top=0.9, bottom=0.15)
+    objectives = [step.objective for fit in calibration.fits for step in fit.history]
+    objectives.append(calibration.start_objective)
+    positive = [value for value in objectives if math.isfinite(value) and value > 0] or [1.0]
+    shapes = "os^Dv"
+    handles, stages = [], 0
+    reached = 1
+    for i, fit in enumerate(calibration.fits):
+        color = FITS[i % len(FITS)]
+        steps = [(1, calibration.start_objective)]
+        steps += [(max(step.evaluations, 1), step.objective) for step in fit.history]
+        x = [step[0] for step in steps]
+        y = [max(step[1], min(positive)) for step in steps]
+        reached = max(reached, x[-1])
+        axes.plot(x, y, "-", color=color, linewidth=1.1, drawstyle="steps-post")
+        names = list(dict.fromkeys(step.stage for step in fit.history))
+        stages = max(stages, len(names))
+        for j, stage in enumerate(names):
+            rows = [k + 1 for k, step in enumerate(fit.history) if step.stage == stage]
+            axes.plot(
+                [x[k] for k in rows], [y[k] for k in rows], shapes[j % 5], color=color,
+                markersize=4, markerfacecolor="white" if j else color, linestyle="none",
+            )  # fmt: skip
+        word = verbatim(f"procedure {fit.procedure}") + ("" if fit.success else " (not converged)")
+        handles.append(Line2D([], [], color=color, label=word))
+    axes.plot(1, max(calibration.start_objective, min(positive)), "o", color=START, markersize=4.5)
+    handles.insert(0, Line2D([], [], color=START, marker="o", ls="none", ms=4.5, label="start"))
+    for j in range(stages if stages > 1 else 0):
+        fill = "white" if j else GREY
+        handles.append(
+            Line2D([], [], color=GREY, marker=shapes[j % 5], ls="none", ms=4,
+                   markerfacecolor=fill, label=f"stage {j + 1}")
+        )  # fmt: skip
+    axes.set_yscale("log")
+    top, bottom = max(positive), min(positive)
+    axes.set_ylim(bottom / 1.6, top * 1.6)
+    _plain_log_axis(axes.yaxis, math.log10(top / bottom) + 0.4)
+    axes.set_xlabel("Residual evaluations (one is the whole motion)")
+    if calibration.truth:
+        _published_counts(axes, calibration)
+        reached = max(reached, 233)
+    axes.set_xscale("log" if calibration.truth or reached > 300 else "linear")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    if axes.get_xscale() == "log":
+        _plain_log_axis(axes.xaxis)
+        decades = [10**k for k in range(int(math.log10(reached)) + 1)]
+        ticks = sorted(t * d for t in (1, 2, 5) for d in decades if t * d <= reached * 1.15)
+        axes.set_xticks(ticks)
+        axes.set_xlim(0.9, reached * 1.25)
+    axes.set_title("Objective (weighted sum of squares)")
+    # Where curves are not: they fall at once on a linear axis.
+    corner = "lower left" if axes.get_xscale() == "log" else "upper right"
+    axes.legend(
+        handles=handles, loc=corner, borderaxespad=0.8, fontsize=7.5, handlelength=1.5,
+    )  # fmt: skip
+    return figure
+
+
+def _published_counts(axes: Axes, calibration: Calibration) -> None:
+    sides = {"I": ("left", 3), "II": ("right", -3), "III": ("left", 3)}
+    for procedure, (side, shift) in sides.items():
+        calls = PAPER_COUNTS[procedure][1]
+        axes.axvline(calls, color=GREY, linewidth=0.6, zorder=1)
+        axes.annotate(
+            f"published {procedure}: {calls}", (calls, 0.97), (shift, 0),
+            xycoords=axes.get_xaxis_transform(), textcoords="offset points",
+            rotation=90, ha=side, va="top", fontsize=6.5, color=GREY,
+        )  # fmt: skip

@@ -1,0 +1,7 @@
+"""Candidate tests in text and figures."""
+
+from kneejax.report.design._figures import candidates_figure as candidates_figure
+from kneejax.report.design._figures import standard_errors_figure as standard_errors_figure
+from kneejax.report.design._text import CANDIDATE_COLUMNS as CANDIDATE_COLUMNS
+from kneejax.report.design._text import candidates_rows as candidates_rows
+from kneejax.report.design._text import design_text as design_text

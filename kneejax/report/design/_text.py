@@ -1,0 +1,122 @@
+"""The tests to make next, for a terminal and for tables."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from kneejax.mechanics import NAMED_LOADS
+from kneejax.parameters import QUANTITIES
+from kneejax.report.look import aligned, number, wrapped
+from kneejax.statics import Status
+
+if TYPE_CHECKING:
+    from kneejax.inference import Design
+
+#: Columns of a table of all candidates.
+CANDIDATE_COLUMNS = (
+    "name", "flexion_deg", *NAMED_LOADS, "status", "gain", "chosen",
+)  # fmt: skip
+_GOALS = {
+    "D": "all parameters together become as certain as possible (D-optimal: the joint confidence "
+    "region shrinks most)",
+    "A": "the parameters become certain on average (A-optimal: the mean squared standard error, in "
+    "units of what is known of any knee, falls most)",
+}
+_SHOWN = 8
+
+
+def gain_words(criterion: str) -> str:
+    """What the gains of a design are, with their unit."""
+    if criterion == "D":
+        return "information gained, bits"
+    return "fall of the mean squared standard error, %"
+
+
+def candidates_rows(design: Design) -> list[dict[str, Any]]:
+    """List what each candidate would tell, for a table.
+
+    Args:
+        design: the candidates and the choice.
+
+    Returns:
+        One dictionary a candidate, with the keys `CANDIDATE_COLUMNS` in that order; `gain` in bits
+        (D) or as a part (A), `chosen` is its place in the order, if any.
+    """
+    place: dict[int, int] = {}
+    for step, row in enumerate(design.chosen, 1):
+        place.setdefault(row, step)
+    return [
+        {"name": test.name, "flexion_deg": test.flexion_deg}
+        | test.loads
+        | {"status": Status(status).word, "gain": float(gain), "chosen": place.get(row)}
+        for row, (test, status, gain) in enumerate(
+            zip(design.candidates, design.status, design.gains, strict=True)
+        )
+    ]
+
+
+def design_text(design: Design) -> str:
+    """Say on a terminal which tests to make next, and why.
+
+    Args:
+        design: the choice.
+
+    Returns:
+        Lines of fewer than 100 columns, without a final line break.
+    """
+    many = len(design.chosen)
+    tests = f"{many} of {len(design.candidates)} candidate tests" if many > 1 else "one test"
+    lines = wrapped(
+        f"What to measure next: {tests}, chosen so that {_GOALS[design.criterion]}. Each is one "
+        "more pose of this knee, foreseen with the fitted parameters."
+    )
+    lines.append("")
+    for step, sentence in enumerate(design.sentences, 1):
+        lines += wrapped(sentence, f"{step}. ")
+    lines += ["", "Expected standard errors (how far an estimate is typically off):"]
+    lines += _error_table(design)
+    lines += ["", f"The best next tests by themselves ({gain_words(design.criterion)}):"]
+    lines += _best_table(design)
+    lines += ["", "If only one parameter matters, the best next test for it:"]
+    lines += _single_table(design)
+    lines += [""] * bool(design.notes)
+    for note in design.notes:
+        lines += wrapped(note, "note: ")
+    return "\n".join(lines)
+
+
+def _error_table(design: Design) -> list[str]:
+    steps = len(design.chosen)
+    # Many steps do not fit beside each other: the first three and the last tell the story.
+    shown = list(range(steps + 1)) if steps <= 5 else [0, 1, 2, 3, steps]
+    heads = ["before" if step == 0 else f"after {step}" for step in shown]
+    rows = [["parameter", "unit", "known of any knee", *heads]]
+    for i, name in enumerate(design.names):
+        unit = QUANTITIES.get(name.split(".", 1)[-1], "")
+        errors = [number(design.standard_errors[step, i], 2) for step in shown]
+        rows.append([name, unit, number(design.scale[i], 2), *errors])
+    return aligned(rows, (0, 1))
+
+
+def _best_table(design: Design) -> list[str]:
+    order = np.argsort(-np.nan_to_num(design.gains, nan=-1.0), kind="stable")[:_SHOWN]
+    order = [row for row in order if np.isfinite(design.gains[row])]
+    factor, digits = (1.0, 1) if design.criterion == "D" else (100.0, 0)
+    rows = [
+        [str(design.candidates[row]), f"{factor * design.gains[row]:.{digits}f}"] for row in order
+    ]
+    return aligned(rows)
+
+
+def _single_table(design: Design) -> list[str]:
+    after = np.where(np.isnan(design.standard_errors_next), np.inf, design.standard_errors_next)
+    rows = [["parameter", "best next test", "before", "after", ""]]
+    for i, name in enumerate(design.names):
+        row = int(np.argmin(after[:, i]))
+        rows.append(
+            [name, str(design.candidates[row]), number(design.standard_errors[0, i], 2)]
+            + [number(after[row, i], 2), QUANTITIES.get(name.split(".", 1)[-1], "")]
+        )
+    return aligned(rows, (0, 1, 4))

@@ -1,0 +1,89 @@
+"""What data tell about parameters, for a terminal."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from kneejax.parameters import QUANTITIES
+from kneejax.report.look import aligned, number, trimmed, with_error, wrapped
+
+if TYPE_CHECKING:
+    from kneejax.inference import Information
+
+#: Columns of a table of what the data tell of each parameter.
+INFORMATION_COLUMNS = (
+    "name", "value", "unit", "standard_error", "scale", "determined", "at_bound", "reason",
+)  # fmt: skip
+
+
+def information_rows(found: Information) -> list[dict[str, Any]]:
+    """List what the data tell of each parameter, for a table.
+
+    Args:
+        found: what the data tell.
+
+    Returns:
+        One dictionary a parameter, with the keys `INFORMATION_COLUMNS` in that order.
+    """
+    return [
+        {
+            "name": name,
+            "value": float(found.values[i]),
+            "unit": QUANTITIES.get(name.split(".", 1)[-1], ""),
+            "standard_error": float(found.standard_error[i]),
+            "scale": float(found.scale[i]),
+            "determined": bool(found.determined[i]),
+            "at_bound": bool(found.at_bound[i]),
+            "reason": found.reasons[i],
+        }
+        for i, name in enumerate(found.names)
+    ]
+
+
+def information_text(found: Information) -> str:
+    """Say on a terminal what the data can tell and what not.
+
+    Args:
+        found: what the data tell.
+
+    Returns:
+        Lines of fewer than 100 columns, without a final line break.
+    """
+    poses = f"{found.data} measured numbers, {len(found.names)} parameters"
+    lines = wrapped(
+        f"What the data tell ({poses}). A standard error is how far an estimate is typically off; "
+        '"known before" is how far knees differ anyway. Data determine a parameter whose '
+        "standard error is the smaller one."
+    )
+    table = [["parameter", "value", "", "std. error", "unit", "known before", "times better", ""]]
+    for row in information_rows(found):
+        value, error = with_error(row["value"], row["standard_error"])
+        if row["at_bound"]:
+            error, remark = "-", "at bound"
+        elif not np.isfinite(row["standard_error"]):
+            error, remark = "unlimited", "not determined"
+        else:
+            remark = "" if row["determined"] else "not determined"
+        better = row["scale"] / row["standard_error"]
+        table.append(
+            [row["name"], value, "+-", error, row["unit"], trimmed(row["scale"], 3)]
+            + [number(better, 2) if np.isfinite(better) and better > 0 else "-", remark]
+        )
+    lines += ["", *aligned(table, (0, 2, 4, 7))]
+    doubts = [sentence for sentence in found.reasons if sentence]
+    for sentences, first in ((found.stiff, ""), (found.sloppy, ""), (doubts, "warning: ")):
+        lines += [""] * bool(sentences)
+        for sentence in sentences:
+            lines += wrapped(sentence, first)
+    condition = number(found.condition_number, 2)
+    if np.isfinite(found.condition_number):
+        ratio = number(float(np.sqrt(found.condition_number)), 2)
+        lines += ["", *wrapped(
+            f"The best known combination of parameters is known {ratio} times better than the "
+            f"worst (condition number {condition})."
+        )]  # fmt: skip
+    for note in found.notes:
+        lines += wrapped(note, "note: ")
+    return "\n".join(lines)

@@ -1,0 +1,24 @@
+"""Lines for a terminal: columns and paragraphs in plain ASCII."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+
+LINE_WIDTH = 98
+
+
+def aligned(rows: Sequence[Sequence[str]], words: Sequence[int] = (0,)) -> list[str]:
+    """Columns two blanks apart; columns in `words` to the left, the others to the right."""
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return [
+        "  ".join(
+            text.ljust(width) if i in words else text.rjust(width)
+            for i, (text, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
+
+
+def wrapped(text: str, first: str = "") -> list[str]:
+    return textwrap.wrap(text, LINE_WIDTH, initial_indent=first, subsequent_indent=" " * len(first))

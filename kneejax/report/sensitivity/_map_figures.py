@@ -1,0 +1,267 @@
+"""Figures of the objective over pairs of parameters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from kneejax.report.look import COORDINATES, SHOWN, VERMILLION, WIDTH, readable, styled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from kneejax.inference import ParameterMap
+
+#: What is not coloured, by condition: hatch, and its legend entry. Dots lie upon the colours.
+_HATCHES = {
+    1: ("....", "outside fitted surfaces"),
+    2: ("////", "unphysiological"),
+    3: ("xxxx", "unstable"),
+    4: ("\\\\\\\\", "no balance"),
+}
+_COLOURS = "viridis"
+#: Contour lines of a decade; more than so many decades get fewer.
+_STEPS = (1.0, 2.0, 5.0)
+_START, _BEST = {"marker": "o", "markerfacecolor": "none"}, {"marker": "*"}
+
+
+@styled
+def map_figure(found: ParameterMap) -> Figure:
+    """Draw the objective and its five partial objectives over two parameters.
+
+    Args:
+        found: the map.
+
+    Returns:
+        Six panels, contours over decades; regions that mean nothing are hatched, the start and
+        the best grid point are marked.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, 5.3))
+    panels = figure.subplots(2, 3, sharex=True, sharey=True)
+    figure.subplots_adjust(
+        left=0.085, right=0.945, top=0.945, bottom=0.175, wspace=0.26, hspace=0.2
+    )
+    names = list(COORDINATES)[1:]
+    spots = [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2)]
+    shown: list[tuple[str, np.ndarray]] = [("Objective", found.objective)]
+    for name in SHOWN:
+        unit = COORDINATES[name].unit
+        label = f"{COORDINATES[name].label}, {unit}$^2$"
+        shown.append((label, found.partial_objectives[names.index(name)]))
+    handles: dict[str, Any] = {}
+    for spot, (title, values) in zip(spots, shown, strict=True):
+        axes = panels[spot]
+        axes.set_title(title)
+        handles |= _contours(figure, axes, found, values)
+        handles |= _marks(axes, found, values)
+        _axes(axes, found, left=spot[1] == 0, bottom=spot[0] == 1)
+    _legend(figure, handles)
+    return figure
+
+
+@styled
+def map_matrix_figure(found: Sequence[ParameterMap]) -> Figure:
+    """Draw the objective over every pair of parameters, as a lower triangle.
+
+    Args:
+        found: a map of every pair, the grids alike.
+
+    Returns:
+        One panel a pair, all on one scale of colours.
+    """
+    from matplotlib.figure import Figure
+
+    names: list[str] = []
+    for one in found:
+        names += [name for name in one.names if name not in names]
+    size = len(names) - 1
+    side = max(WIDTH, 1.15 * size + 1.2)
+    figure = Figure(figsize=(side, side))
+    panels = figure.subplots(size, size, squeeze=False)
+    edge = 0.75 / side
+    figure.subplots_adjust(
+        left=edge, right=0.99, top=0.985, bottom=edge, wspace=0.08, hspace=0.08
+    )
+    for axes in panels.flat:
+        axes.set_axis_off()
+    drawn = np.concatenate([one.objective[one.drawn] for one in found])
+    limits = (float(drawn.min()), float(drawn.max())) if drawn.size else None
+    handles: dict[str, Any] = {}
+    filled = None
+    for one in found:
+        low, high = sorted(names.index(name) for name in one.names)
+        axes = panels[high - 1, low]
+        axes.set_axis_on()
+        upright = one if names.index(one.names[0]) == low else _transposed(one)
+        filled, marks = _filled(axes, upright, upright.objective, limits)
+        handles |= marks | _marks(axes, upright, upright.objective)
+        _axes(axes, upright, left=low == 0, bottom=high == size, small=True)
+    if filled is not None:
+        place = figure.add_axes((0.62, 0.93, 0.35, 0.016))
+        bar = figure.colorbar(filled, cax=place, orientation="horizontal")
+        bar.set_label("Objective")
+        _decade_ticks(bar, limits)
+    figure.legend(
+        handles.values(), handles.keys(), loc="upper right", bbox_to_anchor=(0.985, 0.87),
+        handlelength=1.6, ncols=1,
+    )  # fmt: skip
+    return figure
+
+
+def _transposed(one: ParameterMap) -> ParameterMap:
+    import dataclasses
+
+    flip = {
+        key: np.swapaxes(getattr(one, key), -1, -2)
+        for key in ("objective", "partial_objectives", "condition", "lost")
+    }
+    return dataclasses.replace(
+        one, names=one.names[::-1], units=one.units[::-1], x=one.y, y=one.x,
+        start=one.start[::-1], **flip,
+    )  # fmt: skip
+
+
+def _contours(figure: Figure, axes: Axes, found: ParameterMap, values: np.ndarray) -> dict:
+    filled, handles = _filled(axes, found, values, None)
+    if filled is None:
+        return handles
+    bar = figure.colorbar(filled, ax=axes, pad=0.03, fraction=0.07)
+    bar.ax.tick_params(labelsize=6.5, length=2)
+    drawn = values[found.drawn]
+    _decade_ticks(bar, (float(drawn.min()), float(drawn.max())))
+    return handles
+
+
+def _filled(axes: Axes, found: ParameterMap, values: np.ndarray, limits):
+    """Colours where they mean something, hatches elsewhere; the contour set and legend handles."""
+    from matplotlib.colors import LogNorm
+    from matplotlib.patches import Patch
+
+    handles: dict[str, Any] = {}
+    shown = np.where(found.drawn & (values > 0), values, np.nan)
+    filled = None
+    if np.isfinite(shown).any():
+        low, high = limits or (np.nanmin(shown), np.nanmax(shown))
+        levels = _levels(float(low), float(high))
+        masked = np.ma.masked_invalid(shown)
+        norm = LogNorm(levels[0], levels[-1])
+        filled = axes.contourf(
+            found.x, found.y, masked, levels, norm=norm, cmap=_COLOURS, extend="neither"
+        )
+        axes.contour(
+            found.x, found.y, masked, levels, colors="white", linewidths=0.35, alpha=0.7
+        )
+    for condition, (hatch, label) in _HATCHES.items():
+        where = found.condition == condition
+        if where.any():
+            inside = np.ma.masked_where(~_padded(where), np.ones(where.shape))
+            axes.contourf(
+                found.x, found.y, inside, [0.5, 1.5], colors="none", hatches=[hatch], zorder=2
+            )
+            handles[label] = Patch(facecolor="none", edgecolor="#555555", hatch=hatch)
+    return filled, handles
+
+
+def _padded(where: np.ndarray) -> np.ndarray:
+    """With the neighbours: between grid points nothing is drawn otherwise."""
+    padded = np.pad(where, 1)
+    return padded[1:-1, 1:-1] | padded[:-2, 1:-1] | padded[2:, 1:-1] | (
+        padded[1:-1, :-2] | padded[1:-1, 2:]
+    )
+
+
+def _levels(low: float, high: float) -> np.ndarray:
+    """Levels that people can read: 1, 2, 5 of every decade, fewer where there are many."""
+    low, high = max(low, 1e-12), max(high, 1e-12)
+    first, last = math.floor(math.log10(low)), math.ceil(math.log10(high * (1 + 1e-12)))
+    last = max(last, first + 1)
+    steps = _STEPS if last - first <= 5 else (1.0, 3.0) if last - first <= 9 else (1.0,)
+    levels = np.array([s * 10.0**d for d in range(first, last) for s in steps] + [10.0**last])
+    inside = levels[(levels > low) & (levels < high)]
+    below, above = levels[levels <= low][-1:], levels[levels >= high][:1]
+    found = np.concatenate([below, inside, above])
+    return found if len(found) > 1 else np.array([10.0**first, 10.0**last])
+
+
+def _decade_ticks(bar: Any, limits: tuple[float, float] | None) -> None:
+    from matplotlib.ticker import FuncFormatter, NullLocator
+
+    if limits is None:
+        return
+    levels = _levels(*limits)
+    decades = [x for x in levels if abs(math.log10(x) - round(math.log10(x))) < 1e-9]
+    ticks = decades if len(decades) >= 3 else list(levels)
+    if len(ticks) > 7:
+        ticks = ticks[:: -(-len(ticks) // 7)]
+    along = bar.ax.xaxis if bar.orientation == "horizontal" else bar.ax.yaxis
+    bar.set_ticks(ticks)
+    along.set_minor_locator(NullLocator())
+    along.set_major_formatter(FuncFormatter(lambda x, _: _plain(x)))
+
+
+def _plain(x: float) -> str:
+    if 1e-3 < x < 9999:
+        return f"{x:g}"
+    exponent = math.floor(math.log10(x) + 1e-9)
+    digit = round(x / 10.0**exponent)
+    return f"$10^{{{exponent}}}$" if digit == 1 else f"${digit}\\cdot10^{{{exponent}}}$"
+
+
+def _marks(axes: Axes, found: ParameterMap, values: np.ndarray) -> dict[str, Any]:
+    """Where the search begins, and the best grid point of what is drawn."""
+    handles = {}
+    style = {"color": "white", "linestyle": "none", "clip_on": False, "zorder": 6}
+    dark = {"markeredgecolor": "black", "markeredgewidth": 0.8}
+    best = np.where(found.drawn, values, np.inf)
+    edges = zip((found.x, found.y), found.start, strict=True)
+    inside = all(line[0] <= own <= line[-1] for line, own in edges)
+    if inside:
+        (handles["start"],) = axes.plot(
+            *found.start, "o", markersize=5, **{**style, **dark, "markerfacecolor": "white"}
+        )
+    if np.isfinite(best).any():
+        row, column = np.unravel_index(np.argmin(best), best.shape)
+        (handles["lowest grid point"],) = axes.plot(
+            found.x[column], found.y[row], "*", markersize=9,
+            **{**style, **dark, "color": VERMILLION},
+        )  # fmt: skip
+    return handles
+
+
+def _axes(axes: Axes, found: ParameterMap, left: bool, bottom: bool, small: bool = False) -> None:
+    axes.grid(False)
+    axes.set_xlim(found.x[0], found.x[-1])
+    axes.set_ylim(found.y[0], found.y[-1])
+    if small:
+        from matplotlib.ticker import MaxNLocator
+
+        for along in (axes.xaxis, axes.yaxis):
+            along.set_major_locator(MaxNLocator(3, prune="both"))
+    else:
+        axes.locator_params(nbins=4)
+    x, y = (
+        readable(name).replace(" ", "\n", 1 if small else 0) + (f", {unit}" if unit else "")
+        for name, unit in zip(found.names, found.units, strict=True)
+    )
+    axes.tick_params(labelleft=left, labelbottom=bottom)
+    if small:
+        axes.tick_params(labelsize=6.5)
+    if bottom:
+        axes.set_xlabel(x)
+    if left:
+        axes.set_ylabel(y)
+
+
+def _legend(figure: Figure, handles: dict[str, Any]) -> None:
+    order = ["start", "lowest grid point", *(label for _, label in _HATCHES.values())]
+    labels = [label for label in order if label in handles]
+    figure.legend(
+        [handles[label] for label in labels], labels, loc="lower center",
+        bbox_to_anchor=(0.5, 0.005), ncols=min(len(labels), 6), handlelength=1.8,
+    )  # fmt: skip

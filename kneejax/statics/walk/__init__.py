@@ -1,0 +1,12 @@
+"""Many balances: variants of a knee at stations, walked to along paths."""
+
+from kneejax.statics.walk._balances import Balances as Balances
+from kneejax.statics.walk._batch import Progress as Progress
+from kneejax.statics.walk._batch import balance_lines as balance_lines
+from kneejax.statics.walk._batch import balance_many as balance_many
+from kneejax.statics.walk._batch import own_motion as own_motion
+from kneejax.statics.walk._slopes import Slopes as Slopes
+from kneejax.statics.walk._slopes import balance_with_slopes as balance_with_slopes
+from kneejax.statics.walk._stations import Stations as Stations
+from kneejax.statics.walk._variants import Vary as Vary
+from kneejax.statics.walk._variants import in_lanes as in_lanes

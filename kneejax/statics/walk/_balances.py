@@ -1,0 +1,63 @@
+"""What is known of many balances: variants of a knee at stations."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import jax
+import numpy as np
+
+from kneejax.statics._status import converged
+from kneejax.statics.walk._paths import Found
+
+
+@dataclasses.dataclass(frozen=True)
+class Balances:
+    """Balanced poses of variants at stations; arrays begin with the axes of the values.
+
+    Attributes:
+        q: free coordinates `(variants, stations, 5)`, rad and mm; NaN where there is no balance.
+        meeting: parameters of the meeting points, `(variants, stations, n, 2)`.
+        status: `Status` values, `(variants, stations)`.
+        steps: Newton steps taken, `(variants, stations)`.
+        reached: part of a station's last load under which the knee still balanced on the way to
+            it, `(variants, stations)`: 1 where it is found.
+        fault: the pose at which the last search ended, balanced or not, taken by itself; `Status`
+            values.
+        holding: what holds the balances, fields of `Settled` by name, `(variants, stations, ...)`;
+            those of the last search where there is none; of `own_motion` only.
+    """
+
+    q: np.ndarray
+    meeting: np.ndarray
+    status: np.ndarray
+    steps: np.ndarray
+    reached: np.ndarray
+    fault: np.ndarray
+    holding: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)
+
+    @classmethod
+    def of(cls, found: Found, shape: tuple[int, ...]) -> Balances:
+        """What was found, with the leading axes of the values."""
+        reached = np.where(found.known, 1.0, 0.0)
+        arrays = (
+            found.q, found.meeting, found.status, found.steps, reached, found.fault,
+            found.holding or {},
+        )  # fmt: skip
+        return cls(*jax.tree.map(lambda x: np.reshape(x, (*shape, *x.shape[1:])), arrays))
+
+    def at(self, *where: Any) -> Balances:
+        """The balances at some of the variants and stations, as NumPy indexes."""
+        fields = (getattr(self, field.name) for field in dataclasses.fields(self))
+        return Balances(*(jax.tree.map(lambda x: x[where], field) for field in fields))
+
+    @property
+    def table(self) -> np.ndarray:
+        """Free coordinates in degrees and mm, `(variants, stations, 5)`."""
+        return self.q * np.r_[np.rad2deg([1.0, 1.0]), 1.0, 1.0, 1.0]
+
+    @property
+    def converged(self) -> np.ndarray:
+        """Where forces balance, `(variants, stations)`."""
+        return converged(self.status)

@@ -1,0 +1,339 @@
+"""Many balances: any parameters, any stations, on all cores, in order, in bounded memory.
+
+Nodes (a variant at a station) are laid out in paths along which one pose predicts the next, and the
+paths are dealt to threads in lots of a fixed size: answers depend neither on the number of cores
+nor on who was first.
+"""
+
+from __future__ import annotations
+
+import copy
+import itertools
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+
+from kneejax.mechanics import Knee
+from kneejax.numerics import on_all_cores
+from kneejax.statics._newton import UNITS
+from kneejax.statics._settle import STRIDE, longest_stride_mm, needs_float64
+from kneejax.statics._status import Status, converged
+from kneejax.statics.walk._balances import Balances
+from kneejax.statics.walk._paths import (
+    Found,
+    Own,
+    Paths,
+    along_chains,
+    arms,
+    joined,
+    nodes_at,
+    paths,
+    single_nodes,
+)
+from kneejax.statics.walk._routes import Chain, Routes
+from kneejax.statics.walk._stations import Stations
+from kneejax.statics.walk._variants import Variants, Vary
+from kneejax.statics.walk._walk import Walker
+
+#: Called with how many balances are done, and of how many.
+Progress = Callable[[int, int], None]
+
+#: Paths of a lot, at least and at most, for each lane of a call.
+_LOT = (2, 8)
+#: Lost nodes in a row after which a path is given up. Along stations the next ones may well
+#: balance (a knee too tight in extension); beyond the end of a branch nothing does.
+_ALONG_STATIONS, _ALONG_VALUES, _ALONG_LOADS = 5, 2, 1
+#: Flexions from the reference pose at which variants are led onto the knee's own branch, rad: the
+#: next where one does not do.
+_LEADS = tuple(np.deg2rad([45.0, 20.0, 70.0]))
+#: Stiffness, as a part of the unloaded knee's, below which a branch that ends has turned: along a
+#: load it falls like the root of the distance to a turning point, and 1/16384 is tried.
+_SOFT = 0.1
+#: Part of the way from the knee itself to a variant that is tried first where walks have lost it.
+_SMALL_CHANGE = 0.125
+#: How much nearer or farther from the knee's own motion a neighbour on the stem may be, mm.
+_JOINED_MM = float(longest_stride_mm(np.rad2deg(STRIDE)))
+
+
+def _asked(found: Found, routes: Routes) -> Balances:
+    """What was found at the stations that were asked for; how far the others got."""
+    every = Balances.of(found, (len(found.status),))
+    for chain in itertools.chain.from_iterable(routes.loading):
+        _say_how_far(every, found, chain)
+    return every.at(slice(None), routes.asked)
+
+
+def _say_how_far(every: Balances, found: Found, chain: Chain) -> None:
+    """Write down how much of its load each variant held along a chain, and whether it gave way:
+    whether it had become soft where the last balance was, or was unstable right behind."""
+    nodes, sizes = np.array(chain.nodes), np.array(chain.sizes)
+    known, row = found.known[:, nodes], np.arange(len(found.status))
+    lost = np.where(known.all(axis=1), len(nodes) - 1, np.argmin(known, axis=1))
+    begin, end = np.r_[0.0, sizes][lost], sizes[lost]
+    held = begin + found.share[row, nodes[lost]] * (end - begin)
+    held = np.where(found.known[:, chain.origin], held, 0.0)[:, None]
+    soft = found.softness[row, nodes[lost]] < _SOFT * found.softness[:, chain.origin]
+    fault = found.fault[row, nodes[lost]]
+    singular = soft | (fault == Status.UNSTABLE)
+    gives_way = ~known & (held > 0.0) & singular[:, None]
+    every.fault[:, nodes] = np.where(known, every.fault[:, nodes], fault[:, None])
+    every.reached[:, nodes] = np.where(known, 1.0, np.minimum(held / sizes, 1.0))
+    every.status[:, nodes] = np.where(gives_way, Status.GIVES_WAY, found.status[:, nodes])
+
+
+def balance_many(
+    knee: Knee,
+    vary: Vary,
+    base: Any,
+    values: Any,
+    stations: Stations,
+    *,
+    progress: Progress | None = None,
+) -> Balances:
+    """Balance variants of a knee at stations.
+
+    Each variant is led onto the knee's own branch at one flexion, is bent from there, and then its
+    loads grow (see `Routes`): what is found at a station depends on no other station, nor on their
+    order.
+
+    Args:
+        knee: gives all numbers that do not vary.
+        vary: makes a variant: `(knee, value) -> knee` of the same structure, hashable, e.g. the
+            bound method `selection.apply`.
+        base: the value of the knee itself.
+        values: like `base`, with a leading axis `(variants, ...)`.
+        stations: in any order.
+        progress: called now and then with balances done and asked for.
+
+    Returns:
+        The balances, in order.
+
+    Raises:
+        RuntimeError: float64 is switched off.
+    """
+    needs_float64()
+    reference = float(knee.reference_pose.flexion)
+    leads = tuple(reference + lead for lead in _LEADS)
+    routes = Routes.to(stations, reference, leads)
+    own = _walked_by_itself(knee, vary, base, routes).found
+    variants = Variants.of(knee, vary, values)
+    found = Found.nothing(len(variants), _filled(own, knee))
+    walker = Walker(
+        variants, routes.nodes, found, _counter(progress, len(variants) * len(stations))
+    )
+    led = _lead(walker, routes, [routes.at(lead) for lead in leads], own.known[0])
+    _bend(walker, routes, led)
+    _fill(walker, routes, led, own.known[0])
+    _walk_off_the_stem(walker, routes)
+    return _asked(found, routes)
+
+
+def balance_lines(
+    knee: Knee,
+    vary: Vary,
+    base: Any,
+    values: Any,
+    stations: Stations,
+    begin: np.ndarray,
+    *,
+    near: Balances | None = None,
+    own: Balances | None = None,
+    progress: Progress | None = None,
+) -> Balances:
+    """Balance variants that stand in lines, each near its neighbours.
+
+    At each station a line is walked from one of its points in both directions.
+
+    Args:
+        knee: as in `balance_many`; likewise `vary`, `base`, `stations`, `own`, `progress`.
+        values: like `base`, with leading axes `(lines, points, ...)`.
+        begin: the point of each line where the walk begins, `(lines,)`.
+        near: balances near those points, `(lines, stations)`; the knee's own motion by default.
+
+    Returns:
+        The balances, in order, with leading axes `(lines, points)`.
+
+    Raises:
+        RuntimeError: float64 is switched off.
+    """
+    lines, points = np.shape(jax.tree.leaves(values)[0])[:2]
+    flat = jax.tree.map(lambda x: np.reshape(x, (lines * points, *np.shape(x)[2:])), values)
+    needs_float64()
+    own = own or own_motion(knee, vary, base, stations)
+    variants = Variants.of(knee, vary, flat)
+    found = Found.nothing(len(variants), _filled(own, knee))
+    report = _counter(progress, lines * points * len(stations))
+    walker = Walker(variants, stations.plain(), found, report)
+    middle = np.arange(lines) * points + np.asarray(begin, int)
+    poses = None if near is None else (near.q, near.meeting)
+    _walk_all(walker, single_nodes(walker.found, middle, poses), _ALONG_VALUES)
+    up, down = (arms(walker.found, middle, points, way) for way in (1, -1))
+    _walk_all(walker, joined(up, down), _ALONG_VALUES)
+    return Balances.of(found, (lines, points))
+
+
+def own_motion(knee: Knee, vary: Vary, base: Any, stations: Stations) -> Balances:
+    """Balance the knee itself at stations.
+
+    Each station is reached as a test is made: the knee is bent from the reference pose without the
+    load, which then grows. A lax knee may have several balances; this is the one that a test finds,
+    and it does not depend on which other stations were asked for.
+
+    Args:
+        knee: as in `balance_many`; likewise `vary`, `base`.
+        stations: in any order.
+
+    Returns:
+        The balances of one variant.
+
+    Raises:
+        RuntimeError: float64 is switched off.
+    """
+    needs_float64()
+    reference = float(knee.reference_pose.flexion)
+    routes = Routes.to(stations, reference)
+    found = _walked_by_itself(knee, vary, base, routes).found
+    if not found.known[0, routes.home]:
+        # Where the way begins must not depend on how far it was to lead.
+        routes = Routes.to(stations, reference, tuple(reference + lead for lead in _LEADS))
+        found = _walked_by_itself(knee, vary, base, routes).found
+    return _asked(found, routes)
+
+
+def _walked_by_itself(knee: Knee, vary: Vary, base: Any, routes: Routes) -> Walker:
+    """One variant along all its routes, beginning at the knee's reference pose."""
+    reference = np.array([float(x) for x in knee.reference_pose.state])
+    size = len(routes.nodes)
+    found = Found.nothing(
+        1, (np.tile(reference, (size, 1)), np.zeros((size, knee.patch_count, 2))), holding={}
+    )
+    one = jax.tree.map(lambda x: np.asarray(x)[None], base)
+    walker = Walker(Variants.of(knee, vary, one), routes.nodes, found, lambda _: None)
+    _bend_from_reference(walker, routes)
+    _walk_off_the_stem(walker, routes)
+    return walker
+
+
+def _bend_from_reference(walker: Walker, routes: Routes) -> None:
+    """The stem of one variant both ways from the reference pose; where that finds nothing at first,
+    back from where it did."""
+    found, home = walker.found, routes.home
+    arms = [(home, *routes.bent(home, way).nodes) for way in (1, -1)]
+    station = np.array([np.resize(arm, max(map(len, arms))) for arm in arms])
+    length = np.array([len(arm) for arm in arms])
+    _walk_all(walker, paths(found, np.zeros_like(station), station, length), _ALONG_STATIONS)
+    for way, arm in zip((1, -1), arms, strict=True):
+        known = [node for node in arm if found.known[0, node]]
+        if known and not found.known[0, home]:
+            back = [Chain(known[0], routes.bent(known[0], -way).nodes)]
+            _walk_chains(walker, back, _ALONG_STATIONS)
+
+
+def _walk_off_the_stem(walker: Walker, routes: Routes) -> None:
+    """To flexions between its nodes, from either side, and under loads."""
+    _walk_chains(walker, routes.hops, _ALONG_LOADS)
+    _walk_chains(walker, routes.back, _ALONG_LOADS, again=False)
+    for chains in routes.loading:
+        _walk_chains(walker, chains, _ALONG_LOADS)
+
+
+def _walk_chains(
+    walker: Walker, chains: Sequence[Chain], give_up: int, again: bool = True
+) -> None:
+    """All variants along chains."""
+    chains = [chain for chain in chains if chain.nodes]
+    if chains:
+        everyone = np.arange(len(walker.found.status))
+        _walk_all(walker, along_chains(walker.found, chains, everyone, again), give_up)
+
+
+def _filled(own: Found | Balances, knee: Knee) -> Own:
+    """Where searches begin; where the knee itself has no balance, at that of a near station."""
+    q, meeting = own.q[0], own.meeting[0]
+    known = np.flatnonzero(converged(own.status[0]))
+    if not len(known):
+        reference = np.array([float(x) for x in knee.reference_pose.state])
+        return np.broadcast_to(reference, q.shape), np.nan_to_num(meeting)
+    nearest = known[np.abs(np.arange(len(q))[:, None] - known).argmin(axis=1)]
+    return q[nearest], meeting[nearest]
+
+
+def _counter(progress: Progress | None, total: int) -> Callable[[int], None]:
+    done = 0
+
+    def report(count: int) -> None:
+        nonlocal done
+        # Lost nodes are walked again.
+        done = min(done + count, total)
+        if progress is not None:
+            progress(done, total)
+
+    return report
+
+
+def _walk_all(walker: Walker, rows: Paths, give_up: int, **how: Any) -> None:
+    """Deal the paths to threads; arguments as in `Walker.walk`."""
+    count = len(rows)
+    least, longest = (walker.lanes * size for size in _LOT)
+    most = min(max(-(-count // 2), least), longest)
+    # Neighbours are alike, and the hard ones would all be in the last lot.
+    lots = max(-(-count // most), 1)
+    lots = [rows.take(slice(i, None, lots)) for i in range(lots)]
+    on_all_cores(lambda lot: walker.walk(lot, give_up, **how), lots)
+
+
+def _lead(walker: Walker, routes: Routes, leads: list[int], balanced: np.ndarray) -> np.ndarray:
+    """Balance each variant at one node of the stem, on the branch of the knee itself.
+
+    A short search from the own motion, or the knee itself changed into the variant part by part; a
+    long search from afar may end on another branch, and all of the variant's motion with it. It is
+    all that is left where the knee itself balances at none of these nodes.
+
+    Returns:
+        The node at which each variant was led, -1 where none was, `(variants,)`.
+    """
+    led = np.full(len(walker.found.status), -1)
+    alone = not balanced[leads].any()
+    for node in [routes.home] if alone else [node for node in leads if balanced[node]]:
+        some = np.flatnonzero(led < 0)
+        nodes = nodes_at(walker.found, some, np.full(len(some), node))
+        _walk_all(walker, nodes, _ALONG_VALUES, led_to=alone)
+        led[some] = np.where(walker.found.known[some, node], node, -1)
+    return led
+
+
+def _bend(walker: Walker, routes: Routes, led: np.ndarray) -> None:
+    """Variants from where they were led to all flexions of the stem that are needed."""
+    needed = routes.needed
+    for node in np.unique(led[led >= 0]):
+        chains = [routes.bent(int(node), way, needed) for way in (1, -1)]
+        if chains := [chain for chain in chains if chain.nodes]:
+            some = np.flatnonzero(led == node)
+            _walk_all(walker, along_chains(walker.found, chains, some), _ALONG_STATIONS)
+
+
+def _fill(walker: Walker, routes: Routes, led: np.ndarray, balanced: np.ndarray) -> None:
+    """What was lost on the stem, from the knee itself, where that carries on what is beside it."""
+    found, stem, needed = walker.found, routes.stem, routes.needed
+    wanted = np.zeros(len(balanced), bool)
+    for node in np.unique(led[led >= 0]):
+        chains = [routes.bent(int(node), way, needed).nodes for way in (1, -1)]
+        wanted[np.concatenate(chains).astype(int)] = True
+    lost = np.nonzero((led >= 0)[:, None] & ~found.known & (wanted & balanced))
+    changed = copy.copy(walker)
+    changed.found = Found.nothing(len(found.status), found.own)
+    changed.report = lambda _: None
+    _walk_all(changed, nodes_at(changed.found, *lost), _ALONG_VALUES, aim=_SMALL_CHANGE)
+    place = np.full(len(balanced), -1)
+    place[stem] = np.arange(len(stem))
+    for way in (1, -1):
+        for inner, outer in itertools.pairwise(stem[::way]):
+            away = [x.q[:, node] - found.own[0][node] for x, node in
+                    ((found, inner), (changed.found, outer))]  # fmt: skip
+            near = np.abs((away[1] - away[0]) / UNITS).max(axis=1) <= _JOINED_MM
+            beyond = way * (place[outer] - place[led]) > 0
+            take = beyond & near & changed.found.known[:, outer] & ~found.known[:, outer]
+            for name in ("q", "meeting", "status", "steps"):
+                getattr(found, name)[take, outer] = getattr(changed.found, name)[take, outer]

@@ -1,0 +1,199 @@
+"""Which way leads from the reference pose to each station, whatever else is asked for.
+
+A knee is bent from its reference pose in strides of 5 degrees, the stem; a station between two of
+them hangs off the nearer one towards the reference. There its loads grow, one after the other in
+their order, each along a straight line; stations whose loads lie on the same line are passed on the
+way to the largest. So a station's route is its own, and a load is reached through lighter ones.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+
+import numpy as np
+
+from kneejax.mechanics import Load
+from kneejax.statics._settle import STRIDE
+from kneejax.statics.walk._stations import Stations
+
+#: Flexions closer than this are the same, rad.
+_SAME = 1e-9
+#: mm at which a moment counts like a force.
+_ARM = 30.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Chain:
+    """Nodes that are walked one after the other, beginning beside a node that is known.
+
+    Attributes:
+        origin: the node beside which the chain begins.
+        nodes: in order.
+        sizes: of the load that grows along the chain, N (moments at 30 mm); empty without one.
+    """
+
+    origin: int
+    nodes: tuple[int, ...]
+    sizes: tuple[float, ...] = ()
+
+
+@dataclasses.dataclass(frozen=True)
+class Routes:
+    """All nodes on the way to some stations.
+
+    Attributes:
+        nodes: flexion and loads of every node.
+        asked: the node of each station that was asked for, `(stations,)`.
+        stem: unloaded nodes in strides from the reference, in order of flexion.
+        home: the node at the reference flexion.
+        hops: chains that leave the stem for flexions between its nodes, from the side of the
+            reference; `back` are the same from the other side.
+        loading: for the first load, the second, ...: chains along which it grows.
+    """
+
+    nodes: Stations
+    asked: np.ndarray
+    stem: np.ndarray
+    home: int
+    hops: tuple[Chain, ...]
+    back: tuple[Chain, ...]
+    loading: tuple[tuple[Chain, ...], ...]
+
+    @classmethod
+    def to(cls, stations: Stations, reference: float, also: tuple[float, ...] = ()) -> Routes:
+        """Lay the routes.
+
+        Args:
+            stations: wanted, in any order.
+            reference: flexion of the reference pose, rad.
+            also: flexions (rad) to which the stem reaches in any case.
+        """
+        return _Layout(stations.plain(), reference, also).routes()
+
+    @property
+    def needed(self) -> np.ndarray:
+        """Nodes of the stem on which something depends."""
+        chains = itertools.chain(self.hops, self.back, *self.loading)
+        origins = [chain.origin for chain in chains]
+        return np.intersect1d(self.stem, np.r_[self.asked, np.array(origins, int)])
+
+    def at(self, flexion: float) -> int:
+        """The node of the stem nearest to a flexion, rad."""
+        away = np.abs(np.asarray(self.nodes.flexion)[self.stem] - flexion)
+        return int(self.stem[np.argmin(away)])
+
+    def bent(self, begin: int, way: int, needed: np.ndarray | None = None) -> Chain:
+        """The stem from one of its nodes towards more (1) or less flexion (-1).
+
+        Args:
+            begin: a node of the stem.
+            way: 1 or -1.
+            needed: nodes beyond the last of which nobody asks; the whole stem by default.
+        """
+        place = int(np.flatnonzero(self.stem == begin)[0])
+        ahead = self.stem[place + 1 :] if way > 0 else self.stem[:place][::-1]
+        if needed is not None:
+            ahead = ahead[: np.max(np.flatnonzero(np.isin(ahead, needed)), initial=-1) + 1]
+        return Chain(begin, tuple(int(node) for node in ahead))
+
+
+class _Layout:
+    """Nodes, numbered as they are met."""
+
+    def __init__(self, stations: Stations, reference: float, also: tuple[float, ...]):
+        self.reference, self.wanted = reference, np.asarray(stations.flexion)
+        self.kinds = stations.loads
+        # One row a load: force, moment, point.
+        self.loads = np.stack(
+            [np.hstack([np.asarray(x) for x in (load.force, load.moment, load.point)])
+             for load in stations.loads], axis=1
+        )  # fmt: skip
+        self.flexion: list[float] = []
+        self.acting: list[np.ndarray] = []
+        self.numbers: dict[tuple[int, bytes], int] = {}
+        strides = [
+            way(self._along(flexion)) for flexion in (*self.wanted, *also, reference)
+            for way in (np.floor, np.ceil)
+        ]  # fmt: skip
+        self.nothing = np.zeros((len(self.kinds), 9))
+        self.first = int(min(strides))
+        self.stem = np.array(
+            [self._node(reference + STRIDE * k, self.nothing)
+             for k in range(self.first, int(max(strides)) + 1)]
+        )  # fmt: skip
+        self.home = int(self.stem[-self.first])
+        self.hops: dict[int, Chain] = {}
+        self.back: dict[int, Chain] = {}
+        self.groups: list[dict[tuple, set[tuple[float, int]]]] = [{} for _ in self.kinds]
+
+    def routes(self) -> Routes:
+        asked = np.array(
+            [self._reached(f, loads) for f, loads in zip(self.wanted, self.loads, strict=True)], int
+        )
+        loading = tuple(
+            tuple(
+                _loading(origin, members)
+                for (origin, _), members in groups.items()
+            )
+            for groups in self.groups
+        )
+        acting = np.array(self.acting)
+        loads = tuple(
+            Load(*(acting[:, k, 3 * i : 3 * i + 3] for i in range(3)),
+                 axes=kind.axes, point_in=kind.point_in, name=kind.name)
+            for k, kind in enumerate(self.kinds)
+        )  # fmt: skip
+        nodes = Stations(np.array(self.flexion), loads)
+        hops, back = (tuple(chains.values()) for chains in (self.hops, self.back))
+        return Routes(nodes, asked, self.stem, self.home, hops, back, loading)
+
+    def _stride(self, flexion: float) -> int:
+        """Whole strides from the reference, towards it."""
+        return int(np.trunc(self._along(flexion)))
+
+    def _along(self, flexion: float) -> float:
+        """Strides from the reference; whole ones are whole."""
+        along = (flexion - self.reference) / STRIDE
+        return round(along) if abs(along - round(along)) < _SAME / STRIDE else along
+
+    def _node(self, flexion: float, acting: np.ndarray) -> int:
+        key = (round(float(flexion) / _SAME), acting.tobytes())
+        if key not in self.numbers:
+            self.numbers[key] = len(self.flexion)
+            self.flexion.append(float(flexion))
+            self.acting.append(acting)
+        return self.numbers[key]
+
+    def _reached(self, flexion: float, acting: np.ndarray) -> int:
+        """The node of a flexion under loads, after those on the way to it."""
+        grown = np.flatnonzero(np.abs(acting[:, :6]).max(axis=1) > 0)
+        if not len(grown):
+            return self._unloaded(flexion)
+        stage = int(grown[-1])
+        before = acting.copy()
+        before[stage:] = 0.0
+        acting = acting.copy()
+        acting[stage + 1 :] = 0.0
+        origin, node = self._reached(flexion, before), self._node(flexion, acting)
+        pull = acting[stage, :6] / np.repeat([1.0, _ARM], 3)
+        size = float(np.linalg.norm(pull))
+        line = tuple(np.round(np.r_[pull / size, acting[stage, 6:]], 9) + 0.0)
+        self.groups[stage].setdefault((origin, line), set()).add((size, node))
+        return node
+
+    def _unloaded(self, flexion: float) -> int:
+        place = self._stride(flexion) - self.first
+        beside = int(self.stem[place])
+        if abs(flexion - self.flexion[beside]) < _SAME:
+            return beside
+        node = self._node(flexion, self.nothing)
+        self.hops[node] = Chain(beside, (node,))
+        beyond = int(self.stem[place + (1 if flexion > self.reference else -1)])
+        self.back[node] = Chain(beyond, (node,))
+        return node
+
+
+def _loading(origin: int, members: set[tuple[float, int]]) -> Chain:
+    sizes, nodes = zip(*sorted(members), strict=True)
+    return Chain(origin, nodes, sizes)

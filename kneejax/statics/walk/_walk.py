@@ -1,0 +1,224 @@
+"""Paths of nodes that predict each other, walked side by side at their own pace.
+
+A node is a variant of a knee at a station. One call of the compiled program takes as many paths as
+it has lanes a stretch further. The longest paths go first, so that lanes stay full to the end.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import threading
+from collections.abc import Callable
+
+import jax
+import numpy as np
+
+from kneejax.statics._settle import longest_stride_mm
+from kneejax.statics._status import converged
+from kneejax.statics.walk._paths import Found, Paths
+from kneejax.statics.walk._stations import Stations
+from kneejax.statics.walk._stretch import Memory, Nodes, Place, Reached, first_meeting, walk_stretch
+from kneejax.statics.walk._variants import Variants
+
+#: Lanes of a call. Few lanes are soon filled, many share what an operation costs by itself (before
+#: lanes went at their own pace a map of 101 x 101 points took 2.2, 1.4, 1.4 and 1.5 s with 32, 64,
+#: 96 and 128 lanes, the motion of a single knee 22, 31, 43 and 65 ms). Over points a lane by itself
+#: fills the processor.
+LANES, LANES_OVER_POINTS = 64, 8
+#: Nodes of a call in each lane.
+_STRETCH = 32
+#: Flexion between stations beyond which distances from the own motion are not extrapolated, rad.
+_FAR = np.deg2rad(12.0)
+
+
+class Walker:
+    """Walks paths over variants of one knee.
+
+    Attributes:
+        found: what has been found so far.
+        lanes: of a call of the compiled program.
+    """
+
+    def __init__(
+        self,
+        variants: Variants,
+        stations: Stations,
+        found: Found,
+        report: Callable[[int], None],
+    ):
+        """Prepare.
+
+        Args:
+            variants: of one knee.
+            stations: where variants are balanced.
+            found: to be filled.
+            report: called with the number of nodes that are done.
+        """
+        self.variants = variants
+        self.stations = jax.tree.map(np.asarray, stations)
+        self.found, self.report = found, report
+        over_points = variants.knee.patch_count < len(variants.knee.contacts)
+        self.lanes = LANES_OVER_POINTS if over_points else LANES
+        self._count = threading.Lock()
+        numbers = [np.reshape(x, (len(stations), -1)) for x in jax.tree.leaves(self.stations)]
+        self._marks = np.hstack(numbers)
+
+    def walk(
+        self, paths: Paths, give_up: int, led_to: bool = True, aim: float = 1.0
+    ) -> None:
+        """Walk paths to their ends; the same paths give the same numbers, bit by bit.
+
+        Args:
+            paths: any number.
+            give_up: lost nodes in a row after which the rest of a path is left alone.
+            led_to: whether paths begin near a balance. Otherwise nodes are passed over until a
+                short search balances one: a long search from afar, where the knee may have no
+                balance at all, ends on another branch, and the rest of the path would follow.
+            aim: part of the way to the first node that is tried first.
+        """
+        place, left = np.zeros(len(paths), int), paths.length.copy()
+        memory = self._nothing_behind(self._met(paths), led_to, aim)
+        while left.any():
+            rows = np.argsort(-left, kind="stable")[: min(self.lanes, np.count_nonzero(left))]
+            # Where others wait, lanes that are through make room for them.
+            fewest = self.lanes // 2 if np.count_nonzero(left) > len(rows) else 0
+            reached = self._stretch(paths, rows, place[rows], memory, give_up, fewest)
+            ended = self._note(paths, rows, place[rows], reached)
+            place[rows] += ended
+            left = np.where(memory.lost < give_up, paths.length - place, 0)
+            with self._count:
+                self.report(int(ended.sum()))
+
+    def _stretch(self, paths: Paths, rows, place, memory: Memory, give_up, fewest) -> Reached:
+        """Walk some paths for a stretch; keeps their memory."""
+        # Lanes beyond the rows have nothing ahead of them.
+        lane = np.minimum(np.arange(self.lanes), len(rows) - 1)
+        row, at = rows[lane], place[lane]
+        ahead = np.minimum(paths.length[row] - at, _STRETCH)
+        along = at + np.minimum(np.arange(_STRETCH)[:, None], ahead - 1)
+        variant, station = paths.variant[row, along], paths.station[row, along]
+        there = self._place(variant, station)
+        even, reach, loading = self._strides(paths, row, along)
+        nodes = Nodes(
+            there.numbers,
+            there.stations,
+            there.q,
+            there.meeting,
+            even=even,
+            reach=reach,
+            loading=loading,
+            first=at.astype(float),
+            length=np.where(np.arange(self.lanes) < len(rows), ahead, 0),
+        )
+        behind = _taken(memory, row)
+        log, turn, behind = walk_stretch(self.variants.knee, nodes, behind, give_up, fewest)
+        _keep(memory, rows, behind)
+        return jax.tree.map(lambda x: x[..., : len(rows)], turn.unpacked(np.asarray(log)))
+
+    def _place(self, variant: np.ndarray, station: np.ndarray) -> Place:
+        """Numbers of variants at stations, and the own motion there."""
+        return Place(
+            self.variants.at(variant),
+            jax.tree.map(lambda x: x[station], self.stations),
+            self.found.own[0][station],
+            self.found.own[1][station],
+        )
+
+    def _met(self, paths: Paths) -> Paths:
+        """With meeting points of all first nodes."""
+        meeting = paths.meeting.copy()
+        unknown = np.flatnonzero(np.isnan(meeting).any(axis=(1, 2)))
+        for first in range(0, len(unknown), self.lanes):
+            some = unknown[first : first + self.lanes]
+            rows = some[np.minimum(np.arange(self.lanes), len(some) - 1)]
+            variant, station = paths.variant[rows, 0], paths.station[rows, 0]
+            found = first_meeting(
+                self.variants.knee,
+                {leaf: x[variant] for leaf, x in self.variants.numbers.items()},
+                jax.tree.map(lambda x, station=station: x[station], self.stations),
+                self.found.own[0][station] + paths.q[rows],
+            )
+            found = np.moveaxis(np.asarray(found), -1, 0) - self.found.own[1][station]
+            meeting[some] = found[: len(some)]
+        return dataclasses.replace(paths, meeting=meeting)
+
+    def _note(self, paths: Paths, rows, place, reached: Reached) -> np.ndarray:
+        """Write down what was reached; how many nodes of each row ended."""
+        ended, known = reached.place >= 0, converged(reached.status)
+        for which in (ended & known, ended):
+            when, lane = np.nonzero(which)
+            along = place[lane] + reached.place[when, lane]
+            node = paths.variant[rows[lane], along], paths.station[rows[lane], along]
+            if which is not ended:
+                self.found.q[node] = reached.q[when, :, lane]
+                self.found.meeting[node] = reached.meeting[when, :, :, lane]
+        self.found.status[node] = reached.status[when, lane]
+        self.found.steps[node] += reached.steps[when, lane]
+        self.found.fault[node] = reached.fault[when, lane]
+        self.found.softness[node] = reached.softness[when, lane]
+        if self.found.holding is not None:
+            for name, values in reached.holding.items():
+                there = values[when, ..., lane]
+                every = np.full((*self.found.status.shape, *there.shape[1:]), np.nan)
+                self.found.holding.setdefault(name, every)[node] = there
+        # How far along the stride to a node the last balance was.
+        self.found.share[node] = np.clip(reached.way[when, lane] - along, 0.0, 1.0)
+        return ended.sum(axis=0)
+
+    def _strides(self, paths: Paths, row: np.ndarray, place: np.ndarray):
+        """Whether a path's last two strides and the next one are alike and short; how far from the
+        own motion the next one may lead, mm; and whether loads change on the way."""
+        here, last, before = (
+            np.where(place < k, paths.origin[row], paths.station[row, np.maximum(place - k, 0)])
+            for k in (0, 1, 2)
+        )
+        if np.array_equal(here, last) and np.array_equal(last, before):
+            # Along values, at one station, nothing is known.
+            still = np.zeros(place.shape, bool)
+            return ~still, np.full(place.shape, np.inf), still
+        stride = self._marks[here] - self._marks[last]
+        former = self._marks[last] - self._marks[before]
+        size = np.abs(stride).max(axis=-1)
+        alike = np.abs(stride - former).max(axis=-1) <= 1e-6 * size
+        bend, loads = np.abs(stride[..., 0]), np.abs(stride[..., 1:]).max(axis=-1)
+        reach = np.where(bend > 0, longest_stride_mm(np.rad2deg(bend)), np.inf)
+        return (alike | (place < 2)) & (bend <= _FAR), reach, loads > 0
+
+    def _nothing_behind(self, paths: Paths, led_to: bool, aim: float) -> Memory:
+        """Of paths at their beginning."""
+        count, first = len(paths), paths.station[:, :1].reshape(-1)
+        q, meeting = np.moveaxis(paths.q, 0, -1), np.moveaxis(paths.meeting, 0, -1)
+        source = paths.variant[:, :1].reshape(-1)
+        return Memory(
+            away_q=np.repeat(q[None], 3, axis=0),
+            away_meeting=np.repeat(meeting[None], 3, axis=0),
+            when=np.zeros((3, count)),
+            last=self._place(paths.source, paths.origin),
+            known=np.zeros(count, int),
+            lost=np.zeros(count, int),
+            led=np.full(count, led_to),
+            # Paths that do not begin at their own first station begin at a balance beside it.
+            begun=paths.origin != first,
+            based=(paths.origin != first) | (paths.source != source),
+            wary=np.zeros(count, bool),
+            aim=np.full(count, aim),
+            tangent=np.zeros((5, 5, count)),
+            softness=np.full(count, np.inf),
+            steps=np.zeros(count, int),
+        )
+
+
+def _taken(memory: Memory, row: np.ndarray) -> Memory:
+    """The memory of some paths."""
+    last = jax.tree.map(lambda x: x[row], memory.last)
+    rest = jax.tree.map(lambda x: x[..., row], dataclasses.replace(memory, last=None))
+    return dataclasses.replace(rest, last=last)
+
+
+def _keep(memory: Memory, rows: np.ndarray, latest: Memory) -> None:
+    """Write the memory of some paths down, in place."""
+    for old, new in zip(*map(jax.tree.leaves, (memory.last, latest.last)), strict=True):
+        old[rows] = np.asarray(new)[: len(rows)]
+    ends = (dataclasses.replace(m, last=None) for m in (memory, latest))
+    for old, new in zip(*map(jax.tree.leaves, ends), strict=True):
+        old[..., rows] = np.asarray(new)[..., : len(rows)]

@@ -1,0 +1,93 @@
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from kneejax.parameters import UnknownParameter, select, with_values
+
+
+@pytest.fixture
+def bundled(small_knee):
+    """The small knee, its cruciates a group and all its fibres another."""
+    groups = (("cruciates", ("ACL", "PCL")), ("all", small_knee.ligaments.names))
+    return dataclasses.replace(small_knee, groups=groups)
+
+
+def test_a_group_is_the_mean_of_its_fibres(bundled):
+    selection = select(bundled, ["cruciates.stiffness", "all.femoral_attachment.anterior"])
+    values = np.asarray(selection.read(bundled))
+    stiffness = np.asarray(bundled.ligaments.stiffness)
+    assert values[0] == pytest.approx(stiffness[:2].mean(), rel=1e-14)
+    x = np.asarray(bundled.ligaments.femoral_attachment)[:, 0]
+    assert values[1] == pytest.approx(x.mean(), rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("quantity", "value", "keeps"),
+    [
+        ("stiffness", 9000.0, "ratio"),
+        ("slack_length", 40.0, "ratio"),
+        ("transition_strain", 0.05, "ratio"),
+        ("reference_strain", 0.02, "difference"),
+        ("tibial_attachment.superior", -33.0, "difference"),
+    ],
+)
+def test_setting_a_group_keeps_how_its_fibres_differ(bundled, quantity, value, keeps):
+    selection = select(bundled, [f"cruciates.{quantity}"])
+    changed = selection.apply(bundled, jnp.array([value]))
+    np.testing.assert_allclose(selection.read(changed), [value], rtol=1e-12)
+
+    each = select(bundled, [f"ACL.{quantity}", f"PCL.{quantity}"])
+    before, after = np.asarray(each.read(bundled)), np.asarray(each.read(changed))
+    if keeps == "ratio":
+        assert after[0] / after[1] == pytest.approx(before[0] / before[1], rel=1e-12)
+    else:
+        assert after[0] - after[1] == pytest.approx(before[0] - before[1], rel=1e-9)
+    others = select(bundled, [f"MCL.{quantity}", f"LCL.{quantity}"])
+    np.testing.assert_array_equal(others.read(changed), others.read(bundled))
+
+
+def test_a_single_fibre_takes_its_value_to_the_last_digit(bundled):
+    changed = with_values(bundled, {"ACL.stiffness": 1234.1})
+    assert float(changed.ligaments.stiffness[0]) == 1234.1
+
+
+def test_one_parameter_drives_the_energy_of_all_its_fibres(bundled, central_difference):
+    selection = select(bundled, ["cruciates.stiffness", "MCL.reference_strain"])
+
+    def energy(values):
+        knee = selection.apply(bundled, values)
+        return knee.ligaments.energy(bundled.reference_pose.placement)
+
+    start = np.asarray(selection.read(bundled))
+    exact = np.asarray(jax.jacfwd(energy)(jnp.asarray(start)))
+    scale = np.array([1.0, 1e-3])
+    numeric = central_difference(lambda x: energy(jnp.asarray(x * scale)), start / scale, 1e-2)
+    np.testing.assert_allclose(exact, numeric / scale, rtol=1e-6)
+
+
+def test_no_number_is_driven_twice(bundled):
+    with pytest.raises(UnknownParameter, match="ACL.stiffness and cruciates.stiffness"):
+        select(bundled, ["ACL.stiffness", "cruciates.stiffness"])
+    with pytest.raises(UnknownParameter, match="one number .of ACL."):
+        select(bundled, ["cruciates.slack_length", "all.reference_strain"])
+    with pytest.raises(UnknownParameter, match="did you mean 'cruciates.stiffness'"):
+        select(bundled, ["crucates.stiffness"])
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("acl.stiffnes", "did you mean 'ACL.stiffness'"),
+        ("*.stifness", r"did you mean '\*.stiffness'"),
+        ("ACL.femoral_attachment.anteror", "did you mean 'ACL.femoral_attachment.anterior'"),
+        # Nothing like it: what could stand there, and no wildcard for one part of a knee.
+        ("patellar_tendon.tension", "tension': expected a ligament or a group of the knee, of ACL"),
+        ("ACL.tension", "tension': expected ACL. and one of stiffness, reference_strain"),
+    ],
+)
+def test_the_nearest_name_is_one_that_would_be_right_there(bundled, name, said):
+    with pytest.raises(UnknownParameter, match=said):
+        select(bundled, [name])

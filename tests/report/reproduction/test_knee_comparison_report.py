@@ -1,0 +1,99 @@
+"""Knees side by side in figures, tables and words, with knees that lack things."""
+
+import csv
+import io
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "reproduction" / "paper4"))
+from compared_knees import comparison, study
+
+from kneejax import report
+from kneejax.report.look._saving import picture_svg
+from kneejax.report.reproduction import _knee_comparison_text as text
+from kneejax.reproduction import CANNOT_BE_JUDGED, paper4_claims
+
+
+def test_every_score_is_in_the_heatmap_and_unknown_ones_are_hatched():
+    found = comparison()
+    picture = picture_svg(report.score_figure(found), "scores")
+    for word in ("MCL prestretch", "LCL Young's modulus", "ACL attachment", "a_third"):
+        assert word.replace("'", "&#x27;") in picture or word in picture
+    assert "not in this knee" in picture
+    assert "not in this knee" not in picture_svg(report.score_figure(comparison(study("x"))), "x")
+
+
+@pytest.mark.parametrize("parameter", ["MCL.prestretch", "LCL.youngs_modulus", "ACL.attachment"])
+@pytest.mark.parametrize("count", [1, 3, 6])
+def test_ramps_are_drawn_for_the_knees_that_have_the_parameter(parameter, count):
+    knees = [study(f"k{i}", lost=i == 0, attachments=i != 1) for i in range(count)]
+    figure = report.ramp_figure(comparison(*knees), parameter)
+    drawn = [axes for axes in figure.axes if axes.axison and axes.get_title(loc="left")[:1] == "k"]
+    assert len(drawn) == sum(parameter in knee.parameters for knee in knees)
+
+
+def test_tables_have_a_row_for_everything_under_their_headers():
+    found = comparison()
+    changes = sum(len(knee.changes) for knee in found.knees)
+    scores = sum(len(knee.influences) for knee in found.knees)
+    held = sum(int(run.held.sum()) for knee in found.knees for run in knee.runs.values())
+    for columns, rows, count in (
+        (text.OUTCOME_COLUMNS, text.outcome_rows, 2 * changes),
+        (text.PRESSURE_COLUMNS, text.pressure_rows, 4 * changes),
+        (text.SCORE_COLUMNS, text.score_rows, scores),
+        (text.ROTATION_COLUMNS, text.rotation_rows, held),
+    ):
+        made = list(rows(found))
+        assert len(made) == count
+        assert {len(row) for row in made} == {len(columns)}
+
+
+def test_the_document_is_json_and_says_how_it_was_made():
+    document = json.loads(json.dumps(report.comparison_document(comparison())))
+    assert document["settings"]["reference_modulus_MPa"] == 345.0
+    assert document["versions"] and document["doubts"]
+    assert document["unchanged"]["a_third"]["varus"]["ending"] == "outside_region"
+
+
+def test_words_on_a_terminal_fit_it_and_are_ascii():
+    found = comparison()
+    claims = paper4_claims(found)
+    for words in (report.comparison_summary(found), report.claims_summary(claims)):
+        assert words.isascii()
+        assert max(map(len, words.splitlines())) <= 100
+    assert "! a_third: unchanged, it holds" in report.comparison_summary(found)
+
+
+def test_a_page_shows_every_claim_with_its_verdict_and_needs_nothing_else(tmp_path):
+    found = comparison()
+    claims = paper4_claims(found, "They are <kin>.")
+    drawn = {"scores": (report.score_figure(found), "Scores & more")}
+    paths = report.write_reproduction(
+        "Paper <4>", ["About."], claims, drawn, found.doubts, {"a": 1}, found.versions, tmp_path
+    )
+    assert [path.name for path in paths] == ["report.html", "scores.png", "scores.svg"]
+    page = paths[0].read_text()
+    assert page.count("<article>") == len(claims)
+    unknown = sum(claim.verdict == CANNOT_BE_JUDGED for claim in claims)
+    assert page.count(f'<strong class="badge none">{CANNOT_BE_JUDGED}') == unknown
+    assert "Paper &lt;4&gt;" in page and "They are &lt;kin&gt;." in page and "<kin>" not in page
+    assert "http" not in page.replace("http://www.w3.org", "")
+    assert "another_$knee$" in page
+
+
+def test_an_average_of_nothing_is_shown_as_unknown():
+    nothing = ((0.0, 0.0), (0.1, 0.5), (np.nan, np.nan), (0.2, 0.5))
+    found = comparison(study("x", MCL=nothing))
+    line = next(
+        line
+        for line in report.comparison_summary(found).splitlines()
+        if line.split()[:1] == ["MCL.prestretch"]
+    )
+    assert line.split()[3] == "-"
+    stream = io.StringIO()
+    csv.writer(stream).writerows(text.score_rows(found))
+    assert "nan" in stream.getvalue()

@@ -1,0 +1,68 @@
+"""What `docs/architecture.md` says of folders; `lint-imports` holds the direction between rooms."""
+
+import ast
+import graphlib
+from collections import defaultdict
+from pathlib import Path
+
+PACKAGE = Path(__file__).parents[1] / "kneejax"
+
+
+def modules():
+    """Each file's name as a module, the folder it is in, and its tree."""
+    for path in sorted(PACKAGE.rglob("*.py")):
+        parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
+        module = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+        yield module, ".".join(parts[:-1]), ast.parse(path.read_text())
+
+
+def imports(tree):
+    """Every module of the package that a file imports something from, with what it takes."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "imports are absolute"
+            if node.module.split(".")[0] == "kneejax":
+                yield from (f"{node.module}.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.Import):
+            yield from (x.name for x in node.names if x.name.split(".")[0] == "kneejax")
+
+
+def inside(module, folder):
+    return f"{module}.".startswith(f"{folder}.")
+
+
+def test_what_a_folder_keeps_private_is_imported_in_that_folder_only():
+    wrong = []
+    for module, folder, tree in modules():
+        for taken in imports(tree):
+            parts = taken.split(".")
+            private = next((i for i, part in enumerate(parts) if part.startswith("_")), None)
+            if private is not None and not inside(folder, ".".join(parts[:private])):
+                wrong.append(f"{module} imports {taken}")
+    assert not wrong, "offer it in the folder's __init__.py: " + "; ".join(wrong)
+
+
+def test_a_folder_offers_only_what_it_holds():
+    wrong = [
+        f"{module} offers {taken}"
+        for module, folder, tree in modules()
+        if module == folder != "kneejax"
+        for taken in imports(tree)
+        if not inside(taken, folder)
+    ]
+    assert not wrong, "; ".join(wrong)
+
+
+def test_folders_and_files_of_a_room_import_each_other_in_no_circle():
+    """What one folder holds counts as one: its files may know each other."""
+    graph = defaultdict(set)
+    for module, folder, tree in modules():
+        room = ".".join(folder.split(".")[:2])
+        if module == folder == room or room == "kneejax":
+            continue
+        here = ".".join(module.split(".")[:3])
+        for taken in imports(tree):
+            there = ".".join(taken.split(".")[:3])
+            if inside(taken, room) and there != here:
+                graph[here].add(there)
+    graphlib.TopologicalSorter(graph).prepare()
