@@ -50,7 +50,10 @@ _MODULES = {
     "inference": "kneejax.inference",
     "joints": "kneejax.joints",
     "mechanics": "kneejax.mechanics",
+    "numerics": "kneejax.numerics",
+    "parameters": "kneejax.parameters",
     "report": "kneejax.report",
+    "reproduction": "kneejax.reproduction",
     "statics": "kneejax.statics",
 }
 
