@@ -7,10 +7,10 @@ import importlib
 from collections.abc import Callable
 from pathlib import Path
 
-from kneejax.cli._joint_arguments import add_joint
 from kneejax.cli._parser import Parser, add_command, add_convention, add_out
 from kneejax.cli._study_commands import add_identify, add_map, add_sensitivity, add_study
 from kneejax.cli._version import ShowVersion
+from kneejax.cli.joint import add_joint
 
 #: Shells for which a completion can be printed.
 SHELLS = ("bash", "zsh", "fish")
@@ -207,7 +207,7 @@ def _add_joint(commands) -> None:
         "kneejax joint fit --knee four_ligament --flexion 0:90:10",
     )
     add_joint(joint)
-    joint.set_defaults(run=_lazily("joint"))
+    joint.set_defaults(run=_lazily("joint._command"))
 
 
 def _add_import(commands) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from kneejax.cli._contact_knee import read_contact_knee
-from kneejax.cli.joint._arguments import renamed_columns
+from kneejax.cli.joint._command import renamed_columns
 from kneejax.cli.joint._models import (
     Modelled,
     curve_flexion,

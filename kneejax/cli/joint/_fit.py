@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from kneejax.cli._contact_knee import ContactKnee, passive_motion, read_contact_knee
-from kneejax.cli.joint._arguments import renamed_columns
 from kneejax.cli.joint._axes import (
     FemurAxes,
     FindAxes,
@@ -19,6 +18,7 @@ from kneejax.cli.joint._axes import (
     axes_from_mesh,
     problem,
 )
+from kneejax.cli.joint._command import renamed_columns
 from kneejax.files import (
     AxisPoints,
     InputProblem,
