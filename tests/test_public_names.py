@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+import pkgutil
 import subprocess
 import sys
 from pathlib import Path
@@ -11,7 +12,13 @@ import pytest
 import kneejax
 import kneejax.files
 
-FACES = (kneejax, kneejax.files)
+#: `kneejax.files` and all its folders import a module when a name is first asked for.
+FOLDERS = [
+    importlib.import_module(x.name)
+    for x in pkgutil.iter_modules(kneejax.files.__path__, "kneejax.files.")
+    if x.ispkg
+]
+FACES = (kneejax, kneejax.files, *FOLDERS)
 
 
 def stated(package):

@@ -1,6 +1,6 @@
 """What a knee file may say: every field, its type, its range, and the slips people make in units.
 
-The checks leave the document as it is. `_knee_file` builds a knee from a checked document.
+The checks leave the document as it is. `_file` builds a knee from a checked document.
 """
 
 from __future__ import annotations

@@ -1,11 +1,32 @@
 """OpenSim models: read in stages, written back as changed numbers."""
 
-from kneejax.files.opensim._example import SMALLEST_MODEL as SMALLEST_MODEL
-from kneejax.files.opensim._export import OsimExport as OsimExport
-from kneejax.files.opensim._export import export_osim as export_osim
-from kneejax.files.opensim._functions import simm_splines as simm_splines
-from kneejax.files.opensim._geometry import OsimGeometry as OsimGeometry
-from kneejax.files.opensim._geometry import add_osim_contacts as add_osim_contacts
-from kneejax.files.opensim._import import OsimImport as OsimImport
-from kneejax.files.opensim._import import import_osim as import_osim
-from kneejax.files.opensim._report import format_import_report as format_import_report
+from typing import TYPE_CHECKING
+
+from kneejax._lazy import lazy_names
+
+#: Public name -> its module, imported when one of its names is first asked for.
+_MODULES = {
+    "SMALLEST_MODEL": "kneejax.files.opensim._example",
+    "OsimExport": "kneejax.files.opensim._export",
+    "export_osim": "kneejax.files.opensim._export",
+    "simm_splines": "kneejax.files.opensim._functions",
+    "OsimGeometry": "kneejax.files.opensim._geometry",
+    "add_osim_contacts": "kneejax.files.opensim._geometry",
+    "OsimImport": "kneejax.files.opensim._import",
+    "import_osim": "kneejax.files.opensim._import",
+    "format_import_report": "kneejax.files.opensim._report",
+}
+
+if TYPE_CHECKING:
+    from kneejax.files.opensim._example import SMALLEST_MODEL as SMALLEST_MODEL
+    from kneejax.files.opensim._export import OsimExport as OsimExport
+    from kneejax.files.opensim._export import export_osim as export_osim
+    from kneejax.files.opensim._functions import simm_splines as simm_splines
+    from kneejax.files.opensim._geometry import OsimGeometry as OsimGeometry
+    from kneejax.files.opensim._geometry import add_osim_contacts as add_osim_contacts
+    from kneejax.files.opensim._import import OsimImport as OsimImport
+    from kneejax.files.opensim._import import import_osim as import_osim
+    from kneejax.files.opensim._report import format_import_report as format_import_report
+else:
+    __all__ = [*_MODULES]
+    __getattr__, __dir__ = lazy_names(__name__, _MODULES)

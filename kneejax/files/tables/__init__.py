@@ -1,10 +1,30 @@
 """CSV tables: poses, candidate tests, any rows."""
 
-from kneejax.files.tables._candidates import CandidateRow as CandidateRow
-from kneejax.files.tables._candidates import read_candidates as read_candidates
-from kneejax.files.tables._tables import FEMORAL as FEMORAL
-from kneejax.files.tables._tables import cell_number as cell_number
-from kneejax.files.tables._tables import read_poses as read_poses
-from kneejax.files.tables._tables import read_rows as read_rows
-from kneejax.files.tables._tables import write_poses as write_poses
-from kneejax.files.tables._tables import write_rows as write_rows
+from typing import TYPE_CHECKING
+
+from kneejax._lazy import lazy_names
+
+#: Public name -> its module, imported when one of its names is first asked for.
+_MODULES = {
+    "CandidateRow": "kneejax.files.tables._candidates",
+    "read_candidates": "kneejax.files.tables._candidates",
+    "FEMORAL": "kneejax.files.tables._tables",
+    "cell_number": "kneejax.files.tables._tables",
+    "read_poses": "kneejax.files.tables._tables",
+    "read_rows": "kneejax.files.tables._tables",
+    "write_poses": "kneejax.files.tables._tables",
+    "write_rows": "kneejax.files.tables._tables",
+}
+
+if TYPE_CHECKING:
+    from kneejax.files.tables._candidates import CandidateRow as CandidateRow
+    from kneejax.files.tables._candidates import read_candidates as read_candidates
+    from kneejax.files.tables._tables import FEMORAL as FEMORAL
+    from kneejax.files.tables._tables import cell_number as cell_number
+    from kneejax.files.tables._tables import read_poses as read_poses
+    from kneejax.files.tables._tables import read_rows as read_rows
+    from kneejax.files.tables._tables import write_poses as write_poses
+    from kneejax.files.tables._tables import write_rows as write_rows
+else:
+    __all__ = [*_MODULES]
+    __getattr__, __dir__ = lazy_names(__name__, _MODULES)
