@@ -37,3 +37,18 @@ def test_a_ball_that_sinks_into_an_untilted_plane_has_the_derivatives_of_differe
     numeric = central_difference(jax.jit(answers, compiler_options=options), pose, 1e-4)
     scale = np.abs(numeric).max(axis=1, keepdims=True) + 1e-3
     np.testing.assert_allclose(exact / scale, numeric / scale, atol=1e-6)
+
+
+def test_what_a_pose_is_does_not_depend_on_its_row():
+    """Borders are asked in blocks of the poses that need it, which are put together for that."""
+    knee, rng = kj.load_knee("four_ligament"), np.random.default_rng(3)
+    table = rng.uniform(-1.0, 1.0, (64, 6)) * [45.0, 0.5, 25.0, 6.0, 0.5, 4.0]
+    table += [45.0, 0.0, 0.0, 0.0, 1.0, 0.0]
+    found = kj.evaluate(knee, kj.Pose.from_table(table))
+    beyond = np.asarray(found.beyond_mm)
+    assert 0 < np.sum(beyond > 0.0) < beyond.size
+    order = rng.permutation(len(table))
+    mixed = kj.evaluate(knee, kj.Pose.from_table(table[order]))
+    for name in ("beyond_mm", "beyond_share", "contact_force", "known"):
+        there, here = np.asarray(getattr(found, name))[order], np.asarray(getattr(mixed, name))
+        np.testing.assert_allclose(here, there, rtol=1e-9, atol=1e-9, err_msg=name)
