@@ -15,7 +15,7 @@ __version__ = "0.1.0"
 #: read the same names from the imports below.
 _MODULES = {
     "Mechanics": "kneejax.experiments",
-    "PassiveFlexion": "kneejax.experiments",
+    "Motion": "kneejax.experiments",
     "branches": "kneejax.experiments",
     "evaluate": "kneejax.experiments",
     "passive_flexion": "kneejax.experiments",
@@ -59,7 +59,7 @@ _MODULES = {
 
 if TYPE_CHECKING:
     from kneejax.experiments import Mechanics as Mechanics
-    from kneejax.experiments import PassiveFlexion as PassiveFlexion
+    from kneejax.experiments import Motion as Motion
     from kneejax.experiments import branches as branches
     from kneejax.experiments import evaluate as evaluate
     from kneejax.experiments import passive_flexion as passive_flexion

@@ -84,7 +84,7 @@ def passive_motion(read: ContactKnee, flexion_deg: np.ndarray) -> KneeMotion:
     motion = jax.block_until_ready(passive_flexion(read.knee, flexion_deg))
     table = np.array(motion.to_table())
     for coordinate, shift in read.frame_offset.items():
-        table[:, COORDINATES.index(coordinate)] += shift
+        table[:, list(COORDINATES).index(coordinate)] += shift
     status = tuple(Status(s) for s in np.asarray(motion.status))
     table[[not s.converged for s in status]] = np.nan
     doubts = tuple(

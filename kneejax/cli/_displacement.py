@@ -6,7 +6,7 @@ import textwrap
 
 import numpy as np
 
-from kneejax.experiments import PassiveFlexion
+from kneejax.experiments import Motion
 from kneejax.files import FEMORAL
 from kneejax.geometry import COLUMNS, CONVENTION_WORDS, convert_table
 from kneejax.statics import Status, converged
@@ -17,7 +17,7 @@ _UNITS = tuple(column.rsplit("_", 1)[1] for column in COLUMNS)
 _WIDTHS = (7, 9, 8, 8, 8, 7)
 
 
-def displacement(under_load: PassiveFlexion, without: PassiveFlexion) -> np.ndarray:
+def displacement(under_load: Motion, without: Motion) -> np.ndarray:
     """How far a load moved the tibia.
 
     Args:

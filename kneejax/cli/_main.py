@@ -74,9 +74,10 @@ def _says_what_to_mend(problem: ValueError) -> bool:
     if isinstance(problem, InputProblem):
         return True
     from kneejax.mechanics import Implausible
+    from kneejax.numerics import MissingPackage
     from kneejax.parameters import UnknownParameter, UnsuitableData
 
-    return isinstance(problem, UnknownParameter | UnsuitableData | Implausible)
+    return isinstance(problem, UnknownParameter | UnsuitableData | Implausible | MissingPackage)
 
 
 def _prepare_jax() -> None:

@@ -8,8 +8,8 @@ from kneejax.experiments._doubts import with_flips as with_flips
 from kneejax.experiments._evaluate import Mechanics as Mechanics
 from kneejax.experiments._evaluate import evaluate as evaluate
 from kneejax.experiments._evaluate import status_of as status_of
-from kneejax.experiments._passive import PassiveFlexion as PassiveFlexion
-from kneejax.experiments._passive import passive_flexion as passive_flexion
+from kneejax.experiments._motion import Motion as Motion
+from kneejax.experiments._motion import passive_flexion as passive_flexion
 from kneejax.experiments._peak_pressure import PeakPressure as PeakPressure
 from kneejax.experiments._peak_pressure import peak_pressure as peak_pressure
 from kneejax.experiments._slack import slack_poses as slack_poses

@@ -10,14 +10,15 @@ import numpy as np
 from jax.typing import ArrayLike
 from scipy.stats import qmc
 
-from kneejax.experiments._passive import PassiveFlexion, passive_flexion
+from kneejax.experiments._motion import Motion, passive_flexion
+from kneejax.geometry import FREE_COORDINATES, scales, table_units
 from kneejax.mechanics import Knee, Load, add_lane_axis
 from kneejax.numerics import compiled
-from kneejax.statics import UNITS, Guess, Settled, Stations, Status, force, settle, with_meeting
+from kneejax.statics import Guess, Settled, Stations, Status, force, settle, with_meeting
 
 #: How far from the balance that a test finds searches begin, degrees twice and mm thrice.
 _SPREAD = np.array([10.0, 25.0, 12.0, 12.0, 8.0])
-_IN_TABLE = np.r_[np.deg2rad([1.0, 1.0]), 1.0, 1.0, 1.0]
+_IN_TABLE, _SCALES = 1.0 / table_units(FREE_COORDINATES), scales(FREE_COORDINATES)
 #: Balances nearer than this to each other are one, mm.
 _SAME_MM = 0.01
 #: Unbalanced force that a balance may have, N (moments at 30 mm).
@@ -93,7 +94,7 @@ def branches(
     )
 
 
-def _of_test(motion: PassiveFlexion, station: int) -> list[Branch]:
+def _of_test(motion: Motion, station: int) -> list[Branch]:
     """The balance that a test finds, if it is stable."""
     if not motion.stable[station]:
         return []
@@ -101,9 +102,9 @@ def _of_test(motion: PassiveFlexion, station: int) -> list[Branch]:
     return [Branch(station, pose, status, True, 0.0, 0)]
 
 
-def _around(knee: Knee, motion: PassiveFlexion, starts: int) -> np.ndarray:
+def _around(knee: Knee, motion: Motion, starts: int) -> np.ndarray:
     """Coordinates at which searches begin, `(stations * starts, 5)`."""
-    reference = np.array([float(x) for x in knee.reference_pose.state])
+    reference = np.asarray(knee.reference_pose.at(FREE_COORDINATES))
     middle = np.asarray(motion.settled.q).T
     middle = np.where(np.isfinite(middle), middle, reference)
     points = qmc.Sobol(5, scramble=False).random_base2((starts - 1).bit_length())[:starts]
@@ -124,20 +125,20 @@ def _searched(knee: Knee, stations: Stations, row: np.ndarray, q: np.ndarray) ->
 
 @compiled()
 def _search(knee: Knee, stations: Stations, q: jax.Array) -> Settled:
-    lanes, flexion = stations.load(add_lane_axis(knee)), stations.flexion
+    lanes, held = stations.load(add_lane_axis(knee)), stations.prescribed
     nowhere = jnp.full((knee.patch_count, 2, len(stations)), jnp.nan)
-    settled = settle(lanes, flexion, Guess(q, nowhere))
+    settled = settle(lanes, held, Guess(q, nowhere))
     # A search from afar may carry its meeting points along to places where surfaces are close, but
     # not closest: what does not balance with points found anew is nothing.
-    met = with_meeting(lanes, flexion, jnp.nan_to_num(settled.q)).meeting
-    left, _ = force(lanes, flexion, settled.q, (met[:, 0], met[:, 1]))
-    left = jnp.max(jnp.abs(left * jnp.asarray(UNITS)[:, None]), axis=0)
+    met = with_meeting(lanes, held, jnp.nan_to_num(settled.q)).meeting
+    left, _ = force(lanes, held, settled.q, (met[:, 0], met[:, 1]))
+    left = jnp.max(jnp.abs(left * jnp.asarray(_SCALES)[:, None]), axis=0)
     status = jnp.where(left < _LEFT_N, settled.status, int(Status.NOT_CONVERGED))
     return dataclasses.replace(settled, status=status)
 
 
 def _add(
-    found: list[list[Branch]], motion: PassiveFlexion, row: np.ndarray, settled: Settled
+    found: list[list[Branch]], motion: Motion, row: np.ndarray, settled: Settled
 ) -> list[Branch]:
     """Add the stable balances that searches found to those of each station; returns the new."""
     table, own = np.asarray(settled.pose.to_table()), np.asarray(motion.to_table())
@@ -162,4 +163,4 @@ def _coordinates(pose: np.ndarray) -> np.ndarray:
 
 def _distance_mm(one: np.ndarray, other: np.ndarray) -> float:
     """Between two poses, rotations at 30 mm; NaN where one is not known."""
-    return float(np.abs(_coordinates(one - other) / UNITS).max())
+    return float(np.abs(_coordinates(one - other) / _SCALES).max())

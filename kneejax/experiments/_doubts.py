@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kneejax.experiments._evaluate import Mechanics
-from kneejax.experiments._passive import PassiveFlexion
+from kneejax.experiments._motion import Motion
 from kneejax.experiments._ways import flipped, near_flip
-from kneejax.geometry import COLUMNS
+from kneejax.geometry import COLUMNS, free_of, scales
 from kneejax.mechanics import LIMITS, WIDEST_GAP_MM, Knee, load_words
-from kneejax.statics import UNITS, Status, converged
+from kneejax.statics import Status, converged
 
 # All compartments farther apart than this: something pulls the bones apart, mm.
 _APART_MM = 0.5
@@ -55,7 +55,7 @@ def doubts(knee: Knee, found: Mechanics, also: Sequence[str] | None = None) -> t
     )
 
 
-def of_search(motion: PassiveFlexion, loads: Mapping[str, float] | None = None) -> tuple[str, ...]:
+def of_search(motion: Motion, loads: Mapping[str, float] | None = None) -> tuple[str, ...]:
     """Say for each pose without a balance how far the knee held, and how far the search was.
 
     Args:
@@ -72,11 +72,12 @@ def of_search(motion: PassiveFlexion, loads: Mapping[str, float] | None = None) 
     )
 
 
-def _of_lost(motion: PassiveFlexion, row: int, loads: Mapping[str, float]) -> str:
+def _of_lost(motion: Motion, row: int, loads: Mapping[str, float]) -> str:
     reached = float(motion.reached[row])
     if motion.status[row] == Status.GIVES_WAY:
         return f"held {_part(loads, reached)}, and nothing beyond"
-    left_mm, left_N = motion.left_mm[row], np.abs(motion.settled.residual[:, row] * UNITS).max()
+    left = motion.settled.residual[:, row] * scales(free_of(motion.settled.prescribed))
+    left_mm, left_N = motion.left_mm[row], np.abs(left).max()
     if not np.isfinite([left_mm, left_N]).all():
         return ""
     told = f"the search stopped {left_mm:.2g} mm and {left_N:.2g} N from a balance"

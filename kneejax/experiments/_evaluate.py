@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
-from kneejax.geometry import Placement, Pose
+from kneejax.geometry import FREE_COORDINATES, Placement, Pose
 from kneejax.mechanics import (
     Border,
     Contact,
@@ -130,7 +130,8 @@ def evaluate(knee: Knee, poses: Pose, meeting: Array | None = None) -> Mechanics
 def _evaluate(knee: Knee, poses: Pose, meeting: Array | None) -> Mechanics:
     lanes, tibia = add_lane_axis(knee), poses.placement
     if meeting is None:
-        meeting = with_meeting(lanes, poses.flexion, poses.state).meeting
+        held, q = {"flexion": poses.flexion}, poses.at(FREE_COORDINATES)
+        meeting = with_meeting(lanes, held, q).meeting
     ligaments = lanes.ligaments
     row, contacts = 0, []
     for contact in lanes.contacts:

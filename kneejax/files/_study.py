@@ -30,7 +30,7 @@ DEFAULT_BOUNDS = {"stiffness": (300.0, 10000.0), "reference_strain": (-0.2, 0.2)
 #: Weight of a squared error per mm^2 and per degree^2 where a study gives none.
 DEFAULT_WEIGHTS = {"mm": 1.0, "deg": 8.0}
 
-_PARAMETER = re.compile(r"[A-Za-z*?][\w*?+-]*(\.[A-Za-z*?][\w*?]*)*")
+_PARAMETER = re.compile(r"[A-Za-z*?][\w*?+-]*(\.[\w*?]+)*")
 _MOST_VALUES = 10_000
 _MOST_STARTS = 1000
 

@@ -17,6 +17,7 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from kneejax.geometry import _vectors as v
+from kneejax.geometry._coordinates import COORDINATES
 from kneejax.geometry._pose import Placement, Pose, angles_from_rotation, rotation_from_angles
 from kneejax.geometry._vectors import Rotation
 from kneejax.numerics import filled, safe_sqrt, traced
@@ -185,4 +186,4 @@ def convert_table(table: ArrayLike, source: str, target: str) -> np.ndarray:
 
 def convert_pose(pose: Pose, target: str) -> Array:
     """The six coordinates of a pose in another convention, shape `(6, ...)`, rad and mm."""
-    return convert(jnp.concatenate([pose.flexion[None], pose.state]), "femoral", target)
+    return convert(pose.at(tuple(COORDINATES)), "femoral", target)

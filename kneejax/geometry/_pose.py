@@ -2,27 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
 from kneejax.geometry import _vectors as v
+from kneejax.geometry._coordinates import Prescribed, all_coordinates
 from kneejax.geometry._vectors import Rotation, Vector
-
-#: The six coordinates of a pose, in the order of every array and table.
-COORDINATES = ("flexion", "adduction", "internal_rotation", "anterior", "superior", "lateral")
-#: The five coordinates that are free when flexion is prescribed.
-FREE_COORDINATES = COORDINATES[1:]
-#: Column names at the border, with units.
-COLUMNS = (
-    "flexion_deg",
-    "adduction_deg",
-    "internal_rotation_deg",
-    "anterior_mm",
-    "superior_mm",
-    "lateral_mm",
-)
 
 
 class Placement(eqx.Module):
@@ -143,23 +132,23 @@ class Pose(eqx.Module):
         return jnp.concatenate([jnp.rad2deg(angles), shifts], -1)
 
     @classmethod
-    def from_state(cls, flexion: ArrayLike, free: Array) -> Pose:
-        """Make a pose from the prescribed flexion and the five free coordinates.
+    def of(cls, prescribed: Prescribed, q: Array) -> Pose:
+        """Make a pose from its prescribed and its free coordinates.
 
         Args:
-            flexion: rad.
-            free: shape `(5, ...)`, rad and mm, in the order of `FREE_COORDINATES`.
-        """
-        adduction, internal_rotation, anterior, superior, lateral = free
-        flexion = jnp.broadcast_to(jnp.asarray(flexion, float), jnp.shape(adduction))
-        return cls(flexion, adduction, internal_rotation, anterior, superior, lateral)
+            prescribed: coordinate -> its value, rad or mm.
+            q: the others, `(free, ...)`, rad and mm, in the order of `kneejax.geometry.free_of`.
 
-    @property
-    def state(self) -> Array:
-        """The five free coordinates, shape `(5, ...)`, rad and mm."""
-        return jnp.stack(
-            [self.adduction, self.internal_rotation, self.anterior, self.superior, self.lateral]
-        )
+        Example:
+            >>> pose = Pose.of({"flexion": 0.5, "anterior": 2.0}, jnp.zeros((4, 1)))
+            >>> float(pose.anterior[0]), float(pose.superior[0])
+            (2.0, 0.0)
+        """
+        return cls(*all_coordinates(prescribed, q))
+
+    def at(self, names: Sequence[str]) -> Array:
+        """Some of the coordinates, `(len(names), ...)`, rad and mm."""
+        return jnp.stack(jnp.broadcast_arrays(*(getattr(self, name) for name in names)))
 
     @property
     def placement(self) -> Placement:

@@ -1,7 +1,5 @@
 """Parameters from measurements, with what the measurements can and cannot tell."""
 
-from kneejax.inference._optional import check_installed as check_installed
-from kneejax.inference._optional import imported as imported
 from kneejax.inference.bayesian import Posterior as Posterior
 from kneejax.inference.bayesian import Prior as Prior
 from kneejax.inference.bayesian import normal_priors as normal_priors
@@ -35,7 +33,6 @@ from kneejax.inference.fit import ManyFits as ManyFits
 from kneejax.inference.fit import MotionData as MotionData
 from kneejax.inference.fit import Problem as Problem
 from kneejax.inference.fit import compile_step as compile_step
-from kneejax.inference.fit import evaluate_poses as evaluate_poses
 from kneejax.inference.fit import fit_many as fit_many
 from kneejax.inference.fit import synthetic_motion as synthetic_motion
 from kneejax.inference.identification import Identification as Identification

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import equinox as eqx
 import jax
@@ -10,7 +11,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from kneejax.geometry import Placement, Pose
-from kneejax.mechanics._loads import ConstantTensionLine, Load
+from kneejax.mechanics._loads import ConstantTensionLine, Load, Support
 from kneejax.mechanics._wrench import Wrench, generalised_force
 from kneejax.mechanics.contact import Contact, Pressed
 from kneejax.mechanics.ligaments import FibreFaults, Ligaments
@@ -37,7 +38,7 @@ class Knee(eqx.Module):
 
     ligaments: Ligaments
     contacts: tuple[Contact, ...]
-    loads: tuple[Load, ...]
+    loads: tuple[Load | Support, ...]
     lines: tuple[ConstantTensionLine, ...]
     reference_pose: Pose
     contact_names: tuple[str, ...] = eqx.field(static=True)
@@ -147,13 +148,38 @@ class Knee(eqx.Module):
                 energy, wrenches = energy + of_contact, [*wrenches, wrench.alone()]
         return wrenches, energy, fibres
 
-    def load_work(self, pose: Pose) -> Array:
-        """Generalised force of the loads on the five free coordinates, shape `(5, ...)`."""
-        tibia = pose.placement
-        total = jnp.zeros((5,) + jnp.shape(pose.adduction))
+    def load_work(self, pose: Pose, names: Sequence[str]) -> Array:
+        """Generalised force of the loads on some coordinates.
+
+        Args:
+            pose: as in `energy`.
+            names: of the coordinates.
+
+        Returns:
+            `(len(names), ...)`: N mm per rad of a rotation, N of a translation.
+        """
+        total = jnp.zeros((len(names),) + jnp.shape(pose.adduction))
         for load in self.loads:
-            total = total + jnp.stack(generalised_force(pose, tibia, load.wrench(tibia)))
+            total = total + jnp.stack(load.work(pose, names))
         return total
+
+    def force_on(self, pose: Pose, wrench: Wrench, names: Sequence[str]) -> tuple[Array, ...]:
+        """Generalised force of the knee's own parts on some coordinates.
+
+        Args:
+            pose: as in `energy`.
+            wrench: of all parts, about the tibia's origin in femur axes.
+            names: of the coordinates.
+
+        Returns:
+            One array each, as in `load_work`.
+        """
+        rows = generalised_force(pose, pose.placement, wrench, names)
+        if "flexion" not in names or not self.lines:
+            return rows
+        # The upper end of a line travels with flexion: it does work that no wrench tells.
+        ends = sum(line.work_of_end(pose.flexion, pose.placement) for line in self.lines)
+        return tuple(x + ends if n == "flexion" else x for n, x in zip(names, rows, strict=True))
 
     def reference_length(self) -> Array:
         """Length of each fibre at the reference pose, shape `(n,)`, mm."""

@@ -1,6 +1,8 @@
-"""What pulls on the tibia from outside: dead and following wrenches, lines of constant tension."""
+"""What acts on the tibia from outside: wrenches, supports, lines of constant tension."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -9,8 +11,10 @@ from jax.typing import ArrayLike
 
 from kneejax.geometry import (
     Placement,
+    Pose,
     Vector,
     add,
+    dot,
     grood_suntay_axes,
     norm,
     rotate,
@@ -19,7 +23,7 @@ from kneejax.geometry import (
     transpose,
     vector,
 )
-from kneejax.mechanics._wrench import Wrench
+from kneejax.mechanics._wrench import Wrench, generalised_force
 
 #: The bones in whose frame a point may be stated.
 BONES = ("femur", "tibia")
@@ -90,6 +94,28 @@ class Load(eqx.Module):
             arm = subtract(point, tibia.translation)
         return Wrench.at(arm, force, moment)
 
+    def work(self, pose: Pose, names: Sequence[str]) -> tuple[Array, ...]:
+        """Generalised force on some coordinates: N mm per rad of a rotation, N of a translation."""
+        tibia = pose.placement
+        return generalised_force(pose, tibia, self.wrench(tibia), names)
+
+
+class Support(eqx.Module):
+    """What a machine adds along one coordinate, whatever the pose: it does work on no other.
+
+    Attributes:
+        size: N mm per rad of a rotation, N of a translation, `(...)`.
+        coordinate: its name.
+    """
+
+    size: Array
+    coordinate: str = eqx.field(static=True)
+
+    def work(self, pose: Pose, names: Sequence[str]) -> tuple[Array, ...]:
+        """Generalised force on some coordinates."""
+        nothing = jnp.zeros(jnp.shape(pose.adduction))
+        return tuple(nothing + self.size if name == self.coordinate else nothing for name in names)
+
 
 class ConstantTensionLine(eqx.Module):
     """A line of constant tension from a femoral point, which may travel with flexion, to the tibia.
@@ -128,6 +154,15 @@ class ConstantTensionLine(eqx.Module):
         length = norm(line)
         pull = -self.tension / jnp.where(length > 0, length, 1.0)
         return Wrench.at(arm, scale(pull, line))
+
+    def work_of_end(self, flexion: Array, tibia: Placement) -> Array:
+        """Generalised force on flexion that the travelling upper end adds, N mm per rad."""
+        rate = jnp.zeros_like(self.origin[0])
+        for power, row in reversed(list(enumerate(self.origin))[1:]):
+            rate = rate * flexion + power * row
+        _, line = self._line(flexion, tibia)
+        length = norm(line)
+        return self.tension / jnp.where(length > 0, length, 1.0) * dot(line, vector(rate))
 
     def _line(self, flexion: Array, tibia: Placement) -> tuple[Vector, Vector]:
         """The insertion from the tibia's origin and from the upper end, femur axes, mm."""

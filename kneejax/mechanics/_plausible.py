@@ -136,6 +136,21 @@ _FIELDS = {
     "transition_strain": "transition_strain",
     "transition_width": "transition_width",
 }
+#: Quantity of any part -> what its numbers may be.
+_OTHERS = {
+    "youngs_modulus": "youngs_modulus_MPa",
+    "poisson_ratio": "poisson_ratio",
+    "layer_thickness": "layer_thickness_mm",
+    "onset_width": "onset_width_mm",
+    "tension": "tension_N",
+    "radius": "size_mm",
+    "semi_axes": "size_mm",
+    "force": "force_N",
+    "moment": "moment_Nmm",
+} | dict.fromkeys(
+    ("femoral_attachment", "tibial_attachment", "femoral_surface", "tibial_surface", "wrap",
+     "origin", "insertion", "point", "via"), "point_mm",
+)  # fmt: skip
 
 
 def range_of_parameter(name: str) -> Range | None:
@@ -155,9 +170,9 @@ def range_of_parameter(name: str) -> Range | None:
     for quantity in quantities:
         if quantity in _FIELDS:
             return RANGES[_FIELDS[quantity]]
-    attached = any(q.split(".")[0] in ("femoral_attachment", "tibial_attachment")
-                   for q in quantities)  # fmt: skip
-    return RANGES["point_mm"] if attached else None
+    words = {word for quantity in quantities for word in quantity.split(".")}
+    others = (RANGES[allowed] for word, allowed in _OTHERS.items() if word in words)
+    return next(others, None)
 
 
 class Implausible(ValueError):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import equinox as eqx
 import jax
@@ -78,18 +78,27 @@ def wrench_of(energy: Callable[[Placement], Array], tibia: Placement) -> Wrench:
     return Wrench((slope[0], slope[1], slope[2]), (slope[3], slope[4], slope[5]))
 
 
-def generalised_force(pose: Pose, tibia: Placement, wrench: Wrench) -> tuple[Array, ...]:
-    """Work of a wrench on the tibia per unit of each free coordinate.
+def generalised_force(
+    pose: Pose, tibia: Placement, wrench: Wrench, names: Sequence[str]
+) -> tuple[Array, ...]:
+    """Work of a wrench on the tibia per unit of each of some coordinates.
 
     Args:
         pose: where the tibia is.
         tibia: `pose.placement`.
         wrench: about the tibia's origin in femur axes.
+        names: of the coordinates.
 
     Returns:
-        Five arrays: N mm per rad for the two rotations, N for the three translations.
+        One array each: N mm per rad of a rotation, N of a translation.
     """
     c, s = jnp.cos(pose.flexion), jnp.sin(pose.flexion)
-    adduction = dot((c, -s, 0.0), wrench.moment)
-    rotation = dot(tibia.turn((0.0, 1.0, 0.0)), wrench.moment)
-    return tuple(jnp.broadcast_arrays(adduction, rotation, *wrench.force, pose.adduction)[:5])
+    turns = {
+        "flexion": (0.0, 0.0, -1.0),
+        "adduction": (c, -s, 0.0),
+        "internal_rotation": tibia.turn((0.0, 1.0, 0.0)),
+    }
+    work = dict(zip(("anterior", "superior", "lateral"), wrench.force, strict=True))
+    work |= {name: dot(axis, wrench.moment) for name, axis in turns.items() if name in names}
+    rows = jnp.broadcast_arrays(*(work[name] for name in names), pose.adduction)
+    return tuple(rows[: len(names)])

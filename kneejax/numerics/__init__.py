@@ -6,11 +6,15 @@ from kneejax.numerics._compiled import compiler_options as compiler_options
 from kneejax.numerics._compiled import share_memory_between_threads as share_memory_between_threads
 from kneejax.numerics._compiled import use_shared_fusion as use_shared_fusion
 from kneejax.numerics._cores import on_all_cores as on_all_cores
+from kneejax.numerics._elimination import identity as identity
 from kneejax.numerics._elimination import solve as solve
 from kneejax.numerics._elimination import symmetric as symmetric
 from kneejax.numerics._lanes import filled as filled
 from kneejax.numerics._lanes import lanes_for as lanes_for
 from kneejax.numerics._lanes import traced as traced
+from kneejax.numerics._optional import MissingPackage as MissingPackage
+from kneejax.numerics._optional import check_installed as check_installed
+from kneejax.numerics._optional import imported as imported
 from kneejax.numerics._safe import branch as branch
 from kneejax.numerics._safe import positive_part as positive_part
 from kneejax.numerics._safe import safe_sqrt as safe_sqrt

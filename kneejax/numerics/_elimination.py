@@ -1,13 +1,15 @@
-"""Unrolled elimination for symmetric systems of five unknowns over lanes.
+"""Unrolled elimination for small symmetric systems over lanes.
 
-LAPACK called once a lane is 5 to 7 times slower than elementwise elimination at this size. Entries
-and answers are separate arrays: what a compiler computes into a stack it computes for each row.
+LAPACK called once a lane is 5 to 7 times slower than elementwise elimination of five unknowns.
+Entries and answers are separate arrays: what a compiler computes into a stack it computes for each
+row.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+import jax.numpy as jnp
 from jax import Array
 
 
@@ -40,6 +42,11 @@ def solve(
             solution[i] = solution[i] - rows[i][j] * solution[j]
         solution[i] = solution[i] / rows[i][i]
     return tuple(solution), tuple(rows[k][k] for k in size)
+
+
+def identity(size: int, lane_axes: int) -> Array:
+    """The identity matrix, `(size, size, 1, ...)`, as it meets lanes."""
+    return jnp.eye(size).reshape(size, size, *(1,) * lane_axes)
 
 
 def symmetric(matrix: Array) -> Array:

@@ -12,7 +12,9 @@ from kneejax.parameters._selection import UnknownParameter as UnknownParameter
 from kneejax.parameters._selection import UnsuitableData as UnsuitableData
 from kneejax.parameters._selection import cut as cut
 from kneejax.parameters._selection import default_bounds as default_bounds
+from kneejax.parameters._selection import fibre_rows as fibre_rows
 from kneejax.parameters._selection import select as select
 from kneejax.parameters._selection import start_within as start_within
 from kneejax.parameters._selection import stated_bounds as stated_bounds
+from kneejax.parameters._selection import unit_of_quantity as unit_of_quantity
 from kneejax.parameters._selection import with_values as with_values

@@ -8,7 +8,14 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kneejax.parameters._selection import Selection, UnknownParameter, UnsuitableData, nearest_of
+from kneejax.parameters._leaves import is_size
+from kneejax.parameters._selection import (
+    Selection,
+    UnknownParameter,
+    UnsuitableData,
+    nearest_of,
+    unit_of_quantity,
+)
 
 T = TypeVar("T")
 
@@ -29,13 +36,18 @@ FIXED_SCALES = {
 }
 
 
+#: Of anything else, in proportion to its value.
+_OTHER_SCALE = 0.1
+
+
 def prior_scales(
     selection: Selection, values: ArrayLike, given: Mapping[str, float] | None = None
 ) -> np.ndarray:
     """Prior standard deviations of parameters, in their own units.
 
     Where none is given: 30 % of a stiffness, 0.02 of a reference strain, 2 % of a slack length,
-    30 % of a transition strain or width, 2 mm of an attachment.
+    30 % of a transition strain or width, 2 mm of an attachment, 1 mm or 0.05 rad of another place,
+    10 % of anything else.
 
     Args:
         selection: the parameters.
@@ -85,7 +97,8 @@ def percent_scales(selection: Selection, values: ArrayLike) -> np.ndarray:
     scales = []
     for i, value in enumerate(np.asarray(values, float)):
         quantity, name = selection.quantity(i), selection.names[i]
-        if "attachment" in quantity:
+        place = unit_of_quantity(quantity) in ("mm", "rad") and not is_size(quantity)
+        if place and quantity not in PROPORTIONAL_SCALES:
             raise UnsuitableData(f"{name} has no per cent, its zero is arbitrary: scale by a prior")
         scales.append(0.01 if quantity == "reference_strain" else 0.01 * abs(value))
         if not scales[-1] > 0:
@@ -131,5 +144,9 @@ def _keys(selection: Selection, index: int) -> tuple[str, ...]:
 
 
 def _usual(quantity: str, value: float) -> float:
+    if quantity in PROPORTIONAL_SCALES:
+        return PROPORTIONAL_SCALES[quantity] * abs(value)
     fixed = FIXED_SCALES.get(quantity.split(".")[0])
-    return PROPORTIONAL_SCALES[quantity] * abs(value) if fixed is None else fixed
+    if fixed is None and not is_size(quantity):
+        fixed = {"mm": 1.0, "rad": 0.05}.get(unit_of_quantity(quantity))
+    return _OTHER_SCALE * abs(value) if fixed is None else fixed

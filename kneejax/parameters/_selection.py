@@ -1,8 +1,8 @@
 """Named parameters of a knee, and the vector that a search moves.
 
-A parameter belongs to a ligament or to a group of them. A group's value is the mean of its fibres.
-Setting it keeps how the fibres differ: strains and points shift together, stiffnesses, lengths and
-the law's own strains grow by one factor.
+A parameter belongs to a ligament, to a group of them, or to another part (`_leaves.py`). A group's
+value is the mean of its fibres. Setting it keeps how the fibres differ: strains and points shift
+together, stiffnesses, lengths and the law's own strains grow by one factor.
 """
 
 from __future__ import annotations
@@ -25,6 +25,15 @@ from kneejax.mechanics import (
     ligament_law,
     range_of_parameter,
 )
+from kneejax.parameters._leaves import (
+    AXES,
+    Leaf,
+    is_size,
+    leaves_called,
+    parts_of,
+    quantities_of,
+    unit_of,
+)
 
 #: Quantities of a ligament that may be named, with their units.
 QUANTITIES = {
@@ -37,7 +46,7 @@ QUANTITIES = {
 } | {
     f"{end}_attachment.{axis}": "mm"
     for end in ("femoral", "tibial")
-    for axis in ("anterior", "superior", "lateral")
+    for axis in AXES
 }
 #: Bounds of paper 1, section 2.3, and wide ones for the rest, by quantity.
 DEFAULT_BOUNDS = {
@@ -48,7 +57,6 @@ DEFAULT_BOUNDS = {
     "transition_width": (1e-4, 0.02),
     "failure_strain": (0.05, 0.5),
 }
-_AXES = ("anterior", "superior", "lateral")
 _MOST_SHOWN = 12  # names in an error
 
 
@@ -65,9 +73,10 @@ class Selection:
     """Parameters that are free, in order; hashable, so that it can steer a compiled function.
 
     Attributes:
-        names: `LIGAMENT.quantity` or `GROUP.quantity`, one a free number.
+        names: `LIGAMENT.quantity`, `GROUP.quantity` or `PART.quantity`, one a free number.
         ligaments: names of the knee's ligaments.
         groups: names that stand for several ligaments, with those.
+        leaves: names of parameters of other parts, with the numbers that they mean.
 
     Example:
         >>> from kneejax.parameters import Selection
@@ -78,6 +87,7 @@ class Selection:
     names: tuple[str, ...]
     ligaments: tuple[str, ...]
     groups: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    leaves: tuple[tuple[str, Leaf], ...] = ()
 
     def __len__(self) -> int:
         return len(self.names)
@@ -86,20 +96,30 @@ class Selection:
         return f"{len(self)} free number{'s' * (len(self) != 1)}: " + ", ".join(self.names)
 
     def ligament(self, index: int) -> str:
-        """Name of the ligament, or of the group, of a parameter."""
+        """Name of the ligament, of the group or of another part, of a parameter."""
         return self.names[index].split(".", 1)[0]
 
     def fibres(self, index: int) -> tuple[str, ...]:
-        """The ligaments that a parameter drives."""
+        """The ligaments that a parameter drives; none where it is another part's."""
         name = self.ligament(index)
-        return dict(self.groups).get(name, (name,))
+        return () if self.leaf(index) else dict(self.groups).get(name, (name,))
+
+    def leaf(self, index: int) -> Leaf | None:
+        """The number that a parameter means, where it is no ligament's."""
+        return dict(self.leaves).get(self.names[index])
 
     def quantity(self, index: int) -> str:
         """Quantity of a parameter, e.g. `stiffness`."""
         return self.names[index].split(".", 1)[1]
 
+    def unit(self, index: int) -> str:
+        """Unit of a parameter, empty for a plain number."""
+        return unit_of_quantity(self.quantity(index))
+
     def read(self, knee: Knee) -> Array:
         """Values of the free parameters in a knee, shape `(p,)`."""
+        if self.leaves:
+            return jnp.stack([self._one(knee, i) for i in range(len(self))])
         quantities = list(dict.fromkeys(map(self.quantity, range(len(self)))))
         # Every quantity once, of all fibres.
         numbers = jnp.stack([_numbers(knee, quantity) for quantity in quantities])
@@ -122,12 +142,30 @@ class Selection:
         """
         order = sorted(range(len(self)), key=lambda i: self.quantity(i) == "reference_strain")
         for i in order:
-            knee = _write(knee, *self._place(i), values[i])
+            leaf = self.leaf(i)
+            if leaf is not None:
+                knee = leaf.write(knee, values[i])
+            else:
+                knee = _write(knee, *self._place(i), values[i])
         return knee
+
+    def _one(self, knee: Knee, index: int) -> Array:
+        leaf = self.leaf(index)
+        return _read(knee, *self._place(index)) if leaf is None else leaf.read(knee)
 
     def _place(self, index: int) -> tuple[tuple[int, ...], str]:
         rows = tuple(self.ligaments.index(fibre) for fibre in self.fibres(index))
         return rows, self.quantity(index)
+
+
+def unit_of_quantity(quantity: str) -> str:
+    """The unit of a quantity of any part, empty for a plain number.
+
+    Example:
+        >>> unit_of_quantity("stiffness"), unit_of_quantity("tibial_surface.superior")
+        ('N', 'mm')
+    """
+    return QUANTITIES.get(quantity) or unit_of(quantity)
 
 
 def select(knee: Knee, names: list[str] | tuple[str, ...]) -> Selection:
@@ -135,8 +173,12 @@ def select(knee: Knee, names: list[str] | tuple[str, ...]) -> Selection:
 
     Args:
         knee: the knee that has them.
-        names: `LIGAMENT.quantity`, or `GROUP.quantity`; `*` stands for every ligament
-            (`*.stiffness`).
+        names: `LIGAMENT.quantity`, `GROUP.quantity`, or the same of any other part: of a
+            compartment (`medial.youngs_modulus`, `medial.tibial_surface.superior`), of a line
+            (`quadriceps.tension`), of what a fibre wraps around (`PatTen.radius`, one number for
+            all fibres around the same), or whatever else its fields lead to. `*` stands for every
+            part that has the quantity (`*.stiffness`); a name that leads to several numbers
+            (`ACL.femoral_attachment`) for all of them.
 
     Returns:
         The selection.
@@ -144,30 +186,49 @@ def select(knee: Knee, names: list[str] | tuple[str, ...]) -> Selection:
     Raises:
         UnknownParameter: naming the nearest known name; also if one number is chosen twice.
     """
-    ligaments, chosen = knee.ligaments.names, []
-    owners = (*ligaments, *(name for name, _ in knee.groups))
+    ligaments, chosen = knee.ligaments.names, {}
+    fibres = (*ligaments, *(name for name, _ in knee.groups))
     for name in names:
         owner, _, quantity = name.partition(".")
-        if quantity not in QUANTITIES or owner not in ("*", *owners):
-            raise UnknownParameter(f"unknown parameter {name!r}{_meant(owner, quantity, owners)}")
-        matches = [f"{ligament}.{quantity}" for ligament in ligaments] if owner == "*" else [name]
-        chosen += [match for match in matches if match not in chosen]
-    selection = Selection(tuple(chosen), ligaments, knee.groups)
+        found: dict[str, Leaf | None] = {}
+        for part in (*ligaments, *parts_of(knee)) if owner == "*" else [owner]:
+            found |= _numbers_called(knee, part, quantity, part in fibres)
+        if not found:
+            raise UnknownParameter(f"unknown parameter {name!r}{_meant(knee, owner, quantity)}")
+        chosen |= {key: leaf for key, leaf in found.items() if key not in chosen}
+    leaves = tuple((name, leaf) for name, leaf in chosen.items() if leaf is not None)
+    selection = Selection(tuple(chosen), ligaments, knee.groups, leaves)
     _check_once(selection)
     return _one(selection)
 
 
-def _meant(owner: str, quantity: str, owners: Sequence[str]) -> str:
+def _numbers_called(
+    knee: Knee, owner: str, quantity: str, is_fibre: bool
+) -> dict[str, Leaf | None]:
+    """Names of single numbers that a name stands for; with the number where it is no ligament's."""
+    if is_fibre and quantity in QUANTITIES:
+        return {f"{owner}.{quantity}": None}
+    if is_fibre and f"{quantity}.{AXES[0]}" in QUANTITIES:
+        return {f"{owner}.{quantity}.{axis}": None for axis in AXES}
+    leaves = leaves_called(knee, owner, quantity)
+    return {f"{owner}.{end}": leaf for end, leaf in leaves.items()}
+
+
+def _meant(knee: Knee, owner: str, quantity: str) -> str:
     """The end of a sentence on a parameter that there is not: the nearest that there is, or which
     there are of the part that is wrong."""
+    fibres = (*knee.ligaments.names, *(name for name, _ in knee.groups))
+    owners = tuple(dict.fromkeys((*fibres, *parts_of(knee))))
     near_owner = owner if owner == "*" else nearest_of(owner, owners)
-    near_quantity = nearest_of(quantity, QUANTITIES)
+    known = QUANTITIES if near_owner == "*" or near_owner in fibres else {}
+    quantities = (*known, *quantities_of(knee, near_owner or ""))
+    near_quantity = nearest_of(quantity, quantities)
     if near_owner and near_quantity:
         return f"; did you mean {f'{near_owner}.{near_quantity}'!r}?"
     if near_owner:
-        return f": expected {near_owner}. and one of {', '.join(QUANTITIES)}"
+        return f": expected {near_owner}. and one of {', '.join(quantities)}"
     shown = [*owners[:_MOST_SHOWN], *["..."] * (len(owners) > _MOST_SHOWN)]
-    return f": expected a ligament or a group of the knee, of {', '.join(shown) or 'none'}"
+    return f": expected a ligament, a group or a part of the knee, of {', '.join(shown) or 'none'}"
 
 
 def nearest_of(word: str, known: Iterable[str]) -> str | None:
@@ -186,8 +247,12 @@ def _one(selection: Selection) -> Selection:
 
 def _check_once(selection: Selection) -> None:
     """No number of a fibre may be driven by two parameters."""
-    driven: dict[tuple[str, str], str] = {}
+    driven: dict[tuple, str] = {}
     for i, name in enumerate(selection.names):
+        leaf = selection.leaf(i)
+        other = driven.setdefault(("leaf", leaf), name) if leaf else name
+        if other != name:
+            raise UnknownParameter(f"{other} and {name} are one number: choose one")
         # Either gives the slack length.
         quantity = selection.quantity(i).replace("reference_strain", "slack_length")
         for fibre in selection.fibres(i):
@@ -211,7 +276,8 @@ def with_values(knee: Knee, values: dict[str, float]) -> Knee:
             such a knee, as in a knee file.
     """
     for name, value in values.items():
-        selection, allowed = select(knee, [name]), range_of_parameter(name)
+        selection = select(knee, [name])
+        allowed = range_of_parameter(selection.names[0])
         if allowed and not allowed.holds(value):
             owner, quantity = name.split(".", 1)
             raise Implausible(owner, quantity, f"{value:g}", allowed.expected(value))
@@ -236,15 +302,8 @@ def cut(knee: Knee, names: Sequence[str]) -> Knee:
         >>> cut(kj.load_knee("four_ligament"), ["ACL"]).ligaments.stiffness.tolist()[0]
         0.0
     """
-    fibres = knee.ligaments.names
-    groups = {**{name: (name,) for name in fibres}, **dict(knee.groups)}
-    for name in names:
-        if name not in groups:
-            near = nearest_of(name, groups)
-            end = f"; did you mean {near!r}?" if near else f": expected one of {', '.join(groups)}"
-            raise UnknownParameter(f"unknown ligament {name!r}{end}")
-    gone = {fibre for name in names for fibre in groups[name]}
-    torn = np.array([fibre in gone for fibre in fibres])
+    gone = [row for name in names for row in fibre_rows(knee, name)]
+    torn = np.isin(np.arange(len(knee.ligaments.names)), gone)
     law = knee.ligaments.stiffness, knee.ligaments.failure_strain
     ends = jnp.where(torn, 0.0, law[0]), jnp.where(torn, jnp.inf, law[1])
     return eqx.tree_at(
@@ -252,14 +311,47 @@ def cut(knee: Knee, names: Sequence[str]) -> Knee:
     )
 
 
+def fibre_rows(knee: Knee, name: str) -> list[int]:
+    """Rows of the fibres of a ligament or of a group.
+
+    Args:
+        knee: any knee.
+        name: of a fibre or of a group.
+
+    Raises:
+        UnknownParameter: naming the nearest ligament or group.
+    """
+    fibres = knee.ligaments.names
+    groups = {**{own: (own,) for own in fibres}, **dict(knee.groups)}
+    if name not in groups:
+        near = nearest_of(name, groups)
+        end = f"; did you mean {near!r}?" if near else f": expected one of {', '.join(groups)}"
+        raise UnknownParameter(f"unknown ligament {name!r}{end}")
+    return [fibres.index(fibre) for fibre in groups[name]]
+
+
 def default_bounds(knee: Knee, selection: Selection) -> tuple[Array, Array]:
-    """Lower and upper bounds of a selection; attachments may move by 10 mm."""
-    values = selection.read(knee)
-    pairs = [
-        DEFAULT_BOUNDS.get(selection.quantity(i), (float(values[i]) - 10, float(values[i]) + 10))
-        for i in range(len(selection))
-    ]
+    """Lower and upper bounds of a selection.
+
+    Those of `DEFAULT_BOUNDS`; points may move by 10 mm and angles by 0.2 rad; anything else may be
+    half or twice what it is.
+    """
+    values = np.asarray(selection.read(knee))
+    pairs = [_usual_bounds(selection, i, float(value)) for i, value in enumerate(values)]
     return jnp.array([p[0] for p in pairs]), jnp.array([p[1] for p in pairs])
+
+
+def _usual_bounds(selection: Selection, index: int, value: float) -> tuple[float, float]:
+    quantity, unit = selection.quantity(index), selection.unit(index)
+    if quantity in DEFAULT_BOUNDS:
+        return DEFAULT_BOUNDS[quantity]
+    shift = {"mm": 10.0, "rad": 0.2}.get(unit)
+    if shift and not is_size(quantity):
+        return value - shift, value + shift
+    if value == 0.0:
+        return -1.0, 1.0
+    low, high = sorted((0.5 * value, 2.0 * value))
+    return low, high
 
 
 def stated_bounds(
@@ -312,7 +404,7 @@ def _numbers(knee: Knee, quantity: str) -> Array:
         return knee.reference_strain()
     if "." in quantity:
         end, axis = quantity.split(".")
-        return getattr(knee.ligaments, end)[:, _AXES.index(axis)]
+        return getattr(knee.ligaments, end)[:, AXES.index(axis)]
     return getattr(knee.ligaments, quantity)
 
 
@@ -336,6 +428,6 @@ def _write_one(knee: Knee, row: int, quantity: str, value: Array) -> Knee:
         value = ligament_law.slack_length_from_strain(knee.reference_length()[row], value)
     elif "." in quantity:
         field, axis = quantity.split(".")
-        index = (row, _AXES.index(axis))
+        index = (row, AXES.index(axis))
     changed = getattr(knee.ligaments, field).at[index].set(value)
     return eqx.tree_at(lambda k: getattr(k.ligaments, field), knee, changed)

@@ -51,8 +51,6 @@ from kneejax.report.joints import joint_kind as joint_kind
 from kneejax.report.joints import joint_motion_figure as joint_motion_figure
 from kneejax.report.knee import knee_text as knee_text
 from kneejax.report.knee import surface_fit_figure as surface_fit_figure
-from kneejax.report.look import COORDINATES as COORDINATES
-from kneejax.report.look import Coordinate as Coordinate
 from kneejax.report.look import json_safe as json_safe
 from kneejax.report.look import picture_png as picture_png
 from kneejax.report.look import save_figure as save_figure

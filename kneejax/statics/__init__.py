@@ -6,13 +6,11 @@ from kneejax.statics._balance import force as force
 from kneejax.statics._balance import force_derivative as force_derivative
 from kneejax.statics._faults import ContactFaults as ContactFaults
 from kneejax.statics._faults import Faults as Faults
-from kneejax.statics._newton import UNITS as UNITS
 from kneejax.statics._newton import EnergyNewton as EnergyNewton
 from kneejax.statics._newton import Guess as Guess
 from kneejax.statics._settle import Settled as Settled
 from kneejax.statics._settle import differentiable as differentiable
-from kneejax.statics._settle import first_guess as first_guess
-from kneejax.statics._settle import poses_on_the_way as poses_on_the_way
+from kneejax.statics._settle import needs_float64 as needs_float64
 from kneejax.statics._settle import settle as settle
 from kneejax.statics._settle import with_meeting as with_meeting
 from kneejax.statics._softness import newton_step_left as newton_step_left
@@ -32,3 +30,4 @@ from kneejax.statics.walk import balance_many as balance_many
 from kneejax.statics.walk import balance_with_slopes as balance_with_slopes
 from kneejax.statics.walk import in_lanes as in_lanes
 from kneejax.statics.walk import own_motion as own_motion
+from kneejax.statics.walk import walked_in_trace as walked_in_trace

@@ -1,6 +1,6 @@
 """Forces and tangent stiffness at a pose.
 
-The free coordinates `q` (5) are joined by the meeting points `s` of the contacts (2 each), which
+The free coordinates `q` are joined by the meeting points `s` of the contacts (2 each), which
 are determined by `q` through "the slope of the gap is zero". A patch's wrench is the derivative of
 its energy along `(q, s(q))` already (`mechanics/contact/_patch_force.py`), so the tangent is the
 derivative of the wrenches along the same path: nothing has to be differentiated through a search.
@@ -16,8 +16,9 @@ import jax
 import jax.numpy as jnp
 from jax import Array, lax
 
-from kneejax.geometry import Pose, Vector
+from kneejax.geometry import Pose, Prescribed, Vector, free_of
 from kneejax.mechanics import Contact, FibreFaults, Knee, Pressed, Wrench, generalised_force
+from kneejax.numerics import identity
 
 
 class Forces(eqx.Module):
@@ -25,8 +26,8 @@ class Forces(eqx.Module):
 
     Attributes:
         energy: N mm.
-        load: generalised force of the loads, `(5, lanes)`.
-        drift: derivative of the meeting points by the coordinates: for each of the five the two
+        load: generalised force of the loads on the free coordinates, `(free, lanes)`.
+        drift: derivative of the meeting points by the free coordinates: for each of them the two
             parameters' `(n, lanes)`.
         miss: how far off the meeting points are, to first order, `(n, lanes)`, mm.
         depth: there, `(n, lanes)`, mm.
@@ -53,8 +54,9 @@ class Balance(eqx.Module):
     """What holds a pose, and how stiffly.
 
     Attributes:
-        residual: unbalanced generalised force, `(5, lanes)`: N mm per rad twice, then N thrice.
-        tangent: derivative of the residual, `(5, 5, lanes)`: row force, column coordinate.
+        residual: unbalanced generalised force on the free coordinates, `(free, lanes)`: N mm per
+            rad of a rotation, N of a translation.
+        tangent: derivative of the residual, `(free, free, lanes)`: row force, column coordinate.
         forces: see `Forces`.
     """
 
@@ -64,40 +66,40 @@ class Balance(eqx.Module):
 
 
 def force(
-    knee: Knee, flexion: Array, q: Array, meeting: tuple[Array, Array]
+    knee: Knee, prescribed: Prescribed, q: Array, meeting: tuple[Array, Array]
 ) -> tuple[Array, Forces]:
     """Unbalanced generalised force, and what it is made of.
 
     Args:
         knee: leaves end in a lane axis.
-        flexion: rad, `(lanes,)`.
-        q: `(5, lanes)`, rad and mm.
+        prescribed: coordinate -> its value, `(lanes,)`, rad or mm; all others are free.
+        q: the free ones, `(free, lanes)`, rad and mm, in the order of `kneejax.geometry.free_of`.
         meeting: parameters of the converged meeting points, two arrays `(n, lanes)`.
 
     Returns:
-        Residual `(5, lanes)` and `Forces`.
+        Residual `(free, lanes)` and `Forces`.
     """
-    residual, forces = rows_of_force(knee, flexion, q, meeting)
+    residual, forces = rows_of_force(knee, prescribed, q, meeting)
     return jnp.stack(residual), forces
 
 
 def rows_of_force(
-    knee: Knee, flexion: Array, q: Array, meeting: tuple[Array, Array]
+    knee: Knee, prescribed: Prescribed, q: Array, meeting: tuple[Array, Array]
 ) -> tuple[tuple[Array, ...], Forces]:
-    """As `force`, the residual in five rows of lanes."""
-    pose = Pose.from_state(flexion, q)
+    """As `force`, the residual in rows of lanes."""
+    pose, free = Pose.of(prescribed, q), free_of(prescribed)
     wrenches, energy, pressed, fibres = knee.press(pose, meeting)
-    rows = _unbalanced(knee, pose, Wrench.total(wrenches))
-    return rows, _forces(knee, pose, energy, pressed, fibres)
+    rows = _unbalanced(knee, pose, Wrench.total(wrenches), free)
+    return rows, _forces(knee, pose, energy, pressed, fibres, free)
 
 
 def balance(
-    knee: Knee, flexion: Array, q: Array, meeting: tuple[Array, Array]
+    knee: Knee, prescribed: Prescribed, q: Array, meeting: tuple[Array, Array]
 ) -> Balance:
     """Residual and tangent at a pose. Arguments as `force`."""
 
     residual, forces, tangent = linearised(
-        lambda q_, both: rows_of_force(knee, flexion, q_, (both[:, 0], both[:, 1])),
+        lambda q_, both: rows_of_force(knee, prescribed, q_, (both[:, 0], both[:, 1])),
         q,
         jnp.stack(meeting, axis=1),
         at_once=knee.patch_count > 0,
@@ -117,19 +119,19 @@ def linearised(
     cost all of that again, and as much memory to compile (0.1 GB in a search).
 
     Args:
-        force_at: of `q` and `meeting`, the residual in five rows, and `Forces`.
-        q: `(5, lanes)`, rad and mm.
+        force_at: of `q` and `meeting`, the residual in rows, and `Forces`.
+        q: `(free, lanes)`, rad and mm.
         meeting: parameters of the meeting points, `(n, 2, lanes)`.
-        at_once: all five directions together: 0.30 ms over 64 lanes, one after the other 0.37. Over
-            points, one after the other: every coefficient would be copied five times for no gain.
+        at_once: all directions together: five of 64 lanes take 0.30 ms, one after the other 0.37.
+            Over points, one after the other: every coefficient would be copied each time.
 
     Returns:
-        Residual, `Forces`, and a function that computes the tangent, `(5, 5, lanes)`.
+        Residual, `Forces`, and a function that computes the tangent, `(free, free, lanes)`.
     """
     residual, push, forces = jax.linearize(force_at, q, meeting, has_aux=True)
 
     def tangent() -> Array:
-        units = jnp.eye(5).reshape(5, 5, *(1,) * (q.ndim - 1)) + jnp.zeros_like(q)
+        units = identity(len(q), q.ndim - 1) + jnp.zeros_like(q)
         follow = jnp.stack([jnp.stack(pair, axis=1) for pair in forces.drift])
         pushed = jax.vmap(push) if at_once else lambda *way: lax.map(lambda w: push(*w), way)
         return jnp.stack(pushed(units, follow))
@@ -139,77 +141,84 @@ def linearised(
 
 def force_derivative(
     knee: Knee,
-    flexion: Array,
+    prescribed: Prescribed,
     q: Array,
     meeting: tuple[Array, Array],
     knee_tangent: Knee,
-    flexion_tangent: Array,
+    prescribed_tangent: Prescribed,
 ) -> tuple[Array, Array]:
-    """Derivative of the residual, at fixed `q`, along a change of the knee and of flexion.
+    """Derivative of the residual, `q` fixed, along a change of the knee and of what is prescribed.
 
     Args:
-        knee: as in `balance`; likewise `flexion`, `q`, `meeting`.
+        knee: as in `balance`; likewise `prescribed`, `q`, `meeting`.
         knee_tangent: change of every leaf.
-        flexion_tangent: change of flexion.
+        prescribed_tangent: change of what is prescribed.
 
     Returns:
-        Change of the residual `(5, lanes)` and of the meeting points, two arrays `(n, lanes)`.
+        Change of the residual `(free, lanes)` and of the meeting points, two arrays `(n, lanes)`.
     """
-    tangents, follow = (knee_tangent, flexion_tangent), jax.tree.map(jnp.zeros_like, meeting)
+    tangents, follow = (knee_tangent, prescribed_tangent), jax.tree.map(jnp.zeros_like, meeting)
     if knee.patch_count:
 
-        def slopes(knee_: Knee, flexion_: Array):
-            tibia = Pose.from_state(flexion_, q).placement
+        def slopes(knee_: Knee, prescribed_: Prescribed):
+            tibia = Pose.of(prescribed_, q).placement
             gap = knee_.map_patches(Contact.gap, tibia, meeting)
             return gap.slope, gap
 
-        _, moved, gap = jax.jvp(slopes, (knee, flexion), tangents, has_aux=True)
+        _, moved, gap = jax.jvp(slopes, (knee, prescribed), tangents, has_aux=True)
         follow = gap.newton(*moved)
 
-    def residual(knee_: Knee, flexion_: Array, meeting_: tuple[Array, Array]) -> Array:
-        return force(knee_, flexion_, q, meeting_)[0]
+    def residual(knee_: Knee, prescribed_: Prescribed, meeting_: tuple[Array, Array]) -> Array:
+        return force(knee_, prescribed_, q, meeting_)[0]
 
-    _, change = jax.jvp(residual, (knee, flexion, meeting), (*tangents, follow))
+    _, change = jax.jvp(residual, (knee, prescribed, meeting), (*tangents, follow))
     return change, follow
 
 
 def force_derivative_without_patches(
-    knee: Knee, flexion: Array, q: Array, knee_tangent: Knee
+    knee: Knee, prescribed: Prescribed, q: Array, knee_tangent: Knee
 ) -> Array:
-    """Derivative of the residual along a change that leaves patches and flexion alone.
+    """Derivative of the residual along a change that leaves patches and poses alone.
 
     Args:
-        knee: as in `balance`; likewise `flexion`, `q`.
+        knee: as in `balance`; likewise `prescribed`, `q`.
         knee_tangent: change of every leaf; that of the patches is not read.
 
     Returns:
-        Change of the residual `(5, lanes)`.
+        Change of the residual `(free, lanes)`.
     """
-    pose = Pose.from_state(flexion, q)
+    pose, free = Pose.of(prescribed, q), free_of(prescribed)
 
     def residual(knee_: Knee) -> Array:
         wrench = Wrench.total(knee_.press_without_patches(pose)[0])
-        return jnp.stack(_unbalanced(knee_, pose, wrench))
+        return jnp.stack(_unbalanced(knee_, pose, wrench, free))
 
     return jax.jvp(residual, (knee,), (knee_tangent,))[1]
 
 
-def _unbalanced(knee: Knee, pose: Pose, wrench: Wrench) -> tuple[Array, ...]:
-    """Generalised force that neither the knee's wrench nor the loads balance, five rows."""
-    work = generalised_force(pose, pose.placement, wrench)
-    return tuple(-w - load for w, load in zip(work, knee.load_work(pose), strict=True))
+def _unbalanced(
+    knee: Knee, pose: Pose, wrench: Wrench, free: tuple[str, ...]
+) -> tuple[Array, ...]:
+    """Generalised force that neither the knee's wrench nor the loads balance, one row each."""
+    work = knee.force_on(pose, wrench, free)
+    return tuple(-w - load for w, load in zip(work, knee.load_work(pose, free), strict=True))
 
 
 def _forces(
-    knee: Knee, pose: Pose, energy: Array, pressed: Pressed | None, fibres: FibreFaults
+    knee: Knee,
+    pose: Pose,
+    energy: Array,
+    pressed: Pressed | None,
+    fibres: FibreFaults,
+    free: tuple[str, ...],
 ) -> Forces:
-    load = knee.load_work(pose)
+    load = knee.load_work(pose, free)
     if pressed is None:
         none = jnp.zeros((0, *jnp.shape(pose.adduction)))
-        drift, point, pair = ((none, none),) * 5, (none,) * 3, (none, none)
+        drift, point, pair = ((none, none),) * len(free), (none,) * 3, (none, none)
         return Forces(energy, load, drift, none, none, point, pair, none > 0, none > 0, fibres)
     gap = pressed.gap
-    moved = (generalised_force(pose, pose.placement, w) for w in pressed.slope_wrenches)
+    moved = (generalised_force(pose, pose.placement, w, free) for w in pressed.slope_wrenches)
     drift = tuple(gap.newton(a, b) for a, b in zip(*moved, strict=True))
     met = pressed.miss, gap.depth, gap.point, pressed.renewed
     fits = ~gap.has_ellipse, pressed.known

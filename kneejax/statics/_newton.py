@@ -29,12 +29,11 @@ import jax.numpy as jnp
 import optimistix as optx
 from jax import Array, lax
 
+from kneejax.geometry import Prescribed, free_of, scales
 from kneejax.mechanics import Knee
-from kneejax.numerics import solve, symmetric
+from kneejax.numerics import identity, solve, symmetric
 from kneejax.statics._balance import Forces, linearised, rows_of_force
 
-#: Rad and mm that count as one unit of a free coordinate: 1 mm at 30 mm from the centre.
-UNITS = (1.0 / 30.0, 1.0 / 30.0, 1.0, 1.0, 1.0)
 _LONGEST_STEP = 3.0
 # Relative rounding that an energy difference may show near the solution.
 _ROUNDING = 1e-11
@@ -58,9 +57,9 @@ class Guess(eqx.Module):
     """Where a search begins.
 
     Attributes:
-        q: free coordinates `(5, lanes)`, rad and mm.
+        q: free coordinates `(free, lanes)`, rad and mm.
         meeting: parameters of the meeting points, `(n, 2, lanes)`; NaN where they are not known.
-        tangent: stiffness near there, `(5, 5, lanes)`; zero in lanes where it is not known.
+        tangent: stiffness near there, `(free, free, lanes)`; zero in lanes where it is not known.
     """
 
     q: Array
@@ -70,20 +69,20 @@ class Guess(eqx.Module):
     def __init__(self, q: Array, meeting: Array, tangent: Array | None = None):
         self.q = q
         self.meeting = meeting
-        self.tangent = jnp.zeros((5, *q.shape)) if tangent is None else tangent
+        self.tangent = jnp.zeros((len(q), *q.shape)) if tangent is None else tangent
 
 
 @partial(jax.jit, inline=True)
-def look(guess: Guess, args: tuple[Knee, Array]):
+def look(guess: Guess, args: tuple[Knee, Prescribed]):
     """The function whose root is sought: the unbalanced force at a guess, with what it is made of.
 
     Jitted so that Python runs through the mechanics once however often the search is traced.
 
     Returns:
-        Residual in five rows; forces.
+        Residual in rows; forces.
     """
-    knee, flexion = args
-    return rows_of_force(knee, flexion, guess.q, (guess.meeting[:, 0], guess.meeting[:, 1]))
+    knee, prescribed = args
+    return rows_of_force(knee, prescribed, guess.q, (guess.meeting[:, 0], guess.meeting[:, 1]))
 
 
 def _tangents_are_dear(knee: Knee) -> bool:
@@ -96,7 +95,8 @@ class SearchState(eqx.Module):
     computed anew, `still` those that look once more at the best point, `miss` says how far off
     meeting points were at the look before, where there is another at the same pose; `count` counts
     the looks of each lane. A lane that is `done` waits for the tangent at its solution and is
-    `ended` with it; so is one that is given up."""
+    `ended` with it; so is one that is given up. `scales`: rad and mm of each free coordinate that
+    count as 1 mm."""
 
     guess: Guess
     residual: tuple[Array, ...]
@@ -111,10 +111,11 @@ class SearchState(eqx.Module):
     done: Array
     count: Array
     ended: Array
+    scales: tuple[float, ...] = eqx.field(static=True)
 
     def anew(self, lanes: Array, guess: Guess) -> SearchState:
         """With a search that begins at a guess in some lanes."""
-        first = begun(guess, self.forces)
+        first = begun(guess, self.forces, self.scales)
         return jax.tree.map(lambda new, old: jnp.where(lanes, new, old), first, self)
 
 
@@ -139,7 +140,8 @@ class EnergyNewton(optx.AbstractRootFinder):
     def init(self, fn, y, args, options, f_struct, aux_struct, tags) -> SearchState:
         if options:
             raise ValueError(f"EnergyNewton: unknown options {sorted(options)}; it takes none")
-        return begun(y, jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), aux_struct))
+        forces = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), aux_struct)
+        return begun(y, forces, scales(free_of(args[1])))
 
     def step(self, fn, y, args, options, state, tags):
         dear = _tangents_are_dear(args[0])
@@ -168,7 +170,7 @@ class EnergyNewton(optx.AbstractRootFinder):
 
         def renewed() -> tuple[Array, Array]:
             tangent = choose(tangent_there(), state.guess.tangent)
-            return tangent, _lift(tangent)
+            return tangent, _lift(tangent, state.scales)
 
         tangent, lift = lax.cond(anew, renewed, lambda: (state.guess.tangent, state.lift))
         kept = jnp.where(accept, ~anew, state.kept & dear)
@@ -181,7 +183,7 @@ class EnergyNewton(optx.AbstractRootFinder):
         longer = in_vain | (refused & ~kept)
         shift = jnp.where(longer, jnp.maximum(8.0 * state.shift, 1.0), shift)
         shift = jnp.where(shift < 1e-3, 0.0, shift)
-        step = _newton_step(tangent, residual, jnp.maximum(shift, lift))
+        step = _newton_step(tangent, residual, jnp.maximum(shift, lift), state.scales)
         size, before = _size(step), _size(state.step)
         shrinks = jnp.where(before > 0, size / jnp.where(before > 0, before, 1.0), 1.0)
         short = jnp.minimum(1.0, _LONGEST_STEP / jnp.where(size > 0, size, 1.0))
@@ -210,6 +212,7 @@ class EnergyNewton(optx.AbstractRootFinder):
             done=done,
             count=count,
             ended=state.ended | ends | lost,
+            scales=state.scales,
         )
         return self._next(state, again, Guess(y.q, met)), state, forces
 
@@ -235,7 +238,7 @@ class EnergyNewton(optx.AbstractRootFinder):
 
     def _next(self, state: SearchState, again: Array, there: Guess) -> Guess:
         """Where to look next: a step ahead, or at the same pose from better meeting points."""
-        guess, shift = state.guess, [u * s for u, s in zip(UNITS, state.step, strict=True)]
+        guess, shift = state.guess, _scaled(state.step, state.scales)
         a, b = (
             sum(rate * by for rate, by in zip(rates, shift, strict=True))
             for rates in zip(*state.forces.drift, strict=True)
@@ -260,7 +263,7 @@ class EnergyNewton(optx.AbstractRootFinder):
         work = jnp.sum(before.load * (q - state.guess.q), axis=0)
         climb = here.energy - before.energy - work
         scale = jnp.abs(before.energy) + jnp.abs(here.energy) + 1.0
-        force, old_force = _size(_scaled(residual)), _size(_scaled(state.residual))
+        force, old_force = (_size(_scaled(x, state.scales)) for x in (residual, state.residual))
         finite = jnp.isfinite(here.energy) & jnp.isfinite(force)
         # Close to the solution energy differences drown in rounding; the forces do not.
         calmer = force < 0.5 * old_force
@@ -275,15 +278,15 @@ class EnergyNewton(optx.AbstractRootFinder):
         return self._next(state, nowhere, state.guess), state, {}
 
 
-def begun(guess: Guess, forces: Forces) -> SearchState:
+def begun(guess: Guess, forces: Forces, scales: tuple[float, ...]) -> SearchState:
     """A search before its first look; the forces give shapes."""
     lanes = guess.q.shape[1:]
-    no, nothing = jnp.zeros(lanes, bool), (jnp.zeros(lanes),) * 5
+    no, nothing = jnp.zeros(lanes, bool), (jnp.zeros(lanes),) * len(scales)
     return SearchState(
         guess=guess,
         residual=nothing,
         forces=forces,
-        lift=_lift(guess.tangent),
+        lift=_lift(guess.tangent, scales),
         kept=jnp.ones(lanes, bool),
         asks=jnp.all(guess.tangent == 0.0, axis=(0, 1)),
         still=no,
@@ -293,6 +296,7 @@ def begun(guess: Guess, forces: Forces) -> SearchState:
         done=no,
         count=jnp.zeros(lanes, int),
         ended=no,
+        scales=scales,
     )
 
 
@@ -306,31 +310,34 @@ def _size(rows: tuple[Array, ...]) -> Array:
     return functools.reduce(jnp.maximum, map(jnp.abs, rows))
 
 
-def _scaled(rows: tuple[Array, ...]) -> tuple[Array, ...]:
-    return tuple(unit * row for unit, row in zip(UNITS, rows, strict=True))
+def _scaled(rows: tuple[Array, ...], scales: tuple[float, ...]) -> tuple[Array, ...]:
+    return tuple(scale * row for scale, row in zip(scales, rows, strict=True))
 
 
-def _lift(tangent: Array) -> Array:
+def _lift(tangent: Array, scales: tuple[float, ...]) -> Array:
     """N/mm that make a scaled tangent positive definite in any case; 0 where it is."""
-    scaled = _in_units(tangent)
-    _, pivots = solve(symmetric(scaled), (jnp.zeros(tangent.shape[2:]),) * 5)
+    scaled, size = scaled_tangent(tangent, scales), len(scales)
+    _, pivots = solve(symmetric(scaled), (jnp.zeros(tangent.shape[2:]),) * size)
     definite = functools.reduce(jnp.logical_and, [pivot > 0 for pivot in pivots])
     # Gershgorin's discs.
     spread = jnp.sum(jnp.abs(scaled), axis=1)
-    diagonal = [scaled[i, i] for i in range(5)]
+    diagonal = [scaled[i, i] for i in range(size)]
     needed = functools.reduce(
         jnp.maximum, [s - jnp.abs(d) - d for s, d in zip(spread, diagonal, strict=True)]
     )
     return jnp.where(definite, 0.0, jnp.clip(needed + 1.0, 1.0))
 
 
-def _newton_step(tangent: Array, residual: tuple[Array, ...], extra: Array):
-    """Newton step in scaled coordinates, five rows, with a multiple of the identity added."""
-    identity = jnp.eye(5).reshape(5, 5, *(1,) * extra.ndim)
-    right = tuple(-row for row in _scaled(residual))
-    return solve(_in_units(tangent) + extra * identity, right)[0]
+def _newton_step(
+    tangent: Array, residual: tuple[Array, ...], extra: Array, scales: tuple[float, ...]
+) -> tuple[Array, ...]:
+    """Newton step in scaled coordinates, in rows, with a multiple of the identity added."""
+    right = tuple(-row for row in _scaled(residual, scales))
+    lifted = scaled_tangent(tangent, scales) + extra * identity(len(scales), extra.ndim)
+    return solve(lifted, right)[0]
 
 
-def _in_units(tangent: Array) -> Array:
-    units = jnp.asarray(UNITS).reshape(5, *(1,) * (tangent.ndim - 2))
+def scaled_tangent(tangent: Array, scales: tuple[float, ...]) -> Array:
+    """A stiffness in N/mm: per mm of every coordinate, rotations at 30 mm."""
+    units = jnp.asarray(scales).reshape(len(scales), *(1,) * (tangent.ndim - 2))
     return tangent * units[:, None] * units[None]

@@ -1,9 +1,8 @@
 """Balanced poses and their exact derivatives: the one solve of the package.
 
-Lanes march from a pose that is known to the flexion that is wanted, in small steps with a secant
-predictor, so that each stays on the branch of its knee. The derivative of a balanced pose by any
-number of the knee follows from the implicit function theorem, in the rule below and nowhere else:
-a dense solve per lane, with lanes that failed set to NaN and no influence on the others.
+The derivative of a balanced pose with respect to any number of the knee follows from the implicit
+function theorem, in the rule below and nowhere else: a dense solve per lane, with lanes that failed
+set to NaN and no influence on the others. How a knee gets near a balance is told by `walk/`.
 """
 
 from __future__ import annotations
@@ -13,22 +12,19 @@ import dataclasses
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 import optimistix as optx
 from jax import Array, lax
 from jax.custom_derivatives import SymbolicZero
-from jax.typing import ArrayLike
 
-from kneejax.geometry import Placement, Pose
+from kneejax.geometry import Placement, Pose, Prescribed, free_of
 from kneejax.mechanics import Contact, Knee, displacement
-from kneejax.numerics import compiled, instantiate, solve
+from kneejax.numerics import compiled, identity, instantiate, solve
 from kneejax.statics._balance import (
     force_derivative,
     force_derivative_without_patches,
 )
 from kneejax.statics._faults import ContactFaults, Faults
 from kneejax.statics._newton import (
-    UNITS,
     EnergyNewton,
     Guess,
     SearchState,
@@ -39,8 +35,6 @@ from kneejax.statics._status import Status, converged
 
 #: How the balance of one pose is found unless a caller says otherwise.
 SEARCH = EnergyNewton()
-#: Flexion between two poses on the way, rad.
-STRIDE = np.deg2rad(5.0)
 # Backstop of the solver's loop; a search ends by its own `most_steps`.
 _MOST_ROUNDS = 256
 
@@ -49,12 +43,13 @@ class Settled(eqx.Module):
     """Balanced poses of one or many knees; arrays end in lanes.
 
     Attributes:
-        flexion: rad.
-        q: free coordinates `(5, lanes)`, rad and mm; NaN where the search failed.
+        prescribed: coordinate -> its value, `(lanes,)`, rad or mm.
+        q: free coordinates `(free, lanes)`, rad and mm, in the order of `kneejax.geometry.free_of`;
+            NaN where the search failed.
         meeting: parameters of the meeting points `(n, 2, lanes)`.
-        residual: unbalanced force left, `(5, lanes)`, N mm per rad and N.
-        tangent: stiffness `(5, 5, lanes)`.
-        drift: derivative of the meeting points by `q`, `(5, n, 2, lanes)`.
+        residual: unbalanced force left, `(free, lanes)`, N mm per rad and N.
+        tangent: stiffness `(free, free, lanes)`.
+        drift: derivative of the meeting points by `q`, `(free, n, 2, lanes)`.
         pivots: of the scaled symmetric tangent; all positive where the pose is stable.
         depth: of each patch, `(n, lanes)`, mm.
         status: `Status` value.
@@ -64,7 +59,7 @@ class Settled(eqx.Module):
         steps: Newton steps taken.
     """
 
-    flexion: Array
+    prescribed: Prescribed
     q: Array
     meeting: Array
     residual: Array
@@ -80,7 +75,7 @@ class Settled(eqx.Module):
     @property
     def pose(self) -> Pose:
         """The poses."""
-        return Pose.from_state(self.flexion, self.q)
+        return Pose.of(self.prescribed, self.q)
 
     @property
     def converged(self) -> Array:
@@ -94,36 +89,27 @@ class Settled(eqx.Module):
 
 
 def settle(
-    knee: Knee,
-    flexion: Array,
-    guess: Guess,
-    start: Array | None = None,
-    count: ArrayLike = 1,
-    search: EnergyNewton = SEARCH,
+    knee: Knee, prescribed: Prescribed, guess: Guess, search: EnergyNewton = SEARCH
 ) -> Settled:
-    """Find the balance at prescribed flexion, marching there from a guess.
+    """Find the balance near a guess.
 
     Args:
         knee: leaves end in a lane axis (see `kneejax.mechanics.add_lane_axis`).
-        flexion: rad, `(lanes,)`.
-        guess: where to start; nothing is differentiated through it.
-        start: flexion at which the guess holds, `(lanes,)`; `flexion` itself by default.
-        count: number of poses on the way, the last included. With `count=1` the search begins
-            at the guess; with more (`poses_on_the_way`), lanes walk from `start` to `flexion` in
-            strides of 5 degrees, the first search at `start`.
-        search: how to find the balance of one pose.
+        prescribed: coordinate -> its value, `(lanes,)`, rad or mm; all others are free.
+        guess: where to start; nothing is differentiated through it. Meeting points that are NaN are
+            searched from scratch; a pose that is NaN is replaced by the knee's reference pose.
+        search: how to find the balance.
 
     Returns:
-        The balance, differentiable by every leaf of the knee and by flexion (forward mode and,
-        as the rule is linear, reverse mode); NaN with NaN derivatives where it failed.
+        The balance, differentiable by every leaf of the knee and by what is prescribed (forward
+        mode and, as the rule is linear, reverse mode); NaN with NaN derivatives where it failed.
 
     Raises:
         RuntimeError: float64 is switched off.
     """
     needs_float64()
-    start = flexion if start is None else start
-    still = lax.stop_gradient((knee, flexion, guess, start))
-    return differentiable(knee, flexion, _search(*still, jnp.asarray(count), search))
+    still = lax.stop_gradient((knee, prescribed, guess))
+    return differentiable(knee, prescribed, _search(*still, search))
 
 
 def needs_float64() -> None:
@@ -137,59 +123,29 @@ def needs_float64() -> None:
         )
 
 
-def differentiable(knee: Knee, flexion: Array, found: Settled) -> Settled:
-    """A balance that has been found, as a function of the knee and of flexion.
+def differentiable(knee: Knee, prescribed: Prescribed, found: Settled) -> Settled:
+    """A balance that has been found, as a function of the knee and of what is prescribed.
 
     By the implicit function theorem the derivative of a balance needs no search. So one compiled
     search serves every choice of parameters, and each choice compiles its derivative only.
 
     Args:
         knee: with which it was found; leaves end in a lane axis.
-        flexion: at which it was found, rad, `(lanes,)`.
+        prescribed: with which it was found.
         found: the balance.
 
     Returns:
         The same balance, differentiable as `settle` is.
     """
-    q, meeting = _followed(knee, flexion, lax.stop_gradient(found))
-    return dataclasses.replace(found, flexion=flexion, q=q, meeting=meeting)
+    q, meeting = _followed(knee, prescribed, lax.stop_gradient(found))
+    return dataclasses.replace(found, prescribed=prescribed, q=q, meeting=meeting)
 
 
-def poses_on_the_way(start: ArrayLike, flexion: ArrayLike) -> Array:
-    """Number of poses for `settle` to march from one flexion (rad) to another, by 5 degrees; more
-    do not change what is found."""
-    bend = jnp.max(jnp.abs(jnp.asarray(flexion) - start))
-    return jnp.ceil(bend / STRIDE - 1e-9).astype(int) + 1
-
-
-def longest_stride_mm(bend_deg):
-    """How far a knee moves at most while it bends: what lies farther is another branch.
-
-    In 61,000 strides of 5 degrees of 3,072 random knees (stiffness within 90 %, strains within 0.1)
-    their distance from the motion of the knee itself changed by less than 4.7 mm on one branch; a
-    search that had left it ended 7.9 to 10.6 mm away, and 3.3 mm and more after strides of 3
-    degrees. The bundled knees' own motion is within 2.7 mm in 5 degrees.
-
-    Args:
-        bend_deg: change of flexion, an array of JAX or NumPy.
-
-    Returns:
-        mm, rotations at 30 mm (a turn of 9 degrees counts 5 mm).
-    """
-    return abs(bend_deg).clip(1.0)
-
-
-def first_guess(knee: Knee, flexion: Array) -> Guess:
-    """The knee's reference pose at a flexion; `settle` looks for the meeting points."""
-    q = jnp.stack(jnp.broadcast_arrays(*knee.reference_pose.state, flexion)[:5])
-    return Guess(q, jnp.full((knee.patch_count, 2, *jnp.shape(flexion)), jnp.nan, float))
-
-
-def with_meeting(knee: Knee, flexion: Array, q: Array) -> Guess:
+def with_meeting(knee: Knee, prescribed: Prescribed, q: Array) -> Guess:
     """A guess at a pose, with meeting points searched from scratch."""
     if not knee.patch_count:
         return Guess(q, jnp.zeros((0, 2) + q.shape[1:]))
-    tibia = Pose.from_state(flexion, q).placement
+    tibia = Pose.of(prescribed, q).placement
     empty = jnp.zeros((knee.patch_count,) + q.shape[1:])
     start = knee.map_patches(lambda c, t, _: Contact.first_meeting(c, t), tibia, empty)
     found = lax.fori_loop(
@@ -198,79 +154,40 @@ def with_meeting(knee: Knee, flexion: Array, q: Array) -> Guess:
     return Guess(q, jnp.stack(found, axis=1))
 
 
-def _found(knee: Knee, flexion: Array, guess: Guess, search: EnergyNewton):
-    guess = Guess(guess.q, jnp.nan_to_num(guess.meeting), guess.tangent)
+@compiled(static_argnums=(3,))
+def _search(knee: Knee, prescribed: Prescribed, guess: Guess, search: EnergyNewton) -> Settled:
+    # One lane that starts from NaN would end the search of all.
+    reference = knee.reference_pose.at(free_of(prescribed))
+    q = jnp.where(jnp.isnan(guess.q), jnp.broadcast_to(reference, guess.q.shape), guess.q)
+    knee = knee.for_many_poses()
+    meeting = jnp.nan_to_num(_known_meeting(knee, prescribed, q, guess.meeting))
     solution = optx.root_find(
         look,
         search,
-        guess,
-        (knee, flexion),
+        Guess(q, meeting, jnp.nan_to_num(guess.tangent)),
+        (knee, prescribed),
         has_aux=True,
         max_steps=_MOST_ROUNDS,
         throw=False,
     )
-    return solution.value, solution.aux
+    q, meeting, rest = described(knee, prescribed, solution.value, solution.aux)
+    return Settled(prescribed, q, meeting, **rest)
 
 
-@compiled(static_argnums=(5,))
-def _search(
-    knee: Knee, flexion: Array, guess: Guess, start: Array, count: Array, search: EnergyNewton
-) -> Settled:
-    def at(k: Array) -> Array:
-        """Flexion after so many strides, which do not depend on how far other lanes go."""
-        far = jnp.where(count > 1, k * STRIDE, jnp.inf)
-        return start + jnp.clip(flexion - start, -far, far)
-
-    def pose(k: Array, before):
-        guess, last, found, known = before
-        here, stride, former = at(k), at(k) - at(k - 1), at(k - 1) - at(k - 2)
-        arrived = (k > 0) & (stride == 0.0)
-        # Secant predictor from the third pose on.
-        secant = jnp.where((k > 1) & (former != 0.0), stride / jnp.where(former, former, 1.0), 0.0)
-        q = guess.q + secant * (guess.q - last)
-        predicted = Guess(q, _known_meeting(knee, here, q, guess.meeting), guess.tangent)
-        value, new = _found(knee, here, predicted, search)
-        moved = jnp.max(jnp.abs(value.q - guess.q) / units, axis=0)
-        strayed = known & (moved > furthest)
-        new = eqx.tree_at(lambda f: f.done, new, new.done & ~strayed)
-        # A lane that is lost may have lost its meeting points: it looks for them from scratch.
-        lost = Guess(guess.q, jnp.full_like(guess.meeting, jnp.nan), guess.tangent)
-        there = jax.tree.map(lambda x, y: jnp.where(new.done, x, y), value, lost)
-        there, new = jax.tree.map(
-            lambda x, y: jnp.where(arrived & found.done, x, y), (guess, found), (there, new)
-        )
-        return there, jnp.where(new.done, guess.q, there.q), new, known | new.done
-
-    units = jnp.asarray(UNITS).reshape(5, *(1,) * (guess.q.ndim - 1))
-    furthest = longest_stride_mm(jnp.rad2deg(jnp.clip(flexion - start, -STRIDE, STRIDE)))
-    # One lane that starts from NaN would end the search of all.
-    astray, reference = jnp.isnan(guess.q), first_guess(knee, flexion).q
-    knee = knee.for_many_poses()
-    guess = Guess(
-        jnp.where(astray, reference, guess.q), guess.meeting, jnp.nan_to_num(guess.tangent)
-    )
-    _, shapes = jax.eval_shape(look, guess, (knee, flexion))
-    begin = search.init(look, guess, (knee, flexion), {}, None, shapes, frozenset())
-    nowhere = jnp.zeros(guess.q.shape[1:], bool)
-    found, _, state, _ = lax.fori_loop(0, count, pose, (guess, guess.q, begin, nowhere))
-    q, meeting, rest = described(knee, flexion, found, state)
-    return Settled(flexion, q, meeting, **rest)
-
-
-def _known_meeting(knee: Knee, flexion: Array, q: Array, meeting: Array) -> Array:
+def _known_meeting(knee: Knee, prescribed: Prescribed, q: Array, meeting: Array) -> Array:
     """The meeting points, searched from scratch in lanes where they are NaN."""
     unknown = jnp.any(jnp.isnan(meeting), axis=(0, 1))
 
     def searched() -> Array:
-        return jnp.where(unknown, with_meeting(knee, flexion, q).meeting, meeting)
+        return jnp.where(unknown, with_meeting(knee, prescribed, q).meeting, meeting)
 
     return lax.cond(jnp.any(unknown), searched, lambda: meeting)
 
 
-def described(knee: Knee, flexion: Array, found: Guess, here: SearchState):
+def described(knee: Knee, prescribed: Prescribed, found: Guess, here: SearchState):
     """Coordinates (NaN where they are no balance), meeting points, and the rest of `Settled`."""
-    left_mm, pivots = newton_step_left(here.guess.tangent, here.residual)
-    fault = fault_of(knee, flexion, here, pivots)
+    left_mm, pivots = newton_step_left(here.guess.tangent, here.residual, here.scales)
+    fault = fault_of(knee, prescribed, here, pivots)
     status = jnp.where(here.done, fault, int(Status.NOT_CONVERGED))
     rest = holding(here) | dict(
         pivots=pivots, status=status, fault=fault, left_mm=left_mm, steps=here.count
@@ -288,15 +205,15 @@ def holding(here: SearchState) -> dict[str, Array]:
     )
 
 
-def fault_of(knee: Knee, flexion: Array, here: SearchState, pivots: Array) -> Array:
+def fault_of(knee: Knee, prescribed: Prescribed, here: SearchState, pivots: Array) -> Array:
     """What the pose at which a search ended is by itself, balanced or not; `Status` values."""
     stable = jnp.where(jnp.all(pivots > 0, axis=0), int(Status.BALANCED), int(Status.UNSTABLE))
-    return jnp.maximum(stable, _faults(knee, flexion, here).status).astype(int)
+    return jnp.maximum(stable, _faults(knee, prescribed, here).status).astype(int)
 
 
-def _faults(knee: Knee, flexion: Array, here: SearchState) -> Faults:
+def _faults(knee: Knee, prescribed: Prescribed, here: SearchState) -> Faults:
     """What is wrong with the poses, from what their search has computed already."""
-    pose, forces = Pose.from_state(flexion, here.guess.q), here.forces
+    pose, forces = Pose.of(prescribed, here.guess.q), here.forces
     tibia, found, row = pose.placement, [], 0
     for contact in knee.contacts:
         if contact.has_patch:
@@ -330,28 +247,26 @@ def _passed_through(contact: Contact, tibia: Placement, odd: Array) -> Array:
 
 
 @jax.custom_jvp
-def _followed(knee: Knee, flexion: Array, found: Settled) -> tuple[Array, Array]:
-    """Coordinates and meeting points of a balance, which follow the knee and flexion."""
+def _followed(knee: Knee, prescribed: Prescribed, found: Settled) -> tuple[Array, Array]:
+    """Coordinates and meeting points of a balance, which follow the knee and what is prescribed."""
     return found.q, found.meeting
 
 
 def _followed_jvp(primals, tangents):
-    knee, flexion, found = primals
-    d_knee, d_flexion, _ = tangents
-    change, follow = _force_change(knee, flexion, found.q, found.meeting, d_knee, d_flexion)
-    failed = ~found.converged
-    identity = jnp.eye(5).reshape(5, 5, *(1,) * (found.q.ndim - 1))
-    tangent = jnp.where(failed, identity, found.tangent)
+    knee, prescribed, found = primals
+    change, follow = _force_change(knee, prescribed, found.q, found.meeting, *tangents[:2])
+    failed, size = ~found.converged, len(found.q)
+    tangent = jnp.where(failed, identity(size, found.q.ndim - 1), found.tangent)
     d_q, _ = solve(tangent, -jnp.where(failed, 0.0, change))
     d_q = jnp.where(failed, jnp.nan, jnp.stack(d_q))
-    moved = jnp.sum(found.drift * d_q.reshape(5, 1, 1, *found.q.shape[1:]), axis=0)
+    moved = jnp.sum(found.drift * d_q.reshape(size, 1, 1, *found.q.shape[1:]), axis=0)
     return (found.q, found.meeting), (d_q, follow + moved)
 
 
 _followed.defjvp(_followed_jvp, symbolic_zeros=True)
 
 
-def _force_change(knee, flexion, q, meeting, d_knee, d_flexion):
+def _force_change(knee, prescribed, q, meeting, d_knee, d_prescribed):
     """Change of the unbalanced force; what is not perturbed is not differentiated.
 
     A calibration of ligaments perturbs no contact: its derivative then needs the ligaments'
@@ -359,15 +274,16 @@ def _force_change(knee, flexion, q, meeting, d_knee, d_flexion):
     """
     contacts_still = all(isinstance(t, SymbolicZero) for t in jax.tree.leaves(d_knee.contacts))
     nowhere = jnp.nan_to_num(q)
-    if contacts_still and isinstance(d_flexion, SymbolicZero):
-        change = force_derivative_without_patches(knee, flexion, nowhere, instantiate(d_knee))
+    poses_still = all(isinstance(t, SymbolicZero) for t in jax.tree.leaves(d_prescribed))
+    if contacts_still and poses_still:
+        change = force_derivative_without_patches(knee, prescribed, nowhere, instantiate(d_knee))
         return change, jnp.zeros_like(meeting)
     change, follow = force_derivative(
         knee,
-        flexion,
+        prescribed,
         nowhere,
         (meeting[:, 0], meeting[:, 1]),
         instantiate(d_knee),
-        instantiate(d_flexion),
+        instantiate(d_prescribed),
     )
     return change, jnp.stack(follow, axis=1)

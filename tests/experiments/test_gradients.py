@@ -111,10 +111,10 @@ def _unrolled(knee, flexion, change, q, meeting, tangent):
     def iterate(knee, flexion):
         def step(here, _):
             q, meeting = here[0], (here[1][:, 0], here[1][:, 1])
-            tibia = geo.Pose.from_state(flexion, q).placement
+            tibia = geo.Pose.of({"flexion": flexion}, q).placement
             for _ in range(2):
                 meeting = knee.map_patches(Contact.improved, tibia, meeting)
-            unbalanced, _ = force(knee, flexion, q, meeting)
+            unbalanced, _ = force(knee, {"flexion": flexion}, q, meeting)
             move = jnp.linalg.solve(jnp.moveaxis(tangent, -1, 0), unbalanced.T[..., None])
             return (q - move[..., 0].T, jnp.stack(meeting, axis=1)), unbalanced
 
@@ -147,7 +147,7 @@ def _at_the_corners(knee, flexion_deg, change, found):
     The last load is chosen to balance them.
     """
     flexion = jnp.deg2rad(flexion_deg)
-    pose = geo.Pose.from_state(flexion, found.q)
+    pose = geo.Pose.of({"flexion": flexion}, found.q)
     toe = knee.ligaments.transition_strain[1]
     length = knee.ligaments.length(pose.placement)
     taut = jnp.stack([0.0 * toe, toe, 0.0 * toe + 0.06, 0.0 * toe + 0.06])

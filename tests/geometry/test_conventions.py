@@ -3,7 +3,6 @@
 import itertools
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given
@@ -102,7 +101,7 @@ def test_a_batch_converts_like_its_members(rng):
 
 def test_a_pose_converts_like_its_coordinates():
     pose = geo.Pose.from_table([20.0, 3.0, -5.0, 1.0, 2.0, 3.0])
-    c = jnp.concatenate([pose.flexion[None], pose.state])
+    c = pose.at(tuple(geo.COORDINATES))
     expected = np.asarray(geo.convert(c, "femoral", "tibial"))
     np.testing.assert_allclose(np.asarray(geo.convert_pose(pose, "tibial")), expected)
 

@@ -28,7 +28,7 @@ def _rows(vector):
 
 
 def conventions(x):
-    pose = geo.Pose.from_state(x[0], x[1:])
+    pose = geo.Pose.of({"flexion": x[0]}, x[1:])
     names = list(geo.CONVENTIONS)
     # Each is read once and written once.
     changed = [geo.convert(x, s, t) for s, t in zip(names, names[1:] + names[:1], strict=True)]
@@ -37,8 +37,9 @@ def conventions(x):
 
 def tables(x):
     pose = geo.Pose.from_table(x)
-    again = geo.Pose.from_state(pose.flexion, pose.state)
-    return jnp.concatenate([again.to_table(), pose.state, _rows(pose.placement.translation)])
+    again = geo.Pose.of({"flexion": pose.flexion}, pose.at(geo.FREE_COORDINATES))
+    free = pose.at(geo.FREE_COORDINATES)
+    return jnp.concatenate([again.to_table(), free, _rows(pose.placement.translation)])
 
 
 def motions(x):

@@ -29,7 +29,6 @@ from kneejax.mechanics import (
     Ligaments,
     Load,
     cartilage_law,
-    generalised_force,
     ligament_law,
 )
 
@@ -187,7 +186,7 @@ def _of_fibres(fibres, pose):
 def _of_wires(wires, pose):
     loads, line = wires
     tibia = pose.placement
-    work = [jnp.stack(generalised_force(pose, tibia, load.wrench(tibia))) for load in loads]
+    work = [jnp.stack(load.work(pose, tuple(geo.COORDINATES))) for load in loads]
     return jnp.concatenate([*work, line.energy(pose.flexion, tibia)[None]])
 
 

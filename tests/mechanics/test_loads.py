@@ -17,7 +17,6 @@ from kneejax.mechanics import (
     NAMED_LOADS,
     ConstantTensionLine,
     Load,
-    generalised_force,
     load_called,
     load_of,
     load_words,
@@ -30,15 +29,15 @@ FORCE, MOMENT, POINT = np.array([70.0, -20.0, 30.0]), np.array([900.0, -2500.0, 
 
 def placed(q):
     """Rotation matrix and translation of the tibia."""
-    place = geo.Pose.from_state(FLEXION, jnp.asarray(q)).placement
+    place = geo.Pose.of({"flexion": FLEXION}, jnp.asarray(q)).placement
     return np.array([[float(x) for x in r] for r in place.rotation]), np.asarray(q[2:])
 
 
 @pytest.mark.parametrize(("axes", "point_in"), list(itertools.product(AXES, BONES)))
 def test_a_load_does_the_work_of_moving_the_tibia(axes, point_in, central_difference):
     load = Load(FORCE, MOMENT, POINT, axes, point_in)
-    pose = geo.Pose.from_state(FLEXION, jnp.asarray(Q))
-    ours = np.stack(generalised_force(pose, pose.placement, load.wrench(pose.placement)))
+    pose = geo.Pose.of({"flexion": FLEXION}, jnp.asarray(Q))
+    ours = np.stack(load.work(pose, geo.FREE_COORDINATES))
     r0, t0 = placed(Q)
     columns = {
         "femur": np.eye(3),
@@ -62,11 +61,11 @@ def test_a_dead_force_on_a_tibial_point_is_the_slope_of_a_potential():
     load = Load(FORCE, point=POINT)
 
     def potential(q):
-        tip = geo.Pose.from_state(FLEXION, q).placement.apply(geo.vector(load.point))
+        tip = geo.Pose.of({"flexion": FLEXION}, q).placement.apply(geo.vector(load.point))
         return -geo.dot(geo.vector(load.force), tip)
 
-    pose = geo.Pose.from_state(FLEXION, jnp.asarray(Q))
-    ours = generalised_force(pose, pose.placement, load.wrench(pose.placement))
+    pose = geo.Pose.of({"flexion": FLEXION}, jnp.asarray(Q))
+    ours = load.work(pose, geo.FREE_COORDINATES)
     expected = -np.asarray(jax.grad(potential)(jnp.asarray(Q)))
     np.testing.assert_allclose(np.asarray(ours), expected, rtol=1e-12, atol=1e-10)
 
@@ -74,12 +73,12 @@ def test_a_dead_force_on_a_tibial_point_is_the_slope_of_a_potential():
 def test_a_load_in_a_batch_has_a_row_for_each_coordinate():
     load = jax.tree.map(lambda x: x[..., None], Load(FORCE, MOMENT, POINT, "tibia", "femur"))
     q = jnp.asarray(Q)[:, None] + jnp.linspace(0.0, 0.1, 4)
-    pose = geo.Pose.from_state(FLEXION, q)
-    together = np.stack(generalised_force(pose, pose.placement, load.wrench(pose.placement)))
+    pose = geo.Pose.of({"flexion": FLEXION}, q)
+    together = np.stack(load.work(pose, geo.FREE_COORDINATES))
     assert together.shape == (5, 4)
-    one = geo.Pose.from_state(FLEXION, q[:, 2])
+    one = geo.Pose.of({"flexion": FLEXION}, q[:, 2])
     single = Load(FORCE, MOMENT, POINT, "tibia", "femur")
-    alone = generalised_force(one, one.placement, single.wrench(one.placement))
+    alone = single.work(one, geo.FREE_COORDINATES)
     np.testing.assert_allclose(np.asarray(together[:, 2]), np.asarray(alone), rtol=1e-12)
 
 
@@ -97,7 +96,7 @@ def test_a_line_of_constant_tension_has_the_energy_of_its_length_and_pulls_along
     lower = r @ [12.0, -50.0, 3.0] + t
 
     def energy(q):
-        return line.energy(jnp.asarray(FLEXION), geo.Pose.from_state(FLEXION, q).placement)
+        return line.energy(jnp.asarray(FLEXION), geo.Pose.of({"flexion": FLEXION}, q).placement)
 
     assert float(energy(Q)) == pytest.approx(20.0 * np.linalg.norm(lower - upper), rel=1e-13)
     pull = -np.asarray(jax.grad(energy)(jnp.asarray(Q)))[2:]
@@ -108,7 +107,7 @@ def test_a_line_of_constant_tension_has_the_energy_of_its_length_and_pulls_along
 
 def test_a_line_with_one_row_has_a_fixed_upper_end():
     line = ConstantTensionLine(20.0, [[30.0, 40.0, 0.0]], [12.0, -50.0, 3.0])
-    tibia = geo.Pose.from_state(FLEXION, jnp.asarray(Q)).placement
+    tibia = geo.Pose.of({"flexion": FLEXION}, jnp.asarray(Q)).placement
     assert float(line.energy(0.0, tibia)) == float(line.energy(1.0, tibia))
 
 
@@ -161,12 +160,12 @@ def test_a_load_by_name_works_on_what_its_name_says(name, pose):
 
     def placed_at(coordinates):
         femoral = geo.convert(jnp.asarray(coordinates), "grood-suntay", "femoral")
-        place = geo.Pose.from_state(femoral[0], femoral[1:]).placement
+        place = geo.Pose.of({"flexion": femoral[0]}, femoral[1:]).placement
         rotation = np.array([[float(x) for x in row] for row in place.rotation])
         return rotation, np.array(place.translation)
 
     expected = WORK[name](float(pose.adduction), here[4])
-    for k, coordinate in enumerate(geo.COORDINATES[1:], 1):
+    for k, coordinate in enumerate(geo.FREE_COORDINATES, 1):
         step = np.eye(6)[k] * (1e-4 if k < 3 else 1e-2)
         (r0, t0), (r1, t1) = placed_at(here - step), placed_at(here + step)
         turned = Rotation.from_matrix(r1 @ r0.T).as_rotvec()
@@ -179,8 +178,7 @@ def test_a_load_by_name_works_on_what_its_name_says(name, pose):
 @given(pose=pose_of_a_knee)
 def test_with_flexion_prescribed_each_moment_works_on_its_own_rotation_alone(pose):
     for row, name in enumerate(("varus_Nm", "internal_Nm")):
-        wrench = load_of(**{name: 2.0}).wrench(pose.placement)
-        work = np.array(generalised_force(pose, pose.placement, wrench), float)
+        work = np.array(load_of(**{name: 2.0}).work(pose, geo.FREE_COORDINATES), float)
         np.testing.assert_allclose(work, 2000.0 * np.eye(5)[row], atol=1e-9)
 
 

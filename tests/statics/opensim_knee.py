@@ -24,7 +24,7 @@ import numpy as np
 import trimesh
 
 import kneejax as kj
-from kneejax.geometry import COORDINATES, Frame, Plane, Sphere
+from kneejax.geometry import COORDINATES, FREE_COORDINATES, Frame, Plane, Sphere
 from kneejax.mechanics import Contact, Knee
 
 try:
@@ -195,7 +195,7 @@ class SettlingKnee:
         )
 
     def _add_damping(self) -> None:
-        for row, name in enumerate(COORDINATES[1:]):
+        for row, name in enumerate(FREE_COORDINATES):
             damper = osim.SpringGeneralizedForce(name)
             damper.setName(f"{name}_damper")
             damper.setStiffness(0.0)

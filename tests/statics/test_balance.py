@@ -12,6 +12,7 @@ from kneejax.statics import balance, force, force_derivative
 
 OPTIONS = {"xla_disable_hlo_passes": "fusion"}
 FLEXION = jnp.array([0.0, 0.5, 1.3])
+HELD = {"flexion": FLEXION}
 # The first pose lifts one compartment off, the last presses one of them deep.
 Q = jnp.array(
     [[0.0, 0.0, 0.0, -0.3, 0.0], [0.03, 0.05, 1.0, 0.5, 0.3], [-0.02, -0.1, -1.0, 3.2, 0.5]]
@@ -19,14 +20,14 @@ Q = jnp.array(
 
 
 @jax.jit
-def meeting_points(knee, flexion, q):
-    tibia = geo.Pose.from_state(flexion, q).placement
+def meeting_points(knee, held, q):
+    tibia = geo.Pose.of(held, q).placement
     start = jnp.zeros((len(knee.contacts), 2, 1))
     return knee.map_patches(lambda contact, there, _: contact.meeting(there), tibia, start)
 
 
-def _force_where_the_surfaces_meet(knee, flexion, q):
-    return force(knee, flexion, q, pair(meeting_points(knee, flexion, q)))
+def _force_where_the_surfaces_meet(knee, held, q):
+    return force(knee, held, q, pair(meeting_points(knee, held, q)))
 
 
 def pair(meeting):
@@ -41,7 +42,7 @@ def knee(small_knee):
 
 @pytest.fixture(scope="module")
 def meeting(knee):
-    return meeting_points(knee, FLEXION, Q)
+    return meeting_points(knee, HELD, Q)
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +52,7 @@ def compiled_balance():
 
 @pytest.fixture(scope="module")
 def balanced(knee, meeting, compiled_balance):
-    return compiled_balance(knee, FLEXION, Q, pair(meeting))
+    return compiled_balance(knee, HELD, Q, pair(meeting))
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +68,7 @@ def compiled_derivative():
 @pytest.fixture(scope="module")
 def energy():
     return jax.jit(
-        lambda knee, q: knee.energy(geo.Pose.from_state(FLEXION, q)), compiler_options=OPTIONS
+        lambda knee, q: knee.energy(geo.Pose.of(HELD, q)), compiler_options=OPTIONS
     )
 
 
@@ -97,7 +98,7 @@ def test_the_residual_is_the_slope_of_the_energy_less_the_work_of_the_loads(
             for d, s in enumerate([2e-5, 2e-5, 4e-4, 4e-4, 4e-4])
         ]
     )
-    load = np.asarray(knee.load_work(geo.Pose.from_state(FLEXION, Q)))
+    load = np.asarray(knee.load_work(geo.Pose.of(HELD, Q), geo.FREE_COORDINATES))
     np.testing.assert_allclose(np.asarray(balanced.forces.load), load, rtol=1e-12)
     assert np.abs(load).max() > 10.0
     residual = np.asarray(balanced.residual)
@@ -106,7 +107,7 @@ def test_the_residual_is_the_slope_of_the_energy_less_the_work_of_the_loads(
 
 
 def test_force_alone_is_the_residual_of_the_balance(knee, balanced, compiled_force):
-    residual, forces = compiled_force(knee, FLEXION, Q)
+    residual, forces = compiled_force(knee, HELD, Q)
     np.testing.assert_allclose(np.asarray(residual), np.asarray(balanced.residual), rtol=1e-9)
     ours, theirs = np.asarray(forces.energy), np.asarray(balanced.forces.energy)
     np.testing.assert_allclose(ours, theirs, rtol=1e-12)
@@ -116,7 +117,7 @@ def test_the_tangent_is_the_slope_of_the_residual(
     knee, balanced, compiled_force, central_difference
 ):
     def residual(q):
-        return compiled_force(knee, FLEXION, q)[0]
+        return compiled_force(knee, HELD, q)[0]
 
     columns = [
         central_difference(lambda e, d=d: residual(shifted(Q, d)(e)), 0.0, s)
@@ -132,7 +133,7 @@ def test_the_tangent_is_the_slope_of_the_residual(
 
 def test_the_tangent_without_following_loads_is_symmetric(knee, meeting, compiled_balance):
     free = eqx.tree_at(lambda k: k.loads, knee, jax.tree.map(jnp.zeros_like, knee.loads))
-    tangent = np.asarray(compiled_balance(free, FLEXION, Q, pair(meeting)).tangent)
+    tangent = np.asarray(compiled_balance(free, HELD, Q, pair(meeting)).tangent)
     size = np.sqrt(np.abs(np.einsum("iik->ik", tangent)))
     np.testing.assert_allclose(
         (tangent - tangent.transpose(1, 0, 2)) / (size[:, None] * size[None]), 0.0, atol=1e-10
@@ -144,7 +145,7 @@ def test_the_drift_is_the_slope_of_the_meeting_points(knee, balanced, central_di
     assert drift.shape == (5, 2, 2, 3)
     for d in range(5):
         numeric = central_difference(
-            lambda e, d=d: meeting_points(knee, FLEXION, shifted(Q, d)(e)), 0.0, 1e-4
+            lambda e, d=d: meeting_points(knee, HELD, shifted(Q, d)(e)), 0.0, 1e-4
         )
         np.testing.assert_allclose(drift[d], numeric, atol=1e-6)
 
@@ -178,19 +179,19 @@ def test_the_force_follows_each_number_of_the_knee(
     direction = np.random.default_rng(3).uniform(0.5, 1.0, size=where(knee).shape) * size
     tangent = eqx.tree_at(where, zero, jnp.asarray(direction))
     exact, follow = compiled_derivative(
-        knee, FLEXION, Q, pair(meeting), tangent, jnp.zeros(3)
+        knee, HELD, Q, pair(meeting), tangent, {"flexion": jnp.zeros(3)}
     )
 
     def moved(e):
         return jax.tree.map(lambda x, t: x + e * t, knee, tangent)
 
     step = 1e-3
-    numeric = central_difference(lambda e: compiled_force(moved(e), FLEXION, Q)[0], 0.0, step)
+    numeric = central_difference(lambda e: compiled_force(moved(e), HELD, Q)[0], 0.0, step)
     scale = np.abs(numeric).max(axis=1, keepdims=True)
     assert scale.max() > 0
     scale = np.maximum(scale, 1e-6 * np.abs(np.asarray(balanced.residual)).max())
     np.testing.assert_allclose(np.asarray(exact) / scale, numeric / scale, atol=1e-6)
-    drift = central_difference(lambda e: meeting_points(moved(e), FLEXION, Q), 0.0, 1e-2)
+    drift = central_difference(lambda e: meeting_points(moved(e), HELD, Q), 0.0, 1e-2)
     np.testing.assert_allclose(np.stack(follow, axis=1), drift, atol=1e-6)
 
 
@@ -198,10 +199,13 @@ def test_the_force_follows_flexion(
     knee, meeting, balanced, compiled_force, compiled_derivative, central_difference
 ):
     exact, follow = compiled_derivative(
-        knee, FLEXION, Q, pair(meeting), jax.tree.map(jnp.zeros_like, knee), jnp.ones(3)
+        knee, HELD, Q, pair(meeting), jax.tree.map(jnp.zeros_like, knee), {"flexion": jnp.ones(3)}
     )
-    numeric = central_difference(lambda e: compiled_force(knee, FLEXION + e, Q)[0], 0.0, 2e-5)
+    def bent(e):
+        return {"flexion": FLEXION + e}
+
+    numeric = central_difference(lambda e: compiled_force(knee, bent(e), Q)[0], 0.0, 2e-5)
     scale = np.abs(numeric).max(axis=1, keepdims=True)
     np.testing.assert_allclose(np.asarray(exact) / scale, numeric / scale, atol=1e-6)
-    drift = central_difference(lambda e: meeting_points(knee, FLEXION + e, Q), 0.0, 1e-4)
+    drift = central_difference(lambda e: meeting_points(knee, bent(e), Q), 0.0, 1e-4)
     np.testing.assert_allclose(np.stack(follow, axis=1), drift, atol=1e-6)

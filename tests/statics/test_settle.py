@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 import kneejax as kj
-from kneejax.inference import evaluate_poses
+from kneejax.geometry import FREE_COORDINATES
+from kneejax.inference.fit import Problem
 from kneejax.mechanics import add_lane_axis
 from kneejax.numerics import compiler_options
 from kneejax.numerics._elimination import solve
 from kneejax.parameters import select
-from kneejax.statics import EnergyNewton, Guess, Status, first_guess, settle, with_meeting
+from kneejax.statics import EnergyNewton, Guess, Status, settle, with_meeting
 
 FLEXION = np.arange(0.0, 121.0, 5.0)
 
@@ -71,19 +72,11 @@ def test_forces_on_the_tibia_sum_to_zero(knee, motion):
 
 @pytest.fixture(scope="module")
 def poses_of(knee, motion):
-    names = ("*.stiffness", "*.reference_strain")
-    selection = select(knee, names)
-    lanes = add_lane_axis(knee)
-    flexion = jnp.deg2rad(jnp.asarray(FLEXION))
-    guess = Guess(motion.settled.q, motion.settled.meeting)
-    assert lanes.ligaments.stiffness.shape == (4, 1)
-
-    def run(values):
-        return evaluate_poses(
-            selection, knee, jnp.asarray(values), flexion, guess, flexion, jnp.asarray(1)
-        )
-
-    return selection.read(knee), run
+    selection = select(knee, ("*.stiffness", "*.reference_strain"))
+    problem = Problem(knee, selection, np.asarray(motion.to_table()), np.ones(5))
+    values = np.asarray(selection.read(knee))
+    problem.keep(values, problem.poses(values))
+    return values, problem.poses
 
 
 def test_jacobian_equals_central_differences(poses_of):
@@ -102,13 +95,13 @@ def test_jacobian_equals_central_differences(poses_of):
 
 
 @partial(jax.jit, compiler_options=dict(compiler_options()))
-def four_lanes(factor, lanes, flexion, guess, start, count):
+def four_lanes(factor, lanes, flexion, guess):
     """Settled poses with stiffnesses times a factor a lane, and their slope by all factors."""
 
     def poses(factor):
         stiffness = lanes.ligaments.stiffness * factor
         scaled = eqx.tree_at(lambda k: k.ligaments.stiffness, lanes, stiffness)
-        found = settle(scaled, flexion, guess, start, count)
+        found = settle(scaled, {"flexion": flexion}, guess)
         return found.q, found
 
     q, slope, found = jax.jvp(poses, (factor,), (jnp.ones_like(factor),), has_aux=True)
@@ -120,9 +113,7 @@ def test_one_bad_lane_is_nan_alone(knee, motion):
     here, flexion = motion.settled, jnp.deg2rad(jnp.array([20.0, 25.0, 30.0, 35.0]))
     guess = Guess(here.q[:, 4:8], here.meeting[:, :, 4:8])
     factor = jnp.array([1.0, jnp.nan, 1.0, 1.0])
-    found, slope = four_lanes(
-        factor, add_lane_axis(knee), flexion, guess, flexion, jnp.asarray(1)
-    )
+    found, slope = four_lanes(factor, add_lane_axis(knee), flexion, guess)
     assert found.status.tolist() == [0, Status.NOT_CONVERGED, 0, 0]
     assert np.isnan(found.q[:, 1]).all() and np.isnan(slope[:, 1]).all()
     assert np.allclose(found.q[:, [0, 2, 3]], here.q[:, [4, 6, 7]], atol=1e-9)
@@ -146,33 +137,29 @@ def test_elimination_solves_and_its_pivots_tell_definiteness():
     assert (np.asarray(pivots) < 0).any()
 
 
-def test_first_guess_meets_inside_the_regions(knee):
-    lanes = add_lane_axis(knee)
-    guess = with_meeting(lanes, jnp.zeros(1), first_guess(lanes, jnp.zeros(1)).q)
+def test_meeting_points_of_the_reference_pose_are_found_from_scratch(knee):
+    lanes, held = add_lane_axis(knee), {"flexion": jnp.zeros(1)}
+    guess = with_meeting(lanes, held, lanes.reference_pose.at(FREE_COORDINATES))
     for contact, meeting in zip(lanes.contacts, guess.meeting, strict=True):
-        gap = contact.gap(kj.Pose.from_state(jnp.zeros(1), guess.q).placement, meeting)
+        gap = contact.gap(kj.Pose.of(held, guess.q).placement, meeting)
         assert float(gap.tilt[0]) < 1e-9
 
 
-def test_a_first_guess_has_the_types_of_a_search_that_ended(knee, motion):
+def test_a_guess_has_the_types_of_a_search_that_ended(knee, motion):
     """Were one weakly typed, the search after it would compile again."""
-    lanes, flexion, found = add_lane_axis(knee), motion.settled.flexion, motion.settled
+    found = motion.settled
     ended = Guess(found.q, found.meeting, found.tangent)
-    first = first_guess(lanes, flexion)
-    for guess in (first, with_meeting(lanes, flexion, first.q)):
-        assert jax.tree.map(jax.typeof, guess) == jax.tree.map(jax.typeof, ended)
+    guess = with_meeting(add_lane_axis(knee), found.prescribed, found.q)
+    assert jax.tree.map(jax.typeof, guess) == jax.tree.map(jax.typeof, ended)
 
 
 def test_a_lane_whose_meeting_points_are_lost_finds_them_again(knee, motion):
-    """Guesses far from where the surfaces meet, or none at all: the march ends where it should."""
+    """Guesses off where the surfaces meet, or none at all, of the meeting points or of the pose."""
     lanes, here = add_lane_axis(knee), motion.settled
-    # From half a radian off a search finds back by itself; from two it needs the restart.
-    astray = here.meeting[..., :1] + jnp.array([0.0, 0.5, 2.0, jnp.nan])
-    start = jnp.broadcast_to(here.flexion[:1], (4,))
-    q = here.q[:, :1] + jnp.array([0.0, 0.0, 0.0, jnp.nan])
-    guess = Guess(q, astray)
-    flexion = jnp.deg2rad(jnp.array([20.0, 20.0, 20.0, 20.0]))
-    found, _ = four_lanes(jnp.ones(4), lanes, flexion, guess, start, jnp.asarray(5))
+    astray = here.meeting[..., 3:4] + jnp.array([0.0, 0.5, jnp.nan, jnp.nan])
+    q = here.q[:, 3:4] + jnp.array([0.0, 0.0, 0.0, jnp.nan])
+    flexion = jnp.deg2rad(jnp.full(4, 20.0))
+    found, _ = four_lanes(jnp.ones(4), lanes, flexion, Guess(q, astray))
     assert found.status.tolist() == [0, 0, 0, 0]
     assert np.allclose(found.q, here.q[:, 4:5], atol=1e-9)
 
@@ -187,10 +174,8 @@ def test_a_compartment_that_is_apart_is_apart_as_far_as_it_is(knee):
     assert -0.6 < apart < -0.2
     meeting = here.meeting + jnp.zeros((2, 2, 4)).at[1].set(jnp.array([0.0, 0.05, 0.1, 0.2]))
     guess = Guess(jnp.tile(here.q, 4), meeting, jnp.tile(here.tangent, 4))
-    flexion = jnp.tile(here.flexion, 4)
-    found, _ = four_lanes(
-        jnp.ones(4), add_lane_axis(lower), flexion, guess, flexion, jnp.asarray(1)
-    )
+    flexion = jnp.tile(here.prescribed["flexion"], 4)
+    found, _ = four_lanes(jnp.ones(4), add_lane_axis(lower), flexion, guess)
     assert found.status.tolist() == [0, 0, 0, 0]
     assert np.allclose(found.depth[1], apart, atol=1e-7)
 

@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from kneejax import Knee, Pose, Status
+from kneejax.geometry import FREE_COORDINATES
 from kneejax.mechanics import Ligaments, Load, Wrench, add_lane_axis
 from kneejax.numerics import compiled
 from kneejax.statics import EnergyNewton, Guess, Settled, balance, settle
@@ -166,7 +167,8 @@ def footing(knee: Knee, poses: Pose) -> Footing:
 @compiled()
 def _balance(knee: Knee, poses: Pose):
     nowhere = jnp.zeros((0, *poses.flexion.shape))
-    found = balance(knee, poses.flexion, poses.state, (nowhere, nowhere))
+    held, q = {"flexion": poses.flexion}, poses.at(FREE_COORDINATES)
+    found = balance(knee, held, q, (nowhere, nowhere))
     pull = Wrench.total(knee.ligaments.wrenches(poses.placement))
     return found.residual, found.tangent, pull
 
@@ -185,15 +187,17 @@ def without_elasticity(held: Footing, knee: Knee, poses: Pose, names) -> Footing
     rows = np.array([knee.ligaments.names.index(name) for name in names])
     fibres = Ligaments(*(getattr(knee.ligaments, field)[rows] for field in _FIELDS), names)
 
+    q = poses.at(FREE_COORDINATES)
+
     def length(q):
-        return fibres.length(Pose.from_state(poses.flexion, q).placement)
+        return fibres.length(Pose.of({"flexion": poses.flexion}, q).placement)
 
     def along(k: int):
-        push = jnp.zeros_like(poses.state).at[k].set(_UNITS[k])
-        return jax.jvp(length, (poses.state,), (push,))[1]
+        push = jnp.zeros_like(q).at[k].set(_UNITS[k])
+        return jax.jvp(length, (q,), (push,))[1]
 
     slope = np.stack([np.asarray(along(k)) for k in range(5)])
-    here = length(poses.state)
+    here = length(q)
     elastic = np.asarray(jax.jvp(fibres.tension_at, (here,), (jnp.ones_like(here),))[1])
     own = np.einsum("iml,ml,jml->lij", slope, elastic, slope)
     return dataclasses.replace(held, stiffness=held.stiffness - own)
@@ -241,16 +245,18 @@ def search_from_away(
         seed: of the directions.
         search: as in `settle`.
     """
+    q = poses.at(FREE_COORDINATES)
     away = np.random.default_rng(seed).normal(size=(5, len(poses.flexion)))
     away[:2] *= np.deg2rad(START_DEG) / np.linalg.norm(away[:2], axis=0)
     away[2:] *= START_MM / np.linalg.norm(away[2:], axis=0)
-    settled = _settle(knee, poses.flexion, poses.state + away, search or EnergyNewton())
-    return Returned(settled, *_sizes(np.asarray(settled.q - poses.state)))
+    settled = _settle(knee, poses.flexion, q + away, search or EnergyNewton())
+    return Returned(settled, *_sizes(np.asarray(settled.q - q)))
 
 
 @compiled(static_argnums=(3,))
 def _settle(knee: Knee, flexion, start, search: EnergyNewton) -> Settled:
-    return settle(knee, flexion, Guess(start, jnp.zeros((0, 2, start.shape[1]))), search=search)
+    guess = Guess(start, jnp.zeros((0, 2, start.shape[1])))
+    return settle(knee, {"flexion": flexion}, guess, search)
 
 
 def _sizes(way: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

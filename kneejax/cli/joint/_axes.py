@@ -127,7 +127,7 @@ def axes_from_knee(arguments: argparse.Namespace, read: ContactKnee) -> FindAxes
     except ValueError as error:
         expected = "condyles; or axis points, by --femur or --axes"
         raise InputProblem(arguments.knee, "contacts", str(error), expected) from None
-    shift = np.array([read.frame_offset.get(name, 0.0) for name in COORDINATES[3:]])
+    shift = np.array([read.frame_offset.get(name, 0.0) for name in list(COORDINATES)[3:]])
     epicondyles = _given_epicondyles(arguments, read.knee.side)
     own = _fitted(arguments, arguments.knee, points, normals, None)
     axes = dataclasses.replace(

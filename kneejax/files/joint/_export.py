@@ -9,7 +9,7 @@ import numpy as np
 
 from kneejax.files.joint._file import JointFile
 from kneejax.files.opensim import simm_splines
-from kneejax.geometry import COORDINATES
+from kneejax.geometry import FREE_COORDINATES
 from kneejax.joints import Joint
 
 #: Splines leave less than this of every pose, degrees and mm.
@@ -148,7 +148,7 @@ def _graded(width: float, widest: float, even: bool) -> np.ndarray:
     return np.array(away[:-1])[: None if len(away) > 1 else 0]
 
 
-_state = jax.jit(lambda joint, flexion: joint.pose(flexion).state.T)
+_state = jax.jit(lambda joint, flexion: joint.pose(flexion).at(FREE_COORDINATES).T)
 
 
 def _free(joint: Joint, flexion: np.ndarray) -> np.ndarray:
@@ -168,7 +168,7 @@ def _error(joint: Joint, knots: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def _axes(side: str, coordinate: str, knots: np.ndarray, values: np.ndarray):
-    columns = dict(zip(COORDINATES[1:], values.T, strict=True))
+    columns = dict(zip(FREE_COORDINATES, values.T, strict=True))
     for name, (axis, right, left) in _AXES.items():
         function = _LINEAR if name == "flexion" else _spline(knots, columns[name])
         direction = left if side == "left" else right

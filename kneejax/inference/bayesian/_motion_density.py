@@ -162,7 +162,7 @@ class MotionDensity(eqx.Module):
         """Log likelihood of each chain, and whether all poses that count are balanced."""
         chains, size = values.shape[0], len(self.selection)
         settled = self._settled(values[:, :size])
-        table = settled.q.reshape(5, chains, -1) * TABLE_UNITS[:, None, None]
+        table = settled.q.reshape(len(TABLE_UNITS), chains, -1) * TABLE_UNITS[:, None, None]
         for k, coordinate in enumerate(self.offsets):
             table = table.at[coordinate].add(values[:, size + k, None])
         # Gradients of a NaN are NaN even where it is not chosen: it is replaced beforehand.
@@ -180,8 +180,8 @@ class MotionDensity(eqx.Module):
 
         lanes = in_lanes(self.knee, self.selection.apply, values)
         guess = self._predicted(values)
-        flexion = jnp.tile(self.flexion, chains)
-        return settle(jax.tree.map(of_its_chain, lanes), flexion, guess, search=_SEARCH)
+        held = {"flexion": jnp.tile(self.flexion, chains)}
+        return settle(jax.tree.map(of_its_chain, lanes), held, guess, _SEARCH)
 
     def _predicted(self, values: Array) -> Guess:
         """Poses to first order from the known ones."""
@@ -191,10 +191,11 @@ class MotionDensity(eqx.Module):
         shift = jnp.einsum("inp,cp->icn", known.jacobian, values - near) / units
         follow = jnp.einsum("iabn,icn->abcn", known.settled.drift, shift)
         tangent = jnp.repeat(known.settled.tangent[:, :, None], values.shape[0], axis=2)
+        size = len(shift)
         return Guess(
-            (known.settled.q[:, None] + shift).reshape(5, count),
+            (known.settled.q[:, None] + shift).reshape(size, count),
             (known.settled.meeting[:, :, None] + follow).reshape(-1, 2, count),
-            tangent.reshape(5, 5, count),
+            tangent.reshape(size, size, count),
         )
 
 

@@ -25,8 +25,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from kneejax.inference._optional import imported
-from kneejax.numerics import compiled
+from kneejax.numerics import compiled, imported
 
 #: `(chains, p) -> (chains,), (chains, p)`: log densities and their gradients; a pytree, so that its
 #: numbers may change without compiling again. Minus infinity, with any finite gradient, where the

@@ -10,7 +10,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from kneejax.inference._optional import imported
 from kneejax.inference.bayesian._laplace import laplace_covariance, most_probable
 from kneejax.inference.bayesian._motion_density import MotionDensity
 from kneejax.inference.bayesian._nuts import Chains, ChainState, sample
@@ -19,7 +18,8 @@ from kneejax.inference.bayesian._priors import normal_priors
 from kneejax.inference.calibration import versions
 from kneejax.inference.fit import Problem
 from kneejax.inference.identification import noise_of
-from kneejax.parameters import QUANTITIES, UnsuitableData
+from kneejax.numerics import imported
+from kneejax.parameters import UnsuitableData
 
 # Draws of all chains whose motion is computed, and noise drawn for each motion.
 _MOTIONS, _NOISES = 400, 25
@@ -171,7 +171,7 @@ def _described(
     arviz = imported("arviz", "arviz")
     names = tuple(prior.name for prior in priors)
     size = len(problem.selection)
-    units = [QUANTITIES[problem.selection.quantity(i)] for i in range(size)]
+    units = [problem.selection.unit(i) for i in range(size)]
     units += ["deg" if coordinate < 2 else "mm" for coordinate in problem.offsets]
     dataset = arviz.convert_to_dataset({"values": values})
     r_hat, bulk, tail = (

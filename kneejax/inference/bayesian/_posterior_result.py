@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from kneejax.geometry import FREE_COORDINATES
-from kneejax.inference._optional import imported
 from kneejax.inference.bayesian._priors import Prior
+from kneejax.numerics import imported
 
 #: Probabilities of the quantiles over the motion.
 LEVELS = (0.025, 0.25, 0.5, 0.75, 0.975)

@@ -17,6 +17,5 @@ from kneejax.inference.fit._problem import DEFAULT_WEIGHTS as DEFAULT_WEIGHTS
 from kneejax.inference.fit._problem import TABLE_UNITS as TABLE_UNITS
 from kneejax.inference.fit._problem import Evaluation as Evaluation
 from kneejax.inference.fit._problem import Problem as Problem
-from kneejax.inference.fit._problem import evaluate_poses as evaluate_poses
 from kneejax.inference.fit._problem import slopes_of as slopes_of
 from kneejax.inference.fit._synthetic import synthetic_motion as synthetic_motion

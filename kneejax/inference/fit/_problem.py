@@ -10,8 +10,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jax.typing import ArrayLike
 
+from kneejax.experiments import passive_flexion
+from kneejax.geometry import FREE_COORDINATES, table_units
 from kneejax.mechanics import Knee, add_lane_axis
 from kneejax.numerics import compiled, lanes_for
 from kneejax.parameters import Selection
@@ -20,13 +21,11 @@ from kneejax.statics import (
     Settled,
     Slopes,
     differentiable,
-    first_guess,
-    poses_on_the_way,
     settle,
 )
 
 #: Degrees and mm per internal unit of a free coordinate.
-TABLE_UNITS = np.array([180.0 / np.pi, 180.0 / np.pi, 1.0, 1.0, 1.0])
+TABLE_UNITS = table_units(FREE_COORDINATES)
 #: Weights of paper 1, section 3.4: 8 per degree^2, 1 per mm^2, in the order of the coordinates.
 DEFAULT_WEIGHTS = np.array([8.0, 8.0, 1.0, 1.0, 1.0])
 
@@ -45,25 +44,6 @@ class Evaluation(eqx.Module):
     settled: Settled
 
 
-def evaluate_poses(
-    selection: Selection,
-    knee: Knee,
-    values: ArrayLike,
-    flexion: Array,
-    guess: Guess,
-    start: Array,
-    count: int,
-) -> Evaluation:
-    """Balanced poses and their exact Jacobian; see `settle` for the last three arguments.
-
-    The search is compiled once for all selections, the Jacobian for each.
-    """
-    values = jnp.asarray(values, float)
-    settled = settle(_with_lanes(selection, knee, values), flexion, guess, start, count)
-    table, jacobian = _table_and_jacobian(selection, knee, values, settled)
-    return Evaluation(table, jacobian, settled)
-
-
 @partial(jax.jit, static_argnums=0)
 def _with_lanes(selection: Selection, knee: Knee, values: Array) -> Knee:
     return add_lane_axis(selection.apply(knee, values))
@@ -75,7 +55,7 @@ def _table_and_jacobian(
 ) -> tuple[Array, Array]:
     def table(x: Array) -> Array:
         lanes = add_lane_axis(selection.apply(knee, x))
-        found = differentiable(lanes, settled.flexion, settled)
+        found = differentiable(lanes, settled.prescribed, settled)
         return found.q * jnp.asarray(TABLE_UNITS)[:, None]
 
     value, push = jax.linearize(table, values)
@@ -118,27 +98,33 @@ class Problem:
 
     def poses(self, values: np.ndarray) -> Evaluation:
         """Model poses at parameter values, reached from the nearest known ones."""
-        x, size = np.asarray(values[: len(self.selection)], float), len(self.measured)
-        flexion = np.deg2rad(self.measured[:, 0])
-        if self._near is None:
-            start = np.full(size, float(self.knee.reference_pose.flexion))
-            knee = add_lane_axis(self.selection.apply(self.knee, jnp.asarray(x)))
-            guess, count = first_guess(knee, jnp.asarray(start)), poses_on_the_way(start, flexion)
-        else:
-            start, guess, count = flexion, _predicted(x, *self._near), 1
-        return self._evaluated(x, guess, start, count)
+        x = np.asarray(values[: len(self.selection)], float)
+        if self._near is not None:
+            return self._near_to(x, _predicted(x, *self._near))
+        knee, rows = self.selection.apply(self.knee, jnp.asarray(x)), self._rows
+        found = passive_flexion(knee, self.measured[:, 0]).settled
+        return self._described(x, jax.tree.map(lambda y: np.asarray(y)[..., rows], found))
 
-    def _evaluated(self, x: np.ndarray, guess: Guess, start: np.ndarray, count: int) -> Evaluation:
-        size, flexion = len(self.measured), np.deg2rad(self.measured[:, 0])
-        # Filled up with the last pose: one compiled program for tables of several lengths.
-        rows = np.minimum(np.arange(lanes_for(size)), size - 1)
+    @property
+    def _rows(self) -> np.ndarray:
+        """Filled up with the last pose: one compiled program for tables of several lengths."""
+        size = len(self.measured)
+        return np.minimum(np.arange(lanes_for(size)), size - 1)
+
+    def _near_to(self, x: np.ndarray, guess: Guess) -> Evaluation:
+        """Search from a guess; the search is compiled once for all selections."""
+        rows, flexion = self._rows, np.deg2rad(self.measured[:, 0])
         guess = jax.tree.map(lambda y: np.asarray(y)[..., rows], guess)
-        found = evaluate_poses(
-            self.selection, self.knee, x, flexion[rows], guess, start[rows], count
-        )
-        self.equilibria += size * int(count)
-        table, jacobian = (np.asarray(y)[:, :size] for y in (found.table, found.jacobian))
-        settled = jax.tree.map(lambda y: np.asarray(y)[..., :size], found.settled)
+        knee = _with_lanes(self.selection, self.knee, jnp.asarray(x))
+        return self._described(x, settle(knee, {"flexion": flexion[rows]}, guess))
+
+    def _described(self, x: np.ndarray, settled: Settled) -> Evaluation:
+        """Poses with their Jacobian, which is compiled for each selection."""
+        size = len(self.measured)
+        self.equilibria += size
+        both = _table_and_jacobian(self.selection, self.knee, jnp.asarray(x), settled)
+        table, jacobian = (np.asarray(y)[:, :size] for y in both)
+        settled = jax.tree.map(lambda y: np.asarray(y)[..., :size], settled)
         return Evaluation(table, jacobian, settled)
 
     def balance(self, values: np.ndarray, near: Slopes) -> Slopes:
@@ -154,13 +140,13 @@ class Problem:
         Returns:
             The `Slopes`.
         """
-        flexion, found = np.deg2rad(self.measured[:, 0]), []
+        found = []
         for row, x in enumerate(np.asarray(values, float)):
             step = x - near.values[row]
             q = near.q[row] + near.jacobian[row] @ step
             meeting = near.meeting[row] + near.meeting_jacobian[row] @ step
             guess = (np.moveaxis(y, 0, -1) for y in (q, meeting, near.tangent[row]))
-            found.append(slopes_of(x, self._evaluated(x, Guess(*guess), flexion, 1)))
+            found.append(slopes_of(x, self._near_to(x, Guess(*guess))))
         fields = [f.name for f in dataclasses.fields(Slopes)]
         return Slopes(*(np.concatenate([getattr(one, f) for one in found]) for f in fields))
 

@@ -177,7 +177,7 @@ def identify(
 
 def _motion(knee: Knee, stations: Stations, fit: Slopes) -> Motion:
     q, meeting = np.moveaxis(fit.q[0], 0, -1), np.moveaxis(fit.meeting[0], 0, -1)
-    pose = Pose.from_state(stations.flexion, q)
+    pose = Pose.of(stations.prescribed, q)
     return motion_at(knee, np.asarray(pose.to_table()), pose, meeting, fit.status[0])
 
 

@@ -195,7 +195,7 @@ def fit_information(
     """
     counted = data.counted & fit.converged[0]
     _, rows = dataclasses.replace(data, used=counted).residual(fit)
-    poses = Pose.from_state(data.stations.flexion, jnp.asarray(fit.q[0].T))
+    poses = Pose.of(data.stations.prescribed, jnp.asarray(fit.q[0].T))
     meeting = jnp.moveaxis(jnp.asarray(fit.meeting[0]), 0, -1)
     slack = slack_poses(selection.apply(knee, jnp.asarray(fit.values[0])), poses, meeting)
     answer = information(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from kneejax.parameters import QUANTITIES
+from kneejax.parameters import unit_of_quantity
 
 # Components of a direction below this part of the largest are not named, nor is a fourth.
 _NAMED, _MOST = 0.3, 3
@@ -23,7 +23,7 @@ def plain(name: str) -> str:
 
 def unit_of(name: str) -> str:
     """Unit of a parameter with a blank before it, empty for strains."""
-    unit = QUANTITIES.get(name.split(".", 1)[-1], "")
+    unit = unit_of_quantity(name.split(".", 1)[-1])
     return f" {unit}" if unit else ""
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from kneejax.inference.fit import PATIENT, Balance, ManyFits, MotionData, balances_of, fit_lanes
 from kneejax.inference.intervals._profile_arms import BETTER, Arms, Pace, crossing
 from kneejax.mechanics import Knee
-from kneejax.parameters import QUANTITIES, Selection
+from kneejax.parameters import Selection
 from kneejax.statics import Slopes
 
 #: How often a lower valley that a profile finds is followed.
@@ -94,7 +94,7 @@ def profiles(
 
 def named(selection: Selection) -> list[tuple[str, str]]:
     """Names and units of parameters."""
-    return [(name, QUANTITIES[selection.quantity(i)]) for i, name in enumerate(selection.names)]
+    return [(name, selection.unit(i)) for i, name in enumerate(selection.names)]
 
 
 def follow(

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from kneejax.inference.fit import DEFAULT_WEIGHTS, Problem
 from kneejax.mechanics import Knee
-from kneejax.parameters import QUANTITIES, UnsuitableData, percent_scales, prior_scales, select
+from kneejax.parameters import UnsuitableData, percent_scales, prior_scales, select
 
 #: How a slope is scaled -> words that finish "mm or degrees per ...".
 SCALES = {"prior": "standard deviation of the prior", "percent": "per cent of the parameter"}
@@ -95,7 +95,7 @@ def local_sensitivity(
     found = Problem(knee, selection, at, DEFAULT_WEIGHTS).poses(values)
     return LocalSensitivity(
         selection.names,
-        tuple(QUANTITIES[selection.quantity(i)] for i in range(len(selection))),
+        tuple(selection.unit(i) for i in range(len(selection))),
         values,
         flexion,
         np.asarray(found.table).T,

@@ -10,12 +10,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from kneejax.geometry import FREE_COORDINATES, convert
-from kneejax.inference._optional import imported
 from kneejax.inference.fit import DEFAULT_WEIGHTS
 from kneejax.inference.sensitivity._condition import Condition, worst_condition
 from kneejax.mechanics import Knee
+from kneejax.numerics import imported
 from kneejax.parameters import (
-    QUANTITIES,
     Selection,
     UnknownParameter,
     UnsuitableData,
@@ -304,7 +303,7 @@ class _Study:
         whole = {key: np.concatenate([part[key] for part in parts], axis=-2) for key in parts[0]}
         return ParameterMap(
             (pair[0], pair[1]),
-            tuple(QUANTITIES[self.selection.quantity(i)] for i in (column, row)),
+            tuple(self.selection.unit(i) for i in (column, row)),
             x,
             y,
             # Not by a product of matrices, whose rounding depends on how arrays lie in memory.

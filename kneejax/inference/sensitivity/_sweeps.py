@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 
 from kneejax.mechanics import Knee
 from kneejax.parameters import (
-    QUANTITIES,
     Selection,
     UnsuitableData,
     default_bounds,
@@ -138,7 +137,7 @@ def sweep(
         sweeps.append(
             Sweep(
                 selection.names[i],
-                QUANTITIES[selection.quantity(i)],
+                selection.unit(i),
                 float(own[i]),
                 line,
                 table,

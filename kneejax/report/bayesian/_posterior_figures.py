@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kneejax.geometry import FREE_COORDINATES
+from kneejax.geometry import COORDINATES, FREE_COORDINATES
 from kneejax.report.look import (
     BLACK,
     BLUE,
-    COORDINATES,
     GREEN,
     GREY,
     ORANGE,

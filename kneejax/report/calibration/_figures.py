@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kneejax.geometry import COORDINATES
 from kneejax.report.calibration._verdict import PAPER_COUNTS, undetermined
 from kneejax.report.look import (
     BLUE,
-    COORDINATES,
     FITS,
     GREY,
     LIGHT,

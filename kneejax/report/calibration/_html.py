@@ -12,6 +12,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from kneejax.geometry import COORDINATES
 from kneejax.report.calibration._figures import (
     convergence_figure,
     correlation_figure,
@@ -33,7 +34,6 @@ from kneejax.report.calibration._verdict import (
     warnings,
 )
 from kneejax.report.look import (
-    COORDINATES,
     CSS,
     NONE,
     SHOWN,

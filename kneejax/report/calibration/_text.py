@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from kneejax.geometry import COORDINATES
 from kneejax.inference import IntervalKind
 from kneejax.report.calibration._verdict import (
     PAPER_COUNTS,
@@ -17,7 +18,6 @@ from kneejax.report.calibration._verdict import (
     warnings,
 )
 from kneejax.report.look import (
-    COORDINATES,
     LINE_WIDTH,
     SHOWN,
     aligned,

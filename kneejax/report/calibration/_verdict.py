@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kneejax.geometry import COORDINATES
 from kneejax.inference import Ending, Fault, IntervalKind, Misfit
-from kneejax.report.look import COORDINATES, change, listed, number
+from kneejax.report.look import change, listed, number
 from kneejax.report.motion import accepted_statuses, pose_doubts, row_status
 from kneejax.statics import Status, converged
 

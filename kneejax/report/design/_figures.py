@@ -192,9 +192,9 @@ def standard_errors_figure(design: Design) -> Figure:
 
 
 def _units(design: Design) -> list[str]:
-    from kneejax.parameters import QUANTITIES
+    from kneejax.parameters import unit_of_quantity
 
-    return [QUANTITIES.get(name.split(".", 1)[-1], "") for name in design.names]
+    return [unit_of_quantity(name.split(".", 1)[-1]) for name in design.names]
 
 
 def _grid(design: Design) -> tuple[list[str], list[tuple[int, int]]]:

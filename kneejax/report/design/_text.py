@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kneejax.mechanics import NAMED_LOADS
-from kneejax.parameters import QUANTITIES
+from kneejax.parameters import unit_of_quantity
 from kneejax.report.look import aligned, number, wrapped
 from kneejax.statics import Status
 
@@ -94,7 +94,7 @@ def _error_table(design: Design) -> list[str]:
     heads = ["before" if step == 0 else f"after {step}" for step in shown]
     rows = [["parameter", "unit", "known of any knee", *heads]]
     for i, name in enumerate(design.names):
-        unit = QUANTITIES.get(name.split(".", 1)[-1], "")
+        unit = unit_of_quantity(name.split(".", 1)[-1])
         errors = [number(design.standard_errors[step, i], 2) for step in shown]
         rows.append([name, unit, number(design.scale[i], 2), *errors])
     return aligned(rows, (0, 1))
@@ -117,6 +117,6 @@ def _single_table(design: Design) -> list[str]:
         row = int(np.argmin(after[:, i]))
         rows.append(
             [name, str(design.candidates[row]), number(design.standard_errors[0, i], 2)]
-            + [number(after[row, i], 2), QUANTITIES.get(name.split(".", 1)[-1], "")]
+            + [number(after[row, i], 2), unit_of_quantity(name.split(".", 1)[-1])]
         )
     return aligned(rows, (0, 1, 4))

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kneejax.parameters import QUANTITIES
+from kneejax.parameters import unit_of_quantity
 from kneejax.report.look import aligned, number, trimmed, with_error, wrapped
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def information_rows(found: Information) -> list[dict[str, Any]]:
         {
             "name": name,
             "value": float(found.values[i]),
-            "unit": QUANTITIES.get(name.split(".", 1)[-1], ""),
+            "unit": unit_of_quantity(name.split(".", 1)[-1]),
             "standard_error": float(found.standard_error[i]),
             "scale": float(found.scale[i]),
             "determined": bool(found.determined[i]),

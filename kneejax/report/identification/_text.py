@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kneejax.inference import Interval, IntervalKind, same_ends
-from kneejax.parameters import QUANTITIES
 from kneejax.report.look import aligned, number, wrapped
 
 if TYPE_CHECKING:
@@ -41,7 +40,7 @@ def estimate_rows(found: Identification, sampled: Posterior | None = None) -> li
             {
                 "name": name,
                 "value": float(found.values[i]),
-                "unit": QUANTITIES[found.selection.quantity(i)],
+                "unit": found.selection.unit(i),
                 "lower": float(found.lower[i]),
                 "upper": float(found.upper[i]),
                 "at_bound": bool(found.at_bound[i]),

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kneejax.geometry import COORDINATES
 from kneejax.joints import CondyleAxes, Joint
 from kneejax.report.look import (
     BLACK,
     BLUE,
-    COORDINATES,
     GREEN,
     GREY,
     LIGHT,

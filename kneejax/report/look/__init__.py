@@ -18,7 +18,6 @@ from kneejax.report.look._saving import write_whole as write_whole
 from kneejax.report.look._style import BLACK as BLACK
 from kneejax.report.look._style import BLUE as BLUE
 from kneejax.report.look._style import CONTACT_PARTS as CONTACT_PARTS
-from kneejax.report.look._style import COORDINATES as COORDINATES
 from kneejax.report.look._style import FITS as FITS
 from kneejax.report.look._style import GREEN as GREEN
 from kneejax.report.look._style import GREY as GREY
@@ -32,7 +31,6 @@ from kneejax.report.look._style import SKY as SKY
 from kneejax.report.look._style import START as START
 from kneejax.report.look._style import VERMILLION as VERMILLION
 from kneejax.report.look._style import WIDTH as WIDTH
-from kneejax.report.look._style import Coordinate as Coordinate
 from kneejax.report.look._style import readable as readable
 from kneejax.report.look._style import styled as styled
 from kneejax.report.look._style import verbatim as verbatim

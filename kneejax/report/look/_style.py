@@ -1,8 +1,7 @@
-"""One look for every figure, and the coordinates with their labels and units."""
+"""One look for every figure."""
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 from collections.abc import Callable
 from typing import ParamSpec, TypeVar
@@ -11,29 +10,6 @@ _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
 
-@dataclasses.dataclass(frozen=True)
-class Coordinate:
-    """How a coordinate is shown: its label, its unit and its column in tables."""
-
-    label: str
-    unit: str
-    column: str
-
-    @property
-    def axis_label(self) -> str:
-        """Label with unit, for axes and headers."""
-        return f"{self.label}, {self.unit}"
-
-
-#: Coordinate -> label, unit and column; the order is that of every pose table.
-COORDINATES = {
-    "flexion": Coordinate("Flexion", "deg", "flexion_deg"),
-    "adduction": Coordinate("Adduction", "deg", "adduction_deg"),
-    "internal_rotation": Coordinate("Internal rotation", "deg", "internal_rotation_deg"),
-    "anterior": Coordinate("Anterior translation", "mm", "anterior_mm"),
-    "superior": Coordinate("Superior translation", "mm", "superior_mm"),
-    "lateral": Coordinate("Lateral translation", "mm", "lateral_mm"),
-}
 #: The five free coordinates as figures show them: translations, then rotations.
 SHOWN = ("lateral", "anterior", "superior", "adduction", "internal_rotation")
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from kneejax.geometry import COORDINATES
 from kneejax.report.look import (
     CONTACT_PARTS,
-    COORDINATES,
     FITS,
     GREY,
     MEASURED,

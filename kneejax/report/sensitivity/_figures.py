@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kneejax.report.look import COORDINATES, GREY, PARTS, SHOWN, VERMILLION, WIDTH, readable, styled
+from kneejax.geometry import COORDINATES
+from kneejax.report.look import GREY, PARTS, SHOWN, VERMILLION, WIDTH, readable, styled
 from kneejax.report.motion import flexion_axis, mark_status, part_legend
 from kneejax.report.sensitivity._sweep_figure import FREE_COLUMN, SPOTS
 

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kneejax.report.look import BLACK, COORDINATES, GREY, SHOWN, WIDTH, readable, styled
+from kneejax.geometry import COORDINATES
+from kneejax.report.look import BLACK, GREY, SHOWN, WIDTH, readable, styled
 from kneejax.report.sensitivity._figures import MOST_PARAMETERS, looks
 
 if TYPE_CHECKING:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kneejax.report.look import COORDINATES, SHOWN, VERMILLION, WIDTH, readable, styled
+from kneejax.geometry import COORDINATES
+from kneejax.report.look import SHOWN, VERMILLION, WIDTH, readable, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,16 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kneejax.report.look import (
-    COORDINATES,
-    GREY,
-    SHOWN,
-    VERMILLION,
-    WIDTH,
-    readable,
-    styled,
-    trimmed,
-)
+from kneejax.geometry import COORDINATES
+from kneejax.report.look import GREY, SHOWN, VERMILLION, WIDTH, readable, styled, trimmed
 from kneejax.report.motion import flexion_axis, measured_curve
 from kneejax.statics import Status, converged
 

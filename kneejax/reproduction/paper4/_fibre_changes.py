@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -13,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from kneejax.mechanics import Knee
-from kneejax.parameters import UnknownParameter
+from kneejax.parameters import fibre_rows
 
 #: What is changed of a ligament, with the unit of a change's value.
 PRESTRETCH, MODULUS, ATTACHMENT = "prestretch", "youngs_modulus", "attachment"
@@ -140,18 +139,6 @@ def _lengths(knee: Knee) -> np.ndarray:
 def _reference_length(knee: Knee) -> jax.Array:
     # Compiled: ways around obstacles are slow to find operation by operation.
     return knee.reference_length()
-
-
-def fibre_rows(knee: Knee, ligament: str) -> list[int]:
-    """Rows of the fibres of a ligament or group; raises `UnknownParameter`."""
-    names, groups = knee.ligaments.names, dict(knee.groups)
-    if ligament not in names and ligament not in groups:
-        near = difflib.get_close_matches(ligament, [*groups, *names], 1, 0.0)
-        raise UnknownParameter(
-            f"knee {knee.name!r} has no ligament {ligament!r}"
-            + (f"; did you mean {near[0]!r}?" if near else "; it has none at all")
-        )
-    return [names.index(name) for name in groups.get(ligament, (ligament,))]
 
 
 def _halved(knee: Knee, same: Fibres, length: np.ndarray, rows: list[int], value: float) -> Fibres:

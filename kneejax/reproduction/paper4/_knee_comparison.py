@@ -18,12 +18,11 @@ from kneejax.experiments import DIRECTIONS, VarusValgus, peak_pressure, varus_va
 from kneejax.geometry import Pose
 from kneejax.inference import versions
 from kneejax.mechanics import Knee
-from kneejax.parameters import UnsuitableData
+from kneejax.parameters import UnsuitableData, fibre_rows
 from kneejax.reproduction.paper4._fibre_changes import (
     Change,
     Fibres,
     changes_of,
-    fibre_rows,
     with_fibres,
 )
 from kneejax.reproduction.paper4._knee_scores import LIMITS, score
@@ -125,7 +124,8 @@ def _study(
 def _tensions(knee: Knee, run: VarusValgus, ligaments: tuple[str, ...]) -> dict[str, float]:
     """Of each ligament at the last step that the unchanged knee holds, N."""
     step = max(int(run.reached[0]) - 1, 0)
-    pose = Pose.from_state(np.deg2rad(run.ramp.flexion_deg), jnp.asarray(run.balances.q[0, step]))
+    held = {"flexion": np.deg2rad(run.ramp.flexion_deg)}
+    pose = Pose.of(held, jnp.asarray(run.balances.q[0, step]))
     tension = np.asarray(knee.ligaments.tension(pose.placement))
     return {name: float(tension[fibre_rows(knee, name)].sum()) for name in ligaments}
 
@@ -179,7 +179,7 @@ def _peaks(knee: Knee, run: VarusValgus, variants: list[int], step: int, far: li
     """Peak pressure `(variants, contacts)` and its place at a step; NaN for those not so far."""
     found = run.balances
     q, meeting = found.q[variants, step].T, np.moveaxis(found.meeting[variants, step], 0, -1)
-    pose = Pose.from_state(np.deg2rad(run.ramp.flexion_deg), jnp.asarray(q))
+    pose = Pose.of({"flexion": np.deg2rad(run.ramp.flexion_deg)}, jnp.asarray(q))
     # Only ligaments are changed: the contacts are the knee's own.
     peaks = peak_pressure(knee, pose, jnp.asarray(meeting))
     known = np.array(far)

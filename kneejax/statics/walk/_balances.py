@@ -8,6 +8,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from kneejax.geometry import FREE_COORDINATES, table_units
 from kneejax.statics._status import converged
 from kneejax.statics.walk._paths import Found
 
@@ -17,7 +18,7 @@ class Balances:
     """Balanced poses of variants at stations; arrays begin with the axes of the values.
 
     Attributes:
-        q: free coordinates `(variants, stations, 5)`, rad and mm; NaN where there is no balance.
+        q: free coordinates `(variants, stations, free)`, rad and mm; NaN where there is no balance.
         meeting: parameters of the meeting points, `(variants, stations, n, 2)`.
         status: `Status` values, `(variants, stations)`.
         steps: Newton steps taken, `(variants, stations)`.
@@ -27,6 +28,7 @@ class Balances:
             values.
         holding: what holds the balances, fields of `Settled` by name, `(variants, stations, ...)`;
             those of the last search where there is none; of `own_motion` only.
+        free: names of the free coordinates.
     """
 
     q: np.ndarray
@@ -36,26 +38,31 @@ class Balances:
     reached: np.ndarray
     fault: np.ndarray
     holding: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)
+    free: tuple[str, ...] = FREE_COORDINATES
 
     @classmethod
-    def of(cls, found: Found, shape: tuple[int, ...]) -> Balances:
+    def of(
+        cls, found: Found, shape: tuple[int, ...], free: tuple[str, ...] = FREE_COORDINATES
+    ) -> Balances:
         """What was found, with the leading axes of the values."""
         reached = np.where(found.known, 1.0, 0.0)
         arrays = (
             found.q, found.meeting, found.status, found.steps, reached, found.fault,
             found.holding or {},
         )  # fmt: skip
-        return cls(*jax.tree.map(lambda x: np.reshape(x, (*shape, *x.shape[1:])), arrays))
+        shaped = jax.tree.map(lambda x: np.reshape(x, (*shape, *x.shape[1:])), arrays)
+        return cls(*shaped, free=free)
 
     def at(self, *where: Any) -> Balances:
         """The balances at some of the variants and stations, as NumPy indexes."""
-        fields = (getattr(self, field.name) for field in dataclasses.fields(self))
-        return Balances(*(jax.tree.map(lambda x: x[where], field) for field in fields))
+        arrays = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
+        free = arrays.pop("free")
+        return Balances(**jax.tree.map(lambda x: x[where], arrays), free=free)
 
     @property
     def table(self) -> np.ndarray:
-        """Free coordinates in degrees and mm, `(variants, stations, 5)`."""
-        return self.q * np.r_[np.rad2deg([1.0, 1.0]), 1.0, 1.0, 1.0]
+        """Free coordinates in degrees and mm, `(variants, stations, free)`."""
+        return self.q * table_units(self.free)
 
     @property
     def converged(self) -> np.ndarray:

@@ -15,12 +15,13 @@ from typing import Any
 import jax
 import numpy as np
 
+from kneejax.geometry import FREE_COORDINATES, scales
 from kneejax.mechanics import Knee
 from kneejax.numerics import on_all_cores
-from kneejax.statics._newton import UNITS
-from kneejax.statics._settle import STRIDE, longest_stride_mm, needs_float64
+from kneejax.statics._settle import needs_float64
 from kneejax.statics._status import Status, converged
 from kneejax.statics.walk._balances import Balances
+from kneejax.statics.walk._held import held
 from kneejax.statics.walk._paths import (
     Found,
     Own,
@@ -32,7 +33,7 @@ from kneejax.statics.walk._paths import (
     paths,
     single_nodes,
 )
-from kneejax.statics.walk._routes import Chain, Routes
+from kneejax.statics.walk._routes import STRIDE, Chain, Routes, longest_stride_mm
 from kneejax.statics.walk._stations import Stations
 from kneejax.statics.walk._variants import Variants, Vary
 from kneejax.statics.walk._walk import Walker
@@ -114,6 +115,9 @@ def balance_many(
         RuntimeError: float64 is switched off.
     """
     needs_float64()
+    if not stations.by_flexion:
+        before = balance_many(knee, vary, base, values, stations.loaded(), progress=progress)
+        return held(Variants.of(knee, vary, values), stations, before)
     reference = float(knee.reference_pose.flexion)
     leads = tuple(reference + lead for lead in _LEADS)
     routes = Routes.to(stations, reference, leads)
@@ -171,7 +175,7 @@ def balance_lines(
     _walk_all(walker, single_nodes(walker.found, middle, poses), _ALONG_VALUES)
     up, down = (arms(walker.found, middle, points, way) for way in (1, -1))
     _walk_all(walker, joined(up, down), _ALONG_VALUES)
-    return Balances.of(found, (lines, points))
+    return Balances.of(found, (lines, points), stations.free)
 
 
 def own_motion(knee: Knee, vary: Vary, base: Any, stations: Stations) -> Balances:
@@ -192,6 +196,10 @@ def own_motion(knee: Knee, vary: Vary, base: Any, stations: Stations) -> Balance
         RuntimeError: float64 is switched off.
     """
     needs_float64()
+    if not stations.by_flexion:
+        one = jax.tree.map(lambda x: np.asarray(x)[None], base)
+        before = own_motion(knee, vary, base, stations.loaded())
+        return held(Variants.of(knee, vary, one), stations, before)
     reference = float(knee.reference_pose.flexion)
     routes = Routes.to(stations, reference)
     found = _walked_by_itself(knee, vary, base, routes).found
@@ -204,7 +212,7 @@ def own_motion(knee: Knee, vary: Vary, base: Any, stations: Stations) -> Balance
 
 def _walked_by_itself(knee: Knee, vary: Vary, base: Any, routes: Routes) -> Walker:
     """One variant along all its routes, beginning at the knee's reference pose."""
-    reference = np.array([float(x) for x in knee.reference_pose.state])
+    reference = np.asarray(knee.reference_pose.at(FREE_COORDINATES))
     size = len(routes.nodes)
     found = Found.nothing(
         1, (np.tile(reference, (size, 1)), np.zeros((size, knee.patch_count, 2))), holding={}
@@ -254,7 +262,7 @@ def _filled(own: Found | Balances, knee: Knee) -> Own:
     q, meeting = own.q[0], own.meeting[0]
     known = np.flatnonzero(converged(own.status[0]))
     if not len(known):
-        reference = np.array([float(x) for x in knee.reference_pose.state])
+        reference = np.asarray(knee.reference_pose.at(FREE_COORDINATES))
         return np.broadcast_to(reference, q.shape), np.nan_to_num(meeting)
     nearest = known[np.abs(np.arange(len(q))[:, None] - known).argmin(axis=1)]
     return q[nearest], meeting[nearest]
@@ -332,7 +340,7 @@ def _fill(walker: Walker, routes: Routes, led: np.ndarray, balanced: np.ndarray)
         for inner, outer in itertools.pairwise(stem[::way]):
             away = [x.q[:, node] - found.own[0][node] for x, node in
                     ((found, inner), (changed.found, outer))]  # fmt: skip
-            near = np.abs((away[1] - away[0]) / UNITS).max(axis=1) <= _JOINED_MM
+            near = np.abs((away[1] - away[0]) / scales(FREE_COORDINATES)).max(axis=1) <= _JOINED_MM
             beyond = way * (place[outer] - place[led]) > 0
             take = beyond & near & changed.found.known[:, outer] & ~found.known[:, outer]
             for name in ("q", "meeting", "status", "steps"):

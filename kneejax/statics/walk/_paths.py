@@ -13,7 +13,7 @@ import numpy as np
 from kneejax.statics._status import Status, converged
 from kneejax.statics.walk._routes import Chain
 
-#: Coordinates `(stations, 5)` and meeting points `(stations, n, 2)` of the own motion.
+#: Free coordinates `(stations, free)` and meeting points `(stations, n, 2)` of the own motion.
 Own = tuple[np.ndarray, np.ndarray]
 
 
@@ -23,7 +23,7 @@ class Found:
 
     Attributes:
         own: motion from which distances are predicted.
-        q: `(variants, stations, 5)`, NaN where there is no balance.
+        q: `(variants, stations, free)`, NaN where there is no balance.
         meeting: `(variants, stations, n, 2)`, likewise.
         status: `Status` values.
         steps: Newton steps taken, of all searches.
@@ -52,7 +52,7 @@ class Found:
         size = variants, len(own[0])
         return cls(
             own,
-            np.full((*size, 5), np.nan),
+            np.full((*size, own[0].shape[1]), np.nan),
             np.full((*size, *own[1].shape[1:]), np.nan),
             np.full(size, int(Status.NOT_CONVERGED), np.int8),
             np.zeros(size, np.int32),
@@ -78,7 +78,7 @@ class Paths:
         length: nodes of each path, the others are not walked, `(paths,)`.
         origin: station from which the first node is predicted, `(paths,)`.
         source: variant from which it is predicted, -1 for the knee itself, `(paths,)`.
-        q: how far the first node is expected from the own motion, `(paths, 5)`.
+        q: how far the first node is expected from the own motion, `(paths, free)`.
         meeting: likewise, `(paths, n, 2)`; NaN where it is not known.
     """
 
@@ -102,14 +102,14 @@ def paths(
     found: Found, variant, station, length, q=0.0, meeting=np.nan, origin=None, source=None
 ) -> Paths:
     """Paths whose first node is expected so far from the own motion, as at the origin."""
-    count, patches = len(length), found.meeting.shape[2]
+    count, patches, free = len(length), found.meeting.shape[2], found.q.shape[2]
     return Paths(
         variant,
         station,
         length,
         station[:, :1].reshape(-1) if origin is None else origin,
         variant[:, :1].reshape(-1) if source is None else source,
-        np.broadcast_to(q, (count, 5)),
+        np.broadcast_to(q, (count, free)),
         np.broadcast_to(meeting, (count, patches, 2)),
     )
 
@@ -188,7 +188,7 @@ def arms(found: Found, middle: np.ndarray, points: int, way: int) -> Paths:
 def _away(found: Found, q: np.ndarray, meeting: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """How far poses `(rows, stations, ...)` are from the own motion; none where they are lost."""
     lost = np.asarray(np.isnan(q).any(axis=-1)).reshape(-1)
-    away_q = (q - found.own[0]).reshape(-1, 5)
+    away_q = (q - found.own[0]).reshape(-1, q.shape[-1])
     away_meeting = (meeting - found.own[1]).reshape(-1, *meeting.shape[2:])
     return (
         np.where(lost[:, None], 0.0, away_q),

@@ -31,11 +31,11 @@ class Slopes:
 
     Attributes:
         values: what varies, `(variants, p)`.
-        q: free coordinates `(variants, stations, 5)`, rad and mm; NaN where there is no balance.
-        jacobian: of them by the values, `(variants, stations, 5, p)`.
+        q: free coordinates `(variants, stations, free)`, rad and mm; NaN where there is no balance.
+        jacobian: of them by the values, `(variants, stations, free, p)`.
         meeting: parameters of the meeting points, `(variants, stations, n, 2)`.
         meeting_jacobian: likewise, `(variants, stations, n, 2, p)`.
-        tangent: stiffness, `(variants, stations, 5, 5)`.
+        tangent: stiffness, `(variants, stations, free, free)`.
         status: `Status` values, `(variants, stations)`.
     """
 
@@ -66,7 +66,7 @@ class Slopes:
 def _found(knee: Knee, numbers: dict[int, Any], stations: Stations, guess: Guess) -> Settled:
     """One node in each lane: the same program whatever varies."""
     lanes = stations.load(with_numbers(knee, numbers))
-    return settle(lanes, stations.flexion, guess, search=_SEARCH)
+    return settle(lanes, stations.prescribed, guess, _SEARCH)
 
 
 @compiled(static_argnums=(0,))
@@ -75,7 +75,7 @@ def _slopes(vary: Vary, knee: Knee, values, stations: Stations, settled: Settled
 
     def poses(x):
         lanes = stations.load(in_lanes(knee, vary, x))
-        found = differentiable(lanes, stations.flexion, settled)
+        found = differentiable(lanes, stations.prescribed, settled)
         return found.q, found.meeting
 
     _, push = jax.linearize(poses, values)
@@ -104,7 +104,7 @@ def balance_with_slopes(
     values = np.asarray(values, float)
     if near is None:
         found = balance_many(knee, vary, values[0], values, stations)
-        guess = found.q, found.meeting, np.zeros((*found.status.shape, 5, 5))
+        guess = found.q, found.meeting, np.zeros((*found.status.shape, *(len(stations.free),) * 2))
     else:
         step = values - near.values
         q = near.q + np.einsum("vscp,vp->vsc", near.jacobian, step)

@@ -1,8 +1,9 @@
-"""Where a knee is balanced: prescribed flexions, each with loads of its own."""
+"""Where a knee is balanced: what is prescribed at each place, with loads of its own."""
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 
 import equinox as eqx
 import jax
@@ -10,15 +11,18 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.mechanics import GROOD_SUNTAY, Knee, Load
+from kneejax.geometry import Prescribed, free_of, prescribed_of
+from kneejax.mechanics import GROOD_SUNTAY, Knee, Load, Support
 
 
 class Stations(eqx.Module):
-    """Prescribed flexions with loads that act besides those of the knee; the first axis counts.
+    """What is prescribed, with loads that act besides those of the knee; the first axis counts.
 
     Attributes:
-        flexion: rad, `(stations,)`.
+        prescribed: coordinate -> its value, `(stations,)`, rad or mm. All others are free.
         loads: arrays of shape `(stations, 3)`, N, N mm and mm.
+        begin: flexion at which the knee is loaded before the others are prescribed and, where it is
+            free, before it is let go, rad, `(stations,)`; None where flexion is prescribed.
 
     Example:
         >>> import numpy as np
@@ -26,37 +30,88 @@ class Stations(eqx.Module):
         >>> drawer = Stations.at([20.0, 20.0], [load_of(anterior_N=np.array([-90.0, 90.0]))])
         >>> len(drawer), drawer.loads[0].moment.shape
         (2, (2, 3))
+        >>> Stations.at(20.0, held={"anterior_mm": [-5.0, 0.0, 5.0]}).free
+        ('adduction', 'internal_rotation', 'superior', 'lateral')
     """
 
-    flexion: Array
-    loads: tuple[Load, ...] = ()
+    prescribed: Prescribed
+    loads: tuple[Load | Support, ...] = ()
+    begin: Array | None = None
 
     @classmethod
-    def at(cls, flexion_deg: ArrayLike, loads: tuple[Load, ...] | list[Load] = ()) -> Stations:
-        """Stations at angles in degrees; numbers of loads are repeated where one serves all."""
-        flexion = jnp.deg2rad(jnp.atleast_1d(jnp.asarray(flexion_deg, float)))
-        everywhere = [
-            jax.tree.map(lambda x: jnp.broadcast_to(x, (*flexion.shape, 3)), load) for load in loads
-        ]
-        return cls(flexion, tuple(everywhere))
+    def at(
+        cls,
+        flexion_deg: ArrayLike,
+        loads: tuple[Load, ...] | list[Load] = (),
+        held: Mapping[str, ArrayLike] | None = None,
+        flexion_is_free: bool = False,
+    ) -> Stations:
+        """Stations at angles in degrees; numbers are repeated where one serves all.
+
+        Args:
+            flexion_deg: prescribed, `(stations,)` or one; where it is free, that of the beginning.
+            loads: see `kneejax.mechanics.load_of`.
+            held: column -> value of further prescribed coordinates, degrees or mm, e.g.
+                `{"anterior_mm": 5.0}`; see `kneejax.geometry.COLUMNS`.
+            flexion_is_free: whether flexion balances too.
+
+        Raises:
+            ValueError: a column is unknown, or flexion stands among them.
+        """
+        values = prescribed_of({"flexion_deg": flexion_deg, **_but_flexion(held or {})})
+        rows = [jnp.atleast_1d(x) for x in values.values()]
+        rows += [jnp.zeros(jnp.shape(load.force)[:-1] or (1,)) for load in loads]
+        size = jnp.broadcast_shapes(*(row.shape for row in rows))
+        values = {name: jnp.broadcast_to(x, size) for name, x in values.items()}
+        everywhere = tuple(
+            jax.tree.map(lambda x: jnp.broadcast_to(x, (*size, 3)), load) for load in loads
+        )
+        if not flexion_is_free:
+            return cls(values, everywhere)
+        begin = values.pop("flexion")
+        return cls(values, everywhere, begin)
 
     def __len__(self) -> int:
-        return self.flexion.shape[0]
+        return len(self.flexion)
+
+    @property
+    def flexion(self) -> Array:
+        """Flexion, prescribed or that of the beginning, rad, `(stations,)`."""
+        return self.prescribed["flexion"] if self.begin is None else self.begin
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Names of the free coordinates."""
+        return free_of(self.prescribed)
+
+    @property
+    def by_flexion(self) -> bool:
+        """Whether flexion, and nothing else, is prescribed."""
+        return tuple(self.prescribed) == ("flexion",)
 
     def take(self, rows: ArrayLike) -> Stations:
         """Some of the stations, in the order of `rows`."""
         return jax.tree.map(lambda x: x[jnp.asarray(rows)], self)
+
+    def loaded(self) -> Stations:
+        """Where the same loads act with flexion alone prescribed: from there the others move."""
+        return Stations({"flexion": self.flexion}, self.loads)
 
     def plain(self) -> Stations:
         """The same with at least one load and without names: one compiled program serves more."""
         nothing = Load(jnp.zeros((len(self), 3)), jnp.zeros((len(self), 3)),
                        jnp.zeros((len(self), 3)), axes=GROOD_SUNTAY)  # fmt: skip
         loads = self.loads or (nothing,)
-        return Stations(
-            self.flexion, tuple(dataclasses.replace(x, name="load") for x in loads)
-        )
+        plain = (dataclasses.replace(x, name="load") if isinstance(x, Load) else x for x in loads)
+        return Stations(self.prescribed, tuple(plain), self.begin)
 
     def load(self, knee: Knee) -> Knee:
         """A knee whose leaves end in lanes, one lane a station, with these loads added."""
         loads = jax.tree.map(lambda x: jnp.moveaxis(x, 0, -1), self.loads)
         return dataclasses.replace(knee, loads=(*knee.loads, *loads))
+
+
+def _but_flexion(held: Mapping[str, ArrayLike]) -> Mapping[str, ArrayLike]:
+    if "flexion_deg" in held:
+        raise ValueError("flexion_deg stands among what is held: give it as flexion_deg itself")
+    return held

@@ -20,9 +20,10 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
-from kneejax.mechanics import Knee
+from kneejax.geometry import Prescribed, scales
+from kneejax.mechanics import Knee, Load
 from kneejax.numerics import compiled
-from kneejax.statics._newton import UNITS, EnergyNewton, Guess, SearchState, look
+from kneejax.statics._newton import EnergyNewton, Guess, SearchState, look
 from kneejax.statics._settle import fault_of, holding, with_meeting
 from kneejax.statics._softness import softness_of
 from kneejax.statics._status import Status, converged
@@ -54,7 +55,7 @@ class Nodes(eqx.Module):
     Attributes:
         numbers: leaves of the knee that vary, by their places in it, `(places, lanes, ...)`.
         stations: likewise.
-        q: coordinates from which distances are predicted, `(places, lanes, 5)`.
+        q: coordinates from which distances are predicted, `(places, lanes, free)`.
         meeting: likewise, `(places, lanes, n, 2)`.
         even: whether the last two strides and this one are alike, `(places, lanes)`.
         reach: mm (rotations at 30 mm) that the distance from the motion may change by on the way
@@ -81,7 +82,7 @@ class Place(eqx.Module):
     Attributes:
         numbers: as in `Nodes`, `(lanes, ...)`.
         stations: likewise.
-        q: likewise, `(lanes, 5)`.
+        q: likewise, `(lanes, free)`.
         meeting: likewise, `(lanes, n, 2)`.
     """
 
@@ -99,15 +100,18 @@ class Place(eqx.Module):
 
         way = jax.tree.map(between, self, there)
         # A force that grows acts where it will act.
-        points = [load.point for load in there.stations.loads]
-        return eqx.tree_at(lambda p: [load.point for load in p.stations.loads], way, points)
+
+        def points(place: Place) -> list[Array]:
+            return [load.point for load in place.stations.loads if isinstance(load, Load)]
+
+        return eqx.tree_at(points, way, points(there))
 
 
 class Memory(eqx.Module):
     """What a lane knows of its way so far; arrays end in lanes, those of `last` begin with them.
 
     Attributes:
-        away_q: distances `(3, 5, lanes)` at the last three balances, the latest first.
+        away_q: distances `(3, free, lanes)` at the last three balances, the latest first.
         away_meeting: likewise, `(3, n, 2, lanes)`.
         when: how far along the path they were, in nodes, `(3, lanes)`.
         last: the place of the latest.
@@ -118,7 +122,7 @@ class Memory(eqx.Module):
         based: whether `last` is where the path comes from, so that the way can be divided.
         wary: whether the next search is not to be predicted, since one was lost.
         aim: part of the way from `last` to the next node that is tried.
-        tangent: stiffness at the latest balance, `(5, 5, lanes)`; zero where it is not known.
+        tangent: stiffness at the latest balance, `(free, free, lanes)`; zero where it is not known.
         softness: see `softness_of`, at the latest balance.
         steps: looks spent so far on a node that is not finished.
     """
@@ -144,7 +148,7 @@ class Reached(eqx.Module):
 
     Attributes:
         place: of the node that ended in this turn; -1 where none did.
-        q: `(turns, 5, lanes)`.
+        q: `(turns, free, lanes)`.
         meeting: `(turns, n, 2, lanes)`.
         status: `(turns, lanes)`.
         fault: see `Settled`, of the last search.
@@ -170,14 +174,13 @@ class Reached(eqx.Module):
         leaves = jax.tree.leaves(self)
         return jnp.concatenate([x.reshape(-1, x.shape[-1]).astype(float) for x in leaves])
 
-    def unpacked(self, log: np.ndarray) -> Reached:
-        """All turns of a log, whose turns are like this one; nothing is copied but integers."""
+    def unpacked(self, log: np.ndarray | Array) -> Reached:
+        """All turns of a log, whose turns are like this one."""
         leaves, kinds = jax.tree.flatten(self)
         ends = np.cumsum([x.size // x.shape[-1] for x in leaves])
-        parts = np.split(log, ends[:-1], axis=1)
         shaped = [
-            part.reshape(len(log), *leaf.shape).astype(leaf.dtype, copy=False)
-            for part, leaf in zip(parts, leaves, strict=True)
+            log[:, end - x.size // x.shape[-1] : end].reshape(len(log), *x.shape).astype(x.dtype)
+            for x, end in zip(leaves, ends, strict=True)
         ]
         return jax.tree.unflatten(kinds, shaped)
 
@@ -216,6 +219,7 @@ def walk_stretch(
         with which to go on.
     """
     places, lanes = nodes.even.shape
+    units = scales(nodes.stations.free)
 
     def at(place: Array) -> tuple[Array, Array]:
         return jnp.minimum(place, places - 1), jnp.arange(lanes)
@@ -224,9 +228,9 @@ def walk_stretch(
         every = nodes.numbers, nodes.stations, nodes.q, nodes.meeting
         return Place(*jax.tree.map(lambda x: x[at(place)], every))
 
-    def loaded(here: Place) -> tuple[Knee, Array]:
+    def loaded(here: Place) -> tuple[Knee, Prescribed]:
         knees = here.stations.load(with_numbers(knee, here.numbers))
-        return knees.for_many_poses(), here.stations.flexion
+        return knees.for_many_poses(), here.stations.prescribed
 
     def when(place: Array, memory: Memory) -> Array:
         """How far along its path a lane is where it aims at."""
@@ -268,16 +272,16 @@ def walk_stretch(
         memory, found, there = walk.memory, walk.y, at(walk.place)
         loading, here = nodes.loading[there], walk.here
         own_q, own_meeting = (jnp.moveaxis(x, 0, -1) for x in (here.q, here.meeting))
-        softness, pivots = softness_of(walk.state.guess.tangent)
+        softness, pivots = softness_of(walk.state.guess.tangent, units)
         fault = fault_of(*loaded(here), walk.state, pivots)
         status = jnp.where(walk.state.done, fault, int(Status.NOT_CONVERGED))
         ahead = when(walk.place, memory)
-        change = (found.q - own_q - memory.away_q[0]) / jnp.asarray(UNITS)[:, None]
+        change = (found.q - own_q - memory.away_q[0]) / jnp.asarray(units)[:, None]
         stride = ahead - memory.when[0]
         reach = jnp.where(loading, _LOADED_MM, jnp.maximum(1.0, nodes.reach[there] * stride))
         far = memory.begun & (jnp.max(jnp.abs(change), axis=0) > reach)
         expected = _extrapolated(memory.away_q, memory.when, ahead, memory.known)
-        miss = (found.q - own_q - expected) / jnp.asarray(UNITS)[:, None]
+        miss = (found.q - own_q - expected) / jnp.asarray(units)[:, None]
         far |= (memory.known > 1) & (jnp.max(jnp.abs(miss), axis=0) > _MISSED_MM)
         astray = far | (loading & ~(softness > 0.0))
         status = jnp.where(astray & converged(status), Status.NOT_CONVERGED, status)
@@ -345,7 +349,7 @@ def walk_stretch(
     memory = eqx.tree_at(lambda m: m.known, memory, known)
     here, guess, patient = begin(start, memory)
     _, shapes = jax.eval_shape(look, guess, loaded(here))
-    state = EnergyNewton().init(look, guess, None, {}, None, shapes, frozenset())
+    state = EnergyNewton().init(look, guess, loaded(here), {}, None, shapes, frozenset())
     state = eqx.tree_at(lambda s: s.ended, state, ~goes)
     walk = _Walk(jnp.asarray(0), start, goes, patient, memory, here, guess, state, None)
     _, nothing = jax.tree.map(jnp.zeros_like, jax.eval_shape(searches_end, walk, goes))
@@ -366,7 +370,7 @@ def first_meeting(
     A program of its own: in `walk_stretch` it would cost a tenth more memory while compiling.
     """
     knees = stations.load(with_numbers(knee, numbers)).for_many_poses()
-    return with_meeting(knees, stations.flexion, jnp.moveaxis(q, 0, -1)).meeting
+    return with_meeting(knees, stations.prescribed, jnp.moveaxis(q, 0, -1)).meeting
 
 
 def _in_front(lanes: Array, like: Array) -> Array:

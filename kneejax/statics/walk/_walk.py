@@ -13,9 +13,9 @@ from collections.abc import Callable
 import jax
 import numpy as np
 
-from kneejax.statics._settle import longest_stride_mm
 from kneejax.statics._status import converged
 from kneejax.statics.walk._paths import Found, Paths
+from kneejax.statics.walk._routes import longest_stride_mm
 from kneejax.statics.walk._stations import Stations
 from kneejax.statics.walk._stretch import Memory, Nodes, Place, Reached, first_meeting, walk_stretch
 from kneejax.statics.walk._variants import Variants
@@ -202,7 +202,7 @@ class Walker:
             based=(paths.origin != first) | (paths.source != source),
             wary=np.zeros(count, bool),
             aim=np.full(count, aim),
-            tangent=np.zeros((5, 5, count)),
+            tangent=np.zeros((paths.q.shape[1],) * 2 + (count,)),
             softness=np.full(count, np.inf),
             steps=np.zeros(count, int),
         )

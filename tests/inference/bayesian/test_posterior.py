@@ -12,8 +12,8 @@ import kneejax as kj
 from kneejax.inference import Problem, posterior, synthetic_motion
 from kneejax.inference.bayesian._motion_density import MotionDensity
 from kneejax.inference.bayesian._priors import normal_priors
-from kneejax.numerics import compiled
-from kneejax.parameters import UnsuitableData, select
+from kneejax.numerics import MissingPackage, compiled
+from kneejax.parameters import select
 
 pytest.importorskip("blackjax")
 pytest.importorskip("arviz")
@@ -187,5 +187,5 @@ def test_what_makes_no_sense_is_refused(problem, knee, wrong, says):
 def test_a_missing_package_is_named(problem, knee, monkeypatch, package):
     monkeypatch.setitem(sys.modules, package, None)
     fit = np.asarray(problem.selection.read(knee))
-    with pytest.raises(UnsuitableData, match=f"needs {package}.*pip install 'kneejax.posterior.'"):
+    with pytest.raises(MissingPackage, match=f"needs {package}.*pip install 'kneejax.posterior.'"):
         posterior(problem, fit, NOISE, NOISE)

@@ -185,7 +185,7 @@ def test_the_reason_of_an_undetermined_stiffness_is_the_slack_of_its_ligament(kn
         "ACL stiffness is not determined by these data: its ligament is slack "
     )
     # As the strains at the poses say.
-    poses = kj.Pose.from_state(np.deg2rad(flexion), fit.q[0].T)
+    poses = kj.Pose.of({"flexion": np.deg2rad(flexion)}, fit.q[0].T)
     slack = np.asarray(kj.evaluate(loose, poses).strain)[:, 0] <= 0.0
     assert slack_words(flexion, slack) in found.reasons[0]
     assert found.determined[1:].all() and not any(found.reasons[1:])

@@ -3,6 +3,7 @@
 import dataclasses
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -21,7 +22,7 @@ from kneejax.reproduction import (
     with_fibres,
 )
 from kneejax.reproduction.paper4._knee_comparison import _common_step, _compared
-from kneejax.statics import Status, first_guess, settle
+from kneejax.statics import Guess, Status, settle
 
 COARSE = OneAtATime(
     ("MCL", "LCL"), prestretch=(0.0,), modulus_MPa=(-50.0, 100.0), full_Nm=12.0, axial_steps=1,
@@ -143,7 +144,10 @@ def test_a_change_of_nothing_scores_nothing(compared):
 @compiled()
 def settled_on_a_ramp(knee, stations):
     lanes = stations.load(add_lane_axis(knee))
-    return settle(lanes, stations.flexion, first_guess(lanes, stations.flexion))
+    reference = lanes.reference_pose.at(stations.free)
+    q = jnp.broadcast_to(reference, (len(reference), len(stations)))
+    nowhere = jnp.full((knee.patch_count, 2, len(stations)), jnp.nan)
+    return settle(lanes, stations.prescribed, Guess(q, nowhere))
 
 
 def test_the_error_of_rotation_is_that_of_direct_balances(compared):

@@ -127,7 +127,7 @@ def test_softness_is_near_the_least_eigenvalue_and_not_positive_beyond_it():
         values = np.array([least, 10.0, 50.0, 200.0, 1000.0])
         scaled = axes @ (values[:, None] * np.swapaxes(axes, 1, 2))
         tangent = np.moveaxis(scaled / UNITS[:, None] / UNITS, 0, -1)
-        softness = np.asarray(softness_of(jnp.asarray(tangent))[0])
+        softness = np.asarray(softness_of(jnp.asarray(tangent), UNITS)[0])
         if least < 0:
             assert (softness < 0).all()
         else:

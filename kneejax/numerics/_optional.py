@@ -7,7 +7,9 @@ import importlib.util
 import warnings
 from typing import Any
 
-from kneejax.parameters import UnsuitableData
+
+class MissingPackage(ValueError):
+    """An optional package that a question needs and that is not installed."""
 
 
 def imported(module: str, package: str, extra: str = "posterior") -> Any:
@@ -22,7 +24,7 @@ def imported(module: str, package: str, extra: str = "posterior") -> Any:
         The module.
 
     Raises:
-        UnsuitableData: it is not installed; the sentence says what to do.
+        MissingPackage: it is not installed; the sentence says what to do.
     """
     try:
         with warnings.catch_warnings():
@@ -45,14 +47,14 @@ def check_installed(package: str, extra: str) -> None:
         extra: of kneejax, that asks for it.
 
     Raises:
-        UnsuitableData: it is not installed; the sentence says what to do.
+        MissingPackage: it is not installed; the sentence says what to do.
     """
     if importlib.util.find_spec(package) is None:
         raise _missing(package, extra)
 
 
-def _missing(package: str, extra: str) -> UnsuitableData:
+def _missing(package: str, extra: str) -> MissingPackage:
     what = f"the {extra} needs" if extra == "posterior" else f"{extra} need"
-    return UnsuitableData(
+    return MissingPackage(
         f"{what} {package}, which is not installed: pip install 'kneejax[{extra}]'"
     )

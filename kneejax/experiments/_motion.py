@@ -1,0 +1,238 @@
+"""Motions: at each angle what is not prescribed balances, with or without loads."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike
+
+from kneejax.geometry import COLUMNS, COORDINATES, Pose, scales
+from kneejax.mechanics import Knee, Load, add_lane_axis
+from kneejax.numerics import compiled, imported, traced
+from kneejax.parameters import fibre_rows
+from kneejax.statics import (
+    Settled,
+    Stations,
+    Status,
+    differentiable,
+    force,
+    newton_step_left,
+    own_motion,
+    walked_in_trace,
+)
+
+#: Fields of a solution that a walk has found.
+_FOUND = ("q", "meeting", "status", "fault", "steps")
+
+
+class Motion(eqx.Module):
+    """Balanced poses of a knee, one after the other.
+
+    Attributes:
+        flexion_deg: prescribed or, where it is free, that at which a pose was begun, `(poses,)`.
+        pose: fields of shape `(poses,)`; NaN where the search failed.
+        status: `Status` value of each pose.
+        residual_force: largest unbalanced force, `(poses,)`, N; where the search failed, what it
+            left.
+        residual_moment: largest unbalanced moment, `(poses,)`, N mm; likewise.
+        left_mm: how far the search ended from a balance, `(poses,)`, mm (rotations at 30 mm).
+        reached: part of the load, or of the way to what is held, under which the knee still
+            balanced, `(poses,)`.
+        stable: `(poses,)`.
+        settled: the solution in full, for further derivatives.
+        knee: that moved; without a lane axis.
+        stations: what was asked for.
+    """
+
+    flexion_deg: Array
+    pose: Pose
+    status: Array
+    residual_force: Array
+    residual_moment: Array
+    left_mm: Array
+    reached: Array
+    stable: Array
+    settled: Settled
+    knee: Knee
+    stations: Stations
+
+    def to_table(self) -> Array:
+        """Degrees and mm, `(poses, 6)`, in the order of `kneejax.geometry.COLUMNS`."""
+        return self.pose.to_table()
+
+    def tension(self, name: str) -> Array:
+        """Tension of a ligament, the sum over its fibres.
+
+        Args:
+            name: of a fibre or of a group of fibres, e.g. `ACL`; `*` stands for any letters.
+
+        Returns:
+            N, `(poses,)`; NaN where the search failed.
+
+        Raises:
+            UnknownParameter: the knee has no fibre of this name.
+
+        Example:
+            >>> import kneejax as kj
+            >>> motion = kj.passive_flexion(kj.load_knee("four_ligament"), [0.0, 30.0])
+            >>> motion.tension("ACL").shape
+            (2,)
+        """
+        rows = fibre_rows(self.knee, name)
+        every = add_lane_axis(self.knee.ligaments).tension(self.pose.placement)
+        return jnp.sum(every[jnp.array(rows)], axis=0)
+
+    def reaction(self, name: str) -> Array:
+        """What holds a prescribed coordinate: the force that a machine must exert along it.
+
+        Args:
+            name: of a prescribed coordinate, e.g. `anterior`; see `kneejax.geometry.COORDINATES`.
+
+        Returns:
+            N of a translation, N mm of a rotation, `(poses,)`, positive where it pushes towards
+            more of the coordinate; NaN where the search failed.
+
+        Raises:
+            ValueError: the coordinate is free, so nothing holds it.
+
+        Example:
+            >>> import kneejax as kj
+            >>> held = {"anterior_mm": [0.0, 3.0]}
+            >>> motion = kj.passive_flexion(kj.load_knee("four_ligament"), 30.0, held=held)
+            >>> force_N = motion.reaction("anterior")
+            >>> bool(force_N[1] > force_N[0])
+            True
+        """
+        if name not in self.stations.prescribed:
+            known = ", ".join(self.stations.prescribed)
+            raise ValueError(f"nothing holds {name!r}: prescribed are {known}")
+        return _reactions(self.knee, self.stations, self.settled)[list(COORDINATES).index(name)]
+
+    def to_dataframe(self) -> Any:
+        """The poses as a table of pandas, with status and, where something is held, its reaction.
+
+        Returns:
+            A `pandas.DataFrame`: columns of `kneejax.geometry.COLUMNS` in degrees and mm, `status`
+            in words, and `reaction_NAME_N` or `reaction_NAME_Nm` of what is held besides flexion.
+
+        Raises:
+            MissingPackage: pandas is not installed; the sentence says what to do.
+        """
+        pandas = imported("pandas", "pandas", "tables")
+        table = pandas.DataFrame(np.asarray(self.to_table()), columns=list(COLUMNS))
+        table["status"] = [Status(int(status)).word for status in self.status]
+        for name in self.stations.prescribed:
+            if name != "flexion":
+                force = np.asarray(self.reaction(name))
+                of_turn = COORDINATES[name].unit == "deg"
+                column = f"reaction_{name}_{'Nm' if of_turn else 'N'}"
+                table[column] = force / 1000.0 if of_turn else force
+        return table
+
+
+@compiled()
+def _reactions(knee: Knee, stations: Stations, settled: Settled) -> Array:
+    """Generalised force that is left on every coordinate, `(6, poses)`."""
+    lanes, q = stations.load(add_lane_axis(knee)), settled.pose.at(tuple(COORDINATES))
+    return force(lanes, {}, q, (settled.meeting[:, 0], settled.meeting[:, 1]))[0]
+
+
+def passive_flexion(
+    knee: Knee,
+    flexion_deg: ArrayLike,
+    loads: tuple[Load, ...] | list[Load] = (),
+    *,
+    held: Mapping[str, ArrayLike] | None = None,
+    flexion_is_free: bool = False,
+) -> Motion:
+    """Move a knee through flexion: at each angle the other coordinates balance.
+
+    Every angle is reached from the reference pose in strides of 5 degrees, and there the loads grow
+    from nothing, one after the other. So no pose depends on which others were asked for, and a load
+    beyond which the knee gives way is told (`reached`). A coordinate that is held is taken where
+    the loaded knee has it and moved to its value along a straight line, as a machine moves it; a
+    flexion that is free is let go where the knee was loaded.
+
+    Args:
+        knee: any knee; the loads that it carries itself act from the beginning.
+        flexion_deg: prescribed angles, `(poses,)` or one; where flexion is free, those of the
+            beginning.
+        loads: further loads on the tibia, each one for all poses or one a pose.
+        held: column -> value, degrees or mm, of further coordinates that are prescribed, one for
+            all poses or one a pose, e.g. `{"anterior_mm": [-5.0, 0.0, 5.0]}`.
+        flexion_is_free: whether flexion balances too.
+
+    Returns:
+        The motion, differentiable by every number of the knee. Poses that fail are NaN in their
+        own row and say so in `status`.
+
+    Raises:
+        ValueError: `held` names no coordinate of the tibia.
+        RuntimeError: float64 is switched off.
+
+    Example:
+        >>> import kneejax as kj
+        >>> knee = kj.load_knee("four_ligament")
+        >>> motion = kj.passive_flexion(knee, [0.0, 30.0])
+        >>> bool(motion.stable.all())
+        True
+    """
+    stations = Stations.at(flexion_deg, loads, held, flexion_is_free)
+    still = jax.lax.stop_gradient((knee, stations))
+    found = _found_in_trace(*still) if traced(still) else _found(*still)
+    return _described(knee, stations, *found)
+
+
+def _found(knee: Knee, stations: Stations) -> tuple[Settled, Array]:
+    """The balances, and how much of the load was reached."""
+    found = own_motion(knee, _itself, np.zeros(()), stations).at(0)
+    holding = {name: np.moveaxis(x, 0, -1) for name, x in found.holding.items()}
+    units = scales(stations.free)
+    left_mm, pivots = newton_step_left(holding["tangent"], holding["residual"], units)
+    settled = Settled(
+        prescribed=stations.prescribed,
+        **{name: np.moveaxis(getattr(found, name), 0, -1) for name in _FOUND},
+        **holding,
+        left_mm=left_mm,
+        pivots=pivots,
+    )
+    return jax.tree.map(jnp.asarray, (settled, found.reached))
+
+
+def _found_in_trace(knee: Knee, stations: Stations) -> tuple[Settled, Array]:
+    settled = walked_in_trace(knee, stations)
+    return settled, jnp.where(settled.converged, 1.0, 0.0)
+
+
+def _itself(knee: Knee, _) -> Knee:
+    return knee
+
+
+@compiled()
+def _described(
+    knee: Knee, stations: Stations, found: Settled, reached: Array
+) -> Motion:
+    """One program: otherwise a derivative would compile each of its operations."""
+    lanes = stations.load(add_lane_axis(knee))
+    settled = differentiable(lanes, stations.prescribed, found)
+    turns = np.array([COORDINATES[name].unit == "deg" for name in stations.free])
+    moment, force = jnp.abs(settled.residual[turns]), jnp.abs(settled.residual[~turns])
+    return Motion(
+        jnp.rad2deg(stations.flexion),
+        settled.pose,
+        settled.status,
+        jnp.max(force, axis=0, initial=0.0),
+        jnp.max(moment, axis=0, initial=0.0),
+        settled.left_mm,
+        reached,
+        settled.stable,
+        settled,
+        knee,
+        stations,
+    )

@@ -1,0 +1,170 @@
+"""From flexion prescribed to any other choice: coordinates moved by a machine, or let go.
+
+A displacement is tested like a load: the knee is bent and loaded first, then the machine takes hold
+of a coordinate where it is and moves it to where it is wanted, along a straight line. A flexion
+that is to be free is supported where the knee was loaded, and the support is taken away. Either way
+is divided where the knee does not follow at once, as loads are.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from kneejax.geometry import COORDINATES, FREE_COORDINATES, Pose, scales
+from kneejax.mechanics import Knee, Support
+from kneejax.numerics import compiled, on_all_cores
+from kneejax.statics._balance import balance
+from kneejax.statics._softness import softness_of
+from kneejax.statics._status import Status, converged
+from kneejax.statics.walk._balances import Balances
+from kneejax.statics.walk._stations import Stations
+from kneejax.statics.walk._stretch import Memory, Nodes, Place, Reached, walk_stretch
+from kneejax.statics.walk._variants import Variants, with_numbers
+
+#: Nodes of a call.
+_LANES = 64
+#: Stiffness, as a part of that at the beginning, below which a knee that cannot follow gives way.
+_SOFT = 0.1
+
+
+def held(variants: Variants, stations: Stations, before: Balances) -> Balances:
+    """Move balances under flexion alone to another choice of prescribed coordinates.
+
+    Args:
+        variants: of one knee.
+        stations: what is wanted.
+        before: balances of the same variants at `stations.loaded()`.
+
+    Returns:
+        The balances; where `before` has none, there is none. `reached` is the part of the way that
+        the knee followed.
+    """
+    found = _not_begun(stations, before)
+    variant, station = np.nonzero(before.converged)
+    wanted = jax.tree.map(np.asarray, stations.plain())
+
+    def some(first: int) -> None:
+        # Lanes that are filled up do the last node again.
+        rows = np.minimum(np.arange(first, first + _LANES), len(variant) - 1)
+        node = variant[rows], station[rows]
+        there = jax.tree.map(lambda x: x[node[1]], wanted)
+        moved = _moved(variants, there, node[0], before.q[node], before.meeting[node])
+        for name, numbers in moved.items():
+            (found.holding if name in found.holding else vars(found))[name][node] = numbers
+
+    on_all_cores(some, range(0, len(variant), _LANES))
+    return found
+
+
+def _not_begun(stations: Stations, before: Balances) -> Balances:
+    """As lost as the knee is with flexion alone prescribed."""
+    shape, free = before.status.shape, stations.free
+    size, patches = len(free), before.meeting.shape[2]
+    status = np.where(before.converged, int(Status.NOT_CONVERGED), before.status)
+    holding = {
+        "residual": (size,), "tangent": (size, size), "drift": (size, patches, 2),
+        "depth": (patches,),
+    }  # fmt: skip
+    return Balances(
+        np.full((*shape, size), np.nan),
+        np.full(before.meeting.shape, np.nan),
+        status.astype(before.status.dtype),
+        before.steps.copy(),
+        np.where(before.converged, 1.0, before.reached),
+        before.fault.copy(),
+        {name: np.full((*shape, *tail), np.nan) for name, tail in holding.items()},
+        free,
+    )
+
+
+def _moved(variants: Variants, wanted: Stations, variant, q, meeting) -> dict[str, np.ndarray]:
+    """Some nodes, each from a balance under flexion alone; arrays begin with the node."""
+    lanes, free = len(variant), wanted.free
+    knee, numbers = variants.knee, variants.at(variant)
+    begin = _beginning(knee, numbers, wanted, q, meeting)
+    start, support, tangent, softness = jax.tree.map(np.asarray, begin)
+    released = [name for name in free if name not in FREE_COORDINATES]
+    supports = tuple(Support(support[:, k], name) for k, name in enumerate(released))
+    none = tuple(Support(np.zeros(lanes), name) for name in released)
+    ends = dataclasses.replace(wanted, loads=(*wanted.loads, *none))
+    own = {name: start[:, list(COORDINATES).index(name)] for name in COORDINATES}
+    here = dataclasses.replace(
+        ends,
+        prescribed={name: own[name] for name in wanted.prescribed},
+        loads=(*wanted.loads, *supports),
+    )
+    at_rest = np.stack([own[name] for name in free], axis=1)
+    ahead = jax.tree.map(lambda x: x[None], (numbers, ends, at_rest, meeting))
+    yes, no = np.ones(lanes, bool), np.zeros(lanes, bool)
+    nodes = Nodes(
+        *ahead, even=no[None], reach=np.full((1, lanes), np.inf), loading=yes[None],
+        first=np.zeros(lanes), length=np.ones(lanes, int),
+    )  # fmt: skip
+    memory = Memory(
+        away_q=np.zeros((3, len(free), lanes)),
+        away_meeting=np.zeros((3, *meeting.shape[1:], lanes)),
+        when=np.zeros((3, lanes)),
+        last=Place(numbers, here, at_rest, meeting),
+        known=np.ones(lanes, int),
+        lost=np.zeros(lanes, int),
+        led=yes, begun=yes, based=yes, wary=no,
+        aim=np.ones(lanes),
+        tangent=np.moveaxis(tangent, 0, -1),
+        softness=softness,
+        steps=np.zeros(lanes, int),
+    )  # fmt: skip
+    return _what_became(_walked(knee, nodes, memory), softness)
+
+
+def _walked(knee: Knee, nodes: Nodes, memory: Memory) -> Reached:
+    """What became of one node in each lane; a call leaves lanes behind that take long."""
+    lanes, ended = len(nodes.first), []
+    left = np.ones(lanes, bool)
+    while left.any():
+        ahead = dataclasses.replace(nodes, length=left.astype(int))
+        log, turn, memory = walk_stretch(knee, ahead, memory, 1, 0)
+        ended.append(turn.unpacked(np.asarray(log)))
+        left &= ~(ended[-1].place >= 0).any(axis=0)
+    every = jax.tree.map(lambda *x: np.concatenate(x), *ended)
+    when, lane = np.argmax(every.place >= 0, axis=0), np.arange(lanes)
+    return jax.tree.map(lambda x: x[when, ..., lane], every)
+
+
+def _what_became(reached: Reached, softness_before: np.ndarray) -> dict[str, np.ndarray]:
+    """The fields of `Balances`, and of its `holding`; arrays begin with the node."""
+    status, fault = reached.status, reached.fault
+    good = converged(status)
+    soft = reached.softness < _SOFT * softness_before
+    way = np.where(good, 1.0, reached.way)
+    gives_way = ~good & (way > 0.0) & (soft | (fault == Status.UNSTABLE))
+    return {
+        "q": np.where(good[:, None], reached.q, np.nan),
+        "meeting": np.where(good[:, None, None], reached.meeting, np.nan),
+        "status": np.where(gives_way, int(Status.GIVES_WAY), status),
+        "steps": reached.steps,
+        "reached": way,
+        "fault": fault,
+    } | reached.holding
+
+
+@compiled()
+def _beginning(knee: Knee, numbers: dict[int, Any], wanted: Stations, q, meeting):
+    """All coordinates where nodes begin, what supports those that will be free, the stiffness of
+    the free ones, and how little force moves them; arrays begin with the node."""
+    knees = wanted.load(with_numbers(knee, numbers))
+    pose = Pose.of({"flexion": wanted.flexion}, q.T)
+    met = jnp.moveaxis(meeting, 0, -1)
+    every = pose.at(tuple(COORDINATES))
+    holds = balance(knees, {}, every, (met[:, 0], met[:, 1]))
+    place = {name: k for k, name in enumerate(COORDINATES)}
+    free = jnp.array([place[name] for name in wanted.free])
+    released = [place[name] for name in wanted.free if name not in FREE_COORDINATES]
+    tangent = holds.tangent[free][:, free]
+    softness, _ = softness_of(tangent, scales(wanted.free))
+    support = holds.residual[jnp.array(released, int)]
+    return every.T, support.T, jnp.moveaxis(tangent, -1, 0), softness
