@@ -48,7 +48,10 @@ def of_points(contact: Contact, tibia: Placement, sampled: Sampled) -> Border:
     away = jnp.where(sampled.depth > 0, contact.femoral.beyond(hit), 0.0)
     force = contact.point_pressure(sampled) * sampled.points.area
     carried = jnp.where(sampled.points.area > 0, away, 0.0)
-    share = jnp.sum(jnp.where(carried > 0, force, 0.0), axis=0) / jnp.sum(force, axis=0)
+    total = jnp.sum(force, axis=0)
+    # Far apart nothing is carried, not even what the rounded onset leaves.
+    outside = jnp.sum(jnp.where(carried > 0, force, 0.0), axis=0)
+    share = outside / jnp.where(total == 0.0, 1.0, total)
     return Border(jnp.max(carried, axis=0), share)
 
 

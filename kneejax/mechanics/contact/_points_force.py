@@ -43,12 +43,11 @@ from kneejax.mechanics._wrench import Wrench
 from kneejax.mechanics.contact._quadrature import (
     Points,
     Sampled,
-    lines_of,
     over_rays,
+    quick_depths,
     quickly,
     thoroughly,
 )
-from kneejax.mechanics.contact._rays import quick_exit
 from kneejax.numerics import instantiate
 
 if TYPE_CHECKING:
@@ -108,7 +107,7 @@ def _press_points_jvp(primals, tangents):
 
 def _stiff(contact: Contact, points: Points, motion: Placement):
     """Energy and wrench, and the wrench's change by three shifts and three turns."""
-    quick, sound = quick_exit(contact.femoral, *lines_of(points, motion))
+    quick, sound = quick_depths(contact.femoral, points, motion)
     sampled = quickly(contact.femoral, points, motion, quick)
     usual = _pressed(contact, sampled), stiffness(contact, sampled, motion)
 

@@ -22,7 +22,7 @@ class Points(eqx.Module):
     Attributes:
         point: mm, in the surface's frame.
         normal: outward unit normals.
-        area: weight of each point, mm^2.
+        area: weight of each point, mm^2; zero off the cartilage.
         across: both parameters, scaled to -1..1 over the surface's region.
     """
 
@@ -113,13 +113,31 @@ def over_rays(
         motion: from the femoral to the tibial surface's frame.
         answer: returns arrays.
     """
-    quick, sound = rays.quick_exit(femoral, *lines_of(points, motion))
+    quick, sound = quick_depths(femoral, points, motion)
     usual = answer(quickly(femoral, points, motion, quick))
 
     def again() -> Answer:
         return answer(thoroughly(femoral, points, motion, quick, sound))
 
     return lax.cond(jnp.all(sound), lambda: usual, again)
+
+
+def quick_depths(
+    femoral: Surface, points: Points, motion: Placement
+) -> tuple[Array, Array]:
+    """Depths of the usual rays, mm, and whose are sound.
+
+    Off the cartilage a fitted surface goes on where no tibia is: a condyle that hangs over the rim
+    may be as deep in it as it likes. A point there counts as apart, farther than anything.
+
+    Args:
+        femoral: the surface whose solid presses.
+        points: of the tibial surface.
+        motion: from the femoral to the tibial surface's frame.
+    """
+    quick, sound = rays.quick_exit(femoral, *lines_of(points, motion))
+    bare = points.area <= 0.0
+    return jnp.where(bare, -rays.FARTHEST, quick), sound | bare
 
 
 def quickly(femoral: Surface, points: Points, motion: Placement, quick: Array) -> Sampled:

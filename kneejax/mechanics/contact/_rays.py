@@ -39,7 +39,8 @@ _QUICK_LOOKS, _MOST_QUICK_LOOKS, _NEWTON_LOOKS, _MOST_LOOKS = 2, 4, 6, 60
 APART = 2.5
 # Newton's first step where that is so, whatever the search finds.
 _SURELY_APART = 4.0
-_FARTHEST = 1e3
+#: The largest distance that is told, mm.
+FARTHEST = 1e3
 #: The longest step, mm, that the look that uses a depth takes.
 LAST_STEP = 0.1
 
@@ -107,7 +108,7 @@ def quick_exit(femoral: Surface, start: Vector, along: Vector) -> tuple[Array, A
     astray = (jnp.abs(found) > STRAIGHT * jnp.abs(first)) | (found * first < 0.0)
     # A number that is none is nobody's fault here: the solver refuses it.
     unsound, far = astray | _coarse(depth, before), _apart(found, first)
-    resting = jnp.clip(found, -_FARTHEST, -APART - 2.0 * LAST_STEP)
+    resting = jnp.clip(found, -FARTHEST, -APART - 2.0 * LAST_STEP)
     return jnp.where(unsound & far, resting, found), ~unsound | far
 
 

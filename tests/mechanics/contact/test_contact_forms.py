@@ -159,6 +159,40 @@ def test_sampled_points_cover_the_plateau_with_its_area_and_measure_depth_along_
     np.testing.assert_allclose(np.asarray(sampled.depth), expected, atol=2e-6)
 
 
+@every_law
+def test_off_the_cartilage_nothing_is_pressed_however_deep(law):
+    """A ball over the rim: 7 mm deep where the fitted surface goes on, up to 5 mm on cartilage."""
+    common = dict(law=law, form="quadrature", layer_thickness=6.0)
+    rim = np.array([[-21.0, -12.0], [0.0, -12.0], [0.0, 12.0], [-21.0, 12.0]])
+    beyond = Contact(
+        geo.Sphere(10.0), geo.Plateau([[0.0]], (-20, 20), (-10, 10), outline=rim),
+        points=(40, 20), **common,
+    )  # fmt: skip
+    ends_there = Contact(
+        geo.Sphere(10.0), geo.Plateau([[0.0]], (-20, 0), (-10, 10)), points=(20, 20), **common
+    )
+    tibia = geo.Placement(None, tuple(jnp.array([-6.0, -3.0, 0.0])))
+
+    def told(contact):
+        sampled = contact.sample(tibia)
+        faults = contact.faults(tibia, sampled)
+        wrench = jax.jacfwd(lambda t: contact.wrench(geo.Placement(None, t)))(tibia.translation)
+        peak = jnp.max(contact.point_pressure(sampled))
+        numbers = sampled.depth.max(), peak, contact.energy(tibia), wrench
+        assert not (faults.too_deep | faults.outside | faults.lost)
+        return [float(x) for x in jax.tree.leaves(numbers)]
+
+    # The rounded onset leaves 1e-5 mm of contact where the surfaces are apart.
+    np.testing.assert_allclose(told(beyond), told(ends_there), rtol=1e-9, atol=1e-6)
+
+
+def test_what_is_far_apart_carries_nothing_beyond_a_border():
+    contact = Contact(geo.Sphere(10.0), geo.Plane(half_extent=(10.0, 8.0)), form="quadrature")
+    tibia = geo.Placement(None, tuple(jnp.array([0.0, -20.0, 0.0])))
+    border = contact.border(tibia, contact.sample(tibia))
+    assert float(border.share) == float(border.beyond_mm) == 0.0
+
+
 def test_pressure_has_the_rounded_onset_of_the_energy():
     contact = Contact(geo.Sphere(30.0), geo.Plane(), law="log", onset_width=0.02)
     assert float(contact.pressure(1.0)) == pytest.approx(-K * np.log1p(-1.0001 / 6), rel=1e-6)
