@@ -276,7 +276,9 @@ def walk_stretch(
         fault = fault_of(*loaded(here), walk.state, pivots)
         status = jnp.where(walk.state.done, fault, int(Status.NOT_CONVERGED))
         ahead = when(walk.place, memory)
-        change = (found.q - own_q - memory.away_q[0]) / jnp.asarray(units)[:, None]
+        # A load moves the knee itself as well: what counts is how far this one has moved.
+        last_q = jnp.where(loading, jnp.moveaxis(memory.last.q, 0, -1), own_q)
+        change = (found.q - last_q - memory.away_q[0]) / jnp.asarray(units)[:, None]
         stride = ahead - memory.when[0]
         reach = jnp.where(loading, _LOADED_MM, jnp.maximum(1.0, nodes.reach[there] * stride))
         far = memory.begun & (jnp.max(jnp.abs(change), axis=0) > reach)

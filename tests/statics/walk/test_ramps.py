@@ -111,6 +111,26 @@ def test_a_knee_that_nothing_holds_gives_way_and_says_at_which_load(knee):
     assert reached[2] * 200.0 == pytest.approx(reached[1] * 100.0, abs=0.1)
 
 
+def test_a_variant_gives_way_where_the_same_knee_by_itself_does(knee):
+    """Two knees without an ACL that a posterior drawer turns over, beside one that it does not: it
+    carried them across their turning point, in one stride of 134 N and 14 mm."""
+    torn = kj.cut(knee, ["ACL"])
+    selection = kj.select(torn, ("*.stiffness", "*.slack_length"))
+    values = np.array(
+        [[0.0, 8305, 8706, 3520, 26.57, 35.24, 76.94, 52.78],
+         [0.0, 5173, 2997, 4104, 25.96, 34.54, 75.87, 52.45]]
+    )  # fmt: skip
+    posterior = drawer([-134.0], 90.0)
+    base = np.asarray(selection.read(torn))
+    beside = balance_many(torn, selection.apply, base, values, posterior)
+    for row, value in enumerate(values):
+        alone = kj.passive_flexion(selection.apply(torn, value), [90.0], posterior.loads)
+        assert beside.status[row, 0] == int(alone.status[0])
+        assert beside.reached[row, 0] == pytest.approx(float(alone.reached[0]), abs=1e-3)
+        np.testing.assert_allclose(beside.q[row], alone.settled.q.T, atol=1e-6)
+    assert beside.status[0, 0] == Status.GIVES_WAY
+
+
 def test_a_knee_that_turns_and_slides_at_once_gives_way():
     """The least pivot of its stiffness is a fifth of the unloaded one; the least eigenvalue is
     nearly zero."""
