@@ -18,12 +18,12 @@ look takes one along, and 4 looks do where there were 9.
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 from collections.abc import Callable
 from functools import partial
 from typing import Any, ClassVar
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import optimistix as optx
@@ -31,8 +31,9 @@ from jax import Array, lax
 
 from kneejax.geometry import Prescribed, free_of, scales
 from kneejax.mechanics import Knee
-from kneejax.numerics import identity, solve, symmetric
 from kneejax.statics._balance import Forces, linearised, rows_of_force
+from kneejax.statics._scaled import lift, newton_step, scaled, size_of
+from kneejax.statics._search_state import Guess, Phase, SearchState, Seen, Verdict, begun
 
 _LONGEST_STEP = 3.0
 # Relative rounding that an energy difference may show near the solution.
@@ -53,25 +54,6 @@ _HOPELESS = 1e8
 _BEND = 50.0
 
 
-class Guess(eqx.Module):
-    """Where a search begins.
-
-    Attributes:
-        q: free coordinates `(free, lanes)`, rad and mm.
-        meeting: parameters of the meeting points, `(n, 2, lanes)`; NaN where they are not known.
-        tangent: stiffness near there, `(free, free, lanes)`; zero in lanes where it is not known.
-    """
-
-    q: Array
-    meeting: Array
-    tangent: Array
-
-    def __init__(self, q: Array, meeting: Array, tangent: Array | None = None):
-        self.q = q
-        self.meeting = meeting
-        self.tangent = jnp.zeros((len(q), *q.shape)) if tangent is None else tangent
-
-
 @partial(jax.jit, inline=True)
 def look(guess: Guess, args: tuple[Knee, Prescribed]):
     """The function whose root is sought: the unbalanced force at a guess, with what it is made of.
@@ -87,36 +69,6 @@ def look(guess: Guess, args: tuple[Knee, Prescribed]):
 
 def _tangents_are_dear(knee: Knee) -> bool:
     return knee.patch_count > 0
-
-
-class SearchState(eqx.Module):
-    """Of a search; `guess` is the best point so far, `lift` what makes its tangent positive
-    definite, `kept` marks lanes whose tangent belongs to an earlier one, `asks` those that want it
-    computed anew, `still` those that look once more at the best point, `miss` says how far off
-    meeting points were at the look before, where there is another at the same pose; `count` counts
-    the looks of each lane. A lane that is `done` waits for the tangent at its solution and is
-    `ended` with it; so is one that is given up. `scales`: rad and mm of each free coordinate that
-    count as 1 mm."""
-
-    guess: Guess
-    residual: tuple[Array, ...]
-    forces: Forces
-    lift: Array
-    kept: Array
-    asks: Array
-    still: Array
-    miss: Array
-    shift: Array
-    step: tuple[Array, ...]
-    done: Array
-    count: Array
-    ended: Array
-    scales: tuple[float, ...] = eqx.field(static=True)
-
-    def anew(self, lanes: Array, guess: Guess) -> SearchState:
-        """With a search that begins at a guess in some lanes."""
-        first = begun(guess, self.forces, self.scales)
-        return jax.tree.map(lambda new, old: jnp.where(lanes, new, old), first, self)
 
 
 class EnergyNewton(optx.AbstractRootFinder):
@@ -151,94 +103,69 @@ class EnergyNewton(optx.AbstractRootFinder):
             y.meeting,
             at_once=dear,
         )
-        met, miss = jnp.stack(forces.meeting, axis=1), _miss(forces)
-        searches, waits = ~(state.done | state.ended), state.done & ~state.ended
-        accept, again = self._judged(residual, forces, y.q, state, searches)
-        refused = searches & ~(accept | again)
-        anew = self._wanted(state, accept, waits) if dear else jnp.asarray(True)
-        # With the tangent at the solution comes one step more for nothing.
-        ends = waits & anew
-        accept = accept | ends
+        here = Seen(y, residual, forces)
+        verdict = self._judged(here, state, dear)
+        best = _with_tangent(state.at(verdict.accept, here), verdict, tangent_there, dear)
+        best = _steadied(best, verdict, _miss(forces))
+        ahead = self._ahead(best, state, verdict)
+        there = Guess(y.q, jnp.stack(forces.meeting, axis=1))
+        return self._next(ahead, verdict.again, there), ahead, ahead.forces
 
-        def choose(new, old):
-            return jnp.where(accept, new, old)
-
-        q, meeting = choose(y.q, state.guess.q), choose(y.meeting, state.guess.meeting)
-        residual, forces = jax.tree.map(
-            choose, (residual, forces), (state.residual, state.forces)
-        )
-
-        def renewed() -> tuple[Array, Array]:
-            tangent = choose(tangent_there(), state.guess.tangent)
-            return tangent, _lift(tangent, state.scales)
-
-        tangent, lift = lax.cond(anew, renewed, lambda: (state.guess.tangent, state.lift))
-        kept = jnp.where(accept, ~anew, state.kept & dear)
-        # A step by a kept tangent was refused: look once more at the best point, for a new one. Who
-        # asks in vain goes on with what there is, in shorter steps.
-        in_vain = accept & state.still & ~anew
-        still = (refused & kept & ~state.still) | (state.still & again)
-        still = still | ((state.count == 0) & (miss > _JUDGED))
-        shift = jnp.where(still | state.still | again, state.shift, 0.1 * state.shift)
-        longer = in_vain | (refused & ~kept)
-        shift = jnp.where(longer, jnp.maximum(8.0 * state.shift, 1.0), shift)
-        shift = jnp.where(shift < 1e-3, 0.0, shift)
-        step = _newton_step(tangent, residual, jnp.maximum(shift, lift), state.scales)
-        size, before = _size(step), _size(state.step)
-        shrinks = jnp.where(before > 0, size / jnp.where(before > 0, before, 1.0), 1.0)
-        short = jnp.minimum(1.0, _LONGEST_STEP / jnp.where(size > 0, size, 1.0))
-        short = jnp.where(still, 0.0, short)
-        moves = ends | (searches & ~again)
-        step = tuple(
-            jnp.where(moves, short * new, old) for new, old in zip(step, state.step, strict=True)
-        )
-        left = jnp.where(kept, shrinks, _BEND * size) * size
-        # A shift that is small against the stiffness does not hide how far the solution is.
-        at_rest = accept & (lift == 0.0) & (left < self.atol) & (size < _CLOSE) & (shift < 1.0)
-        done = state.done | (searches & at_rest & (_miss(forces) < _MET))
-        count = state.count + searches
-        lost = searches & ~done & ((shift > _HOPELESS) | (count >= self.most_steps))
-        state = SearchState(
-            guess=Guess(q, meeting, tangent),
-            residual=residual,
-            forces=forces,
-            lift=lift,
-            kept=kept,
-            asks=kept & ~in_vain & (state.asks | still | ((before > 0) & (shrinks > _GOOD))),
-            still=still,
-            miss=jnp.where(again, miss, jnp.inf),
-            shift=shift,
-            step=step,
-            done=done,
-            count=count,
-            ended=state.ended | ends | lost,
-            scales=state.scales,
-        )
-        return self._next(state, again, Guess(y.q, met)), state, forces
-
-    def _judged(self, residual, here: Forces, q: Array, state: SearchState, searches: Array):
+    def _judged(self, here: Seen, state: SearchState, dear: bool) -> Verdict:
         """Whether each lane takes the pose it looked at, and whether it looks there again."""
-        first, miss = state.count == 0, _miss(here)
-        lower = state.still | self._is_lower(residual, here, q, state)
+        first, miss = state.count == 0, _miss(here.forces)
+        lower = state.still | self._is_lower(here, state)
         # Off its meeting points a pose's energy says little: look again, as long as they come near.
         # Better ones only raise it: what is too high already needs no other look.
         again = lower & (miss > _JUDGED) & (miss < 0.5 * state.miss)
         astray = miss > jnp.maximum(_JUDGED, _miss(state.forces))
-        accept = searches & (first | (lower & (state.still | ~astray) & ~again))
-        again = searches & again
-        return accept, again & ~accept
+        accept = state.searches & (first | (lower & (state.still | ~astray) & ~again))
+        again = state.searches & again & ~accept
+        anew = self._wanted(state, accept) if dear else jnp.asarray(True)
+        # With the tangent at the solution comes one step more for nothing.
+        ends = state.rests & anew
+        refused = state.searches & ~(accept | again)
+        accept = accept | ends
+        return Verdict(accept, again, refused, ends, anew, accept & state.still & ~anew)
 
-    def _wanted(self, state: SearchState, accept: Array, waits: Array) -> Array:
+    def _ahead(self, best: SearchState, before: SearchState, verdict: Verdict) -> SearchState:
+        """The next step of each lane, and whether it is at rest or lost."""
+        step = newton_step(
+            best.guess.tangent, best.residual, jnp.maximum(best.shift, best.lift), best.scales
+        )
+        size, last = size_of(step), size_of(before.step)
+        shrinks = jnp.where(last > 0, size / jnp.where(last > 0, last, 1.0), 1.0)
+        short = jnp.minimum(1.0, _LONGEST_STEP / jnp.where(size > 0, size, 1.0))
+        short = jnp.where(best.still, 0.0, short)
+        moves = verdict.ends | (before.searches & ~verdict.again)
+        step = tuple(
+            jnp.where(moves, short * new, old) for new, old in zip(step, before.step, strict=True)
+        )
+        left = jnp.where(best.kept, shrinks, _BEND * size) * size
+        # A shift that is small against the stiffness does not hide how far the solution is.
+        at_rest = verdict.accept & (best.lift == 0.0) & (best.shift < 1.0)
+        at_rest &= (left < self.atol) & (size < _CLOSE) & (_miss(best.forces) < _MET)
+        at_rest &= before.searches
+        count = before.count + before.searches
+        hopeless = (best.shift > _HOPELESS) | (count >= self.most_steps)
+        phase = jnp.where(before.searches & hopeless, int(Phase.LOST), before.phase)
+        phase = jnp.where(at_rest, int(Phase.AT_REST), phase)
+        phase = jnp.where(verdict.ends, int(Phase.FOUND), phase)
+        slow = (last > 0) & (shrinks > _GOOD)
+        asks = best.kept & ~verdict.in_vain & (before.asks | best.still | slow)
+        return dataclasses.replace(best, step=step, phase=phase, count=count, asks=asks)
+
+    def _wanted(self, state: SearchState, accept: Array) -> Array:
         """Whether enough lanes need a tangent. Those that were refused have no use for it and do
         not count: a lane that is stuck once starved the others."""
         asks = jnp.sum(state.asks & accept)
         many = (asks > 0) & (4 * asks >= jnp.sum(accept))
-        waiting = jnp.sum(waits)
+        waiting = jnp.sum(state.rests)
         return many | ((waiting > 0) & (waiting >= self.waiting * jnp.sum(~state.ended)))
 
     def _next(self, state: SearchState, again: Array, there: Guess) -> Guess:
         """Where to look next: a step ahead, or at the same pose from better meeting points."""
-        guess, shift = state.guess, _scaled(state.step, state.scales)
+        guess, shift = state.guess, scaled(state.step, state.scales)
         a, b = (
             sum(rate * by for rate, by in zip(rates, shift, strict=True))
             for rates in zip(*state.forces.drift, strict=True)
@@ -258,86 +185,56 @@ class EnergyNewton(optx.AbstractRootFinder):
         )
         return Guess(q, meeting, tangent)
 
-    def _is_lower(self, residual, here: Forces, q: Array, state: SearchState) -> Array:
-        before = state.forces
-        work = jnp.sum(before.load * (q - state.guess.q), axis=0)
-        climb = here.energy - before.energy - work
-        scale = jnp.abs(before.energy) + jnp.abs(here.energy) + 1.0
-        force, old_force = (_size(_scaled(x, state.scales)) for x in (residual, state.residual))
-        finite = jnp.isfinite(here.energy) & jnp.isfinite(force)
+    def _is_lower(self, here: Seen, state: SearchState) -> Array:
+        before, energy = state.forces, here.forces.energy
+        work = jnp.sum(before.load * (here.guess.q - state.guess.q), axis=0)
+        climb = energy - before.energy - work
+        scale = jnp.abs(before.energy) + jnp.abs(energy) + 1.0
+        residuals = here.residual, state.residual
+        force, old_force = (size_of(scaled(x, state.scales)) for x in residuals)
+        finite = jnp.isfinite(energy) & jnp.isfinite(force)
         # Close to the solution energy differences drown in rounding; the forces do not.
         calmer = force < 0.5 * old_force
-        close = _size(state.step) < _CLOSE
+        close = size_of(state.step) < _CLOSE
         return finite & ((climb <= _ROUNDING * scale) | (close & calmer))
 
     def terminate(self, fn, y, args, options, state, tags):
         return jnp.all(state.ended), optx.RESULTS.successful
 
     def postprocess(self, fn, y, aux, args, options, state, tags, result):
-        nowhere = jnp.zeros_like(state.done)
+        nowhere = jnp.zeros_like(state.kept)
         return self._next(state, nowhere, state.guess), state, {}
 
 
-def begun(guess: Guess, forces: Forces, scales: tuple[float, ...]) -> SearchState:
-    """A search before its first look; the forces give shapes."""
-    lanes = guess.q.shape[1:]
-    no, nothing = jnp.zeros(lanes, bool), (jnp.zeros(lanes),) * len(scales)
-    return SearchState(
-        guess=guess,
-        residual=nothing,
-        forces=forces,
-        lift=_lift(guess.tangent, scales),
-        kept=jnp.ones(lanes, bool),
-        asks=jnp.all(guess.tangent == 0.0, axis=(0, 1)),
-        still=no,
-        miss=jnp.full(lanes, jnp.inf),
-        shift=jnp.zeros(lanes),
-        step=nothing,
-        done=no,
-        count=jnp.zeros(lanes, int),
-        ended=no,
-        scales=scales,
-    )
+def _with_tangent(
+    best: SearchState, verdict: Verdict, tangent_there: Callable[[], Array], dear: bool
+) -> SearchState:
+    """With the tangent at the best point, where this look computes tangents."""
+
+    def renewed() -> tuple[Array, Array]:
+        tangent = jnp.where(verdict.accept, tangent_there(), best.guess.tangent)
+        return tangent, lift(tangent, best.scales)
+
+    tangent, raised = lax.cond(verdict.anew, renewed, lambda: (best.guess.tangent, best.lift))
+    kept = jnp.where(verdict.accept, ~verdict.anew, best.kept & dear)
+    guess = dataclasses.replace(best.guess, tangent=tangent)
+    return dataclasses.replace(best, guess=guess, lift=raised, kept=kept)
+
+
+def _steadied(best: SearchState, verdict: Verdict, miss: Array) -> SearchState:
+    """What follows a step that was refused: another tangent, or a shorter step."""
+    # A step by a kept tangent was refused: look once more at the best point, for a new one. Who
+    # asks in vain goes on with what there is, in shorter steps.
+    still = (verdict.refused & best.kept & ~best.still) | (best.still & verdict.again)
+    still = still | ((best.count == 0) & (miss > _JUDGED))
+    shift = jnp.where(still | best.still | verdict.again, best.shift, 0.1 * best.shift)
+    longer = verdict.in_vain | (verdict.refused & ~best.kept)
+    shift = jnp.where(longer, jnp.maximum(8.0 * best.shift, 1.0), shift)
+    shift = jnp.where(shift < 1e-3, 0.0, shift)
+    miss = jnp.where(verdict.again, miss, jnp.inf)
+    return dataclasses.replace(best, still=still, shift=shift, miss=miss)
 
 
 def _miss(forces: Forces) -> Array:
     """How far off the meeting points of a lane are at most, mm, where contact is near."""
     return jnp.max(jnp.where(forces.depth < -1.0, 0.0, forces.miss), axis=0, initial=0.0)
-
-
-def _size(rows: tuple[Array, ...]) -> Array:
-    """Largest entry of each lane."""
-    return functools.reduce(jnp.maximum, map(jnp.abs, rows))
-
-
-def _scaled(rows: tuple[Array, ...], scales: tuple[float, ...]) -> tuple[Array, ...]:
-    return tuple(scale * row for scale, row in zip(scales, rows, strict=True))
-
-
-def _lift(tangent: Array, scales: tuple[float, ...]) -> Array:
-    """N/mm that make a scaled tangent positive definite in any case; 0 where it is."""
-    scaled, size = scaled_tangent(tangent, scales), len(scales)
-    _, pivots = solve(symmetric(scaled), (jnp.zeros(tangent.shape[2:]),) * size)
-    definite = functools.reduce(jnp.logical_and, [pivot > 0 for pivot in pivots])
-    # Gershgorin's discs.
-    spread = jnp.sum(jnp.abs(scaled), axis=1)
-    diagonal = [scaled[i, i] for i in range(size)]
-    needed = functools.reduce(
-        jnp.maximum, [s - jnp.abs(d) - d for s, d in zip(spread, diagonal, strict=True)]
-    )
-    return jnp.where(definite, 0.0, jnp.clip(needed + 1.0, 1.0))
-
-
-def _newton_step(
-    tangent: Array, residual: tuple[Array, ...], extra: Array, scales: tuple[float, ...]
-) -> tuple[Array, ...]:
-    """Newton step in scaled coordinates, in rows, with a multiple of the identity added."""
-    right = tuple(-row for row in _scaled(residual, scales))
-    lifted = scaled_tangent(tangent, scales) + extra * identity(len(scales), extra.ndim)
-    return solve(lifted, right)[0]
-
-
-def scaled_tangent(tangent: Array, scales: tuple[float, ...]) -> Array:
-    """A stiffness in N/mm: per mm of every coordinate, rotations at 30 mm."""
-    units = jnp.asarray(scales).reshape(len(scales), *(1,) * (tangent.ndim - 2))
-    return tangent * units[:, None] * units[None]

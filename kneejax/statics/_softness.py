@@ -9,7 +9,7 @@ import numpy as np
 from jax import Array
 
 from kneejax.numerics import solve, symmetric
-from kneejax.statics._newton import scaled_tangent
+from kneejax.statics._scaled import scaled_tangent
 
 #: Squares of a load that is unlike in every coordinate, of up to three bodies.
 _PRIMES = (2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0, 31.0, 37.0,

@@ -22,8 +22,9 @@ from kneejax.statics._balance import balance
 from kneejax.statics._softness import softness_of
 from kneejax.statics._status import Status, converged
 from kneejax.statics.walk._balances import Balances
+from kneejax.statics.walk._places import Memory, Nodes, Place, Reached
 from kneejax.statics.walk._stations import Stations
-from kneejax.statics.walk._stretch import Memory, Nodes, Place, Reached, walk_stretch
+from kneejax.statics.walk._stretch import walk_stretch
 from kneejax.statics.walk._variants import Variants, with_numbers
 
 #: Nodes of a call.

@@ -20,16 +20,10 @@ from kneejax.mechanics import Knee
 from kneejax.statics._settle import Settled
 from kneejax.statics._softness import newton_step_left
 from kneejax.statics._status import Status, converged
+from kneejax.statics.walk._places import Memory, Nodes, Place, Reached
 from kneejax.statics.walk._routes import STRIDE, longest_stride_mm
 from kneejax.statics.walk._stations import Stations
-from kneejax.statics.walk._stretch import (
-    Memory,
-    Nodes,
-    Place,
-    Reached,
-    first_meeting,
-    walk_stretch,
-)
+from kneejax.statics.walk._stretch import first_meeting, walk_stretch
 
 #: Nodes of a stretch.
 _PLACES = 32

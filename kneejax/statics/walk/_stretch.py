@@ -12,21 +12,23 @@ searched node by node together took as long as the slowest, and Figures 3 to 10 
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax import Array, lax
 
 from kneejax.geometry import Prescribed, scales
-from kneejax.mechanics import Knee, Load
+from kneejax.mechanics import Knee
 from kneejax.numerics import compiled
-from kneejax.statics._newton import EnergyNewton, Guess, SearchState, look
+from kneejax.statics._newton import EnergyNewton, look
+from kneejax.statics._search_state import Guess, Phase, SearchState
 from kneejax.statics._settle import fault_of, holding, with_meeting
 from kneejax.statics._softness import softness_of
 from kneejax.statics._status import Status, converged
+from kneejax.statics.walk._places import Memory, Nodes, Place, Reached, in_front
 from kneejax.statics.walk._stations import Stations
 from kneejax.statics.walk._variants import with_numbers
 
@@ -47,142 +49,6 @@ _FINEST, _FINEST_LOADED = 2.0**-3, 2.0**-14
 _MISSED_MM = 1.0
 #: How far a knee may move while a load grows by one step, mm (rotations at 30 mm).
 _LOADED_MM = 2.0
-
-
-class Nodes(eqx.Module):
-    """What lies ahead of each lane; arrays begin with place and lane.
-
-    Attributes:
-        numbers: leaves of the knee that vary, by their places in it, `(places, lanes, ...)`.
-        stations: likewise.
-        q: coordinates from which distances are predicted, `(places, lanes, free)`.
-        meeting: likewise, `(places, lanes, n, 2)`.
-        even: whether the last two strides and this one are alike, `(places, lanes)`.
-        reach: mm (rotations at 30 mm) that the distance from the motion may change by on the way
-            to a node, `(places, lanes)`; what lies farther is another branch.
-        loading: whether loads change on the way to a node, `(places, lanes)`.
-        first: how many nodes of its path a lane has behind it, `(lanes,)`.
-        length: places of each lane, `(lanes,)`; none where a lane is not needed.
-    """
-
-    numbers: dict[int, Any]
-    stations: Stations
-    q: Any
-    meeting: Any
-    even: Any
-    reach: Any
-    loading: Any
-    first: Any
-    length: Any
-
-
-class Place(eqx.Module):
-    """Where lanes stand between their nodes; arrays begin with the lane.
-
-    Attributes:
-        numbers: as in `Nodes`, `(lanes, ...)`.
-        stations: likewise.
-        q: likewise, `(lanes, free)`.
-        meeting: likewise, `(lanes, n, 2)`.
-    """
-
-    numbers: dict[int, Any]
-    stations: Stations
-    q: Any
-    meeting: Any
-
-    def towards(self, there: Place, part: Array) -> Place:
-        """A part of the straight way to another place."""
-
-        def between(here: Array, end: Array) -> Array:
-            share = _in_front(part, end)
-            return jnp.where(share >= 1.0, end, here + share * (end - here))
-
-        way = jax.tree.map(between, self, there)
-        # A force that grows acts where it will act.
-
-        def points(place: Place) -> list[Array]:
-            return [load.point for load in place.stations.loads if isinstance(load, Load)]
-
-        return eqx.tree_at(points, way, points(there))
-
-
-class Memory(eqx.Module):
-    """What a lane knows of its way so far; arrays end in lanes, those of `last` begin with them.
-
-    Attributes:
-        away_q: distances `(3, free, lanes)` at the last three balances, the latest first.
-        away_meeting: likewise, `(3, n, 2, lanes)`.
-        when: how far along the path they were, in nodes, `(3, lanes)`.
-        last: the place of the latest.
-        known: balances in a row, of nodes or on the way to them.
-        lost: nodes lost in a row.
-        led: whether the path has been near a balance.
-        begun: whether a balance lies behind; from elsewhere any way is long.
-        based: whether `last` is where the path comes from, so that the way can be divided.
-        wary: whether the next search is not to be predicted, since one was lost.
-        aim: part of the way from `last` to the next node that is tried.
-        tangent: stiffness at the latest balance, `(free, free, lanes)`; zero where it is not known.
-        softness: see `softness_of`, at the latest balance.
-        steps: looks spent so far on a node that is not finished.
-    """
-
-    away_q: Any
-    away_meeting: Any
-    when: Any
-    last: Place
-    known: Any
-    lost: Any
-    led: Any
-    begun: Any
-    based: Any
-    wary: Any
-    aim: Any
-    tangent: Any
-    softness: Any
-    steps: Any
-
-
-class Reached(eqx.Module):
-    """What became of the nodes; arrays begin with the turn and end in lanes.
-
-    Attributes:
-        place: of the node that ended in this turn; -1 where none did.
-        q: `(turns, free, lanes)`.
-        meeting: `(turns, n, 2, lanes)`.
-        status: `(turns, lanes)`.
-        fault: see `Settled`, of the last search.
-        steps: looks of all searches for the node.
-        way: how far along the path the last balance was, in nodes, `(turns, lanes)`.
-        softness: see `softness_of`; there, or where the search ended if that is less and not far;
-            at the node if it is balanced.
-        holding: fields of `Settled` by name, of the last search: those that a look computes.
-    """
-
-    place: Array
-    q: Array
-    meeting: Array
-    status: Array
-    fault: Array
-    steps: Array
-    way: Array
-    softness: Array
-    holding: dict[str, Array]
-
-    def packed(self) -> Array:
-        """All numbers of one turn, `(numbers, lanes)`: one by one their writing took 2 % of it."""
-        leaves = jax.tree.leaves(self)
-        return jnp.concatenate([x.reshape(-1, x.shape[-1]).astype(float) for x in leaves])
-
-    def unpacked(self, log: np.ndarray | Array) -> Reached:
-        """All turns of a log, whose turns are like this one."""
-        leaves, kinds = jax.tree.flatten(self)
-        ends = np.cumsum([x.size // x.shape[-1] for x in leaves])
-        shaped = [
-            log[:, end - x.size // x.shape[-1] : end].reshape(len(log), *x.shape).astype(x.dtype)
-            for x, end in zip(leaves, ends, strict=True)
-        ]
-        return jax.tree.unflatten(kinds, shaped)
 
 
 class _Walk(eqx.Module):
@@ -218,29 +84,89 @@ def walk_stretch(
         What became of the nodes, packed, and one turn of it, for `Reached.unpacked`; and the memory
         with which to go on.
     """
-    places, lanes = nodes.even.shape
-    units = scales(nodes.stations.free)
+    stretch, turns = _Stretch(knee, nodes, give_up), _ENDS * nodes.even.shape[0]
 
-    def at(place: Array) -> tuple[Array, Array]:
+    def unfinished(walk: _Walk) -> Array:
+        going = jnp.sum(walk.goes)
+        return (walk.turns < turns) & (going > 0) & (going >= fewest)
+
+    walk, nothing = stretch.begun(memory)
+    row = _entry(walk, nothing)
+    log = jnp.broadcast_to(row.packed(), (turns, *row.packed().shape))
+    walk = lax.while_loop(
+        unfinished, partial(stretch.a_look, nothing), dataclasses.replace(walk, log=log)
+    )
+    return walk.log, row, walk.memory
+
+
+def _entry(walk: _Walk, verdict: dict[str, Array]) -> Reached:
+    return Reached(q=walk.y.q, meeting=walk.y.meeting, holding=holding(walk.state), **verdict)
+
+
+class _Judged(NamedTuple):
+    """Searches that have ended, by lane.
+
+    Attributes:
+        good: a balance on the branch of the last one.
+        again: searched once more, with patience.
+        shorter: half the way is tried.
+        lost: the node is given up.
+        status: `Status` values.
+        fault: of the pose at which the search ended.
+        softness: there.
+        behind: softness there, or at the last balance.
+        ahead: how far along the path the search was, in nodes.
+    """
+
+    good: Array
+    again: Array
+    shorter: Array
+    lost: Array
+    status: Array
+    fault: Array
+    softness: Array
+    behind: Array
+    ahead: Array
+
+
+class _Stretch(NamedTuple):
+    """The rules of a walk: the knee, what lies ahead of each lane, and when a lane gives up."""
+
+    knee: Knee
+    nodes: Nodes
+    give_up: Array
+
+    @property
+    def units(self) -> tuple[float, ...]:
+        """rad and mm of each free coordinate that count as 1 mm."""
+        return scales(self.nodes.stations.free)
+
+    def at(self, place: Array) -> tuple[Array, Array]:
+        """Where the numbers of a place stand, in each lane."""
+        places, lanes = self.nodes.even.shape
         return jnp.minimum(place, places - 1), jnp.arange(lanes)
 
-    def node(place: Array) -> Place:
+    def node(self, place: Array) -> Place:
+        """The node at a place of each lane."""
+        nodes = self.nodes
         every = nodes.numbers, nodes.stations, nodes.q, nodes.meeting
-        return Place(*jax.tree.map(lambda x: x[at(place)], every))
+        return Place(*jax.tree.map(lambda x: x[self.at(place)], every))
 
-    def loaded(here: Place) -> tuple[Knee, Prescribed]:
-        knees = here.stations.load(with_numbers(knee, here.numbers))
+    def loaded(self, here: Place) -> tuple[Knee, Prescribed]:
+        """Knees with their loads, and what is prescribed to them."""
+        knees = here.stations.load(with_numbers(self.knee, here.numbers))
         return knees.for_many_poses(), here.stations.prescribed
 
-    def when(place: Array, memory: Memory) -> Array:
+    def when(self, place: Array, memory: Memory) -> Array:
         """How far along its path a lane is where it aims at."""
-        return memory.when[0] + memory.aim * (nodes.first + place + 1.0 - memory.when[0])
+        full = self.nodes.first + place + 1.0 - memory.when[0]
+        return memory.when[0] + memory.aim * full
 
-    def begin(place: Array, memory: Memory) -> tuple[Place, Guess, Array]:
-        """Where lanes aim at, and where their searches begin."""
-        here = memory.last.towards(node(place), memory.aim)
+    def aimed(self, place: Array, memory: Memory) -> tuple[Place, Guess, Array]:
+        """Where lanes aim at, where their searches begin, and whether with patience."""
+        here = memory.last.towards(self.node(place), memory.aim)
         known = jnp.where(memory.wary, 0, memory.known)
-        ahead = when(place, memory)
+        ahead = self.when(place, memory)
         q, meeting = (
             jnp.moveaxis(near, 0, -1) + _extrapolated(away, memory.when, ahead, known)
             for near, away in (
@@ -251,39 +177,83 @@ def walk_stretch(
         patient = memory.led & (known < 2)
         return here, Guess(q, meeting, memory.tangent), patient
 
-    def a_look(before: _Walk) -> _Walk:
-        walk, memory = before, before.memory
+    def begun(self, memory: Memory) -> tuple[_Walk, dict[str, Array]]:
+        """The walk before its first look, and what is written down where nothing has ended."""
+        nodes, lanes = self.nodes, self.nodes.even.shape[1]
+        start, goes = jnp.zeros(lanes, int), nodes.length > 0
+        known = jnp.where(nodes.even[0], memory.known, jnp.minimum(memory.known, 1))
+        memory = dataclasses.replace(memory, known=known)
+        here, guess, patient = self.aimed(start, memory)
+        args = self.loaded(here)
+        _, shapes = jax.eval_shape(look, guess, args)
+        state = EnergyNewton().init(look, guess, args, {}, None, shapes, frozenset())
+        phase = jnp.where(goes, state.phase, int(Phase.LOST))
+        state = dataclasses.replace(state, phase=phase)
+        walk = _Walk(jnp.asarray(0), start, goes, patient, memory, here, guess, state, None)
+        _, nothing = jax.tree.map(jnp.zeros_like, jax.eval_shape(self.searches_end, walk, goes))
+        nothing["place"] -= 1
+        return walk, nothing
+
+    def a_look(self, nothing: dict[str, Array], before: _Walk) -> _Walk:
+        """One look of all lanes, and what follows where searches end."""
+        memory = before.memory
         few = jnp.where(memory.aim < 1.0, _PART, jnp.where(memory.led, _QUICK, _SHORT))
-        looks = jnp.where(walk.patient, _PATIENT, few)
+        looks = jnp.where(before.patient, _PATIENT, few)
         search = EnergyNewton(atol=_ACCURACY_MM, most_steps=looks, waiting=_WAITING)
-        args = loaded(walk.here)
-        y, state, _ = search.step(look, walk.y, args, {}, walk.state, frozenset())
-        walk = eqx.tree_at(lambda w: (w.y, w.state, w.log), walk, (y, state, None))
+        args = self.loaded(before.here)
+        y, state, _ = search.step(look, before.y, args, {}, before.state, frozenset())
+        walk = dataclasses.replace(before, y=y, state=state, log=None)
         ended = walk.goes & state.ended
         after, verdict = lax.cond(
-            jnp.any(ended), lambda: searches_end(walk, ended), lambda: (walk, nothing)
+            jnp.any(ended), lambda: self.searches_end(walk, ended), lambda: (walk, nothing)
         )
         # Written outside of the branch, which would copy the whole log; in one piece.
-        entry = Reached(**dict(q=y.q, meeting=y.meeting, holding=holding(state)) | verdict)
-        log = lax.dynamic_update_index_in_dim(before.log, entry.packed(), walk.turns, 0)
+        entry = _entry(walk, verdict).packed()
+        log = lax.dynamic_update_index_in_dim(before.log, entry, walk.turns, 0)
         return dataclasses.replace(after, log=log)
 
-    def searches_end(walk: _Walk, ended: Array) -> tuple[_Walk, dict[str, Array]]:
-        memory, found, there = walk.memory, walk.y, at(walk.place)
-        loading, here = nodes.loading[there], walk.here
-        own_q, own_meeting = (jnp.moveaxis(x, 0, -1) for x in (here.q, here.meeting))
-        softness, pivots = softness_of(walk.state.guess.tangent, units)
-        fault = fault_of(*loaded(here), walk.state, pivots)
+    def searches_end(self, walk: _Walk, ended: Array) -> tuple[_Walk, dict[str, Array]]:
+        """Judge what lanes have found, and send them on."""
+        judged = self.judged(walk, ended)
+        arrived = judged.good & (walk.memory.aim >= 1.0)
+        over = arrived | judged.lost
+        steps = walk.memory.steps + walk.state.count
+        verdict = dict(
+            place=jnp.where(over, walk.place, -1),
+            status=judged.status,
+            fault=judged.fault,
+            steps=steps,
+            way=walk.memory.when[0],
+            softness=jnp.where(judged.good, judged.softness, judged.behind),
+        )
+        place = walk.place + over
+        memory = self.remembered(walk, judged, ended, over)
+        goes = walk.goes & (place < self.nodes.length) & (memory.lost < self.give_up)
+        new, guess, patient = self.aimed(place, memory)
+        begins = ended & goes
+        state = walk.state.anew(begins, guess)
+        y = jax.tree.map(lambda new, old: jnp.where(begins, new, old), guess, walk.y)
+        patient = jnp.where(begins, patient | judged.again, walk.patient)
+        turns, here = walk.turns + jnp.any(over), _where(begins, new, walk.here)
+        return _Walk(turns, place, goes, patient, memory, here, y, state, None), verdict
+
+    def judged(self, walk: _Walk, ended: Array) -> _Judged:
+        """Whether what lanes have found is on their branch, and what to do where it is not."""
+        memory, found, there = walk.memory, walk.y, self.at(walk.place)
+        loading, units = self.nodes.loading[there], jnp.asarray(self.units)[:, None]
+        own_q = jnp.moveaxis(walk.here.q, 0, -1)
+        softness, pivots = softness_of(walk.state.guess.tangent, self.units)
+        fault = fault_of(*self.loaded(walk.here), walk.state, pivots)
         status = jnp.where(walk.state.done, fault, int(Status.NOT_CONVERGED))
-        ahead = when(walk.place, memory)
+        ahead = self.when(walk.place, memory)
         # A load moves the knee itself as well: what counts is how far this one has moved.
         last_q = jnp.where(loading, jnp.moveaxis(memory.last.q, 0, -1), own_q)
-        change = (found.q - last_q - memory.away_q[0]) / jnp.asarray(units)[:, None]
+        change = (found.q - last_q - memory.away_q[0]) / units
         stride = ahead - memory.when[0]
-        reach = jnp.where(loading, _LOADED_MM, jnp.maximum(1.0, nodes.reach[there] * stride))
+        reach = jnp.where(loading, _LOADED_MM, jnp.maximum(1.0, self.nodes.reach[there] * stride))
         far = memory.begun & (jnp.max(jnp.abs(change), axis=0) > reach)
         expected = _extrapolated(memory.away_q, memory.when, ahead, memory.known)
-        miss = (found.q - own_q - expected) / jnp.asarray(units)[:, None]
+        miss = (found.q - own_q - expected) / units
         far |= (memory.known > 1) & (jnp.max(jnp.abs(miss), axis=0) > _MISSED_MM)
         astray = far | (loading & ~(softness > 0.0))
         status = jnp.where(astray & converged(status), Status.NOT_CONVERGED, status)
@@ -292,75 +262,47 @@ def walk_stretch(
         again = ended & ~good & memory.led & ~walk.patient & ~(loading & memory.based)
         shorter = ended & ~good & ~again & memory.based & (0.5 * stride >= finest)
         lost = ended & ~(good | shorter | again)
-        arrived = good & (memory.aim >= 1.0)
-        over = arrived | lost
-        looks, steps = walk.state.count, memory.steps + walk.state.count
         # What ends beside a turning point may be so soft that no balance is told from it.
         behind = jnp.where(~far & (softness < memory.softness), softness, memory.softness)
-        verdict = dict(
-            place=jnp.where(over, walk.place, -1),
-            status=status,
-            fault=fault,
-            steps=steps,
-            way=memory.when[0],
-            softness=jnp.where(good, softness, behind),
-        )
-        place = walk.place + over
+        return _Judged(good, again, shorter, lost, status, fault, softness, behind, ahead)
+
+    def remembered(self, walk: _Walk, judged: _Judged, ended: Array, over: Array) -> Memory:
+        """What lanes know after their searches."""
+        memory, found, here = walk.memory, walk.y, walk.here
+        good, ahead = judged.good, judged.ahead
+        own_q, own_meeting = (jnp.moveaxis(x, 0, -1) for x in (here.q, here.meeting))
+        arrived = good & over
         # A longer part where one went well; a node that follows begins with as long a stride.
-        easy = jnp.where(looks <= _EASY, 2.0, 1.0)
-        rest_of_way = jnp.where(arrived, 1.0, nodes.first + walk.place + 1.0 - ahead)
+        easy = jnp.where(walk.state.count <= _EASY, 2.0, 1.0)
+        rest_of_way = jnp.where(arrived, 1.0, self.nodes.first + walk.place + 1.0 - ahead)
+        stride = ahead - memory.when[0]
         longer = jnp.minimum(1.0, easy * stride / jnp.where(good, rest_of_way, 1.0))
-        aim = jnp.where(shorter, 0.5 * memory.aim, jnp.where(lost, 1.0, memory.aim))
-        lost_in_a_row = jnp.where(arrived, 0, memory.lost + (lost & memory.led))
-        uneven = over & ~nodes.even[at(place)]
+        aim = jnp.where(judged.lost, 1.0, memory.aim)
+        aim = jnp.where(judged.shorter, 0.5 * memory.aim, aim)
+        uneven = over & ~self.nodes.even[self.at(walk.place + over)]
         known = memory.known + good
-        tangent = jnp.where(again, 0.0, memory.tangent)
-        memory = Memory(
+        steps = jnp.where(ended, memory.steps + walk.state.count, memory.steps)
+        return Memory(
             away_q=_pushed(memory.away_q, found.q - own_q, good),
             away_meeting=_pushed(memory.away_meeting, found.meeting - own_meeting, good),
             when=_pushed(memory.when, ahead, good),
             last=_where(good, here, memory.last),
             known=jnp.where(uneven, jnp.minimum(known, 1), known),
-            lost=lost_in_a_row,
+            lost=jnp.where(arrived, 0, memory.lost + (judged.lost & memory.led)),
             led=memory.led | good,
             begun=memory.begun | good,
             based=memory.based | good,
             # What was lost may have been led astray by its prediction.
             wary=jnp.where(ended, ~good, memory.wary),
             aim=jnp.where(good, longer, aim),
-            tangent=jnp.where(good, walk.state.guess.tangent, tangent),
-            softness=jnp.where(good, softness, memory.softness),
-            steps=jnp.where(over, 0, jnp.where(ended, steps, memory.steps)),
+            tangent=jnp.where(
+                good,
+                walk.state.guess.tangent,
+                jnp.where(judged.again, 0.0, memory.tangent),
+            ),
+            softness=jnp.where(good, judged.softness, memory.softness),
+            steps=jnp.where(over, 0, steps),
         )
-        goes = walk.goes & (place < nodes.length) & (lost_in_a_row < give_up)
-        new, guess, patient = begin(place, memory)
-        begins = ended & goes
-        state = walk.state.anew(begins, guess)
-        y = jax.tree.map(lambda new, old: jnp.where(begins, new, old), guess, walk.y)
-        patient = jnp.where(begins, patient | again, walk.patient)
-        turns = walk.turns + jnp.any(over)
-        here = _where(begins, new, here)
-        return _Walk(turns, place, goes, patient, memory, here, y, state, None), verdict
-
-    def unfinished(walk: _Walk) -> Array:
-        going = jnp.sum(walk.goes)
-        return (walk.turns < turns) & (going > 0) & (going >= fewest)
-
-    start, goes = jnp.zeros(lanes, int), nodes.length > 0
-    known = jnp.where(nodes.even[0], memory.known, jnp.minimum(memory.known, 1))
-    memory = eqx.tree_at(lambda m: m.known, memory, known)
-    here, guess, patient = begin(start, memory)
-    _, shapes = jax.eval_shape(look, guess, loaded(here))
-    state = EnergyNewton().init(look, guess, loaded(here), {}, None, shapes, frozenset())
-    state = eqx.tree_at(lambda s: s.ended, state, ~goes)
-    walk = _Walk(jnp.asarray(0), start, goes, patient, memory, here, guess, state, None)
-    _, nothing = jax.tree.map(jnp.zeros_like, jax.eval_shape(searches_end, walk, goes))
-    nothing["place"] -= 1
-    turns = _ENDS * places
-    row = Reached(**dict(q=guess.q, meeting=guess.meeting, holding=holding(state)) | nothing)
-    log = jnp.broadcast_to(row.packed(), (turns, *row.packed().shape))
-    walk = lax.while_loop(unfinished, a_look, dataclasses.replace(walk, log=log))
-    return walk.log, row, walk.memory
 
 
 @compiled()
@@ -375,13 +317,8 @@ def first_meeting(
     return with_meeting(knees, stations.prescribed, jnp.moveaxis(q, 0, -1)).meeting
 
 
-def _in_front(lanes: Array, like: Array) -> Array:
-    """Lanes as the first axis of an array."""
-    return lanes.reshape(-1, *(1,) * (like.ndim - 1))
-
-
 def _where(lanes: Array, new: Place, old: Place) -> Place:
-    return jax.tree.map(lambda x, y: jnp.where(_in_front(lanes, x), x, y), new, old)
+    return jax.tree.map(lambda x, y: jnp.where(in_front(lanes, x), x, y), new, old)
 
 
 def _pushed(rows: Array, latest: Array, good: Array) -> Array:

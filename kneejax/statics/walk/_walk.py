@@ -15,9 +15,10 @@ import numpy as np
 
 from kneejax.statics._status import converged
 from kneejax.statics.walk._paths import Found, Paths
+from kneejax.statics.walk._places import Memory, Nodes, Place, Reached
 from kneejax.statics.walk._routes import longest_stride_mm
 from kneejax.statics.walk._stations import Stations
-from kneejax.statics.walk._stretch import Memory, Nodes, Place, Reached, first_meeting, walk_stretch
+from kneejax.statics.walk._stretch import first_meeting, walk_stretch
 from kneejax.statics.walk._variants import Variants
 
 #: Lanes of a call. Few lanes are soon filled, many share what an operation costs by itself (before
