@@ -11,6 +11,14 @@ from typing import Any
 class MissingPackage(ValueError):
     """An optional package that a question needs and that is not installed."""
 
+#: Extra of kneejax -> how a sentence on its packages begins.
+_WHO_NEEDS = {
+    "lbfgsb": "the method lbfgsb needs",
+    "maps": "maps need",
+    "tables": "tables need",
+    "sensitivity": "global indices need",
+}
+
 
 def imported(module: str, package: str, extra: str = "posterior") -> Any:
     """An optional module.
@@ -54,7 +62,7 @@ def check_installed(package: str, extra: str) -> None:
 
 
 def _missing(package: str, extra: str) -> MissingPackage:
-    what = f"the {extra} needs" if extra == "posterior" else f"{extra} need"
+    what = _WHO_NEEDS.get(extra, f"the {extra} needs")
     return MissingPackage(
         f"{what} {package}, which is not installed: pip install 'kneejax[{extra}]'"
     )

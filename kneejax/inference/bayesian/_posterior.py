@@ -75,7 +75,7 @@ def posterior(
     """
     begun = time.perf_counter()
     noise = noise_of(noise_mm, noise_deg)
-    _check_counts(chains, draws, warmup)
+    check_counts(chains, draws, warmup)
     imported("blackjax", "blackjax")
     imported("arviz", "arviz")
     # A calibration's problem must not forget its own weights and poses.
@@ -110,7 +110,8 @@ def posterior(
     )
 
 
-def _check_counts(chains: int, draws: int, warmup: int) -> None:
+def check_counts(chains: int, draws: int, warmup: int = 300) -> None:
+    """Refuse, before anything is computed, too few chains or draws (`UnsuitableData`)."""
     for name, value, least in (("chains", chains, 2), ("draws", draws, 20), ("warmup", warmup, 1)):
         if value < least:
             raise UnsuitableData(f"{name}: {value}: expected {least} or more")

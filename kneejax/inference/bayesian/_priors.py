@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference.fit import Problem
-from kneejax.parameters import UnsuitableData, prior_scales, stated, stated_bounds
+from kneejax.mechanics import Knee
+from kneejax.parameters import Selection, UnsuitableData, prior_scales, stated, stated_bounds
 
 #: A frame is rarely off by more than 10 mm or degrees.
 _OFFSET_BOUND, _OFFSET_SD = 10.0, 5.0
@@ -86,19 +87,36 @@ def normal_priors(
         UnsuitableData: a standard deviation that is not positive, a mean that is not finite or
             outside the bounds, bounds in the wrong order.
     """
-    selection = problem.selection
-    values = np.asarray(selection.read(problem.knee))
+    found = [*parameter_priors(problem.knee, problem.selection, given, bounds)]
+    for coordinate in problem.offsets:
+        name = f"offset.{FREE_COORDINATES[coordinate]}"
+        found.append(Prior(name, 0.0, _OFFSET_SD, -_OFFSET_BOUND, _OFFSET_BOUND))
+    return tuple(found)
+
+
+def parameter_priors(
+    knee: Knee,
+    selection: Selection,
+    given: Mapping[str, tuple[float, float]] | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+) -> tuple[Prior, ...]:
+    """Priors of parameters alone, one each; as `normal_priors`.
+
+    Args:
+        knee: whose values are the middles where none is given.
+        selection: the parameters.
+        given: as in `normal_priors`.
+        bounds: likewise.
+    """
+    values = np.asarray(selection.read(knee))
     usual = prior_scales(selection, values)
     stated(selection, bounds or {}, "bounds")
-    lower, upper = stated_bounds(problem.knee, selection, bounds or {})
+    lower, upper = stated_bounds(knee, selection, bounds or {})
     found = []
     for i, own in enumerate(stated(selection, given or {}, "prior")):
         mean, sd = own or (values[i], usual[i])
         numbers = map(float, (mean, sd, lower[i], upper[i]))
         found.append(_checked(Prior(selection.names[i], *numbers)))
-    for coordinate in problem.offsets:
-        name = f"offset.{FREE_COORDINATES[coordinate]}"
-        found.append(Prior(name, 0.0, _OFFSET_SD, -_OFFSET_BOUND, _OFFSET_BOUND))
     return tuple(found)
 
 

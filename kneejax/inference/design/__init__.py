@@ -5,6 +5,7 @@ from kneejax.inference.design._candidates import Candidate as Candidate
 from kneejax.inference.design._candidates import stations_of as stations_of
 from kneejax.inference.design._candidates import usual_candidates as usual_candidates
 from kneejax.inference.design._design import Design as Design
+from kneejax.inference.design._design import check_tests as check_tests
 from kneejax.inference.design._design import choose as choose
 from kneejax.inference.design._design import criterion_of as criterion_of
 from kneejax.inference.design._design import design_tests as design_tests

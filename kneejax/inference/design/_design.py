@@ -125,7 +125,8 @@ def design_tests(
     """
     tests = tuple(usual_candidates() if candidates is None else candidates)
     noise, prior = np.asarray(noise, float), None if prior is None else np.asarray(prior, float)
-    _check(selection, known, noise, tests, count, criterion, prior)
+    check_tests(tests, count, criterion, repeat=repeat)
+    _check(selection, known, noise, prior)
     found = station_derivatives(selection, knee, known.values, stations_of(tests))
     usable = found.status == Status.BALANCED
     if usable.sum() < (1 if repeat else count):
@@ -266,15 +267,29 @@ def _greedy(base, told, count, criterion, usable, repeat) -> list[int]:
     return rows
 
 
-def _check(selection, known, noise, tests, count, criterion, prior) -> None:
+def check_tests(
+    candidates: Sequence[Candidate], count: int, criterion: str, *, repeat: bool = False
+) -> None:
+    """Refuse, before anything is computed, what `design_tests` cannot choose; arguments as there.
+
+    Raises:
+        UnsuitableData: an unknown criterion, no test wanted, or fewer candidates than tests.
+    """
     if criterion not in CRITERIA:
         raise UnsuitableData(f"unknown criterion {criterion!r}: expected D or A")
-    if known.names != selection.names:
-        raise UnsuitableData("the information is not that of the selected parameters")
     if count < 1:
         raise UnsuitableData(f"{count} tests: expected at least 1")
-    if not tests:
+    if not candidates:
         raise UnsuitableData("no candidates: expected at least one test to choose from")
+    if count > len(candidates) and not repeat:
+        raise UnsuitableData(
+            f"{count} tests wanted, of {len(candidates)} candidates: ask for fewer, or give others"
+        )
+
+
+def _check(selection, known, noise, prior) -> None:
+    if known.names != selection.names:
+        raise UnsuitableData("the information is not that of the selected parameters")
     if noise.shape != (5,) or not (np.isfinite(noise) & (noise > 0)).all():
         raise UnsuitableData(f"noise {noise}: expected five standard deviations above 0")
     if prior is None:

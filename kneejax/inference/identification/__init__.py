@@ -1,6 +1,7 @@
 """Which parameters data determine: information, and words for it."""
 
 from kneejax.inference.identification._identify import Identification as Identification
+from kneejax.inference.identification._identify import check_enough as check_enough
 from kneejax.inference.identification._identify import identify as identify
 from kneejax.inference.identification._information import Information as Information
 from kneejax.inference.identification._information import fit_information as fit_information

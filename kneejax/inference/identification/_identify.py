@@ -131,11 +131,8 @@ def identify(
     weights = DEFAULT_WEIGHTS if weights is None else np.asarray(weights, float)
     count = int((weights > 0).sum() * used.sum())
     spare = count - len(selection) - len(offsets)
-    if estimated and spare <= 0:
-        raise UnsuitableData(
-            f"{count} measured numbers for {len(selection) + len(offsets)} unknowns: "
-            "their noise cannot be estimated; give noise_mm and noise_deg, or free fewer parameters"
-        )
+    if estimated:
+        check_enough(count, len(selection) + len(offsets))
     balance = balances_of(knee, selection, stations)
     with np.errstate(divide="ignore"):
         data = MotionData(stations, measured[:, 1:], 1.0 / np.sqrt(weights), offsets, used)
@@ -173,6 +170,23 @@ def identify(
         (),
     )
     return dataclasses.replace(answer, warnings=_warnings(answer, used, spare))
+
+
+def check_enough(count: int, unknowns: int) -> None:
+    """Refuse data too few to say how large their own noise is.
+
+    Args:
+        count: measured numbers.
+        unknowns: free parameters and offsets.
+
+    Raises:
+        UnsuitableData: nothing would be left over.
+    """
+    if count <= unknowns:
+        raise UnsuitableData(
+            f"{count} measured numbers for {unknowns} unknowns: "
+            "their noise cannot be estimated; give noise_mm and noise_deg, or free fewer parameters"
+        )
 
 
 def _motion(knee: Knee, stations: Stations, fit: Slopes) -> Motion:

@@ -23,6 +23,8 @@ _SALIB_NAMES = {
     "sigma": ("sigma", None),
     "mu": ("mu", None),
 }
+#: Samples where nobody says how many.
+USUAL_SAMPLES = {"sobol": 256, "morris": 64}
 #: Fewest blocks from which anything is computed.
 FEWEST = {"sobol": 32, "morris": 4}
 #: Beyond this part of blocks left out, what is left no longer stands for the ranges.

@@ -10,7 +10,13 @@ from numpy.typing import ArrayLike
 
 from kneejax.inference.fit import DEFAULT_WEIGHTS, Problem
 from kneejax.mechanics import Knee
-from kneejax.parameters import UnsuitableData, percent_scales, prior_scales, select
+from kneejax.parameters import (
+    Selection,
+    UnsuitableData,
+    percent_scales,
+    prior_scales,
+    select,
+)
 
 #: How a slope is scaled -> words that finish "mm or degrees per ...".
 SCALES = {"prior": "standard deviation of the prior", "percent": "per cent of the parameter"}
@@ -82,14 +88,9 @@ def local_sensitivity(
         UnknownParameter: a name that the knee does not have.
         UnsuitableData: an unknown scale, a prior of zero width, or a per cent that means nothing.
     """
-    if scale not in SCALES:
-        raise UnsuitableData(f"unknown scale {scale!r}: expected one of {', '.join(SCALES)}")
     selection = select(knee, tuple(parameters))
     values = np.asarray(selection.read(knee))
-    if scale == "prior":
-        widths = prior_scales(selection, values, given)
-    else:
-        widths = percent_scales(selection, values)
+    widths = step_widths(selection, values, scale, given)
     flexion = np.atleast_1d(np.asarray(flexion_deg, float))
     at = np.column_stack([flexion, np.zeros((len(flexion), 5))])
     found = Problem(knee, selection, at, DEFAULT_WEIGHTS).poses(values)
@@ -104,3 +105,24 @@ def local_sensitivity(
         scale,
         widths,
     )
+
+
+def step_widths(
+    selection: Selection,
+    values: np.ndarray,
+    scale: str,
+    given: Mapping[str, float] | None = None,
+) -> np.ndarray:
+    """One step of a scale in the parameters' own units, `(p,)`; refuses as `local_sensitivity`.
+
+    Args:
+        selection: the parameters.
+        values: of them, `(p,)`.
+        scale: `prior` or `percent`.
+        given: standard deviations of priors, by name, wildcard or quantity.
+    """
+    if scale not in SCALES:
+        raise UnsuitableData(f"unknown scale {scale!r}: expected one of {', '.join(SCALES)}")
+    if scale == "prior":
+        return prior_scales(selection, values, given)
+    return percent_scales(selection, values)

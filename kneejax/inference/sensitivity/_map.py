@@ -194,12 +194,8 @@ def sensitivity_maps(
     measured = np.asarray(measured, float)
     weights = DEFAULT_WEIGHTS if weights is None else np.asarray(weights, float)
     at = dict(at or {})
-    selection = select(knee, tuple(dict.fromkeys((*at, *_distinct_names(knee, pairs)))))
-    pairs_of_bounds = np.stack(stated_bounds(knee, selection, bounds or {}), axis=1)
-    limits = dict(zip(selection.names, pairs_of_bounds, strict=True))
-    if min(grid) < 2:
-        shown = f"{grid[0]}x{grid[1]}"
-        raise UnsuitableData(f"a grid of {shown} points: expected at least two along each axis")
+    limits = map_ranges(knee, pairs, grid=grid, bounds=bounds)
+    selection = select(knee, tuple(dict.fromkeys((*at, *limits))))
     flexion, back = np.unique(measured[:, 0], return_inverse=True)
     base = np.array(selection.read(knee))
     for name, value in at.items():
@@ -228,6 +224,33 @@ def sensitivity_maps(
         maps.append(study.map(pair, x, y, store, report))
         done += x.size * y.size * len(flexion)
     return tuple(maps)
+
+
+def map_ranges(
+    knee: Knee,
+    pairs: Sequence[tuple[str, str]],
+    *,
+    grid: tuple[int, int] = (41, 41),
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+) -> dict[str, tuple[float, float]]:
+    """Over which values maps would go; refuses as `sensitivity_maps` does.
+
+    Args:
+        knee: that has the parameters.
+        pairs: of parameters.
+        grid: points along x and y.
+        bounds: as in `sensitivity_maps`.
+
+    Returns:
+        Parameter of a pair -> its lowest and its highest value.
+    """
+    selection = select(knee, _distinct_names(knee, pairs))
+    lower, upper = stated_bounds(knee, selection, bounds or {})
+    if min(grid) < 2:
+        shown = f"{grid[0]}x{grid[1]}"
+        raise UnsuitableData(f"a grid of {shown} points: expected at least two along each axis")
+    ends = zip(lower.tolist(), upper.tolist(), strict=True)
+    return dict(zip(selection.names, ends, strict=True))
 
 
 def _distinct_names(knee: Knee, pairs: Sequence[tuple[str, str]]) -> tuple[str, ...]:

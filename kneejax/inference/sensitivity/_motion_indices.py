@@ -11,6 +11,7 @@ import numpy as np
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference.fit import DEFAULT_WEIGHTS
 from kneejax.inference.sensitivity._global_indices import (
+    USUAL_SAMPLES,
     GlobalIndices,
     check_request,
     global_indices,
@@ -90,7 +91,7 @@ def motion_indices(
     ranges: Mapping[str, tuple[float, float]] | None = None,
     priors: Mapping[str, float] | None = None,
     method: str = "sobol",
-    samples: int = 256,
+    samples: int | None = None,
     seed: int = 0,
     progress: Progress | None = None,
     failures: Collection[Status] = FAILURES,
@@ -110,7 +111,8 @@ def motion_indices(
         ranges: likewise, ranges; those of the same standard deviation as the prior otherwise.
         priors: likewise, standard deviations; usual ones otherwise (see `prior_scales`).
         method: `sobol` or `morris`.
-        samples: points of the Sobol sequence (a power of two), or trajectories of Morris.
+        samples: points of the Sobol sequence (a power of two, 256 by default), or trajectories of
+            Morris (64 by default).
         seed: of the sampling and of the bootstrap.
         progress: called now and then with balances done and asked for.
         failures: statuses of balances that count for nothing.
@@ -122,13 +124,12 @@ def motion_indices(
         UnknownParameter: a name that the knee or the selection does not have.
         UnsuitableData: see `global_indices`; or one parameter only, which explains all there is.
     """
+    samples = USUAL_SAMPLES.get(method, 0) if samples is None else samples
     selection = select(knee, tuple(parameters))
-    if len(selection) < 2:
-        raise UnsuitableData(f"global indices of {selection}: expected at least two parameters")
+    lower, upper = index_ranges(
+        knee, selection, bounds, ranges, priors, method=method, samples=samples
+    )
     base = np.asarray(selection.read(knee))
-    half = _DEVIATIONS * prior_scales(selection, base, priors)
-    lower, upper = _ranges(selection, base - half, base + half, bounds or {}, ranges or {})
-    check_request(method, selection.names, lower, upper, samples)
     measured = np.asarray(measured, float)
     # Stations ascend; a measurement may run to and fro.
     flexion = np.unique(measured[:, 0])
@@ -181,12 +182,38 @@ def _outputs(flexion_deg: np.ndarray) -> tuple[Output, ...]:
     return (*poses, *errors, Output("objective", "", "", None))
 
 
-def _ranges(selection: Selection, lower: np.ndarray, upper: np.ndarray, bounds, ranges):
-    """Ends of each parameter's range: as stated, or those given, within bounds."""
-    pairs = zip(looked_up(selection, bounds), stated(selection, ranges, "range"), strict=True)
+def index_ranges(
+    knee: Knee,
+    selection: Selection,
+    bounds: Mapping[str, tuple[float, float]] | None,
+    ranges: Mapping[str, tuple[float, float]] | None,
+    priors: Mapping[str, float] | None,
+    *,
+    method: str,
+    samples: int,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Ends of each parameter's range, `(p,)` each; refuses as `motion_indices` does.
+
+    Args:
+        knee: gives the middle of the ranges.
+        selection: the parameters.
+        bounds: as in `motion_indices`.
+        ranges: likewise.
+        priors: likewise.
+        method: likewise.
+        samples: likewise.
+    """
+    if len(selection) < 2:
+        raise UnsuitableData(f"global indices of {selection}: expected at least two parameters")
+    base = np.asarray(selection.read(knee))
+    half = _DEVIATIONS * prior_scales(selection, base, priors)
+    lower, upper = base - half, base + half
+    asked_for = stated(selection, ranges or {}, "range")
+    pairs = zip(looked_up(selection, bounds or {}), asked_for, strict=True)
     for i, (limits, asked) in enumerate(pairs):
         if limits is not None:
             lower[i], upper[i] = max(lower[i], limits[0]), min(upper[i], limits[1])
         if asked is not None:
             lower[i], upper[i] = asked
+    check_request(method, selection.names, lower, upper, samples)
     return lower, upper

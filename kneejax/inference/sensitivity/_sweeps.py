@@ -21,7 +21,8 @@ from kneejax.statics import FAILURES, Progress, Stations, Status, balance_lines,
 
 #: Ranges of paper 1, section 3; other quantities go over their bounds.
 SWEEP_RANGES = {"stiffness": (300.0, 9300.0), "reference_strain": (-0.2, 0.2)}
-_COUNT = 31
+#: Values of a parameter where nobody says how many.
+USUAL_COUNT = 31
 #: Part of a slack length to either side, the same as that of a reference strain.
 _SLACK = 0.2
 
@@ -82,7 +83,7 @@ def sweep(
     parameters: Sequence[str] | Mapping[str, ArrayLike | None],
     stations: ArrayLike | Stations,
     *,
-    count: int = _COUNT,
+    count: int = USUAL_COUNT,
     progress: Progress | None = None,
     failures: tuple[Status, ...] = FAILURES,
 ) -> Sweeps:
@@ -111,7 +112,7 @@ def sweep(
 
     Source: paper 1, sections 3.1 and 3.2.
     """
-    selection, values = _chosen(knee, parameters, count)
+    selection, values = sweep_values(knee, parameters, count)
     if isinstance(stations, Stations):
         flexion = np.rad2deg(np.asarray(stations.flexion))
     else:
@@ -149,10 +150,18 @@ def sweep(
     return Sweeps(flexion, motion, outcome, tuple(sweeps))
 
 
-def _chosen(
-    knee: Knee, parameters: Sequence[str] | Mapping[str, ArrayLike | None], count: int
+def sweep_values(
+    knee: Knee,
+    parameters: Sequence[str] | Mapping[str, ArrayLike | None],
+    count: int = USUAL_COUNT,
 ) -> tuple[Selection, list[np.ndarray]]:
-    """The parameters and the values of each."""
+    """The parameters that a sweep asks for and the values of each; refuses as `sweep` does.
+
+    Args:
+        knee: gives everything that is not varied.
+        parameters: as in `sweep`.
+        count: likewise.
+    """
     names = list(parameters)
     if not names:
         raise UnsuitableData("no parameter to sweep: name at least one, such as ACL.stiffness")
