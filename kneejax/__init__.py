@@ -1,8 +1,8 @@
 """A differentiable knee: balance, exact derivatives, and ligaments identified from motion.
 
-Everything is computed in float64. The command line switches it on; in Python,
-`jax.config.update("jax_enable_x64", True)` has to come first, and every solve says so if it did
-not.
+Everything is computed in float64. The command line switches it on; in Python, call
+`kneejax.configure()` first (or `jax.config.update("jax_enable_x64", True)`); every solve says so if
+nobody did.
 """
 
 from typing import TYPE_CHECKING
@@ -43,6 +43,7 @@ _MODULES = {
     "moving_axis": "kneejax.joints",
     "Knee": "kneejax.mechanics",
     "Status": "kneejax.statics",
+    "configure": "kneejax.numerics",
     "use_shared_fusion": "kneejax.numerics",
     "experiments": "kneejax.experiments",
     "files": "kneejax.files",
@@ -83,6 +84,7 @@ if TYPE_CHECKING:
     from kneejax.joints import hinge as hinge
     from kneejax.joints import moving_axis as moving_axis
     from kneejax.mechanics import Knee as Knee
+    from kneejax.numerics import configure as configure
     from kneejax.numerics import use_shared_fusion as use_shared_fusion
     from kneejax.parameters import cut as cut
     from kneejax.parameters import select as select

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from pathlib import Path
 
 from kneejax.cli._commands import build_parser
 from kneejax.cli._parser import BAD_INPUT
@@ -81,14 +80,7 @@ def _says_what_to_mend(problem: ValueError) -> bool:
 
 
 def _prepare_jax() -> None:
-    import jax
-
-    from kneejax.numerics import share_memory_between_threads, use_shared_fusion
+    from kneejax.numerics import configure, share_memory_between_threads
 
     share_memory_between_threads()
-    use_shared_fusion()
-    jax.config.update("jax_enable_x64", True)
-    if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
-        base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-        jax.config.update("jax_compilation_cache_dir", str(Path(base) / "kneejax"))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    configure()

@@ -5,6 +5,7 @@ from kneejax.numerics._compiled import compiled as compiled
 from kneejax.numerics._compiled import compiler_options as compiler_options
 from kneejax.numerics._compiled import share_memory_between_threads as share_memory_between_threads
 from kneejax.numerics._compiled import use_shared_fusion as use_shared_fusion
+from kneejax.numerics._configure import configure as configure
 from kneejax.numerics._cores import on_all_cores as on_all_cores
 from kneejax.numerics._elimination import identity as identity
 from kneejax.numerics._elimination import solve as solve
