@@ -45,6 +45,13 @@ _MODULES = {
     "Status": "kneejax.statics",
     "configure": "kneejax.numerics",
     "use_shared_fusion": "kneejax.numerics",
+    "Identify": "kneejax.studies",
+    "Map": "kneejax.studies",
+    "Sensitivity": "kneejax.studies",
+    "Study": "kneejax.studies",
+    "Synthetic": "kneejax.studies",
+    "read_study": "kneejax.studies",
+    "run": "kneejax.studies",
     "experiments": "kneejax.experiments",
     "files": "kneejax.files",
     "geometry": "kneejax.geometry",
@@ -56,6 +63,7 @@ _MODULES = {
     "report": "kneejax.report",
     "reproduction": "kneejax.reproduction",
     "statics": "kneejax.statics",
+    "studies": "kneejax.studies",
 }
 
 if TYPE_CHECKING:
@@ -90,6 +98,13 @@ if TYPE_CHECKING:
     from kneejax.parameters import select as select
     from kneejax.parameters import with_values as with_values
     from kneejax.statics import Status as Status
+    from kneejax.studies import Identify as Identify
+    from kneejax.studies import Map as Map
+    from kneejax.studies import Sensitivity as Sensitivity
+    from kneejax.studies import Study as Study
+    from kneejax.studies import Synthetic as Synthetic
+    from kneejax.studies import read_study as read_study
+    from kneejax.studies import run as run
 else:
     __all__ = [*_MODULES]
     __getattr__, __dir__ = lazy_names(__name__, _MODULES)

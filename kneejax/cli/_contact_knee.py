@@ -9,9 +9,8 @@ from pathlib import Path
 import jax
 import numpy as np
 
-from kneejax.cli._given import knee_with
 from kneejax.experiments import passive_flexion
-from kneejax.files import Calibrated, counted, load_knee, read_calibrated
+from kneejax.files import Calibrated, counted, knee_with, load_knee, read_calibrated
 from kneejax.geometry import COORDINATES
 from kneejax.mechanics import Knee
 from kneejax.statics import Status

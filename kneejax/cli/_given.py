@@ -3,21 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import math
-import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from kneejax.files import InputProblem
-from kneejax.mechanics import (
-    NAMED_LOADS,
-    RANGES,
-    Implausible,
-    Knee,
-    Range,
-    load_called,
-    range_of_parameter,
-)
-from kneejax.parameters import UnknownParameter, with_values
+from kneejax.mechanics import NAMED_LOADS, RANGES, Range, load_called
+from kneejax.studies import Identify, Map, Sensitivity
 
 
 def read_pairs(option: str, words: Iterable[str]) -> dict[str, float]:
@@ -83,43 +75,59 @@ def check_within(option: str, name: str, values: Iterable[float], allowed: Range
             raise InputProblem(option, name, f"{value:g}", allowed.expected(value))
 
 
-def check_parameter(option: str, name: str, values: Iterable[float]) -> None:
-    """Refuse values that a parameter cannot have; as `check_within`."""
-    check_within(option, name, values, range_of_parameter(name))
-
-
-def check_width(option: str, name: str, width: float) -> None:
-    """Refuse a standard deviation that a parameter cannot have; as `check_within`."""
-    allowed = range_of_parameter(name)
-    check_within(option, name, [width], allowed and allowed.spread)
-
-
-def knee_with(
-    knee: Knee, values: Mapping[str, float], given_in: str | os.PathLike[str]
-) -> Knee:
-    """The knee with some parameters set by name.
+def read_texts(option: str, words: Iterable[str]) -> dict[str, str]:
+    """Read `NAME=TEXT`, or a name alone, each name once.
 
     Args:
-        knee: any knee.
-        values: parameter -> value.
-        given_in: the file or the option that says so.
+        option: where they stand.
+        words: one each.
 
     Raises:
-        InputProblem: a value that no knee has, or one that leads to such a knee.
-        UnknownParameter: the knee has no parameter of this name.
+        InputProblem: a name given twice.
     """
-    try:
-        with parameters_named_in(given_in):
-            return with_values(knee, dict(values))
-    except Implausible as problem:
-        field = f"{problem.fibre}.{problem.quantity}"
-        raise InputProblem(given_in, field, problem.value, problem.expected) from None
+    texts: dict[str, str] = {}
+    for word in words:
+        name, _, text = word.partition("=")
+        if name in texts:
+            raise InputProblem(option, name, word, "every name once")
+        texts[name] = text
+    return texts
+
+
+def read_numbers(
+    option: str, texts: Mapping[str, str], form: str, counts: Sequence[int]
+) -> dict[str, tuple[float, ...]]:
+    """Read numbers with colons between them; what they may be is for the study to say.
+
+    Args:
+        option: where they stand.
+        texts: name -> text.
+        form: of a word, for the error.
+        counts: how many numbers there may be.
+
+    Raises:
+        InputProblem: a text of another form.
+    """
+    found: dict[str, tuple[float, ...]] = {}
+    for name, text in texts.items():
+        try:
+            found[name] = tuple(float(part) for part in text.split(":"))
+        except ValueError:
+            raise InputProblem(option, name, text, form) from None
+        if len(found[name]) not in counts:
+            raise InputProblem(option, name, text, form)
+    return found
 
 
 @contextlib.contextmanager
-def parameters_named_in(place: str | os.PathLike[str]) -> Iterator[None]:
-    """Let an `UnknownParameter` say where the name stands: the file or the option."""
+def said_of_options(question: Identify | Map | Sensitivity) -> Iterator[None]:
+    """Let what is wrong with a question name the option where it was asked."""
     try:
         yield
-    except UnknownParameter as problem:
-        raise UnknownParameter(f"{os.fspath(place)}: {problem}") from None
+    except InputProblem as problem:
+        if problem.file not in {field.name for field in dataclasses.fields(question)}:
+            raise
+        option = {"indices": "--global"}.get(problem.file, "--" + problem.file.replace("_", "-"))
+        raise InputProblem(
+            option, problem.field, problem.value, problem.expected, problem.nearest
+        ) from None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import importlib.metadata
 import json
 import textwrap
@@ -11,32 +10,14 @@ import time
 
 import numpy as np
 
-from kneejax.cli._given import check_parameter, check_width
-from kneejax.cli._progress import balances_on_terminal
-from kneejax.cli._study_problem import (
-    StudyProblem,
-    study_and_knee,
-    study_settings,
-    with_measurement,
-)
-from kneejax.files import InputProblem, write_rows, write_text
+from kneejax import studies
+from kneejax.cli._given import read_numbers, read_texts, said_of_options
+from kneejax.cli._progress import stages_on_terminal
+from kneejax.files import write_rows, write_text
 from kneejax.geometry import COLUMNS, FREE_COORDINATES
-from kneejax.inference import (
-    LocalSensitivity,
-    MotionIndices,
-    Sweeps,
-    check_installed,
-    local_sensitivity,
-    motion_indices,
-    sweep,
-    versions,
-)
-from kneejax.parameters import select
-from kneejax.statics import Status, failures_of
-
-#: Values of a sweep where no count is given, and samples of a method.
-_VALUES, _SAMPLES = 31, {"sobol": 256, "morris": 64}
-_MOST_VALUES, _MOST_SAMPLES = 1000, 1_000_000  # of a sweep, of a method
+from kneejax.inference import LocalSensitivity, MotionIndices, Sweeps, versions
+from kneejax.statics import Status
+from kneejax.studies import Sensitivities, Sensitivity
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -45,62 +26,46 @@ def run(arguments: argparse.Namespace) -> int:
         from kneejax.cli import _sensitivity_knees
 
         return _sensitivity_knees.run(arguments)
-    swept = {name: _values(name, text) for name, text in _pairs("--sweep", arguments.sweep)}
-    priors = {name: _width(name, text) for name, text in _pairs("--prior", arguments.prior)}
-    ranges = {name: _interval(name, text) for name, text in _pairs("--range", arguments.ranges)}
-    if arguments.samples is not None and arguments.samples > _MOST_SAMPLES:
-        expected = f"at most {_MOST_SAMPLES:,}"
-        raise InputProblem("--samples", "samples", str(arguments.samples), expected)
-    _check_used(arguments)
-    if arguments.indices:
-        # Better known before the work than after it.
-        check_installed("SALib", "sensitivity")
-    study, knee = study_and_knee(arguments.study)
-    # A wrong name, too, is better known before the work.
-    select(knee, tuple(swept))
-    problem = with_measurement(study, knee, calibrated=False)
-    parameters, failures = problem.study.parameters, failures_of(problem.study.failures)
-    flexion, seconds = np.unique(problem.measured[:, 0]), {}
-    with _timed(seconds, "local"):
-        local = local_sensitivity(
-            problem.knee, parameters, flexion, scale=arguments.scale, given=priors
-        )
-    with _timed(seconds, "sweeps"), balances_on_terminal("sweeps") as progress:
-        sweeps = sweep(
-            problem.knee, swept or parameters, flexion, progress=progress, failures=failures
-        )
-    indices = None
-    if arguments.indices:
-        with _timed(seconds, "global"), balances_on_terminal("indices") as progress:
-            indices = motion_indices(
-                problem.knee,
-                parameters,
-                problem.measured,
-                weights=np.array([problem.study.weights[name] for name in FREE_COORDINATES]),
-                offsets=_offsets(problem),
-                bounds=problem.study.bounds,
-                ranges=ranges,
-                priors=priors,
-                method=arguments.indices,
-                samples=_samples(arguments),
-                seed=arguments.seed,
-                progress=progress,
-                failures=failures,
-            )
-    return _write(problem, arguments, local, sweeps, indices, seconds)
+    question = _question(arguments)
+    study = studies.read_study(arguments.study)
+    with said_of_options(question), stages_on_terminal() as progress:
+        found = studies.run(study, question, progress=progress)
+    return _write(found, arguments)
 
 
-def _write(
-    problem: StudyProblem,
-    arguments: argparse.Namespace,
-    local: LocalSensitivity,
-    sweeps: Sweeps,
-    indices: MotionIndices | None,
-    seconds: dict[str, float],
-) -> int:
+def _question(arguments: argparse.Namespace) -> Sensitivity:
+    texts = {
+        option: read_texts(option, words)
+        for option, words in (
+            ("--sweep", arguments.sweep),
+            ("--prior", arguments.prior),
+            ("--range", arguments.ranges),
+        )
+    }
+    stated = {name: text for name, text in texts["--sweep"].items() if text}
+    values = read_numbers("--sweep", stated, "NAME=LOW:HIGH:COUNT", (2, 3))
+    # A count is a whole number; what is none is refused as it was given.
+    lines = {
+        name: (*ends[:2], *(int(n) if n.is_integer() else n for n in ends[2:]))
+        for name, ends in values.items()
+    }
+    widths = read_numbers("--prior", texts["--prior"], "NAME=SD", (1,))
+    return Sensitivity(
+        sweep={name: lines.get(name) for name in texts["--sweep"]},
+        scale=arguments.scale,
+        prior={name: width for name, (width,) in widths.items()},
+        indices=arguments.indices,
+        samples=arguments.samples,
+        range=read_numbers("--range", texts["--range"], "NAME=LOW:HIGH", (2,)),
+        seed=arguments.seed,
+    )
+
+
+def _write(found: Sensitivities, arguments: argparse.Namespace) -> int:
     from kneejax.report import json_safe, sensitivity_doubts, sensitivity_summary
 
     out, free = arguments.out, COLUMNS[1:]
+    local, sweeps, indices = found.local, found.sweeps, found.indices
     files = ["sweeps.csv", "local_sensitivity.csv"]
     header = ["parameter", "value", "flexion_deg", *free, "status", "unphysiological"]
     write_rows(out / files[0], header, _sweep_rows(sweeps))
@@ -111,13 +76,14 @@ def _write(
         files.append("global_indices.csv")
         write_rows(out / files[-1], *_index_table(indices))
     doubts = sensitivity_doubts(local, sweeps, indices)
-    with _timed(seconds, "figures"):
-        _draw(problem, arguments, local, sweeps, indices)
-    document = _document(problem, arguments, local, sweeps, indices)
+    begun = time.perf_counter()
+    _draw(found, out)
+    seconds = found.seconds | {"figures": time.perf_counter() - begun}
+    document = _document(found, arguments)
     document |= {"doubts": doubts, "seconds": seconds, "versions": _versions(indices)}
     write_text(out / "result.json", json.dumps(json_safe(document), indent=1) + "\n")
 
-    print(f"{problem.study.title} (knee {problem.knee.name})")
+    print(f"{found.study.title} (knee {found.study.knee.name})")
     print(sensitivity_summary(local, sweeps, indices))
     for sentence in doubts:
         print(textwrap.fill(f"warning: {sentence}", 98, subsequent_indent=" " * 9))
@@ -157,7 +123,7 @@ def _index_table(found: MotionIndices):
     return header, rows
 
 
-def _draw(problem, arguments, local, sweeps, indices) -> None:
+def _draw(found: Sensitivities, out) -> None:
     from kneejax.report import (
         fit_indices_figure,
         local_curves_figure,
@@ -167,31 +133,33 @@ def _draw(problem, arguments, local, sweeps, indices) -> None:
         sweep_figure,
     )
 
-    folder = arguments.out / "figures"
-    measured = _in_the_model_frame(problem, sweeps)
+    folder, offsets = out / "figures", tuple(found.study.frame_offset)
+    local, sweeps, indices = found.local, found.sweeps, found.indices
+    measured = _in_the_model_frame(found.measured, sweeps, offsets)
     for one in sweeps.sweeps:
-        figure = sweep_figure(sweeps, one.name, measured, bool(_offsets(problem)))
+        figure = sweep_figure(sweeps, one.name, measured, bool(offsets))
         save_figure(figure, folder, f"sweep_{one.name.replace('.', '_')}")
     save_figure(local_curves_figure(local), folder, "local_curves")
     save_figure(local_heatmap_figure(local), folder, "local_heatmap")
     if indices is not None:
-        save_figure(fit_indices_figure(indices), folder, f"{arguments.indices}_fit")
-        save_figure(pose_indices_figure(indices), folder, f"{arguments.indices}_poses")
+        save_figure(fit_indices_figure(indices), folder, f"{found.question.indices}_fit")
+        save_figure(pose_indices_figure(indices), folder, f"{found.question.indices}_poses")
 
 
-def _document(problem, arguments, local, sweeps, indices) -> dict:
+def _document(found: Sensitivities, arguments: argparse.Namespace) -> dict:
     """What result.json holds besides doubts, seconds and versions."""
+    local, sweeps, indices = found.local, found.sweeps, found.indices
     document = {
-        "title": problem.study.title,
-        "knee": problem.knee.name,
-        "study": study_settings(problem.study),
-        "truth": problem.truth,
+        "title": found.study.title,
+        "knee": found.study.knee.name,
+        "study": found.study.settings(),
+        "truth": found.study.truth,
         "options": {
             "sweep": arguments.sweep,
             "scale": arguments.scale,
             "prior": arguments.prior,
             "global": arguments.indices,
-            "samples": _samples(arguments) if arguments.indices else None,
+            "samples": found.question.samples,
             "range": arguments.ranges,
             "seed": arguments.seed,
         },
@@ -211,29 +179,21 @@ def _document(problem, arguments, local, sweeps, indices) -> dict:
         },
     }
     if indices is not None:
-        found = indices.indices
-        document["global"] = {
-            "method": found.method,
-            "confidence": found.confidence,
-            "runs": found.runs,
-            "failed": found.failed,
-            "blocks": found.blocks,
-            "left_out": found.left_out,
-            "treatment": found.treatment,
+        one = indices.indices
+        names = ("method", "confidence", "runs", "failed", "blocks", "left_out", "treatment")
+        document["global"] = {name: getattr(one, name) for name in names} | {
             "flexion_deg_left_out": indices.left_out_deg,
         }
     return document
 
 
-def _offsets(problem: StudyProblem) -> tuple[str, ...]:
-    return tuple(name for name in problem.study.frame_offset if name != "flexion")
-
-
-def _in_the_model_frame(problem: StudyProblem, sweeps: Sweeps) -> np.ndarray:
+def _in_the_model_frame(
+    measured: np.ndarray, sweeps: Sweeps, offsets: tuple[str, ...]
+) -> np.ndarray:
     """The measurement, moved by the constants that the study leaves free onto the knee's motion."""
-    measured = np.array(problem.measured)
+    measured = np.array(measured)
     row = np.searchsorted(sweeps.flexion_deg, measured[:, 0])
-    for name in _offsets(problem):
+    for name in offsets:
         k = FREE_COORDINATES.index(name)
         apart = sweeps.table[row, k] - measured[:, k + 1]
         if np.isfinite(apart).any():
@@ -244,71 +204,3 @@ def _in_the_model_frame(problem: StudyProblem, sweeps: Sweeps) -> np.ndarray:
 def _versions(indices: MotionIndices | None) -> dict[str, str]:
     salib = {"SALib": importlib.metadata.version("SALib")} if indices is not None else {}
     return versions() | salib
-
-
-@contextlib.contextmanager
-def _timed(seconds: dict[str, float], what: str):
-    begun = time.perf_counter()
-    yield
-    seconds[what] = time.perf_counter() - begun
-
-
-def _samples(arguments: argparse.Namespace) -> int:
-    return _SAMPLES[arguments.indices] if arguments.samples is None else arguments.samples
-
-
-def _check_used(arguments: argparse.Namespace) -> None:
-    """An option that would have no effect is a misunderstanding."""
-    if arguments.indices is None:
-        for option, given in (("--range", arguments.ranges), ("--samples", arguments.samples)):
-            if given not in ([], None):
-                raise InputProblem(option, "without", "--global", "--global sobol or morris")
-        if arguments.prior and arguments.scale == "percent":
-            raise InputProblem("--prior", "with", "--scale percent", "--scale prior, or --global")
-
-
-def _pairs(option: str, words: list[str]) -> list[tuple[str, str]]:
-    """`NAME=TEXT`, each name once."""
-    pairs = [word.partition("=")[::2] for word in words]
-    for i, (name, _) in enumerate(pairs):
-        if name in [other for other, _ in pairs[:i]]:
-            raise InputProblem(option, "parameter", name, "every parameter once")
-    return pairs
-
-
-def _numbers(option: str, name: str, text: str, form: str, counts: tuple[int, ...]):
-    try:
-        numbers = [float(part) for part in text.split(":")]
-    except ValueError:
-        numbers = []
-    if len(numbers) not in counts or not np.isfinite(numbers).all():
-        raise InputProblem(option, name, text, f"NAME={form}, finite numbers")
-    return numbers
-
-
-def _width(name: str, text: str) -> float:
-    (width,) = _numbers("--prior", name, text, "SD", (1,))
-    check_width("--prior", name, width)
-    return width
-
-
-def _interval(name: str, text: str) -> tuple[float, float]:
-    low, high = _numbers("--range", name, text, "LOW:HIGH", (2,))
-    if not low < high:
-        raise InputProblem("--range", name, text, "LOW:HIGH, the lower end first")
-    check_parameter("--range", name, (low, high))
-    return low, high
-
-
-def _values(name: str, text: str) -> np.ndarray | None:
-    """Values of a sweep; None for the usual ones."""
-    if not text:
-        return None
-    low, high, *count = _numbers("--sweep", name, text, "LOW:HIGH:COUNT", (2, 3))
-    if not low < high:
-        raise InputProblem("--sweep", name, text, "LOW:HIGH:COUNT, the lower end first")
-    check_parameter("--sweep", name, (low, high))
-    if count and not (2 <= count[0] <= _MOST_VALUES and count[0] == int(count[0])):
-        expected = f"LOW:HIGH:COUNT with a whole count from 2 to {_MOST_VALUES}"
-        raise InputProblem("--sweep", name, text, expected)
-    return np.linspace(low, high, int(count[0]) if count else _VALUES)

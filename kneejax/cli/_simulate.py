@@ -13,7 +13,7 @@ from kneejax.cli._displacement import (
     displacement_table,
     pose_lines,
 )
-from kneejax.cli._given import knee_with, read_loads, read_pairs
+from kneejax.cli._given import read_loads, read_pairs
 from kneejax.cli._say_status import say_status
 from kneejax.experiments import (
     branches,
@@ -25,6 +25,7 @@ from kneejax.experiments import (
 )
 from kneejax.files import (
     FEMORAL,
+    knee_with,
     load_knee,
     parse_flexion,
     write_poses,

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from kneejax.studies import Identify, Map, Sensitivity
+
 
 def add_map(parser: argparse.ArgumentParser) -> None:
     """Arguments of `kneejax map`."""
@@ -20,7 +22,7 @@ def add_map(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--all-pairs", action="store_true", help="every pair of the study's parameters"
     )
-    parser.add_argument("--grid", default="41", help="points a side, or as in 41x61")
+    parser.add_argument("--grid", default=f"{Map.grid[0]}", help="points a side, or as in 41x61")
     parser.add_argument(
         "--range",
         action="append",
@@ -44,7 +46,7 @@ def add_sensitivity(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--scale",
         choices=["prior", "percent"],
-        default="prior",
+        default=Sensitivity.scale,
         help="local derivatives per standard deviation of a prior, or per per cent",
     )
     parser.add_argument(
@@ -80,7 +82,9 @@ def add_sensitivity(parser: argparse.ArgumentParser) -> None:
         metavar="KNEE",
         help="compare knees instead: varus and valgus moments, scores of paper 4",
     )
-    parser.add_argument("--seed", type=int, default=0, help="of the random numbers")
+    parser.add_argument(
+        "--seed", type=int, default=Sensitivity.seed, help="of the random numbers"
+    )
 
 
 def add_identify(parser: argparse.ArgumentParser) -> None:
@@ -98,16 +102,24 @@ def add_identify(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--posterior", action="store_true", help="sample it (packages BlackJAX and ArviZ)"
     )
-    parser.add_argument("--chains", type=int, default=4, help="of the posterior's samples")
-    parser.add_argument("--draws", type=int, default=1000, help="of each chain, after warm-up")
-    parser.add_argument("--seed", type=int, default=0, help="of the random numbers")
     parser.add_argument(
-        "--next-tests", type=int, default=3, metavar="K", help="how many tests to choose"
+        "--chains", type=int, default=Identify.chains, help="of the posterior's samples"
+    )
+    parser.add_argument(
+        "--draws", type=int, default=Identify.draws, help="of each chain, after warm-up"
+    )
+    parser.add_argument("--seed", type=int, default=Identify.seed, help="of the random numbers")
+    parser.add_argument(
+        "--next-tests",
+        type=int,
+        default=Identify.next_tests,
+        metavar="K",
+        help="how many tests to choose",
     )
     parser.add_argument(
         "--criterion",
         choices=["D", "A"],
-        default="D",
+        default=Identify.criterion,
         help="what they make small: the volume of the confidence region (D), or the mean squared "
         "standard error (A)",
     )

@@ -16,16 +16,9 @@ _MODULES = {
     "load_knee": "kneejax.files._bundled",
     "load_knee_file": "kneejax.files._bundled",
     "study_path": "kneejax.files._bundled",
-    "DEFAULT_BOUNDS": "kneejax.files._study",
-    "DEFAULT_WEIGHTS": "kneejax.files._study",
-    "METHODS": "kneejax.files._study",
-    "PROCEDURES": "kneejax.files._study",
-    "Measured": "kneejax.files._study",
-    "Study": "kneejax.files._study",
-    "Synthetic": "kneejax.files._study",
-    "parse_flexion": "kneejax.files._study",
-    "read_measured": "kneejax.files._study",
-    "read_study": "kneejax.files._study",
+    "parse_flexion": "kneejax.files._flexion",
+    "knee_with": "kneejax.files._named_values",
+    "said_of": "kneejax.files._named_values",
     "AxisPoints": "kneejax.files.joint",
     "FemurLandmarks": "kneejax.files.joint",
     "JointExport": "kneejax.files.joint",
@@ -87,16 +80,9 @@ if TYPE_CHECKING:
     from kneejax.files._bundled import load_knee as load_knee
     from kneejax.files._bundled import load_knee_file as load_knee_file
     from kneejax.files._bundled import study_path as study_path
-    from kneejax.files._study import DEFAULT_BOUNDS as DEFAULT_BOUNDS
-    from kneejax.files._study import DEFAULT_WEIGHTS as DEFAULT_WEIGHTS
-    from kneejax.files._study import METHODS as METHODS
-    from kneejax.files._study import PROCEDURES as PROCEDURES
-    from kneejax.files._study import Measured as Measured
-    from kneejax.files._study import Study as Study
-    from kneejax.files._study import Synthetic as Synthetic
-    from kneejax.files._study import parse_flexion as parse_flexion
-    from kneejax.files._study import read_measured as read_measured
-    from kneejax.files._study import read_study as read_study
+    from kneejax.files._flexion import parse_flexion as parse_flexion
+    from kneejax.files._named_values import knee_with as knee_with
+    from kneejax.files._named_values import said_of as said_of
     from kneejax.files.joint import AxisPoints as AxisPoints
     from kneejax.files.joint import FemurLandmarks as FemurLandmarks
     from kneejax.files.joint import JointExport as JointExport

@@ -4,7 +4,9 @@ from kneejax.inference.bayesian import Posterior as Posterior
 from kneejax.inference.bayesian import Prior as Prior
 from kneejax.inference.bayesian import normal_priors as normal_priors
 from kneejax.inference.bayesian import posterior as posterior
+from kneejax.inference.calibration import METHODS as METHODS
 from kneejax.inference.calibration import PROCEDURES as PROCEDURES
+from kneejax.inference.calibration import USUAL_PROCEDURES as USUAL_PROCEDURES
 from kneejax.inference.calibration import Calibration as Calibration
 from kneejax.inference.calibration import Ending as Ending
 from kneejax.inference.calibration import Estimate as Estimate

@@ -31,6 +31,9 @@ from kneejax.report.identification import ESTIMATE_COLUMNS as ESTIMATE_COLUMNS
 from kneejax.report.identification import INFORMATION_COLUMNS as INFORMATION_COLUMNS
 from kneejax.report.identification import estimate_rows as estimate_rows
 from kneejax.report.identification import estimates_text as estimates_text
+from kneejax.report.identification import identification_document as identification_document
+from kneejax.report.identification import identification_doubts as identification_doubts
+from kneejax.report.identification import identification_outcome as identification_outcome
 from kneejax.report.identification import (
     information_correlation_figure as information_correlation_figure,
 )

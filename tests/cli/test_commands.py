@@ -9,6 +9,7 @@ import sys
 import numpy as np
 import pytest
 
+import kneejax as kj
 from kneejax.cli import main
 from kneejax.files import bundled_path
 
@@ -144,6 +145,14 @@ def test_calibrate_writes_everything(tmp_path, capsys):
     assert len(rows(tmp_path / "poses.csv")) == 25
     assert len(rows(tmp_path / "parameters.csv")) == 8
     assert "ACL.stiffness" in capsys.readouterr().out
+    # One call in Python does the same.
+    own = kj.run(kj.read_study("paper1"))
+    parameters = {name: one["value"] for name, one in result["parameters"].items()}
+    assert {e.name: e.value for e in own.fit.estimates} == parameters
+    assert [fit.evaluations for fit in own.fits] == [
+        one["evaluations"] for one in result["per_procedure"].values()
+    ]
+    assert json.loads(json.dumps(own.settings)) == result["settings"]
 
 
 def bad_knee(tmp_path, old, new):

@@ -128,11 +128,11 @@ def test_a_knee_that_does_not_balance_itself_is_doubtful(tmp_path, capsys):
     ("words", "expected"),
     [
         (["--sweep", "ACL.stifness"], "did you mean 'ACL.stiffness'"),
-        (["--sweep", "ACL.stiffness=300:9000:1"], "a whole count from 2 to 1000"),
-        (["--sweep", "ACL.stiffness=300:9000:2.5"], "a whole count from 2 to 1000"),
-        (["--sweep", "ACL.stiffness=9000:300"], "the lower end first"),
-        (["--sweep", "ACL.stiffness=weak:strong"], "finite numbers"),
-        (["--sweep", "ACL.stiffness", "--sweep", "ACL.stiffness=1:2"], "every parameter once"),
+        (["--sweep", "ACL.stiffness=300:9000:1"], "a whole number from 2 to 1000"),
+        (["--sweep", "ACL.stiffness=300:9000:2.5"], "2.5: expected a whole number from 2"),
+        (["--sweep", "ACL.stiffness=9000:300"], "a lower and a larger upper limit"),
+        (["--sweep", "ACL.stiffness=weak:strong"], "expected NAME=LOW:HIGH:COUNT"),
+        (["--sweep", "ACL.stiffness", "--sweep", "ACL.stiffness=1:2"], "every name once"),
         (["--sweep", "*.stiffness", "--sweep", "ACL.stiffness"], "is swept twice"),
         (["--prior", "ACL.stiffness=0"], "expected between 0.01 and"),
         (["--prior", "ACL.stifness=5"], "did you mean 'ACL.stiffness'"),
@@ -144,12 +144,12 @@ def test_a_knee_that_does_not_balance_itself_is_doubtful(tmp_path, capsys):
         (["--global", "morris", "--samples", "2"], "at least 4"),
         (["--samples", "64"], "--global sobol or morris"),
         (["--range", "ACL.stiffness=1:2"], "--global sobol or morris"),
-        (["--global", "morris", "--range", "ACL.stiffness=2:1"], "the lower end first"),
+        (["--global", "morris", "--range", "ACL.stiffness=2:1"], "a larger upper limit"),
         (["--global", "morris", "--range", "ALC.strain=1:2"], "did you mean"),
         (["--global", "sobl"], "did you mean sobol"),
     ],
 )
-def test_bad_input_is_one_line_and_writes_nothing(tmp_path, capsys, words, expected):
+def test_bad_input_is_one_line_and_writes_nothing(tmp_path, capsys, words, expected, unmeasured):
     out = tmp_path / "out"
     try:
         status = main(["sensitivity", study_file(tmp_path), *words, "--out", str(out)])
@@ -159,11 +159,6 @@ def test_bad_input_is_one_line_and_writes_nothing(tmp_path, capsys, words, expec
     error = capsys.readouterr().err
     assert expected in error and error.count("\n") == 1
     assert not out.exists()
-
-
-def test_a_wrong_name_is_said_before_the_knee_moves(tmp_path, capsys, unmeasured):
-    assert main(["sensitivity", study_file(tmp_path), "--sweep", "ACL.stifness"]) == 2
-    assert "did you mean 'ACL.stiffness'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -73,12 +73,12 @@ def test_the_folder_of_a_map_belongs_to_its_study(mapped, study, capsys):
         (["--pair", "PCL.stifness", "ACL.stiffness"], "did you mean 'PCL.stiffness'"),
         (["--pair", "PCL.stiffness", "PCL.stiffness"], "two different parameters"),
         ([*PAIR, *PAIR], "every pair once"),
-        ([*PAIR, "--grid", "1"], "expected 2 to 2000 points a side"),
+        ([*PAIR, "--grid", "1"], "--grid: points: 1: expected a whole number from 2 to 2000"),
         ([*PAIR, "--grid", "4y5"], "as in 41 or 41x61"),
-        ([*PAIR, "--range", "PCL.stiffness=900:300"], "lower bound first"),
+        ([*PAIR, "--range", "PCL.stiffness=900:300"], "[900.0, 300.0]: expected a lower and"),
         ([*PAIR, "--range", "PCL.stifness=300:900"], "did you mean PCL.stiffness?"),
         ([*PAIR, "--range", "PCL.stiffness=300"], "NAME=LOW:HIGH"),
-        ([], "--pair X Y, or --all-pairs"),
+        ([], "--pair: parameters: none: expected two, e.g. PCL.stiffness"),
         ([*PAIR, "--gird", "4"], "did you mean --grid?"),
     ],
 )
@@ -155,12 +155,12 @@ def test_identify_warns_of_what_its_study_calls_a_failure(failures, status, tmp_
         (["--next-tests", "0"], "--next-tests"),
         (["--prior", "PCL.stiffness=3000:0"], "PCL.stiffness"),
         (["--prior", "PCL.stifness=3000:10"], "PCL.stiffness"),
+        (["--next-tests", "100"], "100 tests wanted, of 72 candidates"),
+        (["--posterior", "--chains", "1"], "chains: 1: expected 2 or more"),
         (["--candidates", "nowhere.csv"], "nowhere.csv"),
     ],
 )
-def test_mistakes_in_identify_are_said(study, words, said, tmp_path, capsys, request):
-    if not words[0].startswith("--noise"):
-        request.getfixturevalue("unmeasured")
+def test_mistakes_in_identify_are_said(study, words, said, tmp_path, capsys, unmeasured):
     out = tmp_path / "out"
     assert main(["identify", study, *words, "--out", str(out)]) == 2
     assert said in (line := capsys.readouterr().err) and line.count("\n") == 1

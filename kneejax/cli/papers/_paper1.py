@@ -7,22 +7,22 @@ import argparse
 import numpy as np
 
 from kneejax.cli._progress import balances_on_terminal
-from kneejax.cli._study_problem import StudyProblem, study_and_knee, with_measurement
 from kneejax.files import write_rows
-from kneejax.geometry import FREE_COORDINATES
-from kneejax.inference import calibrate, in_convention, sensitivity_maps, sweep, versions
+from kneejax.inference import in_convention, sensitivity_maps, sweep, versions
 from kneejax.reproduction import VERDICTS, Claim, Paper1Study, paper1_claims
 from kneejax.reproduction.paper1 import CONVENTION, LIGAMENTS, as_paper1_sees
+from kneejax.studies import Study, read_study
+from kneejax.studies import run as run_study
 
 _STUDY, _GRID, _VALUES = "paper1", (61, 61), 37
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Compute the study, judge the claims, print and write them."""
-    asked = with_measurement(*study_and_knee(_STUDY), calibrated=True)
-    found = _study(asked)
+    study = read_study(_STUDY)
+    found = _computed(study)
     claims, doubts = paper1_claims(found), _doubts(found)
-    _write(asked, found, claims, doubts, arguments.out)
+    _write(study, found, claims, doubts, arguments.out)
     from kneejax.report import claims_summary
 
     print(claims_summary(claims))
@@ -32,44 +32,29 @@ def run(arguments: argparse.Namespace) -> int:
     return 1 if doubts else 0
 
 
-def _study(asked: StudyProblem) -> Paper1Study:
-    weights = np.array([asked.study.weights[name] for name in FREE_COORDINATES])
+def _computed(study: Study) -> Paper1Study:
+    calibration = run_study(study)
+    knee, measured, weights = study.knee_at_start, calibration.measured, study.weight_vector
     with balances_on_terminal("sweeps") as progress:
         sweeps = sweep(
-            asked.knee,
-            asked.study.parameters,
-            asked.measured[:, 0],
-            count=_VALUES,
-            progress=progress,
+            knee, study.parameters, measured[:, 0], count=_VALUES, progress=progress
         )
     pairs = [(f"{name}.stiffness", f"{name}.reference_strain") for name in LIGAMENTS]
     with balances_on_terminal("maps") as progress:
         maps = sensitivity_maps(
-            asked.knee,
-            asked.measured,
+            knee,
+            measured,
             [*pairs, ("ACL.stiffness", "PCL.stiffness")],
             grid=_GRID,
-            bounds=asked.study.bounds,
+            bounds=study.bounds,
             weights=weights,
             convention=CONVENTION,
             progress=progress,
         )
-    calibration = calibrate(
-        asked.knee,
-        asked.measured,
-        asked.study.parameters,
-        bounds=dict(asked.study.bounds),
-        weights=weights,
-        procedures=("III", "II", "I"),
-        cycles=1,
-        truth=asked.truth,
-        title=asked.study.title,
-    )
     own = dict(zip(LIGAMENTS, maps[:4], strict=True))
-    flexion = asked.measured[:, 0]
-    seen = in_convention(asked.measured[:, 1:], flexion, CONVENTION)
-    measured = np.column_stack([flexion, seen])
-    return Paper1Study(as_paper1_sees(sweeps), measured, weights, maps[4], own, calibration)
+    flexion = measured[:, 0]
+    seen = np.column_stack([flexion, in_convention(measured[:, 1:], flexion, CONVENTION)])
+    return Paper1Study(as_paper1_sees(sweeps), seen, weights, maps[4], own, calibration)
 
 
 def _doubts(found: Paper1Study) -> list[str]:
@@ -82,7 +67,7 @@ def _doubts(found: Paper1Study) -> list[str]:
     return doubts
 
 
-def _write(asked: StudyProblem, found: Paper1Study, claims: tuple[Claim, ...], doubts, out) -> None:
+def _write(study: Study, found: Paper1Study, claims: tuple[Claim, ...], doubts, out) -> None:
     from kneejax.report import CLAIM_COLUMNS, map_figure, sweep_figure, write_reproduction
 
     rows = [[getattr(claim, column) for column in CLAIM_COLUMNS] for claim in claims]
@@ -104,7 +89,7 @@ def _write(asked: StudyProblem, found: Paper1Study, claims: tuple[Claim, ...], d
         map_figure(found.cruciates),
         "As Figure 13 of the paper: objective over the stiffnesses of ACL and PCL.",
     )
-    noise = asked.study.synthetic.noise_mm if asked.study.synthetic else 0.0
+    noise = study.synthetic.noise_mm if study.synthetic else 0.0
     about = [
         "The paper's four ligaments with the values of its Table 1, on the articular surfaces of "
         "one healthy knee (lenhart2015), instead of its cadaver's. Its measured motion was not "

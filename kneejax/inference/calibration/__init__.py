@@ -11,5 +11,7 @@ from kneejax.inference.calibration._result import Estimate as Estimate
 from kneejax.inference.calibration._result import Fit as Fit
 from kneejax.inference.calibration._result import Iteration as Iteration
 from kneejax.inference.calibration._result import Motion as Motion
+from kneejax.inference.calibration._search import METHODS as METHODS
 from kneejax.inference.calibration._search import PROCEDURES as PROCEDURES
+from kneejax.inference.calibration._search import USUAL_PROCEDURES as USUAL_PROCEDURES
 from kneejax.inference.calibration._search import run_procedure as run_procedure

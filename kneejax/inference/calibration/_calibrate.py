@@ -23,7 +23,13 @@ from kneejax.inference.calibration._answers import (
 )
 from kneejax.inference.calibration._quality import misfits
 from kneejax.inference.calibration._result import Calibration
-from kneejax.inference.calibration._search import METHODS, run_procedure, several_starts
+from kneejax.inference.calibration._search import (
+    METHODS,
+    USUAL_CYCLES,
+    USUAL_PROCEDURES,
+    run_procedure,
+    several_starts,
+)
 from kneejax.inference.fit import DEFAULT_WEIGHTS, Problem
 from kneejax.inference.intervals import stated_noise
 from kneejax.mechanics import Knee
@@ -39,14 +45,14 @@ def calibrate(
     *,
     bounds: dict[str, tuple[float, float]] | None = None,
     weights: np.ndarray | None = None,
-    procedures: tuple[str, ...] = ("II", "I", "III"),
+    procedures: tuple[str, ...] = USUAL_PROCEDURES,
     noise_mm: float | None = None,
     noise_deg: float | None = None,
     offsets: tuple[str, ...] = (),
     starts: int = 1,
     seed: int = 0,
     method: str = "least_squares",
-    cycles: int = 200,
+    cycles: int = USUAL_CYCLES,
     truth: dict[str, float] | None = None,
     title: str = "Calibration",
     settings: dict[str, Any] | None = None,
@@ -71,7 +77,8 @@ def calibrate(
         seed: of those draws.
         method: `least_squares`, or `lbfgsb` to minimise the objective by jaxopt's L-BFGS-B, which
             takes seconds for each step of a procedure.
-        cycles: how often procedures I and II may repeat their two steps (paper 1: once).
+        cycles: how often procedures I and II may go through their two steps: once, as paper 1, by
+            default.
         truth: values that made the data, for synthetic studies.
         title: for the report.
         settings: recorded with the result.

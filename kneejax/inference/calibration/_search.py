@@ -27,8 +27,11 @@ PROCEDURES = {
     "II": (("reference_strain", "slack_length"), ("stiffness",)),
     "III": (None,),
 }
+#: Procedures where none are named: the first is the answer, the others are there to compare.
+USUAL_PROCEDURES = ("II", "I", "III")
+#: How often I and II go through their stages where nobody says: once, as paper 1 did.
+USUAL_CYCLES = 1
 _MAX_EVALUATIONS = 200
-_MAX_CYCLES = 200
 # A search ends when this many accepted steps lower chi squared by less than this altogether.
 _WINDOW, _INSIGNIFICANT = 6, 0.5
 # Cycles that Anderson's extrapolation looks back on.
@@ -76,7 +79,7 @@ def run_procedure(
     start: np.ndarray,
     lower: np.ndarray,
     upper: np.ndarray,
-    cycles: int = _MAX_CYCLES,
+    cycles: int = USUAL_CYCLES,
     tolerance: float = 1e-6,
     method: str = "least_squares",
 ) -> Trail:
@@ -88,7 +91,7 @@ def run_procedure(
         start: parameters and offsets, `(p,)`.
         lower: bounds.
         upper: bounds.
-        cycles: how often I and II may be gone through; paper 1 did it once.
+        cycles: how often I and II may be gone through.
         tolerance: relative decrease of the objective in a cycle that ends the search.
         method: of each stage, a key of `METHODS`.
 

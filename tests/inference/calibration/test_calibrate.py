@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import kneejax as kj
-from kneejax.files import bundled_path, read_measured, read_study
+from kneejax.files import bundled_path
 from kneejax.inference import identify, synthetic_motion, uncertainty
 from kneejax.inference.calibration._quality import Fault, misfits
 from kneejax.inference.intervals._intervals import IntervalKind
 from kneejax.parameters import UnknownParameter, select
 
-STUDY = read_study(bundled_path("studies", "paper1"))
+STUDY = kj.read_study("paper1")
 TRUTH = dict(STUDY.synthetic.parameters)
 
 
@@ -28,7 +28,7 @@ def clean(knee):
 
 @pytest.mark.parametrize("procedure", ["III", "II", "I"])
 def test_without_noise_the_truth_comes_back(knee, clean, procedure):
-    fit = kj.calibrate(knee, clean, STUDY.parameters, procedures=(procedure,)).fit
+    fit = kj.calibrate(knee, clean, STUDY.parameters, procedures=(procedure,), cycles=200).fit
     assert fit.success
     for estimate in fit.estimates:
         assert estimate.value == pytest.approx(TRUTH[estimate.name], rel=1e-4)
@@ -48,7 +48,7 @@ def test_procedure_i_crawls_out_of_the_corner_that_its_first_step_finds(knee):
     truth = {f"{name}.stiffness": float(k) for name, (k, _) in other.items()}
     truth |= {f"{name}.reference_strain": strain for name, (_, strain) in other.items()}
     motion = synthetic_motion(knee, truth, np.arange(0.0, 121.0, 5.0), STUDY.parameters)
-    fit = kj.calibrate(knee, motion, STUDY.parameters, procedures=("I",)).fit
+    fit = kj.calibrate(knee, motion, STUDY.parameters, procedures=("I",), cycles=200).fit
     assert fit.success
     for estimate in fit.estimates:
         assert estimate.value == pytest.approx(truth[estimate.name], rel=1e-4)
@@ -280,10 +280,10 @@ def test_measured_motion_of_the_bundled_knees_person(knee):
     target = study.parent / "../../../shared/data/lenhart2015/measured"
     if not target.exists():
         pytest.skip("the measurement is not bundled")
-    study = read_study(study)
+    study = kj.read_study(study)
     result = kj.calibrate(
         knee,
-        read_measured(study),
+        study.measured,
         study.parameters,
         procedures=("III",),
         offsets=tuple(study.frame_offset),

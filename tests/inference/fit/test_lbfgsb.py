@@ -11,7 +11,6 @@ import pytest
 pytest.importorskip("jaxopt")
 
 import kneejax as kj
-from kneejax.files import bundled_path, read_study
 from kneejax.inference import synthetic_motion
 from kneejax.inference.fit import _lbfgsb
 from kneejax.inference.fit._lbfgsb import minimise_bounded
@@ -74,10 +73,10 @@ def test_a_missing_jaxopt_is_named(monkeypatch):
 @pytest.fixture(scope="module")
 def twin():
     """Paper 1's twin with noise: the study that `kneejax calibrate` runs by default."""
-    study = read_study(bundled_path("studies", "paper1"))
+    study = kj.read_study("paper1")
     made = study.synthetic
     assert made is not None
-    knee = kj.load_knee(study.knee)
+    knee = study.knee
     measured = synthetic_motion(
         knee,
         dict(made.parameters),

@@ -1,26 +1,23 @@
+"""Study files: what they mean, and one line for everything that they cannot mean."""
+
+import shutil
+
 import numpy as np
 import pytest
 import yaml
 
-from kneejax.files import (
-    InputProblem,
-    bundled_measurements,
-    format_knee,
-    parse_flexion,
-    read_measured,
-    read_study,
-    write_poses,
-)
-from kneejax.files._study import FAULTS
+from kneejax.files import InputProblem, bundled_measurements, bundled_path, write_poses
 from kneejax.geometry import FREE_COORDINATES
+from kneejax.parameters import UnknownParameter, UnsuitableData
 from kneejax.statics import Status
+from kneejax.studies import FAULTS, read_study
 
 TABLE = np.array([[x, 1.0, -2.0, 3.0, -20.0, 2.0] for x in (0.0, 30.0, 60.0, 90.0)])
 
 
 @pytest.fixture
-def folder(tmp_path, knee_document):
-    (tmp_path / "knee.yaml").write_text(format_knee(knee_document))
+def folder(tmp_path):
+    shutil.copy(bundled_path("knees", "four_ligament"), tmp_path / "knee.yaml")
     (tmp_path / "measured").mkdir()
     write_poses(tmp_path / "measured" / "poses.csv", TABLE, convention="tibial")
     (tmp_path / "studies").mkdir()
@@ -58,13 +55,15 @@ def refusal(folder, document):
 def test_defaults(folder):
     found = read(folder, study())
     assert found.parameters == ("*.stiffness", "ACL.reference_strain")
-    assert found.bounds == {"stiffness": (300, 10000), "reference_strain": (-0.2, 0.2)}
+    assert found.bounds == {} and found.limits["LCL.stiffness"] == (300, 10000)
+    assert found.limits["ACL.reference_strain"] == (-0.2, 0.2)
     assert list(found.weights.values()) == [8, 8, 1, 1, 1]
     assert found.procedures == ("II", "I", "III")
     assert (found.starts, found.seed, found.method) == (1, 0, "least_squares")
-    assert found.frame_offset == () and found.flexion_deg is None
-    assert found.start == found.overrides == {} and found.synthetic is None
-    np.testing.assert_allclose(read_measured(found), TABLE, atol=1e-11)
+    assert found.frame_offset == ()
+    assert found.start == found.truth == {} and found.synthetic is None
+    assert found.noise == (None, None)
+    np.testing.assert_allclose(found.measured, TABLE, atol=1e-11)
 
 
 def test_everything_stated(folder):
@@ -75,13 +74,19 @@ def test_everything_stated(folder):
         weights={"deg": 4.0, "anterior": 2.0}, procedures=["III"], starts=3, seed=7,
         frame_offset=True, method="lbfgsb", flexion_deg=[30, 60], noise_mm=0.3,
     ))  # fmt: skip
-    assert list(found.bounds) == ["reference_strain", "ACL.stiffness", "stiffness"]
+    assert found.limits["ACL.stiffness"] == (1000, 5000)
+    assert found.limits["PCL.stiffness"] == (100, 9000)
     assert list(found.weights.values()) == [4, 4, 2, 1, 1]
     assert found.frame_offset == FREE_COORDINATES
-    assert (found.noise_mm, found.noise_deg) == (0.3, None)
-    assert found.overrides == {"*.transition_strain": 0.06}
+    assert found.noise == (0.3, None)
+    assert set(found.knee.ligaments.transition_strain.tolist()) == {0.06}
+    assert found.knee_at_start.ligaments.stiffness[0] == 4000 != found.knee.ligaments.stiffness[0]
+    settings = found.settings()
+    assert settings["overrides"] == {"*.transition_strain": 0.06}
+    assert settings["measured"]["mirror"] is True and settings["flexion_deg"] == [30, 60]
+    assert settings["knee"].endswith("knee.yaml") and settings["path"] == found.file
     expected = TABLE[1:3] * [1, -1, -1, 1, 1, -1]
-    np.testing.assert_allclose(read_measured(found), expected, atol=1e-11)
+    np.testing.assert_allclose(found.measured, expected, atol=1e-11)
 
 
 def test_synthetic(folder):
@@ -90,16 +95,17 @@ def test_synthetic(folder):
     }))  # fmt: skip
     np.testing.assert_array_equal(found.synthetic.flexion_deg, np.arange(10.0, 51.0, 5.0))
     assert (found.synthetic.noise_mm, found.synthetic.noise_deg) == (0.1, 0.0)
-    with pytest.raises(ValueError, match="synthetic"):
-        read_measured(found)
+    # Without noise in the rotations their scatter must be estimated.
+    assert found.noise == (0.1, None) and found.measured is None
+    assert found.settings()["noise_mm"] == 0.1
 
 
 def test_flexion_that_a_plain_yaml_reader_takes_for_a_time(folder):
     path = folder / "studies" / "study.yaml"
     text = yaml.safe_dump(study(measured=None))
-    path.write_text(text + "synthetic: {parameters: {A.stiffness: 1e3}, flexion_deg: 10:50:5}\n")
+    path.write_text(text + "synthetic: {parameters: {ACL.stiffness: 1e3}, flexion_deg: 10:50:5}\n")
     found = read_study(path).synthetic
-    assert len(found.flexion_deg) == 9 and found.parameters == {"A.stiffness": 1000.0}
+    assert len(found.flexion_deg) == 9 and found.parameters == {"ACL.stiffness": 1000.0}
 
 
 MEASURED = study()["measured"]
@@ -151,15 +157,48 @@ SYNTHETIC = {"parameters": {"ACL.stiffness": 5876}, "flexion_deg": "0:120:5"}
         ({"measured": None, "synthetic": SYNTHETIC | {"flexion_deg": "0:120"}}, "FROM:TO:STEP"),
         ({"measured": None, "synthetic": SYNTHETIC | {"noise_mm": -1}}, "1e-06 and 100 mm"),
         ({"measured": None, "synthetic": {"flexion_deg": [0]}}, "parameters: missing"),
+        ({"measured": None, "synthetic": SYNTHETIC, "flexion_deg": [0, 9]}, "no limits beside"),
+        ({"failures": []}, "failures: []: expected a value, or this field left out"),
+        ({"start": {"ACL.tibial_attachment.superior": -900}}, "ACL.length: 900.1 mm"),
     ],
 )
 def test_a_bad_study_is_refused(folder, changes, words):
     assert words in refusal(folder, study(**changes))
 
 
+@pytest.mark.parametrize(
+    ("changes", "error", "words"),
+    [
+        ({"parameters": ["ACL.stifness"]}, UnknownParameter, "did you mean 'ACL.stiffness'?"),
+        ({"bounds": {"ACL.stifness": [300, 500]}}, UnknownParameter, "'ACL.stifness'"),
+        ({"start": {"ALC.stiffness": 300}}, UnknownParameter, "'ALC.stiffness'"),
+        (
+            {"measured": None, "synthetic": SYNTHETIC | {"parameters": {"XL.stiffness": 3}}},
+            UnknownParameter,
+            "'XL.stiffness'",
+        ),
+        ({"bounds": {"stiffness": [300, 4000]}}, UnsuitableData, "exclude the start 4500"),
+    ],
+)
+def test_what_does_not_suit_the_knee_is_refused_with_the_file(folder, changes, error, words):
+    """All of it once stood for a motion of the knee, or longer, before it was said."""
+    with pytest.raises(error) as caught:
+        read(folder, study(**changes))
+    assert str(caught.value).startswith(f"{folder / 'studies' / 'study.yaml'}: ")
+    assert words in str(caught.value)
+
+
+def test_a_method_that_is_not_installed_is_known_at_once(folder, monkeypatch):
+    found = read(folder, study(method="lbfgsb"))
+    assert found.method == "lbfgsb"
+    monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
+    with pytest.raises(UnsuitableData, match="lbfgsb needs jaxopt.*pip install"):
+        read(folder, study(method="lbfgsb"))
+
+
 def test_no_measured_pose_within_the_limits(folder):
     with pytest.raises(InputProblem, match="limits within 0 and 90"):
-        read_measured(read(folder, study(flexion_deg=[100, 120])))
+        read(folder, study(flexion_deg=[100, 120]))
 
 
 @pytest.mark.parametrize("content", [b"", b"title: [", b"\x00\x01", b"- 1", b"title: \xff"])
@@ -172,16 +211,6 @@ def test_a_file_that_is_no_study(tmp_path, content):
         read_study(tmp_path)
 
 
-def test_flexion_texts():
-    assert parse_flexion("0,30,60").tolist() == [0, 30, 60]
-    assert parse_flexion("120:0:-40").tolist() == [120, 80, 40, 0]
-    assert len(parse_flexion("0:0.3:0.1")) == 4
-    ranges = ("a:b:c", "0:10:0", "0:10:-1", "0:10:nan", "0:400:5", "0:9:1e-9", "0:10")
-    for text in (*ranges, "", "nan", "1,,2"):
-        with pytest.raises(InputProblem, match="^--flexion: flexion_deg: .*expected"):
-            parse_flexion(text)
-
-
 def test_measurements_carry_title_and_source(folder, monkeypatch):
     monkeypatch.setattr("kneejax.files._bundled._data_folder", lambda: folder)
     (folder / "measurements").mkdir()
@@ -192,7 +221,7 @@ def test_measurements_carry_title_and_source(folder, monkeypatch):
     table.with_suffix(".yaml").write_text("title: Mean of many knees\nsource: a paper\n")
     assert bundled_measurements()["walker"].source == "a paper"
     found = read(folder, study(measured={"file": "walker", "source": "a paper"}))
-    np.testing.assert_array_equal(read_measured(found), TABLE)
+    np.testing.assert_array_equal(found.measured, TABLE)
 
 
 def test_a_study_may_choose_what_counts_as_a_failure(folder):

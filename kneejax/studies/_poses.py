@@ -1,0 +1,36 @@
+"""The poses of a study: as they were measured, or made by its knee."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kneejax.inference import synthetic_motion
+from kneejax.studies._study import Study
+
+
+def measured_poses(study: Study, *, calibrated: bool = False) -> np.ndarray:
+    """The poses that a study compares its knee with; synthetic ones take a motion of the knee.
+
+    Args:
+        study: any.
+        calibrated: whether a calibration follows; its compiled program then makes synthetic poses.
+
+    Returns:
+        Shape `(n, 6)` in the order of `kneejax.geometry.COLUMNS`, degrees and mm.
+
+    Raises:
+        UnsuitableData: the knee that should make the data does not balance.
+    """
+    made = study.synthetic
+    if made is None:
+        assert study.measured is not None
+        return study.measured
+    return synthetic_motion(
+        study.knee,
+        study.truth,
+        made.flexion_deg,
+        tuple(study.parameters) if calibrated else None,
+        noise_mm=made.noise_mm,
+        noise_deg=made.noise_deg,
+        seed=made.seed,
+    )

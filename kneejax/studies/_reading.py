@@ -1,0 +1,151 @@
+"""A study from its file: what stands on disk, and what that means."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kneejax.files import (
+    FEMORAL,
+    InputProblem,
+    bundled_knees,
+    bundled_measurements,
+    knee_with,
+    load_knee,
+    read_poses,
+    study_path,
+)
+from kneejax.files.reading import Field, load_yaml
+from kneejax.geometry import COLUMNS, CONVENTIONS
+from kneejax.mechanics import RANGES
+from kneejax.studies._study import Study, Synthetic, parameter_values
+
+#: Fields of a file that a study takes as they are.
+_AS_THEY_ARE = (
+    "start", "bounds", "weights", "procedures", "starts", "seed", "noise_mm", "noise_deg",
+    "frame_offset", "method", "failures",
+)  # fmt: skip
+_OPTIONAL = ("measured", "synthetic", *_AS_THEY_ARE, "flexion_deg", "set")
+#: Signs of a left knee in axes with Z to the person's right: adduction, internal rotation and
+#: lateral shift change.
+_MIRROR = (1.0, -1.0, -1.0, 1.0, 1.0, -1.0)
+
+
+def read_study(name_or_path: str | os.PathLike[str]) -> Study:
+    """Read a study, its knee and its measured poses.
+
+    Args:
+        name_or_path: name of a bundled study, or a study file; paths in it are relative to its
+            folder.
+
+    Returns:
+        The study, checked whole.
+
+    Raises:
+        InputProblem: the file or one that it names cannot be read, or a field is missing,
+            unknown or out of range.
+        UnknownParameter: a name that the knee does not have.
+        UnsuitableData: bounds that exclude the start, or a method that is not installed.
+
+    Example:
+        >>> study = read_study("paper1")
+        >>> study.knee.name, study.parameters
+        ('four_ligament', ('*.stiffness', '*.reference_strain'))
+    """
+    path = study_path(name_or_path)
+    study = Field(os.fspath(path), "", load_yaml(path, "a study file"))
+    study.mapping(("title", "knee", "parameters"), _OPTIONAL)
+    for name, value in study.value.items():
+        if value is None or (value == [] and name in _AS_THEY_ARE):
+            raise study[name].problem("a value, or this field left out")
+    if "flexion_deg" in study and "synthetic" in study:
+        expected = "no limits beside synthetic poses, which have their own flexion_deg"
+        raise study["flexion_deg"].problem(expected)
+    origin: dict[str, Any] = {
+        "knee": _knee(study["knee"], path.parent),
+        "measured": None,
+        "flexion_deg": study["flexion_deg"].interval(RANGES["flexion_deg"])
+        if "flexion_deg" in study
+        else None,
+        "overrides": parameter_values(study["set"]) if "set" in study else {},
+    }
+    poses = None
+    if "measured" in study and "synthetic" not in study:
+        origin["measured"] = _measured(study["measured"], path.parent)
+        poses = _read_poses(origin["measured"], origin["flexion_deg"], study.file)
+    return Study(
+        title=study["title"].value,
+        knee=knee_with(load_knee(origin["knee"]), origin["overrides"], path),
+        parameters=study["parameters"].value,
+        measured=study["measured"].value if poses is None and "measured" in study else poses,
+        synthetic=_synthetic(study["synthetic"]) if "synthetic" in study else None,
+        **{name: study[name].value for name in _AS_THEY_ARE if name in study},
+        origin=origin,
+        file=study.file,
+    )
+
+
+def _knee(field: Field, folder: Path) -> str:
+    name = field.text()
+    known = bundled_knees()
+    if name in known:
+        return name
+    path = folder / name
+    if not path.is_file():
+        expected = f"a bundled knee ({', '.join(known) or 'none'}) or a knee file; not at {path}"
+        raise field.problem(expected, known)
+    return os.fspath(path)
+
+
+def _measured(field: Field, folder: Path) -> dict[str, Any]:
+    """Which table was measured, what its columns mean, and who says so."""
+    field.mapping(("file", "source"), ("convention", "columns", "mirror"))
+    columns = {}
+    if "columns" in field:
+        renamed = field["columns"].mapping((), COLUMNS)
+        columns = {name: renamed[name].text() for name in renamed.value}
+    return {
+        "file": os.fspath(_table(field["file"], folder)),
+        "convention": field["convention"].choice(CONVENTIONS)
+        if "convention" in field
+        else FEMORAL,
+        "columns": columns,
+        "source": field["source"].text(),
+        "mirror": field["mirror"].boolean() if "mirror" in field else False,
+    }
+
+
+def _table(field: Field, folder: Path) -> Path:
+    path = folder / field.text()
+    if path.is_file():
+        return path
+    known = bundled_measurements()
+    if field.value in known:
+        return known[field.value].path
+    raise field.problem(f"a CSV table or a bundled measurement; not at {path}", known)
+
+
+def _read_poses(
+    measured: dict[str, Any], limits: tuple[float, float] | None, file: str
+) -> np.ndarray:
+    """Measured poses within limits of flexion, `(n, 6)`, degrees and mm."""
+    table = read_poses(measured["file"], measured["convention"], measured["columns"])
+    if measured["mirror"]:
+        table = table * _MIRROR
+    if limits is None:
+        return table
+    lower, upper = limits
+    # Limits include poses that a conversion moved by rounding.
+    inside = (table[:, 0] >= lower - 1e-6) & (table[:, 0] <= upper + 1e-6)
+    if not inside.any():
+        expected = f"limits within {table[:, 0].min():g} and {table[:, 0].max():g}, as measured"
+        raise InputProblem(file, "flexion_deg", f"{lower:g} to {upper:g}", expected)
+    return table[inside]
+
+
+def _synthetic(field: Field) -> Synthetic:
+    field.mapping(("parameters", "flexion_deg"), ("noise_mm", "noise_deg", "seed"))
+    return Synthetic(**field.value)

@@ -1,0 +1,91 @@
+"""Running a study: what its commands do after they have read their words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import overload
+
+from kneejax.inference import BlockStore, Calibration, ParameterMap
+from kneejax.studies import _answer_identify, _answer_map, _answer_sensitivity
+from kneejax.studies._answer_calibrate import calibrated
+from kneejax.studies._answer_identify import Identified
+from kneejax.studies._answer_sensitivity import Sensitivities
+from kneejax.studies._questions import Identify, Map, Sensitivity
+from kneejax.studies._study import Study
+
+#: Called now and then, from any thread: what is computed, balances done and asked for.
+Progress = Callable[[str, int, int], None]
+
+
+def check(study: Study, question: Identify | Map | Sensitivity | None = None) -> None:
+    """Refuse what cannot be answered, before anything is computed; `run` does so first.
+
+    Args:
+        study: checked when it was made.
+        question: as in `run`.
+
+    Raises:
+        InputProblem: a field of the question is out of range.
+        UnknownParameter: a name that the knee does not have, or that is not free.
+        UnsuitableData: too few data, samples or candidates, or a package that is not installed.
+    """
+    match question:
+        case Identify():
+            _answer_identify.check(study, question)
+        case Map():
+            _answer_map.check(study, question)
+        case Sensitivity():
+            _answer_sensitivity.check(study, question)
+
+
+@overload
+def run(study: Study) -> Calibration: ...
+@overload
+def run(
+    study: Study, question: Identify, *, progress: Progress | None = None
+) -> Identified: ...
+@overload
+def run(
+    study: Study,
+    question: Map,
+    *,
+    progress: Progress | None = None,
+    store: BlockStore | None = None,
+) -> tuple[ParameterMap, ...]: ...
+@overload
+def run(
+    study: Study, question: Sensitivity, *, progress: Progress | None = None
+) -> Sensitivities: ...
+
+
+def run(study, question=None, *, progress=None, store=None):
+    """Calibrate as a study says, or answer another question about it.
+
+    This is what `kneejax calibrate`, `identify`, `map` and `sensitivity` compute; they print and
+    write it.
+
+    Args:
+        study: as `read_study` reads it.
+        question: `Identify`, `Map` or `Sensitivity`; a calibration is done without one.
+        progress: called now and then with what is computed, and balances done and asked for.
+        store: of maps: keeps finished blocks; what it has is not computed again.
+
+    Returns:
+        A `Calibration`, an `Identified`, one `ParameterMap` a pair, or `Sensitivities`.
+
+    Raises:
+        InputProblem: as `check`, before anything is computed.
+        UnknownParameter: likewise.
+        UnsuitableData: likewise; or where no pose has a balance.
+    """
+    check(study, question)
+    match question:
+        case None:
+            return calibrated(study)
+        case Identify():
+            return _answer_identify.identified(study, question)
+        case Map():
+            return _answer_map.mapped(study, question, progress, store)
+        case Sensitivity():
+            return _answer_sensitivity.answered(study, question, progress)
+    raise TypeError(f"{question!r} is no question: expected Identify, Map or Sensitivity")

@@ -1,0 +1,63 @@
+"""Words of options as numbers; what the numbers may be is for the study to say."""
+
+import argparse
+
+import pytest
+
+from kneejax.cli._given import read_numbers, read_texts, said_of_options
+from kneejax.cli._identify import _question
+from kneejax.files import InputProblem
+from kneejax.studies import Identify, Sensitivity
+
+FORM = "NAME=MEAN:SD"
+
+
+def read(*words):
+    return read_numbers("--prior", read_texts("--prior", words), FORM, (2,))
+
+
+def test_names_and_numbers_are_read_in_order():
+    assert read("*.stiffness=4000:1200", "PCL.reference_strain=-0.1:inf") == {
+        "*.stiffness": (4000.0, 1200.0),
+        "PCL.reference_strain": (-0.1, float("inf")),
+    }
+    assert read() == {}
+    assert read_texts("--sweep", ["ACL.stiffness", "*.reference_strain=0:1"]) == {
+        "ACL.stiffness": "",
+        "*.reference_strain": "0:1",
+    }
+
+
+@pytest.mark.parametrize(
+    "word", ["ACL.stiffness=4500", "ACL.stiffness", "=4500:wide", "ACL.stiffness=1:2:3"]
+)
+def test_a_word_of_another_form_is_refused_in_one_line(word):
+    with pytest.raises(InputProblem, match="^--prior: .*expected NAME=MEAN:SD$") as caught:
+        read(word)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_name_given_twice_is_refused():
+    with pytest.raises(InputProblem, match=r"--prior: \*\.stiffness: .*expected every name once"):
+        read("*.stiffness=1:1", "*.stiffness=2:1")
+
+
+@pytest.mark.parametrize(
+    ("question", "field", "option"),
+    [
+        (Identify(), "next_tests", "--next-tests"),
+        (Sensitivity(), "indices", "--global"),
+        (Sensitivity(), "study.yaml", "study.yaml"),
+    ],
+)
+def test_a_problem_of_a_question_names_the_option(question, field, option):
+    with pytest.raises(InputProblem, match=f"^{option}: place: 3: expected more; did you mean 4"):
+        with said_of_options(question):
+            raise InputProblem(field, "place", 3, "more", "4")
+
+
+def test_options_that_nobody_gives_are_the_questions_defaults():
+    from kneejax.cli._commands import build_parser
+
+    words: argparse.Namespace = build_parser().parse_args(["identify"])
+    assert _question(words) == Identify()

@@ -1,0 +1,71 @@
+"""Studies made in Python: checked as a file is, and the same after a change."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import kneejax as kj
+from kneejax.geometry import FREE_COORDINATES
+from kneejax.parameters import UnsuitableData
+
+TABLE = np.array([[x, 0.5, -2.0, 3.0, -20.0, 2.0] for x in (0.0, 30.0, 60.0)])
+
+
+@pytest.fixture(scope="module")
+def knee():
+    return kj.load_knee("four_ligament")
+
+
+def study(knee, **changes):
+    given = {"parameters": ["*.stiffness"], "measured": TABLE} | changes
+    return kj.Study("a trial", knee, **given)
+
+
+def test_what_python_gives_is_kept_in_one_form(knee):
+    found = study(
+        knee, parameters=("ACL.stiffness",), frame_offset=True, weights={"mm": np.float64(2.0)},
+        bounds={"ACL.stiffness": np.array([300.0, 9000.0])},
+    )  # fmt: skip
+    assert found.frame_offset == FREE_COORDINATES
+    assert found.weight_vector.tolist() == [8.0, 8.0, 2.0, 2.0, 2.0]
+    assert found.limits == {"ACL.stiffness": (300.0, 9000.0)}
+    again = dataclasses.replace(found, seed=3)
+    assert again.seed == 3 and again.settings() == found.settings() | {"seed": 3}
+
+
+def test_noise_of_synthetic_poses_follows_them(knee):
+    made = kj.Synthetic({"ACL.stiffness": 5000.0}, "0:60:30", noise_mm=0.1)
+    found = study(knee, measured=None, synthetic=made)
+    other = dataclasses.replace(found, synthetic=dataclasses.replace(made, noise_mm=0.5))
+    assert (found.noise, other.noise) == ((0.1, None), (0.5, None))
+    assert found.flexion_deg.tolist() == [0.0, 30.0, 60.0]
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"measured": None}, "exactly one of measured, synthetic"),
+        ({"measured": TABLE[:, :5]}, "study: measured: shape (3, 5): expected poses, (n, 6)"),
+        ({"measured": np.where(TABLE == 3.0, np.nan, TABLE)}, "measured[0]: not finite"),
+        ({"frame_offset": ["flexion"]}, "flexion is prescribed as it was measured"),
+        ({"frame_offset": ["anteriorr"]}, "did you mean anterior?"),
+        ({"procedures": ["IV"]}, "one of I, II, III"),
+        ({"method": "simplex"}, "one of least_squares, lbfgsb"),
+        ({"bounds": {"stiffness": (4000.0, 300.0)}}, "a lower and a larger upper limit"),
+        ({"start": {"ACL.stiffness": 1e30}}, "expected between 0.001"),
+    ],
+)
+def test_a_study_that_means_nothing_is_refused_when_it_is_made(knee, changes, words):
+    with pytest.raises(kj.InputProblem) as caught:
+        study(knee, **changes)
+    assert words in str(caught.value)
+
+
+def test_a_name_is_no_knee_and_bounds_hold_the_start(knee):
+    with pytest.raises(kj.InputProblem, match="a knee, as kneejax.load_knee gives"):
+        study("four_ligament")
+    with pytest.raises(UnsuitableData, match="study: ACL.stiffness: .* exclude the start 4500"):
+        study(knee, bounds={"ACL.stiffness": (300.0, 4000.0)})
+    moved = study(knee, bounds={"ACL.stiffness": (300.0, 4000.0)}, start={"ACL.stiffness": 3500.0})
+    assert moved.limits["ACL.stiffness"] == (300.0, 4000.0)
