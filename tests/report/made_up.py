@@ -20,7 +20,7 @@ LIGAMENTS = ("ACL", "PCL", "MCL", "LCL")
 CONTACTS = ("medial", "lateral")
 UNDETERMINED = "MCL.stiffness"
 AT_BOUND = "LCL.stiffness"
-REASON = "the ligament is slack in every pose"
+REASON = "its ligament is slack at every pose"
 _FREE = ("adduction", "internal_rotation", "anterior", "superior", "lateral")
 
 
@@ -56,7 +56,7 @@ def _estimates(rng: np.random.Generator, spread: float) -> tuple[Estimate, ...]:
         made.append(
             Estimate(
                 full, "N", here, float(start), 300.0, 10000.0,
-                np.nan if lost or bound else error, bound, REASON if lost else "", *known,
+                np.nan if lost or bound else error, bound, 1.0 if lost else 0.0, *known,
             )
         )  # fmt: skip
     strains = (0.037, -0.047, 0.023, 0.039)
@@ -67,7 +67,7 @@ def _estimates(rng: np.random.Generator, spread: float) -> tuple[Estimate, ...]:
         made.append(
             Estimate(
                 f"{name}.reference_strain", "", here, start, -0.2, 0.2,
-                np.nan if bent else 0.004, False, "", here - 0.008, high,
+                np.nan if bent else 0.004, False, 0.0, here - 0.008, high,
                 IntervalKind.PROFILE if bent else IntervalKind.STANDARD_ERROR,
             )
         )  # fmt: skip
@@ -113,7 +113,7 @@ def _fit(procedure: str, poses: int, seed: int, failed: tuple[int, ...]) -> Fit:
         tuple(history),
         counts,
         procedure != "III",
-        "Evaluations used up." if procedure == "III" else "Steps became smaller than 1e-8.",
+        "Evaluations used up" if procedure == "III" else "",
         (offset(),),
         Ending.STOPPED if procedure == "III" else Ending.CONVERGED,
         Starts(
@@ -128,7 +128,7 @@ def _fit(procedure: str, poses: int, seed: int, failed: tuple[int, ...]) -> Fit:
 def offset(coordinate: str = "lateral", value: float = -0.3, error: float = 0.05) -> Estimate:
     """A constant between frames."""
     return Estimate(
-        coordinate, "mm", value, 0.0, -10.0, 10.0, error, False, "", value - 2 * error,
+        coordinate, "mm", value, 0.0, -10.0, 10.0, error, False, 0.0, value - 2 * error,
         value + 2 * error, IntervalKind.STANDARD_ERROR,
     )  # fmt: skip
 

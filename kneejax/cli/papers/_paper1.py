@@ -58,12 +58,14 @@ def _computed(study: Study) -> Paper1Study:
 
 
 def _doubts(found: Paper1Study) -> list[str]:
+    from kneejax.report import message
+
     doubts = []
     if (found.sweeps.status > 0).any():
         doubts.append("The knee's own motion is not balanced, stable and on fitted surfaces.")
     for fit in found.calibration.fits:
         if not fit.success:
-            doubts.append(f"Procedure {fit.procedure}: {fit.message}.")
+            doubts.append(f"Procedure {fit.procedure}: {message(fit)}.")
     return doubts
 
 

@@ -9,7 +9,7 @@ from jax.typing import ArrayLike
 from kneejax.experiments import doubts, slack_poses, with_flips
 from kneejax.experiments import evaluate as evaluate_mechanics
 from kneejax.geometry import COLUMNS, FREE_COORDINATES, Pose
-from kneejax.inference.calibration._result import Ending, Estimate, Fit, Motion, Starts
+from kneejax.inference.calibration._result import Estimate, Fit, Motion, Starts
 from kneejax.inference.calibration._search import Trail
 from kneejax.inference.fit import (
     Balance,
@@ -124,7 +124,7 @@ def fit_of(
             **trail.counts,
         },
         bool(trail.converged and not failed),
-        _message(trail, failed, len(problem.measured)),
+        trail.reason,
         tuple(estimates[size:]),
         trail.ending,
     )
@@ -133,16 +133,8 @@ def fit_of(
 def _estimate(name, unit, numbers, held, interval: Interval | None, likely, loose) -> Estimate:
     value, start, lower, upper = map(float, numbers)
     if interval is None:
-        remark = "on its bound" if held else ""
-        return Estimate(name, unit, value, start, lower, upper, np.nan, held, remark)
-    remarks = []
-    if held:
-        remarks.append("on its bound: the data would move it further")
-    if interval.kind in (IntervalKind.NOT_DETERMINED, IntervalKind.ONE_SIDED) and loose > 0:
-        where = "every pose" if loose == 1.0 else f"{loose:.0%} of the poses"
-        remarks.append(f"its ligament is slack at {where}")
-    if value < interval.low or value > interval.high:
-        remarks.append(f"outside its limits, where the weights pull it; likeliest {likely:.4g}")
+        return Estimate(name, unit, value, start, lower, upper, np.nan, held)
+    vague = interval.kind in (IntervalKind.NOT_DETERMINED, IntervalKind.ONE_SIDED)
     return Estimate(
         name,
         unit,
@@ -152,21 +144,12 @@ def _estimate(name, unit, numbers, held, interval: Interval | None, likely, loos
         upper,
         np.nan if held else interval.standard_error,
         held,
-        "; ".join(remarks),
+        loose if vague else 0.0,
         interval.low,
         interval.high,
         interval.kind,
         likely,
     )
-
-
-def _message(trail: Trail, failed: int, poses: int) -> str:
-    message = {
-        Ending.CONVERGED: "converged",
-        Ending.FLAT: "converged to within the noise: further steps gained nothing that counts",
-        Ending.STOPPED: trail.reason or "stopped before it converged",
-    }[trail.ending]
-    return message + (f"; {failed} of {poses} poses have no balance" if failed else "")
 
 
 def starts_of(problem: Problem, answer: Fit, ends: np.ndarray, objectives: np.ndarray) -> Starts:

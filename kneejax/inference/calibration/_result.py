@@ -25,7 +25,8 @@ class Estimate:
         upper: bound.
         standard_error: of the estimate; NaN where it would not tell the limits.
         at_bound: whether the estimate lies on a bound.
-        remark: why it is not determined, or what else a reader must know; empty if nothing.
+        slack: part of the poses at which its ligament is slack, where the data limit it on one side
+            at most; 0 otherwise.
         low: lower 95 % limit; NaN if the data give none.
         high: upper 95 % limit; NaN if the data give none.
         interval: which of these numbers mean something; None where nobody asked, as for procedures
@@ -41,7 +42,7 @@ class Estimate:
     upper: float
     standard_error: float
     at_bound: bool
-    remark: str = ""
+    slack: float = 0.0
     low: float = np.nan
     high: float = np.nan
     interval: IntervalKind | None = None
@@ -121,7 +122,8 @@ class Fit:
         history: accepted steps.
         evaluations: `residual`, `jacobian`, `equilibria` and, per stage, the counts.
         success: whether the search converged.
-        message: a sentence.
+        reason: why the search stopped before it converged, where its method can tell; empty
+            otherwise.
         offsets: constants that are added to the model to compare it with the measurement.
         ending: why the search ended.
         starts: where several starts ended; None if there was one.
@@ -137,7 +139,7 @@ class Fit:
     history: tuple[Iteration, ...]
     evaluations: dict[str, int]
     success: bool
-    message: str
+    reason: str
     offsets: tuple[Estimate, ...] = ()
     ending: Ending = Ending.CONVERGED
     starts: Starts | None = None

@@ -287,7 +287,7 @@ def predictive_figure(found: Posterior) -> Figure:
                 flexion, measured - base, "o", color=BLACK, markersize=2.6, markeredgewidth=0
             )
     for axes in panels[-1]:
-        flexion_axis(axes, flexion, "Flexion, deg")
+        flexion_axis(axes, flexion)
     figure.legend(
         handles.values(), handles.keys(), loc="lower center", ncols=len(handles), handlelength=1.6,
         bbox_to_anchor=(0.5, 0.0), columnspacing=1.6,

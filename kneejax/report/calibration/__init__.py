@@ -16,6 +16,8 @@ from kneejax.report.calibration._results import parameters_rows as parameters_ro
 from kneejax.report.calibration._results import result_document as result_document
 from kneejax.report.calibration._text import calibration_summary as calibration_summary
 from kneejax.report.calibration._verdict import Outcome as Outcome
+from kneejax.report.calibration._verdict import message as message
 from kneejax.report.calibration._verdict import outcome as outcome
+from kneejax.report.calibration._verdict import remark as remark
 from kneejax.report.calibration._verdict import verdict as verdict
 from kneejax.report.calibration._verdict import warnings as warnings

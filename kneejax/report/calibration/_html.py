@@ -27,6 +27,7 @@ from kneejax.report.calibration._verdict import (
     limits,
     optimiser,
     outcome,
+    reasons,
     search,
     stage_counts,
     starts_words,
@@ -199,7 +200,7 @@ def _parameter_section(calibration: Calibration, svg: str) -> str:
         if truth:
             true = truth.get(e.name, math.nan)
             row += [trimmed(true), number(e.value - true, 2)]
-        rows.append([*row, "yes" if e.at_bound else "no", e.remark])
+        rows.append([*row, "yes" if e.at_bound else "no", reasons(e)])
     text = (
         f"<p>Answer of procedure {escape(fit.procedure)}. Limits follow the likelihood, with "
         f"noise {escape(_noise(calibration))}. A standard error is given where it tells the same "

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kneejax.report.calibration._verdict import outcome, remark, warnings
+from kneejax.report.calibration._verdict import message, outcome, reasons, remark, warnings
 from kneejax.report.look import json_safe
 from kneejax.report.motion import row_status
 from kneejax.statics import Status
@@ -68,12 +68,12 @@ def _fit_document(fit: Fit) -> dict[str, Any]:
     return {
         "procedure": fit.procedure,
         "success": bool(fit.success),
-        "message": fit.message,
+        "message": message(fit),
         "objective": fit.objective,
         "partial_objectives": fit.partial_objectives,
         "rmse": fit.rmse,
         "parameters": {
-            e.name: _parameter(e) | {"unit": e.unit, "remark": e.remark} for e in fit.estimates
+            e.name: _parameter(e) | {"unit": e.unit, "remark": reasons(e)} for e in fit.estimates
         },
         "evaluations": fit.evaluations,
         "iterations": len(fit.history),
@@ -98,12 +98,12 @@ def result_document(calibration: Calibration) -> dict[str, Any]:
             "knee": calibration.knee,
             "success": bool(fit.success),
             "outcome": outcome(calibration).value,
-            "message": fit.message,
+            "message": message(fit),
             "warnings": warnings(calibration),
             "procedure": fit.procedure,
             "parameters": {e.name: _parameter(e) for e in fit.estimates},
             "units": {e.name: e.unit for e in fit.estimates},
-            "remarks": {e.name: e.remark for e in fit.estimates if e.remark},
+            "remarks": {e.name: reasons(e) for e in fit.estimates if reasons(e)},
             "objective_start": calibration.start_objective,
             "objective": fit.objective,
             "partial_objectives_start": calibration.start_partial_objectives,

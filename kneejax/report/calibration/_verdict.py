@@ -83,7 +83,41 @@ def undetermined(estimate: Estimate) -> bool:
 def remark(estimate: Estimate) -> str:
     """What a reader must know about an estimate; empty if nothing."""
     words = ["not determined"] if undetermined(estimate) else []
-    return ": ".join([*words, *filter(None, [estimate.remark])])
+    return ": ".join([*words, *filter(None, [reasons(estimate)])])
+
+
+def reasons(estimate: Estimate) -> str:
+    """Why an estimate is where it is, and as sure as it is; empty if nothing is to be said."""
+    words = []
+    if estimate.at_bound:
+        further = "" if estimate.interval is None else ": the data would move it further"
+        words.append(f"on its bound{further}")
+    if estimate.slack > 0:
+        words.append(_slack(estimate))
+    if estimate.beside:
+        likeliest = f"{estimate.likeliest:.4g}"
+        words.append(f"outside its limits, where the weights pull it; likeliest {likeliest}")
+    return "; ".join(words)
+
+
+def _slack(estimate: Estimate) -> str:
+    where = "every pose" if estimate.slack == 1.0 else f"{estimate.slack:.0%} of the poses"
+    return f"its ligament is slack at {where}"
+
+
+def message(fit: Fit) -> str:
+    """Why a search ended, whatever its method, and how many poses it could not balance."""
+    return _ending(fit, "converged")
+
+
+def _ending(fit: Fit, converged_words: str) -> str:
+    words = {
+        Ending.CONVERGED: converged_words,
+        Ending.FLAT: "converged to within the noise: further steps gained nothing that counts",
+        Ending.STOPPED: fit.reason or "stopped before it converged",
+    }[fit.ending]
+    lost = int((~converged(row_status(fit.motion))).sum())
+    return words + (f"; {lost} of {len(fit.motion.status)} poses have no balance" if lost else "")
 
 
 def limits(estimate: Estimate) -> str:
@@ -103,11 +137,7 @@ def optimiser(calibration: Calibration) -> str:
 
 def ending(calibration: Calibration, fit: Fit) -> str:
     """Why a search ended, in words."""
-    why = _words_of_method(calibration)[1]
-    if fit.ending is not Ending.CONVERGED or not why:
-        return fit.message
-    lost = int((~converged(row_status(fit.motion))).sum())
-    return why + (f"; {lost} of {len(fit.motion.status)} poses have no balance" if lost else "")
+    return _ending(fit, _words_of_method(calibration)[1] or "converged")
 
 
 def search(calibration: Calibration, fit: Fit) -> str:
@@ -122,25 +152,25 @@ def _words_of_method(calibration: Calibration) -> tuple[str, str]:
 def _doubts(fit: Fit, flexion: np.ndarray, accepted: tuple[Status, ...] = ()) -> list[str]:
     sentences = []
     if not fit.success:
-        sentences.append(f"search not converged: {fit.message}")
+        sentences.append(f"search not converged: {message(fit)}")
     bound = [e.name for e in fit.estimates if e.at_bound]
     if bound:
         sentences.append(
             f"{listed(bound, 40)} ended on a bound: the best value may lie outside; "
             f"widen the bounds or fix the parameter{'s' * (len(bound) > 1)}."
         )
-    reasons: dict[str, list[str]] = {}
+    lost: dict[str, list[str]] = {}
     for e in (*fit.estimates, *fit.offsets):
         # What ended on a bound has been said.
         if undetermined(e) and not e.at_bound:
-            reasons.setdefault(e.remark, []).append(e.name)
+            lost.setdefault(reasons(e), []).append(e.name)
         if e.beside:
             sentences.append(
                 f"{e.name}, {number(e.value)}, lies outside its limits ({limits(e)}): the weights "
                 f"pull it there. The likeliest value is {number(e.likeliest)}; weigh coordinates "
                 "by their noise, or doubt the model."
             )
-    for reason, names in reasons.items():
+    for reason, names in lost.items():
         why = reason or "other parameters make up for whatever its bounds allow"
         verb = "are" if len(names) > 1 else "is"
         sentences.append(f"{listed(names, 40)} {verb} not determined by the data: {why}.")

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from kneejax.inference import Calibration, Fit
 
 _DENSE = 40
+#: What an axis of flexion says; one of steps has no such ticks.
+FLEXION = "Flexion, deg"
 _COLUMN = {name: i for i, name in enumerate(COORDINATES)}
 #: Outcomes that are marked at the bottom edge: legend entry and marker.
 _MARKS = (
@@ -60,13 +62,15 @@ def measured_curve(flexion: np.ndarray) -> dict[str, Any]:
     return style | {"color": MEASURED, "linewidth": 1.1}
 
 
-def flexion_axis(axes: Axes, flexion: np.ndarray, label: str, labelled: bool = True) -> None:
+def flexion_axis(
+    axes: Axes, flexion: np.ndarray, labelled: bool = True, *, label: str = FLEXION
+) -> None:
     from matplotlib.ticker import MultipleLocator
 
     low, high = np.nanmin(flexion), np.nanmax(flexion)
     pad = 0.02 * (high - low) or 1.0
     axes.set_xlim(low - pad, high + pad)
-    if label.startswith("Flexion") and 60 <= high - low <= 200:
+    if label == FLEXION and 60 <= high - low <= 200:
         axes.xaxis.set_major_locator(MultipleLocator(30 if high - low > 90 else 15))
     if labelled:
         axes.set_xlabel(label)
@@ -133,52 +137,50 @@ def motion_figure(calibration: Calibration) -> Figure:
     # the measurement runs to and fro.
     order = np.argsort(flexion, kind="stable")
     start = np.asarray(calibration.start.table, float)
-    motions: list[tuple[str, str, Any, np.ndarray]] = [("start", START, ":", start)]
+    motions: list[tuple[str, str, Any, np.ndarray]] = []
     for i, fit in reversed(list(enumerate(calibration.fits))):
         dashes = "--" if i == 0 else (0, (1 + 3 * i, 1.5, 1, 1.5))
-        motions.append(
-            (
-                f"fitted, procedure {fit.procedure}", FITS[i % len(FITS)], dashes,
-                _as_measured(fit),
-            )
-        )  # fmt: skip
+        label = verbatim(f"fitted, procedure {fit.procedure}")
+        motions.append((label, FITS[i % len(FITS)], dashes, _as_measured(fit)))
     spots = [(0, 0), (1, 0), (2, 0), (0, 1), (1, 1)]
-    handles: dict[str, Any] = {}
+    lines: dict[str, Any] = {}
+    marked: dict[str, Any] = {}
     for name, spot in zip(SHOWN, spots, strict=True):
         axes, column = panels[spot], _COLUMN[name]
         axes.set_title(COORDINATES[name].axis_label)
-        (handles["measured"],) = axes.plot(flexion, measured[:, column], **measured_curve(flexion))
-        for label, color, dashes, table in motions:
-            (handles[verbatim(label)],) = axes.plot(
+        (lines["measured"],) = axes.plot(flexion, measured[:, column], **measured_curve(flexion))
+        for label, color, dashes, table in [("start", START, ":", start), *motions]:
+            (lines[label],) = axes.plot(
                 flexion[order],
                 table[order, column],
                 color=color,
                 **_curve(flexion[order], dashes),
             )
         marks = mark_status(axes, flexion, row_status(calibration.start), START, 0.10)
-        handles |= {f"start: {entry}": handle for entry, handle in marks.items()}
+        marked |= {f"start: {entry}": handle for entry, handle in marks.items()}
         if calibration.fits:
             status = row_status(calibration.fit.motion)
             marks = mark_status(axes, flexion, status, VERMILLION, 0.03)
-            handles |= {f"fitted: {entry}": handle for entry, handle in marks.items()}
+            marked |= {f"fitted: {entry}": handle for entry, handle in marks.items()}
         last = spot in ((2, 0), (1, 1))
-        flexion_axis(axes, flexion, "Flexion, deg", last)
+        flexion_axis(axes, flexion, last)
         axes.tick_params(labelbottom=last)
-    _legend_panel(panels[2, 1], handles, calibration)
+    # The answer was drawn last, on top, and is named first.
+    order = ["measured", "start", *(label for label, *_ in reversed(motions))]
+    legend = {label: lines[label] for label in order} | marked
+    _legend_panel(panels[2, 1], legend, calibration)
     return figure
 
 
 def _legend_panel(axes: Axes, handles: dict[str, Any], calibration: Calibration) -> None:
     axes.set_axis_off()
-    order = [label for label in handles if not label.startswith("fitted, ")]
-    order[2:2] = [label for label in reversed(handles) if label.startswith("fitted, ")]
     legend = axes.legend(
-        [handles[label] for label in order],
-        order,
+        list(handles.values()),
+        list(handles),
         loc="upper left",
         bbox_to_anchor=(0.0, 0.84),
         borderaxespad=0,
-        ncols=2 if len(order) > 4 else 1,
+        ncols=2 if len(handles) > 4 else 1,
         handlelength=2.6,
         columnspacing=1.2,
         borderpad=0,
@@ -186,7 +188,7 @@ def _legend_panel(axes: Axes, handles: dict[str, Any], calibration: Calibration)
         fontsize=7.5,
         markerscale=1.0 if len(calibration.measured) <= _DENSE else 1.5,
     )
-    rows_in_legend = -(-len(legend.get_texts()) // (2 if len(order) > 4 else 1))
+    rows_in_legend = -(-len(legend.get_texts()) // (2 if len(handles) > 4 else 1))
     lines = ["Root mean square error", *(COORDINATES[name].axis_label for name in SHOWN)]
     if calibration.fit.offsets:
         lines.append("Fitted motion and its errors: frame offsets added")
@@ -199,9 +201,14 @@ def _legend_panel(axes: Axes, handles: dict[str, Any], calibration: Calibration)
 
 
 def _force_panel(
-    axes: Axes, x: np.ndarray, forces: np.ndarray, names: Sequence[str], dashes: str, drawn: list
+    axes: Axes,
+    x: np.ndarray,
+    forces: np.ndarray,
+    names: Sequence[str],
+    colors: Sequence[str],
+    dashes: str,
+    drawn: list,
 ) -> None:
-    colors = CONTACT_PARTS if axes.get_title(loc="left").startswith("Contact") else PARTS
     for i, name in enumerate(names):
         color = colors[i % len(colors)]
         (line,) = axes.plot(x, forces[:, i], color=color, **_curve(x, dashes))
@@ -234,27 +241,27 @@ def ligament_forces_figure(calibration: Calibration) -> Figure:
     flexion = np.asarray(calibration.measured, float)[:, 0]
     order = np.argsort(flexion, kind="stable")
     groups = [
-        ("Ligament force, N", calibration.ligaments, "ligament_forces"),
-        ("Contact force, N", calibration.contacts, "contact_forces"),
+        ("Ligament force, N", calibration.ligaments, "ligament_forces", PARTS),
+        ("Contact force, N", calibration.contacts, "contact_forces", CONTACT_PARTS),
     ]
     groups = [group for group in groups if group[1]] or groups[:1]
     figure = Figure(figsize=(WIDTH, 2.75 * len(groups) + 0.35))
     panels = figure.subplots(len(groups), 1, sharex=True, squeeze=False)[:, 0]
-    many = max(len(names) for _, names, _ in groups) > 12
+    many = max(len(names) for _, names, _, _ in groups) > 12
     height = figure.get_size_inches()[1]
     figure.subplots_adjust(
         left=0.085, right=0.66 if many else 0.8, top=1 - 0.28 / height,
         bottom=0.45 / height, hspace=0.16,
     )  # fmt: skip
-    for axes, (title, names, field) in zip(panels, groups, strict=True):
+    for axes, (title, names, field, colors) in zip(panels, groups, strict=True):
         axes.set_title(title)
         drawn: list = []
         before = np.asarray(getattr(calibration.start, field), float)
         after = np.asarray(getattr(calibration.fit.motion, field), float)
-        _force_panel(axes, flexion[order], before[order], names, ":", [])
-        _force_panel(axes, flexion[order], after[order], names, "-", drawn)
+        _force_panel(axes, flexion[order], before[order], names, colors, ":", [])
+        _force_panel(axes, flexion[order], after[order], names, colors, "-", drawn)
         last = axes is panels[-1]
-        flexion_axis(axes, flexion, "Flexion, deg", last)
+        flexion_axis(axes, flexion, last)
         axes.tick_params(labelbottom=last)
         if "marker" not in _curve(flexion[order], "-"):
             kinds = [("fitted", "-"), ("start", ":")] if axes is panels[0] else []
@@ -293,13 +300,13 @@ def simulation_figure(
     """
     from matplotlib.figure import Figure
 
-    x, label = np.asarray(flexion_deg, float), "Flexion, deg"
+    x, label = np.asarray(flexion_deg, float), FLEXION
     if np.ptp(x) == 0:
         x, label = np.arange(1.0, len(x) + 1), "Step"
     table, status = np.asarray(table, float), np.asarray(status, int)
     forces = [
-        ("Ligament force, N", ligament_names, np.asarray(ligament_forces, float)),
-        ("Contact force, N", contact_names, np.asarray(contact_forces, float)),
+        ("Ligament force, N", ligament_names, np.asarray(ligament_forces, float), PARTS),
+        ("Contact force, N", contact_names, np.asarray(contact_forces, float), CONTACT_PARTS),
     ]
     figure = Figure(figsize=(WIDTH, 8.6))
     grid = figure.add_gridspec(
@@ -312,19 +319,19 @@ def simulation_figure(
         axes.plot(x, table[:, _COLUMN[name]], color=START, **_curve(x, "-"))
         axes.set_title(COORDINATES[name].axis_label)
         marks |= mark_status(axes, x, status, VERMILLION, 0.03)
-        flexion_axis(axes, x, label, spot in ((2, 0), (1, 1)))
+        flexion_axis(axes, x, spot in ((2, 0), (1, 1)), label=label)
     words = figure.add_subplot(grid[2, 1])
     words.set_axis_off()
     words.text(0.0, 0.98, f"Coordinates: {convention} convention", va="top", fontsize=7.5)
     lines = []
-    for column, (title, names, values) in enumerate(forces):
+    for column, (title, names, values, colors) in enumerate(forces):
         axes = figure.add_subplot(grid[3, column])
         axes.set_title(title)
         drawn: list = []
         if len(names):
-            _force_panel(axes, x, values, names, "-", drawn)
+            _force_panel(axes, x, values, names, colors, "-", drawn)
         mark_status(axes, x, status, VERMILLION, 0.03)
-        flexion_axis(axes, x, label)
+        flexion_axis(axes, x, label=label)
         lines += drawn
     lines += list((handle, entry) for entry, handle in marks.items())
     few = len(lines) <= 14

@@ -76,7 +76,7 @@ def local_curves_figure(local: LocalSensitivity) -> Figure:
         drawn = [(line, readable(local.names[i])) for line, i in zip(lines, shown, strict=True)]
         marks |= mark_status(axes, local.flexion_deg, local.status, VERMILLION, 0.03)
         last = spot in ((2, 0), (1, 1))
-        flexion_axis(axes, local.flexion_deg, "Flexion, deg", last)
+        flexion_axis(axes, local.flexion_deg, last)
         axes.tick_params(labelbottom=last)
     words = panels[2, 1]
     words.set_axis_off()
@@ -140,7 +140,7 @@ def local_heatmap_figure(local: LocalSensitivity) -> Figure:
         axes.grid(False)
         axes.tick_params(axis="y", length=0)
         last = spot in ((2, 0), (1, 1))
-        flexion_axis(axes, local.flexion_deg, "Flexion, deg", last)
+        flexion_axis(axes, local.flexion_deg, last)
         axes.set_xlim(edges[0], edges[-1])
         axes.tick_params(labelbottom=last)
     words = panels[2, 1]

@@ -72,7 +72,7 @@ def sweep_figure(
         handles |= _own_and_measured(axes, sweeps, column, measured)
         _limits(axes, sweeps, sweep, column, measured)
         last = spot in ((2, 0), (1, 1))
-        flexion_axis(axes, sweeps.flexion_deg, "Flexion, deg", last)
+        flexion_axis(axes, sweeps.flexion_deg, last)
         axes.tick_params(labelbottom=last)
     _legend(panels[2, 1], sweep, handles, faults, moved)
     _colour_bar(figure, panels[2, 1], sweep)

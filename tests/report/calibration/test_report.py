@@ -279,7 +279,7 @@ def test_verdict_counts_the_truths_within_the_limits_of_the_determined_parameter
 def _sound(fit):
     estimates = tuple(
         dataclasses.replace(
-            e, standard_error=1.0, at_bound=False, remark="", low=e.value - 2.0,
+            e, standard_error=1.0, at_bound=False, slack=0.0, low=e.value - 2.0,
             high=e.value + 2.0, interval=IntervalKind.STANDARD_ERROR,
         )
         for e in fit.estimates
@@ -324,9 +324,9 @@ def test_summary_says_which_procedure_decides_the_exit_status(tmp_path):
 def test_page_and_summary_say_which_optimiser_ran_and_why_it_stopped(tmp_path, method, name, why):
     calibration = made_up.calibration()
     fits = (
-        dataclasses.replace(calibration.fit, message="converged"),
+        calibration.fit,
         dataclasses.replace(
-            calibration.fits[1], message="the limit of iterations", ending=Ending.STOPPED
+            calibration.fits[1], reason="the limit of iterations", ending=Ending.STOPPED
         ),
     )
     calibration = dataclasses.replace(calibration, fits=fits, settings={"method": method})
@@ -346,15 +346,15 @@ def _judged(change=None, **changes):
     return dataclasses.replace(calibration, fits=(fit,), start=fit.motion, **changes)
 
 
-def _lost(e, remark=""):
-    nothing = {"standard_error": np.nan, "low": np.nan, "high": np.nan, "remark": remark}
+def _lost(e, slack=0.0):
+    nothing = {"standard_error": np.nan, "low": np.nan, "high": np.nan, "slack": slack}
     return dataclasses.replace(e, interval=IntervalKind.NOT_DETERMINED, **nothing)
 
 
 def test_parameters_that_are_not_determined_are_named_by_their_reason():
     def change(fit):
         one, two, three, *rest = fit.estimates
-        slack = _lost(three, "its ligament is slack at every pose")
+        slack = _lost(three, 1.0)
         return {"estimates": (_lost(one), _lost(two), slack, *rest)}
 
     one, two = report.warnings(_judged(change))
