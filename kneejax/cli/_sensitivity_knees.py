@@ -34,10 +34,11 @@ def _check_used(arguments: argparse.Namespace) -> None:
         "--prior": arguments.prior,
         "--range": arguments.ranges,
         "--global": arguments.indices,
+        "--samples": arguments.samples,
     }
     for option, given in others.items():
-        if given:
-            value = given if isinstance(given, str) else given[0]
+        if given not in ([], None):
+            value = given[0] if isinstance(given, list) else given
             raise InputProblem(option, "option", value, "none of it beside --knees")
 
 

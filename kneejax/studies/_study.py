@@ -115,8 +115,11 @@ class Study:
     def __post_init__(self) -> None:
         """Check everything; what is given is kept in one form."""
         stated = {f.name: _plain(getattr(self, f.name)) for f in dataclasses.fields(self)}
-        for name, value in _checked(Field(self.file, "", stated)).items():
+        place = Field(self.file, "", stated)
+        for name, value in _checked(place).items():
             object.__setattr__(self, name, value)
+        if self.starts > 1 and "III" not in self.procedures:
+            raise place["starts"].problem("1: only procedure III has several starts")
         with said_of(self.file):
             bounded = [name for name in self.bounds if name not in QUANTITIES]
             for name in (*self.truth, *self.start, *bounded):

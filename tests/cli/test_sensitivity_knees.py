@@ -66,6 +66,7 @@ def test_claims_that_fail_are_an_answer_and_doubts_are_not(tmp_path, monkeypatch
         (["--knees", "four_ligamnet"], "four_ligament"),
         (["--knees", "four_ligament", "four_ligament"], "every knee once"),
         (["--knees", "four_ligament", "--global", "sobol"], "--global: option: sobol"),
+        (["--knees", "four_ligament", "--samples", "4"], "--samples: option: 4"),
         (["--knees", "four_ligament", "--sweep", "ACL.stiffness=1:2:3"], "--sweep: option"),
     ],
 )
