@@ -287,7 +287,11 @@ def test_a_promise_that_no_line_can_hold_is_called_rough(cases):
     [
         ({"criterion": "E"}, "unknown criterion 'E': expected D or A"),
         ({"count": 0}, "0 tests: expected at least 1"),
-        ({"count": 73}, "73 tests wanted, but the model foresees only .* of 72"),
+        ({"count": 73}, "73 tests wanted, of 72 candidates: ask for fewer"),
+        (
+            {"count": 1, "candidates": (Candidate("far", 170.0),)},
+            "1 tests wanted, but the model foresees only 0 of 1",
+        ),
         ({"candidates": ()}, "no candidates"),
         ({"prior": np.r_[np.ones(7), 0.0]}, "LCL.reference_strain: prior of width 0: expected"),
         ({"prior": np.ones(3)}, r"prior of shape \(3,\): expected \(8,\)"),
