@@ -12,7 +12,8 @@ from kneejax import studies
 from kneejax.cli._given import read_numbers, read_texts, said_of_options
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.files import Checkpoints, InputProblem, write_netcdf, write_rows, write_text
-from kneejax.inference import Condition, ParameterMap, check_installed, versions
+from kneejax.inference import Condition, ParameterMap, versions
+from kneejax.numerics import check_installed
 
 _PACKAGES = ("xarray", "h5netcdf", "h5py")
 _COLUMNS = (

@@ -8,7 +8,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
-from scipy.stats import qmc
 
 from kneejax.experiments._motion import Motion, passive_flexion
 from kneejax.geometry import FREE_COORDINATES, scales, table_units
@@ -107,6 +106,8 @@ def _around(knee: Knee, motion: Motion, starts: int) -> np.ndarray:
     reference = np.asarray(knee.reference_pose.at(FREE_COORDINATES))
     middle = np.asarray(motion.settled.q).T
     middle = np.where(np.isfinite(middle), middle, reference)
+    from scipy.stats import qmc  # half a second to import
+
     points = qmc.Sobol(5, scramble=False).random_base2((starts - 1).bit_length())[:starts]
     return (middle[:, None] + (2.0 * points - 1.0) * _SPREAD * _IN_TABLE).reshape(-1, 5)
 

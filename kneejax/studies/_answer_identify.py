@@ -11,7 +11,6 @@ from kneejax.inference import (
     Design,
     Identification,
     Posterior,
-    check_installed,
     design_tests,
     identify,
     posterior,
@@ -21,6 +20,7 @@ from kneejax.inference.bayesian import check_counts, parameter_priors
 from kneejax.inference.design import check_tests
 from kneejax.inference.identification import check_enough
 from kneejax.mechanics import RANGES, range_of_parameter
+from kneejax.numerics import check_installed
 from kneejax.studies._poses import measured_poses
 from kneejax.studies._questions import Identify
 from kneejax.studies._study import Study

@@ -15,7 +15,6 @@ from kneejax.inference import (
     LocalSensitivity,
     MotionIndices,
     Sweeps,
-    check_installed,
     local_sensitivity,
     motion_indices,
     sweep,
@@ -28,6 +27,7 @@ from kneejax.inference.sensitivity import (
     sweep_values,
 )
 from kneejax.mechanics import range_of_parameter
+from kneejax.numerics import check_installed
 from kneejax.parameters import stated
 from kneejax.studies._poses import measured_poses
 from kneejax.studies._questions import Sensitivity

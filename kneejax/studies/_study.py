@@ -13,16 +13,17 @@ import numpy as np
 from kneejax.files import knee_with, parse_flexion, said_of
 from kneejax.files.reading import Field
 from kneejax.geometry import COLUMNS, FREE_COORDINATES
-from kneejax.inference import METHODS, PROCEDURES, USUAL_PROCEDURES, check_installed
+from kneejax.inference import METHODS, PROCEDURES, USUAL_PROCEDURES
 from kneejax.inference.fit import DEFAULT_WEIGHTS
 from kneejax.mechanics import RANGES, Knee, range_of_parameter
+from kneejax.numerics import check_installed
 from kneejax.parameters import QUANTITIES, Selection, select, start_within, stated_bounds
 from kneejax.statics import Status, failures_of
 
 #: What a balance may be at fault for, and a study may count as a failure.
 FAULTS = tuple(s.word for s in Status if s.converged and s is not Status.BALANCED)
 
-_PARAMETER = re.compile(r"[A-Za-z*?][\w*?+-]*(\.[A-Za-z*?][\w*?]*)*")
+_PARAMETER = re.compile(r"[A-Za-z*?][\w*?+-]*(\.[\w*?]+)*")
 _MOST_STARTS = 1000
 
 

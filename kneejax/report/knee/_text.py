@@ -10,7 +10,7 @@ import jax
 import numpy as np
 
 from kneejax.geometry import COLUMNS, CUBIC_SPLINE
-from kneejax.mechanics import Contact, Knee, Ligaments
+from kneejax.mechanics import Contact, Knee, Ligaments, Support
 from kneejax.report.look import aligned, trimmed, wrapped
 
 #: More fibres than this are gathered by their groups.
@@ -52,6 +52,9 @@ def knee_text(knee: Knee, document: Mapping[str, Any], every_fibre: bool = False
     for line in knee.lines:
         lines.append(f"Line {line.name}: {float(line.tension):g} N")
     for load in knee.loads:
+        if isinstance(load, Support):
+            lines.append(f"Support of {load.coordinate}: {float(load.size):g} N or N mm")
+            continue
         force = " ".join(f"{x:g}" for x in np.asarray(load.force))
         lines.append(f"Load {load.name}: {force} N in {load.axes} axes")
     for change in document.get("adaptations", ()):

@@ -92,12 +92,12 @@ def _moved(variants: Variants, wanted: Stations, variant, q, meeting) -> dict[st
     released = [name for name in free if name not in FREE_COORDINATES]
     supports = tuple(Support(support[:, k], name) for k, name in enumerate(released))
     none = tuple(Support(np.zeros(lanes), name) for name in released)
-    ends = dataclasses.replace(wanted, loads=(*wanted.loads, *none))
+    ends = dataclasses.replace(wanted, supports=none)
     own = {name: start[:, list(COORDINATES).index(name)] for name in COORDINATES}
     here = dataclasses.replace(
         ends,
         prescribed={name: own[name] for name in wanted.prescribed},
-        loads=(*wanted.loads, *supports),
+        supports=supports,
     )
     at_rest = np.stack([own[name] for name in free], axis=1)
     ahead = jax.tree.map(lambda x: x[None], (numbers, ends, at_rest, meeting))

@@ -10,7 +10,6 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from kneejax.mechanics import Load
 from kneejax.statics.walk._stations import Stations
 
 
@@ -67,7 +66,7 @@ class Place(eqx.Module):
         # A force that grows acts where it will act.
 
         def points(place: Place) -> list[Array]:
-            return [load.point for load in place.stations.loads if isinstance(load, Load)]
+            return [load.point for load in place.stations.loads]
 
         return eqx.tree_at(points, way, points(there))
 

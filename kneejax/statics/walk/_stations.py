@@ -23,6 +23,7 @@ class Stations(eqx.Module):
         loads: arrays of shape `(stations, 3)`, N, N mm and mm.
         begin: flexion at which the knee is loaded before the others are prescribed and, where it is
             free, before it is let go, rad, `(stations,)`; None where flexion is prescribed.
+        supports: what still holds coordinates that are being let go.
 
     Example:
         >>> import numpy as np
@@ -35,8 +36,9 @@ class Stations(eqx.Module):
     """
 
     prescribed: Prescribed
-    loads: tuple[Load | Support, ...] = ()
+    loads: tuple[Load, ...] = ()
     begin: Array | None = None
+    supports: tuple[Support, ...] = ()
 
     @classmethod
     def at(
@@ -102,12 +104,13 @@ class Stations(eqx.Module):
         nothing = Load(jnp.zeros((len(self), 3)), jnp.zeros((len(self), 3)),
                        jnp.zeros((len(self), 3)), axes=GROOD_SUNTAY)  # fmt: skip
         loads = self.loads or (nothing,)
-        plain = (dataclasses.replace(x, name="load") if isinstance(x, Load) else x for x in loads)
-        return Stations(self.prescribed, tuple(plain), self.begin)
+        plain = tuple(dataclasses.replace(x, name="load") for x in loads)
+        return dataclasses.replace(self, loads=plain)
 
     def load(self, knee: Knee) -> Knee:
         """A knee whose leaves end in lanes, one lane a station, with these loads added."""
-        loads = jax.tree.map(lambda x: jnp.moveaxis(x, 0, -1), self.loads)
+        acting = (*self.loads, *self.supports)
+        loads = jax.tree.map(lambda x: jnp.moveaxis(x, 0, -1), acting)
         return dataclasses.replace(knee, loads=(*knee.loads, *loads))
 
 
