@@ -20,7 +20,7 @@ from _protocol import ANGLES, RESULTS, TRUTH, finish, load, true_knee
 
 import kneejax as kj
 from kneejax.geometry import COLUMNS, FREE_COORDINATES
-from kneejax.inference import MotionData, fit_many
+from kneejax.inference import LoadCases, fit_many
 from kneejax.inference.fit._many_fits import add_offsets, balances_of, best_offsets, with_offsets
 from kneejax.inference.fit._problem import DEFAULT_WEIGHTS, TABLE_UNITS
 from kneejax.inference.intervals._intervals import IntervalKind, sureties
@@ -99,7 +99,7 @@ def _some(knee, chosen, design: Design, stations, target, begin, bounds):
     count, offsets = len(target), design.offsets
     lower, upper = np.array(bounds).T
     tiles = [np.tile(x, (count, 1)) for x in (begin.values[0], lower, upper)]
-    data = MotionData(stations, target, 1.0 / np.sqrt(DEFAULT_WEIGHTS), offsets)
+    data = LoadCases(stations, target, 1.0 / np.sqrt(DEFAULT_WEIGHTS), offsets)
     fits = fit_many(
         knee, chosen, data, begin.take(np.zeros(count, int)), *tiles, most=200, far=True
     )

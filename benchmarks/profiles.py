@@ -15,7 +15,7 @@ import numpy as np
 from _protocol import ANGLES, TRUTH, arguments, finish, first_and_median, load, true_knee
 
 import kneejax as kj
-from kneejax.inference import MotionData, fit_many, profiles
+from kneejax.inference import LoadCases, fit_many, profiles
 from kneejax.statics import Stations, balance_with_slopes
 
 NAMES = ("*.stiffness", "*.reference_strain")
@@ -36,7 +36,7 @@ def main() -> None:
     lower = np.where(stiff, 300.0, -0.2)
     upper = np.where(stiff, float(options.widest), 0.2)
 
-    one = MotionData(stations, target[0], NOISE)
+    one = LoadCases(stations, target[0], NOISE)
     fit = fit_many(knee, chosen, one, exact, truth[None], lower[None], upper[None])
     first, seconds = first_and_median(
         lambda: profiles(knee, chosen, one, fit.slopes, lower, upper, _LIMIT),
@@ -58,7 +58,7 @@ def main() -> None:
 def coverage(knee, chosen, exact, target, truth, lower, upper) -> tuple[np.ndarray, int]:
     """Whether each draw's interval of each parameter holds the truth, `(p, draws)`."""
     draws, size = len(target), len(truth)
-    data = MotionData(exact_stations(), target, NOISE)
+    data = LoadCases(exact_stations(), target, NOISE)
     begin = exact.take(np.zeros(draws, int))
     box = [np.tile(x, (draws, 1)) for x in (lower, upper)]
     free = fit_many(knee, chosen, data, begin, np.tile(truth, (draws, 1)), *box)

@@ -31,8 +31,8 @@ from kneejax.inference.design import stations_of as stations_of
 from kneejax.inference.design import told_by as told_by
 from kneejax.inference.design import usual_candidates as usual_candidates
 from kneejax.inference.fit import BoundedLevenbergMarquardt as BoundedLevenbergMarquardt
+from kneejax.inference.fit import LoadCases as LoadCases
 from kneejax.inference.fit import ManyFits as ManyFits
-from kneejax.inference.fit import MotionData as MotionData
 from kneejax.inference.fit import Problem as Problem
 from kneejax.inference.fit import compile_step as compile_step
 from kneejax.inference.fit import fit_many as fit_many

@@ -24,7 +24,7 @@ def calibrated(study: Study) -> Calibration:
     noise_mm, noise_deg = study.noise
     result = calibrate(
         study.knee_at_start,
-        measured_poses(study, calibrated=True),
+        measured_poses(study),
         tuple(study.parameters),
         bounds=dict(study.bounds),
         weights=study.weight_vector,

@@ -8,12 +8,11 @@ from kneejax.inference import synthetic_motion
 from kneejax.studies._study import Study
 
 
-def measured_poses(study: Study, *, calibrated: bool = False) -> np.ndarray:
+def measured_poses(study: Study) -> np.ndarray:
     """The poses that a study compares its knee with; synthetic ones take a motion of the knee.
 
     Args:
         study: any.
-        calibrated: whether a calibration follows; its compiled program then makes synthetic poses.
 
     Returns:
         Shape `(n, 6)` in the order of `kneejax.geometry.COLUMNS`, degrees and mm.
@@ -29,7 +28,6 @@ def measured_poses(study: Study, *, calibrated: bool = False) -> np.ndarray:
         study.knee,
         study.truth,
         made.flexion_deg,
-        tuple(study.parameters) if calibrated else None,
         noise_mm=made.noise_mm,
         noise_deg=made.noise_deg,
         seed=made.seed,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -9,11 +11,12 @@ import numpy as np
 from jax import Array
 from jax.nn import log_sigmoid, softplus
 
+from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference.bayesian._priors import Prior
-from kneejax.inference.fit import TABLE_UNITS, Evaluation, Problem
+from kneejax.inference.fit import TABLE_UNITS, Problem, without_offsets
 from kneejax.mechanics import Knee
 from kneejax.parameters import Selection
-from kneejax.statics import EnergyNewton, Guess, in_lanes, settle
+from kneejax.statics import EnergyNewton, Guess, Slopes, Stations, in_lanes, settle
 
 # A hundred numbers that are this much off, mm, move a log density by less than 1e-4.
 _SEARCH = EnergyNewton(atol=1e-8)
@@ -36,10 +39,11 @@ class MotionDensity(eqx.Module):
         selection: the parameters.
         offsets: free coordinates with an unknown offset to the measurement.
         knee: gives everything else.
-        flexion: rad, `(n,)`; of the problem's rows that count, as are the following.
-        target: measured coordinates, degrees and mm, `(5, n)`.
+        stations: `(n,)`; the problem's load cases that count, as are the following.
+        target: measured coordinates, degrees and mm, `(5, n)`; NaN where not observed.
         noise: its standard deviation, `(5,)`.
-        near: parameters `(p,)` and balanced poses there, to predict from.
+        near: parameters `(p,)` and balances there to predict from, fields of `Slopes`; arrays begin
+            with the load case.
         mean: of the priors, `(p,)`.
         precision: one over their variances, zero where flat, `(p,)`.
         in_log: which parameters count by their logarithm, `(p,)`.
@@ -49,12 +53,12 @@ class MotionDensity(eqx.Module):
     """
 
     selection: Selection = eqx.field(static=True)
-    offsets: tuple[int, ...] = eqx.field(static=True)
+    offsets: tuple[str, ...] = eqx.field(static=True)
     knee: Knee
-    flexion: Array
+    stations: Stations
     target: Array
     noise: Array
-    near: tuple[Array, Evaluation]
+    near: dict[str, Array]
     mean: Array
     precision: Array
     in_log: Array
@@ -68,7 +72,7 @@ class MotionDensity(eqx.Module):
         problem: Problem,
         noise: np.ndarray,
         priors: tuple[Prior, ...],
-        near: tuple[np.ndarray, Evaluation],
+        near: Slopes,
         deviation: np.ndarray,
     ) -> MotionDensity:
         """The density of a problem.
@@ -77,25 +81,25 @@ class MotionDensity(eqx.Module):
             problem: what is fitted.
             noise: standard deviations of the measurement, `(5,)`, degrees and mm.
             priors: one for each parameter and offset.
-            near: parameters and offsets, and balanced poses there.
+            near: balances at parameters and offsets, one variant.
             deviation: about how far parameters and offsets are uncertain, `(p,)`; NaN if unknown.
         """
-        values, found = near
+        values, own = near.values[0], without_offsets(near, problem.offsets)
         in_log = np.array([p.name.endswith(".stiffness") and p.lower > 0.0 for p in priors])
         ends = np.array([(p.lower, p.upper) for p in priors])
         lower, upper = np.where(in_log, np.log(np.where(in_log, ends.T, 1.0)), ends.T)
         deviation = deviation / np.where(in_log, values, 1.0)
         rows = np.flatnonzero(problem.used)
-        settled = jax.tree.map(lambda leaf: leaf[..., rows], found.settled)
-        known = Evaluation(found.table[:, rows], found.jacobian[:, rows], settled)
+        arrays = {f.name: getattr(own, f.name)[0] for f in dataclasses.fields(own)}
+        known = {k: jnp.asarray(x if k == "values" else x[rows]) for k, x in arrays.items()}
         return cls(
             problem.selection,
             problem.offsets,
             problem.knee,
-            problem.flexion[rows],
-            jnp.asarray(problem.target[:, rows]),
+            problem.cases.stations.take(rows),
+            jnp.asarray(problem.cases.target.T[:, rows]),
             jnp.asarray(noise),
-            (jnp.asarray(values[: len(problem.selection)]), known),
+            known,
             jnp.array([prior.mean for prior in priors]),
             jnp.array([prior.sd**-2.0 for prior in priors]),
             jnp.asarray(in_log),
@@ -163,40 +167,36 @@ class MotionDensity(eqx.Module):
         chains, size = values.shape[0], len(self.selection)
         settled = self._settled(values[:, :size])
         table = settled.q.reshape(len(TABLE_UNITS), chains, -1) * TABLE_UNITS[:, None, None]
-        for k, coordinate in enumerate(self.offsets):
-            table = table.at[coordinate].add(values[:, size + k, None])
+        for k, name in enumerate(self.offsets):
+            table = table.at[FREE_COORDINATES.index(name)].add(values[:, size + k, None])
         # Gradients of a NaN are NaN even where it is not chosen: it is replaced beforehand.
         balanced = ~jnp.any(jnp.isnan(table), axis=(0, 2))
         table = jnp.where(jnp.isnan(table), 0.0, table)
         error = (table - self.target[:, None]) / self.noise[:, None, None]
+        error = jnp.where(jnp.isnan(self.target[:, None]), 0.0, error)
         return -0.5 * jnp.sum(error**2, axis=(0, 2)), balanced
 
     def _settled(self, values: Array):
         """Every pose of every chain: lanes run over the chains' poses, chain by chain."""
-        chains, poses = values.shape[0], self.flexion.shape[0]
+        chains, poses = values.shape[0], len(self.stations)
 
         def of_its_chain(leaf: Array) -> Array:
             return jnp.repeat(leaf, poses, axis=-1) if leaf.shape[-1] == chains else leaf
 
         lanes = in_lanes(self.knee, self.selection.apply, values)
         guess = self._predicted(values)
-        held = {"flexion": jnp.tile(self.flexion, chains)}
-        return settle(jax.tree.map(of_its_chain, lanes), held, guess, _SEARCH)
+        every = jax.tree.map(lambda x: jnp.concatenate([x] * chains), self.stations)
+        knees = every.load(jax.tree.map(of_its_chain, lanes))
+        return settle(knees, every.prescribed, guess, _SEARCH)
 
     def _predicted(self, values: Array) -> Guess:
         """Poses to first order from the known ones."""
-        near, known = self.near
-        count = values.shape[0] * self.flexion.shape[0]
-        units = jnp.asarray(TABLE_UNITS)[:, None, None]
-        shift = jnp.einsum("inp,cp->icn", known.jacobian, values - near) / units
-        follow = jnp.einsum("iabn,icn->abcn", known.settled.drift, shift)
-        tangent = jnp.repeat(known.settled.tangent[:, :, None], values.shape[0], axis=2)
-        size = len(shift)
-        return Guess(
-            (known.settled.q[:, None] + shift).reshape(size, count),
-            (known.settled.meeting[:, :, None] + follow).reshape(-1, 2, count),
-            tangent.reshape(size, size, count),
-        )
+        near, step = self.near, values - self.near["values"]
+        q = near["q"] + jnp.einsum("ncp,vp->vnc", near["jacobian"], step)
+        meeting = near["meeting"] + jnp.einsum("nmap,vp->vnma", near["meeting_jacobian"], step)
+        tangent = jnp.broadcast_to(near["tangent"], (len(values), *near["tangent"].shape))
+        lanes = (x.reshape(-1, *x.shape[2:]) for x in (q, meeting, tangent))
+        return Guess(*(jnp.moveaxis(x, 0, -1) for x in lanes))
 
 
 def _softplus_inverse(x: Array) -> Array:

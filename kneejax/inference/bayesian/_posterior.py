@@ -16,10 +16,11 @@ from kneejax.inference.bayesian._nuts import Chains, ChainState, sample
 from kneejax.inference.bayesian._posterior_result import LEVELS, Posterior, doubts
 from kneejax.inference.bayesian._priors import normal_priors
 from kneejax.inference.calibration import versions
-from kneejax.inference.fit import Problem
+from kneejax.inference.fit import TABLE_UNITS, Problem, offset_units
 from kneejax.inference.identification import noise_of
 from kneejax.numerics import imported
 from kneejax.parameters import UnsuitableData
+from kneejax.statics import Slopes
 
 # Draws of all chains whose motion is computed, and noise drawn for each motion.
 _MOTIONS, _NOISES = 400, 25
@@ -79,21 +80,23 @@ def posterior(
     imported("blackjax", "blackjax")
     imported("arviz", "arviz")
     # A calibration's problem must not forget its own weights and poses.
-    problem = dataclasses.replace(problem, weights=noise**-2.0)
+    problem = dataclasses.replace(
+        problem, cases=dataclasses.replace(problem.cases, noise=noise)
+    )
     beliefs = normal_priors(problem, priors, bounds)
-    likely, found = most_probable(problem, beliefs, np.asarray(fit, float))
-    covariance = laplace_covariance(problem, likely, found, beliefs)
+    found = most_probable(problem, beliefs, np.asarray(fit, float))
+    likely, covariance = found.values[0], laplace_covariance(problem, found, beliefs)
     deviation = np.sqrt(np.diag(covariance))
-    density = MotionDensity.of(problem, noise, beliefs, (likely, found), deviation)
-    origin, spread = _without_bounds(problem, density, beliefs, likely, found, deviation)
-    start = _starts(problem, density, origin, spread, chains, seed)
+    density = MotionDensity.of(problem, noise, beliefs, found, deviation)
+    origin, spread = _without_bounds(problem, density, beliefs, found, deviation)
+    start = _starts(problem, density, found, origin, spread, chains, seed)
     begun_drawing = time.perf_counter()
     drawn = sample(
         density, start, origin, spread, draws=draws, warmup=warmup, seed=seed, progress=progress
     )
     values = np.asarray(density.values(jnp.asarray(drawn.position)))
     ended = time.perf_counter()
-    motions = _motions(problem, values)
+    motions = _motions(problem, found, values)
     seconds = {
         "compile": begun_drawing - begun + drawn.seconds["compile"],
         "warmup": drawn.seconds["warmup"],
@@ -117,28 +120,30 @@ def check_counts(chains: int, draws: int, warmup: int = 300) -> None:
             raise UnsuitableData(f"{name}: {value}: expected {least} or more")
 
 
-def _without_bounds(problem, density: MotionDensity, priors, likely, found, deviation):
+def _without_bounds(problem, density: MotionDensity, priors, found: Slopes, deviation):
     """A middle and a covariance in the coordinates that have no bounds."""
     lower, upper = (np.array([getattr(p, end) for p in priors]) for end in ("lower", "upper"))
     # At a bound those coordinates are of no use: inside by a standard deviation.
     room = np.fmin(deviation, 0.25 * (upper - lower))
-    values = jnp.asarray(np.clip(likely, lower + room, upper - room))
-    middle, each = density.position(values), jnp.ones(len(likely))
+    values = jnp.asarray(np.clip(found.values[0], lower + room, upper - room))
+    middle, each = density.position(values), jnp.ones(len(values))
     rate = np.asarray(jax.jvp(density.values, (middle,), (each,))[1])
     bend = np.asarray(jax.jvp(jax.grad(density.widening), (middle,), (each,))[1])
-    _, jacobian = problem.residual(likely, found)
+    _, jacobian = problem.residual(found)
     precision = jacobian.T @ jacobian + np.diag(np.asarray(density.precision))
     return np.asarray(middle), np.linalg.inv(precision * np.outer(rate, rate) - np.diag(bend))
 
 
-def _starts(problem: Problem, density: MotionDensity, origin, spread, chains, seed) -> ChainState:
+def _starts(
+    problem: Problem, density: MotionDensity, near: Slopes, origin, spread, chains, seed
+) -> ChainState:
     """Begin twice as far out as the normal density reaches, or nearer where nothing balances."""
     random = np.random.default_rng(seed)
     away = 2.0 * random.standard_normal((chains, len(origin))) @ np.linalg.cholesky(spread).T
     rows = []
     for shift in away:
         places = (origin + part * shift for part in (1.0, 0.5, 0.25, 0.1, 0.0))
-        looks = ((place, *_density_at(problem, density, place)) for place in places)
+        looks = ((place, *_density_at(problem, density, near, place)) for place in places)
         row = next((look for look in looks if np.isfinite(look[1])), None)
         if row is None:
             raise UnsuitableData("no balance near the most probable parameters: check the bounds")
@@ -146,24 +151,26 @@ def _starts(problem: Problem, density: MotionDensity, origin, spread, chains, se
     return ChainState(*(jnp.array(column) for column in zip(*rows, strict=True)))
 
 
-def _density_at(problem: Problem, density: MotionDensity, position) -> tuple[float, np.ndarray]:
+def _density_at(
+    problem: Problem, density: MotionDensity, near: Slopes, position
+) -> tuple[float, np.ndarray]:
     """Log density and gradient by the problem's own poses, which are compiled already."""
     place = jnp.asarray(position)
     values, rate = jax.jvp(density.values, (place,), (jnp.ones_like(place),))
     values = np.asarray(values)
-    residual, jacobian = problem.residual(values, problem.poses(values))
+    residual, jacobian = problem.residual(problem.balance(values[None], near))
     prior, slope = jax.value_and_grad(density.prior)(place)
     value = float(prior) - 0.5 * float(residual @ residual)
     return value, np.asarray(slope) - (residual @ jacobian) * np.asarray(rate)
 
 
-def _motions(problem: Problem, values: np.ndarray) -> np.ndarray:
+def _motions(problem: Problem, near: Slopes, values: np.ndarray) -> np.ndarray:
     """Motion of evenly spread draws, frame offset included, `(chains, k, n, 5)`."""
     rows = np.unique(np.linspace(0, values.shape[1] - 1, _MOTIONS // len(values)).astype(int))
     chosen = values[:, rows].reshape(-1, values.shape[-1])
-    used = problem.used
-    tables = [problem.target + problem.error(x, problem.poses(x)) for x in chosen]
-    return np.stack(tables)[:, :, used].swapaxes(1, 2).reshape(len(values), len(rows), -1, 5)
+    found = problem.balance(chosen, near.take(np.zeros(len(chosen), int)))
+    tables = (found.q * TABLE_UNITS)[:, problem.used]
+    return tables.reshape(len(values), len(rows), -1, 5)
 
 
 def _described(
@@ -171,9 +178,8 @@ def _described(
 ) -> Posterior:
     arviz = imported("arviz", "arviz")
     names = tuple(prior.name for prior in priors)
-    size = len(problem.selection)
-    units = [problem.selection.unit(i) for i in range(size)]
-    units += ["deg" if coordinate < 2 else "mm" for coordinate in problem.offsets]
+    units = [problem.selection.unit(i) for i in range(len(problem.selection))]
+    units += [unit for _, unit in offset_units(problem.offsets)]
     dataset = arviz.convert_to_dataset({"values": values})
     r_hat, bulk, tail = (
         np.asarray(found["values"])

@@ -9,7 +9,6 @@ import numpy as np
 from jax.scipy.stats import truncnorm
 from numpy.typing import ArrayLike
 
-from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference.fit import Problem
 from kneejax.mechanics import Knee
 from kneejax.parameters import Selection, UnsuitableData, prior_scales, stated, stated_bounds
@@ -89,7 +88,7 @@ def normal_priors(
     """
     found = [*parameter_priors(problem.knee, problem.selection, given, bounds)]
     for coordinate in problem.offsets:
-        name = f"offset.{FREE_COORDINATES[coordinate]}"
+        name = f"offset.{coordinate}"
         found.append(Prior(name, 0.0, _OFFSET_SD, -_OFFSET_BOUND, _OFFSET_BOUND))
     return tuple(found)
 

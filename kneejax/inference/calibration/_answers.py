@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
@@ -12,68 +14,39 @@ from kneejax.geometry import COLUMNS, FREE_COORDINATES, Pose
 from kneejax.inference.calibration._result import Estimate, Fit, Motion, Starts
 from kneejax.inference.calibration._search import Trail
 from kneejax.inference.fit import (
-    Balance,
-    Evaluation,
-    MotionData,
     Problem,
-    add_offsets,
-    balances_of,
-    slopes_of,
-    with_offsets,
+    offset_units,
 )
 from kneejax.inference.intervals import Interval, IntervalKind, Surety, named, on_bounds, sureties
 from kneejax.mechanics import Knee
-from kneejax.statics import Slopes, Stations, Status
+from kneejax.statics import Slopes, Status
 
 _UNITS = {c: n.rsplit("_", 1)[1] for c, n in zip(FREE_COORDINATES, COLUMNS[1:], strict=True)}
-#: Motions that take as long as tracing the program for many of them.
-_FEW = 150
 #: Rise of the objective, in units of what is left for each spare number, that tells two ends apart.
 _APART = 3.84
 
 
 def surety_of(
-    problem: Problem, x: np.ndarray, found: Evaluation, stated: np.ndarray, lower, upper
+    problem: Problem, found: Slopes, stated: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> Surety:
     """How sure an answer is; constants between frames are values like the others.
 
     Args:
         problem: what was fitted.
-        x: parameters and offsets of the answer, `(p,)`.
-        found: poses there.
+        found: balances at the answer.
         stated: standard deviation of each coordinate, NaN where none is stated, `(5,)`.
         lower: bounds, `(p,)`.
         upper: bounds.
     """
-    offsets = [FREE_COORDINATES[row] for row in problem.offsets]
-    names = named(problem.selection) + [(name, _UNITS[name]) for name in offsets]
-    answer = add_offsets(slopes_of(x, found), x[None, len(problem.selection) :], offsets)
-    stations = Stations.at(problem.measured[:, 0])
-    data = MotionData(stations, problem.target.T, np.ones(5), (), problem.used)
-    balance = with_offsets(_balance(problem, stations), offsets)
-    return sureties(balance, data, answer, problem.weights, stated, lower, upper, names)[0]
-
-
-def _balance(problem: Problem, stations: Stations) -> Balance:
-    """Balances one after another while they are few, many at a time from then on.
-
-    Most limits take some 70 motions; a valley that is nearly flat takes thousands.
-    """
-    many, done = balances_of(problem.knee, problem.selection, stations), 0
-
-    def balance(values: np.ndarray, near: Slopes) -> Slopes:
-        nonlocal done
-        done += len(values)
-        return problem.balance(values, near) if done <= _FEW else many(values, near)
-
-    return balance
+    names = named(problem.selection) + offset_units(problem.offsets)
+    data, balance = replace(problem.cases, noise=np.ones(5)), problem.balance_of_many()
+    return sureties(balance, data, found, problem.weights, stated, lower, upper, names)[0]
 
 
 def fit_of(
     problem: Problem,
     procedure: str,
     trail: Trail,
-    found: Evaluation,
     start: np.ndarray,
     lower: np.ndarray,
     upper: np.ndarray,
@@ -85,17 +58,15 @@ def fit_of(
         problem: what was fitted.
         procedure: its name.
         trail: of the search.
-        found: poses at its end.
         start: parameters and offsets where it began.
         lower: bounds.
         upper: bounds.
         surety: how sure it is; None for a procedure that is there to compare.
     """
-    error, size = problem.error(trail.x, found), len(problem.selection)
-    slack = _slack_ligaments(problem, trail.x, found)
+    found, size = trail.known, len(problem.selection)
+    error, slack = problem.error(found), _slack_ligaments(problem, found)
     held = on_bounds(trail.x, lower, upper)
-    names = named(problem.selection)
-    names += [(FREE_COORDINATES[row], _UNITS[FREE_COORDINATES[row]]) for row in problem.offsets]
+    names = named(problem.selection) + offset_units(problem.offsets)
     estimates = []
     for i, (name, unit) in enumerate(names):
         interval = None if surety is None else surety.intervals[i]
@@ -104,7 +75,7 @@ def fit_of(
         numbers = (trail.x[i], start[i], lower[i], upper[i])
         estimate = _estimate(name, unit, numbers, bool(held[i]), interval, likely, loose)
         estimates.append(estimate)
-    failed = int((~np.asarray(found.settled.converged)).sum())
+    failed = int((~found.converged[0]).sum())
     correlation = np.full((size, size), np.nan)
     if surety is not None:
         correlation = surety.correlation[:size, :size]
@@ -115,12 +86,12 @@ def fit_of(
         partial_objectives_of(problem, error),
         rmse_of(problem, error),
         correlation,
-        motion_of(problem, trail.x, found),
+        motion_of(problem, found),
         tuple(trail.history),
         {
             "residual": trail.evaluations,
             "jacobian": trail.evaluations,
-            "equilibria": trail.evaluations * len(problem.measured),
+            "equilibria": trail.evaluations * len(problem.cases.stations),
             **trail.counts,
         },
         bool(trail.converged and not failed),
@@ -174,12 +145,13 @@ def starts_of(problem: Problem, answer: Fit, ends: np.ndarray, objectives: np.nd
     return Starts(tuple(map(float, objectives)), ends, elsewhere, outside & ~elsewhere)
 
 
-def motion_of(problem: Problem, x: np.ndarray, found: Evaluation) -> Motion:
-    """Poses with the forces that hold them."""
-    knee = problem.selection.apply(problem.knee, jnp.asarray(x[: len(problem.selection)]))
-    table = np.column_stack([problem.measured[:, 0], np.asarray(found.table).T])
-    settled = found.settled
-    return motion_at(knee, table, settled.pose, settled.meeting, settled.status)
+def motion_of(problem: Problem, found: Slopes) -> Motion:
+    """Poses of one fit with the forces that hold them."""
+    pose = problem.pose(found)
+    table = np.array(pose.to_table())
+    table[:, 0] = problem.measured[:, 0]
+    knee = problem.knee_at(found.values[0])
+    return motion_at(knee, table, pose, problem.meeting(found), found.status[0])
 
 
 def motion_at(
@@ -204,10 +176,10 @@ def motion_at(
     )
 
 
-def _slack_ligaments(problem: Problem, x: np.ndarray, found: Evaluation) -> dict[str, float]:
+def _slack_ligaments(problem: Problem, found: Slopes) -> dict[str, float]:
     """Ligament or group -> part of the poses at which it is slack."""
-    knee = problem.selection.apply(problem.knee, jnp.asarray(x[: len(problem.selection)]))
-    slack = slack_poses(knee, found.settled.pose, found.settled.meeting)
+    knee = problem.knee_at(found.values[0])
+    slack = slack_poses(knee, problem.pose(found), jnp.asarray(problem.meeting(found)))
     return {name: float(np.mean(where)) for name, where in slack.items()}
 
 

@@ -97,45 +97,41 @@ def calibrate(
     if method not in METHODS:
         raise UnsuitableData(f"unknown method {method!r}: expected one of {', '.join(METHODS)}")
     selection = select(knee, parameters)
-    offset_rows = tuple(FREE_COORDINATES.index(name) for name in offsets)
     weights = DEFAULT_WEIGHTS if weights is None else np.asarray(weights, float)
     stated = stated_noise(noise_mm, noise_deg)
-    problem = Problem(knee, selection, np.asarray(measured, float), weights, offset_rows)
+    problem = Problem.of(knee, selection, measured, weights, offsets)
     if not np.isfinite(problem.measured).all():
         row = int(np.flatnonzero(~np.isfinite(problem.measured).all(axis=1))[0])
         raise UnsuitableData(f"measured row {row} is not finite: leave it out")
     lower, upper = stated_bounds(knee, selection, bounds or {})
-    start = np.r_[start_within(knee, selection, lower, upper), np.zeros(len(offset_rows))]
+    start = np.r_[start_within(knee, selection, lower, upper), np.zeros(len(offsets))]
     # A frame is rarely off by more than 10 mm or 10 degrees.
-    wide = np.full(len(offset_rows), 10.0)
+    wide = np.full(len(offsets), 10.0)
     lower, upper = np.r_[lower, -wide], np.r_[upper, wide]
 
-    first = problem.poses(start)
+    first = problem.begin(start[None])
     ready = time.perf_counter()
-    balanced = np.asarray(first.settled.converged)
+    balanced = first.converged[0]
     if not balanced.any():
         raise UnsuitableData("no measured flexion has a balance with the start's parameters")
-    problem.use_only(balanced)
+    problem = problem.with_used(balanced)
     fits, surety = [], None
     for procedure in procedures:
-        problem.keep(start, first)
-        begin, reached = start, None
+        begin, reached = first, None
         if starts > 1 and procedure == "III":
             draws = np.random.default_rng(seed).uniform(lower, upper, (starts - 1, len(start)))
             reached = several_starts(problem, np.vstack([start, draws]), lower, upper)
-            begin = reached[0][np.argmin(reached[1])]
-            problem.keep(start, first)
+            begin = problem.begin(reached[0][[np.argmin(reached[1])]])
         trail = run_procedure(problem, procedure, begin, lower, upper, cycles, method=method)
-        found = problem.poses(trail.x)
         if not fits:
-            surety = surety_of(problem, trail.x, found, stated, lower, upper)
+            surety = surety_of(problem, trail.known, stated, lower, upper)
         own = surety if not fits else None
-        fit = fit_of(problem, procedure, trail, found, start, lower, upper, own)
+        fit = fit_of(problem, procedure, trail, start, lower, upper, own)
         if reached is not None:
             fit = dataclasses.replace(fit, starts=starts_of(problem, fit, *reached))
         fits.append(fit)
     assert surety is not None
-    error = problem.error(start, first)
+    error = problem.error(first)
     start_rmse = rmse_of(problem, error)
     poor = misfits(fits[0].rmse, start_rmse, stated, weights, int(problem.used.sum()))
     total = time.perf_counter() - begun
@@ -143,7 +139,7 @@ def calibrate(
         title=title,
         knee=knee.name,
         measured=problem.measured,
-        start=motion_of(problem, start, first),
+        start=motion_of(problem, first),
         start_rmse=start_rmse,
         start_partial_objectives=partial_objectives_of(problem, error),
         start_objective=objective_of(problem, error),

@@ -4,21 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
-from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference.calibration._result import Ending, Iteration
 from kneejax.inference.fit import (
-    BoundedLevenbergMarquardt,
-    Evaluation,
-    MotionData,
     Problem,
     best_offsets,
+    fit_lanes,
     fit_many,
 )
-from kneejax.statics import Stations, balance_with_slopes
+from kneejax.statics import Slopes, balance_with_slopes
 
 #: The stages of a procedure of paper 1: which quantities are free in turn. Frame offsets are
 #: free in every stage.
@@ -34,6 +29,8 @@ USUAL_CYCLES = 1
 _MAX_EVALUATIONS = 200
 # A search ends when this many accepted steps lower chi squared by less than this altogether.
 _WINDOW, _INSIGNIFICANT = 6, 0.5
+# Relative decrease of the objective, and relative step, that end a stage.
+_RTOL, _ATOL = 1e-10, 1e-9
 # Cycles that Anderson's extrapolation looks back on.
 _MEMORY = 6
 
@@ -43,7 +40,7 @@ class Trail:
     """What a search has done so far.
 
     Attributes:
-        x: best parameters (and offsets).
+        known: balances at the best values, one variant.
         objective: there.
         history: accepted steps.
         counts: evaluations by stage.
@@ -52,13 +49,18 @@ class Trail:
         reason: why it did not converge, where the search can tell.
     """
 
-    x: np.ndarray
+    known: Slopes
     objective: float
     history: list[Iteration]
     counts: dict[str, int]
     converged: bool = True
     flat: bool = False
     reason: str = ""
+
+    @property
+    def x(self) -> np.ndarray:
+        """The best parameters and offsets, `(p,)`."""
+        return self.known.values[0]
 
     @property
     def ending(self) -> Ending:
@@ -76,7 +78,7 @@ class Trail:
 def run_procedure(
     problem: Problem,
     procedure: str,
-    start: np.ndarray,
+    start: Slopes,
     lower: np.ndarray,
     upper: np.ndarray,
     cycles: int = USUAL_CYCLES,
@@ -86,9 +88,9 @@ def run_procedure(
     """Search by one of paper 1's procedures.
 
     Args:
-        problem: what is fitted; its poses at the start must be known (`keep`).
+        problem: what is fitted.
         procedure: `I` (stiffnesses, then slack lengths), `II` (the reverse) or `III` (all).
-        start: parameters and offsets, `(p,)`.
+        start: balances at the first values, one variant.
         lower: bounds.
         upper: bounds.
         cycles: how often I and II may be gone through.
@@ -98,7 +100,7 @@ def run_procedure(
     Returns:
         The trail.
     """
-    trail = Trail(np.array(start, float), np.inf, [], {})
+    trail = Trail(start, np.inf, [], {})
     stages, search = PROCEDURES[procedure], METHODS[method]
     begun, ended = [], []
     for cycle in range(cycles if len(stages) > 1 else 1):
@@ -110,7 +112,7 @@ def run_procedure(
                 search(problem, trail, free, lower, upper, name)
         if len(stages) == 1 or cycles == 1:
             return trail
-        if trail.objective < 1e-16 * problem.target.size:
+        if trail.objective < 1e-16 * problem.cases.target.size:
             return trail
         if cycle and reached - trail.objective <= tolerance * reached:
             return trail
@@ -150,18 +152,17 @@ def _anderson(begun, ended, width: np.ndarray) -> np.ndarray:
 
 def _improves(problem: Problem, trail: Trail, trial: np.ndarray) -> bool:
     """Move the trail to a trial point if the objective is lower there."""
-    found = problem.poses(trial)
-    residual, _ = problem.residual(trial, found)
+    found = problem.balance(trial[None], trail.known)
+    residual, _ = problem.residual(found)
     trail.counts["acceleration"] = trail.counts.get("acceleration", 0) + 1
     lower = float(residual @ residual) < trail.objective
     if lower:
-        _move(problem, trail, trial, found, float(residual @ residual), "acceleration")
+        _move(trail, found, float(residual @ residual), "acceleration")
     return lower
 
 
-def _move(problem: Problem, trail: Trail, x, found: Evaluation, objective: float, stage: str):
-    problem.keep(x, found)
-    trail.x, trail.objective = x, objective
+def _move(trail: Trail, found: Slopes, objective: float, stage: str) -> None:
+    trail.known, trail.objective = found, objective
     trail.history.append(Iteration(stage, trail.evaluations, objective))
 
 
@@ -176,37 +177,27 @@ def _free(problem: Problem, quantities) -> np.ndarray:
 
 
 def _stage(problem: Problem, trail: Trail, free, lower, upper, name: str) -> None:
-    fixed = jnp.asarray(trail.x)
-    solver = BoundedLevenbergMarquardt(  # pyright: ignore[reportCallIssue]
-        jnp.where(free, lower, fixed), jnp.where(free, upper, fixed), jacobian_from_aux=True
-    )
-    found = None
+    box = (np.where(free, bound, trail.x)[None] for bound in (lower, upper))
+    reached: list[float] = []
+    spare = max(problem.cases.target.size - int(free.sum()), 1)
+    trail.flat = False
 
-    def look(y, _):
-        nonlocal found
-        found = problem.poses(np.asarray(y))
-        residual, jacobian = problem.residual(np.asarray(y), found)
-        return residual, (jacobian,)
-
-    y, tags = fixed, frozenset()
-    struct = jax.ShapeDtypeStruct((problem.target.size,), float)
-    state = solver.init(look, y, None, {}, struct, None, tags)
-    ended, reached = False, []
-    spare = max(problem.target.size - int(free.sum()), 1)
-    for _ in range(_MAX_EVALUATIONS):
-        trial = np.asarray(y)
-        y, state, _ = solver.step(look, y, None, {}, state, tags)
+    def watch(found: Slopes, objective: float, taken: bool) -> bool:
+        """Note each step; end where steps gain less than the noise (in units of chi squared): a
+        valley that the data cannot tell from flat."""
         trail.counts[name] = trail.counts.get(name, 0) + 1
-        if bool(state.accepted):
-            _move(problem, trail, trial, found, float(jnp.sum(state.residual**2)), name)
-            reached.append(trail.objective)
-            # In units of the noise (chi squared): a valley that the data cannot tell from flat.
+        if taken:
+            _move(trail, found, objective, name)
+            reached.append(objective)
             gain = reached[-_WINDOW] - reached[-1] if len(reached) >= _WINDOW else np.inf
             trail.flat = gain < _INSIGNIFICANT * reached[-1] / spare
-        ended = trail.flat or bool(solver.terminate(look, y, None, {}, state, tags)[0])
-        if ended:
-            break
-    trail.converged = ended
+        return trail.flat
+
+    fit = fit_lanes(
+        problem.balance, problem.cases, trail.known, trail.x[None], *box,
+        most=_MAX_EVALUATIONS, far=True, rtol=_RTOL, atol=_ATOL, watch=watch,
+    )  # fmt: skip
+    trail.converged = trail.flat or bool(fit.converged[0])
 
 
 def _stage_by_lbfgsb(problem: Problem, trail: Trail, free, lower, upper, name: str) -> None:
@@ -221,24 +212,26 @@ def _stage_by_lbfgsb(problem: Problem, trail: Trail, free, lower, upper, name: s
 
     def objective(values: np.ndarray) -> tuple[float, np.ndarray]:
         x = place(values)
-        found = problem.poses(x)
-        residual, jacobian = problem.residual(x, found)
+        found = problem.balance(x[None], trail.known)
+        residual, jacobian = problem.residual(found)
         value = float(residual @ residual)
         trail.counts[name] = trail.counts.get(name, 0) + 1
         if value < trail.objective:
-            _move(problem, trail, x, found, value, name)
+            _move(trail, found, value, name)
         return value, 2.0 * (residual @ jacobian)[free]
 
-    scale = _telling_changes(problem, origin, upper - lower)
+    scale = _telling_changes(problem, trail.known, upper - lower)
     answer = minimise_bounded(objective, origin[free], lower[free], upper[free], scale[free])
     if answer.converged:
-        trail.x, trail.objective = place(answer.x), answer.value
+        best = place(answer.x)
+        trail.known = problem.balance(best[None], trail.known)
+        trail.objective = answer.value
     trail.converged, trail.reason = answer.converged, answer.reason
 
 
-def _telling_changes(problem: Problem, x: np.ndarray, width: np.ndarray) -> np.ndarray:
+def _telling_changes(problem: Problem, known: Slopes, width: np.ndarray) -> np.ndarray:
     """How far each parameter alone must move to move the poses as far as they are off, `(p,)`."""
-    residual, jacobian = problem.residual(x, problem.poses(x))
+    residual, jacobian = problem.residual(known)
     effect = np.linalg.norm(jacobian, axis=0) * width
     # The ligament of a parameter may be slack at every pose.
     effect = np.maximum(effect, 1e-3 * effect.max() or 1.0)
@@ -269,15 +262,11 @@ def several_starts(
         End points `(s, p)` and their objectives `(s,)`, infinite where a start found no balance.
     """
     size, count = len(problem.selection), len(starts)
-    with np.errstate(divide="ignore"):
-        noise = 1.0 / np.sqrt(problem.weights)
-    offsets = tuple(FREE_COORDINATES[row] for row in problem.offsets)
-    stations = Stations.at(problem.measured[:, 0])
-    data = MotionData(stations, problem.target.T, noise, offsets, problem.used)
+    # The best constants between frames are known at every step.
+    data = dataclasses.replace(problem.cases, offsets=problem.offsets)
     knee, vary, values = problem.knee, problem.selection.apply, starts[:, :size]
-    begin = balance_with_slopes(knee, vary, values, stations)
+    begin = balance_with_slopes(knee, vary, values, data.stations)
     box = (np.tile(bound[:size], (count, 1)) for bound in (lower, upper))
     found = fit_many(knee, problem.selection, data, begin, values, *box, most=steps, far=True)
-    problem.equilibria += found.evaluations * len(stations)
     shifts = [best_offsets(data, found.slopes.take([row])) for row in range(count)]
     return np.hstack([found.values, np.reshape(shifts, (count, -1))]), found.chi2

@@ -1,4 +1,4 @@
-"""Many bounded least squares at once: one motion each, some parameters held.
+"""The one fit: bounded least squares in lanes, each with load cases of its own, some values held.
 
 Each fit is a Levenberg-Marquardt search of its own, with its own bounds, damping and end; the
 balances of all fits that still search are one batch. Constant offsets between frames enter
@@ -9,77 +9,26 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference.fit._bounded import BoundedLevenbergMarquardt
-from kneejax.inference.fit._problem import TABLE_UNITS
+from kneejax.inference.fit._load_cases import Balance, LoadCases
+from kneejax.inference.fit._problem import balances_of
 from kneejax.mechanics import Knee
 from kneejax.parameters import Selection
-from kneejax.statics import Slopes, Stations, balance_with_slopes
+from kneejax.statics import Slopes
 
 #: Evaluations of a fit that is to reach the end of a long flat valley.
 PATIENT = 200
 #: Relative decrease of an objective, and relative step, that end a fit.
 _RTOL, _ATOL = 1e-9, 1e-8
-#: Balances at values `(fits, p)`, reached from near ones, with their derivatives by the values.
-Balance = Callable[[np.ndarray, Slopes], Slopes]
-
-
-@dataclasses.dataclass(frozen=True)
-class MotionData:
-    """A measured motion and how well it is known.
-
-    Attributes:
-        stations: where it was measured.
-        target: free coordinates, degrees and mm, `(stations, 5)`, or one set a fit
-            `(fits, stations, 5)`.
-        noise: standard deviation of each coordinate, degrees and mm, `(5,)`, or one set a fit
-            `(fits, 5)`; infinite for a coordinate that does not count.
-        offsets: free coordinates whose constant difference to the measurement is free.
-        used: poses that count, `(stations,)`.
-    """
-
-    stations: Stations
-    target: np.ndarray
-    noise: np.ndarray
-    offsets: tuple[str, ...] = ()
-    used: np.ndarray | None = None
-
-    @property
-    def counted(self) -> np.ndarray:
-        """Poses that count, `(stations,)`."""
-        return np.ones(len(self.stations), bool) if self.used is None else self.used
-
-    @property
-    def count(self) -> int:
-        """Rows of the residual."""
-        return 5 * int(self.counted.sum())
-
-    def take(self, rows) -> MotionData:
-        """The data of some of the fits."""
-        target = self.target if self.target.ndim == 2 else self.target[rows]
-        noise = self.noise if self.noise.ndim == 1 else self.noise[rows]
-        return dataclasses.replace(self, target=target, noise=noise)
-
-    def residual(self, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
-        """Errors over their standard deviations `(fits, r)`, and by the parameters."""
-        units = TABLE_UNITS[:, None]
-        error = found.q * TABLE_UNITS - self.target
-        slope = found.jacobian * units
-        error, slope = error[:, self.counted], slope[:, self.counted]
-        for name in self.offsets:
-            column = FREE_COORDINATES.index(name)
-            error[..., column] -= error[..., column].mean(axis=1, keepdims=True)
-            slope[..., column, :] -= slope[..., column, :].mean(axis=1, keepdims=True)
-        noise = self.noise[..., None, :]
-        error, slope = error / noise, slope / noise[..., None]
-        return error.reshape(len(error), -1), slope.reshape(len(slope), -1, slope.shape[-1])
+#: Called with what a trial gave, the best sum of squares so far, and whether the trial was taken.
+Watch = Callable[[Slopes, float, bool], bool]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -107,7 +56,7 @@ class ManyFits:
 def fit_many(
     knee: Knee,
     selection: Selection,
-    data: MotionData,
+    data: LoadCases,
     begin: Slopes,
     starts: np.ndarray,
     lower: np.ndarray,
@@ -137,14 +86,9 @@ def fit_many(
     return fit_lanes(balance, data, begin, starts, lower, upper, most=most, far=far)
 
 
-def balances_of(knee: Knee, selection: Selection, stations: Stations) -> Balance:
-    """Balances of a knee's variants, many at a time."""
-    return lambda values, near: balance_with_slopes(knee, selection.apply, values, stations, near)
-
-
 def fit_lanes(
     balance: Balance,
-    data: MotionData,
+    data: LoadCases,
     begin: Slopes,
     starts: np.ndarray,
     lower: np.ndarray,
@@ -154,6 +98,8 @@ def fit_lanes(
     most: int = 60,
     far: bool = False,
     rtol: float = _RTOL,
+    atol: float = _ATOL,
+    watch: Watch | None = None,
 ) -> ManyFits:
     """Fit whatever can be balanced to motion, many times at once.
 
@@ -168,6 +114,8 @@ def fit_lanes(
         most: evaluations of a fit.
         far: whether first steps are short.
         rtol: relative decrease of the sum of squares that ends a fit.
+        atol: relative step, of the width of the bounds, that ends a fit.
+        watch: called after every evaluation of a single fit; may end it.
 
     Returns:
         The `ManyFits`.
@@ -190,13 +138,15 @@ def fit_lanes(
         # Only fits that still search, filled up with the last one: a profile ends with few of them.
         own = np.minimum(np.arange(_lanes(len(here))), len(here) - 1)
         box, before, there = _taken((bounds, state, trial), here[own])
-        new = _advance(rtol, box, before, there, residual[own], slope[own])
+        new = _advance((rtol, atol), box, before, there, residual[own], slope[own])
         following, after, stop, searching = _taken(new, slice(len(here)))
         for every, some in zip(*map(jax.tree.leaves, (state, after)), strict=True):
             every[here] = some
         better = after.accepted
         known.put(here[better], found.take(better))
         trial[here], ended[here] = following, stop
+        if watch is not None and watch(found, float(np.sum(after.residual[0] ** 2)), better[0]):
+            break
         here = here[~stop & searching]
     chi2 = np.sum(state.residual**2, axis=1)
     return ManyFits(known, np.where(np.isfinite(chi2), chi2, np.inf), ended, evaluations)
@@ -211,77 +161,8 @@ def _lanes(fits: int) -> int:
     return 64 * 4 ** max(0, math.ceil(math.log(fits / 64, 4)))
 
 
-def with_offsets(balance: Balance, offsets: Sequence[str]) -> Balance:
-    """A balance whose last values are constants added to some coordinates.
-
-    `MotionData.offsets` takes the best constants out of every residual; this makes them values
-    like any other, which have bounds and can be held.
-
-    Args:
-        balance: of the other values.
-        offsets: free coordinates; their constants are in degrees and mm.
-
-    Returns:
-        The balance.
-    """
-
-    def shifted(values: np.ndarray, near: Slopes) -> Slopes:
-        size = values.shape[1] - len(offsets)
-        found = balance(values[:, :size], without_offsets(near, offsets))
-        return add_offsets(found, values[:, size:], offsets)
-
-    return shifted if offsets else balance
-
-
-def add_offsets(found: Slopes, shifts: np.ndarray, offsets: Sequence[str]) -> Slopes:
-    """Balances with constants `(fits, offsets)` added, degrees and mm, as their last values."""
-    q, more = np.array(found.q), np.zeros((*found.q.shape, len(offsets)))
-    for k, name in enumerate(offsets):
-        row = FREE_COORDINATES.index(name)
-        q[..., row] += shifts[:, [k]] / TABLE_UNITS[row]
-        more[..., row, k] = 1.0 / TABLE_UNITS[row]
-    still = np.zeros((*found.meeting.shape, len(offsets)))
-    return dataclasses.replace(
-        found,
-        values=np.hstack([found.values, shifts]),
-        q=q,
-        jacobian=np.concatenate([found.jacobian, more], axis=-1),
-        meeting_jacobian=np.concatenate([found.meeting_jacobian, still], axis=-1),
-    )
-
-
-def without_offsets(found: Slopes, offsets: Sequence[str]) -> Slopes:
-    """The reverse of `add_offsets`."""
-    q, size = np.array(found.q), found.values.shape[1] - len(offsets)
-    for k, name in enumerate(offsets):
-        row = FREE_COORDINATES.index(name)
-        q[..., row] -= found.values[:, [size + k]] / TABLE_UNITS[row]
-    return dataclasses.replace(
-        found,
-        values=found.values[:, :size],
-        q=q,
-        jacobian=found.jacobian[..., :size],
-        meeting_jacobian=found.meeting_jacobian[..., :size],
-    )
-
-
-def best_offsets(data: MotionData, fit: Slopes) -> list[float]:
-    """The best constant of each coordinate whose frames may differ, to be added to the model's.
-
-    Args:
-        data: measured motion of one fit.
-        fit: balances of one variant.
-
-    Returns:
-        Degrees or mm, in the order of `data.offsets`.
-    """
-    target = data.target.reshape(len(data.stations), 5)
-    error = (fit.q[0] * TABLE_UNITS - target)[data.counted]
-    return [-float(error[:, FREE_COORDINATES.index(name)].mean()) for name in data.offsets]
-
-
-def _solver(lower, upper, rtol=_RTOL) -> BoundedLevenbergMarquardt:
-    tolerances = {"rtol": rtol, "atol": _ATOL}
+def _solver(lower, upper, ends=(_RTOL, _ATOL)) -> BoundedLevenbergMarquardt:
+    tolerances = {"rtol": ends[0], "atol": ends[1]}
     return BoundedLevenbergMarquardt(lower, upper, **tolerances)  # pyright: ignore
 
 
@@ -296,7 +177,7 @@ def _begin(starts: np.ndarray, rows: int, damping: float):
 
 
 @eqx.filter_jit
-def _advance(rtol, bounds, state, trial, residual, slope):
+def _advance(ends, bounds, state, trial, residual, slope):
     """Judge trial points and propose the next ones.
 
     Returns:
@@ -304,7 +185,7 @@ def _advance(rtol, bounds, state, trial, residual, slope):
     """
 
     def one(bounds, state, trial, residual, slope):
-        solver = _solver(bounds[0], bounds[1], rtol)
+        solver = _solver(bounds[0], bounds[1], ends)
         following, new = solver.following(solver.judged(trial, residual, slope, state))
         stop, _ = solver.terminate(None, following, None, {}, new, frozenset())
         return following, new, stop, jnp.isfinite(jnp.sum(new.residual**2))

@@ -1,206 +1,180 @@
-"""Measured motion against a knee: residuals, Jacobian and the objective of paper 1."""
+"""What is fitted to what: a knee, what is free of it, and the load cases that were observed."""
 
 from __future__ import annotations
 
 import dataclasses
-from functools import partial
 
-import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
 
-from kneejax.experiments import passive_flexion
-from kneejax.geometry import FREE_COORDINATES, table_units
-from kneejax.mechanics import Knee, add_lane_axis
-from kneejax.numerics import compiled, lanes_for
-from kneejax.parameters import Selection
-from kneejax.statics import (
-    Guess,
-    Settled,
-    Slopes,
-    differentiable,
-    settle,
+from kneejax.geometry import FREE_COORDINATES, Pose
+from kneejax.inference.fit._load_cases import (
+    TABLE_UNITS,
+    Balance,
+    LoadCases,
+    add_offsets,
+    with_offsets,
+    without_offsets,
 )
+from kneejax.mechanics import Knee
+from kneejax.numerics import lanes_for
+from kneejax.parameters import Selection
+from kneejax.statics import SEARCH, Slopes, Stations, balance_with_slopes
 
-#: Degrees and mm per internal unit of a free coordinate.
-TABLE_UNITS = table_units(FREE_COORDINATES)
-#: Weights of paper 1, section 3.4: 8 per degree^2, 1 per mm^2, in the order of the coordinates.
-DEFAULT_WEIGHTS = np.array([8.0, 8.0, 1.0, 1.0, 1.0])
-
-
-class Evaluation(eqx.Module):
-    """Model poses at one parameter vector, and their derivative.
-
-    Attributes:
-        table: free coordinates, degrees and mm, `(5, n)`.
-        jacobian: by the parameters, `(5, n, p)`.
-        settled: the balance.
-    """
-
-    table: Array
-    jacobian: Array
-    settled: Settled
+#: Motions that take as long as tracing the program for many of them.
+_FEW = 150
 
 
-@partial(jax.jit, static_argnums=0)
-def _with_lanes(selection: Selection, knee: Knee, values: Array) -> Knee:
-    return add_lane_axis(selection.apply(knee, values))
-
-
-@compiled(static_argnums=(0,))
-def _table_and_jacobian(
-    selection: Selection, knee: Knee, values: Array, settled: Settled
-) -> tuple[Array, Array]:
-    def table(x: Array) -> Array:
-        lanes = add_lane_axis(selection.apply(knee, x))
-        found = differentiable(lanes, settled.prescribed, settled)
-        return found.q * jnp.asarray(TABLE_UNITS)[:, None]
-
-    value, push = jax.linearize(table, values)
-    return value, jax.vmap(push, out_axes=-1)(jnp.eye(values.shape[0]))
-
-
-@dataclasses.dataclass
+@dataclasses.dataclass(frozen=True)
 class Problem:
-    """A calibration problem: poses of a model against measured poses.
-
-    The last balanced poses and their Jacobian are kept: every search starts from their linear
-    prediction, which leaves two or three Newton steps to do.
+    """A question of least squares; values are parameters, then constants between frames.
 
     Attributes:
         knee: start of everything that is not free.
         selection: the free parameters.
-        measured: `(n, 6)`, degrees and mm.
-        weights: `(5,)`, per degree^2 and per mm^2.
-        offsets: indices of free coordinates with an unknown constant offset to the measurement.
+        cases: what was observed; its noise weighs.
+        offsets: free coordinates with an unknown constant difference to the measurement.
+
+    Example:
+        >>> import kneejax as kj
+        >>> knee = kj.load_knee("four_ligament")
+        >>> table = np.zeros((2, 6))
+        >>> problem = Problem.of(knee, kj.select(knee, ["ACL.stiffness"]), table, np.ones(5))
+        >>> problem.size, problem.weights.tolist()
+        (1, [1.0, 1.0, 1.0, 1.0, 1.0])
     """
 
     knee: Knee
     selection: Selection
-    measured: np.ndarray
-    weights: np.ndarray
-    offsets: tuple[int, ...] = ()
-    equilibria: int = 0
-    _near: tuple[np.ndarray, Evaluation] | None = None
-    _used: np.ndarray | None = None
+    cases: LoadCases
+    offsets: tuple[str, ...] = ()
 
-    @property
-    def flexion(self) -> Array:
-        """Prescribed flexion, rad."""
-        return jnp.deg2rad(self.measured[:, 0])
-
-    @property
-    def target(self) -> np.ndarray:
-        """Measured free coordinates, `(5, n)`."""
-        return self.measured[:, 1:].T
-
-    def poses(self, values: np.ndarray) -> Evaluation:
-        """Model poses at parameter values, reached from the nearest known ones."""
-        x = np.asarray(values[: len(self.selection)], float)
-        if self._near is not None:
-            return self._near_to(x, _predicted(x, *self._near))
-        knee, rows = self.selection.apply(self.knee, jnp.asarray(x)), self._rows
-        found = passive_flexion(knee, self.measured[:, 0]).settled
-        return self._described(x, jax.tree.map(lambda y: np.asarray(y)[..., rows], found))
-
-    @property
-    def _rows(self) -> np.ndarray:
-        """Filled up with the last pose: one compiled program for tables of several lengths."""
-        size = len(self.measured)
-        return np.minimum(np.arange(lanes_for(size)), size - 1)
-
-    def _near_to(self, x: np.ndarray, guess: Guess) -> Evaluation:
-        """Search from a guess; the search is compiled once for all selections."""
-        rows, flexion = self._rows, np.deg2rad(self.measured[:, 0])
-        guess = jax.tree.map(lambda y: np.asarray(y)[..., rows], guess)
-        knee = _with_lanes(self.selection, self.knee, jnp.asarray(x))
-        return self._described(x, settle(knee, {"flexion": flexion[rows]}, guess))
-
-    def _described(self, x: np.ndarray, settled: Settled) -> Evaluation:
-        """Poses with their Jacobian, which is compiled for each selection."""
-        size = len(self.measured)
-        self.equilibria += size
-        both = _table_and_jacobian(self.selection, self.knee, jnp.asarray(x), settled)
-        table, jacobian = (np.asarray(y)[:, :size] for y in both)
-        settled = jax.tree.map(lambda y: np.asarray(y)[..., :size], settled)
-        return Evaluation(table, jacobian, settled)
-
-    def balance(self, values: np.ndarray, near: Slopes) -> Slopes:
-        """Balances of one vector of parameters after another, from near ones.
-
-        The search's own compiled program serves here: tracing the program of `fit_many` takes
-        longer than some hundred balances of the motion.
+    @classmethod
+    def of(
+        cls,
+        knee: Knee,
+        selection: Selection,
+        measured: np.ndarray,
+        weights: np.ndarray,
+        offsets: tuple[str, ...] = (),
+        stations: Stations | None = None,
+    ) -> Problem:
+        """A problem from measured poses.
 
         Args:
-            values: parameters without offsets, `(variants, p)`.
-            near: of near values, one variant each.
-
-        Returns:
-            The `Slopes`.
+            knee: start of everything that is not free.
+            selection: the free parameters.
+            measured: `(n, 6)`, degrees and mm; NaN where a coordinate was not observed.
+            weights: `(5,)`, per degree^2 and per mm^2.
+            offsets: names of free coordinates.
+            stations: where it was measured; at the measured flexion without loads by default.
         """
-        found = []
-        for row, x in enumerate(np.asarray(values, float)):
-            step = x - near.values[row]
-            q = near.q[row] + near.jacobian[row] @ step
-            meeting = near.meeting[row] + near.meeting_jacobian[row] @ step
-            guess = (np.moveaxis(y, 0, -1) for y in (q, meeting, near.tangent[row]))
-            found.append(slopes_of(x, self._near_to(x, Guess(*guess))))
-        fields = [f.name for f in dataclasses.fields(Slopes)]
-        return Slopes(*(np.concatenate([getattr(one, f) for one in found]) for f in fields))
+        measured = np.asarray(measured, float)
+        with np.errstate(divide="ignore"):
+            noise = 1.0 / np.sqrt(weights)
+        stations = Stations.at(measured[:, 0]) if stations is None else stations
+        return cls(knee, selection, LoadCases(stations, measured[:, 1:], noise), offsets)
 
-    def keep(self, values: np.ndarray, found: Evaluation) -> None:
-        """Remember balanced poses to start from."""
-        self._near = (np.array(values[: len(self.selection)]), found)
+    @property
+    def size(self) -> int:
+        """Number of values."""
+        return len(self.selection) + len(self.offsets)
+
+    @property
+    def weights(self) -> np.ndarray:
+        """Of squared errors, `(5,)`, per degree^2 and per mm^2."""
+        return self.cases.noise**-2.0
 
     @property
     def used(self) -> np.ndarray:
-        """Rows that count: those where the start's model balances, `(n,)`."""
-        return np.ones(len(self.measured), bool) if self._used is None else self._used
+        """Load cases that count: those where the start's model balances, `(n,)`."""
+        return self.cases.counted
 
-    def use_only(self, rows: np.ndarray) -> None:
-        """Leave rows out of the objective (where the start finds no balance)."""
-        self._used = np.asarray(rows)
+    @property
+    def measured(self) -> np.ndarray:
+        """Measured poses, degrees and mm, `(n, 6)`."""
+        return np.column_stack([np.rad2deg(self.cases.stations.flexion), self.cases.target])
 
-    def error(self, values: np.ndarray, found: Evaluation) -> np.ndarray:
-        """Model plus offset minus measurement, `(5, n)`, degrees and mm."""
-        error = np.asarray(found.table) - self.target
-        for k, coordinate in enumerate(self.offsets):
-            error[coordinate] += values[len(self.selection) + k]
-        return error
+    def with_used(self, rows: np.ndarray) -> Problem:
+        """The same with only some load cases that count, `(n,)`."""
+        return dataclasses.replace(self, cases=dataclasses.replace(self.cases, used=rows))
 
-    def jacobian(self, found: Evaluation) -> np.ndarray:
-        """Derivative of the error by parameters and offsets, `(5, n, p)`."""
-        size = len(self.selection) + len(self.offsets)
-        full = np.zeros((*np.asarray(found.table).shape, size))
-        full[:, :, : len(self.selection)] = np.asarray(found.jacobian)
-        for k, coordinate in enumerate(self.offsets):
-            full[coordinate, :, len(self.selection) + k] = 1.0
-        return full
+    def knee_at(self, values: np.ndarray) -> Knee:
+        """The knee with these parameters."""
+        return self.selection.apply(self.knee, jnp.asarray(values[: len(self.selection)]))
 
-    def residual(self, values: np.ndarray, found: Evaluation) -> tuple[np.ndarray, np.ndarray]:
-        """Weighted residual vector and its Jacobian, rows left out set to zero."""
-        root = np.sqrt(self.weights)[:, None] * self.used
-        vector = np.where(self.used, root * self.error(values, found), 0.0)
-        matrix = np.where(self.used[:, None], root[:, :, None] * self.jacobian(found), 0.0)
-        return vector.reshape(-1), matrix.reshape(vector.size, -1)
+    def begin(self, values: np.ndarray) -> Slopes:
+        """Balances at values `(fits, p)`, each walked to from the knee's reference pose."""
+        values = np.asarray(values, float)
+        parameters, shifts = np.split(values, [len(self.selection)], axis=1)
+        found = balance_with_slopes(
+            self.knee, self.selection.apply, parameters, self.cases.stations,
+            lanes=self._lanes, search=SEARCH,
+        )  # fmt: skip
+        return add_offsets(found, shifts, self.offsets)
+
+    @property
+    def balance(self) -> Balance:
+        """Balances at values, from near ones; in calls of few lanes."""
+
+        def of_parameters(values: np.ndarray, near: Slopes) -> Slopes:
+            return balance_with_slopes(
+                self.knee, self.selection.apply, values, self.cases.stations, near,
+                lanes=self._lanes, search=SEARCH,
+            )  # fmt: skip
+
+        return with_offsets(of_parameters, self.offsets)
+
+    def balance_of_many(self) -> Balance:
+        """As `balance`, in calls of many lanes once there are so many that tracing them pays.
+
+        Most limits of a fit take some 70 motions; a valley that is nearly flat takes thousands.
+        """
+        many = with_offsets(
+            balances_of(self.knee, self.selection, self.cases.stations), self.offsets
+        )
+        few, done = self.balance, 0
+
+        def balance(values: np.ndarray, near: Slopes) -> Slopes:
+            nonlocal done
+            done += len(values)
+            return (few if done <= _FEW else many)(values, near)
+
+        return balance
+
+    def table(self, found: Slopes) -> np.ndarray:
+        """Free coordinates of one fit as measured, with its constants, degrees and mm, `(5, n)`."""
+        return (found.q[0] * TABLE_UNITS).T
+
+    def pose(self, found: Slopes) -> Pose:
+        """The poses of one fit in the model's frame, `(n,)`."""
+        own = without_offsets(found, self.offsets)
+        return Pose.of(self.cases.stations.prescribed, jnp.asarray(own.q[0].T))
+
+    def meeting(self, found: Slopes) -> np.ndarray:
+        """Meeting points of one fit, `(patches, 2, n)`."""
+        return np.moveaxis(found.meeting[0], 0, -1)
+
+    def error(self, found: Slopes) -> np.ndarray:
+        """Model plus constants minus measurement of one fit, `(5, n)`, degrees and mm."""
+        return self.table(found) - self.cases.target.T
+
+    def residual(self, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
+        """Weighted residuals of one fit, and by the values."""
+        residual, slope = self.cases.residual(found)
+        return residual[0], slope[0]
+
+    @property
+    def _lanes(self) -> int:
+        return lanes_for(len(self.cases.stations))
 
 
-def slopes_of(values: np.ndarray, found: Evaluation) -> Slopes:
-    """An evaluation as balances of one variant, with derivatives by its values."""
-    settled = jax.tree.map(np.asarray, found.settled)
-    jacobian = np.moveaxis(np.asarray(found.jacobian), 0, 1) / TABLE_UNITS[:, None]
-    met = np.einsum("cabn,ncp->nabp", settled.drift, jacobian)
-    of_poses = (np.moveaxis(y, -1, 0) for y in (settled.q, settled.meeting, settled.tangent))
-    q, meeting, tangent = of_poses
-    x = np.array(values[: jacobian.shape[-1]], float)
-    return Slopes(*(y[None] for y in (x, q, jacobian, meeting, met, tangent, settled.status)))
+def balances_of(knee: Knee, selection: Selection, stations: Stations) -> Balance:
+    """Balances of a knee's variants, many at a time."""
+    return lambda values, near: balance_with_slopes(knee, selection.apply, values, stations, near)
 
 
-def _predicted(values: np.ndarray, near: np.ndarray, known: Evaluation) -> Guess:
-    """Poses at new parameters to first order from known ones."""
-    settled = jax.tree.map(np.asarray, known.settled)
-    shift = np.asarray(known.jacobian) @ (values - near) / TABLE_UNITS[:, None]
-    follow = np.sum(settled.drift * shift[:, None, None], axis=0)
-    return Guess(settled.q + shift, settled.meeting + follow, settled.tangent)
+def offset_units(offsets: tuple[str, ...]) -> list[tuple[str, str]]:
+    """Constants between frames with their units, as `named` gives them of parameters."""
+    degrees = dict(zip(FREE_COORDINATES, TABLE_UNITS != 1.0, strict=True))
+    return [(name, "deg" if degrees[name] else "mm") for name in offsets]

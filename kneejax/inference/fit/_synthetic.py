@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from kneejax.inference.fit._problem import DEFAULT_WEIGHTS, Problem
 from kneejax.mechanics import Knee
 from kneejax.parameters import UnsuitableData, select, with_values
 from kneejax.statics import Stations, own_motion
@@ -14,7 +13,6 @@ def synthetic_motion(
     knee: Knee,
     truth: dict[str, float],
     flexion_deg: np.ndarray,
-    parameters: tuple[str, ...] | None = None,
     *,
     noise_mm: float = 0.0,
     noise_deg: float = 0.0,
@@ -26,8 +24,6 @@ def synthetic_motion(
         knee: any knee.
         truth: parameter -> value.
         flexion_deg: prescribed angles, `(n,)`.
-        parameters: names that a calibration will free: its compiled program then makes the data
-            too. Without them the program of maps and sweeps does; the poses are the same.
         noise_mm: standard deviation of the noise on displacements.
         noise_deg: standard deviation of the noise on rotations.
         seed: of the noise.
@@ -42,15 +38,9 @@ def synthetic_motion(
     true_knee = with_values(knee, truth)
     table = np.zeros((len(flexion_deg), 6))
     table[:, 0] = flexion_deg
-    if parameters is None:
-        selection, stations = select(knee, ("*.stiffness",)), Stations.at(flexion_deg)
-        motion = own_motion(true_knee, selection.apply, selection.read(true_knee), stations)
-        poses, balanced = motion.table[0], motion.converged[0]
-    else:
-        selection = select(knee, parameters)
-        problem = Problem(true_knee, selection, table, DEFAULT_WEIGHTS)
-        found = problem.poses(np.asarray(selection.read(true_knee)))
-        poses, balanced = np.asarray(found.table).T, np.asarray(found.settled.converged)
+    selection, stations = select(knee, ("*.stiffness",)), Stations.at(flexion_deg)
+    motion = own_motion(true_knee, selection.apply, selection.read(true_knee), stations)
+    poses, balanced = motion.table[0], motion.converged[0]
     if not balanced.all():
         angles = ", ".join(f"{f:g}" for f in np.asarray(flexion_deg)[~balanced])
         raise UnsuitableData(f"the knee that makes the data has no balance at {angles} degrees")

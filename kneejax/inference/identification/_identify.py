@@ -7,9 +7,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from kneejax.geometry import FREE_COORDINATES, Pose
+from kneejax.geometry import Pose
 from kneejax.inference.calibration import Motion, motion_at
-from kneejax.inference.fit import DEFAULT_WEIGHTS, MotionData, Problem, balances_of, best_offsets
+from kneejax.inference.fit import DEFAULT_WEIGHTS, LoadCases, Problem, balances_of, best_offsets
 from kneejax.inference.identification._information import Information, fit_information
 from kneejax.inference.intervals import (
     Interval,
@@ -115,7 +115,6 @@ def identify(
     """
     measured = np.asarray(measured, float)
     selection = select(knee, parameters)
-    rows = tuple(FREE_COORDINATES.index(name) for name in offsets)
     if not np.isfinite(measured).all():
         row = int(np.flatnonzero(~np.isfinite(measured).all(axis=1))[0])
         raise UnsuitableData(f"measured row {row} is not finite: leave it out")
@@ -135,7 +134,7 @@ def identify(
         check_enough(count, len(selection) + len(offsets))
     balance = balances_of(knee, selection, stations)
     with np.errstate(divide="ignore"):
-        data = MotionData(stations, measured[:, 1:], 1.0 / np.sqrt(weights), offsets, used)
+        data = LoadCases(stations, measured[:, 1:], 1.0 / np.sqrt(weights), offsets, used)
     fits, data = likeliest(balance, data, begin, stated, lower, upper, far=True)
     fit, followed = fits.slopes, ()
     if with_profiles:
@@ -146,8 +145,7 @@ def identify(
     residual, _ = data.residual(fit)
     values, noise = fit.values[0], data.noise[0]
     at_bound = on_bounds(values, lower, upper)
-    problem = Problem(knee, selection, measured, 1.0 / noise**2, rows)
-    problem.use_only(used)
+    problem = Problem.of(knee, selection, measured, 1.0 / noise**2, offsets).with_used(used)
     one = dataclasses.replace(data, noise=noise)
     told = fit_information(knee, selection, one, fit, at_bound=at_bound)
     answer = Identification(

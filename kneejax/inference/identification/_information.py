@@ -10,7 +10,7 @@ import numpy as np
 
 from kneejax.experiments import slack_poses
 from kneejax.geometry import Pose
-from kneejax.inference.fit import MotionData
+from kneejax.inference.fit import LoadCases
 from kneejax.inference.identification._information_words import (
     fixed_combination,
     loose_combination,
@@ -173,7 +173,7 @@ def information(
 def fit_information(
     knee: Knee,
     selection: Selection,
-    data: MotionData,
+    data: LoadCases,
     fit: Slopes,
     *,
     scale: np.ndarray | None = None,

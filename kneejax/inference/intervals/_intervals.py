@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from kneejax.inference.fit import Balance, MotionData
+from kneejax.inference.fit import Balance, LoadCases
 from kneejax.inference.intervals._likelihood import (
     errors,
     likeliest,
@@ -118,7 +118,7 @@ class Surety:
 
 def sureties(
     balance: Balance,
-    data: MotionData,
+    data: LoadCases,
     answers: Slopes,
     weights: np.ndarray,
     stated: np.ndarray,

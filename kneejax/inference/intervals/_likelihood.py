@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from kneejax.geometry import FREE_COORDINATES
-from kneejax.inference.fit import PATIENT, Balance, ManyFits, MotionData, fit_lanes
+from kneejax.inference.fit import PATIENT, Balance, LoadCases, ManyFits, fit_lanes
 from kneejax.inference.intervals._uncertainty import uncertainty
 from kneejax.parameters import UnsuitableData
 from kneejax.statics import Slopes
@@ -49,14 +49,14 @@ def rise_at_limits(spare: int | None) -> float:
 
 def likeliest(
     balance: Balance,
-    data: MotionData,
+    data: LoadCases,
     near: Slopes,
     stated: np.ndarray,
     lower: np.ndarray,
     upper: np.ndarray,
     *,
     far: bool = False,
-) -> tuple[ManyFits, MotionData]:
+) -> tuple[ManyFits, LoadCases]:
     """Fit by maximum likelihood, many times at once.
 
     Args:
@@ -84,7 +84,7 @@ def likeliest(
 
 
 def noise_left(
-    data: MotionData, fits: Slopes, stated: np.ndarray, lower: np.ndarray, upper: np.ndarray
+    data: LoadCases, fits: Slopes, stated: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> np.ndarray:
     """What fits leave, of rotations and of displacements, where no noise is stated: `(fits, 5)`."""
     weighed = np.broadcast_to(data.noise, (len(fits.values), 5))
@@ -106,7 +106,7 @@ def noise_left(
     return np.array(left)
 
 
-def errors(data: MotionData, fit: Slopes) -> tuple[np.ndarray, np.ndarray]:
+def errors(data: LoadCases, fit: Slopes) -> tuple[np.ndarray, np.ndarray]:
     """Model minus measurement `(5, poses)` of one fit, degrees and mm, and its Jacobian."""
     plain = dataclasses.replace(data, noise=np.ones(5))
     residual, slope = plain.residual(fit)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from kneejax.inference.fit import PATIENT, Balance, ManyFits, MotionData, balances_of, fit_lanes
+from kneejax.inference.fit import PATIENT, Balance, LoadCases, ManyFits, balances_of, fit_lanes
 from kneejax.inference.intervals._profile_arms import BETTER, Arms, Pace, crossing
 from kneejax.mechanics import Knee
 from kneejax.parameters import Selection
@@ -66,7 +66,7 @@ class Profile:
 def profiles(
     knee: Knee,
     selection: Selection,
-    data: MotionData,
+    data: LoadCases,
     fit: Slopes,
     lower: np.ndarray,
     upper: np.ndarray,
@@ -99,7 +99,7 @@ def named(selection: Selection) -> list[tuple[str, str]]:
 
 def follow(
     balance: Balance,
-    data: MotionData,
+    data: LoadCases,
     fits: Slopes,
     lower: np.ndarray,
     upper: np.ndarray,
@@ -164,7 +164,7 @@ def _led(balance: Balance, near: Slopes, values: np.ndarray) -> Slopes:
 
 
 def _walk(
-    balance: Balance, data: MotionData, arms: Arms, best: np.ndarray, pace: Pace, leave: bool
+    balance: Balance, data: LoadCases, arms: Arms, best: np.ndarray, pace: Pace, leave: bool
 ) -> None:
     """Advance all arms to their ends; data and the lowest chi squared are those of each arm."""
     while arms.active.any():
@@ -184,7 +184,7 @@ def _walk(
 
 def follow_to_the_lowest(
     balance: Balance,
-    data: MotionData,
+    data: LoadCases,
     fits: ManyFits,
     lower: np.ndarray,
     upper: np.ndarray,

@@ -5,16 +5,14 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from kneejax.geometry import COLUMNS
-from kneejax.inference.fit import DEFAULT_WEIGHTS, Evaluation, Problem
+from kneejax.inference.fit import DEFAULT_WEIGHTS, TABLE_UNITS, Problem
 from kneejax.inference.sensitivity._condition import Condition, worst_condition
 from kneejax.mechanics import Knee
 from kneejax.parameters import UnknownParameter, UnsuitableData, select, unphysiological
-from kneejax.statics import converged
+from kneejax.statics import Slopes, converged
 
 #: The longest way in one step: part of a stiffness's own value, and of any strain.
 _STRIDES = {"stiffness": 0.5, "reference_strain": 0.04}
@@ -103,17 +101,14 @@ class LiveMotion:
             raise UnsuitableData(f"measured row {row} is not finite: leave it out")
         self.selection = select(knee, parameters)
         weights = DEFAULT_WEIGHTS if weights is None else np.asarray(weights, float)
-        self._problem = Problem(knee, self.selection, measured, weights)
-        # Keeps no poses: it walks from the reference pose each time.
-        self._march = Problem(knee, self.selection, measured, weights)
+        problem = Problem.of(knee, self.selection, measured, weights)
         self._values = np.asarray(self.selection.read(knee))
-        found = self._problem.poses(self._values)
-        balanced = np.asarray(found.settled.converged)
+        found = problem.begin(self._values[None])
+        balanced = found.converged[0]
         if not balanced.any():
             raise UnsuitableData("no measured flexion has a balance with the knee's own parameters")
-        self._problem.use_only(balanced)
-        self._problem.keep(self._values, found)
-        self._own, self._last = np.asarray(found.table).T, found
+        self._problem = problem.with_used(balanced)
+        self._own, self._last = problem.table(found).T, found
         self._strides = np.array(
             [_stride(self.selection.quantity(i), v) for i, v in enumerate(self._values)]
         )
@@ -141,37 +136,36 @@ class LiveMotion:
         count = max(int(np.ceil(np.max(np.abs(goal - begin) / self._strides))), 1)
         for part in np.arange(1, count + 1) / count:
             here = goal if part == 1 else begin + part * (goal - begin)
-            found = self._problem.poses(here)
+            found = self._problem.balance(here[None], self._last)
             if part == 1 and self._doubtful(found, count > 1):
-                found = _joined(self._march.poses(goal), found)
+                found = _joined(self._problem.begin(goal[None]), found)
             # What is lost begins the next stride at its last balance.
             self._last = _joined(found, self._last)
-            self._problem.keep(here, self._last)
         self._values = goal
         self.now = self._described(found)
         return self.now
 
-    def _doubtful(self, found: Evaluation, far: bool) -> bool:
+    def _doubtful(self, found: Slopes, far: bool) -> bool:
         """Whether a pose is newly lost, or has left its neighbours in flexion: another branch."""
         order = np.argsort(self._problem.measured[:, 0], kind="stable")
-        away = np.asarray(found.table).T[order] - self._own[order]
+        away = self._problem.table(found).T[order] - self._own[order]
         kinks = np.abs(np.diff(away, 2, axis=0))
-        lost = ~np.asarray(found.settled.converged)
+        lost = ~found.converged[0]
         news = lost if far else lost & converged(self.now.status)
         return bool(news.any() or (kinks > _KINK).any())
 
-    def _described(self, found: Evaluation) -> Moved:
-        problem, table = self._problem, np.asarray(found.table)
-        status = np.asarray(found.settled.status)
+    def _described(self, found: Slopes) -> Moved:
+        problem, table = self._problem, self._problem.table(found)
+        status = found.status[0]
         strange = unphysiological(table.T, self._own)
-        error = problem.error(self._values, found)[:, problem.used]
+        error = problem.error(found)[:, problem.used]
         named = zip(self.selection.names, self._values, strict=True)
         return Moved(
             {name: float(value) for name, value in named},
             np.column_stack([problem.measured[:, 0], table.T]),
             status,
             strange,
-            np.asarray(found.jacobian),
+            np.moveaxis(found.jacobian[0] * TABLE_UNITS[:, None], 0, 1),
             float(problem.weights @ (error**2).sum(axis=1)),
             Condition(int(worst_condition(status[problem.used], strange[problem.used]))),
         )
@@ -182,15 +176,14 @@ def _stride(quantity: str, value: float) -> float:
     return part if quantity == "reference_strain" else part * abs(value)
 
 
-def _joined(first: Evaluation, second: Evaluation) -> Evaluation:
-    """Pose by pose, the first where it is balanced and the second elsewhere."""
-    good = first.settled.converged
+def _joined(first: Slopes, second: Slopes) -> Slopes:
+    """Pose by pose, the first where it is balanced and the second elsewhere.
 
-    def choose(x, y):
-        return jnp.where(good, x, y)
-
-    return Evaluation(
-        choose(first.table, second.table),
-        jnp.where(good[:, None], first.jacobian, second.jacobian),
-        jax.tree.map(choose, first.settled, second.settled),
-    )
+    Values are those of the first: what comes of the second is where its search ended.
+    """
+    good, fields = first.converged, {}
+    for field in dataclasses.fields(first):
+        one, other = getattr(first, field.name), getattr(second, field.name)
+        here = good.reshape(*good.shape, *(1,) * (one.ndim - 2))
+        fields[field.name] = one if field.name == "values" else np.where(here, one, other)
+    return Slopes(**fields)

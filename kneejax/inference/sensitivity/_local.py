@@ -8,8 +8,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kneejax.inference.fit import DEFAULT_WEIGHTS, Problem
+from kneejax.inference.fit import TABLE_UNITS
 from kneejax.mechanics import Knee
+from kneejax.numerics import lanes_for
 from kneejax.parameters import (
     Selection,
     UnsuitableData,
@@ -17,6 +18,7 @@ from kneejax.parameters import (
     prior_scales,
     select,
 )
+from kneejax.statics import SEARCH, Stations, balance_with_slopes
 
 #: How a slope is scaled -> words that finish "mm or degrees per ...".
 SCALES = {"prior": "standard deviation of the prior", "percent": "per cent of the parameter"}
@@ -92,16 +94,18 @@ def local_sensitivity(
     values = np.asarray(selection.read(knee))
     widths = step_widths(selection, values, scale, given)
     flexion = np.atleast_1d(np.asarray(flexion_deg, float))
-    at = np.column_stack([flexion, np.zeros((len(flexion), 5))])
-    found = Problem(knee, selection, at, DEFAULT_WEIGHTS).poses(values)
+    stations = Stations.at(flexion)
+    found = balance_with_slopes(
+        knee, selection.apply, values[None], stations, lanes=lanes_for(len(flexion)), search=SEARCH
+    )
     return LocalSensitivity(
         selection.names,
         tuple(selection.unit(i) for i in range(len(selection))),
         values,
         flexion,
-        np.asarray(found.table).T,
-        np.asarray(found.settled.status),
-        np.moveaxis(np.asarray(found.jacobian), 1, 0),
+        found.q[0] * TABLE_UNITS,
+        found.status[0],
+        found.jacobian[0] * TABLE_UNITS[:, None],
         scale,
         widths,
     )

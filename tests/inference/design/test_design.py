@@ -9,7 +9,7 @@ import pytest
 import kneejax as kj
 from kneejax.inference import (
     Candidate,
-    MotionData,
+    LoadCases,
     choose,
     criterion_of,
     design_tests,
@@ -56,7 +56,7 @@ def known(knee):
     selection, stations = select(knee, PARAMETERS), Stations.at(np.arange(0.0, 121.0, 5.0))
     values = np.asarray(selection.read(knee))
     fit = balance_with_slopes(knee, selection.apply, values[None], stations)
-    data = MotionData(stations, np.zeros((25, 5)), NOISE)
+    data = LoadCases(stations, np.zeros((25, 5)), NOISE)
     table = fit.q[0] * np.r_[np.rad2deg([1.0, 1.0]), 1.0, 1.0, 1.0]
     return selection, fit_information(knee, selection, data, fit), table.T
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import kneejax as kj
-from kneejax.inference import MotionData, fit_many, identify, profiles
+from kneejax.inference import LoadCases, fit_many, identify, profiles
 from kneejax.parameters import UnknownParameter, UnsuitableData
 from kneejax.statics import Stations, balance_with_slopes
 
@@ -37,7 +37,7 @@ def exact(knee, chosen):
 
 def data_of(exact, draws, noise=0.1, seed=0):
     errors = np.random.default_rng(seed).standard_normal((draws, len(FLEXION), 5))
-    return MotionData(Stations.at(FLEXION), exact.q[0] * UNITS + noise * errors, np.full(5, noise))
+    return LoadCases(Stations.at(FLEXION), exact.q[0] * UNITS + noise * errors, np.full(5, noise))
 
 
 def box(count):
@@ -74,7 +74,7 @@ def clean(knee, chosen, exact):
     """Profiles of a motion that is hardly noisy: the problem is all but linear."""
     data = data_of(exact, 1, noise=1e-3)
     fit = fit_many(knee, chosen, data, exact, TRUTH[None], *box(1))
-    one = MotionData(data.stations, data.target[0], data.noise)
+    one = LoadCases(data.stations, data.target[0], data.noise)
     return fit, profiles(knee, chosen, one, fit.slopes, LOWER, UPPER, 3.8415)
 
 
@@ -94,7 +94,7 @@ def test_limits_are_where_a_fit_held_there_rises_by_the_threshold(knee, chosen, 
     """The interval's ends, which are interpolated, against fits at those very values."""
     data = data_of(exact, 1, seed=1)
     fit = fit_many(knee, chosen, data, exact, TRUTH[None], *box(1))
-    one = MotionData(data.stations, data.target[0], data.noise)
+    one = LoadCases(data.stations, data.target[0], data.noise)
     found = profiles(knee, chosen, one, fit.slopes, LOWER, UPPER, 3.8415)
     ends = [(i, end) for i, p in enumerate(found) for end in (p.low, p.high)]
     (low, high), starts = box(len(ends)), np.tile(fit.values[0], (len(ends), 1))
@@ -110,7 +110,7 @@ def test_limits_are_where_a_fit_held_there_rises_by_the_threshold(knee, chosen, 
 def test_a_bound_leaves_an_end_open(knee, chosen, exact):
     """MCL stiffness beside paper 1's bound of 10,000 N."""
     data = data_of(exact, 1, seed=1)
-    one = MotionData(data.stations, data.target[0], data.noise)
+    one = LoadCases(data.stations, data.target[0], data.noise)
     upper = np.r_[np.full(4, 10000.0), np.full(4, 0.2)]
     fit = fit_many(knee, chosen, one, exact, TRUTH[None], LOWER[None], upper[None])
     mcl = profiles(knee, chosen, one, fit.slopes, LOWER, upper, 3.8415)[2]

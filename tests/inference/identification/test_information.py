@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import kneejax as kj
-from kneejax.inference import MotionData, fit_information, information, noise_of
+from kneejax.inference import LoadCases, fit_information, information, noise_of
 from kneejax.inference.identification._information_words import slack_words
 from kneejax.parameters import UnsuitableData, select
 from kneejax.statics import Stations, balance_with_slopes
@@ -24,7 +24,7 @@ def passive(knee, flexion, offsets=()):
     selection, stations = select(knee, PARAMETERS), Stations.at(flexion)
     values = np.asarray(selection.read(knee))
     fit = balance_with_slopes(knee, selection.apply, values[None], stations)
-    data = MotionData(stations, np.zeros((len(flexion), 5)), noise_of(0.1, 0.1), offsets)
+    data = LoadCases(stations, np.zeros((len(flexion), 5)), noise_of(0.1, 0.1), offsets)
     return fit_information(knee, selection, data, fit), fit
 
 

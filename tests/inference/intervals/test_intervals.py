@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import kneejax as kj
-from kneejax.inference import MotionData, fit_many
+from kneejax.inference import LoadCases, fit_many
 from kneejax.inference.fit._many_fits import (
     ManyFits,
     add_offsets,
@@ -79,7 +79,7 @@ XY = [("x", ""), ("y", "")]
 @pytest.mark.parametrize("pace", list(Pace))
 def test_a_limit_is_where_the_farthest_valley_ends(pace):
     """At x = 3, y = 1 the fit is worse by 0.64 only: nothing that the arm of x alone would see."""
-    data = MotionData(Stations.at([0.0]), np.zeros((1, 1, 5)), np.ones(5))
+    data = LoadCases(Stations.at([0.0]), np.zeros((1, 1, 5)), np.ones(5))
     ((x, y),), _ = follow(two_valleys, data, two_valleys([[0.0, 0.0]]), *BOX, 3.84, XY, pace)
     assert x.low == pytest.approx(-np.sqrt(3.84) / 2.0, abs=0.02)
     assert x.high == pytest.approx(3.0 + np.sqrt(3.84 - 0.64) / 2.0, abs=0.02)
@@ -95,7 +95,7 @@ def test_a_fit_moves_to_the_valley_that_an_arm_has_found(pace):
 
     target = np.zeros((1, 1, 5))
     target[..., 3] = 0.8
-    data = MotionData(Stations.at([0.0]), target, np.ones(5))
+    data = LoadCases(Stations.at([0.0]), target, np.ones(5))
     begin = ManyFits(two_valleys([[0.0, 0.0]]), np.array([0.64]), np.array([True]), 1)
     here, ((x, _),) = follow_to_the_lowest(balance, data, begin, *BOX, 3.84, XY, pace)
     np.testing.assert_allclose(np.abs(here.values), [[3.0, 1.0]], atol=1e-3)
@@ -142,7 +142,7 @@ def test_printed_intervals_of_a_bent_valley_hold_the_truth(knee, exact):
     draws, chosen = 24, kj.select(knee, NAMES)
     errors = np.random.default_rng(0).standard_normal((draws, 12, 5))
     target = exact.q[0] * TABLE_UNITS + 0.2 * errors
-    data = MotionData(TWELVE, target, 1.0 / np.sqrt(DEFAULT_WEIGHTS))
+    data = LoadCases(TWELVE, target, 1.0 / np.sqrt(DEFAULT_WEIGHTS))
     tiles = [np.tile(x, (draws, 1)) for x in (TRUTH, LOWER, UPPER)]
     fits = fit_many(knee, chosen, data, exact.take(np.zeros(draws, int)), *tiles)
     balance = with_offsets(balances_of(knee, chosen, TWELVE), ())

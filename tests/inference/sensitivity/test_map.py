@@ -6,7 +6,7 @@ import pytest
 import kneejax as kj
 from kneejax.files import Checkpoints
 from kneejax.inference import Condition, in_convention, profiles, sensitivity_map, sensitivity_maps
-from kneejax.inference.fit._many_fits import MotionData, fit_many
+from kneejax.inference.fit._many_fits import LoadCases, fit_many
 from kneejax.parameters import UnknownParameter, UnsuitableData
 from kneejax.reproduction.paper1._claims import valley
 from kneejax.statics import Stations, balance_many, balance_with_slopes
@@ -155,7 +155,7 @@ def test_profiles_follow_the_valley_of_the_map(knee, measured):
     """With two free parameters the profile of one is the map's minimum over the other."""
     chosen, noise = kj.select(knee, PAIR), np.array([0.5, 0.5, 0.5, 0.5, 0.5])
     lower, upper = np.array([1500.0, -0.07]), np.array([5000.0, -0.02])
-    data = MotionData(Stations.at(FLEXION), measured[:, 1:], noise)
+    data = LoadCases(Stations.at(FLEXION), measured[:, 1:], noise)
     start = np.array([[2900.0, -0.05]])
     near = balance_with_slopes(knee, chosen.apply, start, data.stations)
     fit = fit_many(knee, chosen, data, near, start, lower[None], upper[None])
