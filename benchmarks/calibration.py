@@ -21,7 +21,7 @@ from scipy import optimize
 
 import kneejax as kj
 from kneejax.inference import Problem, calibrate
-from kneejax.inference.fit._problem import DEFAULT_WEIGHTS, TABLE_UNITS
+from kneejax.inference.fit import DEFAULT_WEIGHTS, TABLE_UNITS
 from kneejax.mechanics import add_lane_axis
 from kneejax.numerics import compiler_options
 from kneejax.parameters import select
@@ -32,9 +32,9 @@ NAMES = ("*.stiffness", "*.reference_strain")
 
 
 @partial(jax.jit, static_argnums=0, compiler_options=dict(compiler_options()))
-def poses(selection, knee, values, flexion, guess, start, count):
+def poses(selection, knee, values, flexion, guess):
     """Free coordinates in degrees and mm, `(5, n)`."""
-    found = settle(add_lane_axis(selection.apply(knee, values)), flexion, guess, start, count)
+    found = settle(add_lane_axis(selection.apply(knee, values)), {"flexion": flexion}, guess)
     return found.q * jnp.asarray(TABLE_UNITS)[:, None]
 
 
@@ -50,22 +50,21 @@ class Objective:
 
     def __init__(self, knee, measured: np.ndarray):
         self.knee, self.selection = knee, select(knee, NAMES)
-        self.problem = Problem(knee, self.selection, measured, DEFAULT_WEIGHTS)
+        self.problem = Problem.of(knee, self.selection, measured, DEFAULT_WEIGHTS)
         start = self.selection.read(knee)
         self.lower, self.upper = (np.asarray(b) for b in default_bounds(knee, self.selection))
         self.start = (np.asarray(start) - self.lower) / (self.upper - self.lower)
-        settled = self.problem.poses(start).settled
-        self.near = settled
+        self.near = kj.passive_flexion(knee, measured[:, 0]).settled
         self.calls = 0
 
     def __call__(self, x: np.ndarray) -> float:
         """Value at scaled parameters; searches for poses begin at the start's."""
         self.calls += 1
         values = jnp.asarray(self.lower + np.clip(x, 0, 1) * (self.upper - self.lower))
-        flexion, near = self.problem.flexion, self.near
+        near = self.near
         guess = Guess(near.q, near.meeting)
-        table = poses(self.selection, self.knee, values, flexion, guess, flexion, 1)
-        error = np.asarray(table) - self.problem.target
+        table = poses(self.selection, self.knee, values, near.prescribed["flexion"], guess)
+        error = np.asarray(table) - self.problem.cases.target.T
         value = float((DEFAULT_WEIGHTS[:, None] * error**2).sum())
         return value if np.isfinite(value) else 1e6
 

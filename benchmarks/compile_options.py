@@ -20,8 +20,9 @@ import jax
 import jax.numpy as jnp
 from _protocol import PLAIN, arguments, finish, load, timed
 
+from kneejax.geometry import FREE_COORDINATES
 from kneejax.mechanics import add_lane_axis
-from kneejax.statics import balance, first_guess, settle, with_meeting
+from kneejax.statics import Stations, balance, walked_in_trace, with_meeting
 
 MODES = {"without_fusion": {"xla_disable_hlo_passes": "fusion"}, "as_it_is": {}, "shared": {}}
 
@@ -30,11 +31,14 @@ def measure(knee, mode: str, repeats: int) -> dict[str, float]:
     """Seconds to trace and compile, and milliseconds to run, in this process."""
     lanes, rows = add_lane_axis(knee), {}
     many, few = jnp.linspace(0.0, 2.0, 128), jnp.deg2rad(jnp.arange(0.0, 121.0, 5.0))
-    there = with_meeting(lanes, many, first_guess(lanes, many).q)
+    reference = lanes.reference_pose.at(FREE_COORDINATES)
+    there = with_meeting(lanes, {"flexion": many}, jnp.broadcast_to(reference, (5, len(many))))
     pair = there.meeting[:, 0], there.meeting[:, 1]
-    start = jnp.zeros_like(few)
-    march = (lanes, few, first_guess(lanes, start), start, jnp.asarray(25))
-    asked = {"balance": (balance, (lanes, many, there.q, pair)), "march": (settle, march)}
+    stations = Stations({"flexion": few})
+    asked = {
+        "balance": (balance, (lanes, {"flexion": many}, there.q, pair)),
+        "walk": (walked_in_trace, (knee, stations)),
+    }
     for name, (function, what) in asked.items():
         begun = time.perf_counter()
         lowered = jax.jit(function).lower(*what)

@@ -2,58 +2,71 @@
 
     python benchmarks/jacobian.py [--repeats 25]
 
-Both start from the knee's own balanced poses after its stiffnesses and strains have been changed
-by a little, as in a calibration, and take turns in one run.
+Two ways to come by the motion: walked from the reference pose, as `passive_flexion` does, and
+searched from balances of nearly the same knee, as each step of a calibration does. Motion alone and
+motion with Jacobian take turns in one run.
 """
 
 from __future__ import annotations
 
 import statistics
-from functools import partial
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from _protocol import ANGLES, arguments, finish, load, timed
 
-from kneejax.inference import evaluate_poses
+import kneejax as kj
 from kneejax.mechanics import add_lane_axis
-from kneejax.numerics import compiler_options
+from kneejax.numerics import compiled
 from kneejax.parameters import select
-from kneejax.statics import Guess, first_guess, settle
+from kneejax.statics import Guess, settle
 
 
-@partial(jax.jit, static_argnums=0, compiler_options=dict(compiler_options()))
-def motion(selection, knee, values, flexion, guess, start, count):
-    """Poses alone."""
-    return settle(add_lane_axis(selection.apply(knee, values)), flexion, guess, start, count)
+@compiled(static_argnums=(0,))
+def searched(selection, knee, values, flexion, guess):
+    """Poses alone, from near ones."""
+    lanes = add_lane_axis(selection.apply(knee, values))
+    return settle(lanes, {"flexion": flexion}, guess).q
+
+
+@compiled(static_argnums=(0,))
+def searched_with_jacobian(selection, knee, values, flexion, guess):
+    """The same with derivatives by all parameters."""
+    def poses(x):
+        return settle(add_lane_axis(selection.apply(knee, x)), {"flexion": flexion}, guess).q
+
+    q, push = jax.linearize(poses, values)
+    return q, jax.vmap(push, out_axes=-1)(np.eye(len(values)))
 
 
 def main() -> None:
     options = arguments("jacobian", __doc__, repeats=25)
     knee = load(options.knee)
     selection = select(knee, ["*.stiffness", "*.reference_strain"])
-    flexion = jnp.asarray(np.deg2rad(ANGLES))
-    start = jnp.broadcast_to(knee.reference_pose.flexion, flexion.shape)
-    values = selection.read(knee)
-    far = (flexion, jax.jit(first_guess)(add_lane_axis(knee), start), start, jnp.asarray(26))
-    first_alone, found = timed(motion, selection, knee, values, *far)
-    first_both, _ = timed(evaluate_poses, selection, knee, values, *far)
-    rows: dict[str, object] = {"first_call_alone_s": first_alone, "first_call_both_s": first_both}
-    warm = (flexion, Guess(found.q, found.meeting), flexion, jnp.asarray(1))
-    nearby = values * 1.02
-    for name, how, new in (("marching", far, values), ("warm", warm, nearby)):
-        alone, both = [], []
-        for _ in range(options.repeats):
-            alone.append(timed(motion, selection, knee, new, *how)[0])
-            seconds, evaluation = timed(evaluate_poses, selection, knee, new, *how)
-            both.append(seconds)
+    values = np.asarray(selection.read(knee))
+    found = kj.passive_flexion(knee, ANGLES).settled
+    near = found.prescribed["flexion"], Guess(found.q, found.meeting, found.tangent)
+
+    def walked(x):
+        return kj.passive_flexion(selection.apply(knee, x), ANGLES).settled.q
+
+    ways = {
+        "walked": (walked, lambda x: jax.jacfwd(walked)(x)),
+        "searched": (
+            lambda x: searched(selection, knee, x, *near),
+            lambda x: searched_with_jacobian(selection, knee, x, *near),
+        ),
+    }
+    rows: dict[str, object] = {}
+    for name, both in ways.items():
+        first = [timed(way, values)[0] for way in both]
+        rows |= {f"{name}_first_s": first[0], f"{name}_with_jacobian_first_s": first[1]}
+        seconds = [[timed(way, 1.02 * values)[0] for way in both] for _ in range(options.repeats)]
+        alone, with_jacobian = (statistics.median(x) for x in zip(*seconds, strict=True))
         rows |= {
-            f"{name}_alone_ms": 1e3 * statistics.median(alone),
-            f"{name}_with_jacobian_ms": 1e3 * statistics.median(both),
-            f"{name}_ratio": statistics.median(both) / statistics.median(alone),
-            f"{name}_converged": float(evaluation.settled.converged.mean()),
-            f"{name}_jacobian_finite": bool(jnp.isfinite(evaluation.jacobian).all()),
+            f"{name}_ms": 1e3 * alone,
+            f"{name}_with_jacobian_ms": 1e3 * with_jacobian,
+            f"{name}_ratio": with_jacobian / alone,
         }
     finish(options.out, "Motion with its exact Jacobian against the motion alone", rows)
 

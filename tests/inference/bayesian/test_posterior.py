@@ -32,8 +32,8 @@ def knee():
 
 @pytest.fixture(scope="module")
 def problem(knee):
-    motion = synthetic_motion(knee, {}, FLEXION, STRAINS, noise_mm=NOISE, noise_deg=NOISE, seed=2)
-    return Problem(knee, select(knee, STRAINS), motion, np.ones(5))
+    motion = synthetic_motion(knee, {}, FLEXION, noise_mm=NOISE, noise_deg=NOISE, seed=2)
+    return Problem.of(knee, select(knee, STRAINS), motion, np.ones(5))
 
 
 @pytest.fixture(scope="module")
@@ -45,16 +45,15 @@ def fitted(problem, knee):
 @pytest.fixture(scope="module")
 def shifted(problem, knee):
     """The density of four strains and an anterior frame offset, with priors that matter."""
-    shifted = dataclasses.replace(
-        problem, offsets=(2,), weights=np.full(5, NOISE**-2.0), measured=problem.measured + 0.3
-    )
+    target, noise = problem.cases.target + 0.3, np.full(5, NOISE)
+    cases = dataclasses.replace(problem.cases, target=target, noise=noise)
+    shifted = dataclasses.replace(problem, cases=cases, offsets=("anterior",))
     priors = normal_priors(shifted, {"*.reference_strain": (0.01, 0.02)})
     values = np.r_[np.asarray(problem.selection.read(knee)), -0.2]
-    found = shifted.poses(values)
-    shifted.keep(values, found)
+    found = shifted.begin(values[None])
     deviation = np.array([0.001, 0.002, 0.001, np.nan, 0.1])
-    density = MotionDensity.of(shifted, np.full(5, NOISE), priors, (values, found), deviation)
-    return shifted, priors, density, values
+    density = MotionDensity.of(shifted, noise, priors, found, deviation)
+    return shifted, priors, density, found
 
 
 @compiled()
@@ -75,7 +74,7 @@ def test_the_truth_lies_in_the_posterior_and_the_motion_in_its_bands(fitted, pro
     scores = (np.asarray(problem.selection.read(knee)) - fitted.mean) / fitted.sd
     assert np.abs(scores).max() < 3.5
     low, high = fitted.predictive_quantiles[..., 0], fitted.predictive_quantiles[..., -1]
-    inside = (problem.target > low) & (problem.target < high)
+    inside = (problem.cases.target.T > low) & (problem.cases.target.T < high)
     # 125 measured numbers: 95 % of them, give or take three standard deviations.
     assert 0.89 < inside.mean() < 1.0
     # The motion itself is known better than one measurement of it.
@@ -100,14 +99,15 @@ def test_arviz_takes_it_over(fitted):
 
 def test_the_density_is_that_of_the_poses(shifted, central_difference):
     """Its value by the poses of `Problem`, its gradient by central differences."""
-    problem, priors, density, values = shifted
-    values = values + np.array([[0.004, -0.006, 0.005, 0.003, 0.1], [0.0, 0.02, 0.0, -0.01, 9.7]])
+    problem, priors, density, near = shifted
+    away = [[0.004, -0.006, 0.005, 0.003, 0.1], [0.0, 0.02, 0.0, -0.01, 9.7]]
+    values = near.values + np.array(away)
     position = np.asarray(density.position(jnp.asarray(values)))
     assert np.allclose(density.values(jnp.asarray(position)), values, rtol=1e-9)
     value, gradient = look(density, jnp.asarray(position[[0, 1, 0, 1]]))
     expected = []
     for x, place in zip(values, position, strict=True):
-        residual, _ = problem.residual(x, problem.poses(x))
+        residual, _ = problem.residual(problem.balance(x[None], near))
         bells = sum(((v - p.mean) / p.sd) ** 2 for v, p in zip(x, priors, strict=True))
         # How much room a step takes up where the bounds are taken away.
         rates = np.diag(central_difference(lambda u: density.values(jnp.asarray(u)), place, 1e-5))
@@ -128,7 +128,7 @@ def test_positions_bend_at_bounds_and_priors_follow(knee, shifted, central_diffe
     named = select(knee, ("ACL.stiffness", "PCL.reference_strain"))
     problem = dataclasses.replace(shifted[0], selection=named, offsets=())
     priors = normal_priors(problem)
-    near = np.array([4500.0, -0.1]), shifted[0].poses(shifted[3])
+    near = problem.begin(np.array([[4500.0, -0.1]]))
     density = MotionDensity.of(problem, np.full(5, NOISE), priors, near, np.array([450.0, 0.002]))
     values = np.array([[4000.0, -0.09], [301.0, -0.1999], [9990.0, 0.1999], [6000.0, 0.0]])
     position = np.asarray(density.position(jnp.asarray(values)))
@@ -149,8 +149,8 @@ def test_positions_bend_at_bounds_and_priors_follow(knee, shifted, central_diffe
 def test_parameters_without_balance_have_no_density_and_leave_others_alone(shifted):
     """Without an MCL nothing balances in extension; the others' poses are found as exactly as
     before."""
-    *_, density, values = shifted
-    good = np.tile(values, (4, 1)) + 2e-4 * np.arange(4)[:, None]
+    *_, density, near = shifted
+    good = np.tile(near.values, (4, 1)) + 2e-4 * np.arange(4)[:, None]
     bad = good.copy()
     bad[2, shifted[0].selection.names.index("MCL.reference_strain")] = -0.199
     (value, gradient), (mixed, mixed_gradient) = (

@@ -14,7 +14,7 @@ from kneejax.parameters import select
 def problem():
     knee = kj.load_knee("four_ligament")
     names = ("ACL.stiffness", "PCL.reference_strain", "LCL.slack_length")
-    return Problem(knee, select(knee, names), np.zeros((3, 6)), np.ones(5), (2,))
+    return Problem.of(knee, select(knee, names), np.zeros((3, 6)), np.ones(5), ("anterior",))
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ def knee():
 
 @pytest.fixture(scope="module")
 def clean(knee):
-    return synthetic_motion(knee, TRUTH, np.arange(0.0, 121.0, 5.0), STUDY.parameters)
+    return synthetic_motion(knee, TRUTH, np.arange(0.0, 121.0, 5.0))
 
 
 @pytest.mark.parametrize("procedure", ["III", "II", "I"])
@@ -47,7 +47,7 @@ def test_procedure_i_crawls_out_of_the_corner_that_its_first_step_finds(knee):
     }
     truth = {f"{name}.stiffness": float(k) for name, (k, _) in other.items()}
     truth |= {f"{name}.reference_strain": strain for name, (_, strain) in other.items()}
-    motion = synthetic_motion(knee, truth, np.arange(0.0, 121.0, 5.0), STUDY.parameters)
+    motion = synthetic_motion(knee, truth, np.arange(0.0, 121.0, 5.0))
     fit = kj.calibrate(knee, motion, STUDY.parameters, procedures=("I",), cycles=200).fit
     assert fit.success
     for estimate in fit.estimates:
@@ -183,7 +183,7 @@ def test_a_constant_frame_offset_is_found(knee, clean):
 def test_a_slack_ligament_is_named_not_hidden(knee):
     """An ACL that is slack at every pose leaves no trace in the motion."""
     slack = kj.with_values(knee, {"ACL.reference_strain": -0.19})
-    motion = synthetic_motion(slack, {}, np.linspace(30.0, 60.0, 25), STUDY.parameters)
+    motion = synthetic_motion(slack, {}, np.linspace(30.0, 60.0, 25))
     noise = np.random.default_rng(0).standard_normal((len(motion), 5))
     motion = motion + 0.1 * np.column_stack([np.zeros(len(motion)), noise])
     result = kj.calibrate(slack, motion, STUDY.parameters, procedures=("III",))
@@ -254,7 +254,7 @@ def test_intercept_and_slope_far_from_the_origin_are_correlated_as_the_textbook_
 
 def test_noise_of_a_synthetic_motion_has_its_two_units(knee, clean):
     noisy = synthetic_motion(
-        knee, TRUTH, clean[:, 0], STUDY.parameters, noise_mm=0.5, noise_deg=0.02, seed=1
+        knee, TRUTH, clean[:, 0], noise_mm=0.5, noise_deg=0.02, seed=1
     )
     scatter = np.sqrt(((noisy - clean) ** 2).mean(axis=0))
     assert scatter[0] == 0.0

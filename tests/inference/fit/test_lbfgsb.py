@@ -81,7 +81,6 @@ def twin():
         knee,
         dict(made.parameters),
         np.asarray(made.flexion_deg),
-        study.parameters,
         noise_mm=made.noise_mm,
         noise_deg=made.noise_deg,
         seed=made.seed,

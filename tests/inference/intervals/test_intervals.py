@@ -5,6 +5,7 @@ import pytest
 
 import kneejax as kj
 from kneejax.inference import LoadCases, fit_many
+from kneejax.inference.fit import DEFAULT_WEIGHTS, TABLE_UNITS
 from kneejax.inference.fit._many_fits import (
     ManyFits,
     add_offsets,
@@ -12,7 +13,6 @@ from kneejax.inference.fit._many_fits import (
     with_offsets,
     without_offsets,
 )
-from kneejax.inference.fit._problem import DEFAULT_WEIGHTS, TABLE_UNITS
 from kneejax.inference.intervals._intervals import Interval, IntervalKind, sureties
 from kneejax.inference.intervals._profile_arms import Pace
 from kneejax.inference.intervals._profiles import Profile, _led, follow, follow_to_the_lowest, named
