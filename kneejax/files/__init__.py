@@ -64,6 +64,7 @@ _MODULES = {
     "FEMORAL": "kneejax.files.tables",
     "CandidateRow": "kneejax.files.tables",
     "read_candidates": "kneejax.files.tables",
+    "read_loads": "kneejax.files.tables",
     "read_poses": "kneejax.files.tables",
     "write_poses": "kneejax.files.tables",
     "write_rows": "kneejax.files.tables",
@@ -128,6 +129,7 @@ if TYPE_CHECKING:
     from kneejax.files.tables import FEMORAL as FEMORAL
     from kneejax.files.tables import CandidateRow as CandidateRow
     from kneejax.files.tables import read_candidates as read_candidates
+    from kneejax.files.tables import read_loads as read_loads
     from kneejax.files.tables import read_poses as read_poses
     from kneejax.files.tables import write_poses as write_poses
     from kneejax.files.tables import write_rows as write_rows

@@ -38,6 +38,7 @@ def calibrated(study: Study) -> Calibration:
         truth=study.truth,
         title=study.title,
         settings=study.settings(),
+        loads=study.acting,
     )
     seconds = dict(result.seconds, total=time.perf_counter() - begun)
     return dataclasses.replace(result, seconds=seconds)

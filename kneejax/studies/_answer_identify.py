@@ -91,6 +91,7 @@ def identified(study: Study, question: Identify) -> Identified:
         bounds=dict(study.bounds),
         weights=study.weight_vector,
         offsets=tuple(study.frame_offset),
+        loads=study.acting,
     )
     sampled = _sampled(study, question, found) if question.posterior else None
     design = design_tests(

@@ -30,5 +30,6 @@ def measured_poses(study: Study) -> np.ndarray:
         made.flexion_deg,
         noise_mm=made.noise_mm,
         noise_deg=made.noise_deg,
+        loads=study.acting,
         seed=made.seed,
     )

@@ -15,6 +15,7 @@ from kneejax.files import (
     bundled_measurements,
     knee_with,
     load_knee,
+    read_loads,
     read_poses,
     study_path,
 )
@@ -26,7 +27,7 @@ from kneejax.studies._study import Study, Synthetic, parameter_values
 #: Fields of a file that a study takes as they are.
 _AS_THEY_ARE = (
     "start", "bounds", "weights", "procedures", "starts", "seed", "noise_mm", "noise_deg",
-    "frame_offset", "method", "failures",
+    "frame_offset", "method", "failures", "loads",
 )  # fmt: skip
 _OPTIONAL = ("measured", "synthetic", *_AS_THEY_ARE, "flexion_deg", "set")
 #: Signs of a left knee in axes with Z to the person's right: adduction, internal rotation and
@@ -72,17 +73,21 @@ def read_study(name_or_path: str | os.PathLike[str]) -> Study:
         else None,
         "overrides": parameter_values(study["set"]) if "set" in study else {},
     }
-    poses = None
+    poses, acted = None, {}
     if "measured" in study and "synthetic" not in study:
         origin["measured"] = _measured(study["measured"], path.parent)
-        poses = _read_poses(origin["measured"], origin["flexion_deg"], study.file)
+        poses, acted = _read_poses(origin["measured"], origin["flexion_deg"], study.file)
+    if acted and "loads" in study:
+        expected = f"no loads beside those of the measured table ({', '.join(acted)})"
+        raise study["loads"].problem(expected)
+    given: dict[str, Any] = {name: study[name].value for name in _AS_THEY_ARE if name in study}
     return Study(
         title=study["title"].value,
         knee=knee_with(load_knee(origin["knee"]), origin["overrides"], path),
         parameters=study["parameters"].value,
         measured=study["measured"].value if poses is None and "measured" in study else poses,
         synthetic=_synthetic(study["synthetic"]) if "synthetic" in study else None,
-        **{name: study[name].value for name in _AS_THEY_ARE if name in study},
+        **({"loads": acted} if acted else {}) | given,
         origin=origin,
         file=study.file,
     )
@@ -130,20 +135,23 @@ def _table(field: Field, folder: Path) -> Path:
 
 def _read_poses(
     measured: dict[str, Any], limits: tuple[float, float] | None, file: str
-) -> np.ndarray:
-    """Measured poses within limits of flexion, `(n, 6)`, degrees and mm."""
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Measured poses within limits of flexion, `(n, 6)`, degrees and mm, and loads that acted."""
     table = read_poses(measured["file"], measured["convention"], measured["columns"])
+    loads = read_loads(measured["file"])
     if measured["mirror"]:
         table = table * _MIRROR
+        # Of a left knee medial and lateral change sides; varus and inwards stay what they are.
+        loads |= {"lateral_N": -loads["lateral_N"]} if "lateral_N" in loads else {}
     if limits is None:
-        return table
+        return table, loads
     lower, upper = limits
     # Limits include poses that a conversion moved by rounding.
     inside = (table[:, 0] >= lower - 1e-6) & (table[:, 0] <= upper + 1e-6)
     if not inside.any():
         expected = f"limits within {table[:, 0].min():g} and {table[:, 0].max():g}, as measured"
         raise InputProblem(file, "flexion_deg", f"{lower:g} to {upper:g}", expected)
-    return table[inside]
+    return table[inside], {name: sizes[inside] for name, sizes in loads.items()}
 
 
 def _synthetic(field: Field) -> Synthetic:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import overload
 
+from kneejax.files.reading import InputProblem
 from kneejax.inference import BlockStore, Calibration, ParameterMap
 from kneejax.studies import _answer_identify, _answer_map, _answer_sensitivity
 from kneejax.studies._answer_calibrate import calibrated
@@ -29,6 +30,9 @@ def check(study: Study, question: Identify | Map | Sensitivity | None = None) ->
         UnknownParameter: a name that the knee does not have, or that is not free.
         UnsuitableData: too few data, samples or candidates, or a package that is not installed.
     """
+    if study.loads and isinstance(question, Map | Sensitivity):
+        expected = "a study without loads: maps and sensitivities are of passive motion so far"
+        raise InputProblem(study.file, "loads", ", ".join(study.loads), expected)
     match question:
         case Identify():
             _answer_identify.check(study, question)

@@ -11,11 +11,19 @@ from typing import Any
 import numpy as np
 
 from kneejax.files import knee_with, parse_flexion, said_of
-from kneejax.files.reading import Field
+from kneejax.files.reading import Field, InputProblem
 from kneejax.geometry import COLUMNS, FREE_COORDINATES
 from kneejax.inference import METHODS, PROCEDURES, USUAL_PROCEDURES
 from kneejax.inference.fit import DEFAULT_WEIGHTS
-from kneejax.mechanics import RANGES, Knee, range_of_parameter
+from kneejax.mechanics import (
+    NAMED_LOADS,
+    RANGES,
+    Knee,
+    Load,
+    load_called,
+    load_of,
+    range_of_parameter,
+)
 from kneejax.numerics import check_installed
 from kneejax.parameters import QUANTITIES, Selection, select, start_within, stated_bounds
 from kneejax.statics import Status, failures_of
@@ -77,6 +85,8 @@ class Study:
         method: `least_squares` or `lbfgsb`.
         failures: words of statuses for which a pose counts for nothing and a command ends with
             exit status 1; empty for the package's choice.
+        loads: name of a load (`kneejax.mechanics.NAMED_LOADS`) -> its size at each pose, or one
+            for all, in the unit of its name. Poses were measured, or are made, under them.
         origin: what else a file says, recorded with results: `knee`, `measured`, `flexion_deg`,
             `overrides`.
         file: where the study stands, for errors.
@@ -110,6 +120,7 @@ class Study:
     frame_offset: bool | Sequence[str] = ()
     method: str = next(iter(METHODS))
     failures: Sequence[str] = ()
+    loads: Mapping[str, float | Sequence[float]] = dataclasses.field(default_factory=dict)
     origin: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     file: str = "study"
 
@@ -119,6 +130,10 @@ class Study:
         place = Field(self.file, "", stated)
         for name, value in _checked(place).items():
             object.__setattr__(self, name, value)
+        for name, sizes in self.loads.items():
+            if len(sizes) not in (1, len(self.flexion_deg)):
+                place = Field(self.file, f"loads.{name}", f"{len(sizes)} sizes")
+                raise place.problem(f"one for all poses, or {len(self.flexion_deg)}, one for each")
         if self.starts > 1 and "III" not in self.procedures:
             raise place["starts"].problem("1: only procedure III has several starts")
         with said_of(self.file):
@@ -161,6 +176,12 @@ class Study:
             return self.synthetic.flexion_deg
         assert self.measured is not None
         return self.measured[:, 0]
+
+    @property
+    def acting(self) -> tuple[Load, ...]:
+        """The loads at the poses; none where none acts."""
+        sizes = {name: np.asarray(numbers) for name, numbers in self.loads.items()}
+        return (load_of(**sizes),) if sizes else ()
 
     @property
     def noise(self) -> tuple[float | None, float | None]:
@@ -237,6 +258,7 @@ def _checked(study: Field) -> dict[str, Any]:
         "frame_offset": _frame_offset(study["frame_offset"]),
         "method": study["method"].choice(METHODS),
         "failures": _distinct(study["failures"], lambda item: item.choice(FAULTS), empty=True),
+        "loads": _loads(study["loads"]),
     }
 
 
@@ -295,6 +317,23 @@ def _parameter(field: Field) -> str:
     if not _PARAMETER.fullmatch(name):
         raise field.problem("a name such as ACL.stiffness, or a wildcard such as *.stiffness")
     return name
+
+
+def _loads(field: Field) -> dict[str, list[float]]:
+    """Sizes by name, one or several each."""
+    if not isinstance(field.value, dict):
+        raise field.problem(f"a mapping from one of {', '.join(NAMED_LOADS)} to its sizes")
+    found = {}
+    for name in field.value:
+        if name not in NAMED_LOADS:
+            near, known = load_called(name) or NAMED_LOADS, f"one of {', '.join(NAMED_LOADS)}"
+            raise InputProblem(field.file, field.path, name, known, near)
+        sizes = field[name]
+        many = isinstance(sizes.value, list)
+        found[name] = list(sizes.numbers(allowed=RANGES[name])) if many else [
+            sizes.number(RANGES[name])
+        ]  # fmt: skip
+    return found
 
 
 def _weights(field: Field) -> dict[str, float]:

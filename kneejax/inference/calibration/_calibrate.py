@@ -6,6 +6,7 @@ import dataclasses
 import importlib.metadata
 import platform
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -32,8 +33,9 @@ from kneejax.inference.calibration._search import (
 )
 from kneejax.inference.fit import DEFAULT_WEIGHTS, Problem
 from kneejax.inference.intervals import stated_noise
-from kneejax.mechanics import Knee
+from kneejax.mechanics import Knee, Load
 from kneejax.parameters import UnsuitableData, select, start_within, stated_bounds
+from kneejax.statics import Stations
 
 _PACKAGES = ("kneejax", "jax", "jaxlib", "optimistix", "equinox", "lineax", "numpy", "jaxopt")
 
@@ -56,6 +58,7 @@ def calibrate(
     truth: dict[str, float] | None = None,
     title: str = "Calibration",
     settings: dict[str, Any] | None = None,
+    loads: Sequence[Load] = (),
 ) -> Calibration:
     """Identify parameters of a knee from measured poses.
 
@@ -82,6 +85,7 @@ def calibrate(
         truth: values that made the data, for synthetic studies.
         title: for the report.
         settings: recorded with the result.
+        loads: on the tibia while the poses were measured, each one for all poses or one a pose.
 
     Returns:
         The `Calibration`.
@@ -99,7 +103,9 @@ def calibrate(
     selection = select(knee, parameters)
     weights = DEFAULT_WEIGHTS if weights is None else np.asarray(weights, float)
     stated = stated_noise(noise_mm, noise_deg)
-    problem = Problem.of(knee, selection, measured, weights, offsets)
+    measured = np.asarray(measured, float)
+    stations = Stations.at(measured[:, 0], tuple(loads))
+    problem = Problem.of(knee, selection, measured, weights, offsets, stations)
     if not np.isfinite(problem.measured).all():
         row = int(np.flatnonzero(~np.isfinite(problem.measured).all(axis=1))[0])
         raise UnsuitableData(f"measured row {row} is not finite: leave it out")

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from kneejax.mechanics import Knee
+from kneejax.mechanics import Knee, Load
 from kneejax.parameters import UnsuitableData, select, with_values
 from kneejax.statics import Stations, own_motion
 
@@ -17,6 +19,7 @@ def synthetic_motion(
     noise_mm: float = 0.0,
     noise_deg: float = 0.0,
     seed: int = 0,
+    loads: Sequence[Load] = (),
 ) -> np.ndarray:
     """Balanced poses of a knee with known parameters, plus normal noise.
 
@@ -27,6 +30,7 @@ def synthetic_motion(
         noise_mm: standard deviation of the noise on displacements.
         noise_deg: standard deviation of the noise on rotations.
         seed: of the noise.
+        loads: on the tibia, each one for all poses or one a pose.
 
     Returns:
         `(n, 6)` in the order of `kneejax.geometry.COLUMNS`.
@@ -38,7 +42,7 @@ def synthetic_motion(
     true_knee = with_values(knee, truth)
     table = np.zeros((len(flexion_deg), 6))
     table[:, 0] = flexion_deg
-    selection, stations = select(knee, ("*.stiffness",)), Stations.at(flexion_deg)
+    selection, stations = select(knee, ("*.stiffness",)), Stations.at(flexion_deg, tuple(loads))
     motion = own_motion(true_knee, selection.apply, selection.read(true_knee), stations)
     poses, balanced = motion.table[0], motion.converged[0]
     if not balanced.all():

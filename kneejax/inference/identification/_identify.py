@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from kneejax.inference.intervals import (
     rise_at_limits,
     stated_noise,
 )
-from kneejax.mechanics import Knee
+from kneejax.mechanics import Knee, Load
 from kneejax.parameters import Selection, UnsuitableData, select, start_within, stated_bounds
 from kneejax.statics import Slopes, Stations, balance_with_slopes
 
@@ -88,6 +88,7 @@ def identify(
     weights: np.ndarray | None = None,
     offsets: tuple[str, ...] = (),
     with_profiles: bool = True,
+    loads: Sequence[Load] = (),
 ) -> Identification:
     """Fit a motion by maximum likelihood and ask what its data determine.
 
@@ -104,6 +105,7 @@ def identify(
         weights: `(5,)`, of the first fit, from which noise is estimated; paper 1's by default.
         offsets: free coordinates whose constant difference to the measurement is free.
         with_profiles: whether to follow the profiles.
+        loads: on the tibia while the poses were measured, each one for all poses or one a pose.
 
     Returns:
         The `Identification`.
@@ -121,7 +123,7 @@ def identify(
     stated = stated_noise(noise_mm, noise_deg)
     lower, upper = stated_bounds(knee, selection, bounds or {})
     start = start_within(knee, selection, lower, upper)
-    stations = Stations.at(measured[:, 0])
+    stations = Stations.at(measured[:, 0], tuple(loads))
     begin = balance_with_slopes(knee, selection.apply, start[None], stations)
     used = begin.converged[0]
     if not used.any():
@@ -145,7 +147,8 @@ def identify(
     residual, _ = data.residual(fit)
     values, noise = fit.values[0], data.noise[0]
     at_bound = on_bounds(values, lower, upper)
-    problem = Problem.of(knee, selection, measured, 1.0 / noise**2, offsets).with_used(used)
+    problem = Problem.of(knee, selection, measured, 1.0 / noise**2, offsets, stations)
+    problem = problem.with_used(used)
     one = dataclasses.replace(data, noise=noise)
     told = fit_information(knee, selection, one, fit, at_bound=at_bound)
     answer = Identification(

@@ -1,0 +1,110 @@
+"""Studies whose poses were measured under loads."""
+
+import numpy as np
+import pytest
+
+import kneejax as kj
+from kneejax.mechanics import load_of
+
+FLEXION = [20.0, 20.0, 20.0, 60.0, 60.0, 60.0]
+SIZES = [0.0, 60.0, -60.0] * 2
+POSES = np.column_stack([FLEXION, np.zeros((6, 5))])
+FREE = ["PCL.stiffness"]
+
+
+@pytest.fixture(scope="module")
+def knee():
+    return kj.load_knee("four_ligament")
+
+
+def study(knee, **fields):
+    return kj.studies.Study("Drawer", knee, FREE, **fields)
+
+
+@pytest.fixture(scope="module")
+def drawer(knee):
+    """A made drawer test, and what a calibration of one stiffness makes of it."""
+    truth = {"PCL.stiffness": 6000.0}
+    made = kj.studies.Synthetic(truth, np.array(FLEXION))
+    asked = study(
+        knee, synthetic=made, loads={"anterior_N": SIZES}, procedures=["III"], noise_mm=0.1,
+        noise_deg=0.1, weights={"mm": 1.0, "deg": 1.0},
+    )  # fmt: skip
+    return truth, asked, kj.run(asked)
+
+
+def test_a_drawer_test_leads_back_to_the_ligament_that_made_it(drawer, knee):
+    truth, asked, fit = drawer
+    (estimate,) = fit.fit.estimates
+    assert estimate.value == pytest.approx(truth["PCL.stiffness"], rel=1e-5)
+    moved = kj.passive_flexion(kj.with_values(knee, truth), FLEXION, asked.acting)
+    np.testing.assert_allclose(fit.measured, moved.to_table(), atol=1e-6)
+    # The same flexion without and with the load are different poses.
+    assert np.ptp(fit.measured[:3, 3]) > 1.0
+
+
+def test_the_error_bar_is_that_of_the_load_cases(drawer, knee):
+    """One parameter, small noise: its variance is one over the sum of squared slopes."""
+    truth, asked, fit = drawer
+    value = truth["PCL.stiffness"]
+
+    def poses(factor):
+        there = kj.with_values(knee, {"PCL.stiffness": factor * value})
+        return np.asarray(kj.passive_flexion(there, FLEXION, asked.acting).to_table())
+
+    slope = (poses(1.001) - poses(0.999))[:, 1:] / (0.002 * value)
+    expected = 0.1 / np.sqrt((slope**2).sum())
+    assert fit.fit.estimates[0].standard_error == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_table_may_say_which_loads_acted(tmp_path, knee):
+    rows = [",".join(map(str, [*row, size])) for row, size in zip(POSES, SIZES, strict=True)]
+    header = ",".join([*kj.geometry.COLUMNS, "anterior_N"])
+    (tmp_path / "drawer.csv").write_text("\n".join([header, *rows]) + "\n")
+    text = "title: Drawer\nknee: four_ligament\nparameters: [PCL.stiffness]\n"
+    text += "measured: {file: drawer.csv, source: made up%s}\n"
+    path = tmp_path / "drawer.yaml"
+    path.write_text(text % "")
+    assert kj.read_study(path).loads == {"anterior_N": SIZES}
+    # Limits of flexion leave loads out with their poses.
+    path.write_text(text % "" + "flexion_deg: [30, 90]\n")
+    assert kj.read_study(path).loads == {"anterior_N": SIZES[3:]}
+    path.write_text(text % "" + "loads: {varus_Nm: 5}\n")
+    with pytest.raises(kj.InputProblem, match="no loads beside those of the measured table"):
+        kj.read_study(path)
+
+
+@pytest.mark.parametrize(
+    ("loads", "says"),
+    [
+        ({"anterior": [1.0]}, "anterior_N"),
+        ({"anterior_N": [1.0, 2.0]}, "one for all poses, or 6, one for each"),
+        ({"varus_Nm": [5000.0]}, "N mm are suspected"),
+        ({"anterior_N": "much"}, "anterior_N"),
+    ],
+)
+def test_loads_that_mean_nothing_are_refused(knee, loads, says):
+    with pytest.raises(kj.InputProblem, match=says):
+        study(knee, measured=POSES, loads=loads)
+
+
+def test_questions_of_passive_motion_refuse_loads(knee):
+    under_load = study(knee, measured=POSES, loads={"anterior_N": 50.0})
+    for question in (kj.Map(pair=(("PCL.stiffness", "ACL.stiffness"),)), kj.Sensitivity()):
+        with pytest.raises(kj.InputProblem, match="maps and sensitivities are of passive motion"):
+            kj.run(under_load, question)
+
+
+def test_load_columns_by_other_names_are_not_passed_over(tmp_path):
+    from kneejax.files import read_loads
+
+    path = tmp_path / "poses.csv"
+    path.write_text("flexion_deg,internal_rotation_Nmm\n0,5000\n")
+    with pytest.raises(kj.InputProblem, match="internal_Nm"):
+        read_loads(path)
+
+
+def test_a_load_on_one_axis_is_the_named_load(knee):
+    asked = study(knee, measured=POSES, loads={"anterior_N": SIZES})
+    (load,) = asked.acting
+    np.testing.assert_allclose(load.force, load_of(anterior_N=np.array(SIZES)).force)
