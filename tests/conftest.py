@@ -1,7 +1,5 @@
 """What every test shares: float64, the central difference, and the order of a convergence."""
 
-import os
-
 import jax
 import numpy as np
 import pytest
@@ -12,22 +10,6 @@ from kneejax.mechanics import ConstantTensionLine, Contact, Knee, Ligaments, Loa
 
 jax.config.update("jax_enable_x64", True)
 
-
-def _compile_for_one_call() -> None:
-    """Without fusion XLA compiles in four fifths of the time, and a test's program runs but once.
-
-    XLA reads its flags once, when it begins; processes that tests start get what a user has.
-    """
-    given = os.environ.get("XLA_FLAGS")
-    os.environ["XLA_FLAGS"] = f"{given or ''} --xla_disable_hlo_passes=fusion".strip()
-    jax.devices()
-    if given is None:
-        del os.environ["XLA_FLAGS"]
-    else:
-        os.environ["XLA_FLAGS"] = given
-
-
-_compile_for_one_call()
 settings.register_profile("kneejax", deadline=None, max_examples=15, derandomize=True)
 settings.load_profile("kneejax")
 
