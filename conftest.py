@@ -1,6 +1,7 @@
-"""Tests and doctests compute in float64, and keep within a process's memory maps."""
+"""Tests and doctests compute in float64, share what they compile, and keep within memory maps."""
 
 import os
+import shutil
 from pathlib import Path
 
 # Tests wait for the compiler. With shared fusion, as the command sets it, and without optimising
@@ -14,6 +15,12 @@ os.environ.setdefault(
 # this once too: what pytest-xdist starts inherits it.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+# What one file compiles, the next need not, nor the next run. JAX reads this when it is imported.
+os.environ.setdefault(
+    "JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parent / ".pytest_cache" / "compiled")
+)
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
+
 import jax
 import pytest
 
@@ -21,6 +28,26 @@ jax.config.update("jax_enable_x64", True)
 
 #: Some thousand small programs, and about 1 GB. Linux grants a process 65,530 maps.
 MOST_MAPS = 5_000
+COMPILED = Path(__file__).parent / ".pytest_cache" / "compiled"
+#: Programs of about ten runs, each after a change of what everything is made of: 0.7 GB.
+MOST_PROGRAMS = 60_000
+
+#: Files that take more than half a minute of a core, longest first: who begins with them does not
+#: wait for one of them in the end.
+LONGEST = ()
+
+
+def pytest_configure(config):
+    """Begin anew once there are many programs that nobody asks for any more."""
+    if not hasattr(config, "workerinput") and COMPILED.is_dir():
+        if sum(1 for _ in os.scandir(COMPILED)) > MOST_PROGRAMS:
+            shutil.rmtree(COMPILED, ignore_errors=True)
+
+
+def pytest_collection_modifyitems(items):
+    """The longest files first, all others as they come."""
+    place = {Path(__file__).parent / "tests" / name: i for i, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: place.get(item.path, len(place)))
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -5,7 +5,10 @@ import graphlib
 from collections import defaultdict
 from pathlib import Path
 
+import pytest
+
 PACKAGE = Path(__file__).parents[1] / "kneejax"
+ALL_CHECKS = PACKAGE.parent / ".ci" / "run"
 
 
 def modules():
@@ -66,3 +69,13 @@ def test_folders_and_files_of_a_room_import_each_other_in_no_circle():
             if inside(taken, room) and there != here:
                 graph[here].add(there)
     graphlib.TopologicalSorter(graph).prepare()
+
+
+@pytest.mark.skipif(not ALL_CHECKS.exists(), reason="not in a checkout")
+def test_what_the_command_leaves_out_all_checks_run(pytestconfig):
+    """The one tier that pytest deselects by itself is a stage of its own."""
+    settings = pytestconfig.getini("addopts")
+    assert [word for word in settings if word.startswith("-m")] == ["-m=not slow"]
+    stages = [line for line in ALL_CHECKS.read_text().splitlines() if line.startswith("stage ")]
+    assert 'stage "Slow tests" slow' in stages
+    assert "python -m pytest -n auto -m slow" in ALL_CHECKS.read_text()
