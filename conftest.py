@@ -26,8 +26,8 @@ import pytest
 
 jax.config.update("jax_enable_x64", True)
 
-#: Some thousand small programs, and about 1 GB. Linux grants a process 65,530 maps.
-MOST_MAPS = 5_000
+#: Some thousand small programs, and some 3 GB. Linux grants a process 65,530 maps.
+MOST_MAPS = 8_000
 COMPILED = Path(__file__).parent / ".pytest_cache" / "compiled"
 #: Programs of about ten runs, each after a change of what everything is made of: 0.7 GB.
 MOST_PROGRAMS = 60_000

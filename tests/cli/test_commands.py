@@ -103,19 +103,46 @@ def test_a_drawer_is_read_along_the_axis_it_pulls_along(tmp_path, capsys):
     assert settings["knee"] == "four_ligament" and settings["load"]["anterior_N"] == 50.0
 
 
-def test_a_process_with_shared_fusion_finds_the_same_poses(tmp_path, capsys):
-    """The command sets XLA up before anything is computed; a test's process is past that."""
+LIBRARY = """
+import jax, sys
+jax.config.update("jax_enable_x64", True)
+import kneejax as kj
+from kneejax.files import write_poses
+from kneejax.mechanics import load_of
+from kneejax.numerics import compiler_options
+assert compiler_options(), "without shared fusion kneejax asks XLA for none"
+drawer = [load_of(anterior_N=20.0)]
+motion = kj.passive_flexion(kj.load_knee("four_ligament"), list(range(0, 121, 5)), drawer)
+write_poses(sys.argv[1], motion.to_table())
+"""
+
+
+@pytest.mark.slow
+def test_a_command_and_a_library_without_flags_find_the_poses_of_a_test(tmp_path, capsys):
+    """The command sets XLA up before anything is computed, a library leaves XLA as it is, and the
+    tests' own process compiles without optimising machine code: three programs, one motion."""
     asked = ["simulate", "passive-flexion", "--flexion", FLEXION, "--load", "anterior_N=20"]
     main([*asked, "--out", str(tmp_path / "here")])
     flags = {k: v for k, v in os.environ.items() if k != "XLA_FLAGS"}
-    command = [sys.executable, "-m", "kneejax.cli", *asked, "--out", str(tmp_path / "there")]
-    done = subprocess.run(command, env=flags, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+    library = tmp_path / "library.csv"
+    processes = [
+        subprocess.Popen(
+            [sys.executable, *words], env=flags, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+        )
+        for words in (
+            ["-m", "kneejax.cli", *asked, "--out", str(tmp_path / "there")],
+            ["-c", LIBRARY, str(library)],
+        )
+    ]
+    for process in processes:
+        said, _ = process.communicate()
+        assert process.returncode == 0, said.decode()
     tables = [
         np.array([[float(row[c]) for c in POSES.strip().split(",")] for row in rows(file)])
-        for file in (tmp_path / "here" / "poses.csv", tmp_path / "there" / "poses.csv")
+        for file in (tmp_path / "here" / "poses.csv", tmp_path / "there" / "poses.csv", library)
     ]
-    np.testing.assert_allclose(tables[0], tables[1], atol=1e-7)
+    np.testing.assert_allclose(tables[1], tables[0], atol=1e-7)
+    np.testing.assert_allclose(tables[2], tables[0], atol=1e-7)
     capsys.readouterr()
 
 

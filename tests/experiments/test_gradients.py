@@ -16,6 +16,9 @@ from kneejax.mechanics import Contact, Load, add_lane_axis
 from kneejax.numerics import compiler_options
 from kneejax.statics import force, sound
 
+# Every leaf of a knee. The first tier has the usual parameters, and each leaf's part of a force.
+pytestmark = pytest.mark.slow
+
 #: Rad and mm that weigh the same: 1 mm at 30 mm from the centre.
 UNITS = np.array([1 / 30, 1 / 30, 1.0, 1.0, 1.0])[:, None]
 ITERATIONS = 5

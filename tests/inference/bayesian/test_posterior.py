@@ -61,6 +61,7 @@ def look(density, position):
     return density(position)
 
 
+@pytest.mark.slow
 def test_laplace_and_nuts_agree_where_the_posterior_is_nearly_normal(fitted):
     deviation = np.sqrt(np.diag(fitted.laplace_covariance))
     assert (np.abs(fitted.mean - fitted.laplace_mean) / deviation).max() < 0.1
@@ -70,6 +71,7 @@ def test_laplace_and_nuts_agree_where_the_posterior_is_nearly_normal(fitted):
     assert (fitted.r_hat < 1.01).all() and fitted.divergences == 0
 
 
+@pytest.mark.slow
 def test_the_truth_lies_in_the_posterior_and_the_motion_in_its_bands(fitted, problem, knee):
     scores = (np.asarray(problem.selection.read(knee)) - fitted.mean) / fitted.sd
     assert np.abs(scores).max() < 3.5
@@ -83,6 +85,7 @@ def test_the_truth_lies_in_the_posterior_and_the_motion_in_its_bands(fitted, pro
     assert np.all(np.diff(bands, axis=-1) >= 0)
 
 
+@pytest.mark.slow
 def test_arviz_takes_it_over(fitted):
     import arviz
 

@@ -44,6 +44,7 @@ def box(count):
     return np.tile(LOWER, (count, 1)), np.tile(UPPER, (count, 1))
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_as_often_as_they_say(knee, chosen, exact):
     """200 motions with 0.1 mm and 0.1 degrees of noise: 95 % intervals hold it in 90 to 98 %.
 

@@ -113,6 +113,7 @@ def test_closed_form_and_sum_agree_when_the_patch_is_small(law, semi):
     assert patch[1] == pytest.approx(summed[1], rel=3e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("semi", [BALL, EGG], ids=["sphere", "ellipsoid"])
 def test_force_and_energy_of_both_forms_agree_to_a_millionth_with_enough_points(
     semi, slope_on_log_axes

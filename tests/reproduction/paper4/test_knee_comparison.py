@@ -132,6 +132,7 @@ def compared():
     return compare_knees({"four": kj.load_knee("four_ligament")}, COARSE)
 
 
+@pytest.mark.slow
 def test_a_change_of_nothing_scores_nothing(compared):
     knee = compared.knees[0]
     for ligament in ("MCL", "LCL"):
@@ -150,6 +151,7 @@ def settled_on_a_ramp(knee, stations):
     return settle(lanes, stations.prescribed, Guess(q, nowhere))
 
 
+@pytest.mark.slow
 def test_the_error_of_rotation_is_that_of_direct_balances(compared):
     knee, ramp = kj.load_knee("four_ligament"), COARSE.ramp("varus")
     changes, knees = varied(knee, ("LCL",), modulus_MPa=(100.0,), reference_modulus_MPa=345.0)
@@ -168,6 +170,7 @@ def test_the_error_of_rotation_is_that_of_direct_balances(compared):
     assert own.rmse_deg == pytest.approx(direct, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_the_collaterals_tighten_on_their_sides(compared):
     tension = compared.knees[0].tension_N
     assert tension["varus"]["LCL"] > tension["valgus"]["LCL"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import kneejax as kj
-from kneejax.mechanics import Load, add_lane_axis
+from kneejax.mechanics import add_lane_axis, load_of
 from kneejax.statics import (
     Stations,
     Status,
@@ -155,13 +155,13 @@ def test_what_a_knee_reaches_depends_neither_on_lanes_nor_on_stretches(knee, cho
 
 def test_loads_of_stations_are_loads_of_the_knee(knee, chosen, base):
     """A drawer at two flexions, against a knee that carries the same load always."""
-    forces = [[100.0, 0.0, 0.0], [-100.0, 0.0, 0.0], [100.0, 0.0, 0.0]]
-    stations = Stations.at([20.0, 20.0, 90.0], (Load(forces, axes="tibia"),))
+    forces = [100.0, -100.0, 100.0]
+    stations = Stations.at([20.0, 20.0, 90.0], (load_of(anterior_N=np.array(forces)),))
     found = balance_many(knee, chosen.apply, base, base[None], stations)
     assert found.converged.all()
     assert found.table[0, 0, 2] > found.table[0, 1, 2] + 1.0
     for row, (flexion, force) in enumerate(zip([20.0, 20.0, 90.0], forces, strict=True)):
-        loaded = eqx.tree_at(lambda k: k.loads, knee, (*knee.loads, Load(force, axes="tibia")))
+        loaded = eqx.tree_at(lambda k: k.loads, knee, (*knee.loads, load_of(anterior_N=force)))
         alone = kj.passive_flexion(loaded, [flexion])
         np.testing.assert_allclose(found.q[0, row], np.asarray(alone.settled.q)[:, 0], atol=1e-6)
 
@@ -241,6 +241,7 @@ def test_only_what_varies_gets_lanes_of_its_own(knee, chosen, values):
     np.testing.assert_allclose(lanes.ligaments.slack_length[:, 7], own.ligaments.slack_length)
 
 
+@pytest.mark.slow
 def test_slopes_are_those_of_neighbouring_balances(knee, chosen, base):
     stations = Stations.at(FLEXION)
     exact = balance_with_slopes(knee, chosen.apply, base[None], stations)

@@ -14,13 +14,14 @@ from kneejax.geometry import COORDINATES, scales
 from kneejax.mechanics import Knee, Ligaments, Support, add_lane_axis, load_of
 from kneejax.statics import Stations, Status, balance_many, balance_with_slopes
 
-#: What is held besides flexion, and whether flexion is free.
+#: What is held besides flexion, and whether flexion is free. Each is a program of its own.
 CHOICES = {
     "anterior held": ({"anterior_mm": 2.0}, False),
     "rotation held": ({"internal_rotation_deg": 5.0}, False),
     "flexion free": ({}, True),
     "flexion free, two held": ({"internal_rotation_deg": 6.0, "anterior_mm": 1.0}, True),
 }
+MORE = {"rotation held", "flexion free"}
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +41,10 @@ def knee():
     return Knee(cables, (), (), (), kj.Pose.from_table(np.zeros(6)), ())
 
 
-@pytest.fixture(scope="module", params=CHOICES)
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param(x, marks=[pytest.mark.slow] * (x in MORE)) for x in CHOICES],
+)
 def choice(request):
     return CHOICES[request.param]
 
