@@ -1,0 +1,119 @@
+"""Any number of a knee is a parameter by name."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import kneejax as kj
+from kneejax.mechanics import Implausible
+from kneejax.parameters import UnknownParameter, default_bounds, prior_scales, select
+from kneejax.statics import Stations, balance_with_slopes
+
+
+@pytest.fixture(scope="module")
+def knee():
+    return kj.load_knee("four_ligament")
+
+
+@pytest.fixture(scope="module")
+def wrapped():
+    return kj.load_knee("lenhart2015")
+
+
+def test_names_lead_to_the_numbers_that_they_name(knee, wrapped):
+    contact, line = knee.contacts[0], knee.lines[0]
+    named = {
+        "medial.youngs_modulus": contact.youngs_modulus,
+        "medial.layer_thickness": contact.layer_thickness,
+        "medial.tibial_surface.superior": contact.tibial.frame.origin[1],
+        "medial.femoral.coefficients.3.2": contact.femoral.coefficients[3, 2],
+        f"{line.name}.tension": line.tension,
+        f"{line.name}.insertion.lateral": line.insertion[2],
+        "ACL.stiffness": knee.ligaments.stiffness[knee.ligaments.names.index("ACL")],
+    }
+    selection = select(knee, list(named))
+    expected = [float(x) for x in named.values()]
+    np.testing.assert_array_equal(selection.read(knee), expected)
+    assert [selection.unit(i) for i in range(3)] == ["MPa", "mm", "mm"]
+    course = next(c for c in wrapped.ligaments.courses if hasattr(c.obstacle, "radius"))
+    fibre = wrapped.ligaments.names[course.rows[0]]
+    radius = select(wrapped, [f"{fibre}.radius"]).read(wrapped)
+    assert float(radius[0]) == float(course.obstacle.radius)
+
+
+def test_writing_changes_that_number_and_no_other(knee):
+    selection = select(knee, ["lateral.youngs_modulus", "medial.tibial_surface.superior"])
+    values = selection.read(knee) + 0.5
+    changed = selection.apply(knee, values)
+    np.testing.assert_allclose(selection.read(changed), values)
+    pairs = zip(*map(jax.tree.leaves, (knee, changed)), strict=True)
+    moved = sum(int((np.asarray(a) != np.asarray(b)).sum()) for a, b in pairs)
+    assert moved == 2
+
+
+def test_a_name_of_several_numbers_frees_all_of_them(knee):
+    assert select(knee, ["ACL.femoral_attachment"]).names == (
+        "ACL.femoral_attachment.anterior",
+        "ACL.femoral_attachment.superior",
+        "ACL.femoral_attachment.lateral",
+    )
+    assert len(select(knee, ["medial.tibial.coefficients"])) == 9
+    assert select(knee, ["*.youngs_modulus"]).names == (
+        "medial.youngs_modulus", "lateral.youngs_modulus",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
+def test_a_leaf_chosen_at_random_is_calibrated_without_a_line_written_for_it(knee, seed):
+    """Poses made with another value of it lead back to that value."""
+    rng = np.random.default_rng(seed)
+    known = ["medial.youngs_modulus", "lateral.layer_thickness", "medial.tibial_surface.superior",
+             "lateral.femoral_surface.anterior", "PCL.tibial_attachment.superior",
+             "medial.femoral.coefficients.0.1"]  # fmt: skip
+    name = known[rng.integers(len(known))]
+    selection = select(knee, [name])
+    (begin,) = np.asarray(selection.read(knee))
+    low, high = (float(x[0]) for x in default_bounds(knee, selection))
+    truth = begin + 0.03 * (high - low)
+    made = kj.passive_flexion(selection.apply(knee, jnp.array([truth])), [10.0, 40.0, 80.0])
+    found = kj.calibrate(
+        knee, np.asarray(made.to_table()), (name,), procedures=("III",), noise_mm=0.1, noise_deg=0.1
+    )
+    assert found.fit.estimates[0].value == pytest.approx(truth, abs=1e-5 * (high - low))
+
+
+def test_slopes_of_other_parts_are_central_differences(knee):
+    names = ["medial.youngs_modulus", "lateral.tibial_surface.superior",
+             f"{knee.lines[0].name}.tension", "PCL.femoral_attachment.anterior"]  # fmt: skip
+    selection, stations = select(knee, names), Stations.at([20.0, 70.0])
+    values = np.asarray(selection.read(knee))[None]
+    found = balance_with_slopes(knee, selection.apply, values, stations)
+    steps = 1e-3 * np.array([values[0, 0], 0.1, values[0, 2], 1.0])
+    for k, step in enumerate(steps):
+        moved = np.repeat(values, 4, axis=0)
+        moved[:, k] += step * np.array([-2.0, -1.0, 1.0, 2.0])
+        near = found.take(np.zeros(4, int))
+        q = balance_with_slopes(knee, selection.apply, moved, stations, near).q
+        slope = (q[0] - 8 * q[1] + 8 * q[2] - q[3]) / (12 * step)
+        exact = found.jacobian[0, ..., k]
+        np.testing.assert_allclose(slope, exact, atol=2e-6 * np.abs(exact).max())
+
+
+def test_what_is_not_there_is_named_with_the_nearest_that_is(knee):
+    with pytest.raises(UnknownParameter, match="did you mean 'medial.youngs_modulus'"):
+        select(knee, ["medial.young_modulus"])
+    with pytest.raises(UnknownParameter, match="did you mean 'medial.youngs_modulus'"):
+        select(knee, ["medal.youngs_modulus"])
+    with pytest.raises(UnknownParameter, match="are one number"):
+        select(knee, ["medial.tibial_surface.superior", "medial.tibial.frame.origin.superior"])
+    with pytest.raises(Implausible, match="Pa are suspected"):
+        kj.with_values(knee, {"medial.youngs_modulus": 5e6})
+
+
+def test_every_parameter_has_bounds_and_a_width_of_its_prior(knee):
+    selection = select(knee, ["medial.youngs_modulus", "medial.tibial_surface", "ACL.stiffness"])
+    values, (lower, upper) = selection.read(knee), default_bounds(knee, selection)
+    assert (np.asarray(lower) < np.asarray(values)).all()
+    assert (np.asarray(values) < np.asarray(upper)).all()
+    assert (prior_scales(selection, values) > 0).all()
