@@ -42,6 +42,8 @@ _MODULES = {
     "hinge": "kneejax.joints",
     "moving_axis": "kneejax.joints",
     "Knee": "kneejax.mechanics",
+    "Load": "kneejax.mechanics",
+    "load_of": "kneejax.mechanics",
     "Status": "kneejax.statics",
     "configure": "kneejax.numerics",
     "use_shared_fusion": "kneejax.numerics",
@@ -92,6 +94,8 @@ if TYPE_CHECKING:
     from kneejax.joints import hinge as hinge
     from kneejax.joints import moving_axis as moving_axis
     from kneejax.mechanics import Knee as Knee
+    from kneejax.mechanics import Load as Load
+    from kneejax.mechanics import load_of as load_of
     from kneejax.numerics import configure as configure
     from kneejax.numerics import use_shared_fusion as use_shared_fusion
     from kneejax.parameters import cut as cut

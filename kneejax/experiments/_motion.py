@@ -12,7 +12,7 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.geometry import COLUMNS, COORDINATES, Pose, scales
+from kneejax.geometry import COLUMNS, COORDINATES, Pose, convert, scales, table_units
 from kneejax.mechanics import Knee, Load, add_lane_axis
 from kneejax.numerics import compiled, imported, traced
 from kneejax.parameters import fibre_rows
@@ -62,9 +62,20 @@ class Motion(eqx.Module):
     knee: Knee
     stations: Stations
 
-    def to_table(self) -> Array:
-        """Degrees and mm, `(poses, 6)`, in the order of `kneejax.geometry.COLUMNS`."""
-        return self.pose.to_table()
+    def to_table(self, convention: str = "femoral") -> Array:
+        """Poses in rows of degrees and mm.
+
+        Args:
+            convention: what the columns mean, one of `kneejax.geometry.CONVENTIONS`;
+                `grood-suntay` for clinical translations.
+
+        Returns:
+            `(poses, 6)`, in the order of `kneejax.geometry.COLUMNS`.
+        """
+        if convention == "femoral":
+            return self.pose.to_table()
+        found = convert(self.pose.at(tuple(COORDINATES)), "femoral", convention)
+        return found.T * table_units(COORDINATES)
 
     def tension(self, name: str) -> Array:
         """Tension of a ligament, the sum over its fibres.

@@ -193,3 +193,20 @@ class Calibration:
     def fit(self) -> Fit:
         """The fit that is reported as the answer."""
         return self.fits[0]
+
+    def __getitem__(self, name: str) -> Estimate:
+        """What the answer says of one parameter or frame offset.
+
+        Args:
+            name: e.g. `ACL.stiffness`, or `anterior` for an offset.
+
+        Returns:
+            The `Estimate`: `value`, `low` and `high`, `standard_error`, ...
+
+        Raises:
+            KeyError: nothing of this name was free.
+        """
+        every = {one.name: one for one in (*self.fit.estimates, *self.fit.offsets)}
+        if name not in every:
+            raise KeyError(f"{name!r} was not free: free were {', '.join(every)}")
+        return every[name]
