@@ -32,9 +32,27 @@ COMPILED = Path(__file__).parent / ".pytest_cache" / "compiled"
 #: Programs of about ten runs, each after a change of what everything is made of: 0.7 GB.
 MOST_PROGRAMS = 60_000
 
-#: Files that take more than half a minute of a core, longest first: who begins with them does not
-#: wait for one of them in the end.
-LONGEST = ()
+#: Files that take more than half a minute of a core: who begins with them does not wait for one of
+#: them in the end. Neighbours compile different programs, since they run side by side.
+LONGEST = (
+    "statics/test_settle.py",
+    "mechanics/contact/test_contact_forms.py",
+    "validation/test_lenhart2015.py",
+    "inference/bayesian/test_posterior.py",
+    "experiments/test_gradients.py",
+    "cli/test_commands.py",
+    "statics/walk/test_choices.py",
+    "inference/calibration/test_calibrate.py",
+    "geometry/paths/test_wrapping.py",
+    "statics/walk/test_batch.py",
+    "inference/identification/test_identify.py",
+    "inference/design/test_design.py",
+    "mechanics/test_gradients.py",
+    "cli/test_study_commands.py",
+    "mechanics/contact/test_contact_patch.py",
+    "cli/joint/test_joint_fit.py",
+    "statics/walk/test_ramps.py",
+)
 
 
 def pytest_configure(config):
