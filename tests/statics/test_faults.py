@@ -15,9 +15,9 @@ from kneejax.mechanics import (
     LIMITS,
     WIDEST_GAP_MM,
     Contact,
-    Load,
     add_lane_axis,
     displacement,
+    load_of,
 )
 from kneejax.statics import Stations, Status, balance_many, with_meeting
 from kneejax.statics._newton import look
@@ -115,8 +115,7 @@ def test_a_knee_that_hangs_in_long_ligaments_is_dislocated_by_varus(knee):
         knee,
         knee.ligaments.slack_length * jnp.array([1.5, 1.5, 1.0, 1.6]),
     )
-    varus = Load(moment=[[8_000.0, 0.0, 0.0]], name="varus")
-    status, given, table = under(lax, varus, 0.0)
+    status, given, table = under(lax, load_of(varus_Nm=np.array([8.0])), 0.0)
     assert status == given == Status.DISLOCATED
     assert table[0, 1] > LIMITS["adduction"]
 
@@ -157,8 +156,7 @@ def test_a_balance_through_bone_is_none(knee):
             dataclasses.replace(c, youngs_modulus=jnp.asarray(1e-4)) for c in knee.contacts
         ),
     )
-    axial = Load(force=[[0.0, 3000.0, 0.0]], axes="tibia", name="axial")
-    status, _, table = under(soft, axial, 45.0)
+    status, _, table = under(soft, load_of(compression_N=np.array([3000.0])), 45.0)
     assert not Status(int(status)).converged and np.isnan(table[0, 1:]).all()
 
 

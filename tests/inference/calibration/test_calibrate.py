@@ -26,7 +26,9 @@ def clean(knee):
     return synthetic_motion(knee, TRUTH, np.arange(0.0, 121.0, 5.0))
 
 
-@pytest.mark.parametrize("procedure", ["III", "II", "I"])
+@pytest.mark.parametrize(
+    "procedure", ["III", *(pytest.param(x, marks=pytest.mark.slow) for x in ("II", "I"))]
+)
 def test_without_noise_the_truth_comes_back(knee, clean, procedure):
     fit = kj.calibrate(knee, clean, STUDY.parameters, procedures=(procedure,), cycles=200).fit
     assert fit.success
