@@ -101,7 +101,10 @@ def test_the_closed_form_is_wrong_by_depth_over_radius(law, semi, slope_on_log_a
 
 
 @every_law
-@pytest.mark.parametrize("semi", [BALL, EGG], ids=["sphere", "ellipsoid"])
+@pytest.mark.parametrize(
+    "semi",
+    [pytest.param(BALL, marks=pytest.mark.slow, id="sphere"), pytest.param(EGG, id="ellipsoid")],
+)
 def test_closed_form_and_sum_agree_when_the_patch_is_small(law, semi):
     depth = 1e-5
     patch = ellipsoid_on_plane(semi, depth, law, layer=3 * depth)
@@ -128,7 +131,7 @@ def test_force_and_energy_of_both_forms_agree_to_a_millionth_with_enough_points(
     assert slope_on_log_axes(counts, errors[:, 1]) < -1.8
 
 
-@pytest.mark.parametrize("law", ["linear", "log"])
+@pytest.mark.parametrize("law", ["linear", pytest.param("log", marks=pytest.mark.slow)])
 def test_the_closed_form_is_exact_for_a_paraboloid_on_a_plane(law):
     # An upturned paraboloid, y = -x^2 / 60 - z^2 / 40, above a plane: radii 30 and 20 mm.
     bowl = [[0, 0, -(40**2) / 40], [0, 0, 0], [-(40**2) / 60, 0, 0]]
