@@ -2,10 +2,12 @@
 
 import ast
 import importlib
+import inspect
 import pkgutil
 import subprocess
 import sys
 from pathlib import Path
+from types import GenericAlias
 
 import pytest
 
@@ -57,3 +59,29 @@ def test_to_import_the_package_is_cheap():
     check = "import sys, kneejax, kneejax.files; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", check], capture_output=True, text=True, check=True)
     assert not {"jax", "numpy", "scipy", "yaml", "kneejax.geometry"} & set(done.stdout.split())
+
+
+def offered(package):
+    """Name -> what it stands for, of what the `__init__` of a room offers to others."""
+    tree = ast.parse(Path(package.__file__).read_text(encoding="utf-8"))
+    found = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+    names = [alias.asname for node in found for alias in node.names if alias.asname == alias.name]
+    return {name: getattr(package, name) for name in names}
+
+
+ROOMS = sorted(
+    x.name for x in pkgutil.walk_packages(kneejax.__path__, "kneejax.") if x.ispkg
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("room", ["kneejax", *ROOMS])
+def test_every_public_name_says_what_it_is_in_a_sentence(room):
+    silent = []
+    for name, thing in offered(importlib.import_module(room)).items():
+        if not (inspect.isclass(thing) or callable(thing)) or isinstance(thing, GenericAlias):
+            continue
+        # A dataclass without a docstring gets its signature for one.
+        said = (inspect.getdoc(thing) or "").split("\n\n")[0].strip()
+        if not said.endswith(".") or said.startswith(f"{name}("):
+            silent.append(name)
+    assert not silent

@@ -213,6 +213,24 @@ def _check_column(file: str, header: list[str], name: str, sought: list[str]) ->
 
 
 def cell_number(file: str, place: str, cell: str, allowed: Range | None = None) -> float:
+    """Read a number from a cell of a table.
+
+    Args:
+        file: the table, for the error.
+        place: row and column of the cell, for the error.
+        cell: its text.
+        allowed: the range that the number has to lie in; any finite number by default.
+
+    Returns:
+        The number.
+
+    Raises:
+        InputProblem: the text is not a finite number, or the number is out of range.
+
+    Example:
+        >>> cell_number("poses.csv", "row 1, anterior_mm", " 2.5 ")
+        2.5
+    """
     try:
         x = float(cell)
     except ValueError:

@@ -8,6 +8,21 @@ from html import escape
 
 
 def section(title: str, body: str) -> str:
+    """A section of a page under its heading.
+
+    Args:
+        title: plain text; it is escaped.
+        body: HTML.
+
+    Returns:
+        The `<section>` element.
+
+    Example:
+        >>> print(section("Poses", "<p>All balanced.</p>"), end="")
+        <section>
+        <h2>Poses</h2>
+        <p>All balanced.</p></section>
+    """
     return f"<section>\n<h2>{escape(title)}</h2>\n{body}</section>\n"
 
 
@@ -19,7 +34,7 @@ def table(
     def cells(tag: str, row: Sequence[str]) -> str:
         return "".join(
             f"<{tag}{'' if i in words else ' class=n'}>"
-            f"{escape(text).replace('-', chr(8722)) if i not in words else escape(text)}</{tag}>"
+            f"{_minus(escape(text), i in words)}</{tag}>"
             for i, text in enumerate(row)
         )
 
@@ -34,7 +49,23 @@ def table(
     )
 
 
+def _minus(text: str, words: bool) -> str:
+    """A number, or limits in words, with a minus where a hyphen would be too short."""
+    if words and not re.fullmatch(r"(above |below )?-?[\d.]+( to -?[\d.]+)?", text):
+        return text
+    return text.replace("-", "\u2212")
+
+
 def picture(svg: str, caption: str) -> str:
+    """A figure with its caption, drawn no wider than it was made.
+
+    Args:
+        svg: the `<svg>` element, as `save_and_inline` returns it.
+        caption: plain text; it is escaped.
+
+    Returns:
+        The `<figure>` element.
+    """
     width = re.search(r'<svg[^>]*? width="([\d.]+)pt"', svg)
     if width:
         svg = svg.replace("<svg", f'<svg style="max-width:{float(width[1]) / 9.33:.1f}rem"', 1)

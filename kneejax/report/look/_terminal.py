@@ -21,4 +21,17 @@ def aligned(rows: Sequence[Sequence[str]], words: Sequence[int] = (0,)) -> list[
 
 
 def wrapped(text: str, first: str = "") -> list[str]:
+    """A paragraph in lines that a terminal holds.
+
+    Args:
+        text: the paragraph, in one line.
+        first: what the first line begins with, e.g. `note: `; the others are indented by as much.
+
+    Returns:
+        Lines of at most `LINE_WIDTH` characters; none for an empty text.
+
+    Example:
+        >>> wrapped("Every pose is balanced.", "note: ")
+        ['note: Every pose is balanced.']
+    """
     return textwrap.wrap(text, LINE_WIDTH, initial_indent=first, subsequent_indent=" " * len(first))

@@ -49,7 +49,7 @@ def sweep_figure(
         moved: whether constants were added to it because its frames are not known; said so.
 
     Returns:
-        Translations on the left, rotations on the right, a line a value, coloured low to high.
+        Translations on the left, rotations on the right, a line per value, coloured low to high.
         Poses that are not balanced, not stable or not those of a knee are dashed, dotted or left
         out, marked, and counted in the legend.
     """
@@ -80,6 +80,14 @@ def sweep_figure(
 
 
 def uniform_colours():
+    """A scale of colours from dark (low) to bright (high) whose steps look equally large.
+
+    It stays ordered for colour-blind readers and in grey, and ends before the yellow that is lost
+    on white paper.
+
+    Returns:
+        A Matplotlib `ListedColormap`, part of viridis.
+    """
     import matplotlib
     from matplotlib.colors import ListedColormap
 
