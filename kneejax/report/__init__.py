@@ -17,7 +17,6 @@ from kneejax.report.calibration import message as message
 from kneejax.report.calibration import outcome as outcome
 from kneejax.report.calibration import parameters_figure as parameters_figure
 from kneejax.report.calibration import parameters_rows as parameters_rows
-from kneejax.report.calibration import partial_objectives_figure as partial_objectives_figure
 from kneejax.report.calibration import remark as remark
 from kneejax.report.calibration import report_page as report_page
 from kneejax.report.calibration import result_document as result_document

@@ -44,7 +44,7 @@ def marginals_figure(found: Posterior) -> Figure:
         found: the posterior; a known truth is drawn as well.
 
     Returns:
-        One panel a parameter; areas under curves are equal, bounds are hatched where they show.
+        One panel per parameter; areas under curves are equal, bounds are hatched where they show.
     """
     from matplotlib.figure import Figure
 
@@ -246,7 +246,7 @@ def predictive_figure(found: Posterior) -> Figure:
         found: the posterior.
 
     Returns:
-        A row a coordinate: the motion, and beside it what the measurement differs from the median,
+        A row per coordinate: the motion, and beside it how far the measurement is from the median,
         with 95 % bands of the motion itself and of a new measurement of it.
     """
     from matplotlib.figure import Figure

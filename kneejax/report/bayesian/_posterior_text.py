@@ -26,7 +26,7 @@ def posterior_rows(found: Posterior) -> list[dict[str, Any]]:
         found: the posterior.
 
     Returns:
-        One dictionary a parameter, with the keys `POSTERIOR_COLUMNS` in that order.
+        One dictionary per parameter, with the keys `POSTERIOR_COLUMNS` in that order.
     """
     low, middle, high = found.quantiles((0.025, 0.5, 0.975)).T
     laplace_sd = np.sqrt(np.diag(found.laplace_covariance))

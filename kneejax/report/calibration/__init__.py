@@ -6,9 +6,6 @@ from kneejax.report.calibration._figures import (
     correlation_matrix_figure as correlation_matrix_figure,
 )
 from kneejax.report.calibration._figures import parameters_figure as parameters_figure
-from kneejax.report.calibration._figures import (
-    partial_objectives_figure as partial_objectives_figure,
-)
 from kneejax.report.calibration._html import report_page as report_page
 from kneejax.report.calibration._html import write_report as write_report
 from kneejax.report.calibration._results import PARAMETER_COLUMNS as PARAMETER_COLUMNS

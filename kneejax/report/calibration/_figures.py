@@ -8,14 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kneejax.geometry import COORDINATES
 from kneejax.report.calibration._verdict import PAPER_COUNTS, undetermined
 from kneejax.report.look import (
     BLUE,
     FITS,
     GREY,
     LIGHT,
-    SHOWN,
     START,
     VERMILLION,
     WIDTH,
@@ -58,7 +56,7 @@ def parameters_figure(calibration: Calibration) -> Figure:
         calibration: what to draw; small rings are the other procedures.
 
     Returns:
-        One panel a quantity (stiffness, reference strain, ...), one row a parameter.
+        One panel per quantity (stiffness, reference strain, ...), one row per parameter.
     """
     from matplotlib.figure import Figure
 
@@ -166,49 +164,6 @@ def _limits_line(axes: Axes, row: int, e: Estimate) -> None:
         axes.plot(end, row, marker, color=VERMILLION, markersize=5, markeredgewidth=1.2)
 
 
-@styled
-def partial_objectives_figure(calibration: Calibration) -> Figure:
-    """Draw the sum of squares of each coordinate, at the start and fitted, on a log scale.
-
-    Args:
-        calibration: what to draw.
-
-    Returns:
-        Grouped bars: translations in mm^2, rotations in deg^2.
-    """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(WIDTH, 2.9))
-    axes = figure.subplots()
-    figure.subplots_adjust(left=0.085, right=0.985, top=0.9, bottom=0.17)
-    series = [("start", START, calibration.start_partial_objectives)]
-    for i, fit in enumerate(calibration.fits):
-        label = verbatim(f"procedure {fit.procedure}")
-        series.append((label, FITS[i % len(FITS)], fit.partial_objectives))
-    values = np.array([[part.get(name, np.nan) for name in SHOWN] for _, _, part in series])
-    positive = values[np.isfinite(values) & (values > 0)]
-    floor = 10 ** math.floor(math.log10(positive.min()) - 0.3) if positive.size else 1e-3
-    width = 0.8 / len(series)
-    for i, (label, color, _) in enumerate(series):
-        place = np.arange(len(SHOWN)) + (i - (len(series) - 1) / 2) * width
-        heights = np.maximum(np.nan_to_num(values[i], nan=floor), floor) - floor
-        axes.bar(place, heights, 0.88 * width, bottom=floor, color=color, label=label)
-    axes.set_yscale("log")
-    axes.set_ylim(floor, (positive.max() if positive.size else 1.0) * 1.5)
-    _plain_log_axis(axes.yaxis)
-    shown = [COORDINATES[name] for name in SHOWN]
-    labels = [f"{one.label.replace(' ', chr(10))}, {one.unit}²" for one in shown]
-    axes.set_xticks(np.arange(len(SHOWN)), labels)
-    axes.tick_params(axis="x", length=0)
-    axes.grid(False, axis="x")
-    axes.set_title("Sum of squared differences")
-    axes.legend(
-        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(series), borderaxespad=0.2,
-        handlelength=1.0, columnspacing=1.4,
-    )  # fmt: skip
-    return figure
-
-
 def correlation_figure(calibration: Calibration) -> Figure:
     """Draw the correlation of the estimates; parameters not determined are hatched.
 
@@ -305,7 +260,7 @@ def convergence_figure(calibration: Calibration) -> Figure:
         calibration: what to draw; for synthetic data the published counts are thin lines.
 
     Returns:
-        One curve a procedure, logarithmic in the objective.
+        One curve per procedure, logarithmic in the objective.
     """
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
@@ -350,7 +305,7 @@ def convergence_figure(calibration: Calibration) -> Figure:
     top, bottom = max(positive), min(positive)
     axes.set_ylim(bottom / 1.6, top * 1.6)
     _plain_log_axis(axes.yaxis, math.log10(top / bottom) + 0.4)
-    axes.set_xlabel("Residual evaluations (one is the whole motion)")
+    axes.set_xlabel("Simulated motions")
     if calibration.truth:
         _published_counts(axes, calibration)
         reached = max(reached, 233)

@@ -17,7 +17,6 @@ from kneejax.report.calibration._figures import (
     convergence_figure,
     correlation_figure,
     parameters_figure,
-    partial_objectives_figure,
 )
 from kneejax.report.calibration._verdict import (
     PAPER,
@@ -64,7 +63,6 @@ _BADGES = {
 _DRAWN = {
     "motion": motion_figure,
     "parameters": parameters_figure,
-    "partial_objectives": partial_objectives_figure,
     "correlation": correlation_figure,
     "convergence": convergence_figure,
     "ligament_forces": ligament_forces_figure,
@@ -118,7 +116,7 @@ def report_page(calibration: Calibration, pictures: dict[str, str]) -> str:
         section("Motion", _motion_section(calibration, pictures["motion"])),
         section("Parameters", _parameter_section(calibration, pictures["parameters"])),
         section("Procedures", _procedure_section(calibration, pictures["convergence"])),
-        section("Objective by coordinate", _partial_section(calibration, pictures)),
+        section("Objective by coordinate", _partial_section(calibration)),
         section("What the data can tell apart", _correlation_section(pictures)),
         section("Forces", _force_section(pictures)),
         _notes_section(calibration),
@@ -276,7 +274,7 @@ def _published(stage: str, known: bool) -> list[str]:
     return [str(count) for count in PAPER_COUNTS.get(stage, (NONE, NONE))] if known else []
 
 
-def _partial_section(calibration: Calibration, pictures: dict[str, str]) -> str:
+def _partial_section(calibration: Calibration) -> str:
     header = ["Coordinate", "Unit", "Start"]
     header += [f"Procedure {fit.procedure}" for fit in calibration.fits]
     parts = [calibration.start_partial_objectives]
@@ -291,7 +289,6 @@ def _partial_section(calibration: Calibration, pictures: dict[str, str]) -> str:
     return (
         "<p>Unweighted sums of squared differences, and the minimised weighted sum.</p>\n"
         + table(header, rows, (0, 1))
-        + picture(pictures["partial_objectives"], "Sums of squared differences, log scale.")
     )
 
 

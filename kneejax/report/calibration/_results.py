@@ -135,8 +135,8 @@ def parameters_rows(calibration: Calibration) -> list[dict[str, Any]]:
         calibration: the answer to write.
 
     Returns:
-        One dictionary a parameter, then one a constant between frames (`frame_offset.COORDINATE`),
-        with the keys `PARAMETER_COLUMNS` in that order.
+        One dictionary per parameter, then one per constant between frames
+        (`frame_offset.COORDINATE`), with the keys `PARAMETER_COLUMNS` in that order.
     """
     fit = calibration.fit
     named = [(e.name, e) for e in fit.estimates]

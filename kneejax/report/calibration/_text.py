@@ -91,7 +91,7 @@ def _noise_words(calibration: Calibration) -> str:
 
 
 def _parameter_table(calibration: Calibration) -> list[str]:
-    """One line a parameter or offset; what was set is left out where it does not fit."""
+    """One line per parameter or offset; what was set is left out where it does not fit."""
     head = ["parameter", "value", "", "", "unit", "95 % limits", "truth", "start", "lower", "upper"]
     table = [head]
     fit = calibration.fit

@@ -221,7 +221,7 @@ def starts_words(fit: Fit) -> str:
 
 
 def misfit_words(calibration: Calibration) -> list[str]:
-    """Why a fit is poor, a sentence a coordinate."""
+    """Why a fit is poor, a sentence per coordinate."""
     return [_misfit(one) for one in calibration.misfits]
 
 

@@ -106,7 +106,7 @@ def candidates_figure(design: Design) -> Figure:
     axes.grid(False)
     axes.spines[:].set_visible(False)
     axes.set_xlabel("Flexion, deg")
-    axes.set_title(f"As the next test: {gain_words(design.criterion)}")
+    axes.set_title(f"What one more test would add: {gain_words(design.criterion)}")
     handles["chosen, in this order"] = Rectangle((0, 0), 1, 1, fill=False, ec=VERMILLION, lw=1.8)
     figure.legend(
         list(handles.values()), list(handles), loc="lower left",
@@ -138,7 +138,8 @@ def standard_errors_figure(design: Design) -> Figure:
         design: the choice.
 
     Returns:
-        One row a parameter, in units of what is known of any knee; numbers in its own unit.
+        One row per parameter, as a fraction of its prior standard deviation; numbers in its own
+        unit.
     """
     from matplotlib.figure import Figure
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
@@ -157,10 +158,11 @@ def standard_errors_figure(design: Design) -> Figure:
     handles = {}
     (handles["before"],) = axes.plot(parts[0], y, "o", ms=5, mfc="white", mec=BLACK, zorder=3)
     for step in range(1, last):
-        (handles["on the way"],) = axes.plot(parts[step], y, "|", ms=6, color=GREY, zorder=2)
+        (handles["after each test"],) = axes.plot(parts[step], y, "|", ms=6, color=GREY, zorder=2)
     word = f"after {'the test' if last == 1 else f'all {last} tests'}"
     (handles[word],) = axes.plot(parts[-1], y, "o", ms=5, color=VERMILLION, zorder=4)
-    handles["known of any knee"] = axes.axvline(1.0, color=GREY, linewidth=0.8, zorder=1)
+    prior = "prior SD (spread between knees)"
+    handles[prior] = axes.axvline(1.0, color=GREY, linewidth=0.8, zorder=1)
     axes.set_xscale("log")
     low, high = parts.min() / 1.3, max(parts.max(), 1.0) * 1.3
     axes.set_xlim(low, high)
@@ -172,7 +174,7 @@ def standard_errors_figure(design: Design) -> Figure:
     axes.set_ylim(n - 0.5, -0.5)
     axes.tick_params(axis="y", length=0)
     axes.grid(axis="y", visible=False)
-    axes.set_xlabel("Expected standard error, as a part of what is known of any knee")
+    axes.set_xlabel("Expected standard error, as a fraction of the prior SD")
     edge, inch = axes.get_yaxis_transform(), 1.0 / (WIDTH - left - right)
     before, after = 1.0 + 0.62 * inch, 1.0 + 1.27 * inch
     for x, head in ((before, "before"), (after, "after")):

@@ -22,7 +22,7 @@ _GOALS = {
     "D": "all parameters together become as certain as possible (D-optimal: the joint confidence "
     "region shrinks most)",
     "A": "the parameters become certain on average (A-optimal: the mean squared standard error, in "
-    "units of what is known of any knee, falls most)",
+    "units of the prior SD, falls most)",
 }
 _SHOWN = 8
 
@@ -41,8 +41,8 @@ def candidates_rows(design: Design) -> list[dict[str, Any]]:
         design: the candidates and the choice.
 
     Returns:
-        One dictionary a candidate, with the keys `CANDIDATE_COLUMNS` in that order; `gain` in bits
-        (D) or as a part (A), `chosen` is its place in the order, if any.
+        One dictionary per candidate, with the keys `CANDIDATE_COLUMNS` in that order; `gain` in
+        bits (D) or as a fraction (A), `chosen` is its place in the order, if any.
     """
     place: dict[int, int] = {}
     for step, row in enumerate(design.chosen, 1):
@@ -70,12 +70,12 @@ def design_text(design: Design) -> str:
     tests = f"{many} of {len(design.candidates)} candidate tests" if many > 1 else "one test"
     lines = wrapped(
         f"What to measure next: {tests}, chosen so that {_GOALS[design.criterion]}. Each is one "
-        "more pose of this knee, foreseen with the fitted parameters."
+        "more pose of this knee, predicted with the fitted parameters."
     )
     lines.append("")
     for step, sentence in enumerate(design.sentences, 1):
         lines += wrapped(sentence, f"{step}. ")
-    lines += ["", "Expected standard errors (how far an estimate is typically off):"]
+    lines += ["", "Expected standard errors (the prior SD is the spread between knees):"]
     lines += _error_table(design)
     lines += ["", f"The best next tests by themselves ({gain_words(design.criterion)}):"]
     lines += _best_table(design)
@@ -92,7 +92,7 @@ def _error_table(design: Design) -> list[str]:
     # Many steps do not fit beside each other: the first three and the last tell the story.
     shown = list(range(steps + 1)) if steps <= 5 else [0, 1, 2, 3, steps]
     heads = ["before" if step == 0 else f"after {step}" for step in shown]
-    rows = [["parameter", "unit", "known of any knee", *heads]]
+    rows = [["parameter", "unit", "prior SD", *heads]]
     for i, name in enumerate(design.names):
         unit = unit_of_quantity(name.split(".", 1)[-1])
         errors = [number(design.standard_errors[step, i], 2) for step in shown]

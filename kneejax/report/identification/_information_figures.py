@@ -26,8 +26,8 @@ def spectrum_figure(found: Information) -> Figure:
         found: what the data tell.
 
     Returns:
-        Above, one bar a combination: how many times better it is known than before the knee was
-        measured. Below, its parts.
+        Above, one bar per combination: how many times smaller its standard error is than its prior
+        standard deviation. Below, the weights of the parameters in it.
     """
     from matplotlib.colors import LinearSegmentedColormap
     from matplotlib.figure import Figure
@@ -67,7 +67,7 @@ def spectrum_figure(found: Information) -> Figure:
             )  # fmt: skip
     top.axhline(1.0, color=GREY, linewidth=0.8)
     top.annotate(
-        "as before\nthe test", (n, 1.0), (4, 0), textcoords="offset points",
+        "no better than\nthe prior", (n, 1.0), (4, 0), textcoords="offset points",
         va="center", fontsize=7, color=GREY,
     )  # fmt: skip
     top.set_yscale("log")
@@ -80,7 +80,7 @@ def spectrum_figure(found: Information) -> Figure:
     top.set_xlim(0, n)
     top.set_xticks([])
     top.grid(axis="x", visible=False)
-    top.set_title("How many times better each combination is known than before")
+    top.set_title("Prior SD over standard error, for each combination of parameters")
 
     shades = LinearSegmentedColormap.from_list("parts", [BLUE, "#FFFFFF", VERMILLION])
     table.pcolormesh(vectors, cmap=shades, vmin=-1, vmax=1, edgecolors="white", linewidth=1)
@@ -99,7 +99,7 @@ def spectrum_figure(found: Information) -> Figure:
     table.tick_params(length=0)
     table.grid(False)
     table.spines[:].set_visible(False)
-    table.set_xlabel("Combination, from the best known to the worst")
+    table.set_xlabel("Combination, from best determined to worst")
     bar = figure.add_axes(
         ((left + 0.15) / wide + matrix, below / height, 0.1 / wide, cell * n / height)
     )
@@ -111,7 +111,7 @@ def spectrum_figure(found: Information) -> Figure:
     bar.set_xticks([])
     bar.grid(False)
     bar.spines[:].set_visible(False)
-    bar.set_ylabel("Part", fontsize=7.5)
+    bar.set_ylabel("Weight", fontsize=7.5)
     bar.yaxis.set_label_position("right")
     return figure
 

@@ -25,7 +25,7 @@ def information_rows(found: Information) -> list[dict[str, Any]]:
         found: what the data tell.
 
     Returns:
-        One dictionary a parameter, with the keys `INFORMATION_COLUMNS` in that order.
+        One dictionary per parameter, with the keys `INFORMATION_COLUMNS` in that order.
     """
     return [
         {
@@ -54,10 +54,10 @@ def information_text(found: Information) -> str:
     poses = f"{found.data} measured numbers, {len(found.names)} parameters"
     lines = wrapped(
         f"What the data tell ({poses}). A standard error is how far an estimate is typically off; "
-        '"known before" is how far knees differ anyway. Data determine a parameter whose '
-        "standard error is the smaller one."
+        "the prior SD is the spread between knees. Data determine a parameter whose standard error "
+        "is smaller than its prior SD."
     )
-    table = [["parameter", "value", "", "std. error", "unit", "known before", "times better", ""]]
+    table = [["parameter", "value", "", "std. error", "unit", "prior SD", "times better", ""]]
     for row in information_rows(found):
         value, error = with_error(row["value"], row["standard_error"])
         if row["at_bound"]:
@@ -81,8 +81,8 @@ def information_text(found: Information) -> str:
     if np.isfinite(found.condition_number):
         ratio = number(float(np.sqrt(found.condition_number)), 2)
         lines += ["", *wrapped(
-            f"The best known combination of parameters is known {ratio} times better than the "
-            f"worst (condition number {condition})."
+            f"The best-determined combination of parameters is known {ratio} times better than "
+            f"the worst (condition number {condition})."
         )]  # fmt: skip
     for note in found.notes:
         lines += wrapped(note, "note: ")

@@ -25,7 +25,7 @@ def profiles_figure(
     """Draw how the misfit grows as each parameter leaves its estimate.
 
     Args:
-        profiles: one a panel.
+        profiles: one per panel.
         truth: parameter -> value that made synthetic data.
 
     Returns:
@@ -50,8 +50,8 @@ def profiles_figure(
     for axes in panels[:, 0]:
         axes.set_ylabel("Rise of $\\chi^2$")
     figure.legend(
-        handles.values(), handles.keys(), loc="lower center", ncols=5, handlelength=1.8,
-        bbox_to_anchor=(0.5, 0.0), columnspacing=1.2,
+        handles.values(), handles.keys(), loc="lower center", ncols=6, handlelength=1.6,
+        bbox_to_anchor=(0.5, 0.0), columnspacing=1.0, fontsize=7.5,
     )  # fmt: skip
     return figure
 
@@ -71,10 +71,11 @@ def _panel(axes: Axes, profile: Profile, truth: float | None) -> dict[str, Any]:
     if np.isfinite(profile.standard_error) and profile.standard_error > 0:
         line = np.linspace(left, right, 200)
         bowl = ((line - profile.estimate) / profile.standard_error) ** 2
-        (handles["by the standard error"],) = axes.plot(line, bowl, "--", color=GREY, linewidth=0.9)
+        (handles["by the standard error"],) = axes.plot(line, bowl, "--", color=GREY, linewidth=1.4)
     (handles["profile"],) = axes.plot(x, rise, color=BLUE)
     axes.plot(profile.values, profile.rise, ".", color=BLUE, markersize=3.5)
-    axes.axhline(profile.threshold, color=GREY, linewidth=0.6, linestyle=":")
+    limit = f"95 % limit: {profile.threshold:.2f}"
+    handles[limit] = axes.axhline(profile.threshold, color=GREY, linewidth=1.0, linestyle=":")
     (handles["estimate"],) = axes.plot(
         [profile.estimate], [0.0], "o", color=VERMILLION, markersize=4, clip_on=False, zorder=5
     )

@@ -29,7 +29,7 @@ def estimate_rows(found: Identification, sampled: Posterior | None = None) -> li
         sampled: the posterior, if it was sampled.
 
     Returns:
-        One dictionary a parameter, with the keys `ESTIMATE_COLUMNS` in that order.
+        One dictionary per parameter, with the keys `ESTIMATE_COLUMNS` in that order.
     """
     by_name = {profile.name: profile for profile in found.profiles}
     ends = None if sampled is None else sampled.quantiles((0.025, 0.975))

@@ -31,7 +31,7 @@ def joint_comparison_figure(
     curves: Mapping[str, np.ndarray],
     subject_flexion_deg: np.ndarray | None = None,
 ) -> Figure:
-    """Draw measured points and modelled curves: a row a clinical measure, a column a model.
+    """Draw measured points and modelled curves: a row per clinical measure, a column per model.
 
     Args:
         found: the comparison.

@@ -33,21 +33,21 @@ _MOST_ROWS = 12
 
 
 def summary_rows(found: Comparison) -> Iterator[list[Any]]:
-    """Rows of summary.csv: one a motion and condition."""
+    """Rows of summary.csv: one per motion and condition."""
     for one in found.summaries:
         for i, condition in enumerate(one.conditions):
             yield [one.motion, condition, *_beside(one.mean[i], one.sd[i])]
 
 
 def difference_rows(found: Comparison) -> Iterator[list[Any]]:
-    """Rows of differences.csv: one a pair of motions and condition."""
+    """Rows of differences.csv: one per pair of motions and condition."""
     for one in found.differences:
         for i, condition in enumerate(one.conditions):
             yield [one.first, one.second, condition, *_beside(one.mean[i], one.standard_error[i])]
 
 
 def prediction_rows(found: Comparison) -> Iterator[list[Any]]:
-    """Rows of predictions.csv: one a model and measure."""
+    """Rows of predictions.csv: one per model and measure."""
     for one in found.predictions:
         numbers = zip(one.r2, one.adjusted_r2, one.rmse, strict=True)
         for measure, row in zip(MEASURES, numbers, strict=True):
@@ -55,7 +55,7 @@ def prediction_rows(found: Comparison) -> Iterator[list[Any]]:
 
 
 def test_rows(found: Comparison) -> Iterator[list[Any]]:
-    """Rows of tests.csv: one a measure, flexion and pair of motions."""
+    """Rows of tests.csv: one per measure, flexion and pair of motions."""
     flexion = found.flexion_deg[found.compared]
     for i, test in enumerate(found.tests):
         measure, angle = MEASURES[i // len(flexion)], flexion[i % len(flexion)]

@@ -31,28 +31,44 @@ def surface_fit_figure(
             residual there, points elsewhere are drawn faintly. Everywhere by default.
 
     Returns:
-        The figure; colours end at the 98th percentile, the largest residual stands in the title.
+        The figure, on one scale of colours that ends at the largest 98th percentile of a panel.
+        Points beyond it are ringed; the largest residual stands in the title.
     """
     from matplotlib.figure import Figure
 
+    inside = {
+        title: np.ones(len(fit.points), bool) if (regions or {}).get(title) is None
+        else np.asarray((regions or {})[title], bool)
+        for title, fit in fits.items()
+    }  # fmt: skip
+    ends = [np.quantile(np.abs(fit.residual[inside[title]]), 0.98) for title, fit in fits.items()]
+    limit = float(max(ends, default=0.0)) or 1.0
     columns = min(len(fits), 2)
     rows = -(-len(fits) // columns)
     figure = Figure(figsize=(3.6 * columns, 3.2 * rows), layout="constrained")
     for number, (title, fit) in enumerate(fits.items(), 1):
         axes = figure.add_subplot(rows, columns, number)
-        here = None if regions is None else regions.get(title)
-        _draw(figure, axes, title, fit, np.ones(len(fit.points), bool) if here is None else here)
+        dots = _draw(axes, title, fit, inside[title], limit)
+    bar = figure.colorbar(dots, ax=figure.axes, shrink=0.6, aspect=30, extend="both")
+    bar.set_label("distance outside the fit, mm (ringed: beyond the scale)")
     return figure
 
 
-def _draw(figure: Figure, axes, title: str, fit: SurfaceFit, here: np.ndarray) -> None:
+def _draw(axes, title: str, fit: SurfaceFit, here: np.ndarray, limit: float):
     residual, weights = fit.residual[here], fit.weights[here]
-    limit = float(np.quantile(np.abs(residual), 0.98)) or 1.0
     across, along = _flat(fit)
     colours = {"cmap": "RdBu_r", "vmin": -limit, "vmax": limit, "linewidths": 0}
     if not here.all():
         axes.scatter(across[~here], along[~here], c=GREY, s=1.5, alpha=0.35, linewidths=0)
-    dots = axes.scatter(across[here], along[here], c=residual, s=4, **colours)
+    # Thousands of points are one picture inside the SVG, which keeps the file small.
+    dots = axes.scatter(
+        across[here], along[here], c=residual, s=4, rasterized=len(residual) > 2000, **colours
+    )
+    far = np.abs(residual) > limit
+    axes.scatter(
+        across[here][far], along[here][far], c=residual[far], s=14,
+        **{**colours, "linewidths": 0.5}, edgecolors="black",
+    )  # fmt: skip
     rms = float(np.sqrt(np.average(residual**2, weights=weights)))
     digits = 3 if rms < 0.1 else 2
     largest = float(np.abs(residual).max())
@@ -66,8 +82,7 @@ def _draw(figure: Figure, axes, title: str, fit: SurfaceFit, here: np.ndarray) -
         axes.set_xlabel("lateral, mm")
         axes.set_ylabel(("anterior, mm", "superior, mm")[_upwards(fit.surface)])
         axes.set_aspect("equal")
-    bar = figure.colorbar(dots, ax=axes, shrink=0.85)
-    bar.set_label("distance outside the fit, mm")
+    return dots
 
 
 def _flat(fit: SurfaceFit) -> tuple[np.ndarray, np.ndarray]:

@@ -1,7 +1,9 @@
 """How the report looks on a screen, on a phone and on paper.
 
-A table wider than the screen scrolls in its own box (`.wide`), with a shadow at the side where it
-goes on: the two white layers move with the table and cover the shadows at its ends.
+A table or figure wider than the screen scrolls in its own box (`.wide`), with a shadow at the side
+where it goes on: the two white layers move with it and cover the shadows at its ends. A figure's
+white multiplies with what lies beneath, so that its shadows show. On a phone a figure keeps a
+width at which its smallest letters can be read, and a line above says that it scrolls.
 """
 
 CSS = """
@@ -37,16 +39,23 @@ dd { margin: 0; font-size: 1.125rem; font-weight: 600; font-variant-numeric: tab
 table { border-collapse: collapse; font-size: .875rem; margin: .5rem 0;
   font-variant-numeric: tabular-nums; }
 th, td { text-align: left; vertical-align: baseline; padding: .25rem .7rem .25rem 0; }
+table:has(th:nth-child(11)) { font-size: .8125rem; }
+table:has(th:nth-child(11)) :is(th, td) { padding-right: .5rem; }
 th:last-child, td:last-child { padding-right: 0; }
 th { border-bottom: 1.5px solid #1a1a1a; vertical-align: bottom; line-height: 1.25;
   font-weight: 600; }
 td { border-bottom: 1px solid #e6e8ea; }
-td:first-child { white-space: nowrap; }
+td:not(:last-child), td.n { white-space: nowrap; }
 td:last-child:not(.n) { overflow-wrap: anywhere; min-width: 9rem; }
 .n { text-align: right; }
-td.n { white-space: nowrap; }
 figure { margin: 1rem 0; }
-figure svg { display: block; width: 100%; height: auto; }
+figure svg { display: block; width: 100%; height: auto; mix-blend-mode: multiply; }
+@media screen and (max-width: 40rem) {
+  figure svg { width: auto; min-width: min(36rem, 100% + 20rem); }
+  figure .wide::before, .wide:has(th:nth-child(6))::before { content: "scroll sideways for more";
+    position: sticky; left: 0; display: block; width: max-content; color: #555;
+    font-size: .75rem; }
+}
 @media print {
   body { font-size: 10pt; }
   main { max-width: none; padding: 0; }

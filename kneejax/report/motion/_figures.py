@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kneejax.geometry import COORDINATES
+from kneejax.geometry import CONVENTION_WORDS, COORDINATES
 from kneejax.report.look import (
     CONTACT_PARTS,
     FITS,
@@ -18,7 +19,6 @@ from kneejax.report.look import (
     START,
     VERMILLION,
     WIDTH,
-    number,
     styled,
     verbatim,
 )
@@ -56,15 +56,32 @@ def _curve(flexion: np.ndarray, dashes: Any, marker_only: float = 1.8) -> dict[s
 
 
 def measured_curve(flexion: np.ndarray) -> dict[str, Any]:
-    style = _curve(flexion, "-", 2.4)
-    if "marker" not in style:
-        style |= {"marker": "o", "markersize": 2.6 if len(flexion) <= _DENSE else 1.4}
-    return style | {"color": MEASURED, "linewidth": 1.1}
+    """How measured poses are drawn: black points without a line, smaller where they are many.
+
+    Args:
+        flexion: of the poses, `(n,)`, degrees.
+
+    Returns:
+        Keywords for `Axes.plot`.
+    """
+    size = 3.0 if len(flexion) <= _DENSE else 1.6
+    return {
+        "linestyle": "none", "marker": "o", "markersize": size, "markeredgewidth": 0,
+        "color": MEASURED,
+    }  # fmt: skip
 
 
 def flexion_axis(
     axes: Axes, flexion: np.ndarray, labelled: bool = True, *, label: str = FLEXION
 ) -> None:
+    """Make the horizontal axis one of flexion: limits, ticks at clinical angles, label.
+
+    Args:
+        axes: of the panel.
+        flexion: of what is drawn, `(n,)`, degrees (or steps, where flexion is constant).
+        labelled: whether the label is written; panels above others leave it out.
+        label: of the axis; only that of flexion has ticks at multiples of 15 or 30.
+    """
     from matplotlib.ticker import MultipleLocator
 
     low, high = np.nanmin(flexion), np.nanmax(flexion)
@@ -96,18 +113,6 @@ def mark_status(axes: Axes, x: np.ndarray, status: np.ndarray, color: str, heigh
     return handles
 
 
-def _columns_of_text(
-    axes: Axes, columns: Sequence[tuple[float, str, list[str]]], top: float, step: float
-) -> None:
-    """Columns of words, each word placed by itself: so its edge holds in every font."""
-    for x, side, words in columns:
-        for i, word in enumerate(words):
-            axes.text(
-                x, top - i * step, verbatim(word),
-                ha=side, va="top", fontsize=7.5, transform=axes.transAxes,
-            )  # fmt: skip
-
-
 def _as_measured(fit: Fit) -> np.ndarray:
     """Fitted poses in the frames of the measurement: with the offsets that were fitted."""
     table = np.array(fit.motion.table, float)
@@ -124,7 +129,7 @@ def motion_figure(calibration: Calibration) -> Figure:
         calibration: what to draw; every procedure is shown, the answer on top.
 
     Returns:
-        Translations on the left, rotations on the right, legend and errors in the sixth panel.
+        Translations on the left, rotations on the right, the legend in the sixth panel.
     """
     from matplotlib.figure import Figure
 
@@ -174,30 +179,24 @@ def motion_figure(calibration: Calibration) -> Figure:
 
 def _legend_panel(axes: Axes, handles: dict[str, Any], calibration: Calibration) -> None:
     axes.set_axis_off()
-    legend = axes.legend(
+    axes.legend(
         list(handles.values()),
         list(handles),
         loc="upper left",
         bbox_to_anchor=(0.0, 0.84),
         borderaxespad=0,
-        ncols=2 if len(handles) > 4 else 1,
-        handlelength=2.6,
+        ncols=1 if len(handles) <= 8 else 2,
+        handlelength=2.8,
         columnspacing=1.2,
         borderpad=0,
-        labelspacing=0.35,
-        fontsize=7.5,
-        markerscale=1.0 if len(calibration.measured) <= _DENSE else 1.5,
+        labelspacing=0.5,
+        markerscale=1.2 if len(calibration.measured) <= _DENSE else 2.0,
     )
-    rows_in_legend = -(-len(legend.get_texts()) // (2 if len(handles) > 4 else 1))
-    lines = ["Root mean square error", *(COORDINATES[name].axis_label for name in SHOWN)]
     if calibration.fit.offsets:
-        lines.append("Fitted motion and its errors: frame offsets added")
-    start = ["start", *(number(calibration.start_rmse.get(n, np.nan), 2) for n in SHOWN)]
-    columns = [(0.0, "left", lines), (0.61, "right", start)]
-    for i, fit in enumerate(calibration.fits[:3]):
-        values = [fit.procedure, *(number(fit.rmse.get(name, np.nan), 2) for name in SHOWN)]
-        columns.append((0.74 + 0.127 * i, "right", values))
-    _columns_of_text(axes, columns, 0.84 - 0.098 * rows_in_legend - 0.03, 0.093)
+        axes.text(
+            0.0, 0.0, "Fitted motions are drawn with their frame offsets.", fontsize=7.5,
+            transform=axes.transAxes,
+        )  # fmt: skip
 
 
 def _force_panel(
@@ -296,7 +295,7 @@ def simulation_figure(
         convention: of the table; said beside the legend.
 
     Returns:
-        Five coordinates, then ligament and contact forces.
+        Five coordinates, then ligament and contact forces with their legends below them.
     """
     from matplotlib.figure import Figure
 
@@ -308,22 +307,27 @@ def simulation_figure(
         ("Ligament force, N", ligament_names, np.asarray(ligament_forces, float), PARTS),
         ("Contact force, N", contact_names, np.asarray(contact_forces, float), CONTACT_PARTS),
     ]
-    figure = Figure(figsize=(WIDTH, 8.6))
+    most = max(len(ligament_names), len(contact_names), 1)
+    columns, line = (4, 0.16) if most <= 12 else (5, 0.115)
+    legends = line * -(-most // columns) + 0.05
+    height = 8.6 + legends
+    figure = Figure(figsize=(WIDTH, height))
     grid = figure.add_gridspec(
-        4, 2, left=0.085, right=0.98, top=0.97, bottom=0.052, wspace=0.2, hspace=0.48
-    )
+        4, 2, left=0.085, right=0.98, top=1 - 0.26 / height, bottom=(0.45 + legends) / height,
+        wspace=0.2, hspace=0.48,
+    )  # fmt: skip
     marks: dict[str, Any] = {}
     spots = [(0, 0), (1, 0), (2, 0), (0, 1), (1, 1)]
     for name, spot in zip(SHOWN, spots, strict=True):
         axes = figure.add_subplot(grid[spot])
-        axes.plot(x, table[:, _COLUMN[name]], color=START, **_curve(x, "-"))
+        axes.plot(x, table[:, _COLUMN[name]], color=GREY, **_curve(x, "-"))
         axes.set_title(COORDINATES[name].axis_label)
         marks |= mark_status(axes, x, status, VERMILLION, 0.03)
         flexion_axis(axes, x, spot in ((2, 0), (1, 1)), label=label)
     words = figure.add_subplot(grid[2, 1])
     words.set_axis_off()
-    words.text(0.0, 0.98, f"Coordinates: {convention} convention", va="top", fontsize=7.5)
-    lines = []
+    meaning = f"Convention {convention}: {CONVENTION_WORDS.get(convention, '')}".strip(": ")
+    words.text(0.0, 0.98, textwrap.fill(meaning, 46), va="top", fontsize=7.5)
     for column, (title, names, values, colors) in enumerate(forces):
         axes = figure.add_subplot(grid[3, column])
         axes.set_title(title)
@@ -332,11 +336,10 @@ def simulation_figure(
             _force_panel(axes, x, values, names, colors, "-", drawn)
         mark_status(axes, x, status, VERMILLION, 0.03)
         flexion_axis(axes, x, label=label)
-        lines += drawn
-    lines += list((handle, entry) for entry, handle in marks.items())
-    few = len(lines) <= 14
-    part_legend(
-        words, lines, (0.0, 0.72), ncols=2 if few else 3, fontsize=7.5 if few else 6.5,
-        handlelength=1.6, columnspacing=1.0, labelspacing=0.3,
-    )  # fmt: skip
+        below = -0.45 / (axes.get_position().height * height)
+        part_legend(
+            axes, drawn, (0.0, below), ncols=columns, fontsize=7.5 if columns == 4 else 6.0,
+            handlelength=1.4, columnspacing=0.9, labelspacing=0.3, borderpad=0,
+        )  # fmt: skip
+    part_legend(words, [(handle, entry) for entry, handle in marks.items()], (0.0, 0.46))
     return figure

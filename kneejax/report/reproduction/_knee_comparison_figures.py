@@ -63,7 +63,7 @@ def ramp_figure(found: KneeComparison, parameter: str) -> Figure:
         parameter: e.g. `MCL.prestretch`.
 
     Returns:
-        A column a knee: rotation over the moment, a line a value; the moment that each value
+        A column per knee: rotation over the moment, a line per value; the moment that each value
         holds; and the peak contact pressures at the moment at which all are compared.
     """
     from matplotlib.figure import Figure
@@ -245,8 +245,8 @@ def score_figure(found: KneeComparison) -> Figure:
         found: knees side by side.
 
     Returns:
-        A row a parameter, a block of columns an outcome, in it a column a knee. Numbers are means
-        of the scores in varus and valgus; hatched: the knee has not got the parameter, or
+        A row per parameter, a block of columns per outcome, in it a column per knee. Numbers are
+        means of the scores in varus and valgus; hatched: the knee does not have the parameter, or
         nothing could be compared.
     """
     import matplotlib

@@ -34,7 +34,7 @@ CLAIM_COLUMNS = ("number", "statement", "criterion", "printed", "ours", "verdict
 
 
 def outcome_rows(found: KneeComparison) -> Iterator[list[Any]]:
-    """Rows of outcomes.csv: one a knee, change and direction."""
+    """Rows of outcomes.csv: one per knee, change and direction."""
     for knee in found.knees:
         for one in knee.outcomes:
             values = [getattr(one, name) for name in LIMITS]
@@ -45,7 +45,7 @@ def outcome_rows(found: KneeComparison) -> Iterator[list[Any]]:
 
 
 def pressure_rows(found: KneeComparison) -> Iterator[list[Any]]:
-    """Rows of pressures.csv: one a knee, change, direction and contact."""
+    """Rows of pressures.csv: one per knee, change, direction and contact."""
     for knee in found.knees:
         for one in knee.outcomes:
             for i, contact in enumerate(knee.contacts):
@@ -57,7 +57,7 @@ def pressure_rows(found: KneeComparison) -> Iterator[list[Any]]:
 
 
 def score_rows(found: KneeComparison) -> Iterator[list[Any]]:
-    """Rows of scores.csv: one a knee, parameter and outcome; averages in the outcome's unit."""
+    """Rows of scores.csv: one per knee, parameter and outcome; averages in the outcome's unit."""
     for knee in found.knees:
         for one in knee.influences:
             average, scores = (list(x.values()) for x in (one.average, one.scores))
@@ -65,7 +65,7 @@ def score_rows(found: KneeComparison) -> Iterator[list[Any]]:
 
 
 def rotation_rows(found: KneeComparison) -> Iterator[list[Any]]:
-    """Rows of rotations.csv: one a knee, variant and step that it holds."""
+    """Rows of rotations.csv: one per knee, variant and step that it holds."""
     for knee in found.knees:
         names = [("", "unchanged"), *((c.parameter, c.label) for c in knee.changes)]
         for direction, run in knee.runs.items():

@@ -9,8 +9,9 @@ import numpy as np
 from kneejax.report.scene._pressure_map import PRESSURE_COLOURS
 from kneejax.report.scene._scene import Plateau, Scene
 
-#: Diverging colours of strain, grey at zero: a slack fibre is never white on white.
-STRAIN_COLOURS = "coolwarm"
+#: A slack fibre carries nothing, and fades: thin and grey. Strained ones are the redder the more.
+SLACK = "#A9ADB2"
+_REDS, _PALEST = "coolwarm", 0.58
 CONDYLE, GROUND, BONE, OBSTACLE = "#EADFCB", "#DDD6C8", "#E9E4D8", "#6FA8A0"
 BONE_OPACITY = {"femur": 0.25, "tibia": 0.4}
 
@@ -28,21 +29,30 @@ def pressure_limit(every: Sequence[Scene]) -> float:
     return peak if peak > 0 else 1.0
 
 
+def strain_colours():
+    """The scale of colours of strained fibres, from no strain to the largest."""
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap
+
+    return ListedColormap(colormaps[_REDS](np.linspace(_PALEST, 1.0, 256)))
+
+
 def strain_colour(strain: float, limit: float) -> str:
-    """Colour of a fibre, as `#rrggbb`.
+    """Colour of a fibre, as `#rrggbb`; grey where it is slack.
 
     Args:
-        strain: any; beyond the limits the last colour holds.
-        limit: strain at the end of the colours, on both sides of zero.
+        strain: any; beyond the limit the last colour holds.
+        limit: strain at the end of the colours.
 
     Example:
         >>> strain_colour(0.05, 0.05), strain_colour(-1.0, 0.05)
-        ('#b40426', '#3b4cc0')
+        ('#b40426', '#a9adb2')
     """
-    from matplotlib import colormaps
     from matplotlib.colors import to_hex
 
-    return to_hex(colormaps[STRAIN_COLOURS](0.5 + 0.5 * np.clip(strain / limit, -1.0, 1.0)))
+    if not strain > 0:
+        return to_hex(SLACK)
+    return to_hex(strain_colours()(min(strain / limit, 1.0)))
 
 
 def pressure_colours(plateau: Plateau, limit: float) -> np.ndarray:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kneejax.report.look import BLACK, GREY, WIDTH, styled, verbatim
-from kneejax.report.scene._colours import STRAIN_COLOURS, pressure_limit, strain_limit
+from kneejax.report.scene._colours import pressure_limit, strain_colours, strain_limit
 from kneejax.report.scene._pressure_map import PRESSURE_COLOURS, degrees, spread
 from kneejax.report.scene._render import VIEWS, Camera, camera, render
 from kneejax.report.scene._scene import Fibre, Scene
@@ -35,7 +35,7 @@ def scene_figure(scene: Scene, views: Sequence[str] = STILL) -> Figure:
         views: names in `VIEWS`.
 
     Returns:
-        The figure; fibres are coloured by strain (thin where slack), plateaux by pressure.
+        The figure; fibres are coloured by strain (thin and grey where slack), plateaux by pressure.
 
     Raises:
         MissingPackage: PyVista is not installed.
@@ -295,7 +295,7 @@ def _bars(figure: Figure, strain: float, pressure: float) -> None:
     page = figure.get_figwidth()
     width = min(0.5 * page - 0.5, 2.6)
     for middle, scale, colours, label in (
-        (0.27, Normalize(-100 * strain, 100 * strain), STRAIN_COLOURS, "Strain, %   (thin: slack)"),
+        (0.27, Normalize(0.0, 100 * strain), strain_colours(), "Strain, %   (thin, grey: slack)"),
         (0.75, Normalize(0.0, pressure), PRESSURE_COLOURS, "Contact pressure, MPa"),
     ):
         axes = _panel(figure, middle * page - 0.5 * width, 0.5, width, 0.1)

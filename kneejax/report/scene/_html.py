@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import html
+import json
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,9 +15,9 @@ from kneejax.report.scene._colours import (
     CONDYLE,
     GROUND,
     OBSTACLE,
-    STRAIN_COLOURS,
     pressure_limit,
     strain_colour,
+    strain_colours,
     strain_limit,
 )
 from kneejax.report.scene._grids import grid_triangles
@@ -29,13 +30,18 @@ _DECIMALS = 2
 _BONE_OPACITY = 0.25
 #: Bones reach so far above and below fibres and cartilage, mm.
 _SHAFT_MM = 15.0
+#: On a screen narrower than this, pixels, the legend stands below the knee, not upon it, and words
+#: take the place of the scales of colours.
+_NARROW = 600
+_VIEWPORT = '<meta name="viewport" content="width=device-width, initial-scale=1">'
 
 
 def scene_page(every: Sequence[Scene], most: int = 41) -> str:
     """A page that shows a knee in space; with several poses it has a slider.
 
     It can be turned and enlarged, groups of ligaments can be switched off, and a fibre under the
-    pointer tells its name, strain and tension. Everything is inside, the drawing library too.
+    pointer tells its name, strain and tension. Everything is inside, the drawing library too. On a
+    phone the legend stands below the knee, with the scales of colours in words.
 
     Args:
         every: scenes of one knee, from `scenes`.
@@ -63,13 +69,15 @@ def scene_page(every: Sequence[Scene], most: int = 41) -> str:
         if len(shown) > 1
     ]
     figure.update_layout(**_layout(shown, limits))
-    return figure.to_html(
+    page = figure.to_html(
         include_plotlyjs=True,
         full_html=True,
         auto_play=False,
         config={"displaylogo": False, "responsive": True},
         default_height="96vh",
+        post_script=_arrange(limits),
     )
+    return page.replace("<head>", f"<head>{_VIEWPORT}", 1)
 
 
 def _with_short_shafts(every: Sequence[Scene]) -> list[Scene]:
@@ -225,7 +233,7 @@ def _fibre(go, fibre: Fibre, limit: float, first: bool, count: int):
 
 
 def _axes(go, scene: Scene) -> list[Any]:
-    """Anatomical axes beside the knee, and a point that nobody sees for the strain's colours."""
+    """Anatomical axes beside the knee, and an invisible point for the strain's colours."""
     points = np.concatenate([scene.points_mm, *(bone.points_mm for bone in scene.bones)])
     low = scene.points_mm.min(axis=0)
     start = np.array([points[:, 0].min(), low[1], 0.5 * (points[:, 2].min() + points[:, 2].max())])
@@ -268,8 +276,8 @@ def _layout(shown: Sequence[Scene], limits: tuple[float, float]) -> dict[str, An
             },
         },
         "coloraxis": {
-            "cmin": -100 * strain, "cmax": 100 * strain, "colorscale": _scale(STRAIN_COLOURS),
-            "colorbar": {**bar, "title": "Strain, %", "y": 0.76},
+            "cmin": 0.0, "cmax": 100 * strain, "colorscale": _scale(strain_colours()),
+            "colorbar": {**bar, "title": "Strain, %<br>(grey: slack)", "y": 0.76},
         },
         "coloraxis2": {
             "cmin": 0.0, "cmax": pressure, "colorscale": _scale(PRESSURE_COLOURS, GROUND),
@@ -279,6 +287,32 @@ def _layout(shown: Sequence[Scene], limits: tuple[float, float]) -> dict[str, An
     if len(shown) > 1:
         layout["sliders"] = [_slider(shown)]
     return layout
+
+
+def _arrange(limits: tuple[float, float]) -> str:
+    """A script that makes room for the knee on a narrow screen."""
+    strain, pressure = limits
+    words = (
+        f"Fibres: strain 0 to {100 * strain:g} %, pale to dark red; grey: slack.<br>"
+        f"Plateaux: pressure 0 to {pressure:.1f} MPa, yellow to dark red."
+    )
+    below = {
+        "coloraxis.showscale": False,
+        "coloraxis2.showscale": False,
+        "scene.domain.y": [0.32, 1.0],
+        "legend": {"orientation": "h", "x": 0.0, "y": 0.2, "yanchor": "top"},
+        "modebar.orientation": "v",
+        "title.font.size": 12,
+        "annotations": [
+            {"text": words, "x": 0.02, "y": 0.3, "xref": "paper", "yref": "paper",
+             "xanchor": "left", "yanchor": "top", "align": "left", "showarrow": False,
+             "font": {"size": 11}}
+        ],
+    }  # fmt: skip
+    return (
+        "var page = document.getElementById('{plot_id}');\n"
+        f"if (page.clientWidth < {_NARROW}) Plotly.relayout(page, {json.dumps(below)});"
+    )
 
 
 def _slider(shown: Sequence[Scene]) -> dict[str, Any]:
@@ -299,13 +333,13 @@ def _title(scene: Scene) -> str:
     return _escaped(f"{scene.title} (the tibia held still)")
 
 
-def _scale(name: str, ground: str | None = None) -> list[list[Any]]:
+def _scale(colours: Any, ground: str | None = None) -> list[list[Any]]:
     """A matplotlib scale for the page; the colour of what is not pressed at its foot."""
     from matplotlib import colormaps
     from matplotlib.colors import to_hex
 
-    steps = np.linspace(0.0, 1.0, 33)
-    scale: list[list[Any]] = [[float(t), to_hex(colormaps[name](t))] for t in steps]
+    shades = colormaps[colours] if isinstance(colours, str) else colours
+    scale: list[list[Any]] = [[float(t), to_hex(shades(t))] for t in np.linspace(0.0, 1.0, 33)]
     return scale if ground is None else [[0.0, ground], [0.02, scale[0][1]], *scale[1:]]
 
 

@@ -242,10 +242,11 @@ def degrees(angle_deg: float) -> str:
 
 @styled
 def pressure_figure(knee: Knee, poses: Pose, most: int = 8) -> Figure:
-    """Pressure on the tibial plateaux from above, one panel a pose, on one scale of colours.
+    """Pressure on the tibial plateaux from above, one panel per pose, on one scale of colours.
 
     Anterior is up, the person's right is right: lateral is right on a right knee, left on a left
-    one. A cross marks each compartment's centre of pressure.
+    one. A cross marks each compartment's centre of pressure; lines are drawn at 20, 40, 60 and 80 %
+    of the largest pressure, which the scale of colours marks.
 
     Args:
         knee: any knee that has contacts.
@@ -292,16 +293,23 @@ def pressure_figure(knee: Knee, poses: Pose, most: int = 8) -> Figure:
         ScalarMappable(scale, PRESSURE_COLOURS), ax=panels, shrink=0.9, aspect=22, pad=0.02
     )
     bar.set_label("Contact pressure, MPa")
+    for level in _lines(scale.vmax):
+        bar.ax.axhline(level, color=BLACK, linewidth=0.6)
     bar.outline.set_visible(False)
     between = "    " if columns > 2 else "\n"
     figure.suptitle(
         f"{verbatim(knee.name)}, {knee.side} knee: tibial plateaux from above{between}"
-        "+ centre of pressure",
+        "+ centre of pressure, lines as on the scale",
         fontsize=9,
         x=0.01,
         ha="left",
     )
     return figure
+
+
+def _lines(most: float) -> np.ndarray:
+    """Pressures at which contours are drawn, MPa."""
+    return most * np.linspace(0.2, 0.8, 4)
 
 
 def _outline(fields: tuple[PlateauPressure, ...]) -> tuple[float, float, float, float]:
@@ -321,8 +329,7 @@ def _draw(axes: Axes, fields: tuple[PlateauPressure, ...], pose: int, scale, box
             shades = scale.vmax * np.linspace(0.01, 1.0, 25)
             shown = np.minimum(pressure, scale.vmax)
             axes.contourf(z, x, shown, shades, cmap=PRESSURE_COLOURS, norm=scale, zorder=1)
-            lines = scale.vmax * np.linspace(0.2, 0.8, 4)
-            axes.contour(z, x, shown, lines, colors=BLACK, linewidths=0.3, zorder=2)
+            axes.contour(z, x, shown, _lines(scale.vmax), colors=BLACK, linewidths=0.3, zorder=2)
             axes.plot(
                 field.center_mm[pose, 2], field.center_mm[pose, 0], "+",
                 color=BLACK, markersize=6, markeredgewidth=1.1, zorder=3,
@@ -344,6 +351,9 @@ def _compass(axes: Axes, knee: Knee, box: tuple[float, float, float, float]) -> 
     top = box[3] - 2.0
     arrow = {"arrowstyle": "-|>", "color": GREY, "lw": 0.7, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", (middle, top), (middle, top - 8.0), arrowprops=arrow)
-    axes.text(middle, top - 8.5, "ant", ha="center", va="top", fontsize=7, color=GREY)
+    axes.text(
+        middle, top - 8.5, "ant", ha="center", va="top", fontsize=7, color=GREY, zorder=4,
+        bbox={"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 0.6},
+    )  # fmt: skip
     axes.plot([middle - 5, middle + 5], [low + 0.4] * 2, color=BLACK, lw=1.2)
     axes.text(middle, low + 1.2, "10 mm", ha="center", va="bottom", fontsize=6.5)

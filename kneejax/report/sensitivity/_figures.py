@@ -47,13 +47,13 @@ def scale_words(local: LocalSensitivity) -> str:
 
 @styled
 def local_curves_figure(local: LocalSensitivity) -> Figure:
-    """Draw the slope of every coordinate by every parameter over flexion.
+    """Draw the derivative of every coordinate with respect to every parameter over flexion.
 
     Args:
         local: what to draw; of more than twelve parameters, those that move the knee most.
 
     Returns:
-        Translations on the left, rotations on the right, a line a parameter: the colour is its
+        Translations on the left, rotations on the right, a line per parameter: the colour is its
         ligament's, the dashes are its quantity's.
     """
     from matplotlib.figure import Figure
@@ -103,7 +103,7 @@ def most_moving(local: LocalSensitivity, most: int) -> list[int]:
 
 @styled
 def local_heatmap_figure(local: LocalSensitivity) -> Figure:
-    """Draw the same slopes as colours: parameters down, flexion across, a panel a coordinate.
+    """Draw the same slopes as colours: parameters down, flexion across, a panel per coordinate.
 
     Args:
         local: what to draw; of more than forty parameters, those that move the knee most.
@@ -146,7 +146,7 @@ def local_heatmap_figure(local: LocalSensitivity) -> Figure:
     words = panels[2, 1]
     words.set_axis_off()
     inch = 1 / (height * words.get_position().height)
-    for place, shift, kind in ((0.75, True, "translations, mm"), (1.45, False, "rotations, deg")):
+    for place, shift, kind in ((0.7, True, "translations, mm"), (1.35, False, "rotations, deg")):
         bar = figure.colorbar(
             colours[shift],  # pyright: ignore[reportArgumentType]
             cax=words.inset_axes((0.05, 1 - place * inch, 0.9, 0.13 * inch)),

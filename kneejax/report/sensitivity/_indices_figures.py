@@ -25,6 +25,8 @@ _WORDS = {
 }
 _MAIN = {"sobol": "total_order", "morris": "mu_star"}
 _OTHER = {"sobol": "first_order", "morris": "sigma"}
+#: Method -> what its bars measure.
+_AXIS = {"sobol": "Share of the variance", "morris": "Change over a parameter's range"}
 _HATCHES = ("", "/////", ".....", "xxxxx")
 
 
@@ -48,7 +50,7 @@ def fit_indices_figure(found: MotionIndices) -> Figure:
     # Morris' effects have units: each panel has its own axis then, which takes room.
     gap = 0.42 if found.indices.method == "sobol" else 0.58
     figure.subplots_adjust(
-        left=0.2, right=0.985, top=1 - 0.3 / height, bottom=0.95 / height, wspace=0.08,
+        left=0.2, right=0.985, top=1 - 0.3 / height, bottom=1.05 / height, wspace=0.08,
         hspace=gap / (height / 3 - 0.5),
     )  # fmt: skip
     handles: dict = {}
@@ -56,13 +58,15 @@ def fit_indices_figure(found: MotionIndices) -> Figure:
         axes = panels[k // 2, k % 2]
         title, unit = "Objective", ""
         if name:
-            title, unit = f"{COORDINATES[name].label}, rmse", COORDINATES[name].unit
+            title, unit = f"{COORDINATES[name].label}, RMSE", COORDINATES[name].unit
         handles |= _paired_bars(axes, found, found.row(name), shown)
         if found.indices.method == "morris" and unit:
             title += f", {unit}"
         axes.set_title(title)
         if found.indices.method == "sobol":
             axes.tick_params(labelbottom=k > 3)
+        if k > 3:
+            axes.set_xlabel(_AXIS[found.indices.method])
     figure.legend(
         handles.values(), handles, loc="lower center", bbox_to_anchor=(0.59, 0.36 / height),
         ncols=3, borderaxespad=0,
@@ -75,11 +79,11 @@ def _paired_bars(axes: Axes, found: MotionIndices, row: int, shown: list[int]) -
     indices = found.indices
     places = np.arange(len(shown))
     handles = {}
-    pair = ((_MAIN[indices.method], "#0072B2", -0.19), (_OTHER[indices.method], "#9CC6E0", 0.19))
+    pair = ((_MAIN[indices.method], "#0072B2", -0.22), (_OTHER[indices.method], "#9CC6E0", 0.22))
     for measure, colour, shift in pair:
         values = indices.measures[measure][row, shown]
         half = indices.half_widths.get(measure)
-        handles[_WORDS[measure]] = axes.barh(places + shift, values, 0.36, color=colour)
+        handles[_WORDS[measure]] = axes.barh(places + shift, values, 0.44, color=colour)
         if half is not None:
             handles[f"{100 * indices.confidence:g} % interval"] = axes.errorbar(
                 values, places + shift, xerr=half[row, shown], fmt="none", ecolor=BLACK,
@@ -102,8 +106,8 @@ def pose_indices_figure(found: MotionIndices) -> Figure:
         found: Sobol or Morris indices of a motion.
 
     Returns:
-        A panel a coordinate; groups of bars over flexion, one bar a parameter with its confidence
-        interval: the colour is its ligament's, the hatch its quantity's.
+        A panel per coordinate; groups of bars over flexion, one bar per parameter with its
+        confidence interval: the colour is its ligament's, the hatch its quantity's.
     """
     from matplotlib.figure import Figure
 
@@ -113,7 +117,7 @@ def pose_indices_figure(found: MotionIndices) -> Figure:
     figure = Figure(figsize=(WIDTH, 7.9))
     panels = figure.subplots(5, 1, sharex=True, sharey=indices.method == "sobol")
     figure.subplots_adjust(left=0.085, right=0.985, top=0.965, bottom=0.178, hspace=0.32)
-    width = 0.84 / len(shown)
+    width = 0.92 / len(shown)
     styles = looks(tuple(indices.names[i] for i in shown))
     handles = {}
     for axes, name in zip(panels, SHOWN, strict=True):
@@ -122,7 +126,7 @@ def pose_indices_figure(found: MotionIndices) -> Figure:
             places = np.arange(len(angles)) + (k - (len(shown) - 1) / 2) * width
             colour, quantity = styles[k]
             handles[readable(indices.names[i])] = axes.bar(
-                places, indices.measures[measure][rows, i], 0.9 * width, facecolor=colour,
+                places, indices.measures[measure][rows, i], 0.96 * width, facecolor=colour,
                 edgecolor="white", hatch=_HATCHES[quantity % len(_HATCHES)], linewidth=0,
             )  # fmt: skip
             axes.errorbar(
@@ -131,6 +135,7 @@ def pose_indices_figure(found: MotionIndices) -> Figure:
             )  # fmt: skip
         unit = f", {COORDINATES[name].unit}" if indices.method == "morris" else ""
         axes.set_title(f"{COORDINATES[name].label}: {_WORDS[measure]}{unit}")
+        axes.set_ylabel("Share" if indices.method == "sobol" else "Change")
         axes.set_ylim(bottom=0)
         axes.grid(axis="x", visible=False)
         _say_if_empty(axes, indices.measures[measure][rows])

@@ -17,17 +17,24 @@ if TYPE_CHECKING:
 
     from kneejax.inference import ParameterMap
 
-#: What is not coloured, by condition: hatch, and its legend entry. Dots lie upon the colours.
+#: What is not coloured, by condition: hatch, and its legend entry.
 _HATCHES = {
-    1: ("....", "outside fitted surfaces"),
     2: ("////", "unphysiological"),
     3: ("xxxx", "unstable"),
     4: ("\\\\\\\\", "no balance"),
 }
+#: The condition whose colours fade: numbers are valid there, but in doubt.
+_FADED = 1
+_FADED_LABEL = "faded: outside fitted surfaces"
 _COLOURS = "viridis"
-#: Contour lines of a decade; more than so many decades get fewer.
-_STEPS = (1.0, 2.0, 5.0)
-_START, _BEST = {"marker": "o", "markerfacecolor": "none"}, {"marker": "*"}
+#: Most decades -> levels of a decade: so many that a valley's floor shows.
+_STEPS = (
+    (1.3, (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)),
+    (2.7, (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)),
+    (5.0, (1.0, 2.0, 5.0)),
+    (9.0, (1.0, 3.0)),
+)
+_ERRORS = "Sums of squared errors between simulated and measured motion"
 
 
 @styled
@@ -38,16 +45,17 @@ def map_figure(found: ParameterMap) -> Figure:
         found: the map.
 
     Returns:
-        Six panels, contours over decades; regions that mean nothing are hatched, the start and
-        the best grid point are marked.
+        Six panels, contours over decades; regions that mean nothing are hatched, those outside the
+        fitted surfaces faded, the start and the best grid point are marked.
     """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(WIDTH, 5.3))
+    figure = Figure(figsize=(WIDTH, 5.55))
     panels = figure.subplots(2, 3, sharex=True, sharey=True)
     figure.subplots_adjust(
-        left=0.085, right=0.945, top=0.945, bottom=0.175, wspace=0.26, hspace=0.2
+        left=0.085, right=0.945, top=0.9, bottom=0.165, wspace=0.26, hspace=0.2
     )
+    figure.text(0.01, 0.99, f"{_ERRORS}; the objective is their weighted sum", va="top")
     names = list(COORDINATES)[1:]
     spots = [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2)]
     shown: list[tuple[str, np.ndarray]] = [("Objective", found.objective)]
@@ -74,7 +82,7 @@ def map_matrix_figure(found: Sequence[ParameterMap]) -> Figure:
         found: a map of every pair, the grids alike.
 
     Returns:
-        One panel a pair, all on one scale of colours.
+        One panel per pair, all on one scale of colours.
     """
     from matplotlib.figure import Figure
 
@@ -82,7 +90,7 @@ def map_matrix_figure(found: Sequence[ParameterMap]) -> Figure:
     for one in found:
         names += [name for name in one.names if name not in names]
     size = len(names) - 1
-    side = max(WIDTH, 1.15 * size + 1.2)
+    side = max(WIDTH, 1.4 * size + 1.3)
     figure = Figure(figsize=(side, side))
     panels = figure.subplots(size, size, squeeze=False)
     edge = 0.75 / side
@@ -101,12 +109,12 @@ def map_matrix_figure(found: Sequence[ParameterMap]) -> Figure:
         axes.set_axis_on()
         upright = one if names.index(one.names[0]) == low else _transposed(one)
         filled, marks = _filled(axes, upright, upright.objective, limits)
-        handles |= marks | _marks(axes, upright, upright.objective)
+        handles |= marks | _marks(axes, upright, upright.objective, figure)
         _axes(axes, upright, left=low == 0, bottom=high == size, small=True)
     if filled is not None:
         place = figure.add_axes((0.62, 0.93, 0.35, 0.016))
         bar = figure.colorbar(filled, cax=place, orientation="horizontal")
-        bar.set_label("Objective")
+        bar.set_label("Objective: weighted sum of squared errors")
         _decade_ticks(bar, limits)
     figure.legend(
         handles.values(), handles.keys(), loc="upper right", bbox_to_anchor=(0.985, 0.87),
@@ -158,6 +166,13 @@ def _filled(axes: Axes, found: ParameterMap, values: np.ndarray, limits):
         axes.contour(
             found.x, found.y, masked, levels, colors="white", linewidths=0.35, alpha=0.7
         )
+    doubtful = found.condition == _FADED
+    if doubtful.any():
+        inside = np.ma.masked_where(~_padded(doubtful), np.ones(doubtful.shape))
+        axes.contourf(
+            found.x, found.y, inside, [0.5, 1.5], colors="white", alpha=0.6, zorder=2
+        )
+        handles[_FADED_LABEL] = Patch(facecolor="#B5D5D2", edgecolor="none")
     for condition, (hatch, label) in _HATCHES.items():
         where = found.condition == condition
         if where.any():
@@ -178,11 +193,12 @@ def _padded(where: np.ndarray) -> np.ndarray:
 
 
 def _levels(low: float, high: float) -> np.ndarray:
-    """Levels that people can read: 1, 2, 5 of every decade, fewer where there are many."""
+    """Levels that people can read: some ten where there are few decades, fewer of each of many."""
     low, high = max(low, 1e-12), max(high, 1e-12)
     first, last = math.floor(math.log10(low)), math.ceil(math.log10(high * (1 + 1e-12)))
     last = max(last, first + 1)
-    steps = _STEPS if last - first <= 5 else (1.0, 3.0) if last - first <= 9 else (1.0,)
+    decades = math.log10(high / low) if high > low else 0.0
+    steps = next((steps for most, steps in _STEPS if decades <= most), (1.0,))
     levels = np.array([s * 10.0**d for d in range(first, last) for s in steps] + [10.0**last])
     inside = levels[(levels > low) & (levels < high)]
     below, above = levels[levels <= low][-1:], levels[levels >= high][:1]
@@ -214,8 +230,16 @@ def _plain(x: float) -> str:
     return f"$10^{{{exponent}}}$" if digit == 1 else f"${digit}\\cdot10^{{{exponent}}}$"
 
 
-def _marks(axes: Axes, found: ParameterMap, values: np.ndarray) -> dict[str, Any]:
-    """Where the search begins, and the best grid point of what is drawn."""
+def _marks(
+    axes: Axes, found: ParameterMap, values: np.ndarray, above: Figure | None = None
+) -> dict[str, Any]:
+    """Where the search begins, and the best grid point of what is drawn.
+
+    Of panels that stand close the best point belongs to the figure `above` them: on an edge the
+    next panel would cut it.
+    """
+    from matplotlib.lines import Line2D
+
     handles = {}
     style = {"color": "white", "linestyle": "none", "clip_on": False, "zorder": 6}
     dark = {"markeredgecolor": "black", "markeredgewidth": 0.8}
@@ -228,10 +252,10 @@ def _marks(axes: Axes, found: ParameterMap, values: np.ndarray) -> dict[str, Any
         )
     if np.isfinite(best).any():
         row, column = np.unravel_index(np.argmin(best), best.shape)
-        (handles["lowest grid point"],) = axes.plot(
-            found.x[column], found.y[row], "*", markersize=9,
-            **{**style, **dark, "color": VERMILLION},
-        )  # fmt: skip
+        looks = {"marker": "*", "markersize": 9, **style, **dark, "color": VERMILLION}
+        star = Line2D([found.x[column]], [found.y[row]], transform=axes.transData, **looks)
+        (axes if above is None else above).add_artist(star)
+        handles["lowest grid point"] = star
     return handles
 
 
@@ -260,7 +284,8 @@ def _axes(axes: Axes, found: ParameterMap, left: bool, bottom: bool, small: bool
 
 
 def _legend(figure: Figure, handles: dict[str, Any]) -> None:
-    order = ["start", "lowest grid point", *(label for _, label in _HATCHES.values())]
+    order = ["start", "lowest grid point", _FADED_LABEL]
+    order += [label for _, label in _HATCHES.values()]
     labels = [label for label in order if label in handles]
     figure.legend(
         [handles[label] for label in labels], labels, loc="lower center",

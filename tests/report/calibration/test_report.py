@@ -19,6 +19,7 @@ from kneejax import report
 from kneejax.inference.calibration._quality import Fault, Misfit
 from kneejax.inference.calibration._result import Ending
 from kneejax.inference.intervals._intervals import IntervalKind
+from kneejax.report.look import SHOWN
 from kneejax.statics._status import Status
 
 ODD = 'A<b>&"C"$x$'
@@ -88,13 +89,13 @@ def paths(folder):
 
 def test_files_are_complete_and_the_page_needs_nothing_else(folder, paths):
     assert paths[0] == folder / "report.html"
-    assert len(paths) == 13
+    assert len(paths) == 11
     assert all(path.stat().st_size > 1000 for path in paths)
     assert sorted(p for p in folder.rglob("*") if p.is_file()) == sorted(paths)
     page = paths[0].read_text(encoding="utf-8")
     assert not re.search(r"""(?:src|href)\s*=\s*["']?\s*(?:https?:)?//""", page)
     assert not re.search(r"<script|<link|@import|url\((?!#)", page)
-    assert page.count("<svg") == 6
+    assert page.count("<svg") == 5
     identifiers = re.findall(r'\bid="([^"]+)"', page)
     assert len(identifiers) == len(set(identifiers))
 
@@ -105,9 +106,10 @@ def test_what_is_wider_than_the_screen_scrolls_in_its_own_box(paths):
         assert page.count(f'<div class="wide"><{wide}') == page.count(f"<{wide}") > 0
     style = page[page.index("<style>") : page.index("</style>")]
     assert ".wide { overflow-x: auto;" in style
-    # A figure shrinks with the screen: nothing but a column of a table asks for a width.
+    # On a phone a figure keeps a width at which it can be read, and says that it scrolls.
     widths = re.findall(r"([^{}]*){[^{}]*min-width", style)
-    assert [selector.strip() for selector in widths] == ["td:last-child:not(.n)"]
+    assert [selector.strip() for selector in widths] == ["td:last-child:not(.n)", "figure svg"]
+    assert 'content: "scroll sideways for more"' in style
 
 
 def test_page_names_every_parameter_and_warning(paths):
@@ -232,10 +234,10 @@ def test_simulation_is_drawn_even_at_constant_flexion(tmp_path):
     assert "Step" in paths[1].read_text(encoding="utf-8")
 
 
-def test_coordinates_are_those_of_every_table():
-    from kneejax.geometry import COLUMNS
+def test_figures_show_every_free_coordinate_of_the_tables():
+    from kneejax.geometry import FREE_COORDINATES
 
-    assert tuple(one.column for one in report.COORDINATES.values()) == COLUMNS
+    assert sorted(SHOWN) == sorted(FREE_COORDINATES)
 
 
 @pytest.mark.parametrize(

@@ -69,7 +69,7 @@ def test_levels_are_round_and_cover_the_values(low, high):
     assert levels[0] <= low and levels[-1] >= high
     assert 2 <= len(levels) <= 18
     mantissa = levels / 10.0 ** np.floor(np.log10(levels) + 1e-9)
-    assert np.isin(np.round(mantissa, 6), [1.0, 2.0, 3.0, 5.0]).all()
+    assert np.isin(np.round(mantissa, 6), [1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 7, 8]).all()
 
 
 def test_all_pairs_stand_in_a_triangle():
