@@ -41,7 +41,7 @@ class Design:
             `(chosen + 1, p)`.
         criterion_values: before and after each chosen test, `(chosen + 1,)`, in units of the
             scales: for D the geometric mean of the half axes of the confidence ellipsoid, for A
-            the root mean square of the standard errors. 1 is what is known of any knee.
+            the root mean square of the standard errors. 1 is the prior.
         gains: of each candidate as the very next test, `(candidates,)`: for D information in bits,
             for A the part of the mean squared standard error that it takes away; NaN where left
             out.
@@ -76,7 +76,7 @@ class Design:
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """One a chosen test: what to do, and which parameter profits most."""
+        """One per chosen test: what to do, and which parameter profits most."""
         words = ["Next", *["Then"] * (len(self.chosen) - 1)]
         return tuple(
             f"{word}: {test}; it cuts the standard error of {_profit(self, step)}."
@@ -98,8 +98,8 @@ def design_tests(
 ) -> Design:
     """Choose the tests that tell most about a knee's parameters, on top of data that exist.
 
-    Candidates are foreseen with the parameters of the fit, to first order: what a test tells is
-    the exact derivative of its pose by the parameters.
+    Candidates are predicted with the parameters of the fit, to first order: what a test tells is
+    the exact derivative of its pose with respect to the parameters.
 
     Args:
         selection: the parameters.
@@ -184,7 +184,7 @@ def told_by(
 
     Args:
         candidates: the tests; only what they measure counts.
-        jacobian: of the five coordinates by the parameters, `(candidates, 5, p)`.
+        jacobian: of the five coordinates with respect to the parameters, `(candidates, 5, p)`.
         noise: standard deviations, `(5,)`.
         scale: of the parameters, `(p,)`.
     """
@@ -308,9 +308,9 @@ def _base(known: Information, prior: np.ndarray | None):
     if np.linalg.eigvalsh(known.matrix)[0] >= 1.0:
         return known.matrix, None, []
     note = (
-        "The data alone leave combinations of parameters less certain than they are for any knee. "
-        "What is known of any knee (the scale of each parameter, as a standard deviation) is "
-        "therefore part of every number here."
+        "The data alone leave combinations of parameters less certain than the prior. The prior "
+        "(each parameter's spread between knees, as a standard deviation) is therefore part of "
+        "every number here."
     )
     return known.matrix + np.eye(len(known.names)), known.scale, [note]
 

@@ -15,7 +15,7 @@ from kneejax.statics import Slopes, Stations, balance_with_slopes
 
 @dataclasses.dataclass(frozen=True)
 class StationDerivatives:
-    """Poses at stations, and how parameters move them; rows that failed are NaN.
+    """Poses at load cases, and how parameters move them; rows that failed are NaN.
 
     Attributes:
         slopes: the balances in full, one variant.
@@ -30,7 +30,7 @@ class StationDerivatives:
 
     @property
     def jacobian(self) -> np.ndarray:
-        """Derivative of the table by the parameters, `(stations, 5, p)`."""
+        """Derivative of the table with respect to the parameters, `(stations, 5, p)`."""
         return self.slopes.jacobian[0] * TABLE_UNITS[:, None]
 
     @property
@@ -39,7 +39,7 @@ class StationDerivatives:
         return self.slopes.status[0]
 
     def take(self, rows: Sequence[int]) -> StationDerivatives:
-        """Some of the stations, in the order of `rows`."""
+        """Some of the load cases, in the order of `rows`."""
         found, place = self.slopes, list(rows)
         arrays = {
             field.name: getattr(found, field.name)[:, place]
@@ -58,14 +58,14 @@ def station_derivatives(
 ) -> StationDerivatives:
     """Balance a knee at flexions with loads, and differentiate each pose by the parameters.
 
-    Every station is reached as a test is made: the knee is bent without the load, which then grows.
+    Every load case is reached as a test is made: the knee is bent without load, then loaded.
 
     Args:
         selection: the parameters.
         knee: gives everything else.
         values: of the parameters, `(p,)`.
-        stations: in any order; none depends on another.
-        near: balanced poses at these stations, of parameters close by, to predict from instead.
+        stations: the load cases, in any order; none depends on another.
+        near: balanced poses at these load cases, of parameters close by, to predict from instead.
 
     Returns:
         Poses, exact derivatives (the implicit function theorem) and outcomes.

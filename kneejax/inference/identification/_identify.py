@@ -46,7 +46,7 @@ class Identification:
         data: how many numbers were measured.
         converged: whether the fit converged.
         information: Fisher information at the fit.
-        profiles: one a parameter; empty if none were asked for.
+        profiles: one per parameter; empty if none were asked for.
         intervals: what they say of each parameter; likewise.
         motion: the poses of the fit, without frame offsets.
         problem: for what builds on the fit (posterior, next test).

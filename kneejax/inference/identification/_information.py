@@ -95,7 +95,8 @@ def information(
     linear over their width; no unbiased estimate does better.
 
     Args:
-        jacobian: derivative of what is measured by the parameters, `(5, n, p)` or `(rows, p)`.
+        jacobian: derivative of what is measured with respect to the parameters, `(5, n, p)` or
+            `(rows, p)`.
             Poses that are not finite count for nothing.
         noise: standard deviation of what is measured: `(5,)` in the order of
             `kneejax.geometry.FREE_COORDINATES` (`noise_of`), or `(rows,)`, or one for all.

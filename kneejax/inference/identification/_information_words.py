@@ -105,9 +105,10 @@ def fixed_combination(
         sentence += f" {'-' if weight < 0 else '+'} {factor}{term}"
     deviation, others = _deviation(index, rows, eigenvalues, eigenvectors)
     known = deviation / abs(weights[0])
-    unit = "" if parts[0] else unit_of(names[rows[0]])
-    width = f"{short(known)}{unit}" if unit else f"{short(100 * known)} %"
-    return f"The data fix {sentence}{others} to {width}."
+    error = f"{short(known)}{unit_of(names[rows[0]]) or ' strain'}"
+    if parts[0]:
+        error = f"{short(100 * known)} %"
+    return f"Well-determined combination: {sentence}{others}, standard error {error}."
 
 
 def _deviation(
@@ -123,7 +124,7 @@ def _deviation(
         alone = float(np.sqrt((overlap[known] / eigenvalues[known]).sum()))
         if alone < _NEARLY * whole:
             return alone, ""
-    return whole, " with small parts of others"
+    return whole, ", with small parts of others"
 
 
 def loose_combination(
@@ -149,14 +150,14 @@ def loose_combination(
     alone = float(np.linalg.norm(np.sqrt(eigenvalues) * (eigenvectors.T @ named)))
     others = ", with small changes of others," if alone > 1.5 * trace + 0.01 else ""
     together = " together" if len(rows) > 1 and not others else ""
-    return f"Changing {joined(changes)}{together}{others} moves the data {noise_words(trace)}."
+    return f"Changing {joined(changes)}{together}{others} {noise_words(trace)}."
 
 
 def noise_words(deviations: float) -> str:
-    """How far data move, as a multiple of their noise."""
-    if deviations < 1e-3:
-        return "by nothing that counts"
-    return f"by {short(deviations)} standard deviation{'s' * (deviations != 1.0)} of their noise"
+    """What a change does to the data, as a multiple of their noise."""
+    size = "less than 0.001" if deviations < 1e-3 else short(deviations)
+    seen = "would be invisible" if deviations < 1.0 else "would hardly show"
+    return f"{seen} ({size} x noise)"
 
 
 def _signed(value: float) -> str:
@@ -195,7 +196,7 @@ def reason(
         causes.append(_rivals(row, names, weighted, held))
     elif seen > 1e-3 or not where:
         change = f"{short(scale[row])}{unit_of(names[row])}"
-        causes.append(f"a change by {change} moves the data {noise_words(seen)}")
+        causes.append(f"a change of {change} {noise_words(seen)}")
     return begin + "; ".join(causes) + "."
 
 

@@ -72,11 +72,12 @@ def test_a_stiff_combination_is_named_with_its_standard_error():
     """Only x - 0.5 y is seen."""
     found = information([[1.0, -0.5]] * 4, 0.002, TWO, ONE, scale=np.full(2, 0.02))
     assert found.stiff == (
-        "The data fix ACL reference strain - 0.5 PCL reference strain to 0.1 %.",
+        "Well-determined combination: ACL reference strain - 0.5 PCL reference strain, standard "
+        "error 0.001 strain.",
     )
     (loose,) = found.sloppy
     assert "PCL reference strain by +0.02" in loose and "ACL reference strain by +0.01" in loose
-    assert "together moves the data by nothing that counts" in loose
+    assert "together would be invisible (less than 0.001 x noise)" in loose
     assert not found.determined.any() and np.isinf(found.standard_error).all()
     assert "PCL reference strain makes up for it exactly" in found.reasons[0]
 
@@ -86,7 +87,8 @@ def test_unlike_quantities_are_added_as_parts_of_their_values():
     # Seen is the strain, plus a tenth of the stiffness' part of its value.
     found = information([[1.0, 0.1 / 4000.0]], 0.001, names, values)
     assert found.stiff == (
-        "The data fix (ACL stiffness / 4,000 N) + 10 ACL reference strain to 1 %.",
+        "Well-determined combination: (ACL stiffness / 4,000 N) + 10 ACL reference strain, "
+        "standard error 1 %.",
     )
 
 
