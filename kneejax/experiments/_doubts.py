@@ -45,7 +45,7 @@ def doubts(knee: Knee, found: Mechanics, also: Sequence[str] | None = None) -> t
         also: what else is known of each pose, e.g. how far a search was from a balance.
 
     Returns:
-        A text a pose; empty where there is nothing to say. Several doubts are parted by `; `.
+        A text per pose; empty where there is nothing to say. Several doubts are separated by `; `.
     """
     found, flips = jax.tree.map(np.asarray, found), flipped(found)
     also = [""] * len(flips) if also is None else also
@@ -63,7 +63,7 @@ def of_search(motion: Motion, loads: Mapping[str, float] | None = None) -> tuple
         loads: those that acted, by the names of `kneejax.mechanics.NAMED_LOADS`.
 
     Returns:
-        A text a pose, empty where a balance was found; for `doubts`.
+        A text per pose, empty where a balance was found; for `doubts`.
     """
     motion = jax.tree.map(np.asarray, motion)
     lost = ~converged(motion.status)

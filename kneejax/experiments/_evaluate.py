@@ -90,7 +90,7 @@ class Mechanics(eqx.Module):
 def evaluate(knee: Knee, poses: Pose, meeting: Array | None = None) -> Mechanics:
     """Ligaments and contact at given poses; nothing is solved.
 
-    Many poses are taken in chunks, on all cores: memory does not grow with their number.
+    Many poses are computed in batches on all cores, so memory does not grow with their number.
 
     Args:
         knee: any knee.
@@ -98,8 +98,8 @@ def evaluate(knee: Knee, poses: Pose, meeting: Array | None = None) -> Mechanics
         meeting: meeting points if they are known, `(n, 2, poses)`; searched by default.
 
     Returns:
-        The mechanics of each pose, differentiable by poses and knee. Depth beyond the layer gives
-        NaN pressure by the log and ratio laws; `max_depth` says so.
+        The mechanics of each pose, differentiable with respect to poses and knee. Depth beyond the
+        layer gives NaN pressure by the log and ratio laws; `max_depth` says so.
 
     Example:
         >>> import kneejax as kj

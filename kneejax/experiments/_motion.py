@@ -174,14 +174,14 @@ def passive_flexion(
         knee: any knee; the loads that it carries itself act from the beginning.
         flexion_deg: prescribed angles, `(poses,)` or one; where flexion is free, those of the
             beginning.
-        loads: further loads on the tibia, each one for all poses or one a pose.
+        loads: further loads on the tibia, each one for all poses or one per pose.
         held: column -> value, degrees or mm, of further coordinates that are prescribed, one for
-            all poses or one a pose, e.g. `{"anterior_mm": [-5.0, 0.0, 5.0]}`.
+            all poses or one per pose, e.g. `{"anterior_mm": [-5.0, 0.0, 5.0]}`.
         flexion_is_free: whether flexion balances too.
 
     Returns:
-        The motion, differentiable by every number of the knee. Poses that fail are NaN in their
-        own row and say so in `status`.
+        The motion, differentiable with respect to every number of the knee. Poses that fail are
+        NaN in their own row, with the reason in `status`.
 
     Raises:
         ValueError: `held` names no coordinate of the tibia.

@@ -45,7 +45,7 @@ def peak_pressure(knee: Knee, poses: Pose, meeting: Array, share: float = 0.1) -
         share: of the touching area.
 
     Returns:
-        One row a pose, one column a contact.
+        One row per pose, one column per contact.
 
     Source: paper 4, section 2.4.1.
     """

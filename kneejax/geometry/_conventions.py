@@ -75,10 +75,10 @@ def grood_suntay_axes(tibia: Placement) -> Rotation:
         tibia: its placement in the femur.
 
     Returns:
-        Three unit vectors in femur axes: the floating axis (forwards; square to the other two), the
-        tibia's long axis (towards the femur), the femur's transverse axis (lateral). The last two
-        stand at a right angle only without adduction. At 90 degrees of adduction they are one,
-        and the floating axis is zero.
+        Three unit vectors in femur axes: the floating axis (forwards; perpendicular to the other
+        two), the tibia's long axis (towards the femur), the femur's transverse axis (lateral). The
+        last two stand at a right angle only without adduction. At 90 degrees of adduction they
+        coincide, and the floating axis is zero.
 
     Source: Grood and Suntay (1983), Fig 2.
 

@@ -1,4 +1,4 @@
-"""How well joint models foretell measured motion: the statistics of paper 5, Tables 1 to 5."""
+"""How well joint models predict measured motion: the statistics of paper 5, Tables 1 to 5."""
 
 from __future__ import annotations
 
@@ -67,12 +67,12 @@ class Difference:
 
 @dataclasses.dataclass(frozen=True)
 class Prediction:
-    """How well a model foretells measured values (paper 5, Table 5).
+    """How well a model predicts measured values (paper 5, Table 5).
 
     Attributes:
         model: its name.
         points: how many values each number is of: subjects times compared flexions.
-        r2: shape `(5,)`: of the straight line, with an intercept, that foretells measured from
+        r2: shape `(5,)`: of the straight line, with an intercept, that predicts measured from
             modelled values of all subjects and compared flexions together: the square of their
             correlation. NaN where the model does not move.
         adjusted_r2: `1 - (1 - r2) (points - 1) / (points - 2)`: one predictor.
@@ -93,13 +93,13 @@ class Comparison:
 
     Attributes:
         flexion_deg: shape `(n,)`; means where subjects were flexed a little differently.
-        compared: shape `(n,)`: false where a model was calibrated, so that it foretells nothing.
+        compared: shape `(n,)`: false where a model was calibrated, so that it predicts nothing.
         measured: shape `(subjects, n, 5)`, mm and degrees, in the order of `MEASURES`.
         models: name -> likewise; NaN where a model has no pose.
         summaries: of the measured motion and of each model.
         differences: of measured and models, then of models among each other.
-        predictions: one a model.
-        tests: one a measure and compared flexion, measure by measure; None where a model has no
+        predictions: one per model.
+        tests: one per measure and compared flexion, measure by measure; None where a model has no
             pose. Empty where there is no analysis of variance.
         alpha: level of the tests.
         notes: sentences that belong to the tables.

@@ -40,7 +40,8 @@ def between(knots: Array, values: Array, slopes: Array | None, x: Array) -> Arra
 def monotone_slopes(knots: Array, values: Array) -> Array:
     """Slopes of the cubic pieces that rise and fall only where the values do (PCHIP).
 
-    A slope has no derivative by the values where a value equals both neighbours; zero is given.
+    A slope has no derivative with respect to the values where a value equals both neighbours;
+    zero is given.
 
     Args:
         knots: shape `(k,)`, increasing, two or more.

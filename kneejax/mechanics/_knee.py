@@ -27,7 +27,7 @@ class Knee(eqx.Module):
     Attributes:
         ligaments: all fibres.
         contacts: the compartments.
-        contact_names: one name a compartment, e.g. `medial`.
+        contact_names: one name per compartment, e.g. `medial`.
         loads: wrenches on the tibia that act in every experiment on this knee.
         lines: lines of constant tension.
         reference_pose: where reference strains and reference lengths are stated.
@@ -96,7 +96,7 @@ class Knee(eqx.Module):
         Args:
             function: returns a pytree of arrays.
             tibia: placement of the tibia.
-            meeting: an array, or a tuple of arrays, with one row a contact.
+            meeting: an array, or a tuple of arrays, with one row per contact.
 
         Returns:
             The answers, stacked along a leading axis of length `n`.

@@ -39,7 +39,7 @@ def read_axis_points(path: str | os.PathLike[str], side: str = "right") -> AxisP
 
     A YAML file gives each axis `medial_mm` and `lateral_mm`, three coordinates each, in the frame
     in which the femur's poses are measured: X anterior, Y superior, Z to the person's right. A CSV
-    table (ending in `.csv`) has a row a point with the columns `axis`, `side` (`medial` or
+    table (ending in `.csv`) has a row per point with the columns `axis`, `side` (`medial` or
     `lateral`), `anterior_mm`, `superior_mm`, `lateral_mm`: by meaning, the same for both knees.
 
     Args:

@@ -144,8 +144,9 @@ class TautPath(NamedTuple):
     Attributes:
         length: mm.
         excess: length minus the distance of the ends, mm; 0 where the path is free.
-        pull_start: derivative of the length by the start, a direction wherever it wraps.
-        pull_end: derivative of the length by the end.
+        pull_start: derivative of the length with respect to the start, a direction wherever it
+            wraps.
+        pull_end: derivative of the length with respect to the end.
         angle: rad; positive where the path wraps. The angle that it turns by, in the plane of
             its ends and the centre, where the obstacle is scaled to a sphere; minus the angle by
             which it is free.
@@ -189,8 +190,8 @@ def taut(
 
     Returns:
         The path. `pull_start` and `pull_end` are exact derivatives of `length` and can be
-        differentiated once more, by the ends and by the shape; contact points, side and flags
-        carry no derivative. An end inside the obstacle leaves the path straight.
+        differentiated once more, with respect to the ends and the shape; contact points, side and
+        flags carry no derivative. An end inside the obstacle leaves the path straight.
 
     Example:
         >>> path = taut(WrapSphere(10.0), (-20.0, 0.0, 5.0), (20.0, 0.0, 5.0))

@@ -88,7 +88,7 @@ def _cell(x: Array, count: int) -> tuple[Array, Array]:
 
 
 def _weights(x: Array, count: int, order: int) -> list[tuple[Array, ...]]:
-    """The four basis functions of a cell and their derivatives by the scaled variable."""
+    """The four basis functions of a cell and their derivatives in the scaled variable."""
     y, zero = 1.0 - x, jnp.zeros_like(x)
     rows = (
         (y * y * y / 6.0, ((3.0 * x - 6.0) * x * x + 4.0) / 6.0,

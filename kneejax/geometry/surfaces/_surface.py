@@ -24,10 +24,10 @@ from kneejax.numerics import arctan2, safe_sqrt
 
 
 class Jet(eqx.Module):
-    """A surface's point and its partial derivatives by the parameters.
+    """A surface's point and its partial derivatives with respect to the parameters.
 
     Each is given by its three coefficients along vectors that turn with the surface (for a
-    condyle: the ray, its derivative by the angle, the axis), so that a rigid motion has to turn
+    condyle: the ray, its derivative in the angle, the axis), so that a rigid motion has to turn
     three vectors instead of six.
 
     Attributes:
@@ -59,7 +59,7 @@ class Height(eqx.Module):
         value: in a unit of its own: only `value / |gradient|` is a distance.
         gradient: by x, y, z.
         hessian: rows by x, y, z; None where it vanishes.
-        third: derivatives of the hessian by x, y, z, if they were asked for and do not vanish.
+        third: derivatives of the hessian along x, y, z, if they were asked for and do not vanish.
     """
 
     value: Array
@@ -257,7 +257,7 @@ def continued(value: Array, limits: Array, reach: float) -> tuple[Array, Array, 
         reach: how far beyond them the coordinate goes at most, in its own unit.
 
     Returns:
-        The scaled coordinate, and its first two derivatives by the coordinate.
+        The scaled coordinate, and its first two derivatives with respect to the coordinate.
     """
     nearest = jnp.clip(value, limits[0], limits[1])
     s, factor = scaled(nearest, limits)

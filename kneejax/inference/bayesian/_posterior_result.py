@@ -114,7 +114,7 @@ class Posterior:
     def to_arviz(self) -> Any:
         """The same as an ArviZ `InferenceData`.
 
-        Groups: `posterior` (one variable a parameter, under its name), `sample_stats` (`lp`,
+        Groups: `posterior` (one variable per parameter, under its name), `sample_stats` (`lp`,
         `diverging`), `posterior_predictive` (`motion`: without noise, over `flexion_deg` and
         `coordinate`, of fewer draws), `observed_data`, `constant_data` (`noise`).
 

@@ -100,7 +100,7 @@ class Surety:
     """How sure an answer is.
 
     Attributes:
-        intervals: one a value.
+        intervals: one per value.
         likeliest: values at the maximum of the likelihood, `(p,)`.
         correlation: of the answer's values, `(p, p)`; NaN for those on a bound.
         noise: standard deviation of each coordinate, degrees and mm, `(5,)`.
@@ -126,7 +126,7 @@ def sureties(
     upper: np.ndarray,
     names: Sequence[tuple[str, str]],
 ) -> list[Surety]:
-    """How sure answers are that made a weighted sum of squares small, many at once.
+    """Limits of many fits at once that minimised a weighted sum of squares.
 
     Weights need not be the inverse variances of the measurement (those of paper 1 are not). Limits
     are therefore taken from the likelihood, around its own best fit, and so are the same whatever
@@ -143,7 +143,7 @@ def sureties(
         names: of the values, with their units.
 
     Returns:
-        One an answer.
+        One per answer.
     """
     unknown, size = bool(np.isnan(stated).any()), len(names)
     spare = int((weights > 0).sum() * data.counted.sum()) - size

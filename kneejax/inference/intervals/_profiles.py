@@ -85,7 +85,7 @@ def profiles(
             known.
 
     Returns:
-        One profile a parameter.
+        One profile per parameter.
     """
     balance = balances_of(knee, selection, data.stations)
     names = named(selection)
@@ -126,7 +126,7 @@ def follow(
         leave: whether a fit is left alone as soon as an arm of it finds a better one.
 
     Returns:
-        For each fit one profile a value; and balances at the lowest of the last points of its arms.
+        For each fit one profile per value; and balances at the lowest of its arms' last points.
     """
     residual, slope = data.residual(fits)
     best = np.sum(residual**2, axis=1)

@@ -40,7 +40,7 @@ def uncertainty(
     rotations estimated from the residuals themselves where they are not known.
 
     Args:
-        jacobian: derivative of the coordinates by the parameters, `(5, n, p)`.
+        jacobian: derivative of the coordinates with respect to the parameters, `(5, n, p)`.
         error: model minus measurement, `(5, n)`.
         weights: of the objective, `(5,)`; a coordinate without weight tells nothing.
         held: parameters that do not move (at a bound), `(p,)`.

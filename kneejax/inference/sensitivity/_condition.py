@@ -11,17 +11,17 @@ from kneejax.statics import FAILURES, Status, converged, fails
 
 
 class Condition(enum.IntEnum):
-    """What became of the motion at a grid point: the worst over its poses.
+    """Outcome of the motion at a grid point: the worst over its poses.
 
     Attributes:
         sentence: what that means.
     """
 
     SOUND = 0, "balanced, stable and physiological at every pose"
-    OUTSIDE_REGION = 1, "balanced; the surfaces meet outside their fitted region at some pose"
+    OUTSIDE_REGION = 1, "equilibrium found, but contact lies off the fitted cartilage at some pose"
     UNPHYSIOLOGICAL = (
         2,
-        "balanced, but no pose of a knee: farther from its own motion than any knee moves, "
+        "equilibrium found, but unphysiological: farther from the baseline motion than knees move, "
         "dislocated, or at a fault that the study counts as a failure",
     )
     UNSTABLE = 3, "forces balance, but a small push would move the knee away at some pose"

@@ -31,10 +31,10 @@ class Moved:
         table: poses `(n, 6)` in the order of `kneejax.geometry.COLUMNS`, degrees and mm; NaN where
             there is no balance.
         status: `Status` values, `(n,)`.
-        unphysiological: balanced, but farther from the knee's own motion than any knee moves,
+        unphysiological: balanced, but farther from the baseline motion than any knee moves,
             `(n,)`.
-        jacobian: exact derivative of the free coordinates (degrees, mm) by the parameters,
-            `(5, n, p)`; NaN where there is no balance.
+        jacobian: exact derivative of the free coordinates (degrees, mm) with respect to the
+            parameters, `(5, n, p)`; NaN where there is no balance.
         objective: weighted sum of squared errors; NaN where a pose that counts has no balance.
         condition: the worst over the poses.
     """

@@ -1,4 +1,4 @@
-"""Local sensitivity: the exact slope of every coordinate by every parameter, over flexion."""
+"""Local sensitivity: exact derivatives of the coordinates with respect to the parameters."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SCALES = {"prior": "standard deviation of the prior", "percent": "per cent of th
 
 @dataclasses.dataclass(frozen=True)
 class LocalSensitivity:
-    """Slopes of a motion by parameters; rows that failed are NaN.
+    """Derivatives of a motion with respect to parameters; rows that failed are NaN.
 
     Attributes:
         names: parameters, `(p,)`.
@@ -35,7 +35,8 @@ class LocalSensitivity:
         flexion_deg: shape `(n,)`.
         table: free coordinates, degrees and mm, `(n, 5)`.
         status: `Status` values, `(n,)`.
-        derivative: of coordinates (degrees, mm) by parameters in their units, `(n, 5, p)`.
+        derivative: of coordinates (degrees, mm) with respect to parameters in their units,
+            `(n, 5, p)`.
         scale: `prior` or `percent`.
         widths: of one step of that scale in the parameters' units, `(p,)`.
     """
@@ -70,7 +71,7 @@ def local_sensitivity(
     scale: str = "prior",
     given: Mapping[str, float] | None = None,
 ) -> LocalSensitivity:
-    """Differentiate the motion of a knee by parameters.
+    """Differentiate the motion of a knee with respect to parameters.
 
     The derivatives are exact: they follow from the implicit function theorem at each balance, not
     from differences of two motions.

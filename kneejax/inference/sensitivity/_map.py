@@ -161,7 +161,7 @@ def sensitivity_maps(
 ) -> tuple[ParameterMap, ...]:
     """Compute the objective over pairs of parameters, the others kept as the knee has them.
 
-    A column of the grid is balanced first, from the knee's own motion; its rows then walk from
+    A column of the grid is balanced first, from the baseline motion; its rows then continue from
     there, each pose predicted from its neighbours.
 
     Args:
@@ -182,7 +182,7 @@ def sensitivity_maps(
         failures: statuses of balances that count for nothing: such grid points are not drawn.
 
     Returns:
-        One map a pair.
+        One map per pair.
 
     Raises:
         UnknownParameter: a name that the knee does not have.
@@ -260,7 +260,7 @@ def _distinct_names(knee: Knee, pairs: Sequence[tuple[str, str]]) -> tuple[str, 
     for first, second in pairs:
         for name in (first, second):
             if name.startswith("*"):
-                raise UnknownParameter(f"{name!r} is many parameters: a map takes one a side")
+                raise UnknownParameter(f"{name!r} is many parameters: a map takes one per side")
         if first == second:
             raise UnsuitableData(f"{first} with itself: a map needs two different parameters")
         select(knee, [first, second])

@@ -34,7 +34,7 @@ class Sweep:
     Attributes:
         name: e.g. `ACL.stiffness`.
         unit: e.g. `N`; empty for strains.
-        own: the knee's own value.
+        own: the baseline value, that of the knee itself.
         values: ascending, `(values,)`.
         table: free coordinates, degrees and mm, `(values, stations, 5)`; NaN where no balance.
         status: `Status` values, `(values, stations)`.
@@ -63,10 +63,10 @@ class Sweeps:
     """Parameters of one knee, swept one at a time.
 
     Attributes:
-        flexion_deg: of the stations, `(stations,)`.
-        table: motion of the knee itself, degrees and mm, `(stations, 5)`.
+        flexion_deg: of the load cases, `(stations,)`.
+        table: baseline motion, of the knee itself, degrees and mm, `(stations, 5)`.
         status: `Status` values of that motion, `(stations,)`.
-        sweeps: one a parameter.
+        sweeps: one per parameter.
     """
 
     flexion_deg: np.ndarray
@@ -89,21 +89,22 @@ def sweep(
 ) -> Sweeps:
     """Vary parameters one at a time and balance the knee at every value.
 
-    The walk over a parameter begins at the knee's own value and goes both ways, each pose predicted
-    from its neighbours, so that it stays on the branch of the knee as long as there is one.
+    The sweep of a parameter begins at the knee's own value and goes both ways, each pose predicted
+    from its neighbours, so that it stays on the knee's branch of equilibria as long as there is
+    one.
 
     Args:
         knee: gives everything that is not varied.
         parameters: names or wildcards; or a mapping from them to values, None for the usual ones:
             `count` values from 300 to 9300 N, from -0.2 to 0.2 of reference strain (paper 1), over
             a fifth of the slack length to either side, or over the bounds of the quantity.
-        stations: angles in degrees, or stations with loads of their own.
+        stations: load cases: angles in degrees, or `Stations` with loads of their own.
         count: how many values where none are given.
         progress: called now and then with balances done and asked for.
         failures: statuses of balances that count for nothing: such poses are not sound.
 
     Returns:
-        The `Sweeps`; stations in ascending flexion if angles are given.
+        The `Sweeps`; load cases in ascending flexion if angles are given.
 
     Raises:
         UnknownParameter: a name that the knee does not have.

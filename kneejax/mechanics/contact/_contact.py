@@ -183,7 +183,7 @@ class Contact(eqx.Module):
     def point_pressure(self, sampled: Sampled) -> Array:
         """Pressure at points of the tibial surface, MPa, with the rounded onset.
 
-        It is the derivative of the energy per area by the depth.
+        It is the derivative of the energy per area with respect to the depth.
         """
         relative = self.rounded(sampled.depth) / self.layer(sampled.points)
         steep = self.touching(sampled.depth)

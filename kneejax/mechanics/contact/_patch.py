@@ -31,18 +31,18 @@ _NOTHING = ((0.0, 0.0, 0.0),) * 3
 
 
 class Gap(eqx.Module):
-    """The gap at a point of the femoral surface, and its derivatives by that point's parameters.
+    """The gap at a point of the femoral surface, and its derivatives in that point's parameters.
 
     Attributes:
         value: height over the tibial surface, in the unit of `Height`.
-        slope: first derivatives by the two parameters.
+        slope: first derivatives with respect to the two parameters.
         aa: second derivative; likewise `ab`, `bb`.
         steepness: squared gradient of the height in space.
-        mixed: scalar product of the point's derivatives by the two parameters, mm^2.
+        mixed: scalar product of the point's derivatives with respect to the two parameters, mm^2.
         metric: square of the area that a unit square of parameters covers, mm^4.
         stretch: mm covered by a unit of each parameter.
         point: in the tibial surface's frame, mm.
-        along: derivatives of the point by the two parameters, mm.
+        along: derivatives of the point with respect to the two parameters, mm.
     """
 
     value: Array
@@ -143,7 +143,7 @@ class Nearby(eqx.Module):
         height: of the femoral point over the tibial surface.
         point: mm.
         pulled: components of the height's gradient along the jet's basis.
-        along: derivatives of the point by its two parameters.
+        along: derivatives of the point with respect to its two parameters.
         bent: the height's hessian applied to those.
     """
 

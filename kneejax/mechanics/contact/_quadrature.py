@@ -38,7 +38,7 @@ class Sampled(eqx.Module):
     Attributes:
         points: of the tibial surface.
         depth: overlap along the normal, mm; negative where the surfaces are apart.
-        slope: derivative of the depth by a motion of the point.
+        slope: derivative of the depth with respect to a motion of the point.
         twist: couple that goes with a unit of force along the slope, mm: zero but for rays that
             graze the femur.
         lost: whether the search for a ray's end has not ended.

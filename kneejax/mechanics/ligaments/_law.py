@@ -39,7 +39,7 @@ def exact_tension(strain: ArrayLike, stiffness: ArrayLike, transition_strain: Ar
 
 
 def exact_stiffness(strain: ArrayLike, stiffness: ArrayLike, transition_strain: ArrayLike) -> Array:
-    """Slope of the published tension by strain, in N per unit strain. Continuous."""
+    """Slope of the published tension over strain, in N per unit strain. Continuous."""
     return stiffness * jnp.clip(jnp.asarray(strain, float) / transition_strain, 0.0, 1.0)
 
 
@@ -91,7 +91,7 @@ def tension(
 def stiffness_at(
     strain: ArrayLike, stiffness: ArrayLike, transition_strain: ArrayLike, width: ArrayLike
 ) -> Array:
-    """Slope of the smooth tension by strain, in N per unit strain. Arguments as `tension`."""
+    """Slope of the smooth tension over strain, in N per unit strain. Arguments as `tension`."""
     strain, toe = jnp.asarray(strain, float), jnp.asarray(transition_strain, float)
     return stiffness / toe * (positive_part(strain, width) - positive_part(strain - toe, width))
 

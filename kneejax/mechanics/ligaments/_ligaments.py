@@ -53,7 +53,7 @@ class Ligaments(eqx.Module):
         failure_strain: shape `(n, ...)`; beyond it a fibre would tear. No force depends on it. The
             published value of each fibre's kind by default (`usual_failure_strain`).
         courses: of the fibres that have via points or an obstacle; the others are straight.
-        names: one name a fibre.
+        names: one name per fibre.
 
     Example:
         >>> acl = Ligaments([[0, 0, 0]], [[10, -28, 0]], [4500.0], [29.0], [0.03], [0.001], ["ACL"])

@@ -1,4 +1,4 @@
-"""Knees of nobody: a knee with its ligaments and cartilage drawn anew around what they are."""
+"""Synthetic knees: a knee with its ligaments and cartilage drawn anew around what they are."""
 
 from __future__ import annotations
 

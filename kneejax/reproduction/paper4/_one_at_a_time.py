@@ -136,8 +136,8 @@ class KneeStudy:
         changes: in the order of the variants after the first, which is the unchanged knee.
         runs: direction -> all variants on the ramp.
         tension_N: direction -> ligament -> tension in the unchanged knee at its last step.
-        outcomes: one a change and direction.
-        influences: one a parameter and outcome.
+        outcomes: one per change and direction.
+        influences: one per parameter and outcome.
         doubts: sentences on what limits the answers.
         seconds: spent.
     """
@@ -170,7 +170,7 @@ class KneeComparison:
     """Knees side by side.
 
     Attributes:
-        knees: one a knee.
+        knees: one per knee.
         settings: of the study.
         versions: package -> version.
     """

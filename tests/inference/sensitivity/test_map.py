@@ -197,7 +197,7 @@ def test_a_tilted_valley_is_seen_as_tilted(found):
     [
         ([("PCL.stifness", "ACL.stiffness")], {}, UnknownParameter, "PCL.stiffness"),
         ([("PCL.stiffness", "PCL.stiffness")], {}, UnsuitableData, "two different"),
-        ([("*.stiffness", "PCL.stiffness")], {}, UnknownParameter, "one a side"),
+        ([("*.stiffness", "PCL.stiffness")], {}, UnknownParameter, "one per side"),
         ([("PCL.slack_length", "PCL.reference_strain")], {}, UnknownParameter, "one number"),
         ([PAIR], {"grid": (1, 5)}, UnsuitableData, "at least two"),
         ([PAIR], {"bounds": {"stiffness": (900.0, 300.0)}}, UnsuitableData, "lower below upper"),
