@@ -103,6 +103,6 @@ def usual_candidates(
 
 
 def stations_of(candidates: Sequence[Candidate]) -> Stations:
-    """Where a knee must be balanced to foresee the outcome of each candidate."""
+    """The load cases at which a knee must be balanced to predict each candidate."""
     sizes = {name: np.array([test.loads[name] for test in candidates]) for name in NAMED_LOADS}
     return Stations.at([test.flexion_deg for test in candidates], [load_of(**sizes, name="test")])

@@ -131,7 +131,7 @@ def design_tests(
     usable = found.status == Status.BALANCED
     if usable.sum() < (1 if repeat else count):
         raise UnsuitableData(
-            f"{count} tests wanted, but the model foresees only {usable.sum()} of {len(tests)} "
+            f"{count} tests wanted, but the model predicts only {usable.sum()} of {len(tests)} "
             "candidates: ask for fewer, or give others"
         )
     told = told_by(tests, np.where(usable[:, None, None], found.jacobian, 0.0), noise, known.scale)
@@ -142,7 +142,7 @@ def design_tests(
         verb, them = ("is", "it") if left_out == 1 else ("are", "them")
         notes.append(
             f"{left_out} of {len(tests)} candidates {verb} left out, since the model does not "
-            f"foresee {them} well ({', '.join(words)})."
+            f"predict {them} well ({', '.join(words)})."
         )
     if known.at_bound.any():
         bound = [plain(n) for n, on in zip(known.names, known.at_bound, strict=True) if on]
