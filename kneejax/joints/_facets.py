@@ -87,7 +87,7 @@ class Facet:
 
 @dataclasses.dataclass(frozen=True)
 class CondyleAxes:
-    """What a femur says about the axes of its joint.
+    """Axes of the joint, from the shape of a femur.
 
     Attributes:
         transverse: of both condyles together.

@@ -51,7 +51,7 @@ def fit_joints(
 
     Args:
         poses: measured, or of a contact knee, shape `(n, 6)`, degrees and mm, in the package's
-            convention; rows of NaN, poses that are not known, count nowhere.
+            convention; rows of NaN (poses that are not known) are left out.
         points: medial and lateral point of the extension, then of the flexion axis, in the femur,
             shape `(2, 2, 3)`, mm.
         hinge_points: of the hinge's axis, shape `(2, 3)`, mm; paper 5 takes the epicondyles.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 class JointProblem(ValueError):
-    """Something of which no joint can be made: `PART: FOUND; expected EXPECTED`.
+    """Input from which no joint can be made: `PART: FOUND; expected EXPECTED`.
 
     Attributes:
         part: what it is about, e.g. `medial extension facet`.

@@ -67,7 +67,7 @@ class RepeatedMeasures:
 
 
 def is_tested(subjects: int, anova: bool | None = None) -> bool:
-    """Whether motions of so many subjects are tested; better asked before what takes long.
+    """Whether motions of so many subjects are tested; to be asked before long work.
 
     Args:
         subjects: how many.

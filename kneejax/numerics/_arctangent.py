@@ -21,7 +21,7 @@ def arctan2(y: Array, x: Array) -> Array:
     """Angle of the point `(x, y)` from the x axis, as `jax.numpy.arctan2`, within 5e-16 rad.
 
     On a CPU, XLA calls a function of the C library for each element, 17 to 20 ns; this is
-    arithmetic that vectorises, 5 to 7 ns. A contact over points takes three a point.
+    arithmetic that vectorises, 5 to 7 ns. A contact over points takes three per point.
 
     Args:
         y: any shape.

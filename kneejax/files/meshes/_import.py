@@ -35,7 +35,7 @@ _DIGITS = 5
 
 @dataclasses.dataclass(frozen=True)
 class MeshImport:
-    """What meshes gave.
+    """Contacts and surfaces fitted to meshes.
 
     Attributes:
         contacts: name -> contact of a knee document, of the side that was given.

@@ -34,7 +34,7 @@ _TO_MM = {"slack_length_mm"}
 
 @dataclasses.dataclass(frozen=True)
 class OsimImport:
-    """What a model gave.
+    """A knee as read from an OpenSim model.
 
     Attributes:
         document: content of a knee file, in mm and N.

@@ -35,7 +35,7 @@ def read_candidates(path: str | os.PathLike[str]) -> tuple[CandidateRow, ...]:
             `compression_N`, `varus_Nm`, `internal_Nm` and `name`. What is not given is zero.
 
     Returns:
-        One entry a row.
+        One entry per row.
 
     Raises:
         InputProblem: the file cannot be read, there are no rows, a column is unknown or missing, a

@@ -100,8 +100,8 @@ def write_poses(
         path: the table.
         table: shape `(n, 6)`, degrees and mm, in the package's convention; NaN is written `nan`.
         status: a word for each row, or an object that has one as `word`.
-        converged: one a row.
-        stable: one a row.
+        converged: one per row.
+        stable: one per row.
         convention: what the six columns of the file shall mean. Any but the package's own is
             named in a further column `convention`.
         doubts: what is wrong with each row, in words and numbers.
@@ -146,7 +146,7 @@ def write_rows(
     Args:
         path: the table.
         header: names of the columns, with units.
-        rows: one sequence a row; floats keep all digits, NaN is written `nan`, truth values
+        rows: one sequence per row; floats keep all digits, NaN is written `nan`, truth values
             `true` and `false`, None as an empty cell.
 
     Raises:

@@ -254,7 +254,7 @@ def correlation_matrix_figure(parameters: Sequence[str], correlation: ArrayLike)
 
 @styled
 def convergence_figure(calibration: Calibration) -> Figure:
-    """Draw the objective against residual evaluations, with a marker shape for each stage.
+    """Draw the objective against simulated motions, with a marker shape for each stage.
 
     Args:
         calibration: what to draw; for synthetic data the published counts are thin lines.

@@ -22,7 +22,7 @@ def facet_rows(axes: CondyleAxes) -> list[list]:
         axes: the facets.
 
     Returns:
-        A row a facet, in the order of `FACET_COLUMNS`.
+        A row per facet, in the order of `FACET_COLUMNS`.
     """
     return [
         [

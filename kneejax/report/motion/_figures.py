@@ -287,10 +287,10 @@ def simulation_figure(
     Args:
         flexion_deg: shape `(n,)`; if it is constant, rows are counted instead.
         table: shape `(n, 6)`, degrees and mm, in the order of every pose table.
-        status: one `Status` value a row.
-        ligament_names: one a column of `ligament_forces`.
+        status: one `Status` value per row.
+        ligament_names: one per column of `ligament_forces`.
         ligament_forces: shape `(n, ligaments)`, N.
-        contact_names: one a column of `contact_forces`.
+        contact_names: one per column of `contact_forces`.
         contact_forces: shape `(n, contacts)`, N.
         convention: of the table; said beside the legend.
 

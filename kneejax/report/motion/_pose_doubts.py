@@ -48,7 +48,7 @@ def pose_doubts(
         accepted: statuses of which nothing is said.
 
     Returns:
-        A sentence a status.
+        A sentence per status.
     """
     status = row_status(motion)
     sentences = []

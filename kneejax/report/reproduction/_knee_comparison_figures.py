@@ -8,12 +8,10 @@ import numpy as np
 
 from kneejax.report.look import (
     BLACK,
-    BLUE,
     GREEN,
     GREY,
     ORANGE,
     PURPLE,
-    VERMILLION,
     WIDTH,
     styled,
     verbatim,
@@ -34,10 +32,11 @@ _QUANTITIES = {
     ATTACHMENT: "attachment",
 }
 _OUTCOMES = dict(
-    zip(LIMITS, ("Convergence", "Rotation", "Peak pressure", "Its place"), strict=True)
+    zip(LIMITS, ("Convergence", "Rotation", "Peak pressure", "Place of the peak"), strict=True)
 )
 _MARKERS = {"varus": "^", "valgus": "v"}
-_CONTACT_COLOURS = (BLUE, VERMILLION)
+#: Compartments, by dashes and fill: colours are for values.
+_CONTACT_STYLES = (("-", GREY), ((0, (4, 1.5)), "white"))
 _MOST_COLUMNS = 5
 #: A score that is not known.
 _UNKNOWN = {"hatch": "////", "facecolor": "#F7F7F7", "edgecolor": "#A0A0A0", "linewidth": 0}
@@ -64,7 +63,8 @@ def ramp_figure(found: KneeComparison, parameter: str) -> Figure:
 
     Returns:
         A column per knee: rotation over the moment, a line per value; the moment that each value
-        holds; and the peak contact pressures at the moment at which all are compared.
+        holds; and the peak contact pressures at the moment at which all are compared. Colour means
+        the value alone; compartments differ by dashes and by filled or hollow markers.
     """
     from matplotlib.figure import Figure
 
@@ -166,13 +166,16 @@ def _pressure(axes: Axes, knee: KneeStudy, parameter: str) -> None:
         values = np.array([one.change.value for one in own])
         peaks = np.array([one.peak_MPa for one in own])
         order, unchanged = np.argsort(values), own[0].unchanged_peak_MPa
-        for i, colour in zip(range(len(knee.contacts)), _CONTACT_COLOURS, strict=False):
-            style = {"color": colour, "markersize": 4, "linewidth": 0.8}
-            line = "none" if parameter.endswith(ATTACHMENT) else "-"
+        for i, (dashes, fill) in zip(range(len(knee.contacts)), _CONTACT_STYLES, strict=False):
+            style = {"color": GREY, "markersize": 4, "linewidth": 0.9, "markerfacecolor": fill}
+            line = "none" if parameter.endswith(ATTACHMENT) else dashes
             x, y = np.append(values, 0.0), np.append(peaks[:, i], unchanged[i])
             order = np.argsort(x)
             axes.plot(x[order], y[order], linestyle=line, marker=_MARKERS[direction], **style)
-            axes.plot(0.0, unchanged[i], _MARKERS[direction], color=BLACK, markersize=4, zorder=4)
+            axes.plot(
+                0.0, unchanged[i], _MARKERS[direction], color=BLACK, markersize=4, zorder=4,
+                markerfacecolor=BLACK if fill == GREY else fill,
+            )  # fmt: skip
     _value_axis(axes, knee, parameter, labelled=True)
     moments = {
         one.direction: one.compared_at_Nm
@@ -215,8 +218,11 @@ def _legend(figure: Figure, knee: KneeStudy, height: float, colours, scale, para
         for name, marker in _MARKERS.items()
     ]
     handles += [
-        Line2D([], [], color=colour, label=verbatim(name))
-        for name, colour in zip(knee.contacts, _CONTACT_COLOURS, strict=False)
+        Line2D(
+            [], [], color=GREY, linestyle=dashes, marker="o", markersize=4, markerfacecolor=fill,
+            linewidth=0.9, label=verbatim(name),
+        )
+        for name, (dashes, fill) in zip(knee.contacts, _CONTACT_STYLES, strict=False)
     ]
     figure.legend(
         handles=handles, loc="lower left", bbox_to_anchor=(0.075, 0.1 / height), ncols=5,

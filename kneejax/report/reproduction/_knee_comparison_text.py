@@ -126,7 +126,7 @@ def comparison_summary(found: KneeComparison) -> str:
         "4's Table 5, means of varus and valgus:"
     )
     for knee in found.knees:
-        rows = [["", "convergence", "rotation", "pressure", "its place"]]
+        rows = [["", "convergence", "rotation", "pressure", "place of peak"]]
         for name in knee.parameters:
             own = [one for one in knee.influences if one.parameter == name]
             rows.append([name, *(_shown(one.score) for one in own)])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -154,19 +154,19 @@ def film(every: Sequence[Scene], view: str = "anteromedial, from above", most: i
     seen = camera(view, shown)
     width = 3.8
     height = width * seen.half_mm[1] / seen.half_mm[0]
-    figure = Figure(figsize=(width, height + _HEAD + _FOOT), dpi=110)
+    figure = Figure(figsize=(width, height + _HEAD + _FOOT), dpi=160)
     axes = _panel(figure, 0.0, _FOOT, width, height)
     _bars(figure, *limits)
     pictures = []
     for scene in shown:
         axes.clear()
-        _show(axes, render(scene, seen, *limits, height=500), seen)
+        _show(axes, render(scene, seen, *limits, height=760), seen)
         _triad(axes, scene, seen, inset=1.6)
         axes.set_title(f" {verbatim(scene.title)}: {degrees(scene.flexion_deg)} flexion")
         canvas = FigureCanvasAgg(figure)
         canvas.draw()
         pictures.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))
-    palette = pictures[len(pictures) // 2].quantize(255, dither=Image.Dither.NONE)
+    palette = _one_palette(pictures)
     frames = [p.quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures]
     frames += frames[-2:0:-1]
     stream = io.BytesIO()
@@ -174,6 +174,18 @@ def film(every: Sequence[Scene], view: str = "anteromedial, from above", most: i
         stream, format="GIF", save_all=True, append_images=frames[1:], duration=90, loop=0
     )
     return stream.getvalue()
+
+
+def _one_palette(pictures: list[Any]) -> Any:
+    """255 colours for all pictures: those of a strip of some of them, so that none has bands."""
+    from PIL import Image
+
+    some = [pictures[row] for row in spread(len(pictures), 4)]
+    width, height = some[0].size
+    strip = Image.new("RGB", (width * len(some), height))
+    for place, picture in enumerate(some):
+        strip.paste(picture, (place * width, 0))
+    return strip.quantize(255, kmeans=2, dither=Image.Dither.NONE)
 
 
 def _check(views: Sequence[str]) -> None:

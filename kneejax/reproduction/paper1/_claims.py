@@ -65,7 +65,7 @@ def paper1_claims(found: Paper1Study) -> tuple[Claim, ...]:
         found: sweeps, maps and calibrations of a knee with its four ligaments.
 
     Returns:
-        One claim a statement of its sections 3.1 to 3.4, in that order.
+        One claim per statement of its sections 3.1 to 3.4, in that order.
     """
     claims: tuple[Callable[[Paper1Study], Claim], ...] = (
         _acl_stiffness, _pcl_stiffness, _collateral_stiffness, _superior_least, _saturation,

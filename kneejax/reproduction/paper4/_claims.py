@@ -37,7 +37,7 @@ def paper4_claims(found: KneeComparison, kinship: str = "") -> tuple[Claim, ...]
         kinship: a sentence on what the knees share, for claims that compare them.
 
     Returns:
-        One claim a finding of its abstract, section 3 and section 4.
+        One claim per finding of its abstract, section 3 and section 4.
     """
     computed = [claim(found) for claim in _COMPUTED]
     return (*(_with_kinship(claim, kinship) for claim in computed), *NOT_JUDGED)

@@ -21,7 +21,7 @@ def made_up_knee(knee: Knee, seed: int) -> Knee:
     Attachments move by 2 mm in each direction, reference strains by 0.02, stiffnesses and
     cartilage moduli by factors around 1 (standard deviations; independent for every fibre). The
     ends of fibres around obstacles stay, so that none begins inside one. The surfaces
-    are the same. Nobody was measured: such a knee is neither calibrated nor validated.
+    are the same. Such a knee is synthetic: it is neither measured, calibrated nor validated.
 
     Args:
         knee: around which is drawn.
