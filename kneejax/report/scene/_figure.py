@@ -9,7 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kneejax.report.look import BLACK, GREY, WIDTH, styled, verbatim
-from kneejax.report.scene._colours import pressure_limit, strain_colours, strain_limit
+from kneejax.report.scene._colours import (
+    OBSTACLE,
+    pressure_limit,
+    strain_colours,
+    strain_limit,
+)
 from kneejax.report.scene._pressure_map import PRESSURE_COLOURS, degrees, spread
 from kneejax.report.scene._render import VIEWS, Camera, camera, render
 from kneejax.report.scene._scene import Fibre, Scene
@@ -21,6 +26,8 @@ if TYPE_CHECKING:
 #: Views of `scene_figure`, and of `motion_figure` and the film.
 STILL = MOVING = ("anterior", "medial", "anteromedial, from above")
 _MOST_LABELS = 24
+#: Colours of a film that each scale takes.
+_STEPS = 44
 _LABEL_SIZE = 7.0
 #: Inches: the page, room for the names beside a view, head, foot, words at the left, gaps.
 _PAGE_WIDTH, _LABELS, _HEAD, _FOOT, _SIDE, _GAP = 1.25 * WIDTH, 0.48, 0.3, 0.75, 0.5, 0.08
@@ -67,7 +74,7 @@ def scene_figure(scene: Scene, views: Sequence[str] = STILL) -> Figure:
         _triad(axes, scene, view)
     _ruler(figure.axes[0], cameras[0])
     _bars(figure, *limits)
-    _head(figure, f"{scene.title} at {degrees(scene.flexion_deg)} flexion")
+    _head(figure, f"{scene.title} at {degrees(scene.flexion_deg)} flexion", scene)
     return figure
 
 
@@ -121,7 +128,7 @@ def scenes_figure(every: Sequence[Scene], views: Sequence[str] = MOVING, most: i
                 _triad(axes, scene, view)
     _ruler(figure.axes[-1], cameras[-1])
     _bars(figure, *limits)
-    _head(figure, f"{shown[0].title}: flexion, the tibia held still")
+    _head(figure, f"{shown[0].title}: flexion, the tibia held still", shown[0])
     return figure
 
 
@@ -177,15 +184,25 @@ def film(every: Sequence[Scene], view: str = "anteromedial, from above", most: i
 
 
 def _one_palette(pictures: list[Any]) -> Any:
-    """255 colours for all pictures: those of a strip of some of them, so that none has bands."""
+    """256 colours for all pictures: white, both scales in fine steps, and what some have most of.
+
+    A palette of one picture alone gives the others bands.
+    """
+    from matplotlib import colormaps
     from PIL import Image
 
+    scales = [strain_colours(), colormaps[PRESSURE_COLOURS]]
+    steps = [scale(np.linspace(0.0, 1.0, _STEPS))[:, :3] for scale in scales]
+    fixed = np.round(255.0 * np.concatenate([np.ones((1, 3)), *steps])).astype(int).ravel()
     some = [pictures[row] for row in spread(len(pictures), 4)]
     width, height = some[0].size
     strip = Image.new("RGB", (width * len(some), height))
     for place, picture in enumerate(some):
         strip.paste(picture, (place * width, 0))
-    return strip.quantize(255, kmeans=2, dither=Image.Dither.NONE)
+    own = strip.quantize(256 - len(fixed) // 3, kmeans=2, dither=Image.Dither.NONE).getpalette()
+    palette = Image.new("P", (1, 1))
+    palette.putpalette((fixed.tolist() + (own or []))[: 3 * 256])
+    return palette
 
 
 def _check(views: Sequence[str]) -> None:
@@ -322,6 +339,11 @@ def _panel(figure: Figure, left: float, bottom: float, width: float, height: flo
     return figure.add_axes((left / w, bottom / h, width / w, height / h))
 
 
-def _head(figure: Figure, text: str) -> None:
+def _head(figure: Figure, text: str, scene: Scene) -> None:
     page, height = figure.get_size_inches()
     figure.text(0.1 / page, 1 - 0.08 / height, verbatim(text), fontsize=9, va="top")
+    if scene.obstacles:
+        place = {"ha": "right", "va": "top", "fontsize": 8}
+        figure.text(
+            1 - 0.1 / page, 1 - 0.08 / height, "\u25a0 wrap obstacles", color=OBSTACLE, **place
+        )
