@@ -203,7 +203,7 @@ def check_kind(path: Path) -> None:
     if path.is_dir():
         inside = path / "knee.yaml"
         near = os.fspath(inside) if inside.is_file() else None
-        raise InputProblem(path, "file", "a directory", "a knee file", near)
+        raise InputProblem(path, "file", "a folder", "a knee file", near)
     if found and path.is_file():
         raise InputProblem(path, "file", found, f"a knee file{hint}")
 

@@ -66,7 +66,7 @@ def test_no_model_at_all(tmp_path, capsys):
     (tmp_path / "empty.osim").touch()
     for path, words in (
         (binary, "binary data: expected an OpenSim model"),
-        (tmp_path, "a directory"),
+        (tmp_path, "a folder"),
         (tmp_path / "empty.osim", "empty"),
         (tmp_path / "emty.osim", "did you mean empty.osim?"),
     ):

@@ -207,7 +207,7 @@ def test_a_file_that_is_no_study(tmp_path, content):
     path.write_bytes(content)
     with pytest.raises(InputProblem, match="expected "):
         read_study(path)
-    with pytest.raises(InputProblem, match="a directory"):
+    with pytest.raises(InputProblem, match="a folder"):
         read_study(tmp_path)
 
 

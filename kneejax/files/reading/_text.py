@@ -20,7 +20,7 @@ def read_text(path: str | os.PathLike[str], kind: str) -> str:
         Its text, without a byte order mark.
 
     Raises:
-        InputProblem: it does not exist, is a directory, cannot be read, is empty, is binary, or
+        InputProblem: it does not exist, is a folder, cannot be read, is empty, is binary, or
             is not UTF-8.
     """
     data = read_bytes(path, kind)
@@ -47,11 +47,11 @@ def read_bytes(path: str | os.PathLike[str], kind: str) -> bytes:
         Its content.
 
     Raises:
-        InputProblem: it does not exist, is a directory, cannot be read, or is empty.
+        InputProblem: it does not exist, is a folder, cannot be read, or is empty.
     """
     path = Path(path)
     if path.is_dir():
-        raise InputProblem(path, "file", "a directory", kind)
+        raise InputProblem(path, "file", "a folder", kind)
     try:
         data = path.read_bytes()
     except FileNotFoundError:

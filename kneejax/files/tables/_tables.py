@@ -66,10 +66,12 @@ def read_poses(
     if "convention" in header:
         position = header.index("convention")
         for number, (_, cells) in enumerate(rows, 1):
-            if cells[position].strip() != convention:
-                place = f"row {number}, convention"
+            said = cells[position].strip()
+            if said != convention:
                 expected = f"{convention}, the convention asked for"
-                raise InputProblem(file, place, cells[position].strip(), expected)
+                if said in CONVENTIONS:
+                    expected += f"; give --convention {said}, in a study convention: {said}"
+                raise InputProblem(file, f"row {number}, convention", said, expected)
     positions = [header.index(name) for name in sought]
     limits = [RANGES["rotation_deg"]] * 3 + [RANGES["point_mm"]] * 3
     table = np.array(

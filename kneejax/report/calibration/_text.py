@@ -87,7 +87,8 @@ def _noise_words(calibration: Calibration) -> str:
     if mm is None or deg is None or not (math.isfinite(mm) and math.isfinite(deg)):
         return ""
     kind = "estimated from the misfit" if calibration.noise_estimated else "as stated"
-    return f"Noise {number(mm, 3)} mm and {number(deg, 3)} deg, {kind}; limits are of 95 %."
+    noise = f"Noise {number(mm, 3)} mm and {number(deg, 3)} deg, {kind}"
+    return f"{noise}; limits are at 95 % confidence."
 
 
 def _parameter_table(calibration: Calibration) -> list[str]:

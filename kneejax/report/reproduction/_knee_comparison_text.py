@@ -122,8 +122,8 @@ def comparison_summary(found: KneeComparison) -> str:
     settings, lines = found.settings, []
     lines += wrapped(
         f"{settings.body_weight_N / 2:.1f} N along the tibia, then {settings.full_Nm:g} N m of "
-        "varus and of valgus at extension; one ligament changed at a time. Scores 0 to 3 of paper "
-        "4's Table 5, means of varus and valgus:"
+        "varus and of valgus at extension; one ligament changed at a time. Scores 0 to 3 of Rooks "
+        "et al. 2022 (paper 4), Table 5, means of varus and valgus:"
     )
     for knee in found.knees:
         rows = [["", "convergence", "rotation", "pressure", "place of peak"]]

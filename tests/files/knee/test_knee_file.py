@@ -328,7 +328,7 @@ def test_a_file_that_is_no_knee(tmp_path, content, words):
 
 
 def test_a_directory_and_a_missing_file(tmp_path, knee_document):
-    assert "a directory" in refusal(tmp_path)
+    assert "a folder" in refusal(tmp_path)
     write(tmp_path / "mine.yaml", knee_document)
     assert "did you mean mine.yaml?" in refusal(tmp_path / "mime.yaml")
 

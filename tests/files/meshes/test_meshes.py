@@ -72,7 +72,7 @@ def test_units(tmp_path):
 
 
 def test_a_directory_and_a_missing_file(tmp_path):
-    assert "a directory" in refusal(tmp_path)
+    assert "a folder" in refusal(tmp_path)
     assert "missing" in refusal(tmp_path / "a.stl")
 
 

@@ -97,7 +97,7 @@ def test_two_columns_of_one_name(tmp_path):
 
 
 def test_a_directory_a_missing_file_and_an_unknown_convention(tmp_path):
-    assert "a directory" in refusal(tmp_path)
+    assert "a folder" in refusal(tmp_path)
     assert "missing" in refusal(tmp_path / "p.csv")
     path = write(tmp_path / "p.csv", rows(GOOD))
     assert "did you mean grood-suntay?" in refusal(path, convention="groodsuntay")
