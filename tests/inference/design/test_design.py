@@ -290,7 +290,7 @@ def test_a_promise_that_no_line_can_hold_is_called_rough(cases):
         ({"count": 73}, "73 tests wanted, of 72 candidates: ask for fewer"),
         (
             {"count": 1, "candidates": (Candidate("far", 170.0),)},
-            "1 tests wanted, but the model foresees only 0 of 1",
+            "1 tests wanted, but the model predicts only 0 of 1",
         ),
         ({"candidates": ()}, "no candidates"),
         ({"prior": np.r_[np.ones(7), 0.0]}, "LCL.reference_strain: prior of width 0: expected"),
