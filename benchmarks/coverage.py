@@ -22,7 +22,8 @@ import kneejax as kj
 from kneejax.geometry import COLUMNS, FREE_COORDINATES
 from kneejax.inference import LoadCases, fit_many
 from kneejax.inference.fit import DEFAULT_WEIGHTS, TABLE_UNITS
-from kneejax.inference.fit._many_fits import add_offsets, balances_of, best_offsets, with_offsets
+from kneejax.inference.fit._load_cases import add_offsets, best_offsets, with_offsets
+from kneejax.inference.fit._problem import balances_of
 from kneejax.inference.intervals._intervals import IntervalKind, sureties
 from kneejax.inference.intervals._profiles import named
 from kneejax.statics import Stations, balance_with_slopes

@@ -84,7 +84,8 @@ def test_no_number_is_driven_twice(bundled):
         ("*.stifness", r"did you mean '\*.stiffness'"),
         ("ACL.femoral_attachment.anteror", "did you mean 'ACL.femoral_attachment.anterior'"),
         # Nothing like it: what could stand there, and no wildcard for one part of a knee.
-        ("patellar_tendon.tension", "tension': expected a ligament or a group of the knee, of ACL"),
+        ("patellar_tendon.tension", "expected a ligament, a group or a part of the knee, of ACL"),
+        ("line.tensoin", "did you mean 'line.tension'"),
         ("ACL.tension", "tension': expected ACL. and one of stiffness, reference_strain"),
     ],
 )

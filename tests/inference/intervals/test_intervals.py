@@ -6,13 +6,9 @@ import pytest
 import kneejax as kj
 from kneejax.inference import LoadCases, fit_many
 from kneejax.inference.fit import DEFAULT_WEIGHTS, TABLE_UNITS
-from kneejax.inference.fit._many_fits import (
-    ManyFits,
-    add_offsets,
-    balances_of,
-    with_offsets,
-    without_offsets,
-)
+from kneejax.inference.fit._load_cases import add_offsets, with_offsets, without_offsets
+from kneejax.inference.fit._many_fits import ManyFits
+from kneejax.inference.fit._problem import balances_of
 from kneejax.inference.intervals._intervals import Interval, IntervalKind, sureties
 from kneejax.inference.intervals._profile_arms import Pace
 from kneejax.inference.intervals._profiles import Profile, _led, follow, follow_to_the_lowest, named

@@ -6,7 +6,7 @@ import pytest
 import kneejax as kj
 from kneejax.files import Checkpoints
 from kneejax.inference import Condition, in_convention, profiles, sensitivity_map, sensitivity_maps
-from kneejax.inference.fit._many_fits import LoadCases, fit_many
+from kneejax.inference.fit import LoadCases, fit_many
 from kneejax.parameters import UnknownParameter, UnsuitableData
 from kneejax.reproduction.paper1._claims import valley
 from kneejax.statics import Stations, balance_many, balance_with_slopes
