@@ -127,7 +127,7 @@ def _line(axes: Axes, x: np.ndarray, y: np.ndarray, colour, at: dict[str, np.nda
             continue
         # Stretches between a pose at fault and its neighbours, too.
         beside = rows | np.r_[rows[1:], False] | np.r_[False, rows[:-1]]
-        axes.plot(x, np.where(beside, y, np.nan), color=colour, linewidth=0.7, linestyle=dashes)
+        axes.plot(x, np.where(beside, y, np.nan), color=colour, linewidth=1.0, linestyle=dashes)
         if marker:
             axes.plot(x[rows], y[rows], marker, color=colour, markersize=3, markeredgewidth=0.8)
 
@@ -151,7 +151,7 @@ def _nowhere(axes: Axes, x: np.ndarray, rows: np.ndarray) -> None:
 
 def _own_and_measured(axes: Axes, sweeps: Sweeps, column: int, measured) -> dict[str, Any]:
     (own,) = axes.plot(
-        sweeps.flexion_deg, sweeps.table[:, column], color=VERMILLION, linewidth=1.4, linestyle="--"
+        sweeps.flexion_deg, sweeps.table[:, column], color=VERMILLION, linewidth=1.8, linestyle="--"
     )
     if measured is None:
         return {"own": own}
