@@ -7,16 +7,26 @@ import importlib
 import json
 import sys
 import threading
+from pathlib import Path
 
 from kneejax import studies
-from kneejax.files import write_poses, write_rows, write_text
+from kneejax.files import (
+    InputProblem,
+    check_new,
+    write_calibrated_knee,
+    write_poses,
+    write_rows,
+    write_text,
+)
 from kneejax.inference import Calibration
 from kneejax.statics import Status
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Calibrate, print the answer, write results and the report."""
+    """Calibrate, print the answer, write results, the calibrated knee and the report."""
     study = studies.read_study(arguments.study)
+    for new in ("knee.yaml", "result.json"):
+        check_new(arguments.out / new, study.knee_name)
     _progress(f"{study.title}: compiling, then balancing every pose")
     # XLA compiles without holding Python: what comes last is imported beside the search.
     threading.Thread(target=importlib.import_module, args=("kneejax.report",)).start()
@@ -25,7 +35,7 @@ def run(arguments: argparse.Namespace) -> int:
     return _write(result, arguments.out)
 
 
-def _write(result: Calibration, out) -> int:
+def _write(result: Calibration, out: Path) -> int:
     from kneejax.report import (
         PARAMETER_COLUMNS,
         calibration_summary,
@@ -50,8 +60,21 @@ def _write(result: Calibration, out) -> int:
     )
     write_report(result, out)
     print(calibration_summary(result))
-    print(f"written: {out}/report.html, result.json, parameters.csv, poses.csv, figures/")
-    return outcome(result).exit_status
+    missing = _write_knee(out)
+    knee = "" if missing else "knee.yaml, "
+    print(f"written: {out}/report.html, result.json, {knee}parameters.csv, poses.csv, figures/")
+    if missing:
+        print(f"not written: {out}/knee.yaml: {missing}")
+    return max(outcome(result).exit_status, int(bool(missing)))
+
+
+def _write_knee(out: Path) -> str:
+    """Write the calibrated knee; why not, where the search ended at none."""
+    try:
+        write_calibrated_knee(out / "result.json", out / "knee.yaml")
+    except InputProblem as problem:
+        return str(problem)
+    return ""
 
 
 def _progress(words: str) -> None:

@@ -7,7 +7,7 @@ import importlib
 from collections.abc import Callable
 from pathlib import Path
 
-from kneejax.cli._parser import Parser, add_command, add_convention, add_out
+from kneejax.cli._parser import KNEE, Parser, add_command, add_convention, add_out
 from kneejax.cli._study_commands import add_identify, add_map, add_sensitivity, add_study
 from kneejax.cli._version import ShowVersion
 from kneejax.cli.joint import add_joint
@@ -50,7 +50,7 @@ def _add_describe(commands) -> None:
         "Print a knee: ligaments, surfaces, contact, frames.",
         "kneejax describe four_ligament",
     )
-    describe.add_argument("knee", help="bundled name or knee file")
+    describe.add_argument("knee", help=KNEE)
     describe.add_argument(
         "--fibres",
         action="store_true",
@@ -67,7 +67,7 @@ def _add_simulate(commands) -> None:
         "kneejax simulate passive-flexion --set ACL.stiffness=3000 --load anterior_N=50",
     )
     simulate.add_argument("experiment", choices=["passive-flexion"], help="what is done")
-    simulate.add_argument("--knee", default="four_ligament", help="bundled name or knee file")
+    simulate.add_argument("--knee", default="four_ligament", help=KNEE)
     simulate.add_argument("--flexion", default="0:120:5", help="degrees: first:last:step or a,b,c")
     simulate.add_argument(
         "--set",
@@ -110,7 +110,7 @@ def _add_evaluate(commands) -> None:
         "kneejax simulate passive-flexion && "
         "kneejax evaluate four_ligament kneejax-passive-flexion/poses.csv",
     )
-    evaluate.add_argument("knee", help="bundled name or knee file")
+    evaluate.add_argument("knee", help=KNEE)
     evaluate.add_argument("poses", type=Path, help="CSV of poses")
     add_out(evaluate, "kneejax-evaluate")
     add_convention(evaluate, "of the poses")
@@ -185,7 +185,7 @@ def _add_view(commands) -> None:
         "kneejax simulate passive-flexion && "
         "kneejax view four_ligament kneejax-passive-flexion/poses.csv",
     )
-    view.add_argument("knee", help="bundled name or knee file")
+    view.add_argument("knee", help=KNEE)
     view.add_argument("poses", nargs="?", type=Path, help="CSV of poses; the reference pose else")
     for bone in ("femur", "tibia"):
         view.add_argument(
@@ -254,7 +254,7 @@ def _add_import_stl(stl: Parser) -> None:
     stl.add_argument("--femur-bone", type=Path, help="for the layer's thickness")
     stl.add_argument("--tibia-bone", type=Path, help="for the layer's thickness")
     stl.add_argument("--side", choices=_SIDES, required=True, help="right or left knee")
-    stl.add_argument("--knee", help="knee whose ligaments are kept; its contacts are replaced")
+    stl.add_argument("--knee", help=f"whose ligaments are kept, its contacts replaced: {KNEE}")
     stl.add_argument(
         "--layer-thickness", type=float, metavar="MM", help="both cartilages; measured otherwise"
     )
@@ -300,7 +300,7 @@ def _add_export(commands) -> None:
     kinds = above.add_subparsers(dest="kind", metavar="KIND", required=True)
     sentence = "Write a knee's numbers into the OpenSim model that it came from."
     osim = add_command(kinds, "osim", sentence, example)
-    osim.add_argument("knee", help="bundled name or knee file")
+    osim.add_argument("knee", help=KNEE)
     osim.add_argument("model", type=Path, help="the original model; it is not changed")
     osim.add_argument("--out", type=Path, required=True, help="the new model")
     osim.set_defaults(run=_lazily("_export_osim"))

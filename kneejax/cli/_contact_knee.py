@@ -10,7 +10,7 @@ import jax
 import numpy as np
 
 from kneejax.experiments import passive_flexion
-from kneejax.files import Calibrated, counted, knee_with, load_knee, read_calibrated
+from kneejax.files import counted, load_knee, read_calibrated
 from kneejax.geometry import COORDINATES
 from kneejax.mechanics import Knee
 from kneejax.statics import Status
@@ -59,15 +59,10 @@ def read_contact_knee(name: str) -> ContactKnee:
     Raises:
         InputProblem: there is no such knee.
     """
-    read = Calibrated(name, {}, {})
-    if Path(name).suffix == ".json":
-        read = read_calibrated(name)
-    knee = load_knee(read.knee)
-    if not read.values:
-        return ContactKnee(knee, knee.name, read.frame_offset)
-    return ContactKnee(
-        knee_with(knee, read.values, name), f"{knee.name} calibrated", read.frame_offset
-    )
+    knee = load_knee(name)
+    calibrated = Path(name).suffix.lower() == ".json"
+    offsets = read_calibrated(name).frame_offset if calibrated else {}
+    return ContactKnee(knee, knee.name, offsets)
 
 
 def passive_motion(read: ContactKnee, flexion_deg: np.ndarray) -> KneeMotion:

@@ -14,6 +14,9 @@ BAD_INPUT = 2
 #: As `kneejax.geometry.CONVENTIONS`, which would bring in JAX.
 CONVENTIONS = ("femoral", "grood-suntay", "tibial", "femur-in-tibia")
 
+#: What stands for a knee, wherever one is asked for.
+KNEE = "bundled name, knee file, or the result.json of a calibration"
+
 
 class Parser(argparse.ArgumentParser):
     """A command's own parser: help begins with what the command does and ends with an example."""

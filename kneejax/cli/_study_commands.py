@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from kneejax.cli._parser import KNEE
 from kneejax.studies import Identify, Map, Sensitivity
 
 
@@ -80,7 +81,8 @@ def add_sensitivity(parser: argparse.ArgumentParser) -> None:
         "--knees",
         nargs="+",
         metavar="KNEE",
-        help="compare knees instead: varus and valgus moments, scores of paper 4",
+        help="compare knees instead: varus and valgus moments, scores of paper 4; each a "
+        f"{KNEE}",
     )
     parser.add_argument(
         "--seed", type=int, default=Sensitivity.seed, help="of the random numbers"

@@ -13,10 +13,12 @@ _MODULES = {
     "bundled_measurements": "kneejax.files._bundled",
     "bundled_path": "kneejax.files._bundled",
     "bundled_studies": "kneejax.files._bundled",
-    "load_knee": "kneejax.files._bundled",
-    "load_knee_file": "kneejax.files._bundled",
     "study_path": "kneejax.files._bundled",
     "parse_flexion": "kneejax.files._flexion",
+    "check_new": "kneejax.files._knees",
+    "load_knee": "kneejax.files._knees",
+    "load_knee_file": "kneejax.files._knees",
+    "write_calibrated_knee": "kneejax.files._knees",
     "knee_with": "kneejax.files._named_values",
     "said_of": "kneejax.files._named_values",
     "AxisPoints": "kneejax.files.joint",
@@ -36,6 +38,7 @@ _MODULES = {
     "format_knee": "kneejax.files.knee",
     "mirror_document": "kneejax.files.knee",
     "read_knee": "kneejax.files.knee",
+    "restated": "kneejax.files.knee",
     "write_knee": "kneejax.files.knee",
     "MESH_UNITS": "kneejax.files.meshes",
     "THICKNESSES": "kneejax.files.meshes",
@@ -78,10 +81,12 @@ if TYPE_CHECKING:
     from kneejax.files._bundled import bundled_measurements as bundled_measurements
     from kneejax.files._bundled import bundled_path as bundled_path
     from kneejax.files._bundled import bundled_studies as bundled_studies
-    from kneejax.files._bundled import load_knee as load_knee
-    from kneejax.files._bundled import load_knee_file as load_knee_file
     from kneejax.files._bundled import study_path as study_path
     from kneejax.files._flexion import parse_flexion as parse_flexion
+    from kneejax.files._knees import check_new as check_new
+    from kneejax.files._knees import load_knee as load_knee
+    from kneejax.files._knees import load_knee_file as load_knee_file
+    from kneejax.files._knees import write_calibrated_knee as write_calibrated_knee
     from kneejax.files._named_values import knee_with as knee_with
     from kneejax.files._named_values import said_of as said_of
     from kneejax.files.joint import AxisPoints as AxisPoints
@@ -101,6 +106,7 @@ if TYPE_CHECKING:
     from kneejax.files.knee import format_knee as format_knee
     from kneejax.files.knee import mirror_document as mirror_document
     from kneejax.files.knee import read_knee as read_knee
+    from kneejax.files.knee import restated as restated
     from kneejax.files.knee import write_knee as write_knee
     from kneejax.files.meshes import MESH_UNITS as MESH_UNITS
     from kneejax.files.meshes import THICKNESSES as THICKNESSES

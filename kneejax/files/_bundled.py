@@ -5,16 +5,11 @@ from __future__ import annotations
 import dataclasses
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from kneejax.files.reading import Field, InputProblem, load_yaml, nearest_name, neighbour
 
-# A list of what is bundled needs no knee: those who build one import more.
-if TYPE_CHECKING:
-    from kneejax.files.knee import KneeFile
-    from kneejax.mechanics import Knee
-
 _ENDINGS = {"knees": ".yaml", "measurements": ".csv", "studies": ".yaml"}
+_ONE = {"knees": "knee", "studies": "study"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -138,76 +133,6 @@ def bundled_measurements() -> dict[str, Measurement]:
     return answer
 
 
-def load_knee(name_or_path: str | os.PathLike[str]) -> Knee:
-    """Load a knee.
-
-    Args:
-        name_or_path: name of a bundled knee, or a knee file.
-
-    Returns:
-        The knee; a left one as its mirrored right twin.
-
-    Raises:
-        InputProblem: there is no such knee or file, or the file is faulty.
-
-    Example:
-        >>> knee = load_knee("four_ligament")
-        >>> knee.side, knee.contact_names
-        ('right', ('medial', 'lateral'))
-    """
-    return load_knee_file(name_or_path).knee
-
-
-def load_knee_file(name_or_path: str | os.PathLike[str]) -> KneeFile:
-    """Load a knee with the sources of its numbers.
-
-    Args:
-        name_or_path: name of a bundled knee, or a knee file.
-
-    Returns:
-        The knee, its sources, and the document as it stands in the file.
-
-    Raises:
-        InputProblem: there is no such knee or file, or the file is faulty.
-
-    Example:
-        >>> read = load_knee_file("four_ligament")
-        >>> sorted(read.document["ligaments"])
-        ['ACL', 'LCL', 'MCL', 'PCL']
-    """
-    from kneejax.files.knee import read_knee
-
-    path = _path("knees", "knee", name_or_path)
-    check_kind(path)
-    return read_knee(path)
-
-
-def check_kind(path: Path) -> None:
-    """Say which command takes a file that is not a knee's, as its ending tells.
-
-    Args:
-        path: what was given as a knee file.
-
-    Raises:
-        InputProblem: it is a model, a mesh or a table, or a folder with a knee file.
-    """
-    from kneejax.files.meshes import MESH_ENDINGS
-
-    # Ending -> what such a file is, and what to do with it.
-    other_kinds = {
-        ".osim": ("an OpenSim model", ", which kneejax import osim makes of it"),
-        ".csv": ("a table", "; a table of poses is given after the knee"),
-        **{e: ("a mesh", ", which kneejax import stl makes of meshes") for e in MESH_ENDINGS},
-    }
-    found, hint = other_kinds.get(path.suffix.lower(), ("", ""))
-    if path.is_dir():
-        inside = path / "knee.yaml"
-        near = os.fspath(inside) if inside.is_file() else None
-        raise InputProblem(path, "file", "a folder", "a knee file", near)
-    if found and path.is_file():
-        raise InputProblem(path, "file", found, f"a knee file{hint}")
-
-
 def study_path(name_or_path: str | os.PathLike[str]) -> Path:
     """The file of a study.
 
@@ -224,12 +149,20 @@ def study_path(name_or_path: str | os.PathLike[str]) -> Path:
         >>> study_path("paper1").name
         'paper1.yaml'
     """
-    return _path("studies", "study", name_or_path)
+    return named_path("studies", name_or_path)
 
 
-def _path(kind: str, one: str, name_or_path: str | os.PathLike[str]) -> Path:
-    """The bundled file of this name, or else the file itself."""
-    known, path = _bundled(kind), Path(name_or_path)
+def named_path(kind: str, name_or_path: str | os.PathLike[str]) -> Path:
+    """The bundled file of this name, or else the file itself.
+
+    Args:
+        kind: a folder of the bundled data.
+        name_or_path: name of a bundled file, or any file.
+
+    Raises:
+        InputProblem: there is neither.
+    """
+    known, path, one = _bundled(kind), Path(name_or_path), _ONE[kind]
     if isinstance(name_or_path, str) and name_or_path in known:
         return known[name_or_path]
     if os.path.exists(path):

@@ -102,7 +102,7 @@ def _knee(field: Field, folder: Path) -> str:
     if not path.is_file():
         expected = f"a bundled knee ({', '.join(known) or 'none'}) or a knee file; not at {path}"
         raise field.problem(expected, known)
-    return os.fspath(path)
+    return os.path.abspath(path)  # results are read elsewhere
 
 
 def _measured(field: Field, folder: Path) -> dict[str, Any]:

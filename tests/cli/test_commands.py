@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 
+import jax
 import numpy as np
 import pytest
 
@@ -173,13 +174,23 @@ def test_calibrate_writes_everything(tmp_path, capsys):
     assert len(rows(tmp_path / "parameters.csv")) == 8
     assert "ACL.stiffness" in capsys.readouterr().out
     # One call in Python does the same.
-    own = kj.run(kj.read_study("paper1"))
+    own, names = kj.run(kj.read_study("paper1")), ("*.stiffness", "*.reference_strain")
     parameters = {name: one["value"] for name, one in result["parameters"].items()}
     assert {e.name: e.value for e in own.fit.estimates} == parameters
     assert [fit.evaluations for fit in own.fits] == [
         one["evaluations"] for one in result["per_procedure"].values()
     ]
     assert json.loads(json.dumps(own.settings)) == result["settings"]
+    # Other commands take the knee that was found.
+    start, chosen = kj.load_knee("four_ligament"), kj.select(kj.load_knee("four_ligament"), names)
+    fitted = chosen.apply(start, np.array([parameters[name] for name in chosen.names]))
+    for file in ("knee.yaml", "result.json"):
+        for one, two in zip(
+            jax.tree.leaves(kj.load_knee(tmp_path / file)), jax.tree.leaves(fitted), strict=True
+        ):
+            np.testing.assert_allclose(one, two, rtol=1e-12)
+    assert main(["describe", str(tmp_path / "knee.yaml")]) == 0
+    assert "four_ligament calibrated" in capsys.readouterr().out
 
 
 def bad_knee(tmp_path, old, new):
@@ -324,6 +335,18 @@ BAD = {
     ),
     "unknown study field": (lambda t: study(t, TWIN + "boundz: 3\n"), "bounds"),
 }
+
+
+@pytest.mark.parametrize("name", ["knee.yaml", "result.json"])
+def test_the_knee_of_a_study_is_not_overwritten(name, tmp_path, unmeasured, capsys):
+    knee = tmp_path / name
+    found = json.dumps({"knee": "four_ligament", "parameters": {}})
+    text = bundled_path("knees", "four_ligament").read_text() if name == "knee.yaml" else found
+    knee.write_text(text)
+    words = study(tmp_path, TWIN.replace("knee: four_ligament", f"knee: {name}"))
+    assert main([*words[:2], "--out", str(tmp_path)]) == 2
+    assert "another file than the knee that is calibrated" in capsys.readouterr().err
+    assert knee.read_text() == text and not (tmp_path / "figures").exists()
 
 
 @pytest.mark.parametrize("case", BAD)

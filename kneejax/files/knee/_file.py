@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from kneejax.files.knee import _schema as schema
+from kneejax.files.knee._format import plain_document
 from kneejax.files.knee._mirror import mirror_document, mirror_part
 from kneejax.files.reading import Field, InputProblem, format_yaml, load_yaml, write_text
 from kneejax.geometry import (
@@ -100,38 +101,37 @@ def read_knee(path: str | os.PathLike[str]) -> KneeFile:
         >>> read.document["side"]
         'right'
     """
-    document = load_yaml(path, "a knee file")
+    return build_knee(load_yaml(path, "a knee file"), path)
+
+
+def build_knee(document: dict[str, Any], path: str | os.PathLike[str]) -> KneeFile:
+    """Check a knee document and build its knee.
+
+    Args:
+        document: content of a knee file.
+        path: where it stands, or what it was made of, for errors.
+
+    Returns:
+        As `read_knee`.
+
+    Raises:
+        InputProblem: likewise.
+    """
     sources = schema.check_knee(Field(os.fspath(path), "", document))
     right = mirror_document(document) if document["side"] == "left" else document
     knee = _build(right, document["side"], os.fspath(path))
     return KneeFile(knee, sources, document["description"].strip(), Path(path), document)
 
 
-def format_knee(document: dict[str, Any]) -> str:
-    """Write a knee document as text.
-
-    Args:
-        document: content of a knee file; NumPy numbers and arrays may stand in it.
-
-    Returns:
-        YAML with fields in the order of the format, names in the order given, every float with
-        the digits that it has; the same text for the same document.
-
-    Example:
-        >>> print(format_knee({"side": "right", "name": "small", "kneejax": 1}), end="")
-        kneejax: 1
-        name: small
-        side: right
-    """
-    return format_yaml(_ordered(_plain(document)))
-
-
-def write_knee(document: dict[str, Any], path: str | os.PathLike[str]) -> None:
+def write_knee(
+    document: dict[str, Any], path: str | os.PathLike[str], comment: str = ""
+) -> None:
     """Check a knee document and write it to a file, completely or not at all.
 
     Args:
         document: as in `format_knee`.
         path: the file.
+        comment: lines for the head of the file.
 
     Raises:
         InputProblem: a field is missing, unknown or out of range, or the file cannot be written.
@@ -145,11 +145,10 @@ def write_knee(document: dict[str, Any], path: str | os.PathLike[str]) -> None:
         >>> load_knee_file(path).document == document
         True
     """
-    plain = _ordered(_plain(document))
-    schema.check_knee(Field(os.fspath(path), "", plain))
-    right = mirror_document(plain) if plain["side"] == "left" else plain
-    _build(right, plain["side"], os.fspath(path))
-    write_text(path, format_yaml(plain))
+    plain = plain_document(document)
+    build_knee(plain, path)
+    head = "".join(f"# {line}\n" for line in comment.splitlines())
+    write_text(path, head + format_yaml(plain))
 
 
 def build_surface(surface: dict[str, Any]) -> Surface:
@@ -211,12 +210,12 @@ def _ligaments(
     def column(name: str) -> np.ndarray:
         return np.array([part[name] for part in parts.values()], float)
 
-    def fibres(slack_length) -> Ligaments:
+    def fibres(slack: np.ndarray) -> Ligaments:
         return Ligaments(
             column("femoral_attachment_mm"),
             column("tibial_attachment_mm"),
             column("stiffness_N"),
-            slack_length,
+            slack,
             column("transition_strain"),
             column("transition_width"),
             tuple(parts),
@@ -225,10 +224,9 @@ def _ligaments(
         )
 
     unloaded = fibres(np.ones(len(parts)))
-    around = any("wrap" in part and "slack_length_mm" not in part for part in parts.values())
-    inside, lengths = at_reference(unloaded, pose, around)
+    inside, lengths = at_reference(unloaded, pose, detour_counts(parts))
     slack = [
-        _slack(part, length)
+        slack_length(part, length)
         for part, length in zip(parts.values(), np.asarray(lengths).tolist(), strict=True)
     ]
     found = fibres(np.array(slack))
@@ -288,7 +286,21 @@ def _groups(document: dict[str, Any]) -> tuple[tuple[str, tuple[str, ...]], ...]
     return tuple((name, members(rows)) for name, rows in document.get("groups", {}).items())
 
 
-def _slack(part: dict[str, Any], length: float) -> float:
+def detour_counts(parts: dict[str, Any]) -> bool:
+    """Whether a slack length depends on the way that a fibre takes at the reference pose."""
+    return any(
+        ("wrap" in part or "via_points" in part) and "slack_length_mm" not in part
+        for part in parts.values()
+    )
+
+
+def slack_length(part: dict[str, Any], length: float) -> float:
+    """The slack length that a ligament of a document has, mm.
+
+    Args:
+        part: a ligament.
+        length: at the reference pose, mm.
+    """
     if "slack_length_mm" in part:
         return float(part["slack_length_mm"])
     if "reference_strain" in part:
@@ -323,54 +335,3 @@ def _load(part: dict[str, Any], name: str) -> Load:
         point_in=part.get("point_in", "tibia"),
         name=name,
     )
-
-
-def _plain(value: Any) -> Any:
-    """The same with Python's own numbers, texts and lists."""
-    if isinstance(value, dict):
-        return {str(name): _plain(item) for name, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if hasattr(value, "tolist"):  # NumPy and JAX arrays and numbers
-        return _plain(np.asarray(value).tolist())
-    return value
-
-
-def _ordered(document: dict[str, Any]) -> dict[str, Any]:
-    document = _sorted(document, schema.KNEE_FIELDS)
-    if isinstance(document.get("reference_pose"), dict):
-        document["reference_pose"] = _sorted(document["reference_pose"], schema.POSE_FIELDS)
-    for section, fields in (
-        ("ligaments", schema.LIGAMENT_FIELDS),
-        ("contacts", schema.CONTACT_FIELDS),
-        ("wraps", schema.WRAP_FIELDS),
-        ("lines", schema.LINE_FIELDS),
-        ("loads", schema.LOAD_FIELDS),
-    ):
-        parts = document.get(section)
-        if isinstance(parts, dict):
-            document[section] = {name: _sorted(part, fields) for name, part in parts.items()}
-    surfaces = document.get("surfaces")
-    if isinstance(surfaces, dict):
-        document["surfaces"] = {bone: _sorted_surface(x) for bone, x in surfaces.items()}
-    return document
-
-
-def _sorted(part: Any, fields: tuple[str, ...]) -> Any:
-    """The same mapping, known fields first and in their order; surfaces within it likewise."""
-    if not isinstance(part, dict):
-        return part
-    names = [name for name in fields if name in part]
-    answer = {name: part[name] for name in (*names, *(x for x in part if x not in names))}
-    for name in ("femoral_surface", "tibial_surface"):
-        if name in answer:
-            answer[name] = _sorted_surface(answer[name])
-    return answer
-
-
-def _sorted_surface(surface: Any) -> Any:
-    if not isinstance(surface, dict):
-        return surface
-    required, optional = schema.SURFACES.get(surface.get("kind"), ((), ()))  # pyright: ignore[reportCallIssue]
-    order = ("kind", required[0], *optional, *required[1:]) if required else ()
-    return _sorted(surface, (*order, *schema.SURFACE_EXTRAS))

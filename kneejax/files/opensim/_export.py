@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from kneejax.files._bundled import bundled_knees, check_kind, load_knee_file
+from kneejax.files._bundled import bundled_knees
+from kneejax.files._knees import check_kind, load_knee_file
 from kneejax.files.knee import KneeFile, check_knee, read_knee
 from kneejax.files.opensim._edits import Edits
 from kneejax.files.opensim._import import OsimImport, import_osim
@@ -114,8 +115,8 @@ def _opened(knee: KneeFile | str | os.PathLike[str]) -> _Stated:
     if isinstance(knee, KneeFile):
         return _Stated(knee.path, knee.document, lambda: knee)
     path = bundled_knees().get(os.fspath(knee)) or Path(knee)
-    if not path.is_file():
-        known = load_knee_file(knee)  # says what is wrong with the name
+    if not path.is_file() or path.suffix.lower() == ".json":
+        known = load_knee_file(knee)  # a calibration's, or says what is wrong with the name
         return _Stated(known.path, known.document, lambda: known)
     check_kind(path)
     document = load_yaml(path, "a knee file")

@@ -10,6 +10,9 @@ from kneejax.files.reading import Field, InputProblem, read_text
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.mechanics import Range, range_of_parameter
 
+#: Fields of a study's settings with values by parameter, in the order in which they are set.
+_FIXED = ("overrides", "start")
+
 
 @dataclasses.dataclass(frozen=True)
 class Calibrated:
@@ -17,14 +20,23 @@ class Calibrated:
 
     Attributes:
         knee: name or file of the knee that was calibrated.
-        values: parameter -> value; those that the study fixed, then those that it found.
+        fixed: parameter -> value of the study: those that it set, then those where it began.
+        found: parameter -> value that the calibration found.
         frame_offset: free coordinate -> what is added to the knee's motion to compare it with the
             measured one, mm or degrees.
+        study: its title and its file; empty where the result does not say.
     """
 
     knee: str
-    values: dict[str, float]
+    fixed: dict[str, float]
+    found: dict[str, float]
     frame_offset: dict[str, float]
+    study: str = ""
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Parameter -> value; those that the study fixed, then those that it found."""
+        return self.fixed | self.found
 
 
 def read_calibrated(path: str | os.PathLike[str]) -> Calibrated:
@@ -34,7 +46,7 @@ def read_calibrated(path: str | os.PathLike[str]) -> Calibrated:
         path: the file.
 
     Returns:
-        The knee and its numbers; `kneejax.parameters.with_values` puts them into it.
+        The knee and its numbers; `kneejax.load_knee` of the same file puts them into it.
 
     Raises:
         InputProblem: the file cannot be read or is no such result.
@@ -48,19 +60,33 @@ def read_calibrated(path: str | os.PathLike[str]) -> Calibrated:
         raise InputProblem(file, "parameters", "missing", expected)
     whole = Field(file, "", document)
     settings = _fields(whole, "settings")
-    overrides = _fields(whole["settings"], "overrides") if settings else {}
-    values = {name: one.number(range_of_parameter(name)) for name, one in overrides.items()}
-    values |= {
+    stated = [_fields(whole["settings"], name) if settings else {} for name in _FIXED]
+    fixed = {
+        name: one.number(range_of_parameter(name))
+        for fields in stated
+        for name, one in fields.items()
+    }
+    found = {
         name: _value(one, range_of_parameter(name))
         for name, one in _fields(whole, "parameters").items()
     }
-    shifts = {
-        name.removesuffix("_deg").removesuffix("_mm"): one
-        for name, one in _fields(whole, "frame_offset").items()
-    }
-    offsets = {name: _value(one) for name, one in shifts.items() if name in FREE_COORDINATES}
     knee = settings.get("knee") or _found(whole, "knee")
-    return Calibrated(knee.text(), values, offsets)
+    words = [whole.value.get("title"), settings["path"].value if "path" in settings else None]
+    title, path = [word if isinstance(word, str) else "" for word in words]
+    study = f"{title} ({path})" if title and path else title or path
+    return Calibrated(knee.text(), fixed, found, _offsets(whole), study)
+
+
+def _offsets(whole: Field) -> dict[str, float]:
+    """Constants between frames by coordinate, which older results name with its unit."""
+    offsets = {}
+    for name, one in _fields(whole, "frame_offset").items():
+        coordinate = name.removesuffix("_deg").removesuffix("_mm")
+        if coordinate not in FREE_COORDINATES:
+            expected = f"one of {', '.join(FREE_COORDINATES)}"
+            raise InputProblem(whole.file, "frame_offset", name, expected, FREE_COORDINATES)
+        offsets[coordinate] = _value(one)
+    return offsets
 
 
 def _fields(of: Field, name: str) -> dict[str, Field]:

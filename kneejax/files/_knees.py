@@ -1,0 +1,153 @@
+"""A knee by its name, from its file, or as a calibration found it."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import jax.numpy as jnp
+
+from kneejax.files._bundled import named_path
+from kneejax.files._named_values import knee_with, said_of
+from kneejax.files.knee import KneeFile, build_knee, read_knee, restated, write_knee
+from kneejax.files.meshes import MESH_ENDINGS
+from kneejax.files.reading import InputProblem
+from kneejax.files.results import Calibrated, read_calibrated
+from kneejax.mechanics import Knee
+from kneejax.parameters import select
+
+_NAME = " calibrated"
+_COMMENT = """The knee that a calibration found: {study}
+Comments of the file that it was made of are lost ({knee}).
+Numbers that the calibration found, or its study set, have that as their source."""
+_OFFSETS = """
+What is added to its motion to compare it with the measured one is no part of a knee: {}"""
+
+
+def load_knee(name_or_path: str | os.PathLike[str]) -> Knee:
+    """Load a knee.
+
+    Args:
+        name_or_path: name of a bundled knee, a knee file, or the result.json of a calibration.
+
+    Returns:
+        The knee; a left one as its mirrored right twin.
+
+    Raises:
+        InputProblem: there is no such knee or file, or the file is faulty.
+
+    Example:
+        >>> knee = load_knee("four_ligament")
+        >>> knee.side, knee.contact_names
+        ('right', ('medial', 'lateral'))
+    """
+    return load_knee_file(name_or_path).knee
+
+
+def load_knee_file(name_or_path: str | os.PathLike[str]) -> KneeFile:
+    """Load a knee with the sources of its numbers.
+
+    Args:
+        name_or_path: name of a bundled knee, a knee file, or the result.json of a calibration.
+
+    Returns:
+        The knee, its sources, and the document as it stands in the file; of a calibration, the
+        document of its knee with the numbers that it fixed and found.
+
+    Raises:
+        InputProblem: there is no such knee or file, or the file is faulty.
+
+    Example:
+        >>> read = load_knee_file("four_ligament")
+        >>> sorted(read.document["ligaments"])
+        ['ACL', 'LCL', 'MCL', 'PCL']
+    """
+    path = named_path("knees", name_or_path)
+    if path.suffix.lower() == ".json" and path.is_file():
+        return _calibrated(read_calibrated(path), path)
+    check_kind(path)
+    return read_knee(path)
+
+
+def check_kind(path: Path) -> None:
+    """Say which command takes a file that is not a knee's, as its ending tells.
+
+    Args:
+        path: what was given as a knee file.
+
+    Raises:
+        InputProblem: it is a model, a mesh or a table, or a folder with a knee file.
+    """
+    # Ending -> what such a file is, and what to do with it.
+    other_kinds = {
+        ".osim": ("an OpenSim model", ", which kneejax import osim makes of it"),
+        ".csv": ("a table", "; a table of poses is given after the knee"),
+        **{e: ("a mesh", ", which kneejax import stl makes of meshes") for e in MESH_ENDINGS},
+    }
+    found, hint = other_kinds.get(path.suffix.lower(), ("", ""))
+    if path.is_dir():
+        inside = path / "knee.yaml"
+        near = os.fspath(inside) if inside.is_file() else None
+        raise InputProblem(path, "file", "a directory", "a knee file", near)
+    if found and path.is_file():
+        raise InputProblem(path, "file", found, f"a knee file{hint}")
+
+
+def write_calibrated_knee(
+    result: str | os.PathLike[str], path: str | os.PathLike[str]
+) -> None:
+    """Write the knee that a calibration found as a knee file.
+
+    Its numbers have the calibration, or the study that set them, as their source. Comments of the
+    file that the calibration began with are lost.
+
+    Args:
+        result: the result.json of the calibration.
+        path: the new file.
+
+    Raises:
+        InputProblem: the result cannot be read, gives no knee, or the file cannot be written: it
+            may not be the one that the calibration began with.
+        UnknownParameter: a name that the knee does not have.
+    """
+    read, found = read_calibrated(result), load_knee_file(result)
+    check_new(path, read.knee)
+    comment = _COMMENT.format(study=read.study or os.fspath(result), knee=read.knee)
+    if read.frame_offset:
+        comment += _OFFSETS.format(", ".join(f"{k} {x:g}" for k, x in read.frame_offset.items()))
+    write_knee(found.document, path, comment)
+
+
+def check_new(path: str | os.PathLike[str], knee: str | os.PathLike[str]) -> None:
+    """Refuse to write a calibrated knee over the one that the calibration began with.
+
+    Args:
+        path: of the new knee file.
+        knee: name or file of the knee that is calibrated.
+
+    Raises:
+        InputProblem: they are one file.
+    """
+    if os.path.exists(path) and os.path.exists(knee) and os.path.samefile(path, knee):
+        expected = "another file than the knee that is calibrated"
+        raise InputProblem(path, "file", os.fspath(knee), expected)
+
+
+def _calibrated(read: Calibrated, path: Path) -> KneeFile:
+    """The knee of a calibration: what its study set, then what it found."""
+    base = load_knee_file(read.knee)
+    knee, document, study = base.knee, base.document, read.study or os.fspath(path)
+    if read.fixed:
+        knee = knee_with(knee, read.fixed, path)
+        document = restated(document, knee, f"set by the study: {study}")
+    if read.found:
+        # All at once: a strain holds where attachments have moved to.
+        with said_of(path):
+            selection = select(knee, tuple(read.found))
+        numbers = jnp.array([read.found[name] for name in selection.names])
+        document = restated(document, selection.apply(knee, numbers), f"calibration: {study}")
+    if read.values:
+        name = base.knee.name.removesuffix(_NAME) + _NAME
+        about = f"{base.description}; calibrated: {study}"
+        document = document | {"name": name, "description": about}
+    return build_knee(document, path)

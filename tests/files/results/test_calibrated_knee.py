@@ -1,0 +1,94 @@
+"""The knee of a calibration: from its result.json, and as a knee file of its own."""
+
+import json
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import kneejax as kj
+from kneejax.files import (
+    InputProblem,
+    bundled_path,
+    load_knee_file,
+    read_calibrated,
+    write_calibrated_knee,
+)
+from kneejax.parameters import UnknownParameter
+
+FOUND = {
+    "ACL.reference_strain": 0.05, "ACL.femoral_attachment.anterior": -3.0, "PCL.stiffness": 5000.0,
+    "medial.youngs_modulus": 7.0, "medial.tibial_surface.superior": -20.0,
+}  # fmt: skip
+
+
+def result(folder, knee="four_ligament", **changes):
+    document = {
+        "title": "Specimen 7",
+        "parameters": {name: {"value": value} for name, value in FOUND.items()},
+        "frame_offset": {"lateral": {"value": 3.0}},
+        "settings": {
+            "knee": str(knee), "path": "specimen7.yaml",
+            "overrides": {"MCL.stiffness": 2000.0}, "start": {"LCL.stiffness": 1500.0},
+        },
+    }  # fmt: skip
+    path = folder / "result.json"
+    path.write_text(json.dumps(document | changes))
+    return path
+
+
+def expected():
+    knee = kj.load_knee("four_ligament")
+    knee = kj.with_values(knee, {"MCL.stiffness": 2000.0, "LCL.stiffness": 1500.0})
+    return kj.select(knee, tuple(FOUND)).apply(knee, jnp.array([*FOUND.values()]))
+
+
+def test_the_file_and_the_result_are_the_knee_that_was_found(tmp_path):
+    """Of a strain and a point that are found together, the strain holds where the point is."""
+    path = result(tmp_path)
+    write_calibrated_knee(path, tmp_path / "knee.yaml")
+    for place in (path, tmp_path / "knee.yaml"):
+        read = load_knee_file(place)
+        for one, two in zip(
+            jax.tree.leaves(read.knee), jax.tree.leaves(expected()), strict=True
+        ):
+            np.testing.assert_allclose(one, two, rtol=1e-12, atol=0.0)
+        assert read.knee.name == "four_ligament calibrated"
+        said = read.sources
+        assert said["ligaments.PCL.stiffness_N"] == "calibration: Specimen 7 (specimen7.yaml)"
+        assert said["ligaments.MCL.stiffness_N"].startswith("set by the study: Specimen 7")
+        assert said["ligaments.ACL.stiffness_N"] == "paper 1, Table 1"
+    text = (tmp_path / "knee.yaml").read_text()
+    assert text.startswith("# The knee that a calibration found: Specimen 7")
+    assert "Comments of the file that it was made of are lost" in text and "lateral 3" in text
+
+
+def test_a_calibrated_knee_may_be_calibrated_again(tmp_path):
+    path = result(tmp_path)
+    (tmp_path / "again").mkdir()
+    again = result(tmp_path / "again", path, parameters={"ACL.stiffness": {"value": 4000.0}})
+    read = load_knee_file(again)
+    assert read.knee.name == "four_ligament calibrated"
+    assert float(read.knee.ligaments.stiffness[0]) == 4000.0
+    assert read.document["ligaments"]["PCL"]["stiffness_N"] == 5000.0
+
+
+def test_the_knee_that_was_calibrated_is_not_overwritten(tmp_path):
+    knee = tmp_path / "knee.yaml"
+    text = bundled_path("knees", "four_ligament").read_text()
+    knee.write_text(text)
+    with pytest.raises(InputProblem, match="another file than the knee that is calibrated"):
+        write_calibrated_knee(result(tmp_path, knee), knee)
+    assert knee.read_text() == text
+
+
+def test_what_a_result_may_not_say_is_named(tmp_path):
+    path = result(tmp_path, frame_offset={"latral": {"value": 3.0}})
+    with pytest.raises(InputProblem, match="frame_offset: latral: .*did you mean lateral"):
+        read_calibrated(path)
+    path = result(tmp_path, parameters={"ACL.stifness": {"value": 3.0}})
+    with pytest.raises(UnknownParameter, match=r"result.json: unknown parameter 'ACL\.stifness'"):
+        kj.load_knee(path)
+    with pytest.raises(InputProblem, match="parameters.ACL.stiffness.value"):
+        kj.load_knee(result(tmp_path, parameters={"ACL.stiffness": {"value": None}}))
