@@ -121,7 +121,7 @@ write_poses(sys.argv[1], motion.to_table())
 @pytest.mark.slow
 def test_a_command_and_a_library_without_flags_find_the_poses_of_a_test(tmp_path, capsys):
     """The command sets XLA up before anything is computed, a library leaves XLA as it is, and the
-    tests' own process compiles without optimising machine code: three programs, one motion."""
+    tests' own process has flags of its own: up to three programs, one motion."""
     asked = ["simulate", "passive-flexion", "--flexion", FLEXION, "--load", "anterior_N=20"]
     main([*asked, "--out", str(tmp_path / "here")])
     flags = {k: v for k, v in os.environ.items() if k != "XLA_FLAGS"}
