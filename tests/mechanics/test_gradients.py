@@ -294,7 +294,9 @@ def _of_part(part):
     return compare, np.r_[_sizes(first), 0.1 * POSE_SIZE]
 
 
-@pytest.mark.parametrize("part", PARTS)
+@pytest.mark.parametrize(
+    "part", [pytest.param(x, marks=[pytest.mark.slow] * (x == "quadrature")) for x in PARTS]
+)
 @few
 @given(seed=seeds)
 def test_each_part_follows_all_its_numbers_and_the_pose(part, seed):
