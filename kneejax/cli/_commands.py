@@ -30,7 +30,7 @@ def build_parser() -> Parser:
     for add in (
         _add_knees, _add_describe, _add_simulate, _add_evaluate, _add_calibrate, _add_map,
         _add_sensitivity, _add_identify, _add_reproduce, _add_view, _add_joint, _add_import,
-        _add_export, _add_completion,
+        _add_export, _add_rerun, _add_completion,
     ):  # fmt: skip
         add(commands)
     return parser
@@ -304,6 +304,19 @@ def _add_export(commands) -> None:
     osim.add_argument("model", type=Path, help="the original model; it is not changed")
     osim.add_argument("--out", type=Path, required=True, help="the new model")
     osim.set_defaults(run=_lazily("_export_osim"))
+
+
+def _add_rerun(commands) -> None:
+    rerun = add_command(
+        commands,
+        "rerun",
+        "Run the command that wrote a folder once more.",
+        "kneejax simulate passive-flexion && "
+        "kneejax rerun kneejax-passive-flexion --out again",
+    )
+    rerun.add_argument("folder", type=Path, help="with the settings.json of a command")
+    rerun.add_argument("--out", type=Path, help="folder for the results; the same one otherwise")
+    rerun.set_defaults(run=_lazily("_rerun"))
 
 
 def _add_completion(commands) -> None:

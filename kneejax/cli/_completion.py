@@ -8,9 +8,7 @@ from pathlib import Path
 import shtab
 
 from kneejax.cli._commands import build_parser
-
-#: Arguments that take a bundled name or a file.
-_NAME_OR_FILE = ("knee", "study")
+from kneejax.cli._settings import NAME_OR_FILE
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -24,8 +22,9 @@ def run(arguments: argparse.Namespace) -> int:
 def _offer_files(parser: argparse.ArgumentParser) -> None:
     """Where a file is expected, the shell shall offer those that there are."""
     for action in parser._actions:
-        if action.type is Path or action.dest in _NAME_OR_FILE:
-            action.complete = shtab.FILE  # pyright: ignore[reportAttributeAccessIssue]
+        if action.type is Path or action.dest in NAME_OR_FILE:
+            found = shtab.DIRECTORY if action.dest == "folder" else shtab.FILE
+            action.complete = found  # pyright: ignore[reportAttributeAccessIssue]
         if isinstance(action, argparse._SubParsersAction):
             for below in action.choices.values():
                 _offer_files(below)

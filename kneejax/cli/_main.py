@@ -10,8 +10,10 @@ from kneejax.cli._commands import build_parser
 from kneejax.cli._parser import BAD_INPUT
 
 DONE, DOUBTFUL = 0, 1
-#: Commands that compute nothing. All others begin with JAX, which takes seconds to import.
-_WITHOUT_JAX = ("knees", "completion")
+#: Commands that compute nothing themselves. All others begin with JAX: seconds of imports.
+_WITHOUT_JAX = ("knees", "completion", "rerun")
+#: Commands that write a file elsewhere, or let another command write.
+_WITHOUT_SETTINGS = ("export", "rerun")
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -35,7 +37,7 @@ def main(arguments: list[str] | None = None) -> int:
     status = DOUBTFUL if hasattr(chosen, "out") else DONE
     try:
         _prepare(chosen)
-        status = chosen.run(chosen)
+        status = _run(chosen)
         sys.stdout.flush()
         return status
     except ValueError as problem:
@@ -56,9 +58,21 @@ def main(arguments: list[str] | None = None) -> int:
         return 130
 
 
+def _run(chosen: argparse.Namespace) -> int:
+    """Run a command; what it was asked for is recorded beside what it wrote."""
+    if not hasattr(chosen, "out") or chosen.command in _WITHOUT_SETTINGS:
+        return chosen.run(chosen)
+    from kneejax.cli._settings import asked_for, record
+
+    settings = asked_for(chosen)  # before the command fills in what it was not told
+    status = chosen.run(chosen)
+    record(settings, chosen.out)
+    return status
+
+
 def _prepare(chosen: argparse.Namespace) -> None:
     """What comes before a command: a place for its results, and JAX."""
-    if hasattr(chosen, "out"):
+    if getattr(chosen, "out", None) is not None:
         from kneejax.cli._out import try_out
 
         try_out(chosen.out, folder=chosen.command != "export")
@@ -80,6 +94,7 @@ def _says_what_to_mend(problem: ValueError) -> bool:
 
 
 def _prepare_jax() -> None:
+    """Float64, and the compilation cache; JAX is imported."""
     from kneejax.numerics import configure, share_memory_between_threads
 
     share_memory_between_threads()

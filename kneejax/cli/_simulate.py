@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 
 import numpy as np
 
@@ -30,17 +29,15 @@ from kneejax.files import (
     parse_flexion,
     write_poses,
     write_rows,
-    write_text,
 )
 from kneejax.geometry import COLUMNS, convert_table
-from kneejax.inference import versions
-from kneejax.mechanics import GROOD_SUNTAY, Knee, Load, load_of, load_words
+from kneejax.mechanics import Knee, Load, load_of, load_words
 from kneejax.parameters import cut
 from kneejax.statics import Status
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Simulate, print a table, write poses.csv, forces.csv, settings.json and a figure."""
+    """Simulate, print a table, write poses.csv, forces.csv and a figure."""
     flexion = parse_flexion(arguments.flexion)
     values, loads = read_pairs("--set", arguments.values), read_loads(arguments.load)
     knee = cut(knee_with(load_knee(arguments.knee), values, "--set"), arguments.cut)
@@ -73,7 +70,6 @@ def run(arguments: argparse.Namespace) -> int:
     ]
     write_rows(arguments.out / "forces.csv", ["flexion_deg", "part", "force_N"], rows)
     files = ["poses.csv", "forces.csv", "settings.json"]
-    _record(arguments, knee, values, loads)
     if loads:
         moved = displacement(motion, passive_flexion(knee, flexion))
         write_rows(arguments.out / "displacement.csv", *displacement_table(flexion, moved))
@@ -106,24 +102,6 @@ def _branches(arguments, knee: Knee, flexion: np.ndarray, loads: list[Load]) -> 
         for row, branch in zip(shown, found, strict=True)
     ]
     write_rows(arguments.out / "branches.csv", header, rows)
-
-
-def _record(arguments, knee: Knee, values: dict[str, float], loads: dict[str, float]) -> None:
-    """Everything needed to run it again."""
-    document = {
-        "experiment": arguments.experiment,
-        "knee": arguments.knee,
-        "side": knee.side,
-        "flexion": arguments.flexion,
-        "set": values,
-        "cut": arguments.cut,
-        "load": loads,
-        "load_axes": GROOD_SUNTAY,
-        "branches": arguments.branches,
-        "convention": arguments.convention,
-        "versions": versions(),
-    }
-    write_text(arguments.out / "settings.json", json.dumps(document, indent=1) + "\n")
 
 
 def _forces(knee: Knee, mechanics, i: int):

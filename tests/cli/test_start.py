@@ -2,10 +2,12 @@
 
 import argparse
 import importlib.metadata
+import json
 import os
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -13,6 +15,7 @@ from kneejax import __version__, geometry
 from kneejax.cli import main
 from kneejax.cli._commands import SHELLS, build_parser
 from kneejax.cli._parser import CONVENTIONS
+from kneejax.cli._settings import asked_for, words_again
 
 HEAVY = {
     "jax", "equinox", "optimistix", "numpy", "scipy", "matplotlib", "trimesh", "yaml", "tqdm",
@@ -31,7 +34,10 @@ def parsers(parser=None, words=()):
 
 
 COMMANDS = dict(parsers())
+#: These write a file, or let another command write.
+WITHOUT_SETTINGS = {("export", "osim"), ("rerun",)}
 WITH_OUT = [w for w, p in COMMANDS.items() if "--out" in p._option_string_actions]
+WITH_SETTINGS = [words for words in WITH_OUT if words not in WITHOUT_SETTINGS]
 
 
 def example(parser):
@@ -51,6 +57,7 @@ def example(parser):
         ("knees", 0, {"yaml"}),
         ("completion fish", 0, {"shtab"}),
         (f"calibrate --out {os.devnull}/x", 2, set()),
+        (f"rerun {os.devnull}", 2, set()),
     ],
 )
 def test_nothing_heavy_is_imported_for_a_quick_answer(words, status, allowed):
@@ -126,6 +133,44 @@ def test_the_nearest_command_or_option_is_named(word, near, capsys):
 
 def test_conventions_are_those_of_the_package():
     assert CONVENTIONS == tuple(geometry.CONVENTIONS)
+
+
+@pytest.mark.parametrize("words", WITH_SETTINGS, ids=" ".join)
+def test_an_example_is_recorded_and_asked_for_again(words):
+    assert_asked_again(example(COMMANDS[words]).split(" && ")[-1].split()[1:])
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "simulate passive-flexion --flexion=-10:30:5 --set ACL.stiffness=300 --set=*.slack_length=9"
+        " --load anterior_N=-1e-7 --cut ACL --cut PCL --branches --convention tibial",
+        "map --pair A.x B.x --pair A.x C.x --all-pairs --grid 5x7 --range A.x=-1:2",
+        "sensitivity twin.yaml --sweep A.x --sweep B.x=0:1:5 --global morris --samples 8",
+        "sensitivity --knees four_ligament knee.yaml",
+        "identify --noise-mm 1e-5 --prior *.x=1:inf --posterior --candidates tests.csv",
+        "joint fit poses.csv --femur f.stl --at -5 0.5 90 --medial-epicondyle -0.00001 0 1e30"
+        " --column flexion_deg=7 --extension-facet 60 100",
+        "joint compare a.csv b.csv --joint x=a.yaml,b.yaml --calibrate-at 0 90 --no-anova",
+        "joint compare a.csv --knee four_ligament --anova --average-within 0.1",
+        "import stl --femur-cartilage f --tibia-cartilage t --side l --angle -10 160.5 --notch -1",
+    ],
+)
+def test_arguments_are_recorded_and_asked_for_again(line):
+    assert_asked_again(line.split())
+
+
+def assert_asked_again(words):
+    parser = build_parser()
+    chosen = parser.parse_args([*words, "--out", "somewhere"])
+    settings = json.loads(json.dumps(asked_for(chosen)))
+    assert settings["command"].split() == words[: len(settings["command"].split())]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("os.path.exists", lambda path: True)
+        again = words_again(settings, parser, Path("settings.json"))
+    found = vars(parser.parse_args([*again, "--out", "somewhere"]))
+    numbers = {name: asked_for(parser.parse_args(again))[name] for name in settings}
+    assert numbers == settings and found.keys() == vars(chosen).keys()
 
 
 def needed(words):
