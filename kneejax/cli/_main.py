@@ -54,7 +54,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"kneejax: {problem.filename}: {problem.strerror}", file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
-        print("kneejax: stopped; files that were not complete were not written", file=sys.stderr)
+        print("kneejax: stopped; no half-written files are left", file=sys.stderr)
         return 130
 
 

@@ -20,8 +20,8 @@ def say_status(
         status: `Status` values, one a pose.
         places: what each pose is called, e.g. its flexion.
         unit: of those, e.g. `degrees`.
-        doubts: a text a pose, see `kneejax.experiments.doubts`.
-        given: whether nobody balanced the poses.
+        doubts: one text per pose, see `kneejax.experiments.doubts`.
+        given: whether the poses were given, not balanced.
 
     Returns:
         Whether there was anything but balanced poses.
@@ -36,7 +36,7 @@ def say_status(
 
 
 def say_given(knee: Knee, found: Mechanics, rows: Sequence[int]) -> np.ndarray:
-    """Say what is wrong with poses that nobody balanced.
+    """Say what is wrong with poses that were given, not balanced.
 
     Args:
         knee: with which they were evaluated.

@@ -73,7 +73,7 @@ class Selection:
     """Parameters that are free, in order; hashable, so that it can steer a compiled function.
 
     Attributes:
-        names: `LIGAMENT.quantity`, `GROUP.quantity` or `PART.quantity`, one a free number.
+        names: `LIGAMENT.quantity`, `GROUP.quantity` or `PART.quantity`, one per free number.
         ligaments: names of the knee's ligaments.
         groups: names that stand for several ligaments, with those.
         leaves: names of parameters of other parts, with the numbers that they mean.

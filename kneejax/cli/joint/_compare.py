@@ -158,7 +158,7 @@ def _compared(
     arguments: argparse.Namespace, tables: np.ndarray, models: dict[str, Modelled], used: np.ndarray
 ) -> Comparison:
     flexion = tables[..., 0].mean(axis=0)
-    # Where a joint was calibrated on a pose of any subject, that condition foretells nothing.
+    # Where a joint was calibrated on a pose of any subject, that condition predicts nothing.
     known = np.any([*used, *(one.calibrated for one in models.values())], axis=0)
     try:
         return compare_motions(

@@ -87,7 +87,7 @@ def each_subject(option: str, files: Sequence[str], subjects: int) -> list[str]:
         subjects: how many there are.
 
     Returns:
-        One name a subject.
+        One name per subject.
 
     Raises:
         InputProblem: there are neither one nor as many as subjects, or a name is empty.
@@ -186,7 +186,7 @@ def knee_model(read: ContactKnee, source: str, flexion_deg: np.ndarray) -> Model
         flexion_deg: of each subject, shape `(subjects, n)`; one knee stands for all.
 
     Returns:
-        The model; poses that do not balance are NaN and said.
+        The model; poses that do not balance are NaN, with the reason in `status`.
     """
     over = curve_flexion(flexion_deg)
     angles, back = np.unique(np.concatenate([flexion_deg.ravel(), over]), return_inverse=True)

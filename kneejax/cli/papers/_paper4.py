@@ -18,7 +18,7 @@ from kneejax.reproduction import (
     paper4_claims,
 )
 
-#: Bundled models, and the one around which knees of nobody are drawn, with their seeds.
+#: Bundled models, and the one around which synthetic knees are drawn, with their seeds.
 KNEES = ("four_ligament", "lenhart2015_reduced", "lenhart2015")
 DRAWN_AROUND, SEEDS = "lenhart2015_reduced", (1, 2)
 _KINSHIP = (
@@ -90,7 +90,7 @@ def _about(found: KneeComparison) -> list[str]:
         "prestretch by up to 0.1, Young's modulus by up to 100 MPa (as a share of "
         f"{settings.reference_modulus_MPa:g} MPa), attachments halved.",
         "The paper has four finite element models of four persons. Here are three models of one "
-        f"person's bones ({', '.join(KNEES)}) and {len(SEEDS)} knees of nobody, drawn around "
+        f"person's bones ({', '.join(KNEES)}) and {len(SEEDS)} synthetic knees, drawn around "
         f"{DRAWN_AROUND}: its attachments by 2 mm, reference strains by 0.02, stiffnesses and the "
         "cartilage's modulus by 20 per cent (standard deviations). None was calibrated to laxity, "
         "bones are rigid, and there are no menisci.",

@@ -65,7 +65,7 @@ def _write(found: Paper5Study, claims: tuple[Claim, ...], out) -> list[str]:
     figures = {
         "means": (
             paper5_figure(found),
-            "Group means, printed (marks) and made again (lines). Between the calibration poses "
+            "Group means, printed (marks) and recomputed (lines). Between the calibration poses "
             "at 3.5 and 86.6 degrees the moving axis foretells; the band shows how much that "
             "depends on axis points, which were not published.",
         ),

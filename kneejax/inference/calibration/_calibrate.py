@@ -85,7 +85,7 @@ def calibrate(
         truth: values that made the data, for synthetic studies.
         title: for the report.
         settings: recorded with the result.
-        loads: on the tibia while the poses were measured, each one for all poses or one a pose.
+        loads: on the tibia while the poses were measured, each one for all poses or one per pose.
 
     Returns:
         The `Calibration`.

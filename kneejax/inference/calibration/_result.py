@@ -113,7 +113,7 @@ class Fit:
 
     Attributes:
         procedure: `I`, `II` or `III`.
-        estimates: one a parameter.
+        estimates: one per parameter.
         objective: weighted sum of squares at the answer.
         partial_objectives: coordinate -> its unweighted sum of squares (mm^2 or degree^2).
         rmse: coordinate -> root mean square error (mm or degree).
@@ -157,7 +157,7 @@ class Calibration:
         start_rmse: coordinate -> root mean square error of the start.
         start_partial_objectives: likewise for the sums of squares.
         start_objective: weighted sum of squares of the start.
-        fits: one a procedure; the first is the one that is reported as the answer.
+        fits: one per procedure; the first is the one that is reported as the answer.
         ligaments: names in the order of the columns of `Motion.ligament_forces`.
         contacts: names in the order of `Motion.contact_forces`.
         truth: parameter -> value that made synthetic data; empty for measured data.

@@ -70,8 +70,8 @@ def fit_many(
     Args:
         knee: gives everything else.
         selection: the parameters.
-        data: measured motion, one for all or one a fit.
-        begin: known balances, one variant a fit, from which the starts are predicted.
+        data: measured motion, one for all or one per fit.
+        begin: known balances, one variant per fit, from which the starts are predicted.
         starts: `(fits, p)`.
         lower: bounds, `(fits, p)`; equal to `upper` holds a parameter.
         upper: bounds.
@@ -167,7 +167,7 @@ def _solver(lower, upper, ends=(_RTOL, _ATOL)) -> BoundedLevenbergMarquardt:
 
 
 def _begin(starts: np.ndarray, rows: int, damping: float):
-    """One state a fit."""
+    """One state per fit."""
     x, struct = np.zeros(starts.shape[1]), jax.ShapeDtypeStruct((rows,), float)
     one = _solver(x, x).init(None, x, None, {}, struct, None, frozenset())
     # NumPy compiles nothing; JAX would, for every leaf and number of fits.

@@ -30,7 +30,7 @@ def synthetic_motion(
         noise_mm: standard deviation of the noise on displacements.
         noise_deg: standard deviation of the noise on rotations.
         seed: of the noise.
-        loads: on the tibia, each one for all poses or one a pose.
+        loads: on the tibia, each one for all poses or one per pose.
 
     Returns:
         `(n, 6)` in the order of `kneejax.geometry.COLUMNS`.

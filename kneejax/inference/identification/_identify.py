@@ -105,7 +105,7 @@ def identify(
         weights: `(5,)`, of the first fit, from which noise is estimated; paper 1's by default.
         offsets: free coordinates whose constant difference to the measurement is free.
         with_profiles: whether to follow the profiles.
-        loads: on the tibia while the poses were measured, each one for all poses or one a pose.
+        loads: on the tibia while the poses were measured, each one for all poses or one per pose.
 
     Returns:
         The `Identification`.

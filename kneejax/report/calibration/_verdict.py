@@ -113,7 +113,7 @@ def message(fit: Fit) -> str:
 def _ending(fit: Fit, converged_words: str) -> str:
     words = {
         Ending.CONVERGED: converged_words,
-        Ending.FLAT: "converged to within the noise: further steps gained nothing that counts",
+        Ending.FLAT: "converged to within the noise: further steps gained less than the noise",
         Ending.STOPPED: fit.reason or "stopped before it converged",
     }[fit.ending]
     lost = int((~converged(row_status(fit.motion))).sum())
