@@ -73,7 +73,7 @@ def passive_motion(read: ContactKnee, flexion_deg: np.ndarray) -> KneeMotion:
         flexion_deg: shape `(n,)`.
 
     Returns:
-        Its motion; poses that do not balance are NaN and said.
+        Its motion; poses that do not balance are NaN, and warned of.
     """
     motion = jax.block_until_ready(passive_flexion(read.knee, flexion_deg))
     table = np.array(motion.to_table())

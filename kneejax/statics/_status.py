@@ -109,7 +109,7 @@ class Status(enum.IntEnum):
 
     @property
     def remark(self) -> str:
-        """Fault and advice, of a pose that was given, not balanced; empty where nothing is wrong."""
+        """Fault and advice of a pose that was given, not balanced; empty where nothing is wrong."""
         return f"{self.fault}: {self.advice}" if self.fault else ""
 
     @property
