@@ -24,8 +24,7 @@ from kneejax.inference import Problem, calibrate
 from kneejax.inference.fit import DEFAULT_WEIGHTS, TABLE_UNITS
 from kneejax.mechanics import add_lane_axis
 from kneejax.numerics import compiler_options
-from kneejax.parameters import select
-from kneejax.parameters._selection import default_bounds
+from kneejax.parameters import default_bounds, select
 from kneejax.statics import Guess, settle
 
 NAMES = ("*.stiffness", "*.reference_strain")

@@ -1,5 +1,8 @@
 """Numbers of a knee by name: selected, bounded, scaled; which motions are a knee's."""
 
+from kneejax.parameters._bounds import default_bounds as default_bounds
+from kneejax.parameters._bounds import start_within as start_within
+from kneejax.parameters._bounds import stated_bounds as stated_bounds
 from kneejax.parameters._physiological import PHYSIOLOGICAL_LIMITS as PHYSIOLOGICAL_LIMITS
 from kneejax.parameters._physiological import unphysiological as unphysiological
 from kneejax.parameters._scales import looked_up as looked_up
@@ -11,10 +14,7 @@ from kneejax.parameters._selection import Selection as Selection
 from kneejax.parameters._selection import UnknownParameter as UnknownParameter
 from kneejax.parameters._selection import UnsuitableData as UnsuitableData
 from kneejax.parameters._selection import cut as cut
-from kneejax.parameters._selection import default_bounds as default_bounds
 from kneejax.parameters._selection import fibre_rows as fibre_rows
 from kneejax.parameters._selection import select as select
-from kneejax.parameters._selection import start_within as start_within
-from kneejax.parameters._selection import stated_bounds as stated_bounds
 from kneejax.parameters._selection import unit_of_quantity as unit_of_quantity
 from kneejax.parameters._selection import with_values as with_values

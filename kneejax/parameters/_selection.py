@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import functools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -28,7 +28,6 @@ from kneejax.mechanics import (
 from kneejax.parameters._leaves import (
     AXES,
     Leaf,
-    is_size,
     leaves_called,
     parts_of,
     quantities_of,
@@ -47,15 +46,6 @@ QUANTITIES = {
     f"{end}_attachment.{axis}": "mm"
     for end in ("femoral", "tibial")
     for axis in AXES
-}
-#: Bounds of paper 1, section 2.3, and wide ones for the rest, by quantity.
-DEFAULT_BOUNDS = {
-    "stiffness": (300.0, 10000.0),
-    "reference_strain": (-0.2, 0.2),
-    "slack_length": (5.0, 200.0),
-    "transition_strain": (0.005, 0.2),
-    "transition_width": (1e-4, 0.02),
-    "failure_strain": (0.05, 0.5),
 }
 _MOST_SHOWN = 12  # names in an error
 
@@ -328,70 +318,6 @@ def fibre_rows(knee: Knee, name: str) -> list[int]:
         end = f"; did you mean {near!r}?" if near else f": expected one of {', '.join(groups)}"
         raise UnknownParameter(f"unknown ligament {name!r}{end}")
     return [fibres.index(fibre) for fibre in groups[name]]
-
-
-def default_bounds(knee: Knee, selection: Selection) -> tuple[Array, Array]:
-    """Lower and upper bounds of a selection.
-
-    Those of `DEFAULT_BOUNDS`; points may move by 10 mm and angles by 0.2 rad; anything else may be
-    half or twice what it is.
-    """
-    values = np.asarray(selection.read(knee))
-    pairs = [_usual_bounds(selection, i, float(value)) for i, value in enumerate(values)]
-    return jnp.array([p[0] for p in pairs]), jnp.array([p[1] for p in pairs])
-
-
-def _usual_bounds(selection: Selection, index: int, value: float) -> tuple[float, float]:
-    quantity, unit = selection.quantity(index), selection.unit(index)
-    if quantity in DEFAULT_BOUNDS:
-        return DEFAULT_BOUNDS[quantity]
-    shift = {"mm": 10.0, "rad": 0.2}.get(unit)
-    if shift and not is_size(quantity):
-        return value - shift, value + shift
-    if value == 0.0:
-        return -1.0, 1.0
-    low, high = sorted((0.5 * value, 2.0 * value))
-    return low, high
-
-
-def stated_bounds(
-    knee: Knee, selection: Selection, given: Mapping[str, tuple[float, float]]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Bounds of a selection: those that are stated, default ones for the rest.
-
-    Args:
-        knee: gives the middle of default bounds of attachments.
-        selection: the parameters.
-        given: quantity, `*.quantity` or name -> lower and upper bound; the last of these counts.
-
-    Returns:
-        Lower and upper bounds, `(p,)` each.
-
-    Raises:
-        UnsuitableData: bounds that are reversed, equal or not finite.
-    """
-    lower, upper = (np.array(b) for b in default_bounds(knee, selection))
-    for i, name in enumerate(selection.names):
-        quantity = selection.quantity(i)
-        for key in (quantity, f"*.{quantity}", name):
-            if key in given:
-                lower[i], upper[i] = given[key]
-        if not (np.isfinite([lower[i], upper[i]]).all() and lower[i] < upper[i]):
-            raise UnsuitableData(
-                f"{name}: bounds {lower[i]:g} to {upper[i]:g}: expected lower below upper"
-            )
-    return lower, upper
-
-
-def start_within(
-    knee: Knee, selection: Selection, lower: np.ndarray, upper: np.ndarray
-) -> np.ndarray:
-    """The knee's own values, `(p,)`; raises `UnsuitableData` where bounds exclude one."""
-    start = np.asarray(selection.read(knee))
-    for name, value, low, high in zip(selection.names, start, lower, upper, strict=True):
-        if not low <= value <= high:
-            raise UnsuitableData(f"{name}: bounds {low:g} to {high:g} exclude the start {value:g}")
-    return start
 
 
 def _read(knee: Knee, rows: tuple[int, ...], quantity: str) -> Array:
