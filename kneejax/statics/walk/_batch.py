@@ -7,7 +7,7 @@ nor on who was first.
 
 from __future__ import annotations
 
-import copy
+import dataclasses
 import itertools
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -15,7 +15,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from kneejax.geometry import FREE_COORDINATES, scales
+from kneejax.geometry import FREE_COORDINATES
 from kneejax.mechanics import Knee
 from kneejax.numerics import on_all_cores
 from kneejax.statics._settle import needs_float64
@@ -29,11 +29,10 @@ from kneejax.statics.walk._paths import (
     along_chains,
     arms,
     joined,
-    nodes_at,
     paths,
     single_nodes,
 )
-from kneejax.statics.walk._routes import STRIDE, Chain, Routes, longest_stride_mm
+from kneejax.statics.walk._routes import Chain, Routes
 from kneejax.statics.walk._stations import Stations
 from kneejax.statics.walk._variants import Variants, Vary
 from kneejax.statics.walk._walk import Walker
@@ -46,16 +45,12 @@ _LOT = (2, 8)
 #: Lost nodes in a row after which a path is given up. Along stations the next ones may well
 #: balance (a knee too tight in extension); beyond the end of a branch nothing does.
 _ALONG_STATIONS, _ALONG_VALUES, _ALONG_LOADS = 5, 2, 1
-#: Flexions from the reference pose at which variants are led onto the knee's own branch, rad: the
-#: next where one does not do.
+#: Flexions from the reference pose by way of which a knee is followed that does not balance there,
+#: rad.
 _LEADS = tuple(np.deg2rad([45.0, 20.0, 70.0]))
 #: Stiffness, as a part of the unloaded knee's, below which a branch that ends has turned: along a
 #: load it falls like the root of the distance to a turning point, and 1/16384 is tried.
 _SOFT = 0.1
-#: Part of the way from the knee itself to a variant that is tried first where walks have lost it.
-_SMALL_CHANGE = 0.125
-#: How much nearer or farther from the knee's own motion a neighbour on the stem may be, mm.
-_JOINED_MM = float(longest_stride_mm(np.rad2deg(STRIDE)))
 
 
 def _asked(found: Found, routes: Routes) -> Balances:
@@ -95,9 +90,8 @@ def balance_many(
 ) -> Balances:
     """Balance variants of a knee at stations.
 
-    Each variant is led onto the knee's own branch at one flexion, is bent from there, and then its
-    loads grow (see `Routes`): what is found at a station depends on no other station, nor on their
-    order.
+    Each variant is bent from the knee's reference pose, and then its loads grow (see `Routes`): what
+    is found at a station depends on no other station, nor on their order.
 
     Args:
         knee: gives all numbers that do not vary.
@@ -119,19 +113,22 @@ def balance_many(
         before = balance_many(knee, vary, base, values, stations.loaded(), progress=progress)
         return held(Variants.of(knee, vary, values), stations, before)
     reference = float(knee.reference_pose.flexion)
-    leads = tuple(reference + lead for lead in _LEADS)
-    routes = Routes.to(stations, reference, leads)
-    own = _walked_by_itself(knee, vary, base, routes).found
+    routes = Routes.to(stations, reference)
+    one = jax.tree.map(lambda x: np.asarray(x)[None], base)
+    baseline = _walked(knee, vary, one, routes, None)
     variants = Variants.of(knee, vary, values)
-    found = Found.nothing(len(variants), _filled(own, knee))
-    walker = Walker(
-        variants, routes.nodes, found, _counter(progress, len(variants) * len(stations))
-    )
-    led = _lead(walker, routes, [routes.at(lead) for lead in leads], own.known[0])
-    _bend(walker, routes, led)
-    _fill(walker, routes, led, own.known[0])
-    _walk_off_the_stem(walker, routes)
-    return _asked(found, routes)
+    found = Found.nothing(len(variants), _filled(baseline, knee))
+    report = _counter(progress, len(variants) * len(stations))
+    walker = Walker(variants, routes.nodes, found, report)
+    _walk_all_routes(walker, routes)
+    answer, lost = _asked(found, routes), ~found.known[:, routes.needed].all(axis=1)
+    if lost.any():
+        # What the baseline motion does not lead to may be found without it.
+        some = jax.tree.map(lambda x: np.asarray(x)[lost], values)
+        alone = _by_themselves(knee, vary, some, stations)
+        for name in ("q", "meeting", "status", "steps", "reached", "fault"):
+            getattr(answer, name)[lost] = getattr(alone, name)
+    return answer
 
 
 def balance_lines(
@@ -196,47 +193,77 @@ def own_motion(knee: Knee, vary: Vary, base: Any, stations: Stations) -> Balance
         RuntimeError: float64 is switched off.
     """
     needs_float64()
+    one = jax.tree.map(lambda x: np.asarray(x)[None], base)
     if not stations.by_flexion:
-        one = jax.tree.map(lambda x: np.asarray(x)[None], base)
         before = own_motion(knee, vary, base, stations.loaded())
         return held(Variants.of(knee, vary, one), stations, before)
+    return _by_themselves(knee, vary, one, stations, {})
+
+
+def _by_themselves(
+    knee: Knee, vary: Vary, values: Any, stations: Stations, holding: dict | None = None
+) -> Balances:
+    """Variants that nothing leads but their own last poses; each as if it were the only one."""
     reference = float(knee.reference_pose.flexion)
     routes = Routes.to(stations, reference)
-    found = _walked_by_itself(knee, vary, base, routes).found
-    if not found.known[0, routes.home]:
-        # Where the way begins must not depend on how far it was to lead.
-        routes = Routes.to(stations, reference, tuple(reference + lead for lead in _LEADS))
-        found = _walked_by_itself(knee, vary, base, routes).found
-    return _asked(found, routes)
+    found = _walked(knee, vary, values, routes, holding)
+    answer, astray = _asked(found, routes), ~found.known[:, routes.home]
+    if not astray.any():
+        return answer
+    # Where the way begins must not depend on how far it was to lead.
+    routes = Routes.to(stations, reference, tuple(reference + lead for lead in _LEADS))
+    some = jax.tree.map(lambda x: np.asarray(x)[astray], values)
+    again = _asked(_walked(knee, vary, some, routes, None if holding is None else {}), routes)
+    for field in dataclasses.fields(Balances):
+        numbers = getattr(again, field.name)
+        if field.name == "holding":
+            for name, x in numbers.items():
+                answer.holding[name][astray] = x
+        elif field.name != "free":
+            getattr(answer, field.name)[astray] = numbers
+    return answer
 
 
-def _walked_by_itself(knee: Knee, vary: Vary, base: Any, routes: Routes) -> Walker:
-    """One variant along all its routes, beginning at the knee's reference pose."""
+def _walked(
+    knee: Knee, vary: Vary, values: Any, routes: Routes, holding: dict | None
+) -> Found:
+    """Variants along all routes, predicted from poses alone."""
     reference = np.asarray(knee.reference_pose.at(FREE_COORDINATES))
-    size = len(routes.nodes)
-    found = Found.nothing(
-        1, (np.tile(reference, (size, 1)), np.zeros((size, knee.patch_count, 2))), holding={}
-    )
-    one = jax.tree.map(lambda x: np.asarray(x)[None], base)
-    walker = Walker(Variants.of(knee, vary, one), routes.nodes, found, lambda _: None)
+    size, variants = len(routes.nodes), Variants.of(knee, vary, values)
+    nothing = np.tile(reference, (size, 1)), np.zeros((size, knee.patch_count, 2))
+    found = Found.nothing(len(variants), nothing, holding)
+    _walk_all_routes(Walker(variants, routes.nodes, found, lambda _: None), routes)
+    return found
+
+
+def _walk_all_routes(walker: Walker, routes: Routes) -> None:
+    """Every variant along all routes, from the knee's reference pose."""
     _bend_from_reference(walker, routes)
     _walk_off_the_stem(walker, routes)
-    return walker
 
 
 def _bend_from_reference(walker: Walker, routes: Routes) -> None:
-    """The stem of one variant both ways from the reference pose; where that finds nothing at first,
-    back from where it did."""
+    """The stem both ways from the reference pose; where that finds nothing at first, back from
+    where it did."""
     found, home = walker.found, routes.home
-    arms = [(home, *routes.bent(home, way).nodes) for way in (1, -1)]
-    station = np.array([np.resize(arm, max(map(len, arms))) for arm in arms])
-    length = np.array([len(arm) for arm in arms])
-    _walk_all(walker, paths(found, np.zeros_like(station), station, length), _ALONG_STATIONS)
+    arms = [np.array([home, *routes.bent(home, way).nodes]) for way in (1, -1)]
+    count, longest = len(found.status), max(map(len, arms))
+    variant = np.broadcast_to(np.tile(np.arange(count), 2)[:, None], (2 * count, longest))
+    station = np.repeat([np.resize(arm, longest) for arm in arms], count, axis=0)
+    length = np.repeat([len(arm) for arm in arms], count)
+    knee = walker.variants.knee
+    reference = np.asarray(knee.reference_pose.at(FREE_COORDINATES))
+    begin = paths(found, variant, station, length, reference - found.own[0][home])
+    _walk_all(walker, begin, _ALONG_STATIONS)
+    lost = np.flatnonzero(~found.known[:, home])
     for way, arm in zip((1, -1), arms, strict=True):
-        known = [node for node in arm if found.known[0, node]]
-        if known and not found.known[0, home]:
-            back = [Chain(known[0], routes.bent(known[0], -way).nodes)]
-            _walk_chains(walker, back, _ALONG_STATIONS)
+        known = found.known[np.ix_(lost, arm)]
+        first = np.where(known.any(axis=1), np.argmax(known, axis=1), -1)
+        for place in np.unique(first[first >= 0]):
+            back = Chain(int(arm[place]), routes.bent(int(arm[place]), -way).nodes)
+            if back.nodes:
+                rows = lost[first == place]
+                _walk_all(walker, along_chains(found, [back], rows), _ALONG_STATIONS)
 
 
 def _walk_off_the_stem(walker: Walker, routes: Routes) -> None:
@@ -290,58 +317,3 @@ def _walk_all(walker: Walker, rows: Paths, give_up: int, **how: Any) -> None:
     lots = max(-(-count // most), 1)
     lots = [rows.take(slice(i, None, lots)) for i in range(lots)]
     on_all_cores(lambda lot: walker.walk(lot, give_up, **how), lots)
-
-
-def _lead(walker: Walker, routes: Routes, leads: list[int], balanced: np.ndarray) -> np.ndarray:
-    """Balance each variant at one node of the stem, on the branch of the knee itself.
-
-    A short search from the own motion, or the knee itself changed into the variant part by part; a
-    long search from afar may end on another branch, and all of the variant's motion with it. It is
-    all that is left where the knee itself balances at none of these nodes.
-
-    Returns:
-        The node at which each variant was led, -1 where none was, `(variants,)`.
-    """
-    led = np.full(len(walker.found.status), -1)
-    alone = not balanced[leads].any()
-    for node in [routes.home] if alone else [node for node in leads if balanced[node]]:
-        some = np.flatnonzero(led < 0)
-        nodes = nodes_at(walker.found, some, np.full(len(some), node))
-        _walk_all(walker, nodes, _ALONG_VALUES, led_to=alone)
-        led[some] = np.where(walker.found.known[some, node], node, -1)
-    return led
-
-
-def _bend(walker: Walker, routes: Routes, led: np.ndarray) -> None:
-    """Variants from where they were led to all flexions of the stem that are needed."""
-    needed = routes.needed
-    for node in np.unique(led[led >= 0]):
-        chains = [routes.bent(int(node), way, needed) for way in (1, -1)]
-        if chains := [chain for chain in chains if chain.nodes]:
-            some = np.flatnonzero(led == node)
-            _walk_all(walker, along_chains(walker.found, chains, some), _ALONG_STATIONS)
-
-
-def _fill(walker: Walker, routes: Routes, led: np.ndarray, balanced: np.ndarray) -> None:
-    """What was lost on the stem, from the knee itself, where that carries on what is beside it."""
-    found, stem, needed = walker.found, routes.stem, routes.needed
-    wanted = np.zeros(len(balanced), bool)
-    for node in np.unique(led[led >= 0]):
-        chains = [routes.bent(int(node), way, needed).nodes for way in (1, -1)]
-        wanted[np.concatenate(chains).astype(int)] = True
-    lost = np.nonzero((led >= 0)[:, None] & ~found.known & (wanted & balanced))
-    changed = copy.copy(walker)
-    changed.found = Found.nothing(len(found.status), found.own)
-    changed.report = lambda _: None
-    _walk_all(changed, nodes_at(changed.found, *lost), _ALONG_VALUES, aim=_SMALL_CHANGE)
-    place = np.full(len(balanced), -1)
-    place[stem] = np.arange(len(stem))
-    for way in (1, -1):
-        for inner, outer in itertools.pairwise(stem[::way]):
-            away = [x.q[:, node] - found.own[0][node] for x, node in
-                    ((found, inner), (changed.found, outer))]  # fmt: skip
-            near = np.abs((away[1] - away[0]) / scales(FREE_COORDINATES)).max(axis=1) <= _JOINED_MM
-            beyond = way * (place[outer] - place[led]) > 0
-            take = beyond & near & changed.found.known[:, outer] & ~found.known[:, outer]
-            for name in ("q", "meeting", "status", "steps"):
-                getattr(found, name)[take, outer] = getattr(changed.found, name)[take, outer]
