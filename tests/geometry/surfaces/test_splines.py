@@ -19,8 +19,14 @@ from kneejax.geometry.surfaces._polynomials import partials
 spline_partials = jax.jit(_splines.spline_partials, static_argnums=3)
 point_of = jax.jit(lambda surface, a, b: v.full(surface.point(a, b)))
 level_of = jax.jit(lambda surface, point: surface.level(point))
-slope_of = jax.jit(lambda surface, point: surface.level_and_slope(point))
-bend_of = jax.jit(lambda surface, point: surface.level_slope_and_bend(point))
+# To the last bit alike: so no kernel of one may round otherwise than the other's.
+UNFUSED = {"xla_disable_hlo_passes": "fusion,multi_output_fusion"}
+slope_of = jax.jit(
+    lambda surface, point: surface.level_and_slope(point), compiler_options=UNFUSED
+)
+bend_of = jax.jit(
+    lambda surface, point: surface.level_slope_and_bend(point), compiler_options=UNFUSED
+)
 any_bend_of = jax.jit(geo.Surface.level_slope_and_bend)
 jet_of = jax.jit(lambda surface, a, b: surface.jet(a, b, order=3))
 covered = jax.jit(lambda surface, a, b, step: surface.covered(a, b, step))
