@@ -62,7 +62,8 @@ def _write(result: Calibration, out: Path) -> int:
     print(calibration_summary(result))
     missing = _write_knee(out)
     knee = "" if missing else "knee.yaml, "
-    print(f"written: {out}/report.html, result.json, {knee}parameters.csv, poses.csv, figures/")
+    files = f"report.html, result.json, {knee}parameters.csv, poses.csv, settings.json, figures/"
+    print(f"written: {out}/{files}")
     if missing:
         print(f"not written: {out}/knee.yaml: {missing}")
     return max(outcome(result).exit_status, int(bool(missing)))

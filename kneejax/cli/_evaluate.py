@@ -61,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
     write_rows(out / "ligaments.csv", LIGAMENT_COLUMNS, _ligaments(knee, table, found, ways))
     write_rows(out / "contact.csv", CONTACT_COLUMNS, _contacts(knee, found, status))
     poses = counted(len(table), "pose")
-    print(f"{poses} of {knee.name}; written: {out}/ligaments.csv, contact.csv")
+    print(f"{poses} of {knee.name}; written: {out}/ligaments.csv, contact.csv, settings.json")
     return int((status != Status.BALANCED).any())
 
 

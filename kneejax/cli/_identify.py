@@ -65,7 +65,7 @@ def _write(answer: Identified, arguments: argparse.Namespace) -> int:
     if sampled is not None:
         print(f"\n{report.posterior_summary(sampled)}")
     print(f"\n{report.design_text(answer.design)}")
-    print(f"\nwritten: {out}/{', '.join(files)}, result.json, figures/")
+    print(f"\nwritten: {out}/{', '.join(files)}, result.json, settings.json, figures/")
     return report.identification_outcome(answer).exit_status
 
 

@@ -45,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     )
     for doubt in read.doubts:
         print(f"doubtful: {doubt}")
-    print(f"written: {arguments.out}/knee.yaml, import_report.md")
+    print(f"written: {arguments.out}/knee.yaml, import_report.md, settings.json")
     if doubtful and not read.doubts:
         print("doubtful: a surface misses its target; the report says which")
     return DOUBTFUL if doubtful else DONE

@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
         print(finding)
     print(
         f"written: {arguments.out}/knee.yaml, fit_report.csv, fit_report.md, "
-        "figures/surface_fits.png and .svg"
+        "settings.json, figures/surface_fits.png and .svg"
     )
     if found.doubtful:
         print("doubtful: a surface misses its target; the report says which")

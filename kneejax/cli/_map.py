@@ -75,7 +75,7 @@ def _write(maps: tuple[ParameterMap, ...], out, about: dict) -> list[str]:
     write_text(
         out / "result.json", json.dumps({"about": about, "versions": packages}, indent=1) + "\n"
     )
-    return [*shown, "maps.csv", "result.json", "figures/"]
+    return [*shown, "maps.csv", "result.json", "settings.json", "figures/"]
 
 
 def _row(one: ParameterMap) -> list:

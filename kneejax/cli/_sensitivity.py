@@ -87,7 +87,7 @@ def _write(found: Sensitivities, arguments: argparse.Namespace) -> int:
     print(sensitivity_summary(local, sweeps, indices))
     for sentence in doubts:
         print(textwrap.fill(f"warning: {sentence}", 98, subsequent_indent=" " * 9))
-    print(f"written: {out}/{', '.join(files)}, result.json, figures/")
+    print(f"written: {out}/{', '.join(files)}, result.json, settings.json, figures/")
     return 1 if doubts else 0
 
 

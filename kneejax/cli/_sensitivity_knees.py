@@ -23,7 +23,7 @@ def run(arguments: argparse.Namespace) -> int:
     from kneejax.report import comparison_summary
 
     print(comparison_summary(found))
-    print(f"written: {arguments.out}/{', '.join(files)}, figures/")
+    print(f"written: {arguments.out}/{', '.join(files)}, settings.json, figures/")
     return 1 if found.doubts else 0
 
 

@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"kneejax: no pictures in space: {problem}", file=sys.stderr)
         status = 1
     names = ", ".join(path.name for path in written)
-    print(f"{counted(len(table), 'pose')} of {knee.name}; written to {out}: {names}")
+    print(f"{counted(len(table), 'pose')} of {knee.name}; written to {out}: {names}, settings.json")
     found = say_given(knee, evaluate(knee, Pose.from_table(table)), range(len(table)))
     return max(status, int((found != Status.BALANCED).any()))
 

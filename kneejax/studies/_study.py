@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -215,7 +216,7 @@ class Study:
         origin = {"measured": None, "flexion_deg": None, "overrides": {}} | dict(self.origin)
         return plain | {
             "noise_mm": mm, "noise_deg": deg, **_plain(origin), "knee": self.knee_name,
-            "path": self.file,
+            "path": os.path.abspath(self.file) if os.path.isfile(self.file) else self.file,
         }  # fmt: skip
 
 

@@ -214,4 +214,4 @@ def _write(
     print(text.joint_comparison_summary(found))
     for doubt in doubts[: len(doubts) - len(found.doubts)]:
         print(f"! {doubt}")
-    print(f"written: {out}/{', '.join(tables)}, result.json, figures/joints.png")
+    print(f"written: {out}/{', '.join(tables)}, result.json, settings.json, figures/joints.png")

@@ -27,7 +27,7 @@ def run(arguments: argparse.Namespace) -> int:
         f"{file.name}: flexion {found.flexion_deg[0]:g} to {found.flexion_deg[-1]:g} degrees, "
         f"{len(found.flexion_deg)} knots; splines within {turn:.1e} degrees and {shift:.1e} mm"
     )
-    print(f"written: {out}/custom_joint.xml, joint.osim, coupled_coordinates.csv")
+    print(f"written: {out}/custom_joint.xml, joint.osim, coupled_coordinates.csv, settings.json")
     if found.error.max() > _DOUBTFUL:
         print("doubtful: the joint turns its axis too sharply for a cubic spline of OpenSim")
         return 1

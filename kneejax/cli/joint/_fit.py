@@ -110,7 +110,7 @@ def run(arguments: argparse.Namespace) -> int:
     doubts = (*motion.doubts, *axes.doubts)
     for doubt in doubts:
         print(f"! {doubt}")
-    print(f"written to {arguments.out}:\n{', '.join(files)}, figures/")
+    print(f"written to {arguments.out}:\n{', '.join(files)}, settings.json, figures/")
     return 1 if doubts else 0
 
 

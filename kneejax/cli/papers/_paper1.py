@@ -28,7 +28,7 @@ def run(arguments: argparse.Namespace) -> int:
     print(claims_summary(claims))
     for doubt in doubts:
         print(f"! {doubt}")
-    print(f"written: {arguments.out}/reproduction.csv, report.html, figures/")
+    print(f"written: {arguments.out}/reproduction.csv, report.html, settings.json, figures/")
     return 1 if doubts else 0
 
 

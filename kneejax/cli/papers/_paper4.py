@@ -39,7 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
     print(claims_summary(claims))
     for doubt in found.doubts:
         print(f"! {doubt}")
-    print(f"written: {arguments.out}/{', '.join(files)}, figures/")
+    print(f"written: {arguments.out}/{', '.join(files)}, settings.json, figures/")
     return 1 if found.doubts else 0
 
 

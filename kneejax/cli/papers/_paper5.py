@@ -35,7 +35,7 @@ def run(arguments: argparse.Namespace) -> int:
     from kneejax.report import claims_summary
 
     print(claims_summary(claims))
-    print(f"written: {arguments.out}/{', '.join(files)}, figures/")
+    print(f"written: {arguments.out}/{', '.join(files)}, settings.json, figures/")
     return 0
 
 
