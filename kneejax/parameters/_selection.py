@@ -316,7 +316,7 @@ def fibre_rows(knee: Knee, name: str) -> list[int]:
     if name not in groups:
         near = nearest_of(name, groups)
         end = f"; did you mean {near!r}?" if near else f": expected one of {', '.join(groups)}"
-        raise UnknownParameter(f"unknown ligament {name!r}{end}")
+        raise UnknownParameter(f"knee {knee.name!r} has no ligament {name!r}{end}")
     return [fibres.index(fibre) for fibre in groups[name]]
 
 

@@ -267,8 +267,8 @@ BAD = {
         "ACL.stiffness",
     ),
     "set: a parameter of no ligament": (
-        lambda t: simulate(t, "--set", "patellar_tendon.tension=3"),
-        "--set: unknown parameter 'patellar_tendon.tension': expected a ligament or a group of",
+        lambda t: simulate(t, "--set", "meniscus.tension=3"),
+        "--set: unknown parameter 'meniscus.tension': expected a ligament, a group or a part of",
     ),
     "unknown parameter of a study": (
         lambda t: study(t, TWIN.replace('"*.stiffness"', "ACL.stifness")),

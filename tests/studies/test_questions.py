@@ -9,6 +9,7 @@ import pytest
 
 import kneejax as kj
 from kneejax import inference, studies
+from kneejax.numerics import MissingPackage
 from kneejax.parameters import UnknownParameter, UnsuitableData
 
 
@@ -53,7 +54,7 @@ PAIR = [("PCL.stiffness", "PCL.reference_strain")]
         (kj.Map(PAIR, grid=(1, 5)), "from 2 to 2000"),
         (kj.Map([*PAIR, PAIR[0][::-1]]), "every pair once"),
         (kj.Map([("PCL.stiffness",) * 2]), "two different parameters"),
-        (kj.Map([("*.stiffness", "ACL.stiffness")]), "a map takes one a side"),
+        (kj.Map([("*.stiffness", "ACL.stiffness")]), "a map takes one per side"),
         (kj.Map(PAIR, range={"PCL.stifness": (300.0, 900.0)}), "did you mean PCL.stiffness"),
         (kj.Map(PAIR, range={"PCL.stiffness": (300.0, math.nan)}), "finite"),
         (kj.Identify(next_tests=0), "next_tests: tests: 0: expected a whole number from 1"),
@@ -94,9 +95,9 @@ def test_a_prior_may_be_flat_and_a_study_may_bound_what_is_not_free(study):
 
 def test_a_package_that_is_missing_is_known_at_once(study, monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
-    with pytest.raises(UnsuitableData, match="the posterior needs blackjax"):
+    with pytest.raises(MissingPackage, match="the posterior needs blackjax"):
         kj.run(study, kj.Identify(posterior=True))
-    with pytest.raises(UnsuitableData, match="global indices need SALib"):
+    with pytest.raises(MissingPackage, match="global indices need SALib"):
         kj.run(study, kj.Sensitivity(indices="sobol"))
 
 

@@ -8,6 +8,7 @@ import yaml
 
 from kneejax.files import InputProblem, bundled_measurements, bundled_path, write_poses
 from kneejax.geometry import FREE_COORDINATES
+from kneejax.numerics import MissingPackage
 from kneejax.parameters import UnknownParameter, UnsuitableData
 from kneejax.statics import Status
 from kneejax.studies import FAULTS, read_study
@@ -192,7 +193,7 @@ def test_a_method_that_is_not_installed_is_known_at_once(folder, monkeypatch):
     found = read(folder, study(method="lbfgsb"))
     assert found.method == "lbfgsb"
     monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
-    with pytest.raises(UnsuitableData, match="lbfgsb needs jaxopt.*pip install"):
+    with pytest.raises(MissingPackage, match="lbfgsb needs jaxopt.*pip install"):
         read(folder, study(method="lbfgsb"))
 
 
