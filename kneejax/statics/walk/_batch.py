@@ -90,8 +90,8 @@ def balance_many(
 ) -> Balances:
     """Balance variants of a knee at stations.
 
-    Each variant is bent from the knee's reference pose, and then its loads grow (see `Routes`): what
-    is found at a station depends on no other station, nor on their order.
+    Each variant is bent from the knee's reference pose, and then its loads grow (see `Routes`):
+    what is found at a station depends on no other station, nor on their order.
 
     Args:
         knee: gives all numbers that do not vary.
