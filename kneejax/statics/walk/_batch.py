@@ -308,7 +308,7 @@ def _counter(progress: Progress | None, total: int) -> Callable[[int], None]:
     return report
 
 
-def _walk_all(walker: Walker, rows: Paths, give_up: int, **how: Any) -> None:
+def _walk_all(walker: Walker, rows: Paths, give_up: int) -> None:
     """Deal the paths to threads; arguments as in `Walker.walk`."""
     count = len(rows)
     least, longest = (walker.lanes * size for size in _LOT)
@@ -316,4 +316,4 @@ def _walk_all(walker: Walker, rows: Paths, give_up: int, **how: Any) -> None:
     # Neighbours are alike, and the hard ones would all be in the last lot.
     lots = max(-(-count // most), 1)
     lots = [rows.take(slice(i, None, lots)) for i in range(lots)]
-    on_all_cores(lambda lot: walker.walk(lot, give_up, **how), lots)
+    on_all_cores(lambda lot: walker.walk(lot, give_up), lots)

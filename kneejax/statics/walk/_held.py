@@ -113,7 +113,7 @@ def _moved(variants: Variants, wanted: Stations, variant, q, meeting) -> dict[st
         last=Place(numbers, here, at_rest, meeting),
         known=np.ones(lanes, int),
         lost=np.zeros(lanes, int),
-        led=yes, begun=yes, based=yes, wary=no,
+        begun=yes, based=yes, wary=no,
         aim=np.ones(lanes),
         tangent=np.moveaxis(tangent, 0, -1),
         softness=softness,

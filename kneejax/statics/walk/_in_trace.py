@@ -158,7 +158,6 @@ def _nothing_behind(knee: Knee, stations: Stations) -> Memory:
         last=Place({}, home, q, jnp.zeros((lanes, *meeting.shape[:2]))),
         known=nothing,
         lost=nothing,
-        led=~no,
         begun=no,
         based=no,
         wary=no,

@@ -114,12 +114,6 @@ def paths(
     )
 
 
-def nodes_at(found: Found, variants: np.ndarray, stations: np.ndarray) -> Paths:
-    """Single nodes, each a path from the knee itself."""
-    one, itself = np.ones(len(variants), int), np.full(len(variants), -1)
-    return paths(found, variants[:, None], stations[:, None], one, meeting=0.0, source=itself)
-
-
 def single_nodes(found: Found, variants: np.ndarray, near: Own | None) -> Paths:
     """Some variants at all stations, each a path of one node."""
     size = found.status.shape[1]

@@ -81,7 +81,6 @@ class Memory(eqx.Module):
         last: the place of the latest.
         known: balances in a row, of nodes or on the way to them.
         lost: nodes lost in a row.
-        led: whether the path has been near a balance.
         begun: whether a balance lies behind; from elsewhere any way is long.
         based: whether `last` is where the path comes from, so that the way can be divided.
         wary: whether the next search is not to be predicted, since one was lost.
@@ -97,7 +96,6 @@ class Memory(eqx.Module):
     last: Place
     known: Any
     lost: Any
-    led: Any
     begun: Any
     based: Any
     wary: Any

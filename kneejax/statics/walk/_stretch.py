@@ -33,9 +33,9 @@ from kneejax.statics.walk._stations import Stations
 from kneejax.statics.walk._variants import with_numbers
 
 _ACCURACY_MM = 1e-7
-#: Looks for a node that nothing leads to (its search may not go on: it would end anywhere), for
-#: one that is predicted, for a part of the way, and for one that was lost.
-_SHORT, _QUICK, _PART, _PATIENT = 5, 15, 25, 80
+#: Looks for a node that is predicted, for a part of the way, and for one that was lost or is not
+#: predicted.
+_QUICK, _PART, _PATIENT = 15, 25, 80
 #: A part of the way that took more looks than this is not followed by a longer one.
 _EASY = 8
 #: Part of the lanes that must wait for a tangent.
@@ -174,7 +174,7 @@ class _Stretch(NamedTuple):
             )
         )  # fmt: skip
         # What is not predicted may be far: to try it quickly first would be in vain.
-        patient = memory.led & (known < 2)
+        patient = known < 2
         return here, Guess(q, meeting, memory.tangent), patient
 
     def begun(self, memory: Memory) -> tuple[_Walk, dict[str, Array]]:
@@ -197,7 +197,7 @@ class _Stretch(NamedTuple):
     def a_look(self, nothing: dict[str, Array], before: _Walk) -> _Walk:
         """One look of all lanes, and what follows where searches end."""
         memory = before.memory
-        few = jnp.where(memory.aim < 1.0, _PART, jnp.where(memory.led, _QUICK, _SHORT))
+        few = jnp.where(memory.aim < 1.0, _PART, _QUICK)
         looks = jnp.where(before.patient, _PATIENT, few)
         search = EnergyNewton(atol=_ACCURACY_MM, most_steps=looks, waiting=_WAITING)
         args = self.loaded(before.here)
@@ -259,7 +259,7 @@ class _Stretch(NamedTuple):
         status = jnp.where(astray & converged(status), Status.NOT_CONVERGED, status)
         good = ended & converged(status)
         finest = jnp.where(loading, _FINEST_LOADED, _FINEST)
-        again = ended & ~good & memory.led & ~walk.patient & ~(loading & memory.based)
+        again = ended & ~good & ~walk.patient & ~(loading & memory.based)
         shorter = ended & ~good & ~again & memory.based & (0.5 * stride >= finest)
         lost = ended & ~(good | shorter | again)
         # What ends beside a turning point may be so soft that no balance is told from it.
@@ -288,8 +288,7 @@ class _Stretch(NamedTuple):
             when=_pushed(memory.when, ahead, good),
             last=_where(good, here, memory.last),
             known=jnp.where(uneven, jnp.minimum(known, 1), known),
-            lost=jnp.where(arrived, 0, memory.lost + (judged.lost & memory.led)),
-            led=memory.led | good,
+            lost=jnp.where(arrived, 0, memory.lost + judged.lost),
             begun=memory.begun | good,
             based=memory.based | good,
             # What was lost may have been led astray by its prediction.

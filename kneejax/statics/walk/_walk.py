@@ -64,21 +64,15 @@ class Walker:
         numbers = [np.reshape(x, (len(stations), -1)) for x in jax.tree.leaves(self.stations)]
         self._marks = np.hstack(numbers)
 
-    def walk(
-        self, paths: Paths, give_up: int, led_to: bool = True, aim: float = 1.0
-    ) -> None:
+    def walk(self, paths: Paths, give_up: int) -> None:
         """Walk paths to their ends; the same paths give the same numbers, bit by bit.
 
         Args:
             paths: any number.
             give_up: lost nodes in a row after which the rest of a path is left alone.
-            led_to: whether paths begin near a balance. Otherwise nodes are passed over until a
-                short search balances one: a long search from afar, where the knee may have no
-                balance at all, ends on another branch, and the rest of the path would follow.
-            aim: part of the way to the first node that is tried first.
         """
         place, left = np.zeros(len(paths), int), paths.length.copy()
-        memory = self._nothing_behind(self._met(paths), led_to, aim)
+        memory = self._nothing_behind(self._met(paths))
         while left.any():
             rows = np.argsort(-left, kind="stable")[: min(self.lanes, np.count_nonzero(left))]
             # Where others wait, lanes that are through make room for them.
@@ -185,7 +179,7 @@ class Walker:
         reach = np.where(bend > 0, longest_stride_mm(np.rad2deg(bend)), np.inf)
         return (alike | (place < 2)) & (bend <= _FAR), reach, loads > 0
 
-    def _nothing_behind(self, paths: Paths, led_to: bool, aim: float) -> Memory:
+    def _nothing_behind(self, paths: Paths) -> Memory:
         """Of paths at their beginning."""
         count, first = len(paths), paths.station[:, :1].reshape(-1)
         q, meeting = np.moveaxis(paths.q, 0, -1), np.moveaxis(paths.meeting, 0, -1)
@@ -197,12 +191,11 @@ class Walker:
             last=self._place(paths.source, paths.origin),
             known=np.zeros(count, int),
             lost=np.zeros(count, int),
-            led=np.full(count, led_to),
             # Paths that do not begin at their own first station begin at a balance beside it.
             begun=paths.origin != first,
             based=(paths.origin != first) | (paths.source != source),
             wary=np.zeros(count, bool),
-            aim=np.full(count, aim),
+            aim=np.ones(count),
             tangent=np.zeros((paths.q.shape[1],) * 2 + (count,)),
             softness=np.full(count, np.inf),
             steps=np.zeros(count, int),
