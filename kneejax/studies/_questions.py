@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclasses.dataclass(frozen=True)
 class Identify:
-    """What can the data tell, what not, and what should be measured next?
+    """Asks what the data can tell, what they cannot, and what should be measured next.
 
     Attributes:
         noise_mm: standard deviation of measured positions; the study's otherwise.
@@ -46,7 +46,7 @@ class Identify:
 
 @dataclasses.dataclass(frozen=True)
 class Map:
-    """How does the objective look over pairs of parameters?
+    """Asks how the objective looks over pairs of parameters.
 
     Attributes:
         pair: pairs of parameters; the first goes along x.
@@ -63,7 +63,7 @@ class Map:
 
 @dataclasses.dataclass(frozen=True)
 class Sensitivity:
-    """What does each parameter do to the motion?
+    """Asks what each parameter does to the motion.
 
     Attributes:
         sweep: name or wildcard -> first and last value, and how many if not as many as usual; None
