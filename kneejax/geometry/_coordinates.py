@@ -12,8 +12,6 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-#: The bone that stays where it is, and to whose axes all coordinates refer.
-FIXED_BODY = "femur"
 #: mm at which a rotation moves what counts: the condyles are as far from the knee's centre.
 ARM_MM = 30.0
 

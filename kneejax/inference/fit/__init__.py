@@ -1,7 +1,6 @@
 """Poses against a measurement: residuals, bounded searches, the one fit in lanes."""
 
 from kneejax.inference.fit._bounded import BoundedLevenbergMarquardt as BoundedLevenbergMarquardt
-from kneejax.inference.fit._bounded import compile_step as compile_step
 from kneejax.inference.fit._lbfgsb import minimise_bounded as minimise_bounded
 from kneejax.inference.fit._load_cases import DEFAULT_WEIGHTS as DEFAULT_WEIGHTS
 from kneejax.inference.fit._load_cases import TABLE_UNITS as TABLE_UNITS
@@ -11,6 +10,7 @@ from kneejax.inference.fit._load_cases import best_offsets as best_offsets
 from kneejax.inference.fit._load_cases import without_offsets as without_offsets
 from kneejax.inference.fit._many_fits import PATIENT as PATIENT
 from kneejax.inference.fit._many_fits import ManyFits as ManyFits
+from kneejax.inference.fit._many_fits import compile_step as compile_step
 from kneejax.inference.fit._many_fits import fit_lanes as fit_lanes
 from kneejax.inference.fit._many_fits import fit_many as fit_many
 from kneejax.inference.fit._problem import Problem as Problem

@@ -41,8 +41,6 @@ class BoundedLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         first_damping: added to the normal matrix, relative to its diagonal.
         raise_by: factor on the damping after a refused step.
         lower_by: divisor of the damping after a step that kept half its promise.
-        jacobian_from_aux: take the Jacobian from the function's auxiliary output (its first
-            element) instead of differentiating the function.
 
     Example:
         >>> import jax.numpy as jnp, optimistix as optx
@@ -60,7 +58,6 @@ class BoundedLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     raise_by: float = 4.0
     lower_by: float = 10.0
     norm: ClassVar[Callable[..., Any]] = optx.max_norm
-    jacobian_from_aux: bool = eqx.field(static=True, default=False)
 
     def init(self, fn, y, args, options, f_struct, aux_struct, tags) -> _State:
         if options:
@@ -80,12 +77,8 @@ class BoundedLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         )
 
     def step(self, fn, y, args, options, state, tags):
-        if self.jacobian_from_aux:
-            residual, aux = fn(y, args)
-            jacobian = aux[0]
-        else:
-            residual, push, aux = jax.linearize(lambda x: fn(x, args), y, has_aux=True)
-            jacobian = jax.vmap(push, out_axes=1)(jnp.eye(y.shape[0]))
+        residual, push, aux = jax.linearize(lambda x: fn(x, args), y, has_aux=True)
+        jacobian = jax.vmap(push, out_axes=1)(jnp.eye(y.shape[0]))
         following, state = _update(self, y, jnp.asarray(residual), jnp.asarray(jacobian), state)
         return following, state, aux
 
@@ -163,19 +156,3 @@ class BoundedLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
 @eqx.filter_jit
 def _update(solver, y, residual, jacobian, state):
     return solver.following(solver.judged(y, residual, jacobian, state))
-
-
-def compile_step(unknowns: int, residuals: int) -> None:
-    """Compile a step for problems of a size, for instance while something else is computed.
-
-    Args:
-        unknowns: number of variables.
-        residuals: number of residuals.
-    """
-    x, tags = jnp.zeros(unknowns), frozenset()
-    solver = BoundedLevenbergMarquardt(  # pyright: ignore[reportCallIssue]
-        x, x + 1.0, jacobian_from_aux=True
-    )
-    state = solver.init(None, x, None, {}, jax.ShapeDtypeStruct((residuals,), float), None, tags)
-    answer = jnp.zeros(residuals), (jnp.zeros((residuals, unknowns)),)
-    solver.step(lambda *_: answer, x, None, {}, state, tags)

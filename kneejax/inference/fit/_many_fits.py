@@ -138,7 +138,7 @@ def fit_lanes(
         # Only fits that still search, filled up with the last one: a profile ends with few of them.
         own = np.minimum(np.arange(_lanes(len(here))), len(here) - 1)
         box, before, there = _taken((bounds, state, trial), here[own])
-        new = _advance((rtol, atol), box, before, there, residual[own], slope[own])
+        new = _advance(np.array([rtol, atol]), box, before, there, residual[own], slope[own])
         following, after, stop, searching = _taken(new, slice(len(here)))
         for every, some in zip(*map(jax.tree.leaves, (state, after)), strict=True):
             every[here] = some
@@ -191,3 +191,16 @@ def _advance(ends, bounds, state, trial, residual, slope):
         return following, new, stop, jnp.isfinite(jnp.sum(new.residual**2))
 
     return jax.vmap(one)(bounds, state, trial, residual, slope)
+
+
+def compile_step(unknowns: int, residuals: int) -> None:
+    """Compile a step of the fit, for instance while something else is computed.
+
+    Args:
+        unknowns: number of values.
+        residuals: number of residuals.
+    """
+    lanes = _lanes(1)
+    x, y = np.zeros((lanes, unknowns)), np.zeros((lanes, residuals))
+    state = _begin(x, residuals, 1.0)
+    _advance(np.array([_RTOL, _ATOL]), (x, x + 1.0), state, x, y, np.zeros((*y.shape, unknowns)))
