@@ -31,7 +31,7 @@ def measure(knee, mode: str, repeats: int) -> dict[str, float]:
     """Seconds to trace and compile, and milliseconds to run, in this process."""
     lanes, rows = add_lane_axis(knee), {}
     many, few = jnp.linspace(0.0, 2.0, 128), jnp.deg2rad(jnp.arange(0.0, 121.0, 5.0))
-    reference = lanes.reference_pose.at(FREE_COORDINATES)
+    reference = lanes.at_reference.at(FREE_COORDINATES)
     there = with_meeting(lanes, {"flexion": many}, jnp.broadcast_to(reference, (5, len(many))))
     pair = there.meeting[:, 0], there.meeting[:, 1]
     stations = Stations({"flexion": few})

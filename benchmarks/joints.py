@@ -16,7 +16,7 @@ import numpy as np
 from _numpy_joint import NumpyJoint
 from _protocol import arguments, finish, first_and_median
 
-from kneejax.geometry import FREE_COORDINATES, Pose
+from kneejax.geometry import FREE_COORDINATES, Pose, State
 from kneejax.joints import axis_between, generalised_axis, moving_axis
 
 #: Paper 5's mean poses (EOS), Grood and Suntay's translations taken as femoral ones.
@@ -80,7 +80,8 @@ def _peers(joint, flexion: np.ndarray, few: int) -> dict[str, object]:
 
 def _apart(joint, flexion: np.ndarray, found: np.ndarray) -> float:
     """Largest difference between closed form and search, rad and mm."""
-    return float(np.abs(np.asarray(joint.pose(flexion).at(FREE_COORDINATES)) - found).max())
+    ours = State({"tibia": joint.pose(flexion)}).at(FREE_COORDINATES)
+    return float(np.abs(np.asarray(ours) - found).max())
 
 
 if __name__ == "__main__":

@@ -29,7 +29,7 @@ from kneejax.files import (  # noqa: E402
     read_knee,
     write_knee,
 )
-from kneejax.geometry import Pose  # noqa: E402
+from kneejax.geometry import Pose, State  # noqa: E402
 from kneejax.mechanics import Knee, add_lane_axis, ligament_law  # noqa: E402
 
 HERE = Path(__file__).resolve().parent
@@ -192,12 +192,12 @@ def _line(fibres: list[dict[str, Any]]) -> dict[str, Any]:
 
 @eqx.filter_jit
 def _tension(knee: Knee, poses: Pose) -> jax.Array:
-    return add_lane_axis(knee.ligaments).tension(poses.placement)
+    return add_lane_axis(knee.ligaments).tension(State({"tibia": poses}))
 
 
 @eqx.filter_jit
 def _length(knee: Knee, poses: Pose) -> jax.Array:
-    return add_lane_axis(knee.ligaments).length(poses.placement)
+    return add_lane_axis(knee.ligaments).length(State({"tibia": poses}))
 
 
 def _bundle_forces(knee: Knee, fibres: dict[str, list[str]], poses: Pose) -> dict[str, np.ndarray]:

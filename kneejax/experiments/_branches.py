@@ -103,7 +103,7 @@ def _of_test(motion: Motion, station: int) -> list[Branch]:
 
 def _around(knee: Knee, motion: Motion, starts: int) -> np.ndarray:
     """Coordinates at which searches begin, `(stations * starts, 5)`."""
-    reference = np.asarray(knee.reference_pose.at(FREE_COORDINATES))
+    reference = np.asarray(knee.at_reference.at(FREE_COORDINATES))
     middle = np.asarray(motion.settled.q).T
     middle = np.where(np.isfinite(middle), middle, reference)
     from scipy.stats import qmc  # half a second to import

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
-from kneejax.geometry import FREE_COORDINATES, Placement, Pose
+from kneejax.geometry import TIBIA, Placement, Pose, State, free_of
 from kneejax.mechanics import (
     Border,
     Contact,
@@ -87,14 +87,14 @@ class Mechanics(eqx.Module):
     displacement: Array
 
 
-def evaluate(knee: Knee, poses: Pose, meeting: Array | None = None) -> Mechanics:
+def evaluate(knee: Knee, poses: Pose | State, meeting: Array | None = None) -> Mechanics:
     """Ligaments and contact at given poses; nothing is solved.
 
     Many poses are computed in batches on all cores, so memory does not grow with their number.
 
     Args:
         knee: any knee.
-        poses: fields of shape `(poses,)`.
+        poses: of the tibia, fields of shape `(poses,)`; a `State` where other bones move too.
         meeting: meeting points if they are known, `(n, 2, poses)`; searched by default.
 
     Returns:
@@ -108,15 +108,17 @@ def evaluate(knee: Knee, poses: Pose, meeting: Array | None = None) -> Mechanics
         >>> found.tension.shape
         (1, 4)
     """
+    state = poses if isinstance(poses, State) else State({TIBIA: poses})
     over_points = any(not contact.has_patch for contact in knee.contacts)
-    size, count = _CHUNK_OVER_POINTS if over_points else _CHUNK, len(jnp.atleast_1d(poses.flexion))
-    if traced(knee, poses, meeting) or not count:
-        return _evaluate(knee, poses, meeting)
+    size = _CHUNK_OVER_POINTS if over_points else _CHUNK
+    count = len(jnp.atleast_1d(state.tibia.flexion))
+    if traced(knee, state, meeting) or not count:
+        return _evaluate(knee, state, meeting)
     size = min(size, lanes_for(count))
     # The last chunk is filled up with the last pose: one shape, one compilation.
     rows = np.minimum(np.arange(-(-count // size) * size), count - 1).reshape(-1, size)
 
-    given = jax.tree.map(np.atleast_1d, (poses, meeting))
+    given = jax.tree.map(np.atleast_1d, (state, meeting))
 
     def chunk(own: np.ndarray) -> Mechanics:
         here, there = jax.tree.map(lambda x: x[..., own], given)
@@ -127,25 +129,27 @@ def evaluate(knee: Knee, poses: Pose, meeting: Array | None = None) -> Mechanics
 
 
 @compiled()
-def _evaluate(knee: Knee, poses: Pose, meeting: Array | None) -> Mechanics:
-    lanes, tibia = add_lane_axis(knee), poses.placement
+def _evaluate(knee: Knee, state: State, meeting: Array | None) -> Mechanics:
+    lanes = add_lane_axis(knee)
     if meeting is None:
-        held, q = {"flexion": poses.flexion}, poses.at(FREE_COORDINATES)
+        held = {"flexion": state.tibia.flexion}
+        q = state.at(free_of(held, knee.bodies))
         meeting = with_meeting(lanes, held, q).meeting
     ligaments = lanes.ligaments
     row, contacts = 0, []
     for contact in lanes.contacts:
+        there = state.between(contact.bodies)
         if contact.has_patch:
-            contacts.append(_over_patch(contact, poses, meeting[row]))
+            contacts.append(_over_patch(contact, there, meeting[row]))
             row += 1
         else:
-            contacts.append(_over_points_in_blocks(contact, poses))
+            contacts.append(_over_points_in_blocks(contact, there))
     stacked = [jnp.stack(x, axis=-1) for x in zip(*contacts, strict=True)] or [
-        jnp.zeros(shape + poses.flexion.shape + (0,))
+        jnp.zeros(shape + state.shape + (0,))
         for shape in ((3,), (3,), (), (), (), (), (3,), *((),) * 6)
     ]
     force, moment, area, peak, mean, depth, center, far, share, known, deep, flat, through = stacked
-    length, wrap = ligaments.length_and_wrap(tibia)
+    length, wrap = ligaments.length_and_wrap(state)
     return Mechanics(
         length.T,
         (length / ligaments.slack_length - 1.0).T,
@@ -168,12 +172,11 @@ def _evaluate(knee: Knee, poses: Pose, meeting: Array | None) -> Mechanics:
         wrap.beyond_ends.T,
         flat > 0,
         through > 0,
-        displacement(lanes, poses).T,
+        displacement(lanes, state.tibia).T,
     )
 
 
-def _over_patch(contact: Contact, poses: Pose, meeting: Array):
-    tibia = poses.placement
+def _over_patch(contact: Contact, tibia: Placement, meeting: Array):
     pressed = contact.press(tibia, meeting)
     gap = pressed.gap
     area = 2.0 * jnp.pi * contact.rounded(gap.depth) * gap.mean_radius
@@ -213,18 +216,16 @@ def _border(contact: Contact, tibia: Placement, meeting: Array, known: Array) ->
     return jax.tree.map(lambda x: x.ravel()[place], found)
 
 
-def _over_points_in_blocks(contact: Contact, poses: Pose):
+def _over_points_in_blocks(contact: Contact, tibia: Placement):
     """As `_over_points`: one unusual ray then costs a few poses a thorough search, not all."""
-    count = len(poses.flexion)
+    count = len(tibia.translation[0])
     block = _RAY_LANES if count % _RAY_LANES == 0 else count
-    blocks = jax.tree.map(lambda x: x.reshape(-1, block), poses)
+    blocks = jax.tree.map(lambda x: x.reshape(-1, block), tibia)
     found = lax.map(lambda some: _over_points(contact, some), blocks)
     return tuple(jnp.moveaxis(x, 0, -2).reshape(*x.shape[1:-1], count) for x in found)
 
 
-def _over_points(contact: Contact, poses: Pose):
-    tibia = poses.placement
-
+def _over_points(contact: Contact, tibia: Placement):
     def summed(sampled: Sampled):
         points = sampled.points
         pressure = contact.point_pressure(sampled)

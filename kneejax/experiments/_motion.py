@@ -12,7 +12,16 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.geometry import COLUMNS, COORDINATES, Pose, convert, scales, table_units
+from kneejax.geometry import (
+    COLUMNS,
+    COORDINATES,
+    Pose,
+    convert,
+    coordinate,
+    coordinates_of,
+    scales,
+    table_units,
+)
 from kneejax.mechanics import Knee, Load, add_lane_axis
 from kneejax.numerics import compiled, imported, traced
 from kneejax.parameters import fibre_rows
@@ -74,7 +83,7 @@ class Motion(eqx.Module):
         """
         if convention == "femoral":
             return self.pose.to_table()
-        found = convert(self.pose.at(tuple(COORDINATES)), "femoral", convention)
+        found = convert(self.settled.state.at(COORDINATES), "femoral", convention)
         return found.T * table_units(COORDINATES)
 
     def tension(self, name: str) -> Array:
@@ -96,7 +105,7 @@ class Motion(eqx.Module):
             (2,)
         """
         rows = fibre_rows(self.knee, name)
-        every = add_lane_axis(self.knee.ligaments).tension(self.pose.placement)
+        every = add_lane_axis(self.knee.ligaments).tension(self.settled.state)
         return jnp.sum(every[jnp.array(rows)], axis=0)
 
     def reaction(self, name: str) -> Array:
@@ -141,7 +150,7 @@ class Motion(eqx.Module):
         for name in self.stations.prescribed:
             if name != "flexion":
                 force = np.asarray(self.reaction(name))
-                of_turn = COORDINATES[name].unit == "deg"
+                of_turn = coordinate(name).unit == "deg"
                 column = f"reaction_{name}_{'Nm' if of_turn else 'N'}"
                 table[column] = force / 1000.0 if of_turn else force
         return table
@@ -150,7 +159,8 @@ class Motion(eqx.Module):
 @compiled()
 def _reactions(knee: Knee, stations: Stations, settled: Settled) -> Array:
     """Generalised force that is left on every coordinate, `(6, poses)`."""
-    lanes, q = stations.load(add_lane_axis(knee)), settled.pose.at(tuple(COORDINATES))
+    lanes = stations.load(add_lane_axis(knee))
+    q = settled.state.at(coordinates_of(knee.bodies))
     return force(lanes, {}, q, (settled.meeting[:, 0], settled.meeting[:, 1]))[0]
 
 
@@ -194,7 +204,7 @@ def passive_flexion(
         >>> bool(motion.stable.all())
         True
     """
-    stations = Stations.at(flexion_deg, loads, held, flexion_is_free)
+    stations = Stations.at(flexion_deg, loads, held, flexion_is_free).of(knee)
     still = jax.lax.stop_gradient((knee, stations))
     found = _found_in_trace(*still) if traced(still) else _found(*still)
     return _described(knee, stations, *found)
@@ -212,6 +222,7 @@ def _found(knee: Knee, stations: Stations) -> tuple[Settled, Array]:
         **holding,
         left_mm=left_mm,
         pivots=pivots,
+        bodies=stations.bodies,
     )
     return jax.tree.map(jnp.asarray, (settled, found.reached))
 
@@ -226,13 +237,11 @@ def _itself(knee: Knee, _) -> Knee:
 
 
 @compiled()
-def _described(
-    knee: Knee, stations: Stations, found: Settled, reached: Array
-) -> Motion:
+def _described(knee: Knee, stations: Stations, found: Settled, reached: Array) -> Motion:
     """One program: otherwise a derivative would compile each of its operations."""
     lanes = stations.load(add_lane_axis(knee))
     settled = differentiable(lanes, stations.prescribed, found)
-    turns = np.array([COORDINATES[name].unit == "deg" for name in stations.free])
+    turns = np.array([coordinate(name).unit == "deg" for name in stations.free])
     moment, force = jnp.abs(settled.residual[turns]), jnp.abs(settled.residual[~turns])
     return Motion(
         jnp.rad2deg(stations.flexion),

@@ -17,8 +17,7 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from kneejax.geometry import _vectors as v
-from kneejax.geometry._coordinates import COORDINATES
-from kneejax.geometry._pose import Placement, Pose, angles_from_rotation, rotation_from_angles
+from kneejax.geometry._pose import Placement, angles_from_rotation, rotation_from_angles
 from kneejax.geometry._vectors import Rotation
 from kneejax.numerics import filled, safe_sqrt, traced
 
@@ -57,9 +56,7 @@ def _to_tibial(place: Placement) -> tuple[Array, ...]:
 
 
 def _from_femur_in_tibia(c: Array) -> Placement:
-    return Placement(
-        rotation_from_angles(-c[0], -c[1], -c[2]), v.vector(c[3:])
-    ).inverse()
+    return Placement(rotation_from_angles(-c[0], -c[1], -c[2]), v.vector(c[3:])).inverse()
 
 
 def _to_femur_in_tibia(place: Placement) -> tuple[Array, ...]:
@@ -182,8 +179,3 @@ def convert_table(table: ArrayLike, source: str, target: str) -> np.ndarray:
         return table
     unit = np.array([180.0 / np.pi] * 3 + [1.0] * 3)
     return np.asarray(convert((table / unit).T, source, target), float).T * unit
-
-
-def convert_pose(pose: Pose, target: str) -> Array:
-    """The six coordinates of a pose in another convention, shape `(6, ...)`, rad and mm."""
-    return convert(pose.at(tuple(COORDINATES)), "femoral", target)

@@ -1,4 +1,9 @@
-"""Coordinates as data: whose they are, their units and signs, their names in tables and figures."""
+"""Coordinates as data: whose they are, their units and signs, their names in tables and figures.
+
+The femur stands still; every other body has six coordinates against it, by which it turns and moves
+as `kneejax.geometry.Pose` says. Names differ among bodies, so a choice of coordinates, free or
+prescribed, is a set of names.
+"""
 
 from __future__ import annotations
 
@@ -25,6 +30,7 @@ class Coordinate:
 
     Attributes:
         body: that moves, against the femur.
+        way: field of `kneejax.geometry.Pose` in which its value stands.
         name: without its unit; distinct among all bodies.
         label: in figures and headers.
         unit: at the border, `deg` or `mm`; inside the package rotations are in rad.
@@ -32,6 +38,7 @@ class Coordinate:
     """
 
     body: str
+    way: str
     name: str
     label: str
     unit: str
@@ -58,40 +65,85 @@ class Coordinate:
         return 1.0 / ARM_MM if self.unit == "deg" else 1.0
 
 
-#: Name -> coordinate, in the order of every array and table.
-COORDINATES = {
-    one.name: one
-    for one in (
-        Coordinate("tibia", "flexion", "Flexion", "deg", "bent"),
-        Coordinate("tibia", "adduction", "Adduction", "deg", "varus"),
-        Coordinate("tibia", "internal_rotation", "Internal rotation", "deg", "turned inwards"),
-        Coordinate("tibia", "anterior", "Anterior translation", "mm", "forwards"),
-        Coordinate("tibia", "superior", "Superior translation", "mm", "upwards"),
-        Coordinate("tibia", "lateral", "Lateral translation", "mm", "outwards"),
-    )
+#: Does not move; all else is told against it.
+FEMUR = "femur"
+#: The body of a knee's tables, motions and tests.
+TIBIA = "tibia"
+#: Two bodies that a part joins. What it does to the second it does to the first, turned round.
+Pair = tuple[str, str]
+FEMUR_AND_TIBIA: Pair = (FEMUR, TIBIA)
+
+_EVERY = (
+    Coordinate(TIBIA, "flexion", "flexion", "Flexion", "deg", "bent"),
+    Coordinate(TIBIA, "adduction", "adduction", "Adduction", "deg", "varus"),
+    Coordinate(TIBIA, "internal_rotation", "internal_rotation", "Internal rotation", "deg",
+               "turned inwards"),
+    Coordinate(TIBIA, "anterior", "anterior", "Anterior translation", "mm", "forwards"),
+    Coordinate(TIBIA, "superior", "superior", "Superior translation", "mm", "upwards"),
+    Coordinate(TIBIA, "lateral", "lateral", "Lateral translation", "mm", "outwards"),
+    Coordinate("patella", "flexion", "patella_flexion", "Patellar flexion", "deg", "bent"),
+    Coordinate("patella", "adduction", "patella_rotation", "Patellar rotation", "deg",
+               "apex inwards"),
+    Coordinate("patella", "internal_rotation", "patella_tilt", "Patellar tilt", "deg",
+               "turned inwards"),
+    Coordinate("patella", "anterior", "patella_anterior", "Patella, anterior", "mm", "forwards"),
+    Coordinate("patella", "superior", "patella_superior", "Patella, superior", "mm", "upwards"),
+    Coordinate("patella", "lateral", "patella_lateral", "Patella, lateral", "mm", "outwards"),
+)  # fmt: skip
+#: Body -> its six coordinates by name, in the order of `kneejax.geometry.Pose`.
+BODIES = {
+    body: {one.name: one for one in _EVERY if one.body == body}
+    for body in dict.fromkeys(one.body for one in _EVERY)
 }
+#: Name -> coordinate of the tibia, in the order of every array and table.
+COORDINATES = BODIES[TIBIA]
 #: Columns of pose tables, with units.
 COLUMNS = tuple(one.column for one in COORDINATES.values())
+_BY_NAME = {one.name: one for one in _EVERY}
 
 
-def free_of(prescribed: Iterable[str]) -> tuple[str, ...]:
+def coordinate(name: str) -> Coordinate:
+    """The coordinate of a name, of any body.
+
+    Args:
+        name: without its unit.
+
+    Raises:
+        KeyError: there is none.
+
+    Example:
+        >>> coordinate("patella_tilt").body
+        'patella'
+    """
+    return _BY_NAME[name]
+
+
+def coordinates_of(bodies: Iterable[str]) -> tuple[str, ...]:
+    """Names of all coordinates of some bodies, body by body."""
+    return tuple(name for body in bodies for name in BODIES[body])
+
+
+def free_of(prescribed: Iterable[str], bodies: Iterable[str] = (TIBIA,)) -> tuple[str, ...]:
     """The coordinates that are free when some are prescribed.
 
     Args:
         prescribed: names.
+        bodies: that move.
 
     Returns:
-        The others, in the order of `COORDINATES`.
+        The others, in the order of `coordinates_of`.
 
     Raises:
-        KeyError: a name is none of `COORDINATES`.
+        KeyError: none of the bodies has a coordinate of such a name.
 
     Example:
         >>> free_of(["flexion", "anterior"])
         ('adduction', 'internal_rotation', 'superior', 'lateral')
     """
-    held = {COORDINATES[name].name for name in prescribed}
-    return tuple(name for name in COORDINATES if name not in held)
+    held, every = set(prescribed), coordinates_of(bodies)
+    for name in held.difference(every):
+        raise KeyError(name)
+    return tuple(name for name in every if name not in held)
 
 
 #: The coordinates that are free when flexion alone is prescribed.
@@ -100,12 +152,12 @@ FREE_COORDINATES = free_of(["flexion"])
 
 def table_units(names: Iterable[str]) -> np.ndarray:
     """What takes coordinates from rad and mm to the degrees and mm of tables, one factor each."""
-    return np.array([COORDINATES[name].table_unit for name in names])
+    return np.array([coordinate(name).table_unit for name in names])
 
 
 def scales(names: Iterable[str]) -> tuple[float, ...]:
     """rad and mm of each coordinate that move what counts by 1 mm (a rotation: at 30 mm)."""
-    return tuple(COORDINATES[name].scale for name in names)
+    return tuple(coordinate(name).scale for name in names)
 
 
 def prescribed_of(columns: Mapping[str, ArrayLike]) -> dict[str, Array]:
@@ -132,18 +184,3 @@ def prescribed_of(columns: Mapping[str, ArrayLike]) -> dict[str, Array]:
             raise ValueError(f"{column!r} is no coordinate: expected any of {COLUMNS}{meant}")
     rows = ((names[column], jnp.asarray(x, float)) for column, x in columns.items())
     return {one.name: jnp.deg2rad(x) if one.unit == "deg" else x for one, x in rows}
-
-
-def all_coordinates(prescribed: Prescribed, q: Array) -> tuple[Array, ...]:
-    """Prescribed and free coordinates together.
-
-    Args:
-        prescribed: rad and mm.
-        q: free coordinates in the order of `free_of`, `(free, ...)`, rad and mm.
-
-    Returns:
-        One array per coordinate, in the order of `COORDINATES`, of one shape.
-    """
-    free = dict(zip(free_of(prescribed), q, strict=True))
-    values = [free[name] if name in free else prescribed[name] for name in COORDINATES]
-    return tuple(jnp.broadcast_arrays(*(jnp.asarray(x, float) for x in values)))

@@ -1,8 +1,6 @@
-"""The pose of the tibia in the femur, and rigid placements."""
+"""The pose of a body in the femur, and rigid placements."""
 
 from __future__ import annotations
-
-from collections.abc import Sequence
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -10,7 +8,6 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from kneejax.geometry import _vectors as v
-from kneejax.geometry._coordinates import Prescribed, all_coordinates
 from kneejax.geometry._vectors import Rotation, Vector
 
 
@@ -85,10 +82,11 @@ class Frame(eqx.Module):
 
 
 class Pose(eqx.Module):
-    """Pose of the tibia in the femur: `R = Rz(-flexion) Rx(adduction) Ry(internal_rotation)`.
+    """Pose of a body in the femur: `R = Rz(-flexion) Rx(adduction) Ry(internal_rotation)`.
 
-    The translation is that of the tibia's origin, in femur axes: X anterior, Y superior,
-    Z lateral on a right knee. Fields may be numbers or arrays of one shape (a batch of poses).
+    The body is the tibia where none is named. The translation is that of its origin, in femur axes:
+    X anterior, Y superior, Z lateral on a right knee. Fields may be numbers or arrays of one shape
+    (a batch of poses).
 
     Attributes:
         flexion: rad, positive in flexion.
@@ -131,28 +129,9 @@ class Pose(eqx.Module):
         shifts = jnp.stack([self.anterior, self.superior, self.lateral], -1)
         return jnp.concatenate([jnp.rad2deg(angles), shifts], -1)
 
-    @classmethod
-    def of(cls, prescribed: Prescribed, q: Array) -> Pose:
-        """Make a pose from its prescribed and its free coordinates.
-
-        Args:
-            prescribed: coordinate -> its value, rad or mm.
-            q: the others, `(free, ...)`, rad and mm, in the order of `kneejax.geometry.free_of`.
-
-        Example:
-            >>> pose = Pose.of({"flexion": 0.5, "anterior": 2.0}, jnp.zeros((4, 1)))
-            >>> float(pose.anterior[0]), float(pose.superior[0])
-            (2.0, 0.0)
-        """
-        return cls(*all_coordinates(prescribed, q))
-
-    def at(self, names: Sequence[str]) -> Array:
-        """Some of the coordinates, `(len(names), ...)`, rad and mm."""
-        return jnp.stack(jnp.broadcast_arrays(*(getattr(self, name) for name in names)))
-
     @property
     def placement(self) -> Placement:
-        """The motion from tibia to femur coordinates."""
+        """The motion from the body's to femur coordinates."""
         return Placement(
             rotation_from_angles(self.flexion, self.adduction, self.internal_rotation),
             (self.anterior, self.superior, self.lateral),

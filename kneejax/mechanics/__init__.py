@@ -25,6 +25,7 @@ from kneejax.mechanics._plausible import at_reference as at_reference
 from kneejax.mechanics._plausible import check_fibres as check_fibres
 from kneejax.mechanics._plausible import range_of_parameter as range_of_parameter
 from kneejax.mechanics._wrench import Wrench as Wrench
+from kneejax.mechanics._wrench import Wrenches as Wrenches
 from kneejax.mechanics._wrench import generalised_force as generalised_force
 from kneejax.mechanics.contact import ELLIPTICAL_PATCH as ELLIPTICAL_PATCH
 from kneejax.mechanics.contact import FORMS as FORMS

@@ -10,19 +10,20 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from kneejax.geometry import Placement, Pose
+from kneejax.geometry import FEMUR, TIBIA, Pair, Pose, State
 from kneejax.mechanics._loads import ConstantTensionLine, Load, Support
-from kneejax.mechanics._wrench import Wrench, generalised_force
+from kneejax.mechanics._wrench import Wrenches
 from kneejax.mechanics.contact import Contact, Pressed
 from kneejax.mechanics.ligaments import FibreFaults, Ligaments
 
 
 class Knee(eqx.Module):
-    """Ligaments, compartments and loads between one femur and one tibia.
+    """Ligaments, compartments and loads between a femur, a tibia and what other bones there are.
 
     Every number in it is a leaf of the pytree: it can be differentiated, mapped over and
     calibrated. Names and choices of law are static. A left knee is stored as its mirrored right
-    twin (reading does that), so X is anterior, Y superior and Z lateral here.
+    twin (reading does that), so X is anterior, Y superior and Z lateral here. Each part names the
+    two bones that it joins.
 
     Attributes:
         ligaments: all fibres.
@@ -30,7 +31,8 @@ class Knee(eqx.Module):
         contact_names: one name per compartment, e.g. `medial`.
         loads: wrenches on the tibia that act in every experiment on this knee.
         lines: lines of constant tension.
-        reference_pose: where reference strains and reference lengths are stated.
+        reference_pose: of the tibia, where reference strains and reference lengths are stated.
+        other_bones: bone -> its pose there, of those that move besides the tibia.
         groups: names that stand for several fibres each.
         name: of the knee.
         side: `right` or `left`, the side it was read from.
@@ -45,57 +47,75 @@ class Knee(eqx.Module):
     groups: tuple[tuple[str, tuple[str, ...]], ...] = eqx.field(static=True, default=())
     name: str = eqx.field(static=True, default="knee")
     side: str = eqx.field(static=True, default="right")
+    other_bones: dict[str, Pose] = eqx.field(default_factory=dict)
 
-    def energy(self, pose: Pose) -> Array:
-        """Potential energy at a pose, N mm; its derivative is minus the wrench.
+    def __check_init__(self):
+        known = {FEMUR, *self.bodies}
+        parts = [*self.ligaments.bodies, *(x.bodies for x in (*self.contacts, *self.lines))]
+        for bone in {bone for pair in parts for bone in pair} - known:
+            raise ValueError(f"Knee: a part joins {bone!r}; the knee's bones are {sorted(known)}")
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """The bones that move against the femur."""
+        return (TIBIA, *self.other_bones)
+
+    @property
+    def at_reference(self) -> State:
+        """All bones at their reference poses."""
+        return State({TIBIA: self.reference_pose, **self.other_bones})
+
+    def energy(self, state: State) -> Array:
+        """Potential energy, N mm; its derivative is minus the wrench.
 
         Args:
-            pose: one pose or a batch; the knee's leaves then carry the same trailing axes.
+            state: one or a batch; the knee's leaves then carry the same trailing axes.
         """
-        tibia = pose.placement
-        total = self.ligaments.energy(tibia)
+        total = self.ligaments.energy(state)
         for line in self.lines:
-            total = total + line.energy(pose.flexion, tibia)
+            total = total + line.energy(state)
         for contact in self.contacts:
-            total = total + contact.energy(tibia)
+            total = total + contact.energy(state.between(contact.bodies))
         return total
 
     def press(
-        self, pose: Pose, meeting: tuple[Array, Array]
-    ) -> tuple[list[Wrench], Array, Pressed | None, FibreFaults]:
-        """What all parts but the loads do to the tibia, each patch centred at a given point.
+        self, state: State, meeting: tuple[Array, Array]
+    ) -> tuple[Wrenches, Array, Pressed | None, FibreFaults]:
+        """What all parts but the loads do to the bones, each patch centred at a given point.
 
         Balance is computed from it with the meeting points as further unknowns: no solve hides
         inside, which keeps compilation short and every derivative one level deep.
 
         Args:
-            pose: as in `energy`.
+            state: as in `energy`.
             meeting: the two parameters of the meeting points, each `(n, ...)` for the `n`
                 contacts that have a patch.
 
         Returns:
-            Wrenches about the tibia's origin in femur axes, of which each may hold several parts
-            along its first axis; energy in N mm; the patches, with a leading axis of length `n`,
-            or None if there are none; and what is wrong with any fibre.
+            Wrenches; energy in N mm; the patches, with a leading axis of length `n`, or None if
+            there are none; and what is wrong with any fibre.
         """
-        wrenches, energy, fibres = self.press_without_patches(pose)
+        wrenches, energy, fibres = self.press_without_patches(state)
         if not self.patch_count:
             return wrenches, energy, None, fibres
-        pressed = self.map_patches(Contact.press, pose.placement, meeting)
+        pressed = self.map_patches(Contact.press, state, meeting)
         energy = energy + jnp.sum(pressed.energy, axis=0)
-        return [*wrenches, pressed.wrench], energy, pressed, fibres
+        for pair, rows in self.patches.items():
+            wrenches.add(pair, pressed.of(rows).wrench)
+        return wrenches, energy, pressed, fibres
 
     def for_many_poses(self) -> Knee:
         """The same knee with what does not depend on the pose computed once."""
         contacts = tuple(contact.with_points_placed() for contact in self.contacts)
         return dataclasses.replace(self, contacts=contacts)
 
-    def map_patches(self, function, tibia: Placement, meeting):
-        """Apply `function(contact, tibia, meeting)` to each contact that has a patch.
+    def map_patches(self, function, state: State, meeting):
+        """Apply `function(contact, there, meeting)` to each contact that has a patch.
 
         Args:
-            function: returns a pytree of arrays.
-            tibia: placement of the tibia.
+            function: returns a pytree of arrays; `there` is where the contact's second bone is in
+                the first.
+            state: where the bones are.
             meeting: an array, or a tuple of arrays, with one row per contact.
 
         Returns:
@@ -113,12 +133,13 @@ class Knee(eqx.Module):
         for rows in kinds.values():
             # One broadcast here instead of one in every product: its transpose is a sum.
             count = len(rows)
-            tibias = jax.tree.map(lambda x, n=count: jnp.broadcast_to(x, (n, *x.shape)), tibia)
+            there = state.between(patches[rows[0]].bodies)
+            there = jax.tree.map(lambda x, n=count: jnp.broadcast_to(x, (n, *x.shape)), there)
             alike = jax.tree.map(lambda *x: jnp.stack(x), *(patches[row] for row in rows))
             own = jax.tree.map(lambda x, r=rows: x if r == all_rows else x[jnp.array(r)], meeting)
-            answers.append(jax.vmap(function)(alike, tibias, own))
+            answers.append(jax.vmap(function)(alike, there, own))
             order += rows
-        lanes = jnp.shape(tibia.translation[0])
+        lanes = state.shape
 
         def with_lanes(*x: Array) -> list[Array]:
             # What a plane answers may lack the lanes.
@@ -135,55 +156,63 @@ class Knee(eqx.Module):
         """Number of contacts that have a patch, hence a meeting point."""
         return sum(contact.has_patch for contact in self.contacts)
 
-    def press_without_patches(self, pose: Pose) -> tuple[list[Wrench], Array, FibreFaults]:
+    @property
+    def patches(self) -> dict[Pair, tuple[int, ...]]:
+        """The bones that contacts with a patch join -> their rows among these."""
+        rows: dict[Pair, tuple[int, ...]] = {}
+        for row, contact in enumerate(one for one in self.contacts if one.has_patch):
+            rows[contact.bodies] = (*rows.get(contact.bodies, ()), row)
+        return rows
+
+    def press_without_patches(self, state: State) -> tuple[Wrenches, Array, FibreFaults]:
         """As `press`, of all but the contacts that have a patch: wrenches, energy, fibres."""
-        tibia = pose.placement
-        wrenches, energy, fibres = self.ligaments.pull(tibia)
+        wrenches, energy, fibres = self.ligaments.pull(state)
         for line in self.lines:
-            energy = energy + line.energy(pose.flexion, tibia)
-            wrenches = [*wrenches, line.wrench(pose.flexion, tibia).alone()]
+            energy = energy + line.energy(state)
+            wrenches.add(line.bodies, line.wrench(state).alone())
         for contact in self.contacts:
             if not contact.has_patch:
-                of_contact, wrench = contact.press_points(tibia)
-                energy, wrenches = energy + of_contact, [*wrenches, wrench.alone()]
+                of_contact, wrench = contact.press_points(state.between(contact.bodies))
+                energy = energy + of_contact
+                wrenches.add(contact.bodies, wrench.alone())
         return wrenches, energy, fibres
 
-    def load_work(self, pose: Pose, names: Sequence[str]) -> Array:
+    def load_work(self, state: State, names: Sequence[str]) -> Array:
         """Generalised force of the loads on some coordinates.
 
         Args:
-            pose: as in `energy`.
+            state: as in `energy`.
             names: of the coordinates.
 
         Returns:
             `(len(names), ...)`: N mm per rad of a rotation, N of a translation.
         """
-        total = jnp.zeros((len(names),) + jnp.shape(pose.adduction))
+        total = jnp.zeros((len(names), *state.shape))
         for load in self.loads:
-            total = total + jnp.stack(load.work(pose, names))
+            total = total + jnp.stack(load.work(state, names))
         return total
 
-    def force_on(self, pose: Pose, wrench: Wrench, names: Sequence[str]) -> tuple[Array, ...]:
+    def work_of(self, wrenches: Wrenches, state: State, names: Sequence[str]) -> tuple[Array, ...]:
         """Generalised force of the knee's own parts on some coordinates.
 
         Args:
-            pose: as in `energy`.
-            wrench: of all parts, about the tibia's origin in femur axes.
+            wrenches: of all parts.
+            state: as in `energy`.
             names: of the coordinates.
 
         Returns:
             One array each, as in `load_work`.
         """
-        rows = generalised_force(pose, pose.placement, wrench, names)
+        rows = wrenches.work(state, names)
         if "flexion" not in names or not self.lines:
             return rows
         # The upper end of a line travels with flexion: it does work that no wrench tells.
-        ends = sum(line.work_of_end(pose.flexion, pose.placement) for line in self.lines)
+        ends = sum(line.work_of_end(state) for line in self.lines)
         return tuple(x + ends if n == "flexion" else x for n, x in zip(names, rows, strict=True))
 
     def reference_length(self) -> Array:
         """Length of each fibre at the reference pose, shape `(n,)`, mm."""
-        return self.ligaments.length(self.reference_pose.placement)
+        return self.ligaments.length(self.at_reference)
 
     def reference_strain(self) -> Array:
         """Strain of each fibre at the reference pose, shape `(n,)`."""

@@ -15,7 +15,7 @@ import jax
 import numpy as np
 from jax import Array
 
-from kneejax.geometry import Pose
+from kneejax.geometry import State
 from kneejax.mechanics.ligaments import Ligaments
 
 
@@ -192,15 +192,15 @@ class Implausible(ValueError):
 
 
 @partial(jax.jit, static_argnums=2)
-def at_reference(ligaments: Ligaments, pose: Pose, around: bool = True) -> tuple[Array, Array]:
+def at_reference(ligaments: Ligaments, state: State, around: bool = True) -> tuple[Array, Array]:
     """Whether ends lie inside obstacles, and lengths, straight where no detour is asked for.
 
     Compiled: one by one the operations, each a program, would take 0.6 s and 40 MB.
     """
-    inside = ligaments.ends_inside(pose.placement)
+    inside = ligaments.ends_inside(state)
     if not around:
         ligaments = eqx.tree_at(lambda x: x.courses, ligaments, ())
-    return inside, ligaments.length(pose.placement)
+    return inside, ligaments.length(state)
 
 
 def check_fibres(ligaments: Ligaments, inside: Array, lengths: Array) -> None:

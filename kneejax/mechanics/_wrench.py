@@ -1,4 +1,4 @@
-"""Force and moment on the tibia."""
+"""Force and moment between bodies, and the work that they do."""
 
 from __future__ import annotations
 
@@ -11,7 +11,20 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from kneejax.geometry import Placement, Pose, Vector, add, cross, dot, scale, transpose
+from kneejax.geometry import (
+    FEMUR,
+    Pair,
+    Placement,
+    Pose,
+    State,
+    Vector,
+    add,
+    coordinate,
+    cross,
+    dot,
+    scale,
+    transpose,
+)
 
 _UNTURNED = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
@@ -58,47 +71,90 @@ class Wrench(eqx.Module):
         return functools.reduce(operator.add, sums)
 
 
-def wrench_of(energy: Callable[[Placement], Array], tibia: Placement) -> Wrench:
-    """Wrench on the tibia that an energy exerts, about the tibia's origin in femur axes.
+def wrench_of(energy: Callable[[Placement], Array], there: Placement) -> Wrench:
+    """Wrench on a body that an energy exerts, about the body's origin.
 
     Args:
-        energy: of a placement of the tibia, N mm, one number a lane.
-        tibia: the placement.
+        energy: of where the body is against another, N mm, one number a lane.
+        there: where it is; the wrench is in the other's axes.
     """
-    shape = jax.eval_shape(energy, tibia).shape
-    columns = transpose(_UNTURNED if tibia.rotation is None else tibia.rotation)
+    shape = jax.eval_shape(energy, there).shape
+    columns = transpose(_UNTURNED if there.rotation is None else there.rotation)
 
     def displaced(twist: Array) -> Array:
         x, y, z, a, b, c = twist
         e, f, g = (add(column, cross((a, b, c), column)) for column in columns)
-        shift = add(tibia.translation, (x, y, z))
+        shift = add(there.translation, (x, y, z))
         return jnp.sum(energy(Placement(transpose((e, f, g)), shift)))
 
     slope = -jax.grad(displaced)(jnp.zeros((6, *shape)))
     return Wrench((slope[0], slope[1], slope[2]), (slope[3], slope[4], slope[5]))
 
 
+class Wrenches:
+    """What the parts of a knee do to the bodies that they join, not yet summed.
+
+    Each wrench acts on the second body of its pair, about that body's origin in the first's axes,
+    and may hold several parts along its first axis.
+    """
+
+    def __init__(self):
+        self.between: dict[Pair, list[Wrench]] = {}
+
+    def add(self, pair: Pair, wrench: Wrench) -> None:
+        """Add a part, or several along a first axis."""
+        self.between.setdefault(pair, []).append(wrench)
+
+    def work(self, state: State, names: Sequence[str]) -> tuple[Array, ...]:
+        """Generalised force of all together; see `generalised_force`."""
+        rows = [
+            generalised_force(state, pair, Wrench.total(parts), names)
+            for pair, parts in self.between.items()
+        ]
+        if not rows:
+            return (jnp.zeros(state.shape),) * len(names)
+        return tuple(functools.reduce(operator.add, row) for row in zip(*rows, strict=True))
+
+
 def generalised_force(
-    pose: Pose, tibia: Placement, wrench: Wrench, names: Sequence[str]
+    state: State, pair: Pair, wrench: Wrench, names: Sequence[str]
 ) -> tuple[Array, ...]:
-    """Work of a wrench on the tibia per unit of each of some coordinates.
+    """Work that a wrench between two bodies does per unit of each of some coordinates.
 
     Args:
-        pose: where the tibia is.
-        tibia: `pose.placement`.
-        wrench: about the tibia's origin in femur axes.
-        names: of the coordinates.
+        state: where the bodies are.
+        pair: the two bodies.
+        wrench: on the second, about its origin in the first's axes; the first feels the opposite.
+        names: of the coordinates, of any bodies.
 
     Returns:
-        One array each: N mm per rad of a rotation, N of a translation.
+        One array each: N mm per rad of a rotation, N of a translation; 0 for those of others.
     """
+    first, second = pair
+    on = {second: wrench}
+    if first != FEMUR:
+        own = state.poses[first].placement
+        on[second] = wrench.turned(own)
+        arm = own.turn(state.between(pair).translation)
+        on[first] = -Wrench.at(arm, on[second].force, on[second].moment)
+    work = {}
+    for body, whole in on.items():
+        if body != FEMUR:
+            wanted = [one for one in map(coordinate, names) if one.body == body]
+            ways = _work(state.poses[body], whole, [one.way for one in wanted])
+            work |= {one.name: row for one, row in zip(wanted, ways, strict=True)}
+    nothing = jnp.zeros(state.shape)
+    rows = jnp.broadcast_arrays(*(work.get(name, nothing) for name in names), nothing)
+    return tuple(rows[: len(names)])
+
+
+def _work(pose: Pose, wrench: Wrench, ways: Sequence[str]) -> list[Array]:
+    """Of a wrench on a body, about the body's origin in femur axes, along some fields of `Pose`."""
     c, s = jnp.cos(pose.flexion), jnp.sin(pose.flexion)
     turns = {
-        "flexion": (0.0, 0.0, -1.0),
-        "adduction": (c, -s, 0.0),
-        "internal_rotation": tibia.turn((0.0, 1.0, 0.0)),
+        "flexion": lambda: (0.0, 0.0, -1.0),
+        "adduction": lambda: (c, -s, 0.0),
+        "internal_rotation": lambda: pose.placement.turn((0.0, 1.0, 0.0)),
     }
-    work = dict(zip(("anterior", "superior", "lateral"), wrench.force, strict=True))
-    work |= {name: dot(axis, wrench.moment) for name, axis in turns.items() if name in names}
-    rows = jnp.broadcast_arrays(*(work[name] for name in names), pose.adduction)
-    return tuple(rows[: len(names)])
+    shifts = dict(zip(("anterior", "superior", "lateral"), wrench.force, strict=True))
+    return [dot(turns[way](), wrench.moment) if way in turns else shifts[way] for way in ways]  # pyright: ignore[reportReturnType]

@@ -42,11 +42,7 @@ QUANTITIES = {
     "transition_strain": "",
     "transition_width": "",
     "failure_strain": "",
-} | {
-    f"{end}_attachment.{axis}": "mm"
-    for end in ("femoral", "tibial")
-    for axis in AXES
-}
+} | {f"{end}_attachment.{axis}": "mm" for end in ("femoral", "tibial") for axis in AXES}
 _MOST_SHOWN = 12  # names in an error
 
 
@@ -273,7 +269,7 @@ def with_values(knee: Knee, values: dict[str, float]) -> Knee:
             raise Implausible(owner, quantity, f"{value:g}", allowed.expected(value))
         knee = selection.apply(knee, jnp.full(len(selection), float(value)))
     if values:
-        check_fibres(knee.ligaments, *at_reference(knee.ligaments, knee.reference_pose))
+        check_fibres(knee.ligaments, *at_reference(knee.ligaments, knee.at_reference))
     return knee
 
 
@@ -296,9 +292,7 @@ def cut(knee: Knee, names: Sequence[str]) -> Knee:
     torn = np.isin(np.arange(len(knee.ligaments.names)), gone)
     law = knee.ligaments.stiffness, knee.ligaments.failure_strain
     ends = jnp.where(torn, 0.0, law[0]), jnp.where(torn, jnp.inf, law[1])
-    return eqx.tree_at(
-        lambda k: (k.ligaments.stiffness, k.ligaments.failure_strain), knee, ends
-    )
+    return eqx.tree_at(lambda k: (k.ligaments.stiffness, k.ligaments.failure_strain), knee, ends)
 
 
 def fibre_rows(knee: Knee, name: str) -> list[int]:

@@ -16,8 +16,8 @@ import jax
 import jax.numpy as jnp
 from jax import Array, lax
 
-from kneejax.geometry import Pose, Prescribed, Vector, free_of
-from kneejax.mechanics import Contact, FibreFaults, Knee, Pressed, Wrench, generalised_force
+from kneejax.geometry import Prescribed, State, Vector, free_of
+from kneejax.mechanics import Contact, FibreFaults, Knee, Pressed, Wrenches, generalised_force
 from kneejax.numerics import identity
 
 
@@ -87,15 +87,13 @@ def rows_of_force(
     knee: Knee, prescribed: Prescribed, q: Array, meeting: tuple[Array, Array]
 ) -> tuple[tuple[Array, ...], Forces]:
     """As `force`, the residual in rows of lanes."""
-    pose, free = Pose.of(prescribed, q), free_of(prescribed)
-    wrenches, energy, pressed, fibres = knee.press(pose, meeting)
-    rows = _unbalanced(knee, pose, Wrench.total(wrenches), free)
-    return rows, _forces(knee, pose, energy, pressed, fibres, free)
+    state, free = _where(knee, prescribed, q)
+    wrenches, energy, pressed, fibres = knee.press(state, meeting)
+    rows = _unbalanced(knee, state, wrenches, free)
+    return rows, _forces(knee, state, energy, pressed, fibres, free)
 
 
-def balance(
-    knee: Knee, prescribed: Prescribed, q: Array, meeting: tuple[Array, Array]
-) -> Balance:
+def balance(knee: Knee, prescribed: Prescribed, q: Array, meeting: tuple[Array, Array]) -> Balance:
     """Residual and tangent at a pose. Arguments as `force`."""
 
     residual, forces, tangent = linearised(
@@ -161,8 +159,8 @@ def force_derivative(
     if knee.patch_count:
 
         def slopes(knee_: Knee, prescribed_: Prescribed):
-            tibia = Pose.of(prescribed_, q).placement
-            gap = knee_.map_patches(Contact.gap, tibia, meeting)
+            state, _ = _where(knee_, prescribed_, q)
+            gap = knee_.map_patches(Contact.gap, state, meeting)
             return gap.slope, gap
 
         _, moved, gap = jax.jvp(slopes, (knee, prescribed), tangents, has_aux=True)
@@ -187,39 +185,59 @@ def force_derivative_without_patches(
     Returns:
         Change of the residual `(free, lanes)`.
     """
-    pose, free = Pose.of(prescribed, q), free_of(prescribed)
+    state, free = _where(knee, prescribed, q)
 
     def residual(knee_: Knee) -> Array:
-        wrench = Wrench.total(knee_.press_without_patches(pose)[0])
-        return jnp.stack(_unbalanced(knee_, pose, wrench, free))
+        wrenches = knee_.press_without_patches(state)[0]
+        return jnp.stack(_unbalanced(knee_, state, wrenches, free))
 
     return jax.jvp(residual, (knee,), (knee_tangent,))[1]
 
 
+def _where(knee: Knee, prescribed: Prescribed, q: Array) -> tuple[State, tuple[str, ...]]:
+    """Where the bones are, and the names of the free coordinates."""
+    return State.of(prescribed, q, knee.bodies), free_of(prescribed, knee.bodies)
+
+
 def _unbalanced(
-    knee: Knee, pose: Pose, wrench: Wrench, free: tuple[str, ...]
+    knee: Knee, state: State, wrenches: Wrenches, free: tuple[str, ...]
 ) -> tuple[Array, ...]:
-    """Generalised force that neither the knee's wrench nor the loads balance, one row each."""
-    work = knee.force_on(pose, wrench, free)
-    return tuple(-w - load for w, load in zip(work, knee.load_work(pose, free), strict=True))
+    """Generalised force that neither the knee's wrenches nor the loads balance, one row each."""
+    work = knee.work_of(wrenches, state, free)
+    return tuple(-w - load for w, load in zip(work, knee.load_work(state, free), strict=True))
 
 
 def _forces(
     knee: Knee,
-    pose: Pose,
+    state: State,
     energy: Array,
     pressed: Pressed | None,
     fibres: FibreFaults,
     free: tuple[str, ...],
 ) -> Forces:
-    load = knee.load_work(pose, free)
+    load = knee.load_work(state, free)
     if pressed is None:
-        none = jnp.zeros((0, *jnp.shape(pose.adduction)))
+        none = jnp.zeros((0, *state.shape))
         drift, point, pair = ((none, none),) * len(free), (none,) * 3, (none, none)
         return Forces(energy, load, drift, none, none, point, pair, none > 0, none > 0, fibres)
     gap = pressed.gap
-    moved = (generalised_force(pose, pose.placement, w, free) for w in pressed.slope_wrenches)
+    moved = (_slopes_moved(knee, state, pressed, k, free) for k in (0, 1))
     drift = tuple(gap.newton(a, b) for a, b in zip(*moved, strict=True))
     met = pressed.miss, gap.depth, gap.point, pressed.renewed
     fits = ~gap.has_ellipse, pressed.known
     return Forces(energy, load, drift, *met, *fits, fibres)
+
+
+def _slopes_moved(
+    knee: Knee, state: State, pressed: Pressed, slope: int, free: tuple[str, ...]
+) -> tuple[Array, ...]:
+    """Change of one slope of each patch's gap by the free coordinates, `(n, lanes)` each."""
+    found, order = [], []
+    for pair, rows in knee.patches.items():
+        wrench = pressed.of(rows).slope_wrenches[slope]
+        found.append(generalised_force(state, pair, wrench, free))
+        order += rows
+    if len(found) == 1:
+        return found[0]
+    back = jnp.argsort(jnp.array(order))
+    return tuple(jnp.concatenate(row)[back] for row in zip(*found, strict=True))

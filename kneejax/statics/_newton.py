@@ -93,7 +93,8 @@ class EnergyNewton(optx.AbstractRootFinder):
         if options:
             raise ValueError(f"EnergyNewton: unknown options {sorted(options)}; it takes none")
         forces = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), aux_struct)
-        return begun(y, forces, scales(free_of(args[1])))
+        knee, prescribed = args
+        return begun(y, forces, scales(free_of(prescribed, knee.bodies)))
 
     def step(self, fn, y, args, options, state, tags):
         dear = _tangents_are_dear(args[0])

@@ -16,7 +16,7 @@ import optimistix as optx
 from jax import Array, lax
 from jax.custom_derivatives import SymbolicZero
 
-from kneejax.geometry import Placement, Pose, Prescribed, free_of
+from kneejax.geometry import Placement, Pose, Prescribed, State, free_of
 from kneejax.mechanics import Contact, Knee, displacement
 from kneejax.numerics import compiled, identity, instantiate, solve
 from kneejax.statics._balance import (
@@ -57,6 +57,7 @@ class Settled(eqx.Module):
         left_mm: how far the search ended from a balance: the Newton step that is left, mm
             (rotations at 30 mm).
         steps: Newton steps taken.
+        bodies: that move.
     """
 
     prescribed: Prescribed
@@ -71,11 +72,17 @@ class Settled(eqx.Module):
     fault: Array
     left_mm: Array
     steps: Array
+    bodies: tuple[str, ...] = eqx.field(static=True)
+
+    @property
+    def state(self) -> State:
+        """Where all bones are."""
+        return State.of(self.prescribed, self.q, self.bodies)
 
     @property
     def pose(self) -> Pose:
-        """The poses."""
-        return Pose.of(self.prescribed, self.q)
+        """Where the tibia is."""
+        return self.state.tibia
 
     @property
     def converged(self) -> Array:
@@ -145,11 +152,11 @@ def with_meeting(knee: Knee, prescribed: Prescribed, q: Array) -> Guess:
     """A guess at a pose, with meeting points searched from scratch."""
     if not knee.patch_count:
         return Guess(q, jnp.zeros((0, 2) + q.shape[1:]))
-    tibia = Pose.of(prescribed, q).placement
+    state = State.of(prescribed, q, knee.bodies)
     empty = jnp.zeros((knee.patch_count,) + q.shape[1:])
-    start = knee.map_patches(lambda c, t, _: Contact.first_meeting(c, t), tibia, empty)
+    start = knee.map_patches(lambda c, t, _: Contact.first_meeting(c, t), state, empty)
     found = lax.fori_loop(
-        0, 8, lambda _, meeting: knee.map_patches(Contact.improved, tibia, meeting), start
+        0, 8, lambda _, meeting: knee.map_patches(Contact.improved, state, meeting), start
     )
     return Guess(q, jnp.stack(found, axis=1))
 
@@ -157,7 +164,7 @@ def with_meeting(knee: Knee, prescribed: Prescribed, q: Array) -> Guess:
 @compiled(static_argnums=(3,))
 def _search(knee: Knee, prescribed: Prescribed, guess: Guess, search: EnergyNewton) -> Settled:
     # One lane that starts from NaN would end the search of all.
-    reference = knee.reference_pose.at(free_of(prescribed))
+    reference = knee.at_reference.at(free_of(prescribed, knee.bodies))
     q = jnp.where(jnp.isnan(guess.q), jnp.broadcast_to(reference, guess.q.shape), guess.q)
     knee = knee.for_many_poses()
     meeting = jnp.nan_to_num(_known_meeting(knee, prescribed, q, guess.meeting))
@@ -171,7 +178,7 @@ def _search(knee: Knee, prescribed: Prescribed, guess: Guess, search: EnergyNewt
         throw=False,
     )
     q, meeting, rest = described(knee, prescribed, solution.value, solution.aux)
-    return Settled(prescribed, q, meeting, **rest)
+    return Settled(prescribed, q, meeting, **rest, bodies=knee.bodies)
 
 
 def _known_meeting(knee: Knee, prescribed: Prescribed, q: Array, meeting: Array) -> Array:
@@ -213,9 +220,10 @@ def fault_of(knee: Knee, prescribed: Prescribed, here: SearchState, pivots: Arra
 
 def _faults(knee: Knee, prescribed: Prescribed, here: SearchState) -> Faults:
     """What is wrong with the poses, from what their search has computed already."""
-    pose, forces = Pose.of(prescribed, here.guess.q), here.forces
-    tibia, found, row = pose.placement, [], 0
+    state, forces = State.of(prescribed, here.guess.q, knee.bodies), here.forces
+    found, row = [], 0
     for contact in knee.contacts:
+        tibia = state.between(contact.bodies)
         if contact.has_patch:
             depth, known = forces.depth[row], forces.known[row]
             touches = depth > 0
@@ -231,7 +239,7 @@ def _faults(knee: Knee, prescribed: Prescribed, here: SearchState) -> Faults:
             depth, flat = jnp.max(sampled.depth, axis=0), jnp.zeros_like(deep)
             through = contact.passed_through(tibia)
         found.append(ContactFaults(depth, outside, deep, flat, through))
-    return Faults.of(found, forces.fibres, displacement(knee, pose))
+    return Faults.of(found, forces.fibres, displacement(knee, state.tibia))
 
 
 def _passed_through(contact: Contact, tibia: Placement, odd: Array) -> Array:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import kneejax as kj
-from kneejax.geometry import FREE_COORDINATES, Pose, scales
+from kneejax.geometry import FREE_COORDINATES, Pose, State, scales
 from kneejax.mechanics import add_lane_axis, load_of
 from kneejax.statics import force, with_meeting
 
@@ -50,7 +50,7 @@ def test_both_ways_to_give_are_found_at_every_angle(found):
 def test_each_of_them_is_in_balance(knee, found):
     poses = Pose.from_table(np.array([branch.pose for branch in found]))
     lanes = add_lane_axis(dataclasses.replace(knee, loads=(*knee.loads, *VALGUS)))
-    held, q = {"flexion": poses.flexion}, poses.at(FREE_COORDINATES)
+    held, q = {"flexion": poses.flexion}, State({"tibia": poses}).at(FREE_COORDINATES)
     guess = with_meeting(lanes, held, q)
     left, _ = force(lanes, held, q, (guess.meeting[:, 0], guess.meeting[:, 1]))
     assert float(jnp.abs(left * jnp.asarray(scales(FREE_COORDINATES))[:, None]).max()) < 1e-3

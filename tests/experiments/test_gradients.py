@@ -114,9 +114,9 @@ def _unrolled(knee, flexion, change, q, meeting, tangent):
     def iterate(knee, flexion):
         def step(here, _):
             q, meeting = here[0], (here[1][:, 0], here[1][:, 1])
-            tibia = geo.Pose.of({"flexion": flexion}, q).placement
+            state = geo.State.of({"flexion": flexion}, q)
             for _ in range(2):
-                meeting = knee.map_patches(Contact.improved, tibia, meeting)
+                meeting = knee.map_patches(Contact.improved, state, meeting)
             unbalanced, _ = force(knee, {"flexion": flexion}, q, meeting)
             move = jnp.linalg.solve(jnp.moveaxis(tangent, -1, 0), unbalanced.T[..., None])
             return (q - move[..., 0].T, jnp.stack(meeting, axis=1)), unbalanced
@@ -150,9 +150,10 @@ def _at_the_corners(knee, flexion_deg, change, found):
     The last load is chosen to balance them.
     """
     flexion = jnp.deg2rad(flexion_deg)
-    pose = geo.Pose.of({"flexion": flexion}, found.q)
+    state = geo.State.of({"flexion": flexion}, found.q)
+    pose = state.tibia
     toe = knee.ligaments.transition_strain[1]
-    length = knee.ligaments.length(pose.placement)
+    length = knee.ligaments.length(state)
     taut = jnp.stack([0.0 * toe, toe, 0.0 * toe + 0.06, 0.0 * toe + 0.06])
     load = Load(jnp.zeros_like(length[:3]), jnp.zeros_like(length[:3]), jnp.zeros_like(length[:3]))
     knee = eqx.tree_at(
@@ -200,7 +201,7 @@ def test_the_poses_are_balanced_and_those_at_the_corners_stand_on_them(case):
     name, knee, _, _, _, _, found = case
     assert sound(np.asarray(found.status)).all()
     if name == "corners":
-        strain = np.asarray(knee.ligaments.strain(found.pose.placement))
+        strain = np.asarray(knee.ligaments.strain(found.settled.state))
         toe = np.asarray(knee.ligaments.transition_strain)
         np.testing.assert_allclose(found.depth[0], 0.0, atol=1e-9)
         np.testing.assert_allclose(strain[0], 0.0, atol=1e-9)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from kneejax.experiments import VarusValgus, VarusValgusRamp, varus_valgus
-from kneejax.geometry import FREE_COORDINATES, Frame, Plane, Pose, Sphere
+from kneejax.geometry import FREE_COORDINATES, Frame, Plane, Pose, Sphere, State
 from kneejax.mechanics import Contact, Knee, Ligaments
 from kneejax.statics import Balances, Status
 
@@ -24,7 +24,7 @@ def test_the_moment_works_on_adduction_alone(small_knee, flexion_deg):
     ramp = VarusValgusRamp.towards("varus", 30.0, 600.0, 2, 3, flexion_deg)
     pose = at(TURNED, flexion_deg)
     full, axial = (
-        np.stack(load_at(ramp, step).work(pose, FREE_COORDINATES))
+        np.stack(load_at(ramp, step).work(State({"tibia": pose}), FREE_COORDINATES))
         for step in (-1, 1)
     )
     assert full - axial == pytest.approx([30e3, 0, 0, 0, 0], abs=1e-9)
@@ -34,7 +34,7 @@ def test_the_axial_load_pushes_the_tibia_along_its_long_axis(small_knee):
     ramp = VarusValgusRamp.towards("varus", 30.0, 600.0, 2, 3)
     pushed = dataclasses.replace(small_knee, loads=(load_at(ramp, 1),))
     # Through the tibia's origin: no moment, 300 N up the tibia.
-    work = np.asarray(pushed.load_work(TURNED, FREE_COORDINATES))
+    work = np.asarray(pushed.load_work(State({"tibia": TURNED}), FREE_COORDINATES))
     along = np.array([float(x) for x in TURNED.placement.turn((0.0, 1.0, 0.0))])
     assert work == pytest.approx([0, 0, *(300 * along)], abs=1e-9)
 

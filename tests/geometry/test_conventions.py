@@ -99,13 +99,6 @@ def test_a_batch_converts_like_its_members(rng):
         np.testing.assert_allclose(together[:, k], np.asarray(alone), atol=1e-13)
 
 
-def test_a_pose_converts_like_its_coordinates():
-    pose = geo.Pose.from_table([20.0, 3.0, -5.0, 1.0, 2.0, 3.0])
-    c = pose.at(tuple(geo.COORDINATES))
-    expected = np.asarray(geo.convert(c, "femoral", "tibial"))
-    np.testing.assert_allclose(np.asarray(geo.convert_pose(pose, "tibial")), expected)
-
-
 def test_an_unknown_convention_is_an_error():
     with pytest.raises(KeyError):
         geo.convert(np.zeros(6), "femoral", "grood")

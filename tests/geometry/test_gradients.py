@@ -28,17 +28,17 @@ def _rows(vector):
 
 
 def conventions(x):
-    pose = geo.Pose.of({"flexion": x[0]}, x[1:])
+    state = geo.State.of({"flexion": x[0]}, x[1:])
     names = list(geo.CONVENTIONS)
     # Each is read once and written once.
     changed = [geo.convert(x, s, t) for s, t in zip(names, names[1:] + names[:1], strict=True)]
-    return jnp.concatenate([*changed, geo.convert_pose(pose, "tibial")])
+    return jnp.concatenate([*changed, geo.convert(state.at(geo.COORDINATES), "femoral", "tibial")])
 
 
 def tables(x):
     pose = geo.Pose.from_table(x)
-    again = geo.Pose.of({"flexion": pose.flexion}, pose.at(geo.FREE_COORDINATES))
-    free = pose.at(geo.FREE_COORDINATES)
+    free = geo.State({"tibia": pose}).at(geo.FREE_COORDINATES)
+    again = geo.State.of({"flexion": pose.flexion}, free).tibia
     return jnp.concatenate([again.to_table(), free, _rows(pose.placement.translation)])
 
 

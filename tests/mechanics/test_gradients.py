@@ -157,7 +157,7 @@ def _fibres(rng):
         femoral, tibial, [3e3, 4e3, 5e3], [1.0] * 3, toe, [width] * 3, ["A", "B", "C"]
     )
     strain = np.array([rng.uniform(-0.05, 0.1), 0.0, toe[2]])
-    length = np.asarray(fibres.length(geo.Pose(*c).placement))
+    length = np.asarray(fibres.length(geo.State({"tibia": geo.Pose(*c)})))
     fibres = eqx.tree_at(lambda f: f.slack_length, fibres, jnp.asarray(length / (1.0 + strain)))
     return fibres, geo.Pose(*jnp.asarray(c))
 
@@ -178,20 +178,20 @@ def _reference(rng):
 
 
 def _of_fibres(fibres, pose):
-    tibia = pose.placement
-    answers = fibres.length(tibia), fibres.strain(tibia), fibres.tension(tibia)
-    return jnp.concatenate([*answers, fibres.energy(tibia)[None]])
+    state = geo.State({"tibia": pose})
+    answers = fibres.length(state), fibres.strain(state), fibres.tension(state)
+    return jnp.concatenate([*answers, fibres.energy(state)[None]])
 
 
 def _of_wires(wires, pose):
     loads, line = wires
-    tibia = pose.placement
-    work = [jnp.stack(load.work(pose, tuple(geo.COORDINATES))) for load in loads]
-    return jnp.concatenate([*work, line.energy(pose.flexion, tibia)[None]])
+    state = geo.State({"tibia": pose})
+    work = [jnp.stack(load.work(state, tuple(geo.COORDINATES))) for load in loads]
+    return jnp.concatenate([*work, line.energy(state)[None]])
 
 
 def _of_reference(knee, pose):
-    whole = knee.energy(pose)[None]
+    whole = knee.energy(geo.State({"tibia": pose}))[None]
     return jnp.concatenate([knee.reference_length(), knee.reference_strain(), whole])
 
 

@@ -24,13 +24,14 @@ def energies(knee, pose):
     patches = [contact for contact in knee.contacts if contact.has_patch]
     meeting = jnp.stack([contact.meeting(tibia) for contact in patches])
     gaps = [contact.gap(tibia, m) for contact, m in zip(patches, meeting, strict=True)]
-    parts = knee.ligaments.energy(tibia)
-    parts = parts + sum(line.energy(pose.flexion, tibia) for line in knee.lines)
+    state = geo.State({"tibia": pose})
+    parts = knee.ligaments.energy(state)
+    parts = parts + sum(line.energy(state) for line in knee.lines)
     parts = parts + sum(c.patch_energy(gap) for c, gap in zip(patches, gaps, strict=True))
     parts = parts + sum(c.energy(tibia) for c in knee.contacts if not c.has_patch)
-    _, at_meeting, pressed, _ = knee.press(pose, (meeting[:, 0], meeting[:, 1]))
+    _, at_meeting, pressed, _ = knee.press(state, (meeting[:, 0], meeting[:, 1]))
     depths = jnp.stack([gap.depth for gap in gaps])
-    return knee.energy(pose), at_meeting, pressed.gap, parts, depths
+    return knee.energy(state), at_meeting, pressed.gap, parts, depths
 
 
 def test_energy_is_the_sum_of_the_parts_and_that_at_the_meeting_points(knee):
@@ -67,7 +68,7 @@ def test_a_knee_on_planes_alone_answers_in_lanes(knee):
     on_planes = eqx.tree_at(lambda k: k.contacts, knee, tuple(map(add_lane_axis, contacts)))
     tibia = POSE.placement
     meeting = jnp.stack([contact.meeting(tibia) for contact in on_planes.contacts], axis=1)
-    pressed = on_planes.press(POSE, (meeting[0], meeting[1]))[2]
+    pressed = on_planes.press(geo.State({"tibia": POSE}), (meeting[0], meeting[1]))[2]
     assert {leaf.shape for leaf in jax.tree.leaves(pressed)} == {(2, 2)}
 
 
@@ -87,17 +88,20 @@ def test_lengths_and_strains_at_the_reference_pose(small_knee):
     np.testing.assert_allclose(strain, expected / np.asarray(fibres.slack_length) - 1, rtol=1e-12)
 
 
+def shifted(shift):
+    return geo.State({"tibia": geo.Pose(*jnp.zeros(3), *shift)})
+
+
 def test_the_tension_of_a_fibre_is_the_slope_of_its_energy_by_its_length():
     fibre = Ligaments([[1, 2, 3]], [[4, -30, 2]], [3000.0], [31.0], [0.06], [0.002], ["F"])
 
     def energy(shift):
-        return fibre.energy(geo.Placement(None, (shift[0], shift[1], shift[2])))
+        return fibre.energy(shifted(shift))
 
     for shift in ([0.0, 0.0, 0.0], [0.0, 1.5, 0.0], [0.5, -2.0, 1.0]):
-        tibia = geo.Placement(None, tuple(jnp.array(shift)))
-        line = np.array([float(c[0]) for c in fibre.line(tibia)])
+        line = np.array([4, -30, 2]) + shift - np.array([1, 2, 3])
         pull = -np.asarray(jax.grad(energy)(jnp.array(shift)))
-        tension = float(fibre.tension(tibia)[0])
+        tension = float(fibre.tension(shifted(shift))[0])
         np.testing.assert_allclose(pull, -tension * line / np.linalg.norm(line), rtol=1e-11)
 
 
@@ -105,7 +109,7 @@ def test_a_fibre_of_zero_length_has_no_nan_in_its_force():
     fibre = Ligaments([[1, 2, 3]], [[1, 2, 3]], [3000.0], [31.0], [0.06], [0.002], ["F"])
 
     def energy(shift):
-        return fibre.energy(geo.Placement(None, (shift[0], shift[1], shift[2])))
+        return fibre.energy(shifted(shift))
 
     assert np.isfinite(np.asarray(jax.grad(energy)(jnp.zeros(3)))).all()
 

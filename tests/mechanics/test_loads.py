@@ -29,14 +29,14 @@ FORCE, MOMENT, POINT = np.array([70.0, -20.0, 30.0]), np.array([900.0, -2500.0, 
 
 def placed(q):
     """Rotation matrix and translation of the tibia."""
-    place = geo.Pose.of({"flexion": FLEXION}, jnp.asarray(q)).placement
+    place = geo.State.of({"flexion": FLEXION}, jnp.asarray(q)).tibia.placement
     return np.array([[float(x) for x in r] for r in place.rotation]), np.asarray(q[2:])
 
 
 @pytest.mark.parametrize(("axes", "point_in"), list(itertools.product(AXES, BONES)))
 def test_a_load_does_the_work_of_moving_the_tibia(axes, point_in, central_difference):
     load = Load(FORCE, MOMENT, POINT, axes, point_in)
-    pose = geo.Pose.of({"flexion": FLEXION}, jnp.asarray(Q))
+    pose = geo.State.of({"flexion": FLEXION}, jnp.asarray(Q))
     ours = np.stack(load.work(pose, geo.FREE_COORDINATES))
     r0, t0 = placed(Q)
     columns = {
@@ -61,10 +61,10 @@ def test_a_dead_force_on_a_tibial_point_is_the_slope_of_a_potential():
     load = Load(FORCE, point=POINT)
 
     def potential(q):
-        tip = geo.Pose.of({"flexion": FLEXION}, q).placement.apply(geo.vector(load.point))
+        tip = geo.State.of({"flexion": FLEXION}, q).tibia.placement.apply(geo.vector(load.point))
         return -geo.dot(geo.vector(load.force), tip)
 
-    pose = geo.Pose.of({"flexion": FLEXION}, jnp.asarray(Q))
+    pose = geo.State.of({"flexion": FLEXION}, jnp.asarray(Q))
     ours = load.work(pose, geo.FREE_COORDINATES)
     expected = -np.asarray(jax.grad(potential)(jnp.asarray(Q)))
     np.testing.assert_allclose(np.asarray(ours), expected, rtol=1e-12, atol=1e-10)
@@ -73,10 +73,10 @@ def test_a_dead_force_on_a_tibial_point_is_the_slope_of_a_potential():
 def test_a_load_in_a_batch_has_a_row_for_each_coordinate():
     load = jax.tree.map(lambda x: x[..., None], Load(FORCE, MOMENT, POINT, "tibia", "femur"))
     q = jnp.asarray(Q)[:, None] + jnp.linspace(0.0, 0.1, 4)
-    pose = geo.Pose.of({"flexion": FLEXION}, q)
+    pose = geo.State.of({"flexion": FLEXION}, q)
     together = np.stack(load.work(pose, geo.FREE_COORDINATES))
     assert together.shape == (5, 4)
-    one = geo.Pose.of({"flexion": FLEXION}, q[:, 2])
+    one = geo.State.of({"flexion": FLEXION}, q[:, 2])
     single = Load(FORCE, MOMENT, POINT, "tibia", "femur")
     alone = single.work(one, geo.FREE_COORDINATES)
     np.testing.assert_allclose(np.asarray(together[:, 2]), np.asarray(alone), rtol=1e-12)
@@ -96,7 +96,7 @@ def test_a_line_of_constant_tension_has_the_energy_of_its_length_and_pulls_along
     lower = r @ [12.0, -50.0, 3.0] + t
 
     def energy(q):
-        return line.energy(jnp.asarray(FLEXION), geo.Pose.of({"flexion": FLEXION}, q).placement)
+        return line.energy(geo.State.of({"flexion": FLEXION}, q))
 
     assert float(energy(Q)) == pytest.approx(20.0 * np.linalg.norm(lower - upper), rel=1e-13)
     pull = -np.asarray(jax.grad(energy)(jnp.asarray(Q)))[2:]
@@ -107,8 +107,14 @@ def test_a_line_of_constant_tension_has_the_energy_of_its_length_and_pulls_along
 
 def test_a_line_with_one_row_has_a_fixed_upper_end():
     line = ConstantTensionLine(20.0, [[30.0, 40.0, 0.0]], [12.0, -50.0, 3.0])
-    tibia = geo.Pose.of({"flexion": FLEXION}, jnp.asarray(Q)).placement
-    assert float(line.energy(0.0, tibia)) == float(line.energy(1.0, tibia))
+    still = geo.State.of({"flexion": FLEXION}, jnp.asarray(Q))
+    assert float(line.work_of_end(still)) == 0.0
+
+
+def converted(pose, convention):
+    """The six coordinates of a pose in another convention."""
+    state = geo.State({"tibia": pose})
+    return geo.convert(state.at(geo.COORDINATES), "femoral", convention)
 
 
 def left_twin_pose(table):
@@ -156,11 +162,11 @@ def test_a_load_by_name_works_on_what_its_name_says(name, pose):
     """Power of the load, by central differences of the tibia's motion along each coordinate."""
     wrench = load_of(**{name: 1.0}).wrench(pose.placement)
     force, moment = np.array(wrench.force, float), np.array(wrench.moment, float)
-    here = np.array(geo.convert_pose(pose, "grood-suntay"))
+    here = np.array(converted(pose, "grood-suntay"))
 
     def placed_at(coordinates):
         femoral = geo.convert(jnp.asarray(coordinates), "grood-suntay", "femoral")
-        place = geo.Pose.of({"flexion": femoral[0]}, femoral[1:]).placement
+        place = geo.State.of({"flexion": femoral[0]}, femoral[1:]).tibia.placement
         rotation = np.array([[float(x) for x in row] for row in place.rotation])
         return rotation, np.array(place.translation)
 
@@ -177,8 +183,9 @@ def test_a_load_by_name_works_on_what_its_name_says(name, pose):
 @settings(max_examples=25, deadline=None)
 @given(pose=pose_of_a_knee)
 def test_with_flexion_prescribed_each_moment_works_on_its_own_rotation_alone(pose):
+    state = geo.State({"tibia": pose})
     for row, name in enumerate(("varus_Nm", "internal_Nm")):
-        work = np.array(load_of(**{name: 2.0}).work(pose, geo.FREE_COORDINATES), float)
+        work = np.array(load_of(**{name: 2.0}).work(state, geo.FREE_COORDINATES), float)
         np.testing.assert_allclose(work, 2000.0 * np.eye(5)[row], atol=1e-9)
 
 
@@ -192,7 +199,7 @@ def test_a_drawer_at_90_degrees_acts_along_the_tibia_not_the_femur():
     np.testing.assert_allclose(np.array(squeeze.force, float), [50.0, 0.0, 0.0], atol=1e-12)
     moved = geo.Pose.from_table([90.0, 0.0, 0.0, 2.0, -30.92, 1.0])
     femoral, clinical = (
-        np.array(geo.convert_pose(moved, c) - geo.convert_pose(bent, c))[3]
+        np.array(converted(moved, c) - converted(bent, c))[3]
         for c in ("femoral", "grood-suntay")
     )
     assert (femoral, clinical) == (0.0, pytest.approx(0.92, abs=1e-12))

@@ -82,7 +82,7 @@ def test_what_follows_from_a_value_is_checked_too(knee):
 )
 def test_one_place_checks_the_fibres_of_a_knee(knee, quantity, value):
     fibres = knee.ligaments
-    fine = at_reference(fibres, knee.reference_pose)
+    fine = at_reference(fibres, knee.at_reference)
     check_fibres(fibres, *fine)
     numbers = getattr(fibres, quantity).at[2].set(value)
     with pytest.raises(Implausible, match=rf"MCL\.{quantity}: "):

@@ -59,7 +59,7 @@ def test_one_parameter_drives_the_energy_of_all_its_fibres(bundled, central_diff
 
     def energy(values):
         knee = selection.apply(bundled, values)
-        return knee.ligaments.energy(bundled.reference_pose.placement)
+        return knee.ligaments.energy(bundled.at_reference)
 
     start = np.asarray(selection.read(bundled))
     exact = np.asarray(jax.jacfwd(energy)(jnp.asarray(start)))

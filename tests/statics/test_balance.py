@@ -21,9 +21,9 @@ Q = jnp.array(
 
 @jax.jit
 def meeting_points(knee, held, q):
-    tibia = geo.Pose.of(held, q).placement
+    state = geo.State.of(held, q)
     start = jnp.zeros((len(knee.contacts), 2, 1))
-    return knee.map_patches(lambda contact, there, _: contact.meeting(there), tibia, start)
+    return knee.map_patches(lambda contact, there, _: contact.meeting(there), state, start)
 
 
 def _force_where_the_surfaces_meet(knee, held, q):
@@ -68,7 +68,7 @@ def compiled_derivative():
 @pytest.fixture(scope="module")
 def energy():
     return jax.jit(
-        lambda knee, q: knee.energy(geo.Pose.of(HELD, q)), compiler_options=OPTIONS
+        lambda knee, q: knee.energy(geo.State.of(HELD, q)), compiler_options=OPTIONS
     )
 
 
@@ -98,7 +98,7 @@ def test_the_residual_is_the_slope_of_the_energy_less_the_work_of_the_loads(
             for d, s in enumerate([2e-5, 2e-5, 4e-4, 4e-4, 4e-4])
         ]
     )
-    load = np.asarray(knee.load_work(geo.Pose.of(HELD, Q), geo.FREE_COORDINATES))
+    load = np.asarray(knee.load_work(geo.State.of(HELD, Q), geo.FREE_COORDINATES))
     np.testing.assert_allclose(np.asarray(balanced.forces.load), load, rtol=1e-12)
     assert np.abs(load).max() > 10.0
     residual = np.asarray(balanced.residual)

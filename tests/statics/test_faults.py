@@ -89,7 +89,8 @@ def test_where_the_bones_have_their_origins_does_not_matter(knee, motion):
     )
 
     def seen(pose):
-        place = [x + s for x, s in zip(pose.at(geo.FREE_COORDINATES)[2:], shift, strict=True)]
+        here = pose.anterior, pose.superior, pose.lateral
+        place = [x + s for x, s in zip(here, shift, strict=True)]
         return geo.Pose(pose.flexion, pose.adduction, pose.internal_rotation, *place)
 
     other = dataclasses.replace(
@@ -167,7 +168,8 @@ def test_nothing_is_through_bone_that_meets_within_the_layer_where_surfaces_are_
     table = table + rng.uniform(-1.0, 1.0, table.shape) * [5.0, 30.0, 50.0, 30.0, 80.0, 30.0]
     pose = kj.Pose.from_table(table)
     lanes = add_lane_axis(knee).for_many_poses()
-    start = with_meeting(lanes, {"flexion": pose.flexion}, pose.at(geo.FREE_COORDINATES))
+    q = geo.State({"tibia": pose}).at(geo.FREE_COORDINATES)
+    start = with_meeting(lanes, {"flexion": pose.flexion}, q)
     _, forces = jax.jit(look)(start, (lanes, {"flexion": pose.flexion}))
     through = 0
     for row, contact in enumerate(lanes.contacts):

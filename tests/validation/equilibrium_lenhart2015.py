@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from kneejax import Knee, Pose, Status
-from kneejax.geometry import FREE_COORDINATES
+from kneejax.geometry import FEMUR_AND_TIBIA, FREE_COORDINATES, TIBIA, State
 from kneejax.mechanics import Ligaments, Load, Wrench, add_lane_axis
 from kneejax.numerics import compiled
 from kneejax.statics import EnergyNewton, Guess, Settled, balance, settle
@@ -167,10 +167,10 @@ def footing(knee: Knee, poses: Pose) -> Footing:
 @compiled()
 def _balance(knee: Knee, poses: Pose):
     nowhere = jnp.zeros((0, *poses.flexion.shape))
-    held, q = {"flexion": poses.flexion}, poses.at(FREE_COORDINATES)
+    held, q = {"flexion": poses.flexion}, State({TIBIA: poses}).at(FREE_COORDINATES)
     found = balance(knee, held, q, (nowhere, nowhere))
-    pull = Wrench.total(knee.ligaments.wrenches(poses.placement))
-    return found.residual, found.tangent, pull
+    pulls = knee.ligaments.pull(State({TIBIA: poses}))[0].between[FEMUR_AND_TIBIA]
+    return found.residual, found.tangent, Wrench.total(pulls)
 
 
 def without_elasticity(held: Footing, knee: Knee, poses: Pose, names) -> Footing:
@@ -187,10 +187,10 @@ def without_elasticity(held: Footing, knee: Knee, poses: Pose, names) -> Footing
     rows = np.array([knee.ligaments.names.index(name) for name in names])
     fibres = Ligaments(*(getattr(knee.ligaments, field)[rows] for field in _FIELDS), names)
 
-    q = poses.at(FREE_COORDINATES)
+    q = State({TIBIA: poses}).at(FREE_COORDINATES)
 
     def length(q):
-        return fibres.length(Pose.of({"flexion": poses.flexion}, q).placement)
+        return fibres.length(State.of({"flexion": poses.flexion}, q))
 
     def along(k: int):
         push = jnp.zeros_like(q).at[k].set(_UNITS[k])
@@ -245,7 +245,7 @@ def search_from_away(
         seed: of the directions.
         search: as in `settle`.
     """
-    q = poses.at(FREE_COORDINATES)
+    q = State({TIBIA: poses}).at(FREE_COORDINATES)
     away = np.random.default_rng(seed).normal(size=(5, len(poses.flexion)))
     away[:2] *= np.deg2rad(START_DEG) / np.linalg.norm(away[:2], axis=0)
     away[2:] *= START_MM / np.linalg.norm(away[2:], axis=0)

@@ -9,7 +9,7 @@ import numpy as np
 
 from kneejax.files.joint._file import JointFile
 from kneejax.files.opensim import simm_splines
-from kneejax.geometry import FREE_COORDINATES
+from kneejax.geometry import FREE_COORDINATES, TIBIA, State
 from kneejax.joints import Joint
 
 #: Splines leave less than this of every pose, degrees and mm.
@@ -148,7 +148,7 @@ def _graded(width: float, widest: float, even: bool) -> np.ndarray:
     return np.array(away[:-1])[: None if len(away) > 1 else 0]
 
 
-_state = jax.jit(lambda joint, flexion: joint.pose(flexion).at(FREE_COORDINATES).T)
+_state = jax.jit(lambda joint, flexion: State({TIBIA: joint.pose(flexion)}).at(FREE_COORDINATES).T)
 
 
 def _free(joint: Joint, flexion: np.ndarray) -> np.ndarray:

@@ -17,6 +17,7 @@ from kneejax.files.reading import Field, InputProblem, format_yaml, load_yaml, w
 from kneejax.geometry import (
     COLUMNS,
     POWER,
+    TIBIA,
     Condyle,
     Ellipsoid,
     Frame,
@@ -25,6 +26,7 @@ from kneejax.geometry import (
     Plateau,
     Pose,
     Sphere,
+    State,
     Surface,
     WrapCylinder,
     WrapEllipsoid,
@@ -123,9 +125,7 @@ def build_knee(document: dict[str, Any], path: str | os.PathLike[str]) -> KneeFi
     return KneeFile(knee, sources, document["description"].strip(), Path(path), document)
 
 
-def write_knee(
-    document: dict[str, Any], path: str | os.PathLike[str], comment: str = ""
-) -> None:
+def write_knee(document: dict[str, Any], path: str | os.PathLike[str], comment: str = "") -> None:
     """Check a knee document and write it to a file, completely or not at all.
 
     Args:
@@ -201,9 +201,7 @@ def _build(document: dict[str, Any], side: str, file: str) -> Knee:
     )
 
 
-def _ligaments(
-    parts: dict[str, Any], wraps: dict[str, Any], pose: Pose, file: str
-) -> Ligaments:
+def _ligaments(parts: dict[str, Any], wraps: dict[str, Any], pose: Pose, file: str) -> Ligaments:
     courses = _courses(parts, wraps)
     tears = list(zip(parts.values(), usual_failure_strain(tuple(parts)), strict=True))
 
@@ -224,7 +222,7 @@ def _ligaments(
         )
 
     unloaded = fibres(np.ones(len(parts)))
-    inside, lengths = at_reference(unloaded, pose, detour_counts(parts))
+    inside, lengths = at_reference(unloaded, State({TIBIA: pose}), detour_counts(parts))
     slack = [
         slack_length(part, length)
         for part, length in zip(parts.values(), np.asarray(lengths).tolist(), strict=True)

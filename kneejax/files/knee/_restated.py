@@ -114,7 +114,7 @@ def restated(document: dict[str, Any], knee: Knee, source: str) -> dict[str, Any
 def _fibres(parts: dict[str, dict[str, Any]], knee: Knee, source: str) -> None:
     fibres = knee.ligaments
     numbers = {field: np.asarray(getattr(fibres, name)) for field, name in _FIBRE.items()}
-    _, lengths = at_reference(fibres, knee.reference_pose, detour_counts(parts))
+    _, lengths = at_reference(fibres, knee.at_reference, detour_counts(parts))
     lengths, slack = np.asarray(lengths).tolist(), np.asarray(fibres.slack_length)
     usual = usual_failure_strain(tuple(parts))
     for row, part in enumerate(parts.values()):

@@ -7,7 +7,7 @@ import dataclasses
 import jax.numpy as jnp
 import numpy as np
 
-from kneejax.geometry import FREE_COORDINATES, Pose
+from kneejax.geometry import FREE_COORDINATES, Pose, State
 from kneejax.inference.fit._load_cases import (
     TABLE_UNITS,
     Balance,
@@ -149,7 +149,7 @@ class Problem:
     def pose(self, found: Slopes) -> Pose:
         """The poses of one fit in the model's frame, `(n,)`."""
         own = without_offsets(found, self.offsets)
-        return Pose.of(self.cases.stations.prescribed, jnp.asarray(own.q[0].T))
+        return State.of(self.cases.stations.prescribed, jnp.asarray(own.q[0].T)).tibia
 
     def meeting(self, found: Slopes) -> np.ndarray:
         """Meeting points of one fit, `(patches, 2, n)`."""

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from kneejax.geometry import Pose
+from kneejax.geometry import State
 from kneejax.inference.calibration import Motion, motion_at
 from kneejax.inference.fit import DEFAULT_WEIGHTS, LoadCases, Problem, balances_of, best_offsets
 from kneejax.inference.identification._information import Information, fit_information
@@ -192,7 +192,7 @@ def check_enough(count: int, unknowns: int) -> None:
 
 def _motion(knee: Knee, stations: Stations, fit: Slopes) -> Motion:
     q, meeting = np.moveaxis(fit.q[0], 0, -1), np.moveaxis(fit.meeting[0], 0, -1)
-    pose = Pose.of(stations.prescribed, q)
+    pose = State.of(stations.prescribed, q).tibia
     return motion_at(knee, np.asarray(pose.to_table()), pose, meeting, fit.status[0])
 
 

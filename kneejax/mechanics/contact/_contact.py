@@ -15,7 +15,14 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.geometry import Placement, Surface, partials, principal_curvatures
+from kneejax.geometry import (
+    FEMUR_AND_TIBIA,
+    Pair,
+    Placement,
+    Surface,
+    partials,
+    principal_curvatures,
+)
 from kneejax.mechanics._wrench import Wrench
 from kneejax.mechanics.contact import _border, _patch
 from kneejax.mechanics.contact import _cartilage_law as law
@@ -57,8 +64,8 @@ class Contact(eqx.Module):
     """One compartment.
 
     Attributes:
-        femoral: surface placed in the femur.
-        tibial: surface placed in the tibia.
+        femoral: surface placed in the femur, or in the first of two other bones.
+        tibial: surface placed in the tibia, or in the second of them.
         youngs_modulus: MPa.
         poisson_ratio: below 0.5.
         layer_thickness: both cartilages together, mm.
@@ -70,6 +77,7 @@ class Contact(eqx.Module):
         form: `elliptical_patch` or `quadrature`.
         points: quadrature points along the two parameters of the tibial surface.
         placed: these points, where they have been computed beforehand.
+        bodies: the two bones. Methods ask where the second is in the first: `tibia`.
     """
 
     femoral: Surface
@@ -83,6 +91,7 @@ class Contact(eqx.Module):
     form: str = eqx.field(static=True)
     points: tuple[int, int] = eqx.field(static=True)
     placed: Points | None
+    bodies: Pair = eqx.field(static=True)
 
     def __init__(
         self,
@@ -97,6 +106,7 @@ class Contact(eqx.Module):
         points: tuple[int, int] = (24, 24),
         layer_variation: ArrayLike | None = None,
         placed: Points | None = None,
+        bodies: Pair = FEMUR_AND_TIBIA,
     ):
         self.femoral = femoral
         self.tibial = tibial
@@ -110,6 +120,7 @@ class Contact(eqx.Module):
         self.form = form
         self.points = points
         self.placed = placed
+        self.bodies = bodies
 
     def __check_init__(self):
         if self.law not in law.LAWS:
@@ -140,9 +151,7 @@ class Contact(eqx.Module):
         """Parameters of the femoral point where the surfaces meet, shape `(2, ...)`."""
         return _patch.meeting_point(self.femoral, self.tibial, self.femur_to_plateau(tibia))
 
-    def improved(
-        self, tibia: Placement, meeting: tuple[Array, Array]
-    ) -> tuple[Array, Array]:
+    def improved(self, tibia: Placement, meeting: tuple[Array, Array]) -> tuple[Array, Array]:
         """Parameters after one Newton step towards the meeting point."""
         return _patch.improve(self.femoral, self.tibial, self.femur_to_plateau(tibia), meeting)
 
@@ -290,8 +299,10 @@ class Contact(eqx.Module):
     def touching(self, depth: Array) -> Array:
         """From 0 apart to 1 in touch, over the onset: the slope of `rounded` by depth."""
         near, slope = self._counting(depth)
-        return slope * positive_part(near, self.onset_width) / jnp.sqrt(
-            near * near + self.onset_width**2
+        return (
+            slope
+            * positive_part(near, self.onset_width)
+            / jnp.sqrt(near * near + self.onset_width**2)
         )
 
     def _counting(self, depth: Array) -> tuple[Array, Array | float]:

@@ -20,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jax import Array
 
@@ -43,8 +44,8 @@ class Pressed(eqx.Module):
 
     Attributes:
         energy: N mm.
-        wrench: on the tibia.
-        slope_wrenches: by a motion of the tibia the two slopes of the gap change as if these
+        wrench: on the second bone.
+        slope_wrenches: by a motion of that bone the two slopes of the gap change as if these
             did work on it.
         gap: at the meeting point.
         renewed: parameters of the meeting point after one Newton step towards the smallest gap.
@@ -60,10 +61,17 @@ class Pressed(eqx.Module):
     miss: Array
     known: Array
 
-    def carried(self, frame: Placement, tibia: Placement) -> Pressed:
-        """Wrenches from the tibial surface's frame to femur axes, about the tibia's origin."""
-        first, second = (w.moved(frame).turned(tibia) for w in self.slope_wrenches)
-        wrench = self.wrench.moved(frame).turned(tibia)
+    def of(self, rows: tuple[int, ...]) -> Pressed:
+        """Some of several patches along a first axis, in their order."""
+        if rows == tuple(range(len(self.energy))):
+            return self
+        return jax.tree.map(lambda x: x[jnp.array(rows)], self)
+
+    def carried(self, frame: Placement, there: Placement) -> Pressed:
+        """Wrenches from the tibial surface's frame to the first bone's axes, about the second's
+        origin."""
+        first, second = (w.moved(frame).turned(there) for w in self.slope_wrenches)
+        wrench = self.wrench.moved(frame).turned(there)
         rest = self.gap, self.renewed, self.miss, self.known
         return Pressed(self.energy, wrench, (first, second), *rest)
 
@@ -150,16 +158,12 @@ def _at_fixed_meeting(
             dot(along_a, rotate(t, mixed_a)) + dot(along_b, rotate(t, mixed_b)) for t in third
         )
         force = add(force, scale(by_determinant, (x, y, z)))
-    twist = add(
-        cross(along_a, rotate(hessian, mixed_a)), cross(along_b, rotate(hessian, mixed_b))
-    )
+    twist = add(cross(along_a, rotate(hessian, mixed_a)), cross(along_b, rotate(hessian, mixed_b)))
     couple = add(cross(second, gradient), scale(2.0, twist))
     return force, scale(by_determinant, couple)
 
 
-def _by_meeting(
-    near: Nearby, gap: Gap, by_curvature: Array, force: Vector
-) -> tuple[Array, Array]:
+def _by_meeting(near: Nearby, gap: Gap, by_curvature: Array, force: Vector) -> tuple[Array, Array]:
     """Derivative of the energy by the two parameters of the meeting point.
 
     A shift of the point moves it through the height as a motion of the femur would, and changes

@@ -1,8 +1,8 @@
 """Fibres that do not run straight: through via points, around an obstacle.
 
-A course is a row of pieces between points on the two bones. A piece is straight, or taut around
-the course's obstacle. Only the ends that the obstacle's bone does not carry pull on that bone from
-outside, along the gradient of the length by them; this gives the wrench on the tibia.
+A course is a row of pieces between points on two bones. A piece is straight, or taut around the
+course's obstacle. Only the ends that the obstacle's bone does not carry pull on that bone from
+outside, along the gradient of the length by them; this gives the wrench on the second bone.
 """
 
 from __future__ import annotations
@@ -17,7 +17,10 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from kneejax.geometry import (
+    FEMUR_AND_TIBIA,
+    TIBIA,
     Obstacle,
+    Pair,
     Placement,
     TautPath,
     Vector,
@@ -43,7 +46,7 @@ class Piece(eqx.Module):
 
     Attributes:
         length: mm, `(fibres, ...)`.
-        pull: wrench on the tibia of a unit tension, about its origin in femur axes.
+        pull: wrench of a unit tension on the second bone, about its origin in the first's axes.
         taut: the way around the obstacle; None where the piece is straight.
     """
 
@@ -56,12 +59,13 @@ class Course(eqx.Module):
     """Several fibres with via points on the same bones and the same obstacle.
 
     Attributes:
-        via: points in order from the femur to the tibia, `(points, fibres, 3, ...)`, mm, each in
-            its bone's frame.
+        via: points in order from the first bone to the second, `(points, fibres, 3, ...)`, mm, each
+            in its bone's frame.
         obstacle: what every piece goes around; None if nothing is in the way.
         rows: the fibres' rows among all.
         via_bones: bone of each via point.
         obstacle_bone: bone that carries the obstacle.
+        bodies: the two bones.
     """
 
     via: Array
@@ -69,6 +73,7 @@ class Course(eqx.Module):
     rows: tuple[int, ...] = eqx.field(static=True)
     via_bones: tuple[str, ...] = eqx.field(static=True)
     obstacle_bone: str = eqx.field(static=True)
+    bodies: Pair = eqx.field(static=True)
 
     def __init__(
         self,
@@ -76,7 +81,8 @@ class Course(eqx.Module):
         via: ArrayLike | None = None,
         via_bones: tuple[str, ...] | list[str] = (),
         obstacle: Obstacle | None = None,
-        obstacle_bone: str = "tibia",
+        obstacle_bone: str = TIBIA,
+        bodies: Pair = FEMUR_AND_TIBIA,
     ):
         self.rows = tuple(rows)
         self.via_bones = tuple(via_bones)
@@ -84,76 +90,97 @@ class Course(eqx.Module):
         self.via = jnp.zeros(shape) if via is None else jnp.asarray(via, float)
         self.obstacle = obstacle
         self.obstacle_bone = obstacle_bone
+        self.bodies = bodies
 
-    def pieces(self, femoral: Array, tibial: Array, tibia: Placement) -> list[Piece]:
-        """The pieces in order from the femur.
+    def __check_init__(self):
+        for bone in {*self.via_bones, *([self.obstacle_bone] if self.obstacle else [])}:
+            if bone not in self.bodies:
+                raise ValueError(f"Course: {bone!r} is none of the bones it joins, {self.bodies}")
+
+    def pieces(self, first: Array, second: Array, there: Placement) -> list[Piece]:
+        """The pieces in order from the first bone.
 
         Args:
-            femoral: attachments, `(fibres, 3, ...)`, mm, femur frame.
-            tibial: likewise, tibia frame.
-            tibia: where the tibia is.
+            first: attachments on the first bone, `(fibres, 3, ...)`, mm, in its frame.
+            second: likewise, on the second.
+            there: where the second bone is in the first.
         """
-        ends = self._nodes(femoral, tibial)
+        ends = self._nodes(first, second)
         pairs = zip(ends[:-1], ends[1:], strict=True)
-        if self.obstacle is None:
-            return [_straight(start, end, tibia) for start, end in pairs]
-        return [self._around(self.obstacle, start, end, tibia) for start, end in pairs]
+        if self.obstacle is not None:
+            return [self._around(self.obstacle, start, end, there) for start, end in pairs]
+        # One broadcast here instead of one in every product: its transpose is a sum.
+        there = jax.tree.map(lambda x: jnp.broadcast_to(x, (len(first), *jnp.shape(x))), there)
+        return [self._straight(start, end, there) for start, end in pairs]
 
-    def ends_inside(self, femoral: Array, tibial: Array, tibia: Placement) -> Array:
+    def ends_inside(self, first: Array, second: Array, there: Placement) -> Array:
         """Whether an attachment or via point lies inside the obstacle; arguments as in `pieces`."""
         inside = jnp.zeros(len(self.rows), bool)
         if self.obstacle is None:
             return inside
-        for node in self._nodes(femoral, tibial):
-            point = self._at_obstacle(self.obstacle, node, tibia)
+        for node in self._nodes(first, second):
+            point = self._at_obstacle(self.obstacle, node, there)
             axes = self.obstacle.semi_axes_along_frame
             scaled = tuple(x / a for x, a in zip(point, axes, strict=True))
             inside = inside | (dot(scaled, scaled) < 1.0)
         return inside
 
     def polylines(
-        self, femoral: Array, tibial: Array, tibia: Placement, count: int
+        self, first: Array, second: Array, there: Placement, count: int
     ) -> list[list[Vector]]:
-        """Points along each piece, in femur axes, for pictures; arguments as in `pieces`."""
-        nodes, lines = self._nodes(femoral, tibial), []
+        """Points along each piece in the first bone's axes, for pictures; arguments as `pieces`."""
+        nodes, lines = self._nodes(first, second), []
         for start, end in zip(nodes[:-1], nodes[1:], strict=True):
             if self.obstacle is None:
-                lines.append([_in_femur(start, tibia), _in_femur(end, tibia)])
+                lines.append([self._in_first(node, there) for node in (start, end)])
                 continue
-            ends = [self._at_obstacle(self.obstacle, node, tibia) for node in (start, end)]
+            ends = [self._at_obstacle(self.obstacle, node, there) for node in (start, end)]
             points = path_points(self.obstacle, ends[0], ends[1], count)
             own = self.obstacle.frame.placement
-            place = tibia.after(own) if self.obstacle_bone == "tibia" else own
+            place = there.after(own) if self.obstacle_bone == self.bodies[1] else own
             lines.append([place.apply((x, y, z)) for x, y, z in points])
         return lines
 
-    def _nodes(self, femoral: Array, tibial: Array) -> list[_Node]:
-        nodes = [("femur", femoral), *zip(self.via_bones, self.via, strict=True), ("tibia", tibial)]
+    def _nodes(self, first: Array, second: Array) -> list[_Node]:
+        via = zip(self.via_bones, self.via, strict=True)
+        nodes = [(self.bodies[0], first), *via, (self.bodies[1], second)]
         return [_Node(bone, (point[:, 0], point[:, 1], point[:, 2])) for bone, point in nodes]
 
-    def _at_obstacle(self, obstacle: Obstacle, node: _Node, tibia: Placement) -> Vector:
+    def _at_obstacle(self, obstacle: Obstacle, node: _Node, there: Placement) -> Vector:
         """An end in the obstacle's frame; on the obstacle's bone, whatever the pose."""
         point = node.point
         if node.bone != self.obstacle_bone:
-            point = tibia.apply(point) if node.bone == "tibia" else tibia.apply_inverse(point)
+            on_second = node.bone == self.bodies[1]
+            point = there.apply(point) if on_second else there.apply_inverse(point)
         return obstacle.frame.placement.apply_inverse(point)
 
-    def _around(
-        self, obstacle: Obstacle, start: _Node, end: _Node, tibia: Placement
-    ) -> Piece:
-        ends = [self._at_obstacle(obstacle, node, tibia) for node in (start, end)]
+    def _around(self, obstacle: Obstacle, start: _Node, end: _Node, there: Placement) -> Piece:
+        ends = [self._at_obstacle(obstacle, node, there) for node in (start, end)]
         path = taut(obstacle, ends[0], ends[1])
         pull = Wrench((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         for (bone, x), direction in ((start, path.pull_start), (end, path.pull_end)):
             if bone == self.obstacle_bone:
                 continue
             along = obstacle.frame.placement.turn(direction)
-            if bone == "tibia":  # dragged itself
-                pull = pull + Wrench.at(tibia.turn(x), scale(-1.0, along))
-            else:  # drags the tibia along
-                arm = subtract(x, tibia.translation)
-                pull = pull + Wrench.at(arm, tibia.turn(along))
+            if bone == self.bodies[1]:  # dragged itself
+                pull = pull + Wrench.at(there.turn(x), scale(-1.0, along))
+            else:  # drags the second bone along
+                arm = subtract(x, there.translation)
+                pull = pull + Wrench.at(arm, there.turn(along))
         return Piece(path.length, pull, path)
+
+    def _straight(self, start: _Node, end: _Node, there: Placement) -> Piece:
+        line = subtract(self._in_first(end, there), self._in_first(start, there))
+        length = norm(line)
+        if start.bone == end.bone:
+            return Piece(length, Wrench((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), None)
+        moved, sign = (end, -1.0) if end.bone == self.bodies[1] else (start, 1.0)
+        arm = there.turn(moved.point)
+        unit = scale(sign / jnp.where(length > 0, length, 1.0), line)
+        return Piece(length, Wrench.at(arm, unit), None)
+
+    def _in_first(self, node: _Node, there: Placement) -> Vector:
+        return there.apply(node.point) if node.bone == self.bodies[1] else node.point
 
 
 def by_kind(courses: Sequence[Course], in_lanes: bool) -> tuple[Course, ...]:
@@ -170,7 +197,8 @@ def by_kind(courses: Sequence[Course], in_lanes: bool) -> tuple[Course, ...]:
     for course in courses:
         leaves, kind = jax.tree.flatten(course.obstacle)
         ranks = tuple(jnp.ndim(leaf) for leaf in leaves)
-        kinds.setdefault((kind, ranks, course.obstacle_bone, course.via_bones), []).append(course)
+        bones = course.obstacle_bone, course.via_bones, course.bodies
+        kinds.setdefault((kind, ranks, bones), []).append(course)
     return tuple(_joined(many, in_lanes) for many in kinds.values())
 
 
@@ -195,6 +223,7 @@ def _joined(courses: list[Course], in_lanes: bool) -> Course:
         first.via_bones,
         None if first.obstacle is None else jax.tree.map(each, *(c.obstacle for c in courses)),
         first.obstacle_bone,
+        first.bodies,
     )
 
 
@@ -205,18 +234,3 @@ def _side_by_side(arrays: list[Array], axis: int) -> Array:
     shapes = [others[:along] + (x.shape[along],) + others[along + 1 :] for x in arrays]
     alike = [jnp.broadcast_to(x, shape) for x, shape in zip(arrays, shapes, strict=True)]
     return jnp.concatenate(alike, axis)
-
-
-def _straight(start: _Node, end: _Node, tibia: Placement) -> Piece:
-    line = subtract(_in_femur(end, tibia), _in_femur(start, tibia))
-    length = norm(line)
-    if start.bone == end.bone:
-        return Piece(length, Wrench((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), None)
-    tibial, sign = (end, -1.0) if end.bone == "tibia" else (start, 1.0)
-    arm = tibia.turn(tibial.point)
-    unit = scale(sign / jnp.where(length > 0, length, 1.0), line)
-    return Piece(length, Wrench.at(arm, unit), None)
-
-
-def _in_femur(node: _Node, tibia: Placement) -> Vector:
-    return tibia.apply(node.point) if node.bone == "tibia" else node.point

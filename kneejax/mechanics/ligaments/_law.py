@@ -9,7 +9,7 @@ other, and a slack fibre keeps a small gradient, which lets a calibration pull i
 from __future__ import annotations
 
 import jax.numpy as jnp
-from jax import Array
+from jax import Array, lax
 from jax.typing import ArrayLike
 
 from kneejax.numerics import branch, positive_part, safe_sqrt
@@ -160,7 +160,8 @@ def slack_length_from_force(
     """Slack length of a fibre that carries a given force at a given length, by the smooth law.
 
     The published law is inverted in closed form; Newton's rule then carries the strain over to
-    the smooth law, and differentiates with it.
+    the smooth law. Its last step alone is differentiated: from a strain that solves the equation
+    it has the derivative of the solution.
 
     Args:
         reference_length: length at the reference pose, mm.
@@ -179,11 +180,14 @@ def slack_length_from_force(
         inside=0.001,
         outside=0.1,
     )
-    for _ in range(8):
+
+    def improved(strain: Array) -> Array:
         # The smooth law is convex and increasing: from the right Newton cannot overshoot.
         excess = tension(strain, stiffness, toe, width) - relative * stiffness
-        strain = strain - excess / stiffness_at(strain, stiffness, toe, width)
-    return slack_length_from_strain(reference_length, strain)
+        return strain - excess / stiffness_at(strain, stiffness, toe, width)
+
+    found = lax.stop_gradient(lax.fori_loop(0, 8, lambda _, x: improved(x), strain))
+    return slack_length_from_strain(reference_length, improved(found))
 
 
 def _ramp(x: Array, width: ArrayLike) -> Array:

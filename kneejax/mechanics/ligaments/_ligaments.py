@@ -1,9 +1,10 @@
-"""Ligaments as nonlinear springs between femur and tibia, straight or around obstacles."""
+"""Ligaments as nonlinear springs between two bones, straight or around obstacles."""
 
 from __future__ import annotations
 
 import functools
 import operator
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -12,10 +13,10 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.geometry import Placement, TautPath, Vector, add, full, norm, scale, subtract
-from kneejax.mechanics._wrench import Wrench
+from kneejax.geometry import FEMUR_AND_TIBIA, Pair, State, TautPath, Vector, full, scale
+from kneejax.mechanics._wrench import Wrench, Wrenches
 from kneejax.mechanics.ligaments import _law as law
-from kneejax.mechanics.ligaments._courses import Course, Piece, by_kind
+from kneejax.mechanics.ligaments._courses import Course, by_kind
 from kneejax.mechanics.ligaments._failure_strain import FibreFaults, usual_failure_strain
 
 
@@ -44,8 +45,9 @@ class Ligaments(eqx.Module):
     """A set of fibres, one row each.
 
     Attributes:
-        femoral_attachment: shape `(n, 3, ...)`, mm, femur frame.
-        tibial_attachment: shape `(n, 3, ...)`, mm, tibia frame.
+        femoral_attachment: shape `(n, 3, ...)`, mm, femur frame; of a fibre between other bones,
+            the attachment to the first of them, in its frame.
+        tibial_attachment: shape `(n, 3, ...)`, mm, tibia frame; to the second bone.
         stiffness: shape `(n, ...)`, N per unit strain.
         slack_length: shape `(n, ...)`, mm.
         transition_strain: shape `(n, ...)`; the parabola ends there (`2 eps_l` of paper 1).
@@ -54,6 +56,7 @@ class Ligaments(eqx.Module):
             published value of each fibre's kind by default (`usual_failure_strain`).
         courses: of the fibres that have via points or an obstacle; the others are straight.
         names: one name per fibre.
+        bodies: the two bones that each fibre joins; femur and tibia where none are named.
 
     Example:
         >>> acl = Ligaments([[0, 0, 0]], [[10, -28, 0]], [4500.0], [29.0], [0.03], [0.001], ["ACL"])
@@ -70,6 +73,7 @@ class Ligaments(eqx.Module):
     failure_strain: Array
     courses: tuple[Course, ...]
     names: tuple[str, ...] = eqx.field(static=True)
+    bodies: tuple[Pair, ...] = eqx.field(static=True)
 
     def __init__(
         self,
@@ -82,6 +86,7 @@ class Ligaments(eqx.Module):
         names: tuple[str, ...] | list[str],
         courses: tuple[Course, ...] | list[Course] = (),
         failure_strain: ArrayLike | None = None,
+        bodies: tuple[Pair, ...] | None = None,
     ):
         # No fibres at all come as empty lists.
         ends = [jnp.asarray(x, float) for x in (femoral_attachment, tibial_attachment)]
@@ -97,69 +102,60 @@ class Ligaments(eqx.Module):
         self.failure_strain = jnp.asarray(failure_strain, float)
         self.courses = tuple(courses)
         self.names = tuple(names)
+        self.bodies = (FEMUR_AND_TIBIA,) * len(self.names) if bodies is None else tuple(bodies)
 
     def __check_init__(self):
         rows = [row for course in self.courses for row in course.rows]
         if len(set(rows)) < len(rows) or not set(rows) <= set(range(len(self.names))):
             raise ValueError(f"Ligaments.courses name rows {rows}; expected each once, existing")
-
-    @property
-    def straight(self) -> tuple[int, ...]:
-        """Rows of the fibres without via points and obstacles."""
-        bent = {row for course in self.courses for row in course.rows}
-        return tuple(row for row in range(len(self.names)) if row not in bent)
+        for course in self.courses:
+            if {self.bodies[row] for row in course.rows} - {course.bodies}:
+                raise ValueError(
+                    f"Ligaments.bodies: rows of a course between {course.bodies} join others"
+                )
 
     @property
     def kinds(self) -> tuple[Course, ...]:
-        """The courses, with those in one that can be computed together."""
-        return by_kind(self.courses, self.stiffness.ndim > 1)
+        """All fibres in courses, each of what can be computed together; straight ones first."""
+        bent = {row for course in self.courses for row in course.rows}
+        straight: dict[Pair, list[int]] = {} if self.names else {FEMUR_AND_TIBIA: []}
+        for row, pair in enumerate(self.bodies):
+            if row not in bent:
+                straight.setdefault(pair, []).append(row)
+        without = (Course(rows, bodies=pair) for pair, rows in straight.items())
+        return *without, *by_kind(self.courses, self.stiffness.ndim > 1)
 
-    def line(self, tibia: Placement) -> Vector:
-        """Vector from femoral to tibial attachment in femur axes, components `(n, ...)`, mm."""
-        return _arm_and_line(self.femoral_attachment, self.tibial_attachment, tibia)[1]
-
-    def length(self, tibia: Placement) -> Array:
+    def length(self, state: State) -> Array:
         """Length of each fibre along its course, shape `(n, ...)`, mm."""
-        if not self.courses:
-            return norm(self.line(tibia))
         kinds = self.kinds
-        return self._joined(kinds, [length for length, *_ in self._ways(kinds, tibia)])
+        return self._joined(kinds, [way.length for way in self._ways(kinds, state)])
 
-    def strain(self, tibia: Placement) -> Array:
+    def strain(self, state: State) -> Array:
         """Strain of each fibre: length over slack length, minus one."""
-        return self.length(tibia) / self.slack_length - 1.0
+        return self.length(state) / self.slack_length - 1.0
 
-    def tension(self, tibia: Placement) -> Array:
+    def tension(self, state: State) -> Array:
         """Tension of each fibre, shape `(n, ...)`, N."""
-        return self.tension_at(self.length(tibia))
+        return self.tension_at(self.length(state))
 
     def tension_at(self, length: Array) -> Array:
         """Tension of each fibre at given lengths, N."""
         strain = length / self.slack_length - 1.0
-        return law.tension(
-            strain, self.stiffness, self.transition_strain, self.transition_width
-        )
+        return law.tension(strain, self.stiffness, self.transition_strain, self.transition_width)
 
-    def wrenches(self, tibia: Placement) -> list[Wrench]:
-        """The wrenches of `pull`."""
-        return self.pull(tibia)[0]
-
-    def pull(self, tibia: Placement) -> tuple[list[Wrench], Array, FibreFaults]:
-        """What the fibres do to the tibia.
+    def pull(self, state: State) -> tuple[Wrenches, Array, FibreFaults]:
+        """What the fibres do to the bones that they join.
 
         Returns:
-            Wrenches about the tibia's origin in femur axes, the energy of all fibres, N mm, and
-            what is wrong with any of them. Each wrench holds several fibres along its first axis:
-            kinds of courses are kept apart, since only their sum is wanted where speed matters.
+            Wrenches, the energy of all fibres, N mm, and what is wrong with any of them. Each
+            wrench holds several fibres along its first axis: kinds of courses are kept apart,
+            since only their sum is wanted where speed matters.
         """
-        answer, energy = [], jnp.zeros(jnp.shape(tibia.translation[0]))
+        answer, energy = Wrenches(), jnp.zeros(state.shape)
         over = past = inside = jnp.zeros_like(energy, bool)
-        kinds = self.kinds
-        for rows, (length, pulls, bent) in zip(
-            self._rows(kinds), self._ways(kinds, tibia), strict=True
-        ):
+        for course, length, pull, bent in self._ways(self.kinds, state):
             stiffness, slack_length, transition_strain, transition_width, failure_strain = (
-                self._of(rows, x)
+                self._of(course.rows, x)
                 for x in (
                     self.stiffness,
                     self.slack_length,
@@ -170,10 +166,8 @@ class Ligaments(eqx.Module):
             )
             strain = length / slack_length - 1.0
             tension = law.tension(strain, stiffness, transition_strain, transition_width)
-            pull = functools.reduce(operator.add, pulls)
-            answer.append(
-                Wrench(full(scale(tension, pull.force)), full(scale(tension, pull.moment)))
-            )
+            forces = Wrench(full(scale(tension, pull.force)), full(scale(tension, pull.moment)))
+            answer.add(course.bodies, forces)
             each = law.energy(strain, stiffness, transition_strain, transition_width, slack_length)
             energy = energy + jnp.sum(each, axis=0)
             over = over | jnp.any(strain > failure_strain, axis=0)
@@ -182,45 +176,32 @@ class Ligaments(eqx.Module):
                 inside = inside | jnp.any(path.inside, axis=0)
         return answer, energy, FibreFaults(over, past, inside)
 
-    def energy(self, tibia: Placement) -> Array:
+    def energy(self, state: State) -> Array:
         """Energy of all fibres together, shape `(...)`, N mm."""
-        return self.pull(tibia)[1]
+        return self.pull(state)[1]
 
-    def length_and_wrap(self, tibia: Placement) -> tuple[Array, WrapState]:
+    def length_and_wrap(self, state: State) -> tuple[Array, WrapState]:
         """Lengths, `(n, ...)`, mm, and how the fibres pass their obstacles.
 
         Of a fibre's several pieces the most bent one counts.
         """
-        if not self.courses:
-            length = norm(self.line(tibia))
-            return length, _free(length)
-        kinds, lengths, states = self.kinds, [], []
-        if self.straight:
-            lengths = [norm(_arm_and_line(*self._ends(self.straight), tibia)[1])]
-            states = [_free(lengths[0])]
-        for course in kinds:
-            pieces = self._pieces(course, tibia)
-            lengths.append(functools.reduce(operator.add, (piece.length for piece in pieces)))
-            bent = [piece.taut for piece in pieces if piece.taut is not None]
-            states.append(functools.reduce(_more_bent, bent, _free(lengths[-1])))
-        wrap = jax.tree.map(lambda *x: self._joined(kinds, list(x)), *states)
-        return self._joined(kinds, lengths), wrap
+        kinds = self.kinds
+        ways = self._ways(kinds, state)
+        wraps = [functools.reduce(_more_bent, way.bent, _free(way.length)) for way in ways]
+        wrap = jax.tree.map(lambda *x: self._joined(kinds, list(x)), *wraps)
+        return self._joined(kinds, [way.length for way in ways]), wrap
 
-    def ends_inside(self, tibia: Placement) -> Array:
+    def ends_inside(self, state: State) -> Array:
         """Whether an end of each fibre lies inside the fibre's obstacle, `(n, ...)`."""
         inside = jnp.zeros(len(self.names), bool)
         for course in self.courses:
-            found = course.ends_inside(*self._ends(course.rows), tibia)
+            found = course.ends_inside(*self._ends(course.rows), state.between(course.bodies))
             inside = inside.at[np.array(course.rows)].set(found)
         return inside
 
-    def _rows(self, kinds: tuple[Course, ...]) -> list[tuple[int, ...]]:
-        straight = [self.straight] if self.straight else []
-        return [*straight, *(course.rows for course in kinds)]
-
     def _of(self, rows: tuple[int, ...], array: Array) -> Array:
         """Rows of an array; all of them, or neighbours, without a gather."""
-        first, last = rows[0], rows[-1] + 1
+        first, last = (rows[0], rows[-1] + 1) if rows else (0, 0)
         if rows == tuple(range(first, last)):
             return array if last - first == len(self.names) else array[first:last]
         return array[np.array(rows)]
@@ -229,40 +210,30 @@ class Ligaments(eqx.Module):
         return self._of(rows, self.femoral_attachment), self._of(rows, self.tibial_attachment)
 
     def _joined(self, kinds: tuple[Course, ...], parts: list[Array]) -> Array:
-        """What was computed kind by kind, straight fibres first, in the order of the fibres."""
-        order = np.argsort([row for rows in self._rows(kinds) for row in rows])
+        """What was computed kind by kind, in the order of the fibres."""
+        order = np.argsort([row for course in kinds for row in course.rows])
         shape = jnp.broadcast_shapes(*(part.shape[1:] for part in parts))
         return jnp.concatenate([jnp.broadcast_to(x, (len(x), *shape)) for x in parts])[order]
 
-    def _pieces(self, course: Course, tibia: Placement) -> list[Piece]:
-        return course.pieces(*self._ends(course.rows), tibia)
-
-    def _ways(
-        self, kinds: tuple[Course, ...], tibia: Placement
-    ) -> list[tuple[Array, list[Wrench], list[TautPath]]]:
-        """Of straight fibres and each kind of course: lengths, wrenches of unit tensions, and ways
-        around obstacles."""
+    def _ways(self, kinds: tuple[Course, ...], state: State) -> list[_Way]:
+        """How the fibres of each kind run."""
         ways = []
-        if self.straight:
-            arm, line = _arm_and_line(*self._ends(self.straight), tibia)
-            length = norm(line)
-            unit = scale(-1.0 / jnp.where(length > 0, length, 1.0), line)
-            ways.append((length, [Wrench.at(arm, unit)], []))
         for course in kinds:
-            pieces = self._pieces(course, tibia)
+            pieces = course.pieces(*self._ends(course.rows), state.between(course.bodies))
             length = functools.reduce(operator.add, (piece.length for piece in pieces))
+            pull = functools.reduce(operator.add, (piece.pull for piece in pieces))
             bent = [piece.taut for piece in pieces if piece.taut is not None]
-            ways.append((length, [piece.pull for piece in pieces], bent))
+            ways.append(_Way(course, length, pull, bent))
         return ways
 
 
-def _arm_and_line(femoral: Array, tibial: Array, tibia: Placement) -> tuple[Vector, Vector]:
-    """Tibial attachments from the tibia's origin and from the femoral ones, femur axes."""
-    # One broadcast here instead of one in every product: its transpose is a sum.
-    tibia = jax.tree.map(lambda x: jnp.broadcast_to(x, (len(femoral), *jnp.shape(x))), tibia)
-    arm = tibia.turn((tibial[:, 0], tibial[:, 1], tibial[:, 2]))
-    away = (femoral[:, 0], femoral[:, 1], femoral[:, 2])
-    return arm, subtract(add(arm, tibia.translation), away)
+class _Way(NamedTuple):
+    """Fibres of one kind: lengths, the wrench of unit tensions, ways around obstacles."""
+
+    course: Course
+    length: Array
+    pull: Wrench
+    bent: list[TautPath]
 
 
 def _free(length: Array) -> WrapState:

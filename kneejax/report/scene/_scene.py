@@ -10,8 +10,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from kneejax.geometry import Pose
-from kneejax.mechanics import Course, Knee, Ligaments, add_lane_axis
+from kneejax.geometry import TIBIA, Pose, State
+from kneejax.mechanics import Knee, Ligaments, add_lane_axis
 from kneejax.report.scene._grids import grid_triangles, obstacle_grid, surface_grid
 from kneejax.report.scene._pressure_map import (
     PlateauPressure,
@@ -268,7 +268,7 @@ def _fibres(knee: Knee, poses: Pose):
     if not knee.ligaments.names:
         return [], np.zeros((0, 1)), np.zeros((0, 1))
     ligaments = add_lane_axis(knee.ligaments)
-    kinds = [course.rows for course in _courses(ligaments)]
+    kinds = [course.rows for course in ligaments.kinds]
     parts = [_drawn(ligaments, some) for some in lots(poses)]
     count = np.shape(poses.flexion)[0]
 
@@ -283,32 +283,25 @@ def _fibres(knee: Knee, poses: Pose):
     return [lines[row] for row in range(len(lines))], strain, tension
 
 
-def _courses(ligaments: Ligaments) -> list[Course]:
-    straight = [Course(ligaments.straight)] if ligaments.straight else []
-    return [*straight, *ligaments.kinds]
-
-
 @eqx.filter_jit
 def _drawn(ligaments: Ligaments, poses: Pose):
     """Fibres of one kind of course together, `(k, 3, fibres, poses)`; strain and tension.
 
     One array a kind: each point as a result of its own would take minutes to compile.
     """
-    tibia = poses.placement
-    drawn = []
-    for course in _courses(ligaments):
+    state, drawn = State({TIBIA: poses}), []
+    for course in ligaments.kinds:
         rows = np.array(course.rows)
         ends = ligaments.femoral_attachment[rows], ligaments.tibial_attachment[rows]
         shape = (len(rows), *jnp.shape(poses.flexion))
         points = []
-        for piece in course.polylines(*ends, tibia, _AROUND):
+        for piece in course.polylines(*ends, state.between(course.bodies), _AROUND):
             points += piece[1:] if points else piece
         stacked = [
-            jnp.stack([jnp.broadcast_to(jnp.asarray(c), shape) for c in point])
-            for point in points
+            jnp.stack([jnp.broadcast_to(jnp.asarray(c), shape) for c in point]) for point in points
         ]
         drawn.append(jnp.stack(stacked))
-    length = ligaments.length(tibia)
+    length = ligaments.length(state)
     return drawn, length / ligaments.slack_length - 1.0, ligaments.tension_at(length)
 
 

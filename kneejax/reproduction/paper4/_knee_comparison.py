@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from kneejax.experiments import DIRECTIONS, VarusValgus, peak_pressure, varus_valgus
-from kneejax.geometry import Pose
+from kneejax.geometry import State
 from kneejax.inference import versions
 from kneejax.mechanics import Knee
 from kneejax.parameters import UnsuitableData, fibre_rows
@@ -125,8 +125,8 @@ def _tensions(knee: Knee, run: VarusValgus, ligaments: tuple[str, ...]) -> dict[
     """Of each ligament at the last step that the unchanged knee holds, N."""
     step = max(int(run.reached[0]) - 1, 0)
     held = {"flexion": np.deg2rad(run.ramp.flexion_deg)}
-    pose = Pose.of(held, jnp.asarray(run.balances.q[0, step]))
-    tension = np.asarray(knee.ligaments.tension(pose.placement))
+    state = State.of(held, jnp.asarray(run.balances.q[0, step]))
+    tension = np.asarray(knee.ligaments.tension(state))
     return {name: float(tension[fibre_rows(knee, name)].sum()) for name in ligaments}
 
 
@@ -179,7 +179,7 @@ def _peaks(knee: Knee, run: VarusValgus, variants: list[int], step: int, far: li
     """Peak pressure `(variants, contacts)` and its place at a step; NaN for those not so far."""
     found = run.balances
     q, meeting = found.q[variants, step].T, np.moveaxis(found.meeting[variants, step], 0, -1)
-    pose = Pose.of({"flexion": np.deg2rad(run.ramp.flexion_deg)}, jnp.asarray(q))
+    pose = State.of({"flexion": np.deg2rad(run.ramp.flexion_deg)}, jnp.asarray(q)).tibia
     # Only ligaments are changed: the contacts are the knee's own.
     peaks = peak_pressure(knee, pose, jnp.asarray(meeting))
     known = np.array(far)

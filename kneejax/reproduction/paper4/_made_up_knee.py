@@ -32,7 +32,8 @@ def made_up_knee(knee: Knee, seed: int) -> Knee:
     """
     draw, old, count = np.random.default_rng(seed), Fibres.of(knee), len(knee.ligaments.names)
     strain = np.asarray(knee.reference_strain()) + STRAIN * draw.standard_normal(count)
-    straight = np.isin(np.arange(count), knee.ligaments.straight)[:, None]
+    bent = [row for course in knee.ligaments.courses for row in course.rows]
+    straight = ~np.isin(np.arange(count), bent)[:, None]
     femoral, tibial = (
         jnp.asarray(ends + ATTACHMENT_MM * straight * draw.standard_normal((count, 3)))
         for ends in (old.femoral_attachment, old.tibial_attachment)

@@ -41,9 +41,7 @@ class Balances:
     free: tuple[str, ...] = FREE_COORDINATES
 
     @classmethod
-    def of(
-        cls, found: Found, shape: tuple[int, ...], free: tuple[str, ...] = FREE_COORDINATES
-    ) -> Balances:
+    def of(cls, found: Found, shape: tuple[int, ...], free: tuple[str, ...]) -> Balances:
         """What was found, with the leading axes of the values."""
         reached = np.where(found.known, 1.0, 0.0)
         arrays = (

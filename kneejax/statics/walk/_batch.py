@@ -15,7 +15,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from kneejax.geometry import FREE_COORDINATES
+from kneejax.geometry import free_of
 from kneejax.mechanics import Knee
 from kneejax.numerics import on_all_cores
 from kneejax.statics._settle import needs_float64
@@ -55,7 +55,7 @@ _SOFT = 0.1
 
 def _asked(found: Found, routes: Routes) -> Balances:
     """What was found at the stations that were asked for; how far the others got."""
-    every = Balances.of(found, (len(found.status),))
+    every = Balances.of(found, (len(found.status),), routes.nodes.free)
     for chain in itertools.chain.from_iterable(routes.loading):
         _say_how_far(every, found, chain)
     return every.at(slice(None), routes.asked)
@@ -109,6 +109,7 @@ def balance_many(
         RuntimeError: float64 is switched off.
     """
     needs_float64()
+    stations = stations.of(knee)
     if not stations.by_flexion:
         before = balance_many(knee, vary, base, values, stations.loaded(), progress=progress)
         return held(Variants.of(knee, vary, values), stations, before)
@@ -162,6 +163,7 @@ def balance_lines(
     lines, points = np.shape(jax.tree.leaves(values)[0])[:2]
     flat = jax.tree.map(lambda x: np.reshape(x, (lines * points, *np.shape(x)[2:])), values)
     needs_float64()
+    stations = stations.of(knee)
     own = own or own_motion(knee, vary, base, stations)
     variants = Variants.of(knee, vary, flat)
     found = Found.nothing(len(variants), _filled(own, knee))
@@ -193,6 +195,7 @@ def own_motion(knee: Knee, vary: Vary, base: Any, stations: Stations) -> Balance
         RuntimeError: float64 is switched off.
     """
     needs_float64()
+    stations = stations.of(knee)
     one = jax.tree.map(lambda x: np.asarray(x)[None], base)
     if not stations.by_flexion:
         before = own_motion(knee, vary, base, stations.loaded())
@@ -224,11 +227,9 @@ def _by_themselves(
     return answer
 
 
-def _walked(
-    knee: Knee, vary: Vary, values: Any, routes: Routes, holding: dict | None
-) -> Found:
+def _walked(knee: Knee, vary: Vary, values: Any, routes: Routes, holding: dict | None) -> Found:
     """Variants along all routes, predicted from poses alone."""
-    reference = np.asarray(knee.reference_pose.at(FREE_COORDINATES))
+    reference = _at_reference(knee)
     size, variants = len(routes.nodes), Variants.of(knee, vary, values)
     nothing = np.tile(reference, (size, 1)), np.zeros((size, knee.patch_count, 2))
     found = Found.nothing(len(variants), nothing, holding)
@@ -252,7 +253,7 @@ def _bend_from_reference(walker: Walker, routes: Routes) -> None:
     station = np.repeat([np.resize(arm, longest) for arm in arms], count, axis=0)
     length = np.repeat([len(arm) for arm in arms], count)
     knee = walker.variants.knee
-    reference = np.asarray(knee.reference_pose.at(FREE_COORDINATES))
+    reference = _at_reference(knee)
     begin = paths(found, variant, station, length, reference - found.own[0][home])
     _walk_all(walker, begin, _ALONG_STATIONS)
     lost = np.flatnonzero(~found.known[:, home])
@@ -274,9 +275,7 @@ def _walk_off_the_stem(walker: Walker, routes: Routes) -> None:
         _walk_chains(walker, chains, _ALONG_LOADS)
 
 
-def _walk_chains(
-    walker: Walker, chains: Sequence[Chain], give_up: int, again: bool = True
-) -> None:
+def _walk_chains(walker: Walker, chains: Sequence[Chain], give_up: int, again: bool = True) -> None:
     """All variants along chains."""
     chains = [chain for chain in chains if chain.nodes]
     if chains:
@@ -284,12 +283,17 @@ def _walk_chains(
         _walk_all(walker, along_chains(walker.found, chains, everyone, again), give_up)
 
 
+def _at_reference(knee: Knee) -> np.ndarray:
+    """What is free when a knee is bent, at its reference pose."""
+    return np.asarray(knee.at_reference.at(free_of(["flexion"], knee.bodies)))
+
+
 def _filled(own: Found | Balances, knee: Knee) -> Own:
     """Where searches begin; where the knee itself has no balance, at that of a near station."""
     q, meeting = own.q[0], own.meeting[0]
     known = np.flatnonzero(converged(own.status[0]))
     if not len(known):
-        reference = np.asarray(knee.reference_pose.at(FREE_COORDINATES))
+        reference = _at_reference(knee)
         return np.broadcast_to(reference, q.shape), np.nan_to_num(meeting)
     nearest = known[np.abs(np.arange(len(q))[:, None] - known).argmin(axis=1)]
     return q[nearest], meeting[nearest]

@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from kneejax.geometry import COORDINATES, FREE_COORDINATES, Pose, scales
+from kneejax.geometry import State, coordinates_of, free_of, scales
 from kneejax.mechanics import Knee, Support
 from kneejax.numerics import compiled, on_all_cores
 from kneejax.statics._balance import balance
@@ -89,11 +89,12 @@ def _moved(variants: Variants, wanted: Stations, variant, q, meeting) -> dict[st
     knee, numbers = variants.knee, variants.at(variant)
     begin = _beginning(knee, numbers, wanted, q, meeting)
     start, support, tangent, softness = jax.tree.map(np.asarray, begin)
-    released = [name for name in free if name not in FREE_COORDINATES]
+    every, before = coordinates_of(wanted.bodies), free_of(["flexion"], wanted.bodies)
+    released = [name for name in free if name not in before]
     supports = tuple(Support(support[:, k], name) for k, name in enumerate(released))
     none = tuple(Support(np.zeros(lanes), name) for name in released)
     ends = dataclasses.replace(wanted, supports=none)
-    own = {name: start[:, list(COORDINATES).index(name)] for name in COORDINATES}
+    own = {name: start[:, row] for row, name in enumerate(every)}
     here = dataclasses.replace(
         ends,
         prescribed={name: own[name] for name in wanted.prescribed},
@@ -158,13 +159,15 @@ def _beginning(knee: Knee, numbers: dict[int, Any], wanted: Stations, q, meeting
     """All coordinates where nodes begin, what supports those that will be free, the stiffness of
     the free ones, and how little force moves them; arrays begin with the node."""
     knees = wanted.load(with_numbers(knee, numbers))
-    pose = Pose.of({"flexion": wanted.flexion}, q.T)
+    bent, names = {"flexion": wanted.flexion}, coordinates_of(wanted.bodies)
+    state = State.of(bent, q.T, wanted.bodies)
     met = jnp.moveaxis(meeting, 0, -1)
-    every = pose.at(tuple(COORDINATES))
+    every = state.at(names)
     holds = balance(knees, {}, every, (met[:, 0], met[:, 1]))
-    place = {name: k for k, name in enumerate(COORDINATES)}
+    place = {name: k for k, name in enumerate(names)}
     free = jnp.array([place[name] for name in wanted.free])
-    released = [place[name] for name in wanted.free if name not in FREE_COORDINATES]
+    before = free_of(bent, wanted.bodies)
+    released = [place[name] for name in wanted.free if name not in before]
     tangent = holds.tangent[free][:, free]
     softness, _ = softness_of(tangent, scales(wanted.free))
     support = holds.residual[jnp.array(released, int)]

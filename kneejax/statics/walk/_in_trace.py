@@ -57,7 +57,7 @@ def walked_in_trace(knee: Knee, stations: Stations) -> Settled:
     Returns:
         The balances, a lane each; NaN where there is none.
     """
-    stages, stations = len(stations.loads), stations.plain()
+    stages, stations = len(stations.loads), stations.of(knee).plain()
     begin = _nothing_behind(knee, stations)
     none = jnp.zeros(len(stations), int)
 
@@ -110,10 +110,10 @@ def _ahead(knee: Knee, stations: Stations, stages: int, trip: _Trip) -> tuple[No
     here, last, before = (flexion_at(place - k) for k in range(3))
     bend, alike = jnp.abs(here - last), jnp.abs(here - 2.0 * last + before) <= 1e-6 * STRIDE
     loading = place >= stem
-    q = knee.reference_pose.at(stations.free)
+    q = knee.at_reference.at(stations.free)
     nodes = Nodes(
         {},
-        Stations({"flexion": here}, _grown(stations, place - stem, stages)),
+        Stations({"flexion": here}, _grown(stations, place - stem, stages), bodies=stations.bodies),
         jnp.broadcast_to(q, (*here.shape, len(q))),
         jnp.zeros((*here.shape, knee.patch_count, 2)),
         even=(alike | (place < 2)) & ~loading,
@@ -146,7 +146,7 @@ def _nothing_behind(knee: Knee, stations: Stations) -> Memory:
         prescribed={"flexion": at_home},
         loads=_grown(stations, jnp.full(len(stations), -1), len(stations.loads)),
     )
-    own = knee.reference_pose.at(stations.free)
+    own = knee.at_reference.at(stations.free)
     lanes, free = len(stations), len(own)
     q = jnp.broadcast_to(own, (lanes, free))
     meeting = first_meeting(knee, {}, home, q)
@@ -184,9 +184,7 @@ def _choose(lanes: Array, new, old):
     return jax.tree.map(lambda x, y: jnp.where(lanes, x, y), new, old)
 
 
-def _at_the_end(
-    stations: Stations, reached: Reached, length: Array, on_stem: Array
-) -> Settled:
+def _at_the_end(stations: Stations, reached: Reached, length: Array, on_stem: Array) -> Settled:
     """What each lane found at its station; nothing where it lost the knee without its loads."""
     lane = jnp.arange(len(stations))
     when = jnp.argmax(reached.place == length - 1, axis=0)
@@ -205,6 +203,7 @@ def _at_the_end(
         fault=at_end.fault,
         left_mm=left_mm,
         steps=at_end.steps,
+        bodies=stations.bodies,
     )
 
 
@@ -226,4 +225,5 @@ def _nowhere(knee: Knee, stations: Stations) -> Settled:
         fault=lost,
         left_mm=jnp.full(lanes, jnp.nan),
         steps=jnp.zeros(lanes, int),
+        bodies=stations.bodies,
     )

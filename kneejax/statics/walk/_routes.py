@@ -120,7 +120,7 @@ class _Layout:
 
     def __init__(self, stations: Stations, reference: float, also: tuple[float, ...]):
         self.reference, self.wanted = reference, np.asarray(stations.flexion)
-        self.kinds = stations.loads
+        self.kinds, self.bodies = stations.loads, stations.bodies
         # One row a load: force, moment, point.
         self.loads = np.stack(
             [np.hstack([np.asarray(x) for x in (load.force, load.moment, load.point)])
@@ -149,19 +149,16 @@ class _Layout:
             [self._reached(f, loads) for f, loads in zip(self.wanted, self.loads, strict=True)], int
         )
         loading = tuple(
-            tuple(
-                _loading(origin, members)
-                for (origin, _), members in groups.items()
-            )
+            tuple(_loading(origin, members) for (origin, _), members in groups.items())
             for groups in self.groups
         )
         acting = np.array(self.acting)
         loads = tuple(
-            Load(*(acting[:, k, 3 * i : 3 * i + 3] for i in range(3)),
-                 axes=kind.axes, point_in=kind.point_in, name=kind.name)
+            Load(*(acting[:, k, 3 * i : 3 * i + 3] for i in range(3)), axes=kind.axes,
+                 point_in=kind.point_in, name=kind.name, bone=kind.bone)
             for k, kind in enumerate(self.kinds)
         )  # fmt: skip
-        nodes = Stations({"flexion": np.array(self.flexion)}, loads)
+        nodes = Stations({"flexion": np.array(self.flexion)}, loads, bodies=self.bodies)
         hops, back = (tuple(chains.values()) for chains in (self.hops, self.back))
         return Routes(nodes, asked, self.stem, self.home, hops, back, loading)
 

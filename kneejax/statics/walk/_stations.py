@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.geometry import Prescribed, free_of, prescribed_of
+from kneejax.geometry import TIBIA, Prescribed, free_of, prescribed_of
 from kneejax.mechanics import GROOD_SUNTAY, Knee, Load, Support
 
 
@@ -24,6 +24,7 @@ class Stations(eqx.Module):
         begin: flexion at which the knee is loaded before the others are prescribed and, where it is
             free, before it is let go, rad, `(stations,)`; None where flexion is prescribed.
         supports: what still holds coordinates that are being let go.
+        bodies: that move; those of the knee (`of`).
 
     Example:
         >>> import numpy as np
@@ -39,6 +40,7 @@ class Stations(eqx.Module):
     loads: tuple[Load, ...] = ()
     begin: Array | None = None
     supports: tuple[Support, ...] = ()
+    bodies: tuple[str, ...] = eqx.field(static=True, default=(TIBIA,))
 
     @classmethod
     def at(
@@ -84,7 +86,7 @@ class Stations(eqx.Module):
     @property
     def free(self) -> tuple[str, ...]:
         """Names of the free coordinates."""
-        return free_of(self.prescribed)
+        return free_of(self.prescribed, self.bodies)
 
     @property
     def by_flexion(self) -> bool:
@@ -97,7 +99,11 @@ class Stations(eqx.Module):
 
     def loaded(self) -> Stations:
         """Where the same loads act with flexion alone prescribed: from there the others move."""
-        return Stations({"flexion": self.flexion}, self.loads)
+        return Stations({"flexion": self.flexion}, self.loads, bodies=self.bodies)
+
+    def of(self, knee: Knee) -> Stations:
+        """The same stations, of all that moves in a knee."""
+        return dataclasses.replace(self, bodies=knee.bodies)
 
     def plain(self) -> Stations:
         """The same with at least one load and without names: one compiled program serves more."""

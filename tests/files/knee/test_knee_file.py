@@ -19,7 +19,7 @@ from kneejax.files import (
     read_knee,
     write_knee,
 )
-from kneejax.geometry import Pose
+from kneejax.geometry import Pose, State
 from kneejax.mechanics import AXES, RANGES, ligament_law
 
 WRAP = {
@@ -136,7 +136,7 @@ def test_slack_lengths(tmp_path, knee_document):
     lengths, strain = knee.reference_length(), knee.reference_strain()
     np.testing.assert_allclose(strain[0], 0.03, rtol=1e-12)
     np.testing.assert_allclose(knee.ligaments.slack_length[1], 36.5)
-    force = knee.ligaments.tension(knee.reference_pose.placement)
+    force = knee.ligaments.tension(knee.at_reference)
     np.testing.assert_allclose(force[2], 20.0, rtol=1e-9)
     assert 10 < float(lengths.min()) and float(lengths.max()) < 100
     exact = ligament_law.exact_tension(strain[2], 2750.0, 0.06)
@@ -171,8 +171,8 @@ def test_mirror_is_a_reflection_of_space(tmp_path, knee_document, axes):
     twin["reference_pose"] = document["reference_pose"]
     knee = read_knee(write(tmp_path / "a.yaml", document)).knee
     other = read_knee(write(tmp_path / "b.yaml", twin)).knee
-    lengths = knee.ligaments.length(pose.placement)
-    np.testing.assert_allclose(other.ligaments.length(mirrored_pose.placement), lengths)
+    here, there = State({"tibia": pose}), State({"tibia": mirrored_pose})
+    np.testing.assert_allclose(other.ligaments.length(there), knee.ligaments.length(here))
     for contact, reflected in zip(knee.contacts, other.contacts, strict=True):
         for part in ("femoral", "tibial"):
             surface, image = getattr(contact, part), getattr(reflected, part)
@@ -182,11 +182,7 @@ def test_mirror_is_a_reflection_of_space(tmp_path, knee_document, axes):
                 point = np.array(surface.frame.placement.apply(surface.point(a, b)))
                 found = np.array(image.frame.placement.apply(image.point(a, -b)))
                 np.testing.assert_allclose(found, point * [1, 1, -1], atol=1e-12)
-    flexion = pose.flexion
-    np.testing.assert_allclose(
-        other.lines[0].energy(flexion, mirrored_pose.placement),
-        knee.lines[0].energy(flexion, pose.placement),
-    )
+    np.testing.assert_allclose(other.lines[0].energy(there), knee.lines[0].energy(here))
     wrench = knee.loads[0].wrench(pose.placement)
     image = other.loads[0].wrench(mirrored_pose.placement)
     np.testing.assert_allclose(

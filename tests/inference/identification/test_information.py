@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import kneejax as kj
+from kneejax.geometry import State
 from kneejax.inference import LoadCases, fit_information, information, noise_of
 from kneejax.inference.identification._information_words import slack_words
 from kneejax.parameters import UnsuitableData, select
@@ -187,7 +188,7 @@ def test_the_reason_of_an_undetermined_stiffness_is_the_slack_of_its_ligament(kn
         "ACL stiffness is not determined by these data: its ligament is slack "
     )
     # As the strains at the poses say.
-    poses = kj.Pose.of({"flexion": np.deg2rad(flexion)}, fit.q[0].T)
+    poses = State.of({"flexion": np.deg2rad(flexion)}, fit.q[0].T).tibia
     slack = np.asarray(kj.evaluate(loose, poses).strain)[:, 0] <= 0.0
     assert slack_words(flexion, slack) in found.reasons[0]
     assert found.determined[1:].all() and not any(found.reasons[1:])

@@ -33,7 +33,7 @@ def both(contact, state, flexion):
 
     def wrench(written_out):
         def of(state):
-            tibia = geo.Pose.of({"flexion": flexion}, state).placement
+            tibia = geo.State.of({"flexion": flexion}, state).tibia.placement
             if written_out:
                 found = contact.wrench(tibia)
             else:
@@ -42,7 +42,7 @@ def both(contact, state, flexion):
 
         return of(state), jax.jacfwd(of)(state)
 
-    tibia = geo.Pose.of({"flexion": flexion}, state).placement
+    tibia = geo.State.of({"flexion": flexion}, state).tibia.placement
     of_energy = wrench_of(contact.energy, tibia)
     return wrench(True), wrench(False), jnp.stack([*of_energy.force, *of_energy.moment])
 

@@ -114,10 +114,10 @@ def wrench_and_stiffness(contact, state, flexion):
     """Wrench, its change by five coordinates, the slope of the energy, and whose rays rest."""
 
     def wrench(state):
-        found = contact.wrench(geo.Pose.of({"flexion": flexion}, state).placement)
+        found = contact.wrench(geo.State.of({"flexion": flexion}, state).tibia.placement)
         return jnp.stack([*found.force, *found.moment])
 
-    tibia = geo.Pose.of({"flexion": flexion}, state).placement
+    tibia = geo.State.of({"flexion": flexion}, state).tibia.placement
     sampled = contact.sample(tibia)
     of_energy = wrench_of(contact.energy, tibia)
     return (

@@ -47,8 +47,22 @@ COURSES = {
 }
 
 
+class Where(NamedTuple):
+    """A state of which only the tibia's placement is known."""
+
+    there: geo.Placement
+    shape: tuple[int, ...] = ()
+
+    def between(self, _):
+        return self.there
+
+
 def tibia_at(pose):
-    return geo.Pose.from_table(pose).placement
+    return geo.State({"tibia": geo.Pose.from_table(pose)})
+
+
+def shifted(shift):
+    return geo.State({"tibia": geo.Pose(*jnp.zeros(3), *jnp.asarray(shift))})
 
 
 def six(wrench):
@@ -56,7 +70,8 @@ def six(wrench):
 
 
 def pull(ligaments, pose):
-    return six(Wrench.total(ligaments.wrenches(tibia_at(pose))))
+    pulls, _, _ = ligaments.pull(tibia_at(pose))
+    return six(Wrench.total(pulls.between[geo.FEMUR_AND_TIBIA]))
 
 
 @jax.jit
@@ -82,7 +97,8 @@ class Followed(NamedTuple):
 def followed(ligaments, pose):
     """One program for each kind of course: three would share most of what they compile."""
     wrench, push = jax.linearize(lambda x: pull(ligaments, x), pose)
-    by_energy = wrench_of(ligaments.energy, tibia_at(pose))
+    there = tibia_at(pose).tibia.placement
+    by_energy = wrench_of(lambda there: ligaments.energy(Where(there)), there)
     return Followed(wrench, six(by_energy), jax.vmap(push, out_axes=1)(jnp.eye(6)))
 
 
@@ -185,8 +201,7 @@ def test_turning_femur_tibia_and_obstacle_together_changes_no_length():
     def turned(points):
         return np.asarray(points) @ rows.T
 
-    tibia = geo.Placement(None, (3.0, 1.0, -2.0))
-    moved = geo.Placement(None, tuple(jnp.asarray(turned([3.0, 1.0, -2.0]))))
+    tibia, moved = shifted([3.0, 1.0, -2.0]), shifted(turned([3.0, 1.0, -2.0]))
     plain = fibres([around("sphere", "tibia")])
     frame = geo.Frame(turned(OBSTACLES["sphere"].frame.origin))
     course = Course((0, 2), obstacle=geo.WrapSphere(11.0, frame))

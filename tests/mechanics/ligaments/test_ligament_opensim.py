@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from kneejax.geometry import Pose
+from kneejax.geometry import Pose, State
 from kneejax.mechanics import Ligaments, ligament_law
 
 pytestmark = pytest.mark.opensim
@@ -59,5 +59,5 @@ def test_a_fibre_of_small_width_carries_the_force_of_opensim(opensim_ligament):
     )
     zero = jnp.zeros(len(strains))
     pose = Pose(zero, zero, zero, jnp.asarray(SLACK_LENGTH_MM * (1 + strains)), zero, zero)
-    tension = np.asarray(fibre.tension(pose.placement))[0]
+    tension = np.asarray(fibre.tension(State({"tibia": pose})))[0]
     np.testing.assert_allclose(tension, theirs, rtol=1e-9, atol=1e-9)

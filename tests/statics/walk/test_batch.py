@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import kneejax as kj
+from kneejax.geometry import State
 from kneejax.mechanics import add_lane_axis, load_of
 from kneejax.statics import (
     Stations,
@@ -142,7 +143,8 @@ def test_what_a_knee_reaches_depends_neither_on_lanes_nor_on_stretches(knee, cho
     stride = np.abs(np.diff(together.q / UNITS, axis=1)).max(axis=2)
     assert np.nanmax(stride) < 3.0
     for contact, at in zip(knee.contacts, range(2), strict=True):
-        pose = kj.Pose.of({"flexion": stations.flexion[5:]}, np.moveaxis(together.q[:, 5:], -1, 0))
+        bent = {"flexion": stations.flexion[5:]}
+        pose = State.of(bent, np.moveaxis(together.q[:, 5:], -1, 0)).tibia
         meeting = np.moveaxis(together.meeting[:, 5:, at], -1, 0)
         lanes = add_lane_axis(add_lane_axis(contact))
         # A tilt of 1e-6 rad had tilted forces, and poses by 3e-5 mm.

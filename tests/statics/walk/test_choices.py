@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import kneejax as kj
-from kneejax.geometry import COORDINATES, scales
+from kneejax.geometry import COORDINATES, State, scales
 from kneejax.mechanics import Knee, Ligaments, Support, add_lane_axis, load_of
 from kneejax.statics import Stations, Status, balance_many, balance_with_slopes
 
@@ -61,11 +61,11 @@ def test_what_is_held_is_where_it_is_held_and_the_rest_balances(knee, motion, ch
     for column, value in choice[0].items():
         np.testing.assert_allclose(rows[:, kj.geometry.COLUMNS.index(column)], value, atol=1e-12)
     # Minus the slope of the energy, by central differences, is what holds a coordinate.
-    pose, names = motion.pose, tuple(COORDINATES)
+    state, names = motion.settled.state, tuple(COORDINATES)
 
     def energy(name, step):
-        moved = pose.at(names).at[names.index(name)].add(step)
-        return np.asarray(add_lane_axis(knee).energy(kj.Pose(*moved)))
+        moved = state.at(names).at[names.index(name)].add(step)
+        return np.asarray(add_lane_axis(knee).energy(State.of({}, moved)))
 
     for name, scale in zip(names, scales(names), strict=True):
         step = 1e-4 * scale

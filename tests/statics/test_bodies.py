@@ -1,0 +1,205 @@
+"""Several bones in balance: a patella beside the tibia, joined by fibres, contact and lines."""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import kneejax.geometry as geo
+from kneejax.mechanics import (
+    ConstantTensionLine,
+    Contact,
+    Course,
+    Knee,
+    Ligaments,
+    Load,
+    add_lane_axis,
+)
+from kneejax.statics import Guess, settle
+
+BODIES = ("tibia", "patella")
+EVERY = geo.coordinates_of(BODIES)
+AT_REFERENCE = {
+    "tibia": geo.Pose.from_table([20.0, 1.0, 2.0, 1.0, -30.0, 0.5]),
+    "patella": geo.Pose.from_table([15.0, 2.0, -3.0, 42.0, 5.0, 1.0]),
+}
+
+
+def bundle(first, second, pair, stiffness, strain, at=AT_REFERENCE, courses=()):
+    """Fibres between two bones, each with a strain at the reference poses."""
+    count = len(first)
+    names = [f"{pair[0]}-{pair[1]} {k}" for k in range(count)]
+    fibres = Ligaments(first, second, [stiffness] * count, [1.0] * count, [0.03] * count,
+                       [1e-3] * count, names, courses, bodies=(pair,) * count)  # fmt: skip
+    slack = fibres.length(geo.State(at)) / (1.0 + strain)
+    return dataclasses.replace(fibres, slack_length=slack)
+
+
+def joined(*bundles):
+    """Fibres of several bundles in one set; courses keep their fibres."""
+    first, courses, row = bundles[0], [], 0
+    for one in bundles:
+        moved = (tuple(r + row for r in course.rows) for course in one.courses)
+        courses += [dataclasses.replace(c, rows=r) for c, r in zip(one.courses, moved, strict=True)]
+        row += len(one.names)
+    fields = ("femoral_attachment", "tibial_attachment", "stiffness", "slack_length",
+              "transition_strain", "transition_width")  # fmt: skip
+    arrays = (jnp.concatenate([getattr(one, f) for one in bundles]) for f in fields)
+    names = [name for one in bundles for name in one.names]
+    pairs = tuple(pair for one in bundles for pair in one.bodies)
+    return Ligaments(*arrays, names, courses, bodies=pairs) if len(bundles) > 1 else first
+
+
+def cage(rng, pair, stiffness=4000.0, strain=0.02, reach=40.0):
+    """Twelve fibres all around a bone, which hold it whatever pulls."""
+    away = rng.normal(size=(12, 3))
+    away = reach * away / np.linalg.norm(away, axis=1)[:, None]
+    near = 0.5 * away[rng.permutation(12)]
+    there = AT_REFERENCE[pair[1]].placement
+    if pair[0] != "femur":
+        there = geo.State(AT_REFERENCE).between(pair)
+    around = np.stack(there.translation) + away
+    return bundle(around, near, pair, stiffness, strain)
+
+
+def knee_of(fibres, **parts):
+    of = dict(contacts=(), loads=(), lines=()) | parts
+    names = tuple(str(k) for k in range(len(of["contacts"])))
+    return Knee(
+        fibres, of["contacts"], of["loads"], of["lines"], AT_REFERENCE["tibia"], names,
+        other_bones={"patella": AT_REFERENCE["patella"]},
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def full_knee():
+    """Parts of every kind between the three bones."""
+    rng = np.random.default_rng(4)
+    tendon = bundle(
+        [[0.0, -15.0, 2.0], [1.0, -14.0, -2.0]], [[25.0, -10.0, 1.0], [24.0, -12.0, 0.0]],
+        ("patella", "tibia"), 3000.0, 0.02,
+        courses=[Course((1,), [[[4.0, -18.0, -1.0]]], ("patella",),
+                        geo.WrapSphere(9.0, geo.Frame([-6.0, -12.0, 0.0])), "patella",
+                        ("patella", "tibia"))],
+    )  # fmt: skip
+    fibres = joined(
+        cage(rng, geo.FEMUR_AND_TIBIA), tendon, cage(rng, ("femur", "patella"), 800.0)
+    )
+    groove = Contact(
+        geo.Sphere(40.0), geo.Plane(geo.Frame([-2.5, 0.0, 0.0], [0.0, 0.0, np.pi / 2])),
+        bodies=("femur", "patella"),
+    )  # fmt: skip
+    plateau = Contact(
+        geo.Sphere(21.0, geo.Frame([0.0, -10.0, 5.0])), geo.Plane(geo.Frame([0.0, 0.5, 0.0]))
+    )
+    return knee_of(
+        fibres, contacts=(groove, plateau),
+        lines=(ConstantTensionLine(60.0, [[30.0, 70.0, 4.0]], [2.0, 18.0, 1.0], bone="patella"),),
+        loads=(Load([20.0, 0.0, 0.0], [0.0, 300.0, 0.0]),
+               Load([0.0, 15.0, 5.0], axes="patella", bone="patella")),
+    )  # fmt: skip
+
+
+
+def test_what_the_parts_do_to_every_bone_is_what_the_energy_loses(full_knee, central_difference):
+    """A part between patella and tibia pulls on both, each about its own origin."""
+    knee = add_lane_axis(full_knee)
+    here = full_knee.at_reference.at(EVERY) + np.linspace(-0.01, 0.012, 12)
+
+    @jax.jit
+    def energy(x):
+        return knee.energy(geo.State.of({}, x[:, None], BODIES))[0]
+
+    @jax.jit
+    def work(x):
+        state = geo.State.of({}, x[:, None], BODIES)
+        patches = knee.contacts
+        meeting = jnp.stack([c.meeting(state.between(c.bodies)) for c in patches], axis=1)
+        wrenches, at_meeting, _, _ = knee.press(state, (meeting[0], meeting[1]))
+        return jnp.stack(knee.work_of(wrenches, state, EVERY))[:, 0], at_meeting[0]
+
+    found, at_meeting = work(here)
+    assert float(at_meeting) == pytest.approx(float(energy(here)), rel=1e-12)
+    # Shifts of a rotation move what counts 30 times as far as those of a translation.
+    scale = np.array(geo.scales(EVERY))
+    slope = central_difference(lambda x: energy(here + x * scale), np.zeros(12), 1e-3)
+    np.testing.assert_allclose(found * scale, -slope, rtol=1e-6, atol=1e-6 * np.abs(slope).max())
+
+
+def settled(knee, prescribed, nudge=0.0):
+    lanes = add_lane_axis(knee)
+    held = {name: jnp.atleast_1d(x) for name, x in prescribed.items()}
+    q = knee.at_reference.at(geo.free_of(held, knee.bodies))[:, None] + nudge
+    nowhere = jnp.full((knee.patch_count, 2, 1), jnp.nan)
+    return settle(lanes, held, Guess(q, nowhere))
+
+
+FLEXION = {"flexion": np.deg2rad(22.0)}
+
+
+def test_a_patella_balances_beside_the_tibia_in_eleven_unknowns(full_knee):
+    found = settled(full_knee, FLEXION)
+    assert found.q.shape == (11, 1) and bool(found.stable[0])
+    scale = np.array(geo.scales(geo.free_of(FLEXION, BODIES)))
+    assert np.abs(found.residual[:, 0] * scale).max() < 1e-6
+    tangent = np.asarray(found.tangent)[..., 0]
+    np.testing.assert_allclose(np.linalg.norm(tangent - tangent.T, 2), 0.0,
+                               atol=2e-2 * np.linalg.norm(tangent, 2))  # fmt: skip
+
+
+@pytest.mark.parametrize("leaf", ["stiffness", "groove", "prescribed"])
+def test_its_derivative_by_any_number_is_that_of_differences(full_knee, leaf, central_difference):
+    places = {
+        "stiffness": lambda k: k.ligaments.stiffness,
+        "groove": lambda k: k.contacts[0].femoral.radius,
+    }
+
+    @eqx.filter_jit
+    def state(x):
+        knee, held = full_knee, FLEXION
+        if leaf == "prescribed":
+            held = {"flexion": FLEXION["flexion"] + 0.01 * x}
+        else:
+            old = places[leaf](full_knee)
+            knee = eqx.tree_at(places[leaf], full_knee, old * (1.0 + 0.01 * x))
+        return settled(knee, held).q[:, 0]
+
+    _, exact = jax.jvp(state, (jnp.zeros(()),), (jnp.ones(()),))
+    numeric = central_difference(state, np.zeros(()), 2e-2)
+    assert np.abs(numeric).max() > 1e-6
+    np.testing.assert_allclose(exact, numeric, rtol=1e-6, atol=1e-6 * np.abs(numeric).max())
+
+
+def test_a_patella_bound_ever_stiffer_to_the_tibia_becomes_part_of_it(slope_on_log_axes):
+    """A fibre to the patella then is one to the tibia, and the misfit falls like the stiffness."""
+    rng = np.random.default_rng(8)
+    between = geo.State(AT_REFERENCE).between(("tibia", "patella"))
+    tip = [1.0, -3.0, 2.0]
+    on_tibia = [[float(x) for x in between.apply(tuple(tip))]]
+    held = cage(rng, geo.FEMUR_AND_TIBIA, 2000.0)
+    binding = cage(rng, ("tibia", "patella"), 1.0, 0.0, 25.0)
+    pulled = [[55.0, 40.0, 10.0]]
+    to_patella = bundle(pulled, [tip], ("femur", "patella"), 3000.0, 0.04)
+    to_tibia = dataclasses.replace(to_patella, bodies=(geo.FEMUR_AND_TIBIA,),
+                                   tibial_attachment=jnp.asarray(on_tibia))  # fmt: skip
+    alone = Knee(joined(held, to_tibia), (), (), (), AT_REFERENCE["tibia"], ())
+    expected = settled(alone, FLEXION)
+    assert bool(expected.stable[0])
+    stiffness, misfit = [1e6, 1e7, 1e8], []
+    for size in stiffness:
+        # Ends pulled and pushed alike: a bone between springs, not between ropes.
+        bound = dataclasses.replace(binding, stiffness=jnp.full(12, size))
+        tight = dataclasses.replace(bound, slack_length=bound.slack_length / 1.02)
+        found = settled(knee_of(joined(held, tight, to_patella)), FLEXION)
+        assert bool(found.stable[0])
+        misfit.append(float(np.abs(np.asarray(found.q[:5] - expected.q)[2:]).max()))
+    assert slope_on_log_axes(stiffness, misfit) == pytest.approx(-1.0, abs=0.05)
+
+
+def test_a_part_that_joins_a_bone_which_the_knee_lacks_is_refused():
+    rng = np.random.default_rng(1)
+    with pytest.raises(ValueError, match="a part joins 'patella'; the knee's bones are"):
+        Knee(cage(rng, ("femur", "patella")), (), (), (), AT_REFERENCE["tibia"], ())
