@@ -212,7 +212,7 @@ class Ligaments(eqx.Module):
     def _joined(self, kinds: tuple[Course, ...], parts: list[Array]) -> Array:
         """What was computed kind by kind, in the order of the fibres."""
         order = np.argsort([row for course in kinds for row in course.rows])
-        if len(parts) == 1 and (order == np.arange(len(order))).all():  # no gather where none is needed
+        if len(parts) == 1 and list(order) == list(range(len(order))):  # spares a gather
             return parts[0]
         shape = jnp.broadcast_shapes(*(part.shape[1:] for part in parts))
         return jnp.concatenate([jnp.broadcast_to(x, (len(x), *shape)) for x in parts])[order]

@@ -15,12 +15,25 @@ from collections.abc import Callable
 import numpy as np
 
 from kneejax.geometry import FREE_COORDINATES
-from kneejax.inference import Calibration, ParameterMap, Sweep, Sweeps, in_convention
-from kneejax.reproduction._claims import CANNOT_BE_JUDGED, Claim, judged
+from kneejax.reproduction._claims import Claim, judged
+from kneejax.reproduction.paper1._claims_fitting import (
+    not_alone,
+    pcl_before_acl,
+    procedures,
+    table_2,
+    table_3,
+    valleys,
+)
+from kneejax.reproduction.paper1._study import (
+    LIGAMENTS,
+    NONE,
+    Paper1Study,
+    acting,
+    effect,
+    effect_of,
+    which,
+)
 
-#: The paper's coordinates: position and rotation of the femur in the tibia.
-CONVENTION = "femur-in-tibia"
-LIGAMENTS = ("ACL", "PCL", "MCL", "LCL")
 #: Displacements as the paper names them.
 _DISPLACEMENTS = {
     "lateral": "medial-lateral",
@@ -28,34 +41,12 @@ _DISPLACEMENTS = {
     "superior": "distal-proximal",
 }
 _ROTATIONS = ("adduction", "internal_rotation")
-#: Part of the largest effect that counts as none, and as almost none.
-_NONE, _ALMOST = 0.1, 0.2
+#: Part of the largest effect that counts as almost none.
+_ALMOST = 0.2
 #: Weights of the paper: a degree counts as much as 2.8 mm.
 _MM_PER_DEGREE = np.sqrt(8.0)
 #: Where motion stays physiological, by claim 1.8: ligament -> reference strains.
 _PHYSIOLOGICAL = {"PCL": (-0.2, -0.05), "MCL": (0.0, 0.1), "LCL": (-0.05, 0.2)}
-
-
-@dataclasses.dataclass(frozen=True)
-class Paper1Study:
-    """What the claims are judged by.
-
-    Attributes:
-        sweeps: of every stiffness and reference strain, from the values of Table 1, in the
-            paper's coordinates (`as_paper1_sees`).
-        measured: the motion to be reached, `(n, 6)`, likewise.
-        weights: of the objective, `(5,)`.
-        cruciates: objective over the stiffnesses of ACL and PCL.
-        own: ligament -> objective over its stiffness (x) and reference strain (y).
-        calibration: by the procedures I, II and III, each gone through once.
-    """
-
-    sweeps: Sweeps
-    measured: np.ndarray
-    weights: np.ndarray
-    cruciates: ParameterMap
-    own: dict[str, ParameterMap]
-    calibration: Calibration
 
 
 def paper1_claims(found: Paper1Study) -> tuple[Claim, ...]:
@@ -69,38 +60,14 @@ def paper1_claims(found: Paper1Study) -> tuple[Claim, ...]:
     """
     claims: tuple[Callable[[Paper1Study], Claim], ...] = (
         _acl_stiffness, _pcl_stiffness, _collateral_stiffness, _superior_least, _saturation,
-        _strain_before_stiffness, _cruciate_strains, _unphysiological, _valleys, _pcl_before_acl,
-        _not_alone, _procedures, _table_2, _table_3,
+        _strain_before_stiffness, _cruciate_strains, _unphysiological, valleys, pcl_before_acl,
+        not_alone, procedures, table_2, table_3,
     )  # fmt: skip
     return tuple(claim(found) for claim in claims)
 
 
-def as_paper1_sees(sweeps: Sweeps) -> Sweeps:
-    """The same sweeps in the coordinates of the femur in the tibia (paper 1, Eq 1)."""
-    flexion = sweeps.flexion_deg
-    seen = [
-        dataclasses.replace(one, table=in_convention(one.table, flexion, CONVENTION))
-        for one in sweeps.sweeps
-    ]
-    own = in_convention(sweeps.table, flexion, CONVENTION)
-    return dataclasses.replace(sweeps, table=own, sweeps=tuple(seen))
-
-
-def effect(sweep: Sweep) -> np.ndarray:
-    """Range of each coordinate over the sound values of a sweep, `(stations, 5)`, degrees, mm."""
-    table = np.where(sweep.sound[..., None], sweep.table, np.nan)
-    known = np.isfinite(table).any(axis=0)
-    low = np.min(np.where(np.isfinite(table), table, np.inf), axis=0)
-    high = np.max(np.where(np.isfinite(table), table, -np.inf), axis=0)
-    return np.where(known, np.where(known, high, 0.0) - np.where(known, low, 0.0), np.nan)
-
-
-def _effect(found: Paper1Study, name: str, coordinate: str) -> np.ndarray:
-    return effect(found.sweeps[name])[:, FREE_COORDINATES.index(coordinate)]
-
-
 def _mean(found: Paper1Study, name: str, coordinate: str) -> float:
-    return float(np.nanmean(_effect(found, name, coordinate)))
+    return float(np.nanmean(effect_of(found, name, coordinate)))
 
 
 def _displacements(found: Paper1Study, name: str) -> dict[str, float]:
@@ -109,7 +76,7 @@ def _displacements(found: Paper1Study, name: str) -> dict[str, float]:
 
 def _outside(found: Paper1Study, name: str, coordinate: str, where: np.ndarray) -> float:
     """Mean effect at some flexions, relative to the largest at the others."""
-    own = _effect(found, name, coordinate)
+    own = effect_of(found, name, coordinate)
     return float(np.nanmean(own[where]) / np.nanmax(own[~where]))
 
 
@@ -130,9 +97,9 @@ def _acl_stiffness(found: Paper1Study) -> Claim:
         "the largest one up to there; of the displacements that one has the largest mean effect.",
         "0 to about 40 degrees; biggest on anterior-posterior (3.1)",
         f"{beyond:.1%} above 40 degrees; {_words(means)}",
-        judged(beyond < _NONE and most),
-        _which(("up to 40 degrees", beyond < _NONE), ("most on anterior-posterior", most))
-        + _acting(found, "ACL", beyond < _NONE),
+        judged(beyond < NONE and most),
+        which(("up to 40 degrees", beyond < NONE), ("most on anterior-posterior", most))
+        + acting(found, "ACL", beyond < NONE),
     )
 
 
@@ -151,8 +118,8 @@ def _pcl_stiffness(found: Paper1Study) -> Claim:
         "both have larger mean effects than distal-proximal displacement.",
         "starts at about 60 degrees (3.1)",
         f"below 60 degrees {max(shares.values()):.1%} at most; {_words(means)}",
-        judged(max(shares.values()) < _NONE and least),
-        _which(("from 60 degrees", max(shares.values()) < _NONE), ("displacements", least)),
+        judged(max(shares.values()) < NONE and least),
+        which(("from 60 degrees", max(shares.values()) < NONE), ("displacements", least)),
     )
 
 
@@ -173,7 +140,7 @@ def _collateral_stiffness(found: Paper1Study) -> Claim:
         "dominant on medial-lateral displacement and both Cardan angles (3.1)",
         f"MCL: {_words(most[0])}; LCL: {_words(most[1])}; adduction/internal rotation: {shown}",
         judged(lateral and rotations),
-        _which(("medial-lateral", lateral), ("rotations", rotations)),
+        which(("medial-lateral", lateral), ("rotations", rotations)),
     )
 
 
@@ -187,7 +154,7 @@ def _superior_least(found: Paper1Study) -> Claim:
         "lowest sensitivity in all figures (3.1)",
         "; ".join(f"{name}: {_words(m)}" for name, m in means.items()),
         judged(all(least.values())),
-        _which(*least.items()),
+        which(*least.items()),
     )
 
 
@@ -214,7 +181,7 @@ def _saturation(found: Paper1Study) -> Claim:
         "significant up to about 4000 N only (3.1)",
         ", ".join(f"{name} {share:.0%}" for name, share in shares.items()),
         judged(max(shares.values()) < _ALMOST),
-        _which(*((name, share < _ALMOST) for name, share in shares.items())),
+        which(*((name, share < _ALMOST) for name, share in shares.items())),
     )
 
 
@@ -244,10 +211,10 @@ def _cruciate_strains(found: Paper1Study) -> Claim:
     name, flexion = "ACL.reference_strain", found.sweeps.flexion_deg
     weakest = {}
     for c in ("lateral", "anterior", *_ROTATIONS):
-        own = _effect(found, name, c)
+        own = effect_of(found, name, c)
         weakest[c] = float(np.nanmin(own) / np.nanmax(own))
     means = _displacements(found, name)
-    whole = min(weakest.values()) > _NONE
+    whole = min(weakest.values()) > NONE
     least = min(means, key=means.__getitem__) == "superior"
     below = {
         c: _outside(found, "PCL.reference_strain", c, flexion < 40.0)
@@ -267,7 +234,7 @@ def _cruciate_strains(found: Paper1Study) -> Claim:
         f"({min(weakest, key=weakest.__getitem__).replace('_', ' ')}); {_words(means)}; "
         f"PCL below 40 degrees {max(below.values()):.0%} at most",
         judged(whole and least and late),
-        _which(("ACL over the whole range", whole), ("distal-proximal", least), ("PCL late", late)),
+        which(("ACL over the whole range", whole), ("distal-proximal", least), ("PCL late", late)),
     )
 
 
@@ -294,157 +261,3 @@ def _unphysiological(found: Paper1Study) -> Claim:
         judged(all(inside) and all(outside)),
         "this knee keeps a reasonable motion over wider ranges" if not all(outside) else "",
     )
-
-
-def _valleys(found: Paper1Study) -> Claim:
-    tilts, lengths = {}, {}
-    for name, one in found.own.items():
-        tilts[name], lengths[name] = valley(one)
-    straight = {n: tilts[n] < 15.0 and lengths[n] > 3.0 for n in tilts}
-    return Claim(
-        "1.9",
-        "Minimum valleys stretch along stiffness, parallel to its axis: stiffness and reference "
-        "strain of a ligament are hardly coupled.",
-        "For each ligament, of the lowest tenth of grid points (in units of the ranges) the long "
-        "axis lies within 15 degrees of the stiffness axis and is more than three times the other.",
-        "stretched in stiffness direction, mostly parallel to an axis (3.3)",
-        ", ".join(f"{n} {tilts[n]:.0f} degrees, {lengths[n]:.1f} times" for n in tilts),
-        judged(all(straight.values())),
-        ""
-        if all(straight.values())
-        else "a valley of low stiffness bends towards high strains: "
-        "a soft ligament needs more strain for the same tension. " + _which(*straight.items()),
-    )
-
-
-def valley(one: ParameterMap) -> tuple[float, float]:
-    """Tilt of the lowest tenth of a map against its x axis, degrees, and its length over width."""
-    values = np.where(one.drawn, one.objective, np.inf)
-    level = np.quantile(values[np.isfinite(values)], 0.1)
-    rows, columns = np.nonzero(values <= level)
-    points = np.column_stack([columns / (one.x.size - 1), rows / (one.y.size - 1)])
-    size, axes = np.linalg.eigh(np.cov(points.T))
-    along = np.abs(axes[:, 1])
-    return float(np.degrees(np.arctan2(along[1], along[0]))), float(np.sqrt(size[1] / size[0]))
-
-
-def _pcl_before_acl(found: Paper1Study) -> Claim:
-    one = found.cruciates
-    partial = np.where(one.drawn, one.partial_objectives, np.nan)
-    spans = [np.nanmedian(np.ptp(partial, axis=axis), axis=-1) for axis in (-1, -2)]
-    acl, pcl = spans if one.names[0].startswith("ACL") else spans[::-1]
-    ratios = dict(zip(FREE_COORDINATES, pcl / acl, strict=True))
-    return Claim(
-        "1.10",
-        "PCL stiffness acts much more on the partial objectives than ACL stiffness.",
-        "On each of the five, the median range along PCL stiffness is more than twice that along "
-        "ACL stiffness (300 to 10000 N).",
-        "much higher (3.3, Figure 13)",
-        ", ".join(f"{c.replace('_', ' ')} {r:.1f} times" for c, r in ratios.items()),
-        judged(min(ratios.values()) > 2.0),
-        _which(*((c.replace("_", " "), r > 2.0) for c, r in ratios.items()))
-        + _acting(found, "ACL", min(ratios.values()) > 2.0),
-    )
-
-
-def _not_alone(found: Paper1Study) -> Claim:
-    rows = np.searchsorted(found.sweeps.flexion_deg, found.measured[:, 0])
-    best = {}
-    for one in found.sweeps.sweeps:
-        table = np.where(one.sound[..., None], one.table, np.nan)[:, rows]
-        squares = ((table - found.measured[:, 1:]) ** 2).sum(axis=1) @ found.weights
-        best[one.name] = float(np.nanmin(squares))
-    together = min(fit.objective for fit in found.calibration.fits)
-    lowest = min(best, key=best.__getitem__)
-    return Claim(
-        "1.11",
-        "The stiffness of no ligament alone, and the slack length of no ligament alone, reaches "
-        "the measured motion.",
-        "The lowest objective of every sweep is more than ten times that of the calibration of "
-        "all eight parameters.",
-        "congruence cannot be achieved (3.1, 3.2)",
-        f"lowest alone: {best[lowest]:.4g} by {lowest}; all together {together:.4g}",
-        judged(best[lowest] > 10.0 * together),
-    )
-
-
-def _procedures(found: Paper1Study) -> Claim:
-    fits = {fit.procedure: fit for fit in found.calibration.fits}
-    count = {p: fits[p].evaluations["residual"] for p in ("I", "II", "III")}
-    fewer = max(count["I"], count["II"]) < count["III"]
-    values = {p: np.array([e.value for e in fits[p].estimates]) for p in fits}
-    widths = np.array([e.upper - e.lower for e in fits["III"].estimates])
-    apart = {p: float(np.max(np.abs(values[p] - values["III"]) / widths)) for p in ("I", "II")}
-    near = max(apart.values()) < 0.1
-    objectives = ", ".join(f"{p} {fits[p].objective:.4g}" for p in ("I", "II", "III"))
-    return Claim(
-        "1.12",
-        "Two-step procedures need fewer evaluations than the single step; I, II and III end near "
-        "the same parameters.",
-        "Evaluations of I and of II, each gone through once, are below those of III; no parameter "
-        "of I or II is farther from III than a tenth of its bounds' width.",
-        "167, 159 and 233 model calls; the same values (Table 2, 3.4)",
-        f"evaluations I {count['I']}, II {count['II']}, III {count['III']}; farthest parameter "
-        f"I {apart['I']:.0%}, II {apart['II']:.0%} of its width; objectives {objectives}",
-        judged(fewer and near),
-        _which(("fewer evaluations", fewer), ("same parameters", near))
-        + (
-            "; with exact Jacobians all eight at once cost no more, and a two-step search that "
-            "stops after one cycle stops on the way"
-            if not (fewer and near)
-            else ""
-        ),
-    )
-
-
-def _table_2(found: Paper1Study) -> Claim:
-    count = {f.procedure: f.evaluations["residual"] for f in found.calibration.fits}
-    return Claim(
-        "1.13",
-        "Numbers of pattern search steps and of model calls.",
-        "None: another search, on other data.",
-        "53/167, 52/159, 84/233 (Table 2)",
-        "evaluations with exact Jacobian: "
-        + ", ".join(f"{p} {count[p]}" for p in ("I", "II", "III")),
-        CANNOT_BE_JUDGED,
-        "pattern search takes no derivatives, and its measured motion was not published",
-    )
-
-
-def _table_3(found: Paper1Study) -> Claim:
-    fit = next(f for f in found.calibration.fits if f.procedure == "III")
-    truth = found.calibration.truth
-    answer = [e for e in found.calibration.fit.estimates if e.name in truth]
-    inside = sum(not (truth[e.name] < e.low or truth[e.name] > e.high) for e in answer)
-    return Claim(
-        "1.14",
-        "Identified stiffnesses and reference strains.",
-        "None for the cadaver's motion, which was not published.",
-        "k 5876, 2814, 8904, 7048 N; strains 0.037, -0.047, 0.023, 0.039 (Table 3)",
-        "; ".join(f"{e.name} {e.value:.4g}" for e in fit.estimates)
-        + f"; {inside} of {len(answer)} 95 % limits hold what made the data",
-        CANNOT_BE_JUDGED,
-        "the bundled study makes a motion with the printed values and recovers them: that tests "
-        "the method, not the paper",
-    )
-
-
-def _acting(found: Paper1Study, ligament: str, fine: bool) -> str:
-    """At how many flexions a ligament's stiffness matters on this knee; empty if all is fine."""
-    if fine:
-        return ""
-    own = _effect(found, f"{ligament}.stiffness", "anterior")
-    part = float(np.mean(own > _NONE * np.nanmax(own)))
-    return (
-        f"; the {ligament} of this knee, a single line between mean attachments, holds it at "
-        f"{part:.0%} of all flexions"
-    )
-
-
-def _which(*parts: tuple[str, bool]) -> str:
-    """What holds and what does not; empty if all holds."""
-    if all(holds for _, holds in parts):
-        return ""
-    missing = [name for name, holds in parts if not holds]
-    holding = [name for name, holds in parts if holds]
-    return f"not: {', '.join(missing)}" + (f"; holds: {', '.join(holding)}" if holding else "")

@@ -8,7 +8,7 @@ from kneejax.files import Checkpoints
 from kneejax.inference import Condition, in_convention, profiles, sensitivity_map, sensitivity_maps
 from kneejax.inference.fit import LoadCases, fit_many
 from kneejax.parameters import UnknownParameter, UnsuitableData
-from kneejax.reproduction.paper1._claims import valley
+from kneejax.reproduction.paper1._claims_fitting import valley
 from kneejax.statics import Stations, balance_many, balance_with_slopes
 
 PAIR = ("PCL.stiffness", "PCL.reference_strain")
