@@ -25,6 +25,7 @@ _MODULES = {
     "read_joint": "kneejax.files",
     "read_poses": "kneejax.files",
     "Pose": "kneejax.geometry",
+    "State": "kneejax.geometry",
     "Calibration": "kneejax.inference",
     "calibrate": "kneejax.inference",
     "cut": "kneejax.parameters",
@@ -80,6 +81,7 @@ if TYPE_CHECKING:
     from kneejax.files import read_joint as read_joint
     from kneejax.files import read_poses as read_poses
     from kneejax.geometry import Pose as Pose
+    from kneejax.geometry import State as State
     from kneejax.inference import Calibration as Calibration
     from kneejax.inference import calibrate as calibrate
     from kneejax.inference import design_tests as design_tests
