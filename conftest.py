@@ -20,6 +20,8 @@ os.environ.setdefault(
     "JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parent / ".pytest_cache" / "compiled")
 )
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
+# Tests replace parts of the package, which what was traced before would not know.
+os.environ.setdefault("KNEEJAX_TRACE_ANEW", "1")
 
 import jax
 import pytest

@@ -25,6 +25,9 @@ from typing import Any
 
 import jax
 
+from kneejax.numerics._kept_programs import kept
+from kneejax.numerics._lanes import traced
+
 #: `M_ARENA_MAX` of GNU's malloc.h.
 _ARENA_MAX = -8
 _SHARED_FUSION = "--xla_backend_extra_options=xla_cpu_use_multi_output_fusion"
@@ -60,7 +63,7 @@ def compiled(static_argnums: tuple[int, ...] = ()) -> Callable[[Callable], Calla
 
     JAX takes compiler options at the outermost `jit` only and raises for an inner one. A person's
     own `jit` around a motion must work all the same; it compiles more slowly unless it is given
-    the options as well.
+    the options as well. Where `configure` was called, what is traced is kept for other processes.
 
     Args:
         static_argnums: as in `jax.jit`.
@@ -73,21 +76,23 @@ def compiled(static_argnums: tuple[int, ...] = ()) -> Callable[[Callable], Calla
         plain = jax.jit(function, static_argnums=static_argnums)
 
         @functools.cache
-        def quick() -> Callable:
+        def quick(within: bool) -> Callable:
             # Made at the first call: until then the process may still choose shared fusion.
             options = dict(compiler_options())
-            return jax.jit(function, static_argnums=static_argnums, compiler_options=options)
+            own = function if within else kept(function, static_argnums)
+            return jax.jit(own, static_argnums=static_argnums, compiler_options=options)
 
         @functools.wraps(function)
         def call(*arguments: Any) -> Any:
-            programs = quick()._cache_size()
+            program = quick(within=traced(arguments))
+            programs = program._cache_size()
             try:
-                answer = quick()(*arguments)
+                answer = program(*arguments)
             except ValueError as problem:
                 if "compiler_options" not in str(problem):
                     raise
                 return plain(*arguments)
-            if quick()._cache_size() > programs:
+            if program._cache_size() > programs:
                 _hand_back_memory()
             return answer
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import jax
 
 from kneejax.numerics._compiled import use_shared_fusion
+from kneejax.numerics._kept_programs import keep_programs
 
 _CACHE = "jax_compilation_cache_dir"
 
@@ -17,10 +18,10 @@ def configure() -> None:
     """Prepare JAX for kneejax, in all of this process: call it before anything is computed.
 
     It switches float64 on, lets XLA fuse operations without copying shared values
-    (`use_shared_fusion`, five times faster), and keeps compiled programs between runs: in
-    `JAX_COMPILATION_CACHE_DIR` if that is set, otherwise in `kneejax` of the user's cache folder
-    (`XDG_CACHE_HOME`, or `~/.cache`). `kneejax` on the command line begins with it; importing the
-    package changes nothing. To call it again does no harm.
+    (`use_shared_fusion`, five times faster), and keeps programs between runs, as they are traced
+    and as they are compiled: in `JAX_COMPILATION_CACHE_DIR` if that is set, otherwise in `kneejax`
+    of the user's cache folder (`XDG_CACHE_HOME`, or `~/.cache`). `kneejax` on the command line
+    begins with it; importing the package changes nothing. To call it again does no harm.
 
     Warns:
         RuntimeWarning: JAX has begun to compute without it. float64 holds from here on; arrays
@@ -36,6 +37,7 @@ def configure() -> None:
         base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
         jax.config.update(_CACHE, str(Path(base) / "kneejax"))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    keep_programs(Path(getattr(jax.config, _CACHE)) / "traced")
     if not use_shared_fusion():
         warnings.warn(
             "kneejax.configure() comes too late: JAX has begun to compute. float64 is on from "

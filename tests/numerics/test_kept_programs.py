@@ -1,0 +1,113 @@
+"""What was traced once is not traced again, and a file that is no program is no error."""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from kneejax.numerics import _kept_programs as programs
+
+
+class Answer(eqx.Module):
+    """Two arrays, one of them in a mapping, and a word."""
+
+    whole: jax.Array
+    parts: dict[str, jax.Array]
+    word: str = eqx.field(static=True)
+
+
+@dataclasses.dataclass(frozen=True)
+class Power:
+    """A static argument whose text says all of it."""
+
+    exponent: int
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.delenv("KNEEJAX_TRACE_ANEW")
+    monkeypatch.setattr(programs, "_kept_in", None)
+    programs.keep_programs(tmp_path / "traced")
+    return tmp_path / "traced"
+
+
+@pytest.fixture
+def fresh():
+    """Makes the function anew, as another process would, with how often it was traced."""
+    times = []
+
+    def make():
+        def squares(x, power):
+            times.append(x.shape)
+            if x.shape[0] > 9:
+                raise ValueError("nine at most")
+            y = jax.lax.fori_loop(0, power.exponent, lambda _, y: y * x, jnp.ones_like(x))
+            return Answer(y, {"sum": jnp.sum(y)}, "squares")
+
+        return jax.jit(programs.kept(squares, (1,)), static_argnums=1)
+
+    return make, times
+
+
+X = np.linspace(0.5, 2.0, 5)
+
+
+def test_another_process_traces_nothing_and_answers_the_same(folder, fresh):
+    make, times = fresh
+    first, second = make()(X, Power(2)), make()(X, Power(2))
+    assert times == [(5,)] and len(list(folder.iterdir())) == 1
+    assert jax.tree.structure(first) == jax.tree.structure(second) and second.word == "squares"
+    np.testing.assert_array_equal(first.whole, second.whole)
+    np.testing.assert_allclose(second.whole, X**2, rtol=1e-15)
+
+
+def test_other_shapes_static_values_and_sources_are_other_programs(folder, fresh, monkeypatch):
+    make, times = fresh
+    make()(X, Power(2))
+    np.testing.assert_allclose(make()(X[:3], Power(2)).whole, X[:3] ** 2)
+    np.testing.assert_allclose(make()(X, Power(3)).whole, X**3)
+    np.testing.assert_allclose(make()(X.astype(np.float32), Power(2)).whole, X**2, rtol=1e-6)
+    monkeypatch.setattr(programs, "_made_of", lambda: "another version")
+    make()(X, Power(2))
+    assert len(times) == 5 and len(list(folder.iterdir())) == 5
+
+
+@pytest.mark.parametrize("content", [b"", b"no program", "half"])
+def test_a_broken_file_is_as_good_as_none(folder, fresh, content):
+    make, times = fresh
+    make()(X, Power(2))
+    (file,) = folder.iterdir()
+    whole = file.read_bytes()
+    file.write_bytes(whole[: len(whole) // 2] if content == "half" else content)
+    np.testing.assert_allclose(make()(X, Power(2)).whole, X**2)
+    assert len(times) == 2 and file.read_bytes() == whole
+
+
+def test_a_folder_that_cannot_be_written_is_no_error(fresh, monkeypatch, tmp_path):
+    (tmp_path / "file").touch()
+    monkeypatch.setattr(programs, "_kept_in", tmp_path / "file" / "below")
+    np.testing.assert_allclose(fresh[0]()(X, Power(2)).whole, X**2)
+
+
+def test_a_static_value_that_does_not_say_what_it_is_is_not_kept(folder, fresh):
+    class Nameless:
+        exponent = 2
+
+    np.testing.assert_allclose(fresh[0]()(X, Nameless()).whole, X**2)
+    assert not folder.exists()
+
+
+def test_errors_of_the_function_reach_the_caller(folder, fresh):
+    with pytest.raises(ValueError, match="nine at most"):
+        fresh[0]()(np.ones(10), Power(2))
+
+
+def test_nothing_is_kept_where_nobody_asked_for_it(monkeypatch, fresh, tmp_path):
+    make, times = fresh
+    monkeypatch.setattr(programs, "_kept_in", None)
+    programs.keep_programs(tmp_path)  # the tests' own setting forbids it
+    make()(X, Power(2)), make()(X, Power(2))
+    assert len(times) == 2 and not list(tmp_path.iterdir())
