@@ -1,10 +1,10 @@
 """Programs that are traced once: kept on disk, as JAX exports them, beside what XLA has compiled.
 
 XLA's cache spares the second run of a command the compiler, not the tracing: Python runs through
-all of the mechanics to learn what to compile, in a warm `calibrate` 5 of 9 s. A kept program is what
-tracing found. It is looked up by what it was traced from: the function, the shapes of its arguments,
-all that is static about them, the versions of JAX and the source files of this package. Whatever is
-wrong with a file, the function is traced as if there were none.
+all of the mechanics to learn what to compile, in a warm `calibrate` 5 of 9 s. A kept program is
+what tracing found. It is looked up by what it was traced from: the function, the shapes of its
+arguments, all that is static about them, the versions of JAX and the source files of this package.
+Whatever is wrong with a file, the function is traced as if there were none.
 """
 
 from __future__ import annotations
