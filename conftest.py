@@ -20,13 +20,15 @@ os.environ.setdefault(
     "JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parent / ".pytest_cache" / "compiled")
 )
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
-# Tests replace parts of the package, which what was traced before would not know.
-os.environ.setdefault("KNEEJAX_TRACE_ANEW", "1")
 
 import jax
 import pytest
 
+from kneejax.numerics import keep_programs
+
 jax.config.update("jax_enable_x64", True)
+# Tests replace parts of commands, never of what is traced.
+keep_programs(Path(os.environ["JAX_COMPILATION_CACHE_DIR"]) / "traced")
 
 #: Some thousand small programs, and some 3 GB. Linux grants a process 65,530 maps.
 MOST_MAPS = 8_000

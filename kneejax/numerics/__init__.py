@@ -10,6 +10,7 @@ from kneejax.numerics._cores import on_all_cores as on_all_cores
 from kneejax.numerics._elimination import identity as identity
 from kneejax.numerics._elimination import solve as solve
 from kneejax.numerics._elimination import symmetric as symmetric
+from kneejax.numerics._kept_programs import keep_programs as keep_programs
 from kneejax.numerics._lanes import filled as filled
 from kneejax.numerics._lanes import lanes_for as lanes_for
 from kneejax.numerics._lanes import traced as traced

@@ -28,7 +28,7 @@ class Power:
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    monkeypatch.delenv("KNEEJAX_TRACE_ANEW")
+    monkeypatch.delenv("KNEEJAX_TRACE_ANEW", raising=False)
     monkeypatch.setattr(programs, "_kept_in", None)
     programs.keep_programs(tmp_path / "traced")
     return tmp_path / "traced"
@@ -105,9 +105,10 @@ def test_errors_of_the_function_reach_the_caller(folder, fresh):
         fresh[0]()(np.ones(10), Power(2))
 
 
-def test_nothing_is_kept_where_nobody_asked_for_it(monkeypatch, fresh, tmp_path):
+def test_nothing_is_kept_where_somebody_forbids_it(monkeypatch, fresh, tmp_path):
     make, times = fresh
     monkeypatch.setattr(programs, "_kept_in", None)
-    programs.keep_programs(tmp_path)  # the tests' own setting forbids it
+    monkeypatch.setenv("KNEEJAX_TRACE_ANEW", "1")
+    programs.keep_programs(tmp_path)
     make()(X, Power(2)), make()(X, Power(2))
     assert len(times) == 2 and not list(tmp_path.iterdir())

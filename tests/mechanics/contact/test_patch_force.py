@@ -1,5 +1,7 @@
 """The wrench of a patch, written out, against the reverse derivative of its energy."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -38,7 +40,8 @@ PAIRS = {
 }  # fmt: skip
 
 
-@jax.jit
+# Fused, a reverse derivative of a search computes its values anew at each of its many uses.
+@functools.partial(jax.jit, compiler_options={"xla_disable_hlo_passes": "fusion"})
 def both(contact, pose):
     """Written out and by reverse differentiation through the search for the meeting point."""
     tibia = pose.placement
