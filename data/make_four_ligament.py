@@ -67,7 +67,7 @@ def main() -> None:
         for name in PLATEAU_REGION_MM:
             condyle, plateau = surface_fits(name, arguments.source)
             fits |= {f"{name} condyle": condyle, f"{name} plateau": plateau}
-        save_figure(surface_fit_figure(fits), arguments.figures, "surface_fits")
+        save_figure(surface_fit_figure(fits), arguments.figures, "surface_fits", svg=True)
 
 
 def document(source: Path) -> dict:

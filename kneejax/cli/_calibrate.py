@@ -32,10 +32,10 @@ def run(arguments: argparse.Namespace) -> int:
     threading.Thread(target=importlib.import_module, args=("kneejax.report",)).start()
     result = studies.run(study)
     _progress("writing the report")
-    return _write(result, arguments.out)
+    return _write(result, arguments.out, arguments.svg)
 
 
-def _write(result: Calibration, out: Path) -> int:
+def _write(result: Calibration, out: Path, svg: bool) -> int:
     from kneejax.report import (
         PARAMETER_COLUMNS,
         calibration_summary,
@@ -58,7 +58,7 @@ def _write(result: Calibration, out: Path) -> int:
         stable=[w.sound for w in words],
         doubts=motion.doubts,
     )
-    write_report(result, out)
+    write_report(result, out, svg=svg)
     print(calibration_summary(result))
     missing = _write_knee(out)
     knee = "" if missing else "knee.yaml, "

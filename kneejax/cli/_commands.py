@@ -7,7 +7,7 @@ import importlib
 from collections.abc import Callable
 from pathlib import Path
 
-from kneejax.cli._parser import KNEE, Parser, add_command, add_convention, add_out
+from kneejax.cli._parser import KNEE, Parser, add_command, add_convention, add_out, add_svg
 from kneejax.cli._study_commands import add_identify, add_map, add_sensitivity, add_study
 from kneejax.cli._version import ShowVersion
 from kneejax.cli.joint import add_joint
@@ -98,6 +98,7 @@ def _add_simulate(commands) -> None:
         "compression_N (at the tibia's origin), varus_Nm, internal_Nm; e.g. anterior_N=134",
     )
     add_out(simulate, "kneejax-passive-flexion")
+    add_svg(simulate)
     add_convention(simulate, "of the poses that are printed and written")
     simulate.set_defaults(run=_lazily("_simulate"))
 
@@ -126,6 +127,7 @@ def _add_calibrate(commands) -> None:
     )
     add_study(calibrate)
     add_out(calibrate, "kneejax-calibration")
+    add_svg(calibrate)
     calibrate.set_defaults(run=_lazily("_calibrate"))
 
 
@@ -138,6 +140,7 @@ def _add_map(commands) -> None:
     )
     add_map(command)
     add_out(command, "kneejax-map")
+    add_svg(command)
     command.set_defaults(run=_lazily("_map"))
 
 
@@ -150,6 +153,7 @@ def _add_sensitivity(commands) -> None:
     )
     add_sensitivity(command)
     add_out(command, "kneejax-sensitivity")
+    add_svg(command)
     command.set_defaults(run=_lazily("_sensitivity"))
 
 
@@ -162,6 +166,7 @@ def _add_identify(commands) -> None:
     )
     add_identify(command)
     add_out(command, "kneejax-identify")
+    add_svg(command)
     command.set_defaults(run=_lazily("_identify"))
 
 
@@ -174,6 +179,7 @@ def _add_reproduce(commands) -> None:
     )
     command.add_argument("paper", choices=["1", "4", "5"], help="number of the paper")
     add_out(command, "kneejax-reproduction")
+    add_svg(command)
     command.set_defaults(run=_lazily("_reproduce"))
 
 
@@ -195,6 +201,7 @@ def _add_view(commands) -> None:
             help=f"mesh of the {bone} to show, in its frame, m or mm",
         )
     add_out(view, "kneejax-view")
+    add_svg(view)
     add_convention(view, "of the poses")
     view.set_defaults(run=_lazily("_view"))
 
@@ -288,6 +295,7 @@ def _add_import_stl(stl: Parser) -> None:
         "--angle", type=float, nargs=2, metavar="DEGREES", help="region of the condyles"
     )
     add_out(stl, "kneejax-import")
+    add_svg(stl)
     stl.set_defaults(run=_lazily("_import_stl"))
 
 

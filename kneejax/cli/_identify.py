@@ -54,7 +54,7 @@ def _write(answer: Identified, arguments: argparse.Namespace) -> int:
 
     out, found, sampled = arguments.out, answer.found, answer.posterior
     files = _write_tables(answer, out)
-    _draw(answer, out)
+    _draw(answer, out, arguments.svg)
     options = {k: str(v) for k, v in vars(arguments).items() if k not in ("run", "parser")}
     document = report.identification_document(answer, options)
     write_text(out / "result.json", json.dumps(document, indent=1) + "\n")
@@ -103,7 +103,7 @@ def _draws(sampled: Posterior):
             yield [chain, number, *draw]
 
 
-def _draw(answer: Identified, out: Path) -> None:
+def _draw(answer: Identified, out: Path, svg: bool) -> None:
     from kneejax import report
 
     found, sampled, design = answer.found, answer.posterior, answer.design
@@ -117,4 +117,4 @@ def _draw(answer: Identified, out: Path) -> None:
     if sampled is not None:
         figures |= report.posterior_figures(sampled)
     for name, figure in figures.items():
-        report.save_figure(figure, out / "figures", name)
+        report.save_figure(figure, out / "figures", name, svg=svg)

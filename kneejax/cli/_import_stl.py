@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
         print(finding)
     print(
         f"written: {arguments.out}/knee.yaml, fit_report.csv, fit_report.md, "
-        "settings.json, figures/surface_fits.png and .svg"
+        "settings.json, figures/surface_fits.png"
     )
     if found.doubtful:
         print("doubtful: a surface misses its target; the report says which")
@@ -132,4 +132,4 @@ def _figure(arguments: argparse.Namespace, found: MeshImport) -> None:
     regions = {name: part.region for name, part in found.fits.items()}
     folder = arguments.out / "figures"
     folder.mkdir(parents=True, exist_ok=True)
-    save_figure(surface_fit_figure(fits, regions), folder, "surface_fits")
+    save_figure(surface_fit_figure(fits, regions), folder, "surface_fits", svg=arguments.svg)

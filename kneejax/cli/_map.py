@@ -40,7 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
         maps = studies.run(study, question, progress=progress, store=store)
     if store.resumed:
         print(f"{store.resumed} finished parts were found in {arguments.out}, and used")
-    files = _write(maps, arguments.out, about)
+    files = _write(maps, arguments.out, about, arguments.svg)
     store.done()
     print(_table(maps))
     print(f"written: {arguments.out}/{', '.join(files)}")
@@ -57,7 +57,7 @@ def _grid(text: str) -> tuple[int, int]:
     return sides[0], sides[-1]
 
 
-def _write(maps: tuple[ParameterMap, ...], out, about: dict) -> list[str]:
+def _write(maps: tuple[ParameterMap, ...], out, about: dict, svg: bool) -> list[str]:
     from kneejax.report import map_figure, map_matrix_figure, save_figure
 
     packages = versions() | {name: importlib.metadata.version(name) for name in _PACKAGES}
@@ -66,12 +66,12 @@ def _write(maps: tuple[ParameterMap, ...], out, about: dict) -> list[str]:
     for one in maps:
         tail = "" if len(maps) == 1 else f"-{one.names[0]}-{one.names[1]}"
         write_netcdf(out / f"map{tail}.nc", one.to_dataset(made))
-        save_figure(map_figure(one), out / "figures", f"map{tail}")
+        save_figure(map_figure(one), out / "figures", f"map{tail}", svg=svg)
         files.append(f"map{tail}.nc")
     shown = files if len(files) < 4 else [f"{len(files)} files map-*.nc"]
     write_rows(out / "maps.csv", list(_COLUMNS), [_row(one) for one in maps])
     if len(maps) > 2:
-        save_figure(map_matrix_figure(maps), out / "figures", "maps")
+        save_figure(map_matrix_figure(maps), out / "figures", "maps", svg=svg)
     write_text(
         out / "result.json", json.dumps({"about": about, "versions": packages}, indent=1) + "\n"
     )

@@ -92,6 +92,11 @@ def add_out(parser: argparse.ArgumentParser, folder: str) -> None:
     parser.add_argument("--out", type=Path, default=Path(folder), help="folder for the results")
 
 
+def add_svg(parser: argparse.ArgumentParser) -> None:
+    """Whether figures are written as SVG too: `--svg`."""
+    parser.add_argument("--svg", action="store_true", help="write figures as SVG too")
+
+
 def add_convention(parser: argparse.ArgumentParser, whose: str) -> None:
     """What the six numbers of a pose mean: `--convention`."""
     parser.add_argument("--convention", choices=CONVENTIONS, default="femoral", help=whose)

@@ -77,7 +77,7 @@ def _write(found: Sensitivities, arguments: argparse.Namespace) -> int:
         write_rows(out / files[-1], *_index_table(indices))
     doubts = sensitivity_doubts(local, sweeps, indices)
     begun = time.perf_counter()
-    _draw(found, out)
+    _draw(found, out, arguments.svg)
     seconds = found.seconds | {"figures": time.perf_counter() - begun}
     document = _document(found, arguments)
     document |= {"doubts": doubts, "seconds": seconds, "versions": _versions(indices)}
@@ -123,7 +123,7 @@ def _index_table(found: MotionIndices):
     return header, rows
 
 
-def _draw(found: Sensitivities, out) -> None:
+def _draw(found: Sensitivities, out, svg: bool) -> None:
     from kneejax.report import (
         fit_indices_figure,
         local_curves_figure,
@@ -136,14 +136,19 @@ def _draw(found: Sensitivities, out) -> None:
     folder, offsets = out / "figures", tuple(found.study.frame_offset)
     local, sweeps, indices = found.local, found.sweeps, found.indices
     measured = _in_the_model_frame(found.measured, sweeps, offsets)
-    for one in sweeps.sweeps:
-        figure = sweep_figure(sweeps, one.name, measured, bool(offsets))
-        save_figure(figure, folder, f"sweep_{one.name.replace('.', '_')}")
-    save_figure(local_curves_figure(local), folder, "local_curves")
-    save_figure(local_heatmap_figure(local), folder, "local_heatmap")
+    figures = {
+        f"sweep_{one.name.replace('.', '_')}": sweep_figure(
+            sweeps, one.name, measured, bool(offsets)
+        )
+        for one in sweeps.sweeps
+    }
+    figures["local_curves"] = local_curves_figure(local)
+    figures["local_heatmap"] = local_heatmap_figure(local)
     if indices is not None:
-        save_figure(fit_indices_figure(indices), folder, f"{found.question.indices}_fit")
-        save_figure(pose_indices_figure(indices), folder, f"{found.question.indices}_poses")
+        figures[f"{found.question.indices}_fit"] = fit_indices_figure(indices)
+        figures[f"{found.question.indices}_poses"] = pose_indices_figure(indices)
+    for name, figure in figures.items():
+        save_figure(figure, folder, name, svg=svg)
 
 
 def _document(found: Sensitivities, arguments: argparse.Namespace) -> dict:

@@ -19,7 +19,7 @@ def run(arguments: argparse.Namespace) -> int:
     with balances_on_terminal("knees") as progress:
         found = compare_knees(knees, progress=progress)
     files = write_tables(found, arguments.out)
-    _draw(found, arguments.out)
+    _draw(found, arguments.out, arguments.svg)
     from kneejax.report import comparison_summary
 
     print(comparison_summary(found))
@@ -69,9 +69,9 @@ def write_tables(found: KneeComparison, out: Path) -> list[str]:
     return [*tables, "result.json"]
 
 
-def _draw(found: KneeComparison, out: Path) -> None:
+def _draw(found: KneeComparison, out: Path, svg: bool) -> None:
     from kneejax.report import ramp_figure, save_figure, score_figure
 
-    save_figure(score_figure(found), out / "figures", "scores")
-    for parameter in found.parameters:
-        save_figure(ramp_figure(found, parameter), out / "figures", parameter.replace(".", "-"))
+    figures = {one.replace(".", "-"): ramp_figure(found, one) for one in found.parameters}
+    for name, figure in {"scores": score_figure(found), **figures}.items():
+        save_figure(figure, out / "figures", name, svg=svg)

@@ -80,7 +80,7 @@ def run(arguments: argparse.Namespace) -> int:
         files.append("branches.csv")
     _figure(arguments, flexion, shown, status, knee, tension, contact)
     doubtful = say_status(status, [f"{x:g}" for x in flexion], "degrees", said, given=False)
-    print(f"written: {arguments.out}/{', '.join(files)}, figures/simulation.png and .svg")
+    print(f"written: {arguments.out}/{', '.join(files)}, figures/simulation.png")
     return int(doubtful)
 
 
@@ -126,4 +126,4 @@ def _figure(arguments, flexion, table, status, knee, tension, contact) -> None:
     )
     folder = arguments.out / "figures"
     folder.mkdir(parents=True, exist_ok=True)
-    save_figure(figure, folder, "simulation")
+    save_figure(figure, folder, "simulation", svg=arguments.svg)

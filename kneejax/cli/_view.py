@@ -39,7 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
     written = [report.write_whole(out / "scene.html", report.scene_page(scenes).encode())]
     if knee.contacts:
         figure = report.pressure_figure(knee, Pose.from_table(table))
-        written += report.save_figure(figure, out, "pressure")
+        written += report.save_figure(figure, out, "pressure", svg=arguments.svg)
     status = 0
     try:
         for name, picture in _pictures(scenes):

@@ -27,7 +27,7 @@ def test_knees_side_by_side_are_written_and_printed(tmp_path, monkeypatch, capsy
     found = comparison(study("one"), study("two"))
     monkeypatch.setattr(_sensitivity_knees, "compare_knees", lambda knees, progress: found)
     out = tmp_path / "out"
-    assert main(["sensitivity", "--knees", "four_ligament", "--out", str(out)]) == 0
+    assert main(["sensitivity", "--knees", "four_ligament", "--out", str(out), "--svg"]) == 0
     assert "MCL.prestretch" in capsys.readouterr().out
     scores = rows(out / "scores.csv")
     assert {row["knee"] for row in scores} == {"one", "two"}
@@ -39,7 +39,7 @@ def test_knees_side_by_side_are_written_and_printed(tmp_path, monkeypatch, capsy
 
 def test_a_doubt_is_said_and_makes_the_status_1(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(_sensitivity_knees, "compare_knees", lambda knees, progress: comparison())
-    monkeypatch.setattr(_sensitivity_knees, "_draw", lambda found, out: None)
+    monkeypatch.setattr(_sensitivity_knees, "_draw", lambda found, out, svg: None)
     assert main(["sensitivity", "--knees", "four_ligament", "--out", str(tmp_path / "o")]) == 1
     assert "it holds 30 of 40 N m" in capsys.readouterr().out
 

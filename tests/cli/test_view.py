@@ -36,7 +36,7 @@ def drawn(monkeypatch):
 def test_a_motion_is_drawn_and_named(drawn, poses, tmp_path, capsys):
     out = tmp_path / "view"
     assert main(["view", "four_ligament", str(poses), "--out", str(out)]) == 0
-    names = {"scene.html", "scene.png", "pressure.png", "pressure.svg", "motion.png", "motion.gif"}
+    names = {"scene.html", "scene.png", "pressure.png", "motion.png", "motion.gif"}
     names.add("settings.json")
     assert {path.name for path in out.iterdir()} == names
     printed = capsys.readouterr().out
@@ -68,7 +68,7 @@ def test_without_a_driver_the_page_is_there_and_the_reason_is_said(
     assert main(["view", "four_ligament", str(poses), "--out", str(tmp_path / "o")]) == 1
     assert "nothing to draw with" in capsys.readouterr().err
     assert {p.name for p in (tmp_path / "o").iterdir()} == {
-        "scene.html", "settings.json", "pressure.png", "pressure.svg",
+        "scene.html", "settings.json", "pressure.png",
     }  # fmt: skip
 
 

@@ -6,7 +6,7 @@ import argparse
 import math
 from pathlib import Path
 
-from kneejax.cli._parser import CONVENTIONS, Parser, add_command, add_out
+from kneejax.cli._parser import CONVENTIONS, Parser, add_command, add_out, add_svg
 
 
 def add_joint(joint: Parser) -> None:
@@ -101,6 +101,7 @@ def _add_fit(parser: argparse.ArgumentParser) -> None:
         "--flexion", default="0:120:5", help="of the tables: first:last:step or a,b,c"
     )
     add_out(parser, "kneejax-joint")
+    add_svg(parser)
 
 
 def _add_compare(parser: argparse.ArgumentParser) -> None:
@@ -165,6 +166,7 @@ def _add_compare(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--alpha", type=float, default=0.01, help="level of these tests")
     add_out(parser, "kneejax-joint-compare")
+    add_svg(parser)
 
 
 def _add_export(parser: argparse.ArgumentParser) -> None:

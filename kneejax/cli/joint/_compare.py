@@ -210,7 +210,7 @@ def _write(
         {name: one.curve for name, one in models.items()},
         flexion,
     )
-    save_figure(figure, out / "figures", "joints")
+    save_figure(figure, out / "figures", "joints", svg=arguments.svg)
     print(text.joint_comparison_summary(found))
     for doubt in doubts[: len(doubts) - len(found.doubts)]:
         print(f"! {doubt}")

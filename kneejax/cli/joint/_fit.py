@@ -222,7 +222,7 @@ def _write(
         files += ["facets.csv", "axes.csv"]
     document = _document(arguments, fit, axes, motion, side, whence)
     write_text(out / "result.json", json.dumps(document, indent=1) + "\n")
-    _write_figures(out / "figures", fit, axes, motion, flexion)
+    _write_figures(arguments, fit, axes, motion, flexion)
     return files
 
 
@@ -252,13 +252,14 @@ def _document(arguments, fit: JointFit, axes: FemurAxes, motion: _Motion, side, 
     }
 
 
-def _write_figures(folder: Path, fit: JointFit, axes: FemurAxes, motion: _Motion, flexion) -> None:
+def _write_figures(arguments, fit: JointFit, axes: FemurAxes, motion: _Motion, flexion) -> None:
+    folder, svg = arguments.out / "figures", arguments.svg
     drawn = joint_axes_figure(fit.moving, fit.hinge, axes.surface, axes.facets)
-    save_figure(drawn, folder, "axes")
+    save_figure(drawn, folder, "axes", svg=svg)
     dense = np.linspace(flexion.min(), flexion.max(), 241)
     joints = {joint_kind(fit): fit.moving, "hinge": fit.hinge}
     drawn = joint_motion_figure(joints, motion.table, fit.rows, dense, motion.name)
-    save_figure(drawn, folder, "motion")
+    save_figure(drawn, folder, "motion", svg=svg)
 
 
 def _held_against(motion: _Motion) -> str:

@@ -22,7 +22,7 @@ def run(arguments: argparse.Namespace) -> int:
     study = read_study(_STUDY)
     found = _computed(study)
     claims, doubts = paper1_claims(found), _doubts(found)
-    _write(study, found, claims, doubts, arguments.out)
+    _write(study, found, claims, doubts, arguments.out, arguments.svg)
     from kneejax.report import claims_summary
 
     print(claims_summary(claims))
@@ -69,7 +69,9 @@ def _doubts(found: Paper1Study) -> list[str]:
     return doubts
 
 
-def _write(study: Study, found: Paper1Study, claims: tuple[Claim, ...], doubts, out) -> None:
+def _write(
+    study: Study, found: Paper1Study, claims: tuple[Claim, ...], doubts, out, svg: bool
+) -> None:
     from kneejax.report import CLAIM_COLUMNS, map_figure, sweep_figure, write_reproduction
 
     rows = [[getattr(claim, column) for column in CLAIM_COLUMNS] for claim in claims]
@@ -102,4 +104,4 @@ def _write(study: Study, found: Paper1Study, claims: tuple[Claim, ...], doubts, 
     ]
     settings = {"study": _STUDY, "grid": list(_GRID), "values_of_a_sweep": _VALUES}
     title = "Paper 1: influence of ligament parameters on motion, and their identification"
-    write_reproduction(title, about, claims, figures, doubts, settings, versions(), out)
+    write_reproduction(title, about, claims, figures, doubts, settings, versions(), out, svg=svg)

@@ -33,7 +33,7 @@ def run(arguments: argparse.Namespace) -> int:
     with balances_on_terminal("knees") as progress:
         found = compare_knees(_knees(), progress=progress)
     claims = paper4_claims(found, _KINSHIP)
-    files = _write(found, claims, arguments.out)
+    files = _write(found, claims, arguments.out, arguments.svg)
     from kneejax.report import claims_summary
 
     print(claims_summary(claims))
@@ -49,7 +49,7 @@ def _knees() -> dict[str, Knee]:
     return knees | drawn
 
 
-def _write(found: KneeComparison, claims: tuple[Claim, ...], out) -> list[str]:
+def _write(found: KneeComparison, claims: tuple[Claim, ...], out, svg: bool) -> list[str]:
     from kneejax.report import CLAIM_COLUMNS, ramp_figure, score_figure, write_reproduction
 
     rows = [[getattr(claim, column) for column in CLAIM_COLUMNS] for claim in claims]
@@ -78,6 +78,7 @@ def _write(found: KneeComparison, claims: tuple[Claim, ...], out) -> list[str]:
         settings,
         found.versions,
         out,
+        svg=svg,
     )
     return ["reproduction.csv", "report.html", *write_tables(found, out)]
 

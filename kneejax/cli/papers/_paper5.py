@@ -31,7 +31,7 @@ def run(arguments: argparse.Namespace) -> int:
     except UnsuitableMotions as problem:
         raise UnsuitableData(str(problem)) from problem
     claims = paper5_claims(found)
-    files = _write(found, claims, arguments.out)
+    files = _write(found, claims, arguments.out, arguments.svg)
     from kneejax.report import claims_summary
 
     print(claims_summary(claims))
@@ -39,7 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _write(found: Paper5Study, claims: tuple[Claim, ...], out) -> list[str]:
+def _write(found: Paper5Study, claims: tuple[Claim, ...], out, svg: bool) -> list[str]:
     from kneejax.report import (
         CLAIM_COLUMNS,
         joint_comparison_figure,
@@ -91,6 +91,7 @@ def _write(found: Paper5Study, claims: tuple[Claim, ...], out) -> list[str]:
         settings,
         found.versions,
         out,
+        svg=svg,
     )
     return ["report.html", *tables]
 

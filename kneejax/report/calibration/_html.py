@@ -69,21 +69,25 @@ _DRAWN = {
 }
 
 
-def write_report(calibration: Calibration, folder: str | os.PathLike[str]) -> list[Path]:
+def write_report(
+    calibration: Calibration, folder: str | os.PathLike[str], *, svg: bool = False
+) -> list[Path]:
     """Write the report of a calibration with its figures.
 
     Args:
         calibration: what to report.
         folder: where; made if needed. Files of the same names are replaced.
+        svg: whether figures are saved as SVG as well; the page holds them in any case.
 
     Returns:
-        `report.html`, which needs no other file, then `figures/NAME.png` and `figures/NAME.svg`.
+        `report.html`, which needs no other file, then `figures/NAME.png`.
     """
     folder = Path(folder)
     paths, pictures = [], {}
     with _collection_paused():
         for name, draw in _DRAWN.items():
-            written, pictures[name] = save_and_inline(draw(calibration), folder / "figures", name)
+            figure = draw(calibration)
+            written, pictures[name] = save_and_inline(figure, folder / "figures", name, svg=svg)
             paths += written
     page = report_page(calibration, pictures)
     return [write_whole(folder / "report.html", page.encode()), *paths]

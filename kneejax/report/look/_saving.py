@@ -79,35 +79,39 @@ def picture_png(figure: Figure) -> bytes:
     return stream.getvalue()
 
 
-def save_figure(figure: Figure, folder: str | os.PathLike[str], name: str) -> list[Path]:
-    """Save a figure as `NAME.png` (200 dpi) and `NAME.svg`.
+def save_figure(
+    figure: Figure, folder: str | os.PathLike[str], name: str, *, svg: bool = False
+) -> list[Path]:
+    """Save a figure as `NAME.png` (200 dpi).
 
     Args:
         figure: what to save.
         folder: where; made if needed.
         name: of the files, without ending.
+        svg: whether `NAME.svg` is saved as well.
 
     Returns:
-        The two paths.
+        The paths.
     """
-    return save_and_inline(figure, Path(folder), name)[0]
+    drawn = picture_svg(figure, name) if svg else None
+    return _saved(figure, Path(folder), name, drawn)
 
 
-def save_and_inline(figure: Figure, folder: Path, name: str) -> tuple[list[Path], str]:
-    """Save a figure and hand back its SVG for a page, rendered once.
-
-    Args:
-        figure: what to save.
-        folder: where; made if needed.
-        name: of the files, without ending.
+def save_and_inline(
+    figure: Figure, folder: Path, name: str, *, svg: bool = False
+) -> tuple[list[Path], str]:
+    """As `save_figure`, and hand back its SVG for a page, rendered once.
 
     Returns:
-        The two paths, and the `<svg>` element.
+        The paths, and the `<svg>` element.
     """
-    svg, png = picture_svg(figure, name), picture_png(figure)
-    preamble = '<?xml version="1.0" encoding="utf-8"?>\n'
-    paths = [
-        write_whole(folder / f"{name}.png", png),
-        write_whole(folder / f"{name}.svg", (preamble + svg).encode()),
-    ]
-    return paths, svg
+    drawn = picture_svg(figure, name)
+    return _saved(figure, folder, name, drawn if svg else None), drawn
+
+
+def _saved(figure: Figure, folder: Path, name: str, svg: str | None) -> list[Path]:
+    paths = [write_whole(folder / f"{name}.png", picture_png(figure))]
+    if svg is not None:
+        preamble = '<?xml version="1.0" encoding="utf-8"?>\n'
+        paths.append(write_whole(folder / f"{name}.svg", (preamble + svg).encode()))
+    return paths

@@ -48,6 +48,8 @@ def write_reproduction(
     settings: Mapping[str, Any],
     versions: Mapping[str, str],
     folder: str | os.PathLike[str],
+    *,
+    svg: bool = False,
 ) -> list[Path]:
     """Write the report of a reproduction with its figures.
 
@@ -60,15 +62,16 @@ def write_reproduction(
         settings: everything needed to run it again.
         versions: package -> version.
         folder: where; made if needed. Files of the same names are replaced.
+        svg: whether figures are saved as SVG as well; the page holds them in any case.
 
     Returns:
-        `report.html`, which needs no other file, then `figures/NAME.png` and `figures/NAME.svg`.
+        `report.html`, which needs no other file, then `figures/NAME.png`.
     """
     folder, paths, pictures = Path(folder), [], ""
     for name, (figure, caption) in figures.items():
-        written, svg = save_and_inline(figure, folder / "figures", name)
+        written, drawn = save_and_inline(figure, folder / "figures", name, svg=svg)
         paths += written
-        pictures += picture(svg, caption)
+        pictures += picture(drawn, caption)
     body = [
         _head(title, about, claims, doubts),
         section("Claims", "".join(_article(claim) for claim in claims)),

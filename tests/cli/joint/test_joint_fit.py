@@ -83,7 +83,7 @@ def test_from_axis_points(tmp_path, poses, axes, capsys, figures):
     assert document["rmse"]["hinge"]["adduction"] > document["rmse"]["moving"]["adduction"]
     for name in ("axes", "motion"):
         assert (out / "figures" / f"{name}.png").stat().st_size > 10_000
-        assert (out / "figures" / f"{name}.svg").exists()
+        assert not (out / "figures" / f"{name}.svg").exists()
 
 
 def test_three_poses_make_the_general_joint(tmp_path, poses, axes, capsys):

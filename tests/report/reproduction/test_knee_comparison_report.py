@@ -75,7 +75,7 @@ def test_a_page_shows_every_claim_with_its_verdict_and_needs_nothing_else(tmp_pa
     paths = report.write_reproduction(
         "Paper <4>", ["About."], claims, drawn, found.doubts, {"a": 1}, found.versions, tmp_path
     )
-    assert [path.name for path in paths] == ["report.html", "scores.png", "scores.svg"]
+    assert [path.name for path in paths] == ["report.html", "scores.png"]
     page = paths[0].read_text()
     assert page.count("<article>") == len(claims)
     unknown = sum(claim.verdict == CANNOT_BE_JUDGED for claim in claims)
