@@ -135,6 +135,8 @@ _FIELDS = {
     "slack_length": "slack_length_mm",
     "transition_strain": "transition_strain",
     "transition_width": "transition_width",
+    "failure_strain": "failure_strain",
+    "damping": "damping_s",
 }
 #: Quantity of any part -> what its numbers may be.
 _OTHERS = {

@@ -27,6 +27,7 @@ PROPORTIONAL_SCALES = {
     "transition_strain": 0.3,
     "transition_width": 0.3,
     "failure_strain": 0.3,
+    "damping": 0.3,
 }
 #: Standard deviations whatever the value: a strain, and mm for how well an attachment is seen.
 FIXED_SCALES = {

@@ -58,11 +58,12 @@ def _names(knee):
 
 
 KNEE = _knee()
-#: No pose depends on the others: neither on where strains are stated nor on when a fibre tears.
+#: No pose depends on the others: where strains are stated, when a fibre tears, what resists haste.
 LEAVES = [
     name
     for name in _names(KNEE)
-    if not name.startswith(".reference_pose") and not name.endswith(".failure_strain")
+    if not name.startswith(".reference_pose")
+    and not name.endswith((".failure_strain", ".damping"))
 ]
 LANES = [*LEAVES, "flexion"]
 #: The largest change of a leaf in a difference, as a part of its scatter. A surface that bears

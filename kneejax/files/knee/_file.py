@@ -219,6 +219,7 @@ def _ligaments(parts: dict[str, Any], wraps: dict[str, Any], pose: Pose, file: s
             tuple(parts),
             courses,
             [part.get("failure_strain", usual) for part, usual in tears],
+            damping=[part.get("damping_s", 0.0) for part in parts.values()],
         )
 
     unloaded = fibres(np.ones(len(parts)))

@@ -54,6 +54,8 @@ class Ligaments(eqx.Module):
         transition_width: shape `(n, ...)`; rounding of the law's corners, in strain.
         failure_strain: shape `(n, ...)`; beyond it a fibre would tear. No force depends on it. The
             published value of each fibre's kind by default (`usual_failure_strain`).
+        damping: shape `(n, ...)`, s: stiffness times it times the rate of strain is the force that
+            resists stretching. Nothing at rest depends on it. 0 by default.
         courses: of the fibres that have via points or an obstacle; the others are straight.
         names: one name per fibre.
         bodies: the two bones that each fibre joins; femur and tibia where none are named.
@@ -71,6 +73,7 @@ class Ligaments(eqx.Module):
     transition_strain: Array
     transition_width: Array
     failure_strain: Array
+    damping: Array
     courses: tuple[Course, ...]
     names: tuple[str, ...] = eqx.field(static=True)
     bodies: tuple[Pair, ...] = eqx.field(static=True)
@@ -87,6 +90,7 @@ class Ligaments(eqx.Module):
         courses: tuple[Course, ...] | list[Course] = (),
         failure_strain: ArrayLike | None = None,
         bodies: tuple[Pair, ...] | None = None,
+        damping: ArrayLike | None = None,
     ):
         # No fibres at all come as empty lists.
         ends = [jnp.asarray(x, float) for x in (femoral_attachment, tibial_attachment)]
@@ -100,6 +104,8 @@ class Ligaments(eqx.Module):
             lanes = (1,) * (self.stiffness.ndim - 1)
             failure_strain = usual_failure_strain(names).reshape(-1, *lanes)
         self.failure_strain = jnp.asarray(failure_strain, float)
+        nothing = jnp.zeros_like(self.stiffness)
+        self.damping = nothing if damping is None else jnp.asarray(damping, float)
         self.courses = tuple(courses)
         self.names = tuple(names)
         self.bodies = (FEMUR_AND_TIBIA,) * len(self.names) if bodies is None else tuple(bodies)
