@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 import importlib
 import json
-import sys
 import threading
 from pathlib import Path
 
 from kneejax import studies
+from kneejax.cli._progress import stages_on_terminal
 from kneejax.files import (
     InputProblem,
     check_new,
@@ -27,11 +27,10 @@ def run(arguments: argparse.Namespace) -> int:
     study = studies.read_study(arguments.study)
     for new in ("knee.yaml", "result.json"):
         check_new(arguments.out / new, study.knee_name)
-    _progress(f"{study.title}: compiling, then balancing every pose")
     # XLA compiles without holding Python: what comes last is imported beside the search.
     threading.Thread(target=importlib.import_module, args=("kneejax.report",)).start()
-    result = studies.run(study)
-    _progress("writing the report")
+    with stages_on_terminal("calibration"):
+        result = studies.run(study)
     return _write(result, arguments.out, arguments.svg)
 
 
@@ -76,8 +75,3 @@ def _write_knee(out: Path) -> str:
     except InputProblem as problem:
         return str(problem)
     return ""
-
-
-def _progress(words: str) -> None:
-    if sys.stderr.isatty():
-        print(f"kneejax: {words} ...", file=sys.stderr)

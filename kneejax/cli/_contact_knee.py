@@ -9,6 +9,7 @@ from pathlib import Path
 import jax
 import numpy as np
 
+from kneejax.cli._progress import stages_on_terminal
 from kneejax.experiments import passive_flexion
 from kneejax.files import counted, load_knee, read_calibrated
 from kneejax.geometry import COORDINATES
@@ -75,7 +76,8 @@ def passive_motion(read: ContactKnee, flexion_deg: np.ndarray) -> KneeMotion:
     Returns:
         Its motion; poses that do not balance are NaN, and warned of.
     """
-    motion = jax.block_until_ready(passive_flexion(read.knee, flexion_deg))
+    with stages_on_terminal(read.knee.name):
+        motion = jax.block_until_ready(passive_flexion(read.knee, flexion_deg))
     table = np.array(motion.to_table())
     for coordinate, shift in read.frame_offset.items():
         table[:, list(COORDINATES).index(coordinate)] += shift

@@ -6,6 +6,7 @@ import argparse
 
 import numpy as np
 
+from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli._say_status import say_given
 from kneejax.experiments import (
     Mechanics,
@@ -55,7 +56,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Evaluate given poses, write ligaments.csv and contact.csv."""
     knee = load_knee(arguments.knee)
     table = read_poses(arguments.poses, arguments.convention)
-    found = evaluate(knee, Pose.from_table(table))
+    with stages_on_terminal(counted(len(table), "pose")):
+        found = evaluate(knee, Pose.from_table(table))
     status, ways = say_given(knee, found, range(len(table))), ways_of(found)
     out = arguments.out
     write_rows(out / "ligaments.csv", LIGAMENT_COLUMNS, _ligaments(knee, table, found, ways))

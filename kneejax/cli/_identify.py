@@ -8,6 +8,7 @@ from pathlib import Path
 
 from kneejax import studies
 from kneejax.cli._given import read_numbers, read_texts, said_of_options
+from kneejax.cli._progress import stages_on_terminal
 from kneejax.files import read_candidates, write_rows, write_text
 from kneejax.inference import Candidate, Identification, Posterior
 from kneejax.mechanics import load_words
@@ -18,7 +19,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Say what the data of a study determine; write tables and figures."""
     question = _question(arguments)
     study = studies.read_study(arguments.study)
-    with said_of_options(question):
+    with said_of_options(question), stages_on_terminal("what the data tell"):
         found = studies.run(study, question)
     return _write(found, arguments)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 
 from kneejax.cli._main import DONE, DOUBTFUL
+from kneejax.cli._progress import stages_on_terminal
 from kneejax.files import (
     add_osim_contacts,
     counted,
@@ -31,7 +32,8 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.geometry is None:
         write_text(file, format_knee(document))  # checked on reading; to build it takes longer
     else:
-        geometry = add_osim_contacts(read, arguments.geometry)
+        with stages_on_terminal("surfaces and layers"):
+            geometry = add_osim_contacts(read, arguments.geometry)
         document, findings = geometry.document, geometry.findings
         doubtful = doubtful or geometry.doubtful
         write_knee(document, file)

@@ -7,6 +7,7 @@ import copy
 from typing import Any
 
 from kneejax.cli._main import DONE, DOUBTFUL
+from kneejax.cli._progress import stages_on_terminal
 from kneejax.files import (
     InputProblem,
     MeshImport,
@@ -34,26 +35,27 @@ def run(arguments: argparse.Namespace) -> int:
         if knee.document["side"] != _SIDES[arguments.side]:
             expected = f"{knee.document['side'][0]}, the side of {knee.path}"
             raise InputProblem("--side", "side", arguments.side, expected)
-    found = import_meshes(
-        arguments.femur_cartilage,
-        arguments.tibia_cartilage,
-        side=arguments.side,
-        patellar_cartilage=arguments.patella_cartilage,
-        femur_bone=arguments.femur_bone,
-        tibia_bone=arguments.tibia_bone,
-        layer_thickness_mm=arguments.layer_thickness,
-        thickness=arguments.thickness,
-        youngs_modulus_MPa=arguments.modulus,
-        poisson_ratio=arguments.poisson_ratio,
-        law=arguments.law,
-        unit=arguments.unit,
-        axis_point_mm=arguments.axis_point,
-        axis_rotation_deg=arguments.axis_rotation or (0.0, 0.0, 0.0),
-        notch_mm=arguments.notch,
-        split_mm=arguments.split,
-        angle_deg=arguments.angle,
-        reference_pose=pose,
-    )
+    with stages_on_terminal("surfaces and layers"):
+        found = import_meshes(
+            arguments.femur_cartilage,
+            arguments.tibia_cartilage,
+            side=arguments.side,
+            patellar_cartilage=arguments.patella_cartilage,
+            femur_bone=arguments.femur_bone,
+            tibia_bone=arguments.tibia_bone,
+            layer_thickness_mm=arguments.layer_thickness,
+            thickness=arguments.thickness,
+            youngs_modulus_MPa=arguments.modulus,
+            poisson_ratio=arguments.poisson_ratio,
+            law=arguments.law,
+            unit=arguments.unit,
+            axis_point_mm=arguments.axis_point,
+            axis_rotation_deg=arguments.axis_rotation or (0.0, 0.0, 0.0),
+            notch_mm=arguments.notch,
+            split_mm=arguments.split,
+            angle_deg=arguments.angle,
+            reference_pose=pose,
+        )
     document = _contacts_only(arguments, found) if knee is None else _replaced(knee, found)
     if found.surfaces:
         document["surfaces"] = found.surfaces

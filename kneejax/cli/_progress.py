@@ -1,4 +1,4 @@
-"""Progress of long work: a line on a terminal, nothing in a pipe."""
+"""What a person waits for: a line on a terminal, nothing in a pipe."""
 
 from __future__ import annotations
 
@@ -9,31 +9,69 @@ from collections.abc import Callable, Iterator
 
 from tqdm import tqdm
 
+from kneejax.numerics import compiling
 from kneejax.statics import Progress
+
+#: After so long a person wonders, s.
+_PATIENCE_S = 2.0
+_EVERY_S = 0.5
+_WITHOUT_COUNT = "{desc}, {elapsed}"
 
 
 @contextlib.contextmanager
-def stages_on_terminal() -> Iterator[Callable[[str, int, int], None]]:
+def stages_on_terminal(what: str = "") -> Iterator[Callable[[str, int, int], None]]:
     """Show what is computed and how many balances are done, as long as the block lasts.
+
+    Until a stage is told, and in commands that tell none, the line says after two seconds how long
+    it has taken, and what is compiled: once for all later runs.
+
+    Args:
+        what: is computed, where no stage says so.
 
     Yields:
         What is to be called with a stage's name, balances done and asked for; from any thread.
     """
-    lock, shown = threading.Lock(), ""
+    lock, over, shown = threading.Lock(), threading.Event(), ""
     # disable=None: nothing where standard error is no terminal.
-    with tqdm(unit=" balances", unit_scale=True, disable=None, leave=False) as bar:
+    options = {"unit": " balances", "unit_scale": True, "disable": None, "leave": False}
+    with tqdm(bar_format=_WITHOUT_COUNT, delay=_PATIENCE_S, **options) as bar:
 
-        def show(what: str, done: int, total: int) -> None:
+        def show(stage: str, done: int, total: int) -> None:
             nonlocal shown
             with lock:
-                if what != shown:
-                    shown = what
+                if stage != shown:
+                    shown, bar.bar_format, bar.delay = stage, None, 0.0
                     bar.reset(total)
-                    bar.set_description(what)
+                    bar.set_description(stage)
                 bar.total = total
                 bar.update(max(done - bar.n, 0))
 
-        yield show
+        def wait() -> None:
+            pause = _PATIENCE_S
+            while not over.wait(pause):
+                pause = _EVERY_S
+                with lock:
+                    if not shown:
+                        bar.delay = 0.0  # what was shown is wiped out in the end
+                        bar.set_description_str(waiting_for(what, compiling()))
+
+        if not bar.disable:
+            threading.Thread(target=wait, daemon=True).start()
+        try:
+            yield show
+        finally:
+            over.set()
+
+
+def waiting_for(what: str, compiled: str | None) -> str:
+    """The words of the line while nothing is counted.
+
+    Example:
+        >>> waiting_for("calibration", "found")
+        'calibration: compiling (found; kept for later runs)'
+    """
+    now = f"compiling ({compiled}; kept for later runs)" if compiled else "computing"
+    return f"{what}: {now}" if what else now
 
 
 @contextlib.contextmanager
@@ -46,5 +84,5 @@ def balances_on_terminal(what: str) -> Iterator[Progress]:
     Yields:
         What the batch engine calls with balances done and asked for; from any thread.
     """
-    with stages_on_terminal() as show:
+    with stages_on_terminal(what) as show:
         yield functools.partial(show, what)

@@ -13,6 +13,7 @@ from kneejax.cli._displacement import (
     pose_lines,
 )
 from kneejax.cli._given import read_loads, read_pairs
+from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli._say_status import say_status
 from kneejax.experiments import (
     branches,
@@ -41,8 +42,9 @@ def run(arguments: argparse.Namespace) -> int:
     flexion = parse_flexion(arguments.flexion)
     values, loads = read_pairs("--set", arguments.values), read_loads(arguments.load)
     knee = cut(knee_with(load_knee(arguments.knee), values, "--set"), arguments.cut)
-    motion = passive_flexion(knee, flexion, [load_of(**loads)] if loads else [])
-    mechanics = evaluate(knee, motion.pose, motion.settled.meeting)
+    with stages_on_terminal(knee.name):
+        motion = passive_flexion(knee, flexion, [load_of(**loads)] if loads else [])
+        mechanics = evaluate(knee, motion.pose, motion.settled.meeting)
     table, status = np.array(motion.to_table()), with_flips(motion.status, mechanics)
     said = doubts(knee, mechanics, of_search(motion, loads))
     table[:, 0] = flexion

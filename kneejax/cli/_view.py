@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from kneejax import report
+from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli._say_status import say_given
 from kneejax.experiments import evaluate
 from kneejax.files import InputProblem, counted, load_knee, read_mesh_points, read_poses
@@ -35,7 +36,8 @@ def run(arguments: argparse.Namespace) -> int:
         expected = f"{problem.package}, which comes with pip install 'kneejax[view]'"
         raise InputProblem("kneejax view", problem.package, "not installed", expected) from None
     bones = [report.simplified(bone) for bone in bones]
-    scenes = report.scenes(knee, Pose.from_table(table), bones)
+    with stages_on_terminal(counted(len(table), "pose")):
+        scenes = report.scenes(knee, Pose.from_table(table), bones)
     written = [report.write_whole(out / "scene.html", report.scene_page(scenes).encode())]
     if knee.contacts:
         figure = report.pressure_figure(knee, Pose.from_table(table))

@@ -3,6 +3,7 @@
 from kneejax.numerics._arctangent import arctan2 as arctan2
 from kneejax.numerics._compiled import compiled as compiled
 from kneejax.numerics._compiled import compiler_options as compiler_options
+from kneejax.numerics._compiled import compiling as compiling
 from kneejax.numerics._compiled import share_memory_between_threads as share_memory_between_threads
 from kneejax.numerics._compiled import use_shared_fusion as use_shared_fusion
 from kneejax.numerics._configure import configure as configure

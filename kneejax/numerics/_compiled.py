@@ -20,6 +20,7 @@ import ctypes
 import functools
 import os
 import sys
+import threading
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -31,6 +32,15 @@ from kneejax.numerics._lanes import traced
 #: `M_ARENA_MAX` of GNU's malloc.h.
 _ARENA_MAX = -8
 _SHARED_FUSION = "--xla_backend_extra_options=xla_cpu_use_multi_output_fusion"
+
+
+#: Names of what is being compiled, by threads.
+_compiling: dict[int, str] = {}
+
+
+def compiling() -> str | None:
+    """What is being traced and compiled at this moment, if anything is."""
+    return next(iter(_compiling.copy().values()), None)
 
 
 def use_shared_fusion() -> bool:
@@ -79,8 +89,16 @@ def compiled(static_argnums: tuple[int, ...] = ()) -> Callable[[Callable], Calla
         def quick(within: bool) -> Callable:
             # Made at the first call: until then the process may still choose shared fusion.
             options = dict(compiler_options())
-            own = function if within else kept(function, static_argnums)
+            own = said(function if within else kept(function, static_argnums))
             return jax.jit(own, static_argnums=static_argnums, compiler_options=options)
+
+        def said(own: Callable) -> Callable:
+            @functools.wraps(function)
+            def begun(*arguments: Any) -> Any:
+                _compiling[threading.get_ident()] = function.__name__.strip("_")
+                return own(*arguments)
+
+            return begun
 
         @functools.wraps(function)
         def call(*arguments: Any) -> Any:
@@ -92,6 +110,8 @@ def compiled(static_argnums: tuple[int, ...] = ()) -> Callable[[Callable], Calla
                 if "compiler_options" not in str(problem):
                     raise
                 return plain(*arguments)
+            finally:
+                _compiling.pop(threading.get_ident(), None)
             if program._cache_size() > programs:
                 _hand_back_memory()
             return answer

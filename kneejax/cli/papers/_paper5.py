@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from kneejax.cli._progress import stages_on_terminal
 from kneejax.files import load_knee, write_rows
 from kneejax.joints import MEASURES, Comparison, UnsuitableMotions
 from kneejax.parameters import UnsuitableData
@@ -27,7 +28,8 @@ _SHOWN = CORRELATIONS[1]
 def run(arguments: argparse.Namespace) -> int:
     """Compute the study, judge the claims, print and write them."""
     try:
-        found = paper5_study(load_knee(DONOR))
+        with stages_on_terminal("cohorts"):
+            found = paper5_study(load_knee(DONOR))
     except UnsuitableMotions as problem:
         raise UnsuitableData(str(problem)) from problem
     claims = paper5_claims(found)
