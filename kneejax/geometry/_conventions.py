@@ -81,6 +81,7 @@ def grood_suntay_axes(tibia: Placement) -> Rotation:
 
     Example:
         >>> import numpy as np
+        >>> from kneejax.geometry import Pose
         >>> bent = Pose.from_table([90.0, 0.0, 20.0, 0.0, 0.0, 0.0]).placement
         >>> floating, long, transverse = np.array(grood_suntay_axes(bent)).round(6) + 0.0
         >>> floating.tolist(), long.tolist()

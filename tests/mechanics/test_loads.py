@@ -36,13 +36,13 @@ def placed(q):
 @pytest.mark.parametrize(("axes", "point_in"), list(itertools.product(AXES, BONES)))
 def test_a_load_does_the_work_of_moving_the_tibia(axes, point_in, central_difference):
     load = Load(FORCE, MOMENT, POINT, axes, point_in)
-    pose = geo.State.of({"flexion": FLEXION}, jnp.asarray(Q))
-    ours = np.stack(load.work(pose, geo.FREE_COORDINATES))
+    state = geo.State.of({"flexion": FLEXION}, jnp.asarray(Q))
+    ours = np.stack(load.work(state, geo.FREE_COORDINATES))
     r0, t0 = placed(Q)
     columns = {
         "femur": np.eye(3),
         "tibia": r0,
-        "grood_suntay": np.array(geo.grood_suntay_axes(pose.placement), float).T,
+        "grood_suntay": np.array(geo.grood_suntay_axes(state.tibia.placement), float).T,
     }[axes]
     force, moment = columns @ FORCE, columns @ MOMENT
     point = r0 @ POINT + t0 if point_in == "tibia" else np.array(POINT, float)
@@ -64,8 +64,8 @@ def test_a_dead_force_on_a_tibial_point_is_the_slope_of_a_potential():
         tip = geo.State.of({"flexion": FLEXION}, q).tibia.placement.apply(geo.vector(load.point))
         return -geo.dot(geo.vector(load.force), tip)
 
-    pose = geo.State.of({"flexion": FLEXION}, jnp.asarray(Q))
-    ours = load.work(pose, geo.FREE_COORDINATES)
+    state = geo.State.of({"flexion": FLEXION}, jnp.asarray(Q))
+    ours = load.work(state, geo.FREE_COORDINATES)
     expected = -np.asarray(jax.grad(potential)(jnp.asarray(Q)))
     np.testing.assert_allclose(np.asarray(ours), expected, rtol=1e-12, atol=1e-10)
 
@@ -73,8 +73,8 @@ def test_a_dead_force_on_a_tibial_point_is_the_slope_of_a_potential():
 def test_a_load_in_a_batch_has_a_row_for_each_coordinate():
     load = jax.tree.map(lambda x: x[..., None], Load(FORCE, MOMENT, POINT, "tibia", "femur"))
     q = jnp.asarray(Q)[:, None] + jnp.linspace(0.0, 0.1, 4)
-    pose = geo.State.of({"flexion": FLEXION}, q)
-    together = np.stack(load.work(pose, geo.FREE_COORDINATES))
+    state = geo.State.of({"flexion": FLEXION}, q)
+    together = np.stack(load.work(state, geo.FREE_COORDINATES))
     assert together.shape == (5, 4)
     one = geo.State.of({"flexion": FLEXION}, q[:, 2])
     single = Load(FORCE, MOMENT, POINT, "tibia", "femur")

@@ -26,6 +26,7 @@ EPICONDYLES = np.array([[3.0, 12.7, -40.6], [4.7, 6.1, 39.3]])
 pytestmark = pytest.mark.skipif(not TABLE.exists(), reason="../shared is not there")
 
 
+@pytest.mark.slow
 def test_between_its_two_ends_the_moving_axis_follows_where_the_hinge_does_not(tmp_path, capsys):
     """Calibrated on the frames within 2 degrees of 10 and of 45, averaged; 41 frames between."""
     measured, axes, out = (tmp_path / name for name in ("mri.csv", "axes.yaml", "out"))

@@ -107,7 +107,7 @@ def _ligaments(knee: Knee, parts: Mapping[str, Any], every_fibre: bool) -> list[
 
 def _lengths(knee: Knee, every_fibre: bool) -> np.ndarray:
     """At the reference pose; NaN for fibres that are not straight, unless those are asked for."""
-    ligaments, place = knee.ligaments, knee.reference_pose.placement
+    ligaments, place = knee.ligaments, knee.at_reference
     if every_fibre and ligaments.courses:
         return np.array(jax.jit(Ligaments.length)(ligaments, place))
     straight = eqx.tree_at(lambda x: x.courses, ligaments, ())

@@ -1,5 +1,7 @@
 """Geodesics of the ellipsoid against an independent minimisation, and against a sphere's."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -137,7 +139,8 @@ def test_pulls_over_many_obstacles(rng, central_difference):
         pull = jnp.stack([*path.pull_start, *path.pull_end])
         return pull, (path.length, path.detour_other_side)
 
-    @jax.jit
+    # Fused, without optimisation, values are computed anew at each of their many uses.
+    @functools.partial(jax.jit, compiler_options={"xla_disable_hlo_passes": "fusion"})
     def followed(shift):
         pull, push, rest = jax.linearize(pulls, shift, has_aux=True)
         return pull, *rest, jax.vmap(push, out_axes=-1)(jnp.eye(6))

@@ -182,6 +182,7 @@ def test_a_constant_frame_offset_is_found(knee, clean):
     assert found["lateral"] == pytest.approx(-1.1, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_a_slack_ligament_is_named_not_hidden(knee):
     """An ACL that is slack at every pose leaves no trace in the motion."""
     slack = kj.with_values(knee, {"ACL.reference_strain": -0.19})
@@ -276,6 +277,7 @@ def test_a_flexion_where_the_start_finds_no_balance_counts_in_no_mean(knee, clea
     assert "1 pose was left out" in " ".join(result.notes)
 
 
+@pytest.mark.slow
 def test_measured_motion_of_the_bundled_knees_person(knee):
     """Cine-MRI of the same person: the fit reaches the noise of the measurement."""
     study = Path(bundled_path("studies", "lenhart2015_mri"))

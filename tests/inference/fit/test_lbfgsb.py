@@ -88,6 +88,7 @@ def twin():
     return functools.partial(kj.calibrate, knee, measured, study.parameters, procedures=("III",))
 
 
+@pytest.mark.slow
 def test_the_twin_ends_where_least_squares_ends(twin):
     """Two roads, one minimum: within 1/500 of every parameter's error."""
     reference, answer = twin().fit, twin(method="lbfgsb").fit

@@ -130,6 +130,7 @@ def test_offsets_are_added_and_taken_away(exact):
     np.testing.assert_array_equal(back.values, exact.values)
 
 
+@pytest.mark.slow
 def test_printed_intervals_of_a_bent_valley_hold_the_truth(knee, exact):
     """Twelve poses, noise of 0.2 mm and degrees, weights of paper 1: 24 motions, 192 intervals.
 

@@ -81,6 +81,7 @@ def test_what_has_no_balance_says_so_and_comes_back(live, measured):
     np.testing.assert_allclose(back.table, measured, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_drag_through_lost_poses_and_back_changes_nothing(live, measured):
     lost = []
     for strain in [*np.linspace(0.07, -0.1, 18), *np.linspace(-0.1, 0.07, 18)]:

@@ -1,3 +1,4 @@
+import functools
 from typing import NamedTuple
 
 import equinox as eqx
@@ -93,7 +94,8 @@ class Followed(NamedTuple):
     slope: jax.Array
 
 
-@jax.jit
+# Fused, without optimisation, values are computed anew at each of their many uses.
+@functools.partial(jax.jit, compiler_options={"xla_disable_hlo_passes": "fusion"})
 def followed(ligaments, pose):
     """One program for each kind of course: three would share most of what they compile."""
     wrench, push = jax.linearize(lambda x: pull(ligaments, x), pose)
