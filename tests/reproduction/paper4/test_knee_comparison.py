@@ -145,7 +145,7 @@ def test_a_change_of_nothing_scores_nothing(compared):
 @compiled()
 def settled_on_a_ramp(knee, stations):
     lanes = stations.load(add_lane_axis(knee))
-    reference = lanes.reference_pose.at(stations.free)
+    reference = lanes.at_reference.at(stations.free)
     q = jnp.broadcast_to(reference, (len(reference), len(stations)))
     nowhere = jnp.full((knee.patch_count, 2, len(stations)), jnp.nan)
     return settle(lanes, stations.prescribed, Guess(q, nowhere))
