@@ -89,7 +89,7 @@ def paths(folder):
 
 def test_files_are_complete_and_the_page_needs_nothing_else(folder, paths):
     assert paths[0] == folder / "report.html"
-    assert len(paths) == 11
+    assert len(paths) == 6
     assert all(path.stat().st_size > 1000 for path in paths)
     assert sorted(p for p in folder.rglob("*") if p.is_file()) == sorted(paths)
     page = paths[0].read_text(encoding="utf-8")
