@@ -23,7 +23,7 @@ def stages_on_terminal(what: str = "") -> Iterator[Callable[[str, int, int], Non
     """Show what is computed and how many balances are done, as long as the block lasts.
 
     Until a stage is told, and in commands that tell none, the line says after two seconds how long
-    it has taken, and what is compiled: once for all later runs.
+    it has taken, and whether it is the compiler that is waited for.
 
     Args:
         what: is computed, where no stage says so.
@@ -53,7 +53,7 @@ def stages_on_terminal(what: str = "") -> Iterator[Callable[[str, int, int], Non
                 with lock:
                     if not shown:
                         bar.delay = 0.0  # what was shown is wiped out in the end
-                        bar.set_description_str(waiting_for(what, compiling()))
+                        bar.set_description_str(waiting_for(what, bool(compiling())))
 
         if not bar.disable:
             threading.Thread(target=wait, daemon=True).start()
@@ -63,14 +63,14 @@ def stages_on_terminal(what: str = "") -> Iterator[Callable[[str, int, int], Non
             over.set()
 
 
-def waiting_for(what: str, compiled: str | None) -> str:
+def waiting_for(what: str, compiles: bool) -> str:
     """The words of the line while nothing is counted.
 
     Example:
-        >>> waiting_for("calibration", "found")
-        'calibration: compiling (found; kept for later runs)'
+        >>> waiting_for("calibration", True)
+        'calibration: compiling (kept for later runs)'
     """
-    now = f"compiling ({compiled}; kept for later runs)" if compiled else "computing"
+    now = "compiling (kept for later runs)" if compiles else "computing"
     return f"{what}: {now}" if what else now
 
 

@@ -60,7 +60,7 @@ def test_what_is_compiled_is_told_while_it_is(terminal):
     assert compiling() is None
     assert float(twice(jnp.ones(3))[0]) == 2.0
     assert seen[0] == "twice" and compiling() is None
-    assert "a motion: compiling (twice; kept for later runs)" in terminal.getvalue()
+    assert "a motion: compiling (kept for later runs)" in terminal.getvalue()
 
 
 def test_nothing_is_said_in_a_pipe(monkeypatch, quick):
