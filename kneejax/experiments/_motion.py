@@ -19,7 +19,6 @@ from kneejax.geometry import (
     convert,
     coordinate,
     coordinates_of,
-    scales,
     table_units,
 )
 from kneejax.mechanics import Knee, Load, add_lane_axis
@@ -31,13 +30,10 @@ from kneejax.statics import (
     Status,
     differentiable,
     force,
-    newton_step_left,
     own_motion,
+    settled_of,
     walked_in_trace,
 )
-
-#: Fields of a solution that a walk has found.
-_FOUND = ("q", "meeting", "status", "fault", "steps")
 
 
 class Motion(eqx.Module):
@@ -212,19 +208,9 @@ def passive_flexion(
 
 def _found(knee: Knee, stations: Stations) -> tuple[Settled, Array]:
     """The balances, and how much of the load was reached."""
-    found = own_motion(knee, _itself, np.zeros(()), stations).at(0)
-    holding = {name: np.moveaxis(x, 0, -1) for name, x in found.holding.items()}
-    units = scales(stations.free)
-    left_mm, pivots = newton_step_left(holding["tangent"], holding["residual"], units)
-    settled = Settled(
-        prescribed=stations.prescribed,
-        **{name: np.moveaxis(getattr(found, name), 0, -1) for name in _FOUND},
-        **holding,
-        left_mm=left_mm,
-        pivots=pivots,
-        bodies=stations.bodies,
-    )
-    return jax.tree.map(jnp.asarray, (settled, found.reached))
+    found = own_motion(knee, _itself, np.zeros(()), stations)
+    nodes = {name: np.moveaxis(x, 0, -1) for name, x in found.in_nodes().items()}
+    return settled_of(stations, nodes), jnp.asarray(found.reached[0])
 
 
 def _found_in_trace(knee: Knee, stations: Stations) -> tuple[Settled, Array]:

@@ -15,7 +15,6 @@ from kneejax.numerics import compiler_options
 from kneejax.numerics._elimination import solve
 from kneejax.parameters import select
 from kneejax.statics import (
-    SEARCH,
     EnergyNewton,
     Guess,
     Stations,
@@ -77,12 +76,10 @@ def test_forces_on_the_tibia_sum_to_zero(knee, motion):
 def poses_of(knee, motion):
     selection = select(knee, ("*.stiffness", "*.reference_strain"))
     values, stations = np.asarray(selection.read(knee)), Stations.at(FLEXION)
-    known = balance_with_slopes(knee, selection.apply, values[None], stations, search=SEARCH)
+    known = balance_with_slopes(knee, selection.apply, values[None], stations)
 
     def run(x):
-        return balance_with_slopes(
-            knee, selection.apply, x[None], stations, known, lanes=32, search=SEARCH
-        )
+        return balance_with_slopes(knee, selection.apply, x[None], stations, known)
 
     return values, run
 

@@ -39,7 +39,7 @@ def surety_of(
         upper: bounds.
     """
     names = named(problem.selection) + offset_units(problem.offsets)
-    data, balance = replace(problem.cases, noise=np.ones(5)), problem.balance_of_many()
+    data, balance = replace(problem.cases, noise=np.ones(5)), problem.balance
     return sureties(balance, data, found, problem.weights, stated, lower, upper, names)[0]
 
 

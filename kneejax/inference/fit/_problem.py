@@ -17,12 +17,8 @@ from kneejax.inference.fit._load_cases import (
     without_offsets,
 )
 from kneejax.mechanics import Knee
-from kneejax.numerics import lanes_for
 from kneejax.parameters import Selection
-from kneejax.statics import SEARCH, Slopes, Stations, balance_with_slopes
-
-#: Motions that take as long as tracing the program for many of them.
-_FEW = 150
+from kneejax.statics import Slopes, Stations, balance_with_slopes
 
 
 @dataclasses.dataclass(frozen=True)
@@ -108,39 +104,15 @@ class Problem:
         values = np.asarray(values, float)
         parameters, shifts = np.split(values, [len(self.selection)], axis=1)
         found = balance_with_slopes(
-            self.knee, self.selection.apply, parameters, self.cases.stations,
-            lanes=self._lanes, search=SEARCH,
-        )  # fmt: skip
+            self.knee, self.selection.apply, parameters, self.cases.stations
+        )
         return add_offsets(found, shifts, self.offsets)
 
     @property
     def balance(self) -> Balance:
-        """Balances at values, from near ones; in calls of few lanes."""
-
-        def of_parameters(values: np.ndarray, near: Slopes) -> Slopes:
-            return balance_with_slopes(
-                self.knee, self.selection.apply, values, self.cases.stations, near,
-                lanes=self._lanes, search=SEARCH,
-            )  # fmt: skip
-
+        """Balances at values, from near ones."""
+        of_parameters = balances_of(self.knee, self.selection, self.cases.stations)
         return with_offsets(of_parameters, self.offsets)
-
-    def balance_of_many(self) -> Balance:
-        """As `balance`, in calls of many lanes once there are so many that tracing them pays.
-
-        Most limits of a fit take some 70 motions; a valley that is nearly flat takes thousands.
-        """
-        many = with_offsets(
-            balances_of(self.knee, self.selection, self.cases.stations), self.offsets
-        )
-        few, done = self.balance, 0
-
-        def balance(values: np.ndarray, near: Slopes) -> Slopes:
-            nonlocal done
-            done += len(values)
-            return (few if done <= _FEW else many)(values, near)
-
-        return balance
 
     def table(self, found: Slopes) -> np.ndarray:
         """Free coordinates of one fit as measured, with its constants, degrees and mm, `(5, n)`."""
@@ -163,10 +135,6 @@ class Problem:
         """Weighted residuals of one fit, and by the values."""
         residual, slope = self.cases.residual(found)
         return residual[0], slope[0]
-
-    @property
-    def _lanes(self) -> int:
-        return lanes_for(len(self.cases.stations))
 
 
 def balances_of(knee: Knee, selection: Selection, stations: Stations) -> Balance:

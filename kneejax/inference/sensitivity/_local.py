@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 
 from kneejax.inference.fit import TABLE_UNITS
 from kneejax.mechanics import Knee
-from kneejax.numerics import lanes_for
 from kneejax.parameters import (
     Selection,
     UnsuitableData,
@@ -18,7 +17,7 @@ from kneejax.parameters import (
     prior_scales,
     select,
 )
-from kneejax.statics import SEARCH, Stations, balance_with_slopes
+from kneejax.statics import Stations, balance_with_slopes
 
 #: How a slope is scaled -> words that finish "mm or degrees per ...".
 SCALES = {"prior": "standard deviation of the prior", "percent": "per cent of the parameter"}
@@ -96,9 +95,7 @@ def local_sensitivity(
     widths = step_widths(selection, values, scale, given)
     flexion = np.atleast_1d(np.asarray(flexion_deg, float))
     stations = Stations.at(flexion)
-    found = balance_with_slopes(
-        knee, selection.apply, values[None], stations, lanes=lanes_for(len(flexion)), search=SEARCH
-    )
+    found = balance_with_slopes(knee, selection.apply, values[None], stations)
     return LocalSensitivity(
         selection.names,
         tuple(selection.unit(i) for i in range(len(selection))),

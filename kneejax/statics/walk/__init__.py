@@ -1,6 +1,7 @@
 """Many balances: variants of a knee at stations, walked to along paths."""
 
 from kneejax.statics.walk._balances import Balances as Balances
+from kneejax.statics.walk._balances import settled_of as settled_of
 from kneejax.statics.walk._batch import Progress as Progress
 from kneejax.statics.walk._batch import balance_lines as balance_lines
 from kneejax.statics.walk._batch import balance_many as balance_many

@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from typing import Any
 
 import jax
 import numpy as np
+from jax import Array
 
-from kneejax.geometry import FREE_COORDINATES, table_units
+from kneejax.geometry import FREE_COORDINATES, scales, table_units
+from kneejax.statics._settle import Settled
+from kneejax.statics._softness import newton_step_left
 from kneejax.statics._status import converged
 from kneejax.statics.walk._paths import Found
+from kneejax.statics.walk._stations import Stations
+
+#: Fields of `Settled` that a walk finds, besides what holds a balance.
+_FOUND = ("q", "meeting", "status", "fault", "steps")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,6 +65,26 @@ class Balances:
         free = arrays.pop("free")
         return Balances(**jax.tree.map(lambda x: x[where], arrays), free=free)
 
+    def in_nodes(self) -> dict[str, np.ndarray]:
+        """What `settled_of` makes balances of, one node after the other; holding must be known."""
+        every = {name: getattr(self, name) for name in _FOUND} | self.holding
+        axes = self.status.ndim
+        return {name: x.reshape(self.status.size, *x.shape[axes:]) for name, x in every.items()}
+
+    def only(self, nodes: np.ndarray, status: np.ndarray) -> Balances:
+        """The same with nothing known but some nodes, `(variants, stations)`, and a status where
+        they are none."""
+
+        def kept(x: np.ndarray) -> np.ndarray:
+            return np.where(nodes.reshape(*nodes.shape, *(1,) * (x.ndim - 2)), x, np.nan)
+
+        return dataclasses.replace(
+            self,
+            q=kept(self.q),
+            meeting=kept(self.meeting),
+            status=np.where(nodes, self.status, status),
+        )
+
     @property
     def table(self) -> np.ndarray:
         """Free coordinates in degrees and mm, `(variants, stations, free)`."""
@@ -66,3 +94,21 @@ class Balances:
     def converged(self) -> np.ndarray:
         """Where forces balance, `(variants, stations)`."""
         return converged(self.status)
+
+
+@jax.jit
+def settled_of(stations: Stations, nodes: Mapping[str, Array]) -> Settled:
+    """Balances that a walk has found, as what the derivative follows.
+
+    Args:
+        stations: of each node.
+        nodes: see `Balances.in_nodes`, but arrays end in lanes.
+
+    Returns:
+        One lane a node.
+    """
+    units = scales(stations.free)
+    left_mm, pivots = newton_step_left(nodes["tangent"], nodes["residual"], units)
+    return Settled(
+        stations.prescribed, **nodes, left_mm=left_mm, pivots=pivots, bodies=stations.bodies
+    )

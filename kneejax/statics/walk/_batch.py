@@ -203,6 +203,31 @@ def own_motion(knee: Knee, vary: Vary, base: Any, stations: Stations) -> Balance
     return _by_themselves(knee, vary, one, stations, {})
 
 
+def balance_near(variants: Variants, stations: Stations, q, meeting, tangent) -> Balances:
+    """Balance variants at stations, each node by itself near where it is expected.
+
+    Args:
+        variants: of one knee.
+        stations: any choice of prescribed coordinates, `plain`.
+        q: free coordinates to begin with, `(variants, stations, free)`; NaN where nothing is known,
+            and so are the next two.
+        meeting: parameters of the meeting points, `(variants, stations, n, 2)`.
+        tangent: stiffness there, `(variants, stations, free, free)`.
+
+    Returns:
+        The balances, with what holds them.
+    """
+    size, knee = len(stations), variants.knee
+    reference = np.asarray(knee.at_reference.at(stations.free))
+    own = np.tile(reference, (size, 1)), np.zeros((size, knee.patch_count, 2))
+    found = Found.nothing(len(variants), own, {})
+    walker = Walker(variants, stations, found, lambda _: None)
+    every = np.arange(len(variants))
+    nodes = single_nodes(found, every, (q, meeting), np.nan_to_num(tangent))
+    _walk_all(walker, nodes, _ALONG_VALUES)
+    return Balances.of(found, (len(variants),), stations.free)
+
+
 def _by_themselves(
     knee: Knee, vary: Vary, values: Any, stations: Stations, holding: dict | None = None
 ) -> Balances:

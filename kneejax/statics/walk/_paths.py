@@ -80,6 +80,7 @@ class Paths:
         source: variant from which it is predicted, -1 for the knee itself, `(paths,)`.
         q: how far the first node is expected from the own motion, `(paths, free)`.
         meeting: likewise, `(paths, n, 2)`; NaN where it is not known.
+        tangent: stiffness near there, `(paths, free, free)`; zero where it is not known.
     """
 
     variant: np.ndarray
@@ -89,6 +90,7 @@ class Paths:
     source: np.ndarray
     q: np.ndarray
     meeting: np.ndarray
+    tangent: np.ndarray
 
     def __len__(self) -> int:
         return len(self.length)
@@ -99,8 +101,9 @@ class Paths:
 
 
 def paths(
-    found: Found, variant, station, length, q=0.0, meeting=np.nan, origin=None, source=None
-) -> Paths:
+    found: Found, variant, station, length, q=0.0, meeting=np.nan, origin=None, source=None,
+    tangent=0.0,
+) -> Paths:  # fmt: skip
     """Paths whose first node is expected so far from the own motion, as at the origin."""
     count, patches, free = len(length), found.meeting.shape[2], found.q.shape[2]
     return Paths(
@@ -111,11 +114,21 @@ def paths(
         variant[:, :1].reshape(-1) if source is None else source,
         np.broadcast_to(q, (count, free)),
         np.broadcast_to(meeting, (count, patches, 2)),
+        np.broadcast_to(tangent, (count, free, free)),
     )
 
 
-def single_nodes(found: Found, variants: np.ndarray, near: Own | None) -> Paths:
-    """Some variants at all stations, each a path of one node."""
+def single_nodes(
+    found: Found, variants: np.ndarray, near: Own | None, tangent: np.ndarray | float = 0.0
+) -> Paths:
+    """Some variants at all stations, each a path of one node.
+
+    Args:
+        found: so far.
+        variants: rows.
+        near: where each node is expected, `(variants, stations, ...)`; the own motion by default.
+        tangent: stiffness there, `(variants, stations, free, free)`; zero where it is not known.
+    """
     size = found.status.shape[1]
     variant, station = (
         x.reshape(-1, 1) for x in np.meshgrid(variants, np.arange(size), indexing="ij")
@@ -124,7 +137,8 @@ def single_nodes(found: Found, variants: np.ndarray, near: Own | None) -> Paths:
     if near is None:
         itself = np.full(len(variant), -1)
         return paths(found, variant, station, one, meeting=0.0, source=itself)
-    return paths(found, variant, station, one, *_away(found, *near))
+    stiffness = np.reshape(tangent, (-1, *np.shape(tangent)[2:]))
+    return paths(found, variant, station, one, *_away(found, *near), tangent=stiffness)
 
 
 def along_chains(
@@ -183,7 +197,7 @@ def _away(found: Found, q: np.ndarray, meeting: np.ndarray) -> tuple[np.ndarray,
     """How far poses `(rows, stations, ...)` are from the own motion; none where they are lost."""
     lost = np.asarray(np.isnan(q).any(axis=-1)).reshape(-1)
     away_q = (q - found.own[0]).reshape(-1, q.shape[-1])
-    away_meeting = (meeting - found.own[1]).reshape(-1, *meeting.shape[2:])
+    away_meeting = (meeting - found.own[1]).reshape(len(lost), *meeting.shape[2:])
     return (
         np.where(lost[:, None], 0.0, away_q),
         np.where(lost[:, None, None], np.nan, away_meeting),

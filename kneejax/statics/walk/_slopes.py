@@ -11,18 +11,15 @@ import numpy as np
 
 from kneejax.mechanics import Knee
 from kneejax.numerics import compiled, on_all_cores
-from kneejax.statics._newton import EnergyNewton, Guess
-from kneejax.statics._settle import Settled, differentiable, settle
+from kneejax.statics._settle import differentiable
 from kneejax.statics._status import converged
-from kneejax.statics.walk._balances import Balances
-from kneejax.statics.walk._batch import balance_many, own_motion
+from kneejax.statics.walk._balances import Balances, settled_of
+from kneejax.statics.walk._batch import balance_many, balance_near, own_motion
 from kneejax.statics.walk._stations import Stations
-from kneejax.statics.walk._variants import Variants, Vary, in_lanes, with_numbers
+from kneejax.statics.walk._variants import Variants, Vary, in_lanes
 
-#: Searches begin from a linear prediction; what is farther off is searched by `balance_many`.
-_SEARCH = EnergyNewton(atol=1e-8, most_steps=32)
-#: Lanes of a call; each takes Python half as long as the compiled program (benchmarks/profiles.py:
-#: eight profiles in 0.22 s, with 64 lanes in 0.55 s).
+#: Lanes of a call: XLA makes a slower program of fewer (four ligaments: 1.3 ms with 32 lanes, 2.6
+#: with 64, 0.6 with 128).
 _LANES = 128
 
 
@@ -63,18 +60,10 @@ class Slopes:
             getattr(self, field.name)[rows] = getattr(others, field.name)
 
 
-@compiled(static_argnums=(4,))
-def _found(
-    knee: Knee, numbers: dict[int, Any], stations: Stations, guess: Guess, search: EnergyNewton
-) -> Settled:
-    """One node in each lane: the same program whatever varies."""
-    lanes = stations.load(with_numbers(knee, numbers))
-    return settle(lanes, stations.prescribed, guess, search)
-
-
 @compiled(static_argnums=(0,))
-def _slopes(vary: Vary, knee: Knee, values, stations: Stations, settled: Settled):
+def _slopes(vary: Vary, knee: Knee, values, stations: Stations, known: dict[str, Any]):
     """Derivatives of coordinates and meeting points by each lane's values, lanes first."""
+    settled = settled_of(stations, known)
 
     def poses(x):
         lanes = stations.load(in_lanes(knee, vary, x))
@@ -94,9 +83,6 @@ def balance_with_slopes(
     values: np.ndarray,
     stations: Stations,
     near: Slopes | None = None,
-    *,
-    lanes: int = _LANES,
-    search: EnergyNewton = _SEARCH,
 ) -> Slopes:
     """Balance variants of a knee at stations, with exact derivatives by their values.
 
@@ -106,57 +92,46 @@ def balance_with_slopes(
         values: `(variants, p)`.
         stations: as in `balance_many`.
         near: of near values, one variant each, to predict from; by default each variant is
-            searched from the motion of the first one.
-        lanes: of a call; few where a motion is balanced by itself.
-        search: how to find each balance from its guess.
+            walked to as in `balance_many`.
 
     Returns:
         The `Slopes`; a node without a balance is NaN by itself.
     """
-    values = np.asarray(values, float)
-    if near is None and len(values) == 1:
-        found = own_motion(knee, vary, values[0], stations)
-    elif near is None:
-        found = balance_many(knee, vary, values[0], values, stations)
-    if near is None:
-        guess = found.q, found.meeting, np.zeros((*found.status.shape, *(len(stations.free),) * 2))
-    else:
+    values, stations = np.asarray(values, float), stations.of(knee)
+    marks = jax.tree.map(np.asarray, stations.plain())
+    variants = Variants.of(knee, vary, values)
+    if near is not None:
         step = values - near.values
         q = near.q + np.einsum("vscp,vp->vsc", near.jacobian, step)
         meeting = near.meeting + np.einsum("vsncp,vp->vsnc", near.meeting_jacobian, step)
-        guess = q, meeting, near.tangent
-    answer = _in_chunks(knee, vary, values, stations, guess, lanes, search)
-    return answer if near is not None else _as_walked(answer, found)
+        found = balance_near(variants, marks, q, meeting, near.tangent)
+    elif len(values) == 1:
+        found = own_motion(knee, vary, values[0], stations)
+    else:
+        walked = balance_many(knee, vary, values[0], values, stations)
+        unknown = np.zeros((*walked.status.shape, *(len(stations.free),) * 2))
+        found = balance_near(variants, marks, walked.q, walked.meeting, unknown)
+        # Where walks found nothing, nothing is known: from there a search may end anywhere.
+        found = found.only(walked.converged, walked.status)
+    return _with_slopes(variants, marks, found)
 
 
-def _as_walked(found: Slopes, walked: Balances) -> Slopes:
-    """With nothing known where walks found nothing: from there a search may end anywhere."""
-    lost = ~walked.converged
-    for name in ("q", "jacobian", "meeting", "meeting_jacobian"):
-        getattr(found, name)[lost] = np.nan
-    found.status[lost] = walked.status[lost]
-    return found
+def _with_slopes(variants: Variants, stations: Stations, found: Balances) -> Slopes:
+    """Nodes dealt to lanes, calls of `_LANES` to threads."""
+    count, size = found.status.shape
+    nodes = found.in_nodes()
 
+    def some(first: int):
+        rows = np.minimum(np.arange(first, first + _LANES), count * size - 1)
+        at = jax.tree.map(lambda x: x[rows % size], stations)
+        here = {name: np.moveaxis(x[rows], 0, -1) for name, x in nodes.items()}
+        values = variants.values[rows // size]
+        return tuple(map(np.asarray, _slopes(variants.vary, variants.knee, values, at, here)))
 
-def _in_chunks(knee, vary, values, stations: Stations, guess, lanes, search) -> Slopes:
-    """Nodes dealt to lanes, chunks of lanes to threads."""
-    count, size = len(values), len(stations)
-    q, meeting, tangent = (x.reshape(count * size, *x.shape[2:]) for x in guess)
-    marks = jax.tree.map(np.asarray, stations.plain())
-    variants = Variants.of(knee, vary, values)
-
-    def chunk(first: int):
-        rows = np.minimum(np.arange(first, first + lanes), count * size - 1)
-        here = Guess(*(np.moveaxis(x[rows], 0, -1) for x in (q, meeting, tangent)))
-        variant, at = rows // size, jax.tree.map(lambda x: x[rows % size], marks)
-        numbers = {leaf: x[variant] for leaf, x in variants.numbers.items()}
-        found = _found(knee, numbers, at, here, search)
-        slopes = _slopes(vary, knee, values[variant], at, found)
-        of_nodes = (found.q, found.meeting, found.tangent)
-        q_, met, stiffness = (np.moveaxis(np.asarray(x), -1, 0) for x in of_nodes)
-        slope, met_slope = map(np.asarray, slopes)
-        return q_, slope, met, met_slope, stiffness, np.asarray(found.status)
-
-    parts = on_all_cores(chunk, range(0, count * size, lanes))
+    parts = on_all_cores(some, range(0, count * size, _LANES))
     whole = (np.concatenate(x)[: count * size] for x in zip(*parts, strict=True))
-    return Slopes(values, *(x.reshape(count, size, *x.shape[1:]) for x in whole))
+    slope, met_slope = (x.reshape(count, size, *x.shape[1:]) for x in whole)
+    tangent = found.holding["tangent"]
+    return Slopes(
+        variants.values, found.q, slope, found.meeting, met_slope, tangent, found.status
+    )

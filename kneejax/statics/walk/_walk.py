@@ -28,6 +28,8 @@ from kneejax.statics.walk._variants import Variants
 LANES, LANES_OVER_POINTS = 64, 8
 #: Nodes of a call in each lane.
 _STRETCH = 32
+#: Lanes for each one that a call leaves on its way, where others wait; of paths of one node.
+_ROOM, _ROOM_OF_ONE = 2, 8
 #: Flexion between stations beyond which distances from the own motion are not extrapolated, rad.
 _FAR = np.deg2rad(12.0)
 
@@ -73,19 +75,24 @@ class Walker:
         """
         place, left = np.zeros(len(paths), int), paths.length.copy()
         memory = self._nothing_behind(self._met(paths))
+        # What has no end of its path in sight begins its node anew; a path of one node all of it.
+        share = _ROOM if paths.station.shape[1] > 1 else _ROOM_OF_ONE
         while left.any():
             rows = np.argsort(-left, kind="stable")[: min(self.lanes, np.count_nonzero(left))]
             # Where others wait, lanes that are through make room for them.
-            fewest = self.lanes // 2 if np.count_nonzero(left) > len(rows) else 0
-            reached = self._stretch(paths, rows, place[rows], memory, give_up, fewest)
+            fewest = self.lanes // share if np.count_nonzero(left) > len(rows) else 0
+            reached, behind = self._stretch(paths, rows, place[rows], memory, give_up, fewest)
             ended = self._note(paths, rows, place[rows], reached)
             place[rows] += ended
-            left = np.where(memory.lost < give_up, paths.length - place, 0)
+            left = paths.length - place
+            if left.any():
+                _keep(memory, rows, behind)
+                left = np.where(memory.lost < give_up, left, 0)
             with self._count:
                 self.report(int(ended.sum()))
 
-    def _stretch(self, paths: Paths, rows, place, memory: Memory, give_up, fewest) -> Reached:
-        """Walk some paths for a stretch; keeps their memory."""
+    def _stretch(self, paths: Paths, rows, place, memory: Memory, give_up, fewest):
+        """Walk some paths for a stretch: what became of its nodes, and what is remembered."""
         # Lanes beyond the rows have nothing ahead of them.
         lane = np.minimum(np.arange(self.lanes), len(rows) - 1)
         row, at = rows[lane], place[lane]
@@ -107,8 +114,8 @@ class Walker:
         )
         behind = _taken(memory, row)
         log, turn, behind = walk_stretch(self.variants.knee, nodes, behind, give_up, fewest)
-        _keep(memory, rows, behind)
-        return jax.tree.map(lambda x: x[..., : len(rows)], turn.unpacked(np.asarray(log)))
+        reached = jax.tree.map(lambda x: x[..., : len(rows)], turn.unpacked(np.asarray(log)))
+        return reached, behind
 
     def _place(self, variant: np.ndarray, station: np.ndarray) -> Place:
         """Numbers of variants at stations, and the own motion there."""
@@ -154,8 +161,10 @@ class Walker:
         if self.found.holding is not None:
             for name, values in reached.holding.items():
                 there = values[when, ..., lane]
-                every = np.full((*self.found.status.shape, *there.shape[1:]), np.nan)
-                self.found.holding.setdefault(name, every)[node] = there
+                if name not in self.found.holding:
+                    every = np.full((*self.found.status.shape, *there.shape[1:]), np.nan)
+                    self.found.holding.setdefault(name, every)
+                self.found.holding[name][node] = there
         # How far along the stride to a node the last balance was.
         self.found.share[node] = np.clip(reached.way[when, lane] - along, 0.0, 1.0)
         return ended.sum(axis=0)
@@ -196,7 +205,7 @@ class Walker:
             based=(paths.origin != first) | (paths.source != source),
             wary=np.zeros(count, bool),
             aim=np.ones(count),
-            tangent=np.zeros((paths.q.shape[1],) * 2 + (count,)),
+            tangent=np.moveaxis(paths.tangent, 0, -1).copy(),
             softness=np.full(count, np.inf),
             steps=np.zeros(count, int),
         )
