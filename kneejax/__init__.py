@@ -45,6 +45,7 @@ _MODULES = {
     "Knee": "kneejax.mechanics",
     "Load": "kneejax.mechanics",
     "load_of": "kneejax.mechanics",
+    "write_report": "kneejax.report",
     "Status": "kneejax.statics",
     "configure": "kneejax.numerics",
     "use_shared_fusion": "kneejax.numerics",
@@ -103,6 +104,7 @@ if TYPE_CHECKING:
     from kneejax.parameters import cut as cut
     from kneejax.parameters import select as select
     from kneejax.parameters import with_values as with_values
+    from kneejax.report import write_report as write_report
     from kneejax.statics import Status as Status
     from kneejax.studies import Identify as Identify
     from kneejax.studies import Map as Map

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from functools import partial
 
 import equinox as eqx
 import jax
@@ -210,8 +211,12 @@ class Knee(eqx.Module):
         ends = sum(line.work_of_end(state) for line in self.lines)
         return tuple(x + ends if n == "flexion" else x for n, x in zip(names, rows, strict=True))
 
+    @partial(jax.jit, inline=True)
     def reference_length(self) -> Array:
-        """Length of each fibre at the reference pose, shape `(n,)`, mm."""
+        """Length of each fibre at the reference pose, shape `(n,)`, mm.
+
+        Jitted: operation by operation it took most of the time of a Jacobian by reference strains.
+        """
         return self.ligaments.length(self.at_reference)
 
     def reference_strain(self) -> Array:

@@ -132,13 +132,7 @@ def changes_of(
 
 
 def _lengths(knee: Knee) -> np.ndarray:
-    return np.asarray(_reference_length(knee))
-
-
-@eqx.filter_jit
-def _reference_length(knee: Knee) -> jax.Array:
-    # Compiled: ways around obstacles are slow to find operation by operation.
-    return knee.reference_length()
+    return np.asarray(knee.reference_length())
 
 
 def _halved(knee: Knee, same: Fibres, length: np.ndarray, rows: list[int], value: float) -> Fibres:
