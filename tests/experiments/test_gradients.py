@@ -281,9 +281,11 @@ def test_the_mechanics_of_a_pose_follow_each_number_and_the_pose(case, central_d
 
 
 def test_a_motion_with_its_jacobian_costs_hardly_more_than_the_motion():
-    """1.6 times (benchmarks/jacobian.py). Seconds of the processor, of which a machine that has much
-    else to do takes more for the Python of the two: 1.8 times there, at worst 2.2. A motion that were
-    searched twice, or written operation by operation, would be above what is allowed."""
+    """1.6 times (benchmarks/jacobian.py), in seconds of the processor.
+
+    A machine with much else to do shows 1.8, at worst 2.2. A motion that is searched twice, or
+    parameters written operation by operation, would be above what is allowed.
+    """
     knee, flexion = kj.load_knee("four_ligament"), np.arange(0.0, 121.0, 5.0)
     selection = kj.select(knee, ["*.stiffness", "*.reference_strain"])
     values = np.asarray(selection.read(knee))
