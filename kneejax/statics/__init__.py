@@ -8,7 +8,6 @@ from kneejax.statics._faults import ContactFaults as ContactFaults
 from kneejax.statics._faults import Faults as Faults
 from kneejax.statics._newton import EnergyNewton as EnergyNewton
 from kneejax.statics._newton import Guess as Guess
-from kneejax.statics._settle import SEARCH as SEARCH
 from kneejax.statics._settle import Settled as Settled
 from kneejax.statics._settle import differentiable as differentiable
 from kneejax.statics._settle import needs_float64 as needs_float64

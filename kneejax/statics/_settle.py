@@ -33,8 +33,6 @@ from kneejax.statics._newton import (
 from kneejax.statics._softness import newton_step_left
 from kneejax.statics._status import Status, converged
 
-#: How the balance of one pose is found unless a caller says otherwise.
-SEARCH = EnergyNewton()
 # Backstop of the solver's loop; a search ends by its own `most_steps`.
 _MOST_ROUNDS = 256
 
@@ -96,7 +94,7 @@ class Settled(eqx.Module):
 
 
 def settle(
-    knee: Knee, prescribed: Prescribed, guess: Guess, search: EnergyNewton = SEARCH
+    knee: Knee, prescribed: Prescribed, guess: Guess, search: EnergyNewton = EnergyNewton()
 ) -> Settled:
     """Find the balance near a guess.
 

@@ -59,6 +59,7 @@ def effect(sweep: Sweep) -> np.ndarray:
 
 
 def effect_of(found: Paper1Study, name: str, coordinate: str) -> np.ndarray:
+    """`effect` of one parameter on one coordinate, `(stations,)`, degrees or mm."""
     return effect(found.sweeps[name])[:, FREE_COORDINATES.index(coordinate)]
 
 
