@@ -33,6 +33,7 @@ from kneejax.statics._newton import (
 from kneejax.statics._softness import newton_step_left
 from kneejax.statics._status import Status, converged
 
+_SEARCH = EnergyNewton()
 # Backstop of the solver's loop; a search ends by its own `most_steps`.
 _MOST_ROUNDS = 256
 
@@ -94,7 +95,7 @@ class Settled(eqx.Module):
 
 
 def settle(
-    knee: Knee, prescribed: Prescribed, guess: Guess, search: EnergyNewton = EnergyNewton()
+    knee: Knee, prescribed: Prescribed, guess: Guess, search: EnergyNewton = _SEARCH
 ) -> Settled:
     """Find the balance near a guess.
 
