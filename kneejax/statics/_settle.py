@@ -211,6 +211,13 @@ def holding(here: SearchState) -> dict[str, Array]:
     )
 
 
+def shapes_of_holding(free: int, patches: int) -> dict[str, tuple[int, ...]]:
+    """Shapes of what `holding` gives, without lanes."""
+    return dict(
+        residual=(free,), tangent=(free, free), drift=(free, patches, 2), depth=(patches,)
+    )
+
+
 def fault_of(knee: Knee, prescribed: Prescribed, here: SearchState, pivots: Array) -> Array:
     """What the pose at which a search ended is by itself, balanced or not; `Status` values."""
     stable = jnp.where(jnp.all(pivots > 0, axis=0), int(Status.BALANCED), int(Status.UNSTABLE))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -139,7 +140,9 @@ class Problem:
 
 def balances_of(knee: Knee, selection: Selection, stations: Stations) -> Balance:
     """Balances of a knee's variants, many at a time."""
-    return lambda values, near: balance_with_slopes(knee, selection.apply, values, stations, near)
+    # A fit asks a hundred times: what is the same each time is made once.
+    there = jax.tree.map(np.asarray, stations.of(knee).plain())
+    return lambda values, near: balance_with_slopes(knee, selection.apply, values, there, near)
 
 
 def offset_units(offsets: tuple[str, ...]) -> list[tuple[str, str]]:

@@ -340,9 +340,11 @@ def _counter(progress: Progress | None, total: int) -> Callable[[int], None]:
 def _walk_all(walker: Walker, rows: Paths, give_up: int) -> None:
     """Deal the paths to threads; arguments as in `Walker.walk`."""
     count = len(rows)
+    if not count:
+        return
     least, longest = (walker.lanes * size for size in _LOT)
     most = min(max(-(-count // 2), least), longest)
     # Neighbours are alike, and the hard ones would all be in the last lot.
-    lots = max(-(-count // most), 1)
+    lots = -(-count // most)
     lots = [rows.take(slice(i, None, lots)) for i in range(lots)]
     on_all_cores(lambda lot: walker.walk(lot, give_up), lots)

@@ -19,10 +19,19 @@ from kneejax.geometry import State, coordinates_of, free_of, scales
 from kneejax.mechanics import Knee, Support
 from kneejax.numerics import compiled, on_all_cores
 from kneejax.statics._balance import balance
+from kneejax.statics._settle import shapes_of_holding
 from kneejax.statics._softness import softness_of
 from kneejax.statics._status import Status, converged
 from kneejax.statics.walk._balances import Balances
-from kneejax.statics.walk._places import Memory, Nodes, Place, Reached
+from kneejax.statics.walk._places import (
+    Memory,
+    Nodes,
+    Place,
+    Reached,
+    in_rows,
+    packed,
+    unpacked,
+)
 from kneejax.statics.walk._stations import Stations
 from kneejax.statics.walk._stretch import walk_stretch
 from kneejax.statics.walk._variants import Variants, with_numbers
@@ -67,10 +76,7 @@ def _not_begun(stations: Stations, before: Balances) -> Balances:
     shape, free = before.status.shape, stations.free
     size, patches = len(free), before.meeting.shape[2]
     status = np.where(before.converged, int(Status.NOT_CONVERGED), before.status)
-    holding = {
-        "residual": (size,), "tangent": (size, size), "drift": (size, patches, 2),
-        "depth": (patches,),
-    }  # fmt: skip
+    holding = shapes_of_holding(size, patches)
     return Balances(
         np.full((*shape, size), np.nan),
         np.full(before.meeting.shape, np.nan),
@@ -101,40 +107,49 @@ def _moved(variants: Variants, wanted: Stations, variant, q, meeting) -> dict[st
         supports=supports,
     )
     at_rest = np.stack([own[name] for name in free], axis=1)
-    ahead = jax.tree.map(lambda x: x[None], (numbers, ends, at_rest, meeting))
+    there, last = (
+        jax.tree.map(np.asarray, Place(numbers, place, at_rest, meeting)) for place in (ends, here)
+    )
     yes, no = np.ones(lanes, bool), np.zeros(lanes, bool)
     nodes = Nodes(
-        *ahead, even=no[None], reach=np.full((1, lanes), np.inf), loading=yes[None],
-        first=np.zeros(lanes), length=np.ones(lanes, int),
-    )  # fmt: skip
+        like=jax.tree.map(lambda x: x[0], there),
+        places=in_rows(there, 1)[None],
+        even=no[None],
+        reach=np.full((1, lanes), np.inf),
+        loading=yes[None],
+        first=np.zeros(lanes),
+        length=np.ones(lanes, int),
+    )
     memory = Memory(
+        lost=np.zeros(lanes, int),
         away_q=np.zeros((3, len(free), lanes)),
         away_meeting=np.zeros((3, *meeting.shape[1:], lanes)),
         when=np.zeros((3, lanes)),
-        last=Place(numbers, here, at_rest, meeting),
+        last=in_rows(last, 1).T,
         known=np.ones(lanes, int),
-        lost=np.zeros(lanes, int),
         begun=yes, based=yes, wary=no,
         aim=np.ones(lanes),
         tangent=np.moveaxis(tangent, 0, -1),
         softness=softness,
         steps=np.zeros(lanes, int),
     )  # fmt: skip
-    return _what_became(_walked(knee, nodes, memory), softness)
+    like = Reached.like(len(free), meeting.shape[1])
+    return _what_became(_walked(knee, nodes, packed(memory), like), softness)
 
 
-def _walked(knee: Knee, nodes: Nodes, memory: Memory) -> Reached:
+def _walked(knee: Knee, nodes: Nodes, memory: np.ndarray, like: Reached) -> Reached:
     """What became of one node in each lane; a call leaves lanes behind that take long."""
     lanes, ended = len(nodes.first), []
     left = np.ones(lanes, bool)
     while left.any():
         ahead = dataclasses.replace(nodes, length=left.astype(int))
-        log, turn, memory = walk_stretch(knee, ahead, memory, 1, 0)
-        ended.append(turn.unpacked(np.asarray(log)))
-        left &= ~(ended[-1].place >= 0).any(axis=0)
-    every = jax.tree.map(lambda *x: np.concatenate(x), *ended)
-    when, lane = np.argmax(every.place >= 0, axis=0), np.arange(lanes)
-    return jax.tree.map(lambda x: x[when, ..., lane], every)
+        log, memory = walk_stretch(knee, ahead, memory, 1, 0)
+        ended.append(np.asarray(log))
+        left &= ~(ended[-1][:, 0] >= 0).any(axis=0)
+    every = np.concatenate(ended)
+    when, lane = np.argmax(every[:, 0] >= 0, axis=0), np.arange(lanes)
+    reached = unpacked(every[when, :, lane].T, like)
+    return jax.tree.map(lambda x: np.moveaxis(x, -1, 0), reached)
 
 
 def _what_became(reached: Reached, softness_before: np.ndarray) -> dict[str, np.ndarray]:
@@ -158,7 +173,8 @@ def _what_became(reached: Reached, softness_before: np.ndarray) -> dict[str, np.
 def _beginning(knee: Knee, numbers: dict[int, Any], wanted: Stations, q, meeting):
     """All coordinates where nodes begin, what supports those that will be free, the stiffness of
     the free ones, and how little force moves them; arrays begin with the node."""
-    knees = wanted.load(with_numbers(knee, numbers))
+    in_lanes = {leaf: jnp.moveaxis(x, 0, -1) for leaf, x in numbers.items()}
+    knees = wanted.load(with_numbers(knee, in_lanes))
     bent, names = {"flexion": wanted.flexion}, coordinates_of(wanted.bodies)
     state = State.of(bent, q.T, wanted.bodies)
     met = jnp.moveaxis(meeting, 0, -1)

@@ -17,10 +17,18 @@ from jax import Array, lax
 
 from kneejax.geometry import scales
 from kneejax.mechanics import Knee
-from kneejax.statics._settle import Settled
+from kneejax.statics._settle import Settled, shapes_of_holding
 from kneejax.statics._softness import newton_step_left
 from kneejax.statics._status import Status, converged
-from kneejax.statics.walk._places import Memory, Nodes, Place, Reached
+from kneejax.statics.walk._places import (
+    Memory,
+    Nodes,
+    Place,
+    Reached,
+    in_rows,
+    packed,
+    unpacked,
+)
 from kneejax.statics.walk._routes import STRIDE, longest_stride_mm
 from kneejax.statics.walk._stations import Stations
 from kneejax.statics.walk._stretch import first_meeting, walk_stretch
@@ -36,14 +44,14 @@ _AROUND = 9
 class _Trip(eqx.Module):
     """Where lanes are on their ways: how many strides of a way around they take, how many nodes lie
     behind them, whether they are over, whether they balanced at home and at the end of the stem,
-    what they remember, and what they found at their stations."""
+    what they remember, packed, and what they found at their stations."""
 
     around: Array
     place: Array
     over: Array
     at_home: Array
     on_stem: Array
-    memory: Memory
+    memory: Array
     found: Settled
 
 
@@ -63,10 +71,10 @@ def walked_in_trace(knee: Knee, stations: Stations) -> Settled:
 
     def a_stretch(trip: _Trip) -> _Trip:
         nodes, stem = _ahead(knee, stations, stages, trip)
-        log, turn, memory = walk_stretch(
+        log, memory = walk_stretch(
             knee, nodes, trip.memory, jnp.asarray(_GIVE_UP), jnp.asarray(0)
         )
-        reached = turn.unpacked(log)
+        reached = unpacked(log, Reached.like(len(stations.free), knee.patch_count))
 
         def balanced(place: Array) -> Array:
             there = (reached.place == place - trip.place) & (nodes.length > 0)
@@ -77,7 +85,7 @@ def walked_in_trace(knee: Knee, stations: Stations) -> Settled:
         arrived = ~trip.over & (place == stem + stages)
         found = _at_the_end(stations, reached, nodes.length, on_stem)
         found = _choose(arrived, found, trip.found)
-        over = arrived | trip.over | (memory.lost >= _GIVE_UP)
+        over = arrived | trip.over | (memory[0] >= _GIVE_UP)
         # Once more, by way of the detour.
         anew = over & ~at_home & (trip.around == 0) & ~found.converged
         return _Trip(
@@ -86,7 +94,7 @@ def walked_in_trace(knee: Knee, stations: Stations) -> Settled:
             over & ~anew,
             at_home,
             on_stem & ~anew,
-            _begun_anew(anew, begin, memory),
+            jnp.where(anew, begin, memory),
             found,
         )
 
@@ -111,11 +119,15 @@ def _ahead(knee: Knee, stations: Stations, stages: int, trip: _Trip) -> tuple[No
     bend, alike = jnp.abs(here - last), jnp.abs(here - 2.0 * last + before) <= 1e-6 * STRIDE
     loading = place >= stem
     q = knee.at_reference.at(stations.free)
-    nodes = Nodes(
+    there = Place(
         {},
         Stations({"flexion": here}, _grown(stations, place - stem, stages), bodies=stations.bodies),
         jnp.broadcast_to(q, (*here.shape, len(q))),
         jnp.zeros((*here.shape, knee.patch_count, 2)),
+    )
+    nodes = Nodes(
+        jax.tree.map(lambda x: x[0, 0], there),
+        in_rows(there, 2),
         even=(alike | (place < 2)) & ~loading,
         reach=jnp.where(bend > 0, longest_stride_mm(jnp.rad2deg(bend)), jnp.inf),
         loading=loading,
@@ -138,8 +150,8 @@ def _grown(stations: Stations, stage: Array, stages: int):
     )  # fmt: skip
 
 
-def _nothing_behind(knee: Knee, stations: Stations) -> Memory:
-    """Of lanes at the reference pose, with the meeting points there."""
+def _nothing_behind(knee: Knee, stations: Stations) -> Array:
+    """The memory of lanes at the reference pose, with the meeting points there, packed."""
     at_home = jnp.broadcast_to(knee.reference_pose.flexion, stations.flexion.shape)
     home = dataclasses.replace(
         stations,
@@ -148,16 +160,19 @@ def _nothing_behind(knee: Knee, stations: Stations) -> Memory:
     )
     own = knee.at_reference.at(stations.free)
     lanes, free = len(stations), len(own)
-    q = jnp.broadcast_to(own, (lanes, free))
-    meeting = first_meeting(knee, {}, home, q)
+    q, met = jnp.broadcast_to(own, (lanes, free)), jnp.zeros((lanes, knee.patch_count, 2))
+    last = Place({}, home, q, met)
+    here = in_rows(last, 1).T
+    like = jax.tree.map(lambda x: x[0], last)
+    meeting = first_meeting(knee, like, here, jnp.zeros((free, lanes)))
     no, nothing = jnp.zeros(lanes, bool), jnp.zeros(lanes, int)
-    return Memory(
+    behind = Memory(
+        lost=nothing,
         away_q=jnp.zeros((3, free, lanes)),
         away_meeting=jnp.broadcast_to(meeting, (3, *meeting.shape)),
         when=jnp.zeros((3, lanes)),
-        last=Place({}, home, q, jnp.zeros((lanes, *meeting.shape[:2]))),
+        last=here,
         known=nothing,
-        lost=nothing,
         begun=no,
         based=no,
         wary=no,
@@ -166,17 +181,7 @@ def _nothing_behind(knee: Knee, stations: Stations) -> Memory:
         softness=jnp.full(lanes, jnp.inf),
         steps=nothing,
     )
-
-
-def _begun_anew(lanes: Array, begin: Memory, memory: Memory) -> Memory:
-    """The memory, of some lanes that of the beginning."""
-    first = jax.tree.map(
-        lambda new, old: jnp.where(lanes.reshape(-1, *(1,) * (old.ndim - 1)), new, old),
-        begin.last,
-        memory.last,
-    )
-    begin, memory = (dataclasses.replace(one, last=None) for one in (begin, memory))
-    return dataclasses.replace(_choose(lanes, begin, memory), last=first)
+    return packed(behind)
 
 
 def _choose(lanes: Array, new, old):
@@ -211,16 +216,15 @@ def _nowhere(knee: Knee, stations: Stations) -> Settled:
     """No balance in any lane."""
     lanes, free, patches = len(stations), len(stations.free), knee.patch_count
     lost = jnp.full(lanes, int(Status.NOT_CONVERGED))
-    unknown = jnp.full((free, lanes), jnp.nan)
+    nothing = {
+        name: jnp.zeros((*shape, lanes)) for name, shape in shapes_of_holding(free, patches).items()
+    }
     return Settled(
         stations.prescribed,
-        unknown,
+        jnp.full((free, lanes), jnp.nan),
         jnp.full((patches, 2, lanes), jnp.nan),
-        residual=unknown,
-        tangent=jnp.zeros((free, free, lanes)),
-        drift=jnp.zeros((free, patches, 2, lanes)),
-        pivots=unknown,
-        depth=jnp.zeros((patches, lanes)),
+        **nothing,
+        pivots=jnp.full((free, lanes), jnp.nan),
         status=lost,
         fault=lost,
         left_mm=jnp.full(lanes, jnp.nan),

@@ -14,6 +14,9 @@ from jax.typing import ArrayLike
 from kneejax.geometry import TIBIA, Prescribed, free_of, prescribed_of
 from kneejax.mechanics import GROOD_SUNTAY, Knee, Load, Support
 
+#: Name of loads whose own does not matter.
+_PLAIN = "load"
+
 
 class Stations(eqx.Module):
     """What is prescribed, with loads that act besides those of the knee; the first axis counts.
@@ -103,21 +106,26 @@ class Stations(eqx.Module):
 
     def of(self, knee: Knee) -> Stations:
         """The same stations, of all that moves in a knee."""
-        return dataclasses.replace(self, bodies=knee.bodies)
+        same = self.bodies == knee.bodies
+        return self if same else dataclasses.replace(self, bodies=knee.bodies)
 
     def plain(self) -> Stations:
         """The same with at least one load and without names: one compiled program serves more."""
+        if self.loads and all(load.name == _PLAIN for load in self.loads):
+            return self
         nothing = Load(jnp.zeros((len(self), 3)), jnp.zeros((len(self), 3)),
                        jnp.zeros((len(self), 3)), axes=GROOD_SUNTAY)  # fmt: skip
         loads = self.loads or (nothing,)
-        plain = tuple(dataclasses.replace(x, name="load") for x in loads)
+        plain = tuple(dataclasses.replace(x, name=_PLAIN) for x in loads)
         return dataclasses.replace(self, loads=plain)
 
     def load(self, knee: Knee) -> Knee:
         """A knee whose leaves end in lanes, one lane a station, with these loads added."""
-        acting = (*self.loads, *self.supports)
-        loads = jax.tree.map(lambda x: jnp.moveaxis(x, 0, -1), acting)
-        return dataclasses.replace(knee, loads=(*knee.loads, *loads))
+        return jax.tree.map(lambda x: jnp.moveaxis(x, 0, -1), self).added_to(knee)
+
+    def added_to(self, knee: Knee) -> Knee:
+        """As `load`, where the arrays of these stations end in lanes."""
+        return dataclasses.replace(knee, loads=(*knee.loads, *self.loads, *self.supports))
 
 
 def _but_flexion(held: Mapping[str, ArrayLike]) -> Mapping[str, ArrayLike]:

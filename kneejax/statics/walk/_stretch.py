@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import dataclasses
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -28,9 +28,7 @@ from kneejax.statics._search_state import Guess, Phase, SearchState
 from kneejax.statics._settle import fault_of, holding, with_meeting
 from kneejax.statics._softness import softness_of
 from kneejax.statics._status import Status, converged
-from kneejax.statics.walk._places import Memory, Nodes, Place, Reached, in_front
-from kneejax.statics.walk._stations import Stations
-from kneejax.statics.walk._variants import with_numbers
+from kneejax.statics.walk._places import Memory, Nodes, Place, Reached, packed, unpacked
 
 _ACCURACY_MM = 1e-7
 #: Looks for a node that is predicted, for a part of the way, and for one that was lost or is not
@@ -53,14 +51,14 @@ _LOADED_MM = 2.0
 
 class _Walk(eqx.Module):
     """State of the loop: turns in which nodes ended, the place of each lane, whether it goes on and
-    searches with patience, where it searches and looks next."""
+    searches with patience, where it searches, packed, and looks next."""
 
     turns: Array
     place: Array
     goes: Array
     patient: Array
     memory: Memory
-    here: Place
+    here: Array
     y: Guess
     state: SearchState
     log: Array | None
@@ -68,21 +66,20 @@ class _Walk(eqx.Module):
 
 @compiled()
 def walk_stretch(
-    knee: Knee, nodes: Nodes, memory: Memory, give_up: Array, fewest: Array
-) -> tuple[Array, Reached, Memory]:
+    knee: Knee, nodes: Nodes, memory: Array, give_up: Array, fewest: Array
+) -> tuple[Array, Array]:
     """Walk all lanes along their places, each at its own pace.
 
     Args:
         knee: without a lane axis.
         nodes: what lies ahead.
-        memory: of what lies behind.
+        memory: of what lies behind, packed.
         give_up: lost nodes in a row after which a lane stops.
         fewest: lanes that must go on, or the walk ends; those that are on their way to a node begin
             it anew with the next call.
 
     Returns:
-        What became of the nodes, packed, and one turn of it, for `Reached.unpacked`; and the memory
-        with which to go on.
+        What became of the nodes, and the memory with which to go on, both packed.
     """
     stretch, turns = _Stretch(knee, nodes, give_up), _ENDS * nodes.even.shape[0]
 
@@ -90,17 +87,19 @@ def walk_stretch(
         going = jnp.sum(walk.goes)
         return (walk.turns < turns) & (going > 0) & (going >= fewest)
 
-    walk, nothing = stretch.begun(memory)
-    row = _entry(walk, nothing)
-    log = jnp.broadcast_to(row.packed(), (turns, *row.packed().shape))
+    walk, nothing = stretch.begun(unpacked(memory, Memory.like(nodes.like)))
+    turn = _entry(walk, nothing)
+    log = jnp.broadcast_to(turn, (turns, *turn.shape))
     walk = lax.while_loop(
         unfinished, partial(stretch.a_look, nothing), dataclasses.replace(walk, log=log)
     )
-    return walk.log, row, walk.memory
+    return walk.log, packed(walk.memory)
 
 
-def _entry(walk: _Walk, verdict: dict[str, Array]) -> Reached:
-    return Reached(q=walk.y.q, meeting=walk.y.meeting, holding=holding(walk.state), **verdict)
+def _entry(walk: _Walk, verdict: dict[str, Array]) -> Array:
+    """A turn of the log; one by one the writing of its numbers took 2 % of a turn."""
+    held = holding(walk.state)
+    return packed(Reached(q=walk.y.q, meeting=walk.y.meeting, holding=held, **verdict))
 
 
 class _Judged(NamedTuple):
@@ -139,40 +138,39 @@ class _Stretch(NamedTuple):
     @property
     def units(self) -> tuple[float, ...]:
         """rad and mm of each free coordinate that count as 1 mm."""
-        return scales(self.nodes.stations.free)
+        return scales(self.nodes.like.stations.free)
 
-    def at(self, place: Array) -> tuple[Array, Array]:
-        """Where the numbers of a place stand, in each lane."""
-        places, lanes = self.nodes.even.shape
-        return jnp.minimum(place, places - 1), jnp.arange(lanes)
+    def read(self, here: Array) -> Place:
+        """A place that was packed."""
+        return unpacked(here, self.nodes.like)
 
-    def node(self, place: Array) -> Place:
-        """The node at a place of each lane."""
-        nodes = self.nodes
-        every = nodes.numbers, nodes.stations, nodes.q, nodes.meeting
-        return Place(*jax.tree.map(lambda x: x[self.at(place)], every))
-
-    def loaded(self, here: Place) -> tuple[Knee, Prescribed]:
+    def loaded(self, here: Array) -> tuple[Knee, Prescribed]:
         """Knees with their loads, and what is prescribed to them."""
-        knees = here.stations.load(with_numbers(self.knee, here.numbers))
-        return knees.for_many_poses(), here.stations.prescribed
+        place = self.read(here)
+        return place.loaded(self.knee), place.stations.prescribed
+
+    def towards(self, last: Array, place: Array, part: Array) -> Array:
+        """A part of the straight way to the node at a place of each lane."""
+        end = self.nodes.places[self.nodes.at(place)].T
+        way = jnp.where(part >= 1.0, end, last + part * (end - last))
+        # A force that grows acts where it will act.
+        return jnp.where(self.nodes.like.rows_of_points()[:, None], end, way)
 
     def when(self, place: Array, memory: Memory) -> Array:
         """How far along its path a lane is where it aims at."""
         full = self.nodes.first + place + 1.0 - memory.when[0]
         return memory.when[0] + memory.aim * full
 
-    def aimed(self, place: Array, memory: Memory) -> tuple[Place, Guess, Array]:
+    def aimed(self, place: Array, memory: Memory) -> tuple[Array, Guess, Array]:
         """Where lanes aim at, where their searches begin, and whether with patience."""
-        here = memory.last.towards(self.node(place), memory.aim)
+        here = self.towards(memory.last, place, memory.aim)
         known = jnp.where(memory.wary, 0, memory.known)
         ahead = self.when(place, memory)
+        own = self.read(here)
         q, meeting = (
-            jnp.moveaxis(near, 0, -1) + _extrapolated(away, memory.when, ahead, known)
-            for near, away in (
-                (here.q, memory.away_q), (here.meeting, memory.away_meeting),
-            )
-        )  # fmt: skip
+            near + _extrapolated(away, memory.when, ahead, known)
+            for near, away in ((own.q, memory.away_q), (own.meeting, memory.away_meeting))
+        )
         # What is not predicted may be far: to try it quickly first would be in vain.
         patient = known < 2
         return here, Guess(q, meeting, memory.tangent), patient
@@ -208,8 +206,9 @@ class _Stretch(NamedTuple):
             jnp.any(ended), lambda: self.searches_end(walk, ended), lambda: (walk, nothing)
         )
         # Written outside of the branch, which would copy the whole log; in one piece.
-        entry = _entry(walk, verdict).packed()
-        log = lax.dynamic_update_index_in_dim(before.log, entry, walk.turns, 0)
+        log = lax.dynamic_update_index_in_dim(
+            before.log, _entry(walk, verdict), walk.turns, 0
+        )
         return dataclasses.replace(after, log=log)
 
     def searches_end(self, walk: _Walk, ended: Array) -> tuple[_Walk, dict[str, Array]]:
@@ -234,20 +233,20 @@ class _Stretch(NamedTuple):
         state = walk.state.anew(begins, guess)
         y = jax.tree.map(lambda new, old: jnp.where(begins, new, old), guess, walk.y)
         patient = jnp.where(begins, patient | judged.again, walk.patient)
-        turns, here = walk.turns + jnp.any(over), _where(begins, new, walk.here)
+        turns, here = walk.turns + jnp.any(over), jnp.where(begins, new, walk.here)
         return _Walk(turns, place, goes, patient, memory, here, y, state, None), verdict
 
     def judged(self, walk: _Walk, ended: Array) -> _Judged:
         """Whether what lanes have found is on their branch, and what to do where it is not."""
-        memory, found, there = walk.memory, walk.y, self.at(walk.place)
+        memory, found, there = walk.memory, walk.y, self.nodes.at(walk.place)
         loading, units = self.nodes.loading[there], jnp.asarray(self.units)[:, None]
-        own_q = jnp.moveaxis(walk.here.q, 0, -1)
+        own_q, last_own_q = (self.read(place).q for place in (walk.here, memory.last))
         softness, pivots = softness_of(walk.state.guess.tangent, self.units)
         fault = fault_of(*self.loaded(walk.here), walk.state, pivots)
         status = jnp.where(walk.state.done, fault, int(Status.NOT_CONVERGED))
         ahead = self.when(walk.place, memory)
         # A load moves the knee itself as well: what counts is how far this one has moved.
-        last_q = jnp.where(loading, jnp.moveaxis(memory.last.q, 0, -1), own_q)
+        last_q = jnp.where(loading, last_own_q, own_q)
         change = (found.q - last_q - memory.away_q[0]) / units
         stride = ahead - memory.when[0]
         reach = jnp.where(loading, _LOADED_MM, jnp.maximum(1.0, self.nodes.reach[there] * stride))
@@ -268,9 +267,8 @@ class _Stretch(NamedTuple):
 
     def remembered(self, walk: _Walk, judged: _Judged, ended: Array, over: Array) -> Memory:
         """What lanes know after their searches."""
-        memory, found, here = walk.memory, walk.y, walk.here
+        memory, found, own = walk.memory, walk.y, self.read(walk.here)
         good, ahead = judged.good, judged.ahead
-        own_q, own_meeting = (jnp.moveaxis(x, 0, -1) for x in (here.q, here.meeting))
         arrived = good & over
         # A longer part where one went well; a node that follows begins with as long a stride.
         easy = jnp.where(walk.state.count <= _EASY, 2.0, 1.0)
@@ -279,14 +277,14 @@ class _Stretch(NamedTuple):
         longer = jnp.minimum(1.0, easy * stride / jnp.where(good, rest_of_way, 1.0))
         aim = jnp.where(judged.lost, 1.0, memory.aim)
         aim = jnp.where(judged.shorter, 0.5 * memory.aim, aim)
-        uneven = over & ~self.nodes.even[self.at(walk.place + over)]
+        uneven = over & ~self.nodes.even[self.nodes.at(walk.place + over)]
         known = memory.known + good
         steps = jnp.where(ended, memory.steps + walk.state.count, memory.steps)
         return Memory(
-            away_q=_pushed(memory.away_q, found.q - own_q, good),
-            away_meeting=_pushed(memory.away_meeting, found.meeting - own_meeting, good),
+            away_q=_pushed(memory.away_q, found.q - own.q, good),
+            away_meeting=_pushed(memory.away_meeting, found.meeting - own.meeting, good),
             when=_pushed(memory.when, ahead, good),
-            last=_where(good, here, memory.last),
+            last=jnp.where(good, walk.here, memory.last),
             known=jnp.where(uneven, jnp.minimum(known, 1), known),
             lost=jnp.where(arrived, 0, memory.lost + judged.lost),
             begun=memory.begun | good,
@@ -305,19 +303,21 @@ class _Stretch(NamedTuple):
 
 
 @compiled()
-def first_meeting(
-    knee: Knee, numbers: dict[int, Any], stations: Stations, q: Array
-) -> Array:
-    """Meeting points searched from scratch, `(n, 2, lanes)`; arguments begin with the lane.
+def first_meeting(knee: Knee, like: Place, here: Array, away_q: Array) -> Array:
+    """Meeting points searched from scratch, as distances from the own motion, `(n, 2, lanes)`.
 
     A program of its own: in `walk_stretch` it would cost a tenth more memory while compiling.
+
+    Args:
+        knee: without a lane axis.
+        like: see `Nodes`.
+        here: where lanes are, packed.
+        away_q: how far from the own motion, `(free, lanes)`.
     """
-    knees = stations.load(with_numbers(knee, numbers)).for_many_poses()
-    return with_meeting(knees, stations.prescribed, jnp.moveaxis(q, 0, -1)).meeting
-
-
-def _where(lanes: Array, new: Place, old: Place) -> Place:
-    return jax.tree.map(lambda x, y: jnp.where(in_front(lanes, x), x, y), new, old)
+    place = unpacked(here, like)
+    prescribed = place.stations.prescribed
+    met = with_meeting(place.loaded(knee), prescribed, place.q + away_q).meeting
+    return met - place.meeting
 
 
 def _pushed(rows: Array, latest: Array, good: Array) -> Array:

@@ -57,18 +57,19 @@ class Variants:
     def __len__(self) -> int:
         return len(jax.tree.leaves(self.values)[0])
 
-    def at(self, rows: np.ndarray) -> dict[int, np.ndarray]:
-        """Numbers of some variants, first axes those of the rows; of the knee itself where a row is
-        negative."""
-        if np.all(rows >= 0):
-            return {leaf: x[rows] for leaf, x in self.numbers.items()}
+    def in_rows(self) -> np.ndarray:
+        """Numbers of all variants, and in the last row those of the knee itself, `(variants + 1,
+        numbers)`."""
         leaves = jax.tree.leaves(self.knee)
-        own = {leaf: np.asarray(leaves[leaf]) for leaf in self.numbers}
-        return {
-            leaf: np.where((rows >= 0).reshape(rows.shape + (1,) * own[leaf].ndim),
-                           x[rows], own[leaf])
-            for leaf, x in self.numbers.items()
-        }  # fmt: skip
+        parts = [
+            np.vstack([x.reshape(len(x), -1), np.reshape(leaves[leaf], (1, -1))])
+            for leaf, x in sorted(self.numbers.items())
+        ]
+        return np.hstack(parts) if parts else np.zeros((1, 0))
+
+    def at(self, rows: np.ndarray) -> dict[int, np.ndarray]:
+        """Numbers of some variants; arrays begin with the rows."""
+        return {leaf: x[rows] for leaf, x in self.numbers.items()}
 
     def between(self, base: Any, rows: np.ndarray, parts: np.ndarray) -> Variants:
         """On the straight way from a value to those of some variants.
@@ -110,14 +111,14 @@ def with_numbers(knee: Knee, numbers: Mapping[int, Any]) -> Knee:
 
     Args:
         knee: without a lane axis.
-        numbers: leaves that vary, by their places; arrays begin with the lane.
+        numbers: leaves that vary, by their places; arrays end in lanes.
 
     Returns:
         The knee.
     """
     leaves, structure = jax.tree.flatten(knee)
     lanes = (
-        jnp.moveaxis(numbers[place], 0, -1) if place in numbers else jnp.asarray(x)[..., None]
+        numbers[place] if place in numbers else jnp.asarray(x)[..., None]
         for place, x in enumerate(leaves)
     )
     return jax.tree.unflatten(structure, lanes)
@@ -135,4 +136,5 @@ def in_lanes(knee: Knee, vary: Vary, values: Any) -> Knee:
     Returns:
         A knee whose leaves end in lanes.
     """
-    return with_numbers(knee, _numbers(vary, knee, values))
+    numbers = _numbers(vary, knee, values)
+    return with_numbers(knee, {leaf: jnp.moveaxis(x, 0, -1) for leaf, x in numbers.items()})

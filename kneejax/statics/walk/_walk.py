@@ -15,7 +15,15 @@ import numpy as np
 
 from kneejax.statics._status import converged
 from kneejax.statics.walk._paths import Found, Paths
-from kneejax.statics.walk._places import Memory, Nodes, Place, Reached
+from kneejax.statics.walk._places import (
+    Memory,
+    Nodes,
+    Place,
+    Reached,
+    in_rows,
+    packed,
+    unpacked,
+)
 from kneejax.statics.walk._routes import longest_stride_mm
 from kneejax.statics.walk._stations import Stations
 from kneejax.statics.walk._stretch import first_meeting, walk_stretch
@@ -58,13 +66,19 @@ class Walker:
             report: called with the number of nodes that are done.
         """
         self.variants = variants
-        self.stations = jax.tree.map(np.asarray, stations)
         self.found, self.report = found, report
         over_points = variants.knee.patch_count < len(variants.knee.contacts)
         self.lanes = LANES_OVER_POINTS if over_points else LANES
         self._count = threading.Lock()
-        numbers = [np.reshape(x, (len(stations), -1)) for x in jax.tree.leaves(self.stations)]
-        self._marks = np.hstack(numbers)
+        stations = jax.tree.map(np.asarray, stations)
+        self._marks = in_rows(stations, 1)
+        self._rows = variants.in_rows(), in_rows((stations, *found.own), 1)
+        some = variants.at(0), *jax.tree.map(lambda x: x[0], (stations, *found.own))
+        self._like = Place(*some)
+        turn = Reached.like(found.q.shape[2], found.meeting.shape[2])
+        # What holds balances stands at the end, and most never ask for it.
+        self._turn = turn if found.holding is not None else dataclasses.replace(turn, holding={})
+        self._logged = len(in_rows(self._turn, 0))
 
     def walk(self, paths: Paths, give_up: int) -> None:
         """Walk paths to their ends; the same paths give the same numbers, bit by bit.
@@ -81,50 +95,48 @@ class Walker:
             rows = np.argsort(-left, kind="stable")[: min(self.lanes, np.count_nonzero(left))]
             # Where others wait, lanes that are through make room for them.
             fewest = self.lanes // share if np.count_nonzero(left) > len(rows) else 0
-            reached, behind = self._stretch(paths, rows, place[rows], memory, give_up, fewest)
-            ended = self._note(paths, rows, place[rows], reached)
+            log, behind = self._stretch(paths, rows, place[rows], memory, give_up, fewest)
+            ended = self._note(paths, rows, place[rows], np.asarray(log)[..., : len(rows)])
             place[rows] += ended
             left = paths.length - place
             if left.any():
-                _keep(memory, rows, behind)
-                left = np.where(memory.lost < give_up, left, 0)
+                memory[:, rows] = np.asarray(behind)[:, : len(rows)]
+                lost = memory[0]
+                left = np.where(lost < give_up, left, 0)
             with self._count:
                 self.report(int(ended.sum()))
 
-    def _stretch(self, paths: Paths, rows, place, memory: Memory, give_up, fewest):
-        """Walk some paths for a stretch: what became of its nodes, and what is remembered."""
+    def _stretch(self, paths: Paths, rows, place, memory: np.ndarray, give_up, fewest):
+        """Walk some paths for a stretch: what became of its nodes, and what is remembered, both
+        packed."""
         # Lanes beyond the rows have nothing ahead of them.
         lane = np.minimum(np.arange(self.lanes), len(rows) - 1)
         row, at = rows[lane], place[lane]
         ahead = np.minimum(paths.length[row] - at, _STRETCH)
         along = at + np.minimum(np.arange(_STRETCH)[:, None], ahead - 1)
+        # Of paths of one node all places are the same.
+        along = along[: min(_STRETCH, paths.station.shape[1])]
         variant, station = paths.variant[row, along], paths.station[row, along]
-        there = self._place(variant, station)
-        even, reach, loading = self._strides(paths, row, along)
+        every = self._places(variant, station), *self._strides(paths, row, along)
+        places, even, reach, loading = (
+            np.broadcast_to(x, (_STRETCH, *x.shape[1:])) if len(x) == 1 else x for x in every
+        )
         nodes = Nodes(
-            there.numbers,
-            there.stations,
-            there.q,
-            there.meeting,
-            even=even,
-            reach=reach,
-            loading=loading,
+            self._like,
+            places,
+            even,
+            reach,
+            loading,
             first=at.astype(float),
             length=np.where(np.arange(self.lanes) < len(rows), ahead, 0),
         )
-        behind = _taken(memory, row)
-        log, turn, behind = walk_stretch(self.variants.knee, nodes, behind, give_up, fewest)
-        reached = jax.tree.map(lambda x: x[..., : len(rows)], turn.unpacked(np.asarray(log)))
-        return reached, behind
+        return walk_stretch(self.variants.knee, nodes, memory[:, row], give_up, fewest)
 
-    def _place(self, variant: np.ndarray, station: np.ndarray) -> Place:
-        """Numbers of variants at stations, and the own motion there."""
-        return Place(
-            self.variants.at(variant),
-            jax.tree.map(lambda x: x[station], self.stations),
-            self.found.own[0][station],
-            self.found.own[1][station],
-        )
+    def _places(self, variant: np.ndarray, station: np.ndarray) -> np.ndarray:
+        """Numbers of variants, of the knee itself where they are negative, of stations and of the
+        own motion there, in rows."""
+        numbers, stations = self._rows
+        return np.concatenate([numbers[variant], stations[station]], axis=-1)
 
     def _met(self, paths: Paths) -> Paths:
         """With meeting points of all first nodes."""
@@ -134,39 +146,35 @@ class Walker:
             some = unknown[first : first + self.lanes]
             rows = some[np.minimum(np.arange(self.lanes), len(some) - 1)]
             variant, station = paths.variant[rows, 0], paths.station[rows, 0]
-            found = first_meeting(
-                self.variants.knee,
-                {leaf: x[variant] for leaf, x in self.variants.numbers.items()},
-                jax.tree.map(lambda x, station=station: x[station], self.stations),
-                self.found.own[0][station] + paths.q[rows],
-            )
-            found = np.moveaxis(np.asarray(found), -1, 0) - self.found.own[1][station]
-            meeting[some] = found[: len(some)]
+            here = self._places(variant, station).T
+            found = first_meeting(self.variants.knee, self._like, here, paths.q[rows].T)
+            meeting[some] = np.moveaxis(np.asarray(found), -1, 0)[: len(some)]
         return dataclasses.replace(paths, meeting=meeting)
 
-    def _note(self, paths: Paths, rows, place, reached: Reached) -> np.ndarray:
+    def _note(self, paths: Paths, rows, place, log: np.ndarray) -> np.ndarray:
         """Write down what was reached; how many nodes of each row ended."""
-        ended, known = reached.place >= 0, converged(reached.status)
-        for which in (ended & known, ended):
-            when, lane = np.nonzero(which)
-            along = place[lane] + reached.place[when, lane]
-            node = paths.variant[rows[lane], along], paths.station[rows[lane], along]
-            if which is not ended:
-                self.found.q[node] = reached.q[when, :, lane]
-                self.found.meeting[node] = reached.meeting[when, :, :, lane]
-        self.found.status[node] = reached.status[when, lane]
-        self.found.steps[node] += reached.steps[when, lane]
-        self.found.fault[node] = reached.fault[when, lane]
-        self.found.softness[node] = reached.softness[when, lane]
+        ended = log[:, 0] >= 0
+        when, lane = np.nonzero(ended)
+        reached = unpacked(log[when, : self._logged, lane].T, self._turn)
+        along = place[lane] + reached.place
+        node = paths.variant[rows[lane], along], paths.station[rows[lane], along]
+        known = converged(reached.status)
+        good = node[0][known], node[1][known]
+        self.found.q[good] = np.moveaxis(reached.q, -1, 0)[known]
+        self.found.meeting[good] = np.moveaxis(reached.meeting, -1, 0)[known]
+        self.found.status[node] = reached.status
+        self.found.steps[node] += reached.steps
+        self.found.fault[node] = reached.fault
+        self.found.softness[node] = reached.softness
         if self.found.holding is not None:
             for name, values in reached.holding.items():
-                there = values[when, ..., lane]
+                there = np.moveaxis(values, -1, 0)
                 if name not in self.found.holding:
                     every = np.full((*self.found.status.shape, *there.shape[1:]), np.nan)
                     self.found.holding.setdefault(name, every)
                 self.found.holding[name][node] = there
         # How far along the stride to a node the last balance was.
-        self.found.share[node] = np.clip(reached.way[when, lane] - along, 0.0, 1.0)
+        self.found.share[node] = np.clip(reached.way - along, 0.0, 1.0)
         return ended.sum(axis=0)
 
     def _strides(self, paths: Paths, row: np.ndarray, place: np.ndarray):
@@ -188,40 +196,25 @@ class Walker:
         reach = np.where(bend > 0, longest_stride_mm(np.rad2deg(bend)), np.inf)
         return (alike | (place < 2)) & (bend <= _FAR), reach, loads > 0
 
-    def _nothing_behind(self, paths: Paths) -> Memory:
-        """Of paths at their beginning."""
+    def _nothing_behind(self, paths: Paths) -> np.ndarray:
+        """The memory of paths at their beginning, packed."""
         count, first = len(paths), paths.station[:, :1].reshape(-1)
         q, meeting = np.moveaxis(paths.q, 0, -1), np.moveaxis(paths.meeting, 0, -1)
         source = paths.variant[:, :1].reshape(-1)
-        return Memory(
+        behind = Memory(
+            lost=np.zeros(count, int),
             away_q=np.repeat(q[None], 3, axis=0),
             away_meeting=np.repeat(meeting[None], 3, axis=0),
             when=np.zeros((3, count)),
-            last=self._place(paths.source, paths.origin),
+            last=self._places(paths.source, paths.origin).T,
             known=np.zeros(count, int),
-            lost=np.zeros(count, int),
             # Paths that do not begin at their own first station begin at a balance beside it.
             begun=paths.origin != first,
             based=(paths.origin != first) | (paths.source != source),
             wary=np.zeros(count, bool),
             aim=np.ones(count),
-            tangent=np.moveaxis(paths.tangent, 0, -1).copy(),
+            tangent=np.moveaxis(paths.tangent, 0, -1),
             softness=np.full(count, np.inf),
             steps=np.zeros(count, int),
         )
-
-
-def _taken(memory: Memory, row: np.ndarray) -> Memory:
-    """The memory of some paths."""
-    last = jax.tree.map(lambda x: x[row], memory.last)
-    rest = jax.tree.map(lambda x: x[..., row], dataclasses.replace(memory, last=None))
-    return dataclasses.replace(rest, last=last)
-
-
-def _keep(memory: Memory, rows: np.ndarray, latest: Memory) -> None:
-    """Write the memory of some paths down, in place."""
-    for old, new in zip(*map(jax.tree.leaves, (memory.last, latest.last)), strict=True):
-        old[rows] = np.asarray(new)[: len(rows)]
-    ends = (dataclasses.replace(m, last=None) for m in (memory, latest))
-    for old, new in zip(*map(jax.tree.leaves, ends), strict=True):
-        old[..., rows] = np.asarray(new)[..., : len(rows)]
+        return packed(behind)
