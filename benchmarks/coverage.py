@@ -20,10 +20,9 @@ from _protocol import ANGLES, RESULTS, TRUTH, finish, load, true_knee
 
 import kneejax as kj
 from kneejax.geometry import COLUMNS, FREE_COORDINATES
-from kneejax.inference import LoadCases, fit_many
+from kneejax.inference import LoadCases, balances_of, fit_lanes
 from kneejax.inference.fit import DEFAULT_WEIGHTS, TABLE_UNITS
 from kneejax.inference.fit._load_cases import add_offsets, best_offsets, with_offsets
-from kneejax.inference.fit._problem import balances_of
 from kneejax.inference.intervals._intervals import IntervalKind, sureties
 from kneejax.inference.intervals._profiles import named
 from kneejax.statics import Stations, balance_with_slopes
@@ -101,9 +100,8 @@ def _some(knee, chosen, design: Design, stations, target, begin, bounds):
     lower, upper = np.array(bounds).T
     tiles = [np.tile(x, (count, 1)) for x in (begin.values[0], lower, upper)]
     data = LoadCases(stations, target, 1.0 / np.sqrt(DEFAULT_WEIGHTS), offsets)
-    fits = fit_many(
-        knee, chosen, data, begin.take(np.zeros(count, int)), *tiles, most=200, far=True
-    )
+    balance = balances_of(knee, chosen, data.stations)
+    fits = fit_lanes(balance, data, begin.take(np.zeros(count, int)), *tiles, most=200, far=True)
     shift = [best_offsets(data.take([k]), fits.slopes.take([k])) for k in range(count)]
     answers = add_offsets(fits.slopes, np.reshape(shift, (count, len(offsets))), offsets)
     wide = np.full(len(offsets), 10.0)

@@ -15,7 +15,7 @@ import numpy as np
 from _protocol import ANGLES, TRUTH, arguments, finish, first_and_median, load, true_knee
 
 import kneejax as kj
-from kneejax.inference import LoadCases, fit_many, profiles
+from kneejax.inference import LoadCases, balances_of, fit_lanes, profiles
 from kneejax.statics import Stations, balance_with_slopes
 
 NAMES = ("*.stiffness", "*.reference_strain")
@@ -37,7 +37,8 @@ def main() -> None:
     upper = np.where(stiff, float(options.widest), 0.2)
 
     one = LoadCases(stations, target[0], NOISE)
-    fit = fit_many(knee, chosen, one, exact, truth[None], lower[None], upper[None])
+    balance = balances_of(knee, chosen, one.stations)
+    fit = fit_lanes(balance, one, exact, truth[None], lower[None], upper[None])
     first, seconds = first_and_median(
         lambda: profiles(knee, chosen, one, fit.slopes, lower, upper, _LIMIT),
         repeats=options.repeats,
@@ -61,13 +62,14 @@ def coverage(knee, chosen, exact, target, truth, lower, upper) -> tuple[np.ndarr
     data = LoadCases(exact_stations(), target, NOISE)
     begin = exact.take(np.zeros(draws, int))
     box = [np.tile(x, (draws, 1)) for x in (lower, upper)]
-    free = fit_many(knee, chosen, data, begin, np.tile(truth, (draws, 1)), *box)
+    balance = balances_of(knee, chosen, data.stations)
+    free = fit_lanes(balance, data, begin, np.tile(truth, (draws, 1)), *box)
     inside, evaluations = [], free.evaluations
     for i in range(size):
         low, high = (x.copy() for x in box)
         start = free.values.copy()
         low[:, i] = high[:, i] = start[:, i] = truth[i]
-        held = fit_many(knee, chosen, data, free.slopes, start, low, high)
+        held = fit_lanes(balance, data, free.slopes, start, low, high)
         inside.append(held.chi2 - free.chi2 < _LIMIT)
         evaluations += held.evaluations
     return np.array(inside), evaluations

@@ -9,9 +9,9 @@ import numpy as np
 from kneejax.inference.calibration._result import Ending, Iteration
 from kneejax.inference.fit import (
     Problem,
+    balances_of,
     best_offsets,
     fit_lanes,
-    fit_many,
 )
 from kneejax.statics import Slopes, balance_with_slopes
 
@@ -267,6 +267,7 @@ def several_starts(
     knee, vary, values = problem.knee, problem.selection.apply, starts[:, :size]
     begin = balance_with_slopes(knee, vary, values, data.stations)
     box = (np.tile(bound[:size], (count, 1)) for bound in (lower, upper))
-    found = fit_many(knee, problem.selection, data, begin, values, *box, most=steps, far=True)
+    balance = balances_of(knee, problem.selection, data.stations)
+    found = fit_lanes(balance, data, begin, values, *box, most=steps, far=True)
     shifts = [best_offsets(data, found.slopes.take([row])) for row in range(count)]
     return np.hstack([found.values, np.reshape(shifts, (count, -1))]), found.chi2

@@ -18,9 +18,6 @@ import numpy as np
 
 from kneejax.inference.fit._bounded import BoundedLevenbergMarquardt
 from kneejax.inference.fit._load_cases import Balance, LoadCases
-from kneejax.inference.fit._problem import balances_of
-from kneejax.mechanics import Knee
-from kneejax.parameters import Selection
 from kneejax.statics import Slopes
 
 #: Evaluations of a fit that is to reach the end of a long flat valley.
@@ -53,39 +50,6 @@ class ManyFits:
         return self.slopes.values
 
 
-def fit_many(
-    knee: Knee,
-    selection: Selection,
-    data: LoadCases,
-    begin: Slopes,
-    starts: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    *,
-    most: int = 60,
-    far: bool = False,
-) -> ManyFits:
-    """Fit parameters to motion, many times at once.
-
-    Args:
-        knee: gives everything else.
-        selection: the parameters.
-        data: measured motion, one for all or one per fit.
-        begin: known balances, one variant per fit, from which the starts are predicted.
-        starts: `(fits, p)`.
-        lower: bounds, `(fits, p)`; equal to `upper` holds a parameter.
-        upper: bounds.
-        most: evaluations of a fit before it is given up.
-        far: whether the answers may be far from the starts; first steps are short then.
-
-    Returns:
-        The `ManyFits`. A fit whose start has no balance at some pose that counts ends at once,
-        with an infinite `chi2`.
-    """
-    balance = balances_of(knee, selection, data.stations)
-    return fit_lanes(balance, data, begin, starts, lower, upper, most=most, far=far)
-
-
 def fit_lanes(
     balance: Balance,
     data: LoadCases,
@@ -104,21 +68,22 @@ def fit_lanes(
     """Fit whatever can be balanced to motion, many times at once.
 
     Args:
-        balance: of the values that are fitted.
-        data: as in `fit_many`, and so are the next six.
-        begin: known balances.
+        balance: of the values that are fitted; see `balances_of`.
+        data: measured motion, one for all or one per fit.
+        begin: known balances, one variant per fit, from which the starts are predicted.
         starts: `(fits, p)`.
-        lower: bounds, `(fits, p)`.
+        lower: bounds, `(fits, p)`; equal to `upper` holds a parameter.
         upper: bounds.
         asked: fits to be made, `(fits,)`; the others cost nothing and mean nothing.
-        most: evaluations of a fit.
-        far: whether first steps are short.
+        most: evaluations of a fit before it is given up.
+        far: whether the answers may be far from the starts; first steps are short then.
         rtol: relative decrease of the sum of squares that ends a fit.
         atol: relative step, of the width of the bounds, that ends a fit.
         watch: called after every evaluation of a single fit; may end it.
 
     Returns:
-        The `ManyFits`.
+        The `ManyFits`. A fit whose start has no balance at some pose that counts ends at once,
+        with an infinite `chi2`.
     """
     count = len(starts)
     trial, known = np.array(starts, float), begin.take(np.arange(count))

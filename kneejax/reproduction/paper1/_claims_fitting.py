@@ -11,6 +11,7 @@ from kneejax.reproduction.paper1._study import Paper1Study, acting, which
 
 
 def valleys(found: Paper1Study) -> Claim:
+    """Claim 1.9: valleys of the objective lie along stiffness."""
     tilts, lengths = {}, {}
     for name, one in found.own.items():
         tilts[name], lengths[name] = valley(one)
@@ -43,6 +44,7 @@ def valley(one: ParameterMap) -> tuple[float, float]:
 
 
 def pcl_before_acl(found: Paper1Study) -> Claim:
+    """Claim 1.10: the partial objectives feel the PCL more than the ACL."""
     one = found.cruciates
     partial = np.where(one.drawn, one.partial_objectives, np.nan)
     spans = [np.nanmedian(np.ptp(partial, axis=axis), axis=-1) for axis in (-1, -2)]
@@ -62,6 +64,7 @@ def pcl_before_acl(found: Paper1Study) -> Claim:
 
 
 def not_alone(found: Paper1Study) -> Claim:
+    """Claim 1.11: no single parameter reaches the measured motion."""
     rows = np.searchsorted(found.sweeps.flexion_deg, found.measured[:, 0])
     best = {}
     for one in found.sweeps.sweeps:
@@ -83,6 +86,7 @@ def not_alone(found: Paper1Study) -> Claim:
 
 
 def procedures(found: Paper1Study) -> Claim:
+    """Claim 1.12: procedures I and II need fewer evaluations than III and end where it does."""
     fits = {fit.procedure: fit for fit in found.calibration.fits}
     count = {p: fits[p].evaluations["residual"] for p in ("I", "II", "III")}
     fewer = max(count["I"], count["II"]) < count["III"]
@@ -112,6 +116,7 @@ def procedures(found: Paper1Study) -> Claim:
 
 
 def table_2(found: Paper1Study) -> Claim:
+    """Claim 1.13: how many steps and evaluations a search takes; cannot be judged."""
     count = {f.procedure: f.evaluations["residual"] for f in found.calibration.fits}
     return Claim(
         "1.13",
@@ -126,6 +131,7 @@ def table_2(found: Paper1Study) -> Claim:
 
 
 def table_3(found: Paper1Study) -> Claim:
+    """Claim 1.14: the parameters that were identified; cannot be judged."""
     fit = next(f for f in found.calibration.fits if f.procedure == "III")
     truth = found.calibration.truth
     answer = [e for e in found.calibration.fit.estimates if e.name in truth]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import kneejax as kj
-from kneejax.inference import LoadCases, fit_many, identify, profiles
+from kneejax.inference import LoadCases, balances_of, fit_lanes, identify, profiles
 from kneejax.parameters import UnknownParameter, UnsuitableData
 from kneejax.statics import Stations, balance_with_slopes
 
@@ -53,7 +53,8 @@ def test_intervals_hold_the_truth_as_often_as_they_say(knee, chosen, exact):
     """
     draws = 200
     data, begin = data_of(exact, draws), exact.take(np.zeros(draws, int))
-    free = fit_many(knee, chosen, data, begin, np.tile(TRUTH, (draws, 1)), *box(draws))
+    balance = balances_of(knee, chosen, data.stations)
+    free = fit_lanes(balance, data, begin, np.tile(TRUTH, (draws, 1)), *box(draws))
     assert free.converged.all()
     # 125 numbers for 8 parameters: chi squared with 117 degrees of freedom, mean of 200.
     assert abs(free.chi2.mean() - 117.0) < 4.0 * np.sqrt(2 * 117.0 / draws)
@@ -61,7 +62,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(knee, chosen, exact):
     for i in range(8):
         (low, high), start = box(draws), free.values.copy()
         low[:, i] = high[:, i] = start[:, i] = TRUTH[i]
-        held = fit_many(knee, chosen, data, free.slopes, start, low, high)
+        held = fit_lanes(balance, data, free.slopes, start, low, high)
         np.testing.assert_array_equal(held.values[:, i], TRUTH[i])
         rise = held.chi2 - free.chi2
         assert (rise > -1e-6 * free.chi2).all()
@@ -74,7 +75,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(knee, chosen, exact):
 def clean(knee, chosen, exact):
     """Profiles of a motion that is hardly noisy: the problem is all but linear."""
     data = data_of(exact, 1, noise=1e-3)
-    fit = fit_many(knee, chosen, data, exact, TRUTH[None], *box(1))
+    fit = fit_lanes(balances_of(knee, chosen, data.stations), data, exact, TRUTH[None], *box(1))
     one = LoadCases(data.stations, data.target[0], data.noise)
     return fit, profiles(knee, chosen, one, fit.slopes, LOWER, UPPER, 3.8415)
 
@@ -94,7 +95,7 @@ def test_profiles_of_a_linear_problem_are_parabolas(clean):
 def test_limits_are_where_a_fit_held_there_rises_by_the_threshold(knee, chosen, exact):
     """The interval's ends, which are interpolated, against fits at those very values."""
     data = data_of(exact, 1, seed=1)
-    fit = fit_many(knee, chosen, data, exact, TRUTH[None], *box(1))
+    fit = fit_lanes(balances_of(knee, chosen, data.stations), data, exact, TRUTH[None], *box(1))
     one = LoadCases(data.stations, data.target[0], data.noise)
     found = profiles(knee, chosen, one, fit.slopes, LOWER, UPPER, 3.8415)
     ends = [(i, end) for i, p in enumerate(found) for end in (p.low, p.high)]
@@ -104,7 +105,7 @@ def test_limits_are_where_a_fit_held_there_rises_by_the_threshold(knee, chosen, 
         starts[row] = nearest
         starts[row, i] = low[row, i] = high[row, i] = end
     begin = balance_with_slopes(knee, chosen.apply, starts, data.stations)
-    held = fit_many(knee, chosen, one, begin, starts, low, high)
+    held = fit_lanes(balances_of(knee, chosen, one.stations), one, begin, starts, low, high)
     np.testing.assert_allclose(held.chi2 - fit.chi2[0], 3.8415, atol=0.05)
 
 
@@ -113,7 +114,8 @@ def test_a_bound_leaves_an_end_open(knee, chosen, exact):
     data = data_of(exact, 1, seed=1)
     one = LoadCases(data.stations, data.target[0], data.noise)
     upper = np.r_[np.full(4, 10000.0), np.full(4, 0.2)]
-    fit = fit_many(knee, chosen, one, exact, TRUTH[None], LOWER[None], upper[None])
+    balance = balances_of(knee, chosen, one.stations)
+    fit = fit_lanes(balance, one, exact, TRUTH[None], LOWER[None], upper[None])
     mcl = profiles(knee, chosen, one, fit.slopes, LOWER, upper, 3.8415)[2]
     assert mcl.high_open == "its bound" and mcl.high == 10000.0
     assert not mcl.low_open and 300.0 < mcl.low < fit.values[0, 2]
@@ -126,7 +128,8 @@ def test_fits_do_not_know_of_each_other(knee, chosen, exact):
     data.target[2] = data.target[0]
     data.target[1, :, 3] += np.linspace(0.0, 60.0, len(FLEXION))
     begin = exact.take(np.zeros(3, int))
-    found = fit_many(knee, chosen, data, begin, np.tile(TRUTH, (3, 1)), *box(3))
+    balance = balances_of(knee, chosen, data.stations)
+    found = fit_lanes(balance, data, begin, np.tile(TRUTH, (3, 1)), *box(3))
     np.testing.assert_allclose(found.values[2], found.values[0], rtol=1e-6)
     assert found.chi2[1] > 100.0 * found.chi2[0]
 
@@ -143,7 +146,7 @@ def found(knee, measured):
 
 def test_identify_finds_the_best_fit_and_says_how_sure_it_is(knee, chosen, exact, measured, found):
     data = data_of(exact, 1, seed=1)
-    fit = fit_many(knee, chosen, data, exact, TRUTH[None], *box(1))
+    fit = fit_lanes(balances_of(knee, chosen, data.stations), data, exact, TRUTH[None], *box(1))
     np.testing.assert_allclose(found.values, fit.values[0], rtol=1e-4)
     assert found.chi2 == pytest.approx(fit.chi2[0], rel=1e-6)
     assert found.converged and not found.noise_estimated and found.data == 125

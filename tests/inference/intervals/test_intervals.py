@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 import kneejax as kj
-from kneejax.inference import LoadCases, fit_many
+from kneejax.inference import LoadCases, balances_of, fit_lanes
 from kneejax.inference.fit import DEFAULT_WEIGHTS, TABLE_UNITS
 from kneejax.inference.fit._load_cases import add_offsets, with_offsets, without_offsets
 from kneejax.inference.fit._many_fits import ManyFits
-from kneejax.inference.fit._problem import balances_of
 from kneejax.inference.intervals._intervals import Interval, IntervalKind, sureties
 from kneejax.inference.intervals._profile_arms import Pace
 from kneejax.inference.intervals._profiles import Profile, _led, follow, follow_to_the_lowest, named
@@ -141,7 +140,8 @@ def test_printed_intervals_of_a_bent_valley_hold_the_truth(knee, exact):
     target = exact.q[0] * TABLE_UNITS + 0.2 * errors
     data = LoadCases(TWELVE, target, 1.0 / np.sqrt(DEFAULT_WEIGHTS))
     tiles = [np.tile(x, (draws, 1)) for x in (TRUTH, LOWER, UPPER)]
-    fits = fit_many(knee, chosen, data, exact.take(np.zeros(draws, int)), *tiles)
+    balance = balances_of(knee, chosen, data.stations)
+    fits = fit_lanes(balance, data, exact.take(np.zeros(draws, int)), *tiles)
     balance = with_offsets(balances_of(knee, chosen, TWELVE), ())
     stated = np.full(5, 0.2)
     found = sureties(

@@ -6,7 +6,7 @@ import pytest
 import kneejax as kj
 from kneejax.files import Checkpoints
 from kneejax.inference import Condition, in_convention, profiles, sensitivity_map, sensitivity_maps
-from kneejax.inference.fit import LoadCases, fit_many
+from kneejax.inference.fit import LoadCases, balances_of, fit_lanes
 from kneejax.parameters import UnknownParameter, UnsuitableData
 from kneejax.reproduction.paper1._claims_fitting import valley
 from kneejax.statics import Stations, balance_many, balance_with_slopes
@@ -158,7 +158,8 @@ def test_profiles_follow_the_valley_of_the_map(knee, measured):
     data = LoadCases(Stations.at(FLEXION), measured[:, 1:], noise)
     start = np.array([[2900.0, -0.05]])
     near = balance_with_slopes(knee, chosen.apply, start, data.stations)
-    fit = fit_many(knee, chosen, data, near, start, lower[None], upper[None])
+    balance = balances_of(knee, chosen, data.stations)
+    fit = fit_lanes(balance, data, near, start, lower[None], upper[None])
     np.testing.assert_allclose(fit.values[0], [2814.0, -0.047], rtol=1e-4)
     stiffness = profiles(knee, chosen, data, fit.slopes, lower, upper, 3.84)[0]
     rows = np.argsort(np.abs(stiffness.values - 2814.0))[3:6]
