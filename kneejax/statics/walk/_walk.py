@@ -114,8 +114,9 @@ class Walker:
         row, at = rows[lane], place[lane]
         ahead = np.minimum(paths.length[row] - at, _STRETCH)
         along = at + np.minimum(np.arange(_STRETCH)[:, None], ahead - 1)
-        # Of paths of one node all places are the same.
-        along = along[: min(_STRETCH, paths.station.shape[1])]
+        if paths.station.shape[1] == 1:
+            # All places are the same, and are looked up once.
+            along = along[:1]
         variant, station = paths.variant[row, along], paths.station[row, along]
         every = self._places(variant, station), *self._strides(paths, row, along)
         places, even, reach, loading = (

@@ -64,6 +64,19 @@ def test_one_compiled_search_serves_every_choice_of_ligament_numbers(knee, found
     np.testing.assert_allclose(moved.table[0], np.asarray(alone.to_table())[:, 1:], atol=1e-4)
 
 
+def test_one_compiled_search_serves_motions_and_lines_of_any_length(
+    knee, chosen, base, values, found, caplog
+):
+    with jax.log_compiles():
+        for count in (1, 7, 23):
+            angles = Stations.at(np.linspace(0.0, 60.0, count))
+            balance_many(knee, chosen.apply, base, values[:2], angles)
+            line = base + np.linspace(0.0, 1e-3, count)[None, :, None]
+            balance_lines(knee, chosen.apply, base, line, angles, np.array([0]))
+    compiled = [r.getMessage() for r in caplog.records if "Compiling" in r.getMessage()]
+    assert not any("walk_stretch" in message for message in compiled)
+
+
 def test_no_variants_have_no_balances(knee, chosen, base):
     nothing = balance_many(knee, chosen.apply, base, np.zeros((0, 8)), Stations.at(FLEXION))
     assert nothing.q.shape == (0, 4, 5) and nothing.status.shape == (0, 4)
