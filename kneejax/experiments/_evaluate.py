@@ -22,7 +22,7 @@ from kneejax.numerics import compiled, lanes_for, on_all_cores, safe_sqrt, trace
 from kneejax.statics import ContactFaults, Faults, Status, with_meeting
 
 # Poses of one call: what they need stays in the processor's cache.
-_CHUNK, _CHUNK_OVER_POINTS = 512, 128
+_CHUNK, _CHUNK_OVER_POINTS = 512, 64
 # Poses that share what is rare and dear: the border of their patches, a thorough search of rays.
 _BORDER_LANES, _RAY_LANES = 32, 8
 
