@@ -14,10 +14,17 @@ __version__ = "0.1.0"
 #: Public name -> the room that it comes from, and every room itself. Editors and type checkers
 #: read the same names from the imports below.
 _MODULES = {
+    "Curves": "kneejax.experiments",
+    "LabTest": "kneejax.experiments",
+    "Laxity": "kneejax.experiments",
     "Mechanics": "kneejax.experiments",
     "Motion": "kneejax.experiments",
     "branches": "kneejax.experiments",
     "evaluate": "kneejax.experiments",
+    "lab_tests": "kneejax.experiments",
+    "laxity": "kneejax.experiments",
+    "load_curves": "kneejax.experiments",
+    "load_cycle": "kneejax.experiments",
     "passive_flexion": "kneejax.experiments",
     "InputProblem": "kneejax.files",
     "load_knee": "kneejax.files",
@@ -71,10 +78,17 @@ _MODULES = {
 }
 
 if TYPE_CHECKING:
+    from kneejax.experiments import Curves as Curves
+    from kneejax.experiments import LabTest as LabTest
+    from kneejax.experiments import Laxity as Laxity
     from kneejax.experiments import Mechanics as Mechanics
     from kneejax.experiments import Motion as Motion
     from kneejax.experiments import branches as branches
     from kneejax.experiments import evaluate as evaluate
+    from kneejax.experiments import lab_tests as lab_tests
+    from kneejax.experiments import laxity as laxity
+    from kneejax.experiments import load_curves as load_curves
+    from kneejax.experiments import load_cycle as load_cycle
     from kneejax.experiments import passive_flexion as passive_flexion
     from kneejax.files import InputProblem as InputProblem
     from kneejax.files import load_knee as load_knee

@@ -14,7 +14,23 @@ from kneejax.cli.joint import add_joint
 
 #: Shells for which a completion can be printed.
 SHELLS = ("bash", "zsh", "fish")
+#: As `kneejax.experiments.READY`, which would bring in JAX, and two more.
+TESTS = (
+    "drawer", "lachman", "torsion", "varus-valgus", "compression", "distraction", "pivot",
+    "envelope", "load",
+)  # fmt: skip
 _SIDES = ("r", "l")
+
+
+class _NamesOut(argparse.Action):
+    """The experiment; results go to a folder of its name unless `--out` says otherwise."""
+
+    folder = "kneejax-EXPERIMENT"
+
+    def __call__(self, parser, namespace, values, option_string=None):
+        setattr(namespace, self.dest, values)
+        if namespace.out == Path(self.folder):
+            namespace.out = Path(f"kneejax-{values}")
 
 
 def build_parser() -> Parser:
@@ -63,12 +79,40 @@ def _add_simulate(commands) -> None:
     simulate = add_command(
         commands,
         "simulate",
-        "Balance a knee at every flexion, under a load if one is given.",
-        "kneejax simulate passive-flexion --set ACL.stiffness=3000 --load anterior_N=50",
+        "Move a knee through flexion, or load it as a laboratory does.",
+        "kneejax simulate drawer --knee lenhart2015_reduced --flexion 0:90:15 --force_N 100 --both",
     )
-    simulate.add_argument("experiment", choices=["passive-flexion"], help="what is done")
+    simulate.add_argument(
+        "experiment",
+        choices=["passive-flexion", *TESTS],
+        action=_NamesOut,
+        metavar="EXPERIMENT",
+        help=f"passive-flexion, or a test under load: {', '.join(TESTS)}; `load` makes the load "
+        "that --load says grow from nothing, `envelope` is drawer, varus-valgus and torsion",
+    )
     simulate.add_argument("--knee", default="four_ligament", help=KNEE)
-    simulate.add_argument("--flexion", default="0:120:5", help="degrees: first:last:step or a,b,c")
+    simulate.add_argument(
+        "--flexion",
+        help="degrees: first:last:step or a,b,c (default: 0:120:5 in passive-flexion, 0:90:15 in "
+        "tests, 20 in lachman)",
+    )
+    simulate.add_argument(
+        "--force_N",
+        type=float,
+        help="full force of a test (default: 100; compression 500, distraction 50)",
+    )
+    simulate.add_argument(
+        "--moment_Nm",
+        type=float,
+        help="full moment of a test (default: 10; torsion 5); pivot adds half of it in internal "
+        "torque, torsion in an envelope is half of it",
+    )
+    simulate.add_argument(
+        "--both", action="store_true", help="load a test in the opposite sense too"
+    )
+    simulate.add_argument(
+        "--steps", type=int, help="of a test, from nothing to the full load (default: 20)"
+    )
     simulate.add_argument(
         "--set",
         action="append",
@@ -95,9 +139,10 @@ def _add_simulate(commands) -> None:
         default=[],
         metavar="NAME=SIZE",
         help="on the tibia, along the axes of Grood and Suntay: lateral_N, anterior_N, "
-        "compression_N (at the tibia's origin), varus_Nm, internal_Nm; e.g. anterior_N=134",
+        "compression_N (at the tibia's origin), varus_Nm, internal_Nm; e.g. anterior_N=134. In a "
+        "test it acts throughout",
     )
-    add_out(simulate, "kneejax-passive-flexion")
+    add_out(simulate, _NamesOut.folder)
     add_svg(simulate)
     add_convention(simulate, "of the poses that are printed and written")
     simulate.set_defaults(run=_lazily("_simulate"))

@@ -8,6 +8,7 @@ import textwrap
 from kneejax.files import (
     absent_measurement,
     bundled_knee_descriptions,
+    bundled_laxity_sources,
     bundled_measurements,
     bundled_path,
     bundled_studies,
@@ -34,4 +35,7 @@ def run(_: argparse.Namespace) -> int:
     print("Measurements" + ("" if measurements else ": none bundled"))
     for name, measurement in measurements.items():
         print(f"  {name:<20} {measurement.title} ({measurement.source})")
+    print("Laxity, as others measured it: drawn beside `simulate` under the same load")
+    for name, source in bundled_laxity_sources().items():
+        print(textwrap.fill(source, 98, initial_indent=f"  {name:<20} ", **_HANGING))
     return 0

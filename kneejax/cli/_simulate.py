@@ -25,6 +25,7 @@ from kneejax.experiments import (
 )
 from kneejax.files import (
     FEMORAL,
+    InputProblem,
     knee_with,
     load_knee,
     parse_flexion,
@@ -38,8 +39,21 @@ from kneejax.statics import Status
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Move a knee through flexion, or run a test under load."""
+    if arguments.experiment == "passive-flexion":
+        return _passive_flexion(arguments)
+    from kneejax.cli._laboratory import run_test
+
+    return run_test(arguments)
+
+
+def _passive_flexion(arguments: argparse.Namespace) -> int:
     """Simulate, print a table, write poses.csv, forces.csv and a figure."""
-    flexion = parse_flexion(arguments.flexion)
+    for option in ("force_N", "moment_Nm", "both", "steps"):
+        if getattr(arguments, option) not in (None, False):
+            expected = "a test under load with it; passive-flexion takes --load"
+            raise InputProblem("simulate", f"--{option}", "passive-flexion", expected)
+    flexion = parse_flexion(arguments.flexion or "0:120:5")
     values, loads = read_pairs("--set", arguments.values), read_loads(arguments.load)
     knee = cut(knee_with(load_knee(arguments.knee), values, "--set"), arguments.cut)
     with stages_on_terminal(knee.name):

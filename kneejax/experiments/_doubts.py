@@ -55,20 +55,25 @@ def doubts(knee: Knee, found: Mechanics, also: Sequence[str] | None = None) -> t
     )
 
 
-def of_search(motion: Motion, loads: Mapping[str, float] | None = None) -> tuple[str, ...]:
+def of_search(motion: Motion, loads: Mapping[str, ArrayLike] | None = None) -> tuple[str, ...]:
     """Say for each pose without a balance how far the knee held, and how far the search was.
 
     Args:
         motion: as it was found.
-        loads: those that acted, by the names of `kneejax.mechanics.NAMED_LOADS`.
+        loads: those that acted, by the names of `kneejax.mechanics.NAMED_LOADS`; one for all
+            poses, or one per pose.
 
     Returns:
         A text per pose, empty where a balance was found; for `doubts`.
     """
     motion = jax.tree.map(np.asarray, motion)
     lost = ~converged(motion.status)
+    sizes = {name: np.broadcast_to(size, lost.shape) for name, size in (loads or {}).items()}
     return tuple(
-        _of_lost(motion, row, loads or {}) if gone else "" for row, gone in enumerate(lost)
+        _of_lost(motion, row, {name: float(size[row]) for name, size in sizes.items()})
+        if gone
+        else ""
+        for row, gone in enumerate(lost)
     )
 
 

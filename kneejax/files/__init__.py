@@ -6,10 +6,13 @@ from kneejax._lazy import lazy_names
 
 #: Public name -> its module: what is bundled, and what a mistake is called, is said without JAX.
 _MODULES = {
+    "LaxityBand": "kneejax.files._laxity_bands",
+    "bundled_bands": "kneejax.files._laxity_bands",
     "Measurement": "kneejax.files._bundled",
     "absent_measurement": "kneejax.files._bundled",
     "bundled_knee_descriptions": "kneejax.files._bundled",
     "bundled_knees": "kneejax.files._bundled",
+    "bundled_laxity_sources": "kneejax.files._bundled",
     "bundled_measurements": "kneejax.files._bundled",
     "bundled_path": "kneejax.files._bundled",
     "bundled_studies": "kneejax.files._bundled",
@@ -78,6 +81,7 @@ if TYPE_CHECKING:
     from kneejax.files._bundled import absent_measurement as absent_measurement
     from kneejax.files._bundled import bundled_knee_descriptions as bundled_knee_descriptions
     from kneejax.files._bundled import bundled_knees as bundled_knees
+    from kneejax.files._bundled import bundled_laxity_sources as bundled_laxity_sources
     from kneejax.files._bundled import bundled_measurements as bundled_measurements
     from kneejax.files._bundled import bundled_path as bundled_path
     from kneejax.files._bundled import bundled_studies as bundled_studies
@@ -87,6 +91,8 @@ if TYPE_CHECKING:
     from kneejax.files._knees import load_knee as load_knee
     from kneejax.files._knees import load_knee_file as load_knee_file
     from kneejax.files._knees import write_calibrated_knee as write_calibrated_knee
+    from kneejax.files._laxity_bands import LaxityBand as LaxityBand
+    from kneejax.files._laxity_bands import bundled_bands as bundled_bands
     from kneejax.files._named_values import knee_with as knee_with
     from kneejax.files._named_values import said_of as said_of
     from kneejax.files.joint import AxisPoints as AxisPoints

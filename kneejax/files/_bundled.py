@@ -8,7 +8,7 @@ from pathlib import Path
 
 from kneejax.files.reading import Field, InputProblem, load_yaml, nearest_name, neighbour
 
-_ENDINGS = {"knees": ".yaml", "measurements": ".csv", "studies": ".yaml"}
+_ENDINGS = {"knees": ".yaml", "laxity": ".yaml", "measurements": ".csv", "studies": ".yaml"}
 _ONE = {"knees": "knee", "studies": "study"}
 
 
@@ -33,7 +33,7 @@ def bundled_path(kind: str, name: str) -> Path:
     """The file of something that comes with the package.
 
     Args:
-        kind: a folder of the bundled data: `knees`, `measurements` or `studies`.
+        kind: a folder of the bundled data: `knees`, `laxity`, `measurements` or `studies`.
         name: of the file, with or without its ending.
 
     Returns:
@@ -49,7 +49,7 @@ def bundled_path(kind: str, name: str) -> Path:
     if kind not in _ENDINGS:
         expected = f"one of {', '.join(_ENDINGS)}"
         raise InputProblem("bundled data", "kind", kind, expected, _ENDINGS)
-    known = _bundled(kind)
+    known = bundled_files(kind)
     stem = name.removesuffix(_ENDINGS[kind])
     if stem not in known:
         expected = f"one of {', '.join(known) or 'none'}"
@@ -64,13 +64,13 @@ def bundled_knees() -> dict[str, Path]:
         >>> "four_ligament" in bundled_knees()
         True
     """
-    return _bundled("knees")
+    return bundled_files("knees")
 
 
 def bundled_knee_descriptions() -> dict[str, str]:
     """Name -> description of each knee that comes with the package; none is built for that."""
     answer = {}
-    for name, path in _bundled("knees").items():
+    for name, path in bundled_files("knees").items():
         document = Field(os.fspath(path), "", load_yaml(path, "a knee file"))
         answer[name] = document["description"].text()
     return answer
@@ -84,7 +84,7 @@ def bundled_studies() -> dict[str, str]:
         True
     """
     answer = {}
-    for name, path in _bundled("studies").items():
+    for name, path in bundled_files("studies").items():
         document = load_yaml(path, "a study")
         answer[name] = Field(os.fspath(path), "", document)["title"].text()
     return answer
@@ -110,7 +110,7 @@ def absent_measurement(study: str) -> Path | None:
     document = load_yaml(path, "a study")
     measured = document.get("measured") if isinstance(document, dict) else None
     file = measured.get("file") if isinstance(measured, dict) else None
-    if not isinstance(file, str) or file in _bundled("measurements"):
+    if not isinstance(file, str) or file in bundled_files("measurements"):
         return None
     table = Path(os.path.normpath(path.parent / file))
     return None if table.is_file() else table
@@ -123,13 +123,27 @@ def bundled_measurements() -> dict[str, Measurement]:
         InputProblem: a table has no YAML file of the same name with its `title` and `source`.
     """
     answer = {}
-    for name, path in _bundled("measurements").items():
+    for name, path in bundled_files("measurements").items():
         about = path.with_suffix(".yaml")
         field = Field(os.fspath(about), "", load_yaml(about, "title and source of a table"))
         field.mapping(("title", "source"), ("description", "convention", "side", "notes"))
         description = field["description"].text() if "description" in field else ""
         title, source = field["title"].text(), field["source"].text()
         answer[name] = Measurement(path, title, source, description)
+    return answer
+
+
+def bundled_laxity_sources() -> dict[str, str]:
+    """Name -> source of each published laxity that comes with the package.
+
+    Example:
+        >>> "robot_anterior_90N" in bundled_laxity_sources()
+        True
+    """
+    answer = {}
+    for name, path in bundled_files("laxity").items():
+        document = load_yaml(path, "source of a laxity table")
+        answer[name] = Field(os.fspath(path), "", document)["source"].text()
     return answer
 
 
@@ -162,7 +176,7 @@ def named_path(kind: str, name_or_path: str | os.PathLike[str]) -> Path:
     Raises:
         InputProblem: there is neither.
     """
-    known, path, one = _bundled(kind), Path(name_or_path), _ONE[kind]
+    known, path, one = bundled_files(kind), Path(name_or_path), _ONE[kind]
     if isinstance(name_or_path, str) and name_or_path in known:
         return known[name_or_path]
     if os.path.exists(path):
@@ -175,7 +189,8 @@ def named_path(kind: str, name_or_path: str | os.PathLike[str]) -> Path:
     raise InputProblem(one, "name", os.fspath(name_or_path), expected, near)
 
 
-def _bundled(kind: str) -> dict[str, Path]:
+def bundled_files(kind: str) -> dict[str, Path]:
+    """Name -> file of all that is bundled of a kind, in alphabetical order."""
     folder = _data_folder() / kind
     return {path.stem: path for path in sorted(folder.glob(f"*{_ENDINGS[kind]}"))}
 

@@ -55,6 +55,8 @@ from kneejax.report.joints import joint_kind as joint_kind
 from kneejax.report.joints import joint_motion_figure as joint_motion_figure
 from kneejax.report.knee import knee_text as knee_text
 from kneejax.report.knee import surface_fit_figure as surface_fit_figure
+from kneejax.report.laboratory import laxity_figure as laxity_figure
+from kneejax.report.laboratory import load_figure as load_figure
 from kneejax.report.look import json_safe as json_safe
 from kneejax.report.look import picture_png as picture_png
 from kneejax.report.look import save_figure as save_figure

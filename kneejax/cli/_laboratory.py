@@ -1,0 +1,241 @@
+"""`kneejax simulate TEST`: a knee under loads that grow."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from kneejax.cli._given import check_within, read_loads, read_pairs
+from kneejax.cli._progress import stages_on_terminal
+from kneejax.experiments import (
+    LAXITY_COLUMNS,
+    Curves,
+    LabTest,
+    Laxity,
+    Mechanics,
+    lab_tests,
+    laxity,
+    load_curves,
+    load_cycle,
+)
+from kneejax.files import (
+    FEMORAL,
+    InputProblem,
+    bundled_bands,
+    knee_with,
+    load_knee,
+    parse_flexion,
+    write_poses,
+    write_rows,
+)
+from kneejax.geometry import COLUMNS, COORDINATES, convert_table
+from kneejax.mechanics import NAMED_LOADS, RANGES, Knee, load_words
+from kneejax.parameters import cut
+from kneejax.statics import Status, converged
+
+_MOST_STEPS = 1000
+
+
+def run_test(arguments: argparse.Namespace) -> int:
+    """Load a knee, print its laxity, write curves, laxity, poses, forces and two figures."""
+    tests = _tests(arguments)
+    values = read_pairs("--set", arguments.values)
+    knee = cut(knee_with(load_knee(arguments.knee), values, "--set"), arguments.cut)
+    with stages_on_terminal(knee.name):
+        curves = [load_curves(knee, test) for test in tests]
+        mechanics = [one.mechanics() for one in curves]
+    status = [one.status(found) for one, found in zip(curves, mechanics, strict=True)]
+    said = [one.doubts(found) for one, found in zip(curves, mechanics, strict=True)]
+    found = [x for one, own in zip(curves, status, strict=True) for x in laxity(one, own)]
+    without = f" without {', '.join(arguments.cut)}" if arguments.cut else ""
+    print(f"{knee.name}{without}")
+    print("\n".join(_laxity_lines(tests, found)))
+    _write(arguments, knee, curves, mechanics, status, said, found)
+    doubtful = [_say(*each) for each in zip(curves, status, said, strict=True)]
+    _figures(arguments, curves, status, found)
+    files = "curves.csv, laxity.csv, poses.csv, forces.csv, settings.json"
+    print(f"written: {arguments.out}/{files}, figures/curves.png, figures/laxity.png")
+    return int(any(doubtful))
+
+
+def _tests(arguments: argparse.Namespace) -> tuple[LabTest, ...]:
+    """What is asked for; everything wrong with it is said before a knee is read."""
+    name, loads = arguments.experiment, read_loads(arguments.load)
+    given = {load: size for load, size in loads.items() if size}
+    steps = 20 if arguments.steps is None else arguments.steps
+    if not 1 <= steps <= _MOST_STEPS:
+        raise InputProblem("--steps", "steps", str(steps), f"between 1 and {_MOST_STEPS}")
+    angles = None if arguments.flexion is None else parse_flexion(arguments.flexion)
+    sizes = {key: getattr(arguments, key) for key in ("force_N", "moment_Nm")}
+    asked = {key: size for key, size in sizes.items() if size is not None}
+    for key, size in asked.items():
+        limit = "anterior_N" if key == "force_N" else "varus_Nm"
+        check_within(f"--{key}", key, [size], RANGES[limit])
+        if not size > 0:
+            raise InputProblem(f"--{key}", key, f"{size:g}", "a size above zero; --both for both")
+    if name == "load":
+        return (_wrench(given, asked, angles, load_cycle(steps, arguments.both)),)
+    try:
+        return lab_tests(
+            name, angles, **asked, both=arguments.both, steps=steps, constant=given
+        )
+    except ValueError as problem:
+        option = f"--{next(iter(asked), 'experiment')}"
+        raise InputProblem("simulate", option, name, str(problem)) from None
+
+
+def _wrench(given, asked, angles, path) -> LabTest:
+    """The test `load`: what `--load` says grows, observed where its first part works."""
+    if asked:
+        option = f"--{next(iter(asked))}"
+        raise InputProblem("simulate", option, "load", "the load's size in --load NAME=SIZE")
+    if not given:
+        raise InputProblem("simulate", "--load", "load", "the load that grows, as NAME=SIZE")
+    first = next(name for name in NAMED_LOADS if name in given)
+    observed = next(x for x in NAMED_LOADS[first].also_called if x in COORDINATES)
+    flexion = range(0, 91, 15) if angles is None else angles
+    ordered = {first: given[first], **given}
+    return LabTest("load", ordered, observed, tuple(float(x) for x in flexion), path)
+
+
+def _laxity_lines(tests: Sequence[LabTest], found: Sequence[Laxity]) -> Iterator[str]:
+    for test in tests:
+        rows = [x for x in found if x.test == test.name]
+        load, unit = NAMED_LOADS[test.driven_by], rows[0].unit
+        slope = f"{load.unit}/{unit}"
+        acts = load_words(test.full)
+        both = " and the opposite" if min(test.path) < 0 < max(test.path) else ""
+        beside = f", besides {load_words(test.constant)}" if test.constant else ""
+        yield f"{test.name}: {acts}{both}{beside}"
+        yield f"change of {test.observed.replace('_', ' ')} along the load's own axes, {unit}:"
+        yield (
+            "flexion    range  positive  negative   neutral  stiffness at first, at the end  status"
+        )
+        yield f"    deg {unit:>8}{unit:>10}{unit:>10}{unit:>10}{slope:>20}{slope:>12}"
+        for x in rows:
+            cells = (x.range, x.positive, x.negative, x.neutral)
+            numbers = "".join(f"{_number(c):>10}" for c in cells)[1:]
+            slopes = f"{_number(x.stiffness_start):>20}{_number(x.stiffness_end):>12}"
+            yield f"{x.flexion_deg:7.1f}{numbers}{slopes}  {x.status.word}"
+            for word, held, full in _not_held(test, x):
+                part = f"{held:.3g} of {full:.3g} {load.unit}"
+                yield f"        beyond {part} of {word}: {x.status.word}"
+
+
+def _not_held(test: LabTest, x: Laxity) -> Iterator[tuple[str, float, float]]:
+    load, size = NAMED_LOADS[test.driven_by], test.full[test.driven_by]
+    ends = sorted((size * max(*test.path, 0.0), size * min(*test.path, 0.0)))
+    for held, full, word in (
+        (x.held_negative, ends[0], load.negative),
+        (x.held_positive, ends[1], load.positive),
+    ):
+        if np.isfinite(held) and abs(held) < abs(full) * (1 - 1e-9):
+            yield word, abs(held), abs(full)
+
+
+def _number(value: float) -> str:
+    return f"{value:.2f}" if np.isfinite(value) else "-"
+
+
+def _write(arguments, knee: Knee, curves, mechanics, status, said, found) -> None:
+    out, convention = arguments.out, arguments.convention
+    columns = [name for name in NAMED_LOADS if any(x.test.load(name).any() for x in curves)]
+    header = [
+        "test", "flexion_deg", "step", *(_load_column(name) for name in columns), *COLUMNS[1:],
+        "converged", "stable", "status", "doubt",
+    ]  # fmt: skip
+    extra = [] if convention == FEMORAL else ["convention"]
+    rows = [
+        row + [convention] * len(extra)
+        for each in zip(curves, status, said, strict=True)
+        for row in _curve_rows(*each, columns, convention)
+    ]
+    write_rows(out / "curves.csv", header + extra, rows)
+    write_rows(out / "laxity.csv", LAXITY_COLUMNS, [x.row for x in found])
+    write_poses(
+        out / "poses.csv",
+        np.concatenate([_femoral(one) for one in curves]),
+        status=[Status(int(s)) for own in status for s in own],
+        converged=np.concatenate([np.asarray(x.motion.settled.converged) for x in curves]).tolist(),
+        stable=np.concatenate([np.asarray(x.motion.stable) for x in curves]).tolist(),
+        doubts=[text for own in said for text in own],
+        convention=convention,
+    )
+    parts = [
+        row
+        for one, own in zip(curves, mechanics, strict=True)
+        for row in _force_rows(knee, one, own)
+    ]
+    write_rows(out / "forces.csv", ["test", "flexion_deg", "step", "part", "force_N"], parts)
+
+
+def _load_column(name: str) -> str:
+    """`anterior_N` -> `anterior_force_N`, `varus_Nm` -> `varus_moment_Nm`."""
+    word, unit = name.rsplit("_", 1)
+    if word == "compression":
+        return name
+    return f"{word}_{'moment' if unit == 'Nm' else 'force'}_{unit}"
+
+
+def _femoral(one: Curves) -> np.ndarray:
+    """Poses at the rows of the motion; flexion as it was asked for, not through radians."""
+    table = np.array(one.motion.to_table())
+    table[:, 0] = np.repeat(one.test.flexion_deg, len(one.part))
+    return table
+
+
+def _curve_rows(one: Curves, status, said, columns, convention) -> Iterator[list]:
+    poses = convert_table(_femoral(one), FEMORAL, convention)
+    good, stable = np.asarray(converged(status)), np.asarray(one.motion.stable)
+    loads = np.stack([one.test.load(name) for name in columns], axis=1)
+    for place, flexion in enumerate(one.test.flexion_deg):
+        for step, row in enumerate(one.rows[place]):
+            yield [
+                one.test.name, flexion, step, *loads[step], *poses[row, 1:], bool(good[row]),
+                bool(stable[row]), Status(int(status[row])).word, said[row],
+            ]  # fmt: skip
+
+
+def _force_rows(knee: Knee, one: Curves, mechanics: Mechanics) -> Iterator[list]:
+    tension = np.asarray(mechanics.tension)
+    contact = np.linalg.norm(np.asarray(mechanics.contact_force), axis=-1)
+    parts = [*knee.ligaments.names, *knee.contact_names]
+    every = np.concatenate([tension, contact], axis=1)
+    for place, flexion in enumerate(one.test.flexion_deg):
+        for step, row in enumerate(one.rows[place]):
+            for part, force in zip(parts, every[row], strict=True):
+                yield [one.test.name, flexion, step, part, force]
+
+
+def _say(one: Curves, status, said) -> bool:
+    """Print each outcome with where it is met, its next step and one of its poses in numbers."""
+    grid = status.reshape(len(one.neutral), -1)
+    for kind in sorted({Status(int(x)) for x in status} - {Status.BALANCED}):
+        where = ", ".join(_met(one, k, np.flatnonzero(row == kind)) for k, row in enumerate(grid)
+                          if (row == kind).any())  # fmt: skip
+        print(f"{one.test.name} at {where}: {kind.sentence}")
+        told = [row for row in np.flatnonzero(status == kind) if said[row]]
+        if told:
+            flexion, place = divmod(int(told[-1]), len(one.part))
+            print(f"  {_met(one, flexion, np.array([place]))}: {said[told[-1]]}")
+    return bool((status != Status.BALANCED).any())
+
+
+def _met(one: Curves, flexion: int, rows: np.ndarray) -> str:
+    """One flexion, and the loads from the first to the last of some rows."""
+    test = one.test
+    sizes = test.full[test.driven_by] * one.part[rows]
+    span = f"{sizes[0]:g}" if len(sizes) == 1 else f"{sizes[0]:g} to {sizes[-1]:g}"
+    return f"{test.flexion_deg[flexion]:g} degrees ({span} {NAMED_LOADS[test.driven_by].unit})"
+
+
+def _figures(arguments, curves, status, found) -> None:
+    from kneejax.report import laxity_figure, load_figure, save_figure
+
+    folder = arguments.out / "figures"
+    folder.mkdir(parents=True, exist_ok=True)
+    save_figure(load_figure(curves, status), folder, "curves", svg=arguments.svg)
+    bands = bundled_bands(arguments.cut)
+    save_figure(laxity_figure(curves, found, bands), folder, "laxity", svg=arguments.svg)

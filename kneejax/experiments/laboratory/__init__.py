@@ -1,0 +1,11 @@
+"""Tests under load as a laboratory makes them: what acts, what is observed, how far it gives."""
+
+from kneejax.experiments.laboratory._curves import Curves as Curves
+from kneejax.experiments.laboratory._curves import load_curves as load_curves
+from kneejax.experiments.laboratory._lab_test import LabTest as LabTest
+from kneejax.experiments.laboratory._lab_test import load_cycle as load_cycle
+from kneejax.experiments.laboratory._laxity import LAXITY_COLUMNS as LAXITY_COLUMNS
+from kneejax.experiments.laboratory._laxity import Laxity as Laxity
+from kneejax.experiments.laboratory._laxity import laxity as laxity
+from kneejax.experiments.laboratory._ready import READY as READY
+from kneejax.experiments.laboratory._ready import lab_tests as lab_tests

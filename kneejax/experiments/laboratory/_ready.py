@@ -1,0 +1,112 @@
+"""Tests by the names that laboratories and clinics give them."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Mapping
+
+from kneejax.experiments.laboratory._lab_test import LabTest, load_cycle
+
+_USUAL_DEG = tuple(range(0, 91, 15))
+
+
+@dataclasses.dataclass(frozen=True)
+class Ready:
+    """A kind of test.
+
+    Attributes:
+        says: what is done, in a phrase.
+        full: load -> its share of the force or moment that is asked for, with its sense.
+        observed: see `LabTest`.
+        size: of that force, N, or moment, N m, where none is asked for.
+        flexion_deg: where no angles are asked for.
+        turns: whether a moment is asked for, not a force.
+    """
+
+    says: str
+    full: Mapping[str, float]
+    observed: str
+    size: float = 100.0
+    flexion_deg: tuple[float, ...] = _USUAL_DEG
+    turns: bool = False
+
+
+#: Name of a test -> what it is.
+READY = {
+    "drawer": Ready("the tibia is drawn forwards", {"anterior_N": 1.0}, "anterior"),
+    "lachman": Ready(
+        "the same, nearly straight", {"anterior_N": 1.0}, "anterior", flexion_deg=(20.0,)
+    ),
+    "torsion": Ready(
+        "the tibia is turned inwards", {"internal_Nm": 1.0}, "internal_rotation", 5.0, turns=True
+    ),
+    "varus-valgus": Ready(
+        "the tibia is turned into varus", {"varus_Nm": 1.0}, "adduction", 10.0, turns=True
+    ),
+    "compression": Ready(
+        "the tibia is pressed against the femur", {"compression_N": 1.0}, "superior", 500.0
+    ),
+    "distraction": Ready(
+        "the tibia is pulled away from the femur", {"compression_N": -1.0}, "superior", 50.0
+    ),
+    "pivot": Ready(
+        "valgus, with half as much internal torque", {"varus_Nm": -1.0, "internal_Nm": 0.5},
+        "anterior", 10.0, turns=True,
+    ),
+}  # fmt: skip
+#: Tests of which an envelope consists, with their part of the moment that is asked for.
+_ENVELOPE = {"drawer": 1.0, "varus-valgus": 1.0, "torsion": 0.5}
+
+
+def lab_tests(
+    name: str,
+    flexion_deg: Iterable[float] | None = None,
+    *,
+    force_N: float | None = None,
+    moment_Nm: float | None = None,
+    both: bool = False,
+    steps: int = 20,
+    constant: Mapping[str, float] | None = None,
+    point_mm: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> tuple[LabTest, ...]:
+    """The tests of a name; all but an envelope are one.
+
+    Args:
+        name: one of `READY`, or `envelope`: drawer, varus-valgus and, with half of the moment,
+            torsion, each both ways.
+        flexion_deg: 0 to 90 degrees in steps of 15 by default, 20 degrees for `lachman`.
+        force_N: full force of a test by force; 100 N by default, 500 of compression, 50 of
+            distraction.
+        moment_Nm: full moment of a test by moment; 10 N m by default, 5 of torsion.
+        both: whether the opposite load follows.
+        steps: from nothing to the full load.
+        constant: loads that act throughout, e.g. `{"compression_N": 300.0}`.
+        point_mm: where forces act, in the tibia's frame; its origin by default.
+
+    Raises:
+        ValueError: an unknown name, or a force for a test by moment and the reverse.
+
+    Example:
+        >>> (test,) = lab_tests("lachman", steps=4)
+        >>> test.flexion_deg, test.full, len(test.path)
+        ((20.0,), {'anterior_N': 100.0}, 9)
+    """
+    given = {"steps": steps, "constant": constant, "point_mm": point_mm}
+    if name == "envelope":
+        angles = None if flexion_deg is None else tuple(flexion_deg)
+        moment = 10.0 if moment_Nm is None else moment_Nm
+        sizes = {kind: {"moment_Nm": part * moment} for kind, part in _ENVELOPE.items()}
+        sizes["drawer"] = {"force_N": force_N}
+        each = (lab_tests(x, angles, both=True, **sizes[x], **given) for x in _ENVELOPE)
+        return tuple(test for (test,) in each)
+    if name not in READY:
+        raise ValueError(f"no test is called {name!r}; expected one of {', '.join(READY)}")
+    kind = READY[name]
+    size, other = (moment_Nm, force_N) if kind.turns else (force_N, moment_Nm)
+    if other is not None:
+        wanted, wrong = ("moment_Nm", "force_N") if kind.turns else ("force_N", "moment_Nm")
+        raise ValueError(f"{name} takes {wanted}, not {wrong}")
+    full = {load: part * (kind.size if size is None else size) for load, part in kind.full.items()}
+    angles = kind.flexion_deg if flexion_deg is None else flexion_deg
+    path, angles = load_cycle(steps, both), tuple(float(x) for x in angles)
+    return (LabTest(name, full, kind.observed, angles, path, dict(constant or {}), point_mm),)

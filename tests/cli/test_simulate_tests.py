@@ -1,0 +1,81 @@
+"""`kneejax simulate TEST`: the files of a laboratory, and what is said where a knee gives way."""
+
+import csv
+
+import pytest
+
+from kneejax.cli import main
+from kneejax.cli._commands import TESTS
+from kneejax.experiments import READY
+
+
+def rows_of(path):
+    with open(path, encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_the_command_knows_every_ready_test():
+    assert set(TESTS) == {*READY, "envelope", "load"}
+
+
+def test_a_drawer_writes_curves_and_laxity(tmp_path, capsys):
+    asked = ["simulate", "drawer", "--flexion", "20,30", "--force_N", "60", "--both"]
+    assert main([*asked, "--steps", "3", "--out", str(tmp_path)]) == 0
+    curves, laxity = rows_of(tmp_path / "curves.csv"), rows_of(tmp_path / "laxity.csv")
+    assert list(curves[0]) == [
+        "test", "flexion_deg", "step", "anterior_force_N", "adduction_deg",
+        "internal_rotation_deg", "anterior_mm", "superior_mm", "lateral_mm", "converged",
+        "stable", "status", "doubt",
+    ]  # fmt: skip
+    first = [float(row["anterior_force_N"]) for row in curves if row["flexion_deg"] == "20.0"]
+    assert first == [0, 20, 40, 60, 40, 20, 0, -20, -40, -60, -40, -20, 0]
+    assert [row["flexion_deg"] for row in laxity] == ["20.0", "30.0"]
+    assert all(float(row["positive"]) > 0 > float(row["negative"]) for row in laxity)
+    parts = rows_of(tmp_path / "forces.csv")
+    assert {row["part"] for row in parts} >= {"ACL", "medial"}
+    assert len(rows_of(tmp_path / "poses.csv")) == 2 * 7
+    assert {x.name for x in (tmp_path / "figures").iterdir()} == {"curves.png", "laxity.png"}
+    assert "posterior" not in capsys.readouterr().err
+
+
+def test_what_a_knee_does_not_hold_is_said(tmp_path, capsys):
+    asked = ["simulate", "drawer", "--cut", "PCL", "--flexion", "90", "--both", "--steps", "2"]
+    assert main([*asked, "--out", str(tmp_path)]) == 1
+    said = capsys.readouterr().out
+    assert "of 100 N of posterior force: gives_way" in said
+    assert "drawer at 90 degrees (-100 to -50 N): no balance is connected" in said
+
+
+def test_any_wrench_and_axial_load(tmp_path):
+    words = ["--flexion", "30", "--steps", "1"]
+    wrench = ["--load", "internal_Nm=1", "--load", "anterior_N=20"]
+    assert main(["simulate", "load", *words, *wrench, "--out", str(tmp_path / "a")]) == 0
+    row = rows_of(tmp_path / "a" / "curves.csv")[1]
+    assert (row["anterior_force_N"], row["internal_moment_Nm"]) == ("20.0", "1.0")
+    axial = ["--load", "compression_N=200"]
+    assert main(["simulate", "drawer", *words, *axial, "--out", str(tmp_path / "b")]) == 0
+    rows = rows_of(tmp_path / "b" / "curves.csv")
+    assert [row["compression_N"] for row in rows] == ["200.0"] * 3
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["drawer", "--moment_Nm", "3"], "drawer takes force_N, not moment_Nm"),
+        (["drawer", "--force_N", "-3"], "--both"),
+        (["torsion", "--moment_Nm", "5000"], "N mm are suspected"),
+        (["drawer", "--steps", "0"], "between 1 and 1000"),
+        (["load"], "NAME=SIZE"),
+        (["load", "--force_N", "3", "--load", "anterior_N=3"], "--load NAME=SIZE"),
+        (["passive-flexion", "--both"], "a test under load"),
+        (["drawr"], "did you mean drawer?"),
+    ],
+)
+def test_a_test_that_cannot_be_made_is_refused(tmp_path, capsys, words, says):
+    try:
+        status = main(["simulate", *words, "--out", str(tmp_path / "o")])
+    except SystemExit as stopped:
+        status = stopped.code
+    assert status == 2
+    assert says in capsys.readouterr().err
+    assert not (tmp_path / "o").exists()
