@@ -19,6 +19,7 @@ from kneejax.experiments import (
     laxity,
     load_curves,
     load_cycle,
+    mechanics_of,
 )
 from kneejax.files import (
     FEMORAL,
@@ -44,10 +45,10 @@ def run_test(arguments: argparse.Namespace) -> int:
     values = read_pairs("--set", arguments.values)
     knee = cut(knee_with(load_knee(arguments.knee), values, "--set"), arguments.cut)
     with stages_on_terminal(knee.name):
-        curves = [load_curves(knee, test) for test in tests]
-        mechanics = [one.mechanics() for one in curves]
-    status = [one.status(found) for one, found in zip(curves, mechanics, strict=True)]
-    said = [one.doubts(found) for one, found in zip(curves, mechanics, strict=True)]
+        curves = load_curves(knee, tests)
+        mechanics = mechanics_of(curves[0])
+    status = [one.status(mechanics) for one in curves]
+    said = [one.doubts(mechanics) for one in curves]
     found = [x for one, own in zip(curves, status, strict=True) for x in laxity(one, own)]
     without = f" without {', '.join(arguments.cut)}" if arguments.cut else ""
     print(f"{knee.name}{without}")
@@ -139,7 +140,7 @@ def _number(value: float) -> str:
     return f"{value:.2f}" if np.isfinite(value) else "-"
 
 
-def _write(arguments, knee: Knee, curves, mechanics, status, said, found) -> None:
+def _write(arguments, knee: Knee, curves, mechanics: Mechanics, status, said, found) -> None:
     out, convention = arguments.out, arguments.convention
     columns = [name for name in NAMED_LOADS if any(x.test.load(name).any() for x in curves)]
     header = [
@@ -154,20 +155,19 @@ def _write(arguments, knee: Knee, curves, mechanics, status, said, found) -> Non
     ]
     write_rows(out / "curves.csv", header + extra, rows)
     write_rows(out / "laxity.csv", LAXITY_COLUMNS, [x.row for x in found])
+    nodes = np.concatenate([one.nodes.ravel() for one in curves])
+    motion = curves[0].motion
     write_poses(
         out / "poses.csv",
-        np.concatenate([_femoral(one) for one in curves]),
-        status=[Status(int(s)) for own in status for s in own],
-        converged=np.concatenate([np.asarray(x.motion.settled.converged) for x in curves]).tolist(),
-        stable=np.concatenate([np.asarray(x.motion.stable) for x in curves]).tolist(),
-        doubts=[text for own in said for text in own],
+        np.concatenate([_femoral(one).reshape(-1, len(COLUMNS)) for one in curves]),
+        status=[Status(int(x)) for own in status for x in own.ravel()],
+        converged=np.asarray(motion.settled.converged)[nodes].tolist(),
+        stable=np.asarray(motion.stable)[nodes].tolist(),
+        doubts=[text for own in said for texts in own for text in texts],
         convention=convention,
     )
-    parts = [
-        row
-        for one, own in zip(curves, mechanics, strict=True)
-        for row in _force_rows(knee, one, own)
-    ]
+    forces = _forces(mechanics)
+    parts = [row for one in curves for row in _force_rows(knee, one, forces)]
     write_rows(out / "forces.csv", ["test", "flexion_deg", "step", "part", "force_N"], parts)
 
 
@@ -180,46 +180,49 @@ def _load_column(name: str) -> str:
 
 
 def _femoral(one: Curves) -> np.ndarray:
-    """Poses at the rows of the motion; flexion as it was asked for, not through radians."""
-    table = np.array(one.motion.to_table())
-    table[:, 0] = np.repeat(one.test.flexion_deg, len(one.part))
+    """Poses by flexion and load; flexion as it was asked for, not through radians."""
+    table = np.asarray(one.motion.to_table())[one.nodes]
+    table[..., 0] = np.array(one.test.flexion_deg)[:, None]
     return table
 
 
 def _curve_rows(one: Curves, status, said, columns, convention) -> Iterator[list]:
-    poses = convert_table(_femoral(one), FEMORAL, convention)
-    good, stable = np.asarray(converged(status)), np.asarray(one.motion.stable)
+    poses = convert_table(_femoral(one).reshape(-1, len(COLUMNS)), FEMORAL, convention)
+    poses = poses.reshape(*one.nodes.shape, -1)
+    good, stable = converged(status), np.asarray(one.motion.stable)[one.nodes]
     loads = np.stack([one.test.load(name) for name in columns], axis=1)
-    for place, flexion in enumerate(one.test.flexion_deg):
-        for step, row in enumerate(one.rows[place]):
+    for i, flexion in enumerate(one.test.flexion_deg):
+        for step, k in enumerate(one.steps):
             yield [
-                one.test.name, flexion, step, *loads[step], *poses[row, 1:], bool(good[row]),
-                bool(stable[row]), Status(int(status[row])).word, said[row],
+                one.test.name, flexion, step, *loads[step], *poses[i, k, 1:], bool(good[i, k]),
+                bool(stable[i, k]), Status(int(status[i, k])).word, said[i][k],
             ]  # fmt: skip
 
 
-def _force_rows(knee: Knee, one: Curves, mechanics: Mechanics) -> Iterator[list]:
-    tension = np.asarray(mechanics.tension)
+def _forces(mechanics: Mechanics) -> np.ndarray:
+    """Of ligaments, then of contacts, N, `(poses, parts)`."""
     contact = np.linalg.norm(np.asarray(mechanics.contact_force), axis=-1)
+    return np.concatenate([np.asarray(mechanics.tension), contact], axis=1)
+
+
+def _force_rows(knee: Knee, one: Curves, forces: np.ndarray) -> Iterator[list]:
     parts = [*knee.ligaments.names, *knee.contact_names]
-    every = np.concatenate([tension, contact], axis=1)
-    for place, flexion in enumerate(one.test.flexion_deg):
-        for step, row in enumerate(one.rows[place]):
-            for part, force in zip(parts, every[row], strict=True):
+    for i, flexion in enumerate(one.test.flexion_deg):
+        for step, k in enumerate(one.steps):
+            for part, force in zip(parts, forces[one.nodes[i, k]], strict=True):
                 yield [one.test.name, flexion, step, part, force]
 
 
 def _say(one: Curves, status, said) -> bool:
     """Print each outcome with where it is met, its next step and one of its poses in numbers."""
-    grid = status.reshape(len(one.neutral), -1)
-    for kind in sorted({Status(int(x)) for x in status} - {Status.BALANCED}):
-        where = ", ".join(_met(one, k, np.flatnonzero(row == kind)) for k, row in enumerate(grid)
-                          if (row == kind).any())  # fmt: skip
+    for kind in sorted({Status(int(x)) for x in status.ravel()} - {Status.BALANCED}):
+        rows = [np.flatnonzero(row == kind) for row in status]
+        where = ", ".join(_met(one, i, own) for i, own in enumerate(rows) if len(own))
         print(f"{one.test.name} at {where}: {kind.sentence}")
-        told = [row for row in np.flatnonzero(status == kind) if said[row]]
+        told = [(i, k) for i, own in enumerate(rows) for k in own if said[i][k]]
         if told:
-            flexion, place = divmod(int(told[-1]), len(one.part))
-            print(f"  {_met(one, flexion, np.array([place]))}: {said[told[-1]]}")
+            i, k = told[-1]
+            print(f"  {_met(one, i, np.array([k]))}: {said[i][k]}")
     return bool((status != Status.BALANCED).any())
 
 

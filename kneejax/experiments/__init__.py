@@ -31,3 +31,4 @@ from kneejax.experiments.laboratory import lab_tests as lab_tests
 from kneejax.experiments.laboratory import laxity as laxity
 from kneejax.experiments.laboratory import load_curves as load_curves
 from kneejax.experiments.laboratory import load_cycle as load_cycle
+from kneejax.experiments.laboratory import mechanics_of as mechanics_of

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
@@ -14,7 +15,7 @@ from kneejax.experiments._evaluate import Mechanics, evaluate
 from kneejax.experiments._motion import Motion, passive_flexion
 from kneejax.experiments.laboratory._lab_test import LabTest
 from kneejax.geometry import COORDINATES
-from kneejax.mechanics import Knee
+from kneejax.mechanics import Knee, Load
 
 _CLINICAL = "grood-suntay"
 
@@ -29,105 +30,126 @@ class Curves:
 
     Attributes:
         test: that was made.
-        motion: each different load once; flexion after flexion, the loads in order of their size.
-        rows: of the motion at each step of the path, `(flexions, steps)`.
-        neutral: of the motion without the test's load, `(flexions,)`.
-        part: of the full load at the rows of one flexion, `(loads,)`.
+        motion: all balances, also those of tests that were made at the same time.
+        nodes: rows of the motion, one for each different load, `(flexions, loads)`.
+        part: of the full load at each of them, in order of size, `(loads,)`.
+        steps: the place among these of each step of the path, `(steps,)`.
     """
 
     test: LabTest
     motion: Motion
-    rows: np.ndarray
-    neutral: np.ndarray
+    nodes: np.ndarray
     part: np.ndarray
+    steps: np.ndarray
 
     def to_table(self, convention: str = "femoral") -> Array:
         """Poses in degrees and mm, `(flexions, steps, 6)`, in the order of pose tables."""
-        return self.motion.to_table(convention)[self.rows]
+        return self.motion.to_table(convention)[self.nodes[:, self.steps]]
 
     @property
     def displacement(self) -> Array:
         """Change of what is observed from the neutral pose, `(flexions, steps)`, mm or degrees."""
-        return self._moved()[self.rows]
+        return self.displacement_by_load[:, self.steps]
 
     @property
     def displacement_by_load(self) -> Array:
         """The same at every different load in order of its size, `(flexions, loads)`."""
-        return self._moved().reshape(len(self.neutral), -1)
+        return self._observed()[self.nodes] - self.neutral[:, None]
 
     @property
-    def neutral_value(self) -> Array:
-        """What is observed in the neutral pose, `(flexions,)`, mm or degrees."""
-        return self._observed()[self.neutral]
-
-    def mechanics(self) -> Mechanics:
-        """Ligaments and contact at the rows of the motion."""
-        return evaluate(self.motion.knee, self.motion.pose, self.motion.settled.meeting)
+    def neutral(self) -> Array:
+        """What is observed without the test's load, `(flexions,)`, mm or degrees."""
+        return self._observed()[self.nodes[:, int(np.argmin(np.abs(self.part)))]]
 
     def status(self, mechanics: Mechanics) -> np.ndarray:
-        """`Status` values at the rows of the motion; fibres are compared along each curve."""
+        """What became of every load; fibres are compared along each curve.
+
+        Args:
+            mechanics: of the motion (`mechanics_of`).
+
+        Returns:
+            `Status` values, `(flexions, loads)`.
+        """
         status = np.asarray(self.motion.status)
-        each = [
-            with_flips(status[rows], jax.tree.map(lambda x, own=rows: x[own], mechanics))
-            for rows in self._flexions()
-        ]
-        return np.concatenate(each)
+        return np.stack([with_flips(status[rows], _at(mechanics, rows)) for rows in self.nodes])
 
-    def doubts(self, mechanics: Mechanics) -> tuple[str, ...]:
-        """What is wrong at the rows of the motion, in words and numbers."""
-        part = np.tile(self.part, len(self.neutral))
-        sizes = {name: size * part for name, size in self.test.full.items()}
-        found = of_search(self.motion, sizes)
-        own = [
-            doubts(
-                self.motion.knee,
-                jax.tree.map(lambda x, own=rows: x[own], mechanics),
-                [found[row] for row in rows],
-            )
-            for rows in self._flexions()
-        ]
-        return tuple(text for texts in own for text in texts)
+    def doubts(self, mechanics: Mechanics) -> list[tuple[str, ...]]:
+        """What is wrong at every load of each flexion, in words and numbers.
 
-    def _flexions(self) -> np.ndarray:
-        """Rows of each flexion, `(flexions, loads)`."""
-        return np.arange(len(self.neutral) * len(self.part)).reshape(-1, len(self.part))
+        Args:
+            mechanics: of the motion.
+        """
+        sizes = {name: np.zeros(len(self.motion.status)) for name in self.test.full}
+        for name, size in self.test.full.items():
+            sizes[name][self.nodes] = size * self.part
+        found, knee = of_search(self.motion, sizes), self.motion.knee
+        return [
+            doubts(knee, _at(mechanics, rows), [found[row] for row in rows]) for rows in self.nodes
+        ]
 
     def _observed(self) -> Array:
         column = list(COORDINATES).index(self.test.observed)
         return self.motion.to_table(_CLINICAL)[:, column]
 
-    def _moved(self) -> Array:
-        observed = self._observed()
-        return observed - jnp.repeat(observed[self.neutral], len(self.part))
+
+def _at(mechanics: Mechanics, rows: np.ndarray) -> Mechanics:
+    return jax.tree.map(lambda x: x[rows], mechanics)
 
 
-def load_curves(knee: Knee, test: LabTest) -> Curves:
-    """Load a knee as a test says.
+def mechanics_of(curves: Curves) -> Mechanics:
+    """Ligaments and contact at every row of the motion of some curves.
+
+    Args:
+        curves: of any of the tests that were made at the same time.
+    """
+    motion = curves.motion
+    return evaluate(motion.knee, motion.pose, motion.settled.meeting)
+
+
+def load_curves(knee: Knee, tests: LabTest | Sequence[LabTest]) -> tuple[Curves, ...]:
+    """Load a knee as some tests say, all of them in one batch.
 
     At each flexion the knee is bent without a load, takes what acts throughout, and then the
     test's load grows from nothing, one way and the other (`kneejax.experiments.passive_flexion`).
+    No test depends on the others.
 
     Args:
         knee: any knee.
-        test: what is done.
+        tests: what is done.
 
     Returns:
-        The curves, differentiable with respect to every number of the knee. Where the knee gives
-        way poses are NaN, and `motion.reached` tells under which part of a load it still held.
+        The curves of each test, differentiable with respect to every number of the knee. Where the
+        knee gives way poses are NaN, and `motion.reached` tells under which part of a load it
+        still held.
 
     Raises:
+        ValueError: no test.
         RuntimeError: float64 is switched off.
 
     Example:
         >>> import kneejax as kj
-        >>> (test,) = kj.lab_tests("drawer", [30.0], force_N=50.0, steps=1)
-        >>> curves = kj.load_curves(kj.load_knee("four_ligament"), test)
+        >>> tests = kj.lab_tests("drawer", [30.0], force_N=50.0, steps=1)
+        >>> (curves,) = kj.load_curves(kj.load_knee("four_ligament"), tests)
         >>> bool(curves.displacement[0, 1] > 0)
         True
     """
-    part, back = np.unique(np.r_[0.0, test.path], return_inverse=True)
-    angles = len(test.flexion_deg)
-    flexion, along = np.repeat(test.flexion_deg, len(part)), np.tile(part, angles)
-    motion = passive_flexion(knee, flexion, test.loads(along))
-    first = np.arange(angles) * len(part)
-    return Curves(test, motion, first[:, None] + back[1:], first + back[0], part)
+    tests = (tests,) if isinstance(tests, LabTest) else tuple(tests)
+    if not tests:
+        raise ValueError("tests is empty; expected at least one")
+    laid, first = [], 0
+    for test in tests:
+        part, back = np.unique(np.r_[0.0, test.path], return_inverse=True)
+        nodes = first + np.arange(len(test.flexion_deg) * len(part)).reshape(-1, len(part))
+        first += nodes.size
+        laid.append((test, nodes, part, back[1:]))
+    flexion = np.concatenate([np.repeat(test.flexion_deg, len(part)) for test, _, part, _ in laid])
+    motion = passive_flexion(knee, flexion, _loads(laid))
+    return tuple(Curves(test, motion, nodes, part, steps) for test, nodes, part, steps in laid)
+
+
+def _loads(laid) -> list[Load]:
+    """What acts at every row: first what does not change, if anything, then what grows."""
+    each = [test.loads(np.tile(part, len(nodes))) for test, nodes, part, _ in laid]
+    both = list(zip(*each, strict=True))
+    acting = both if any(test.constant for test, *_ in laid) else both[1:]
+    return [jax.tree.map(lambda *x: jnp.concatenate(x), *kind) for kind in acting]

@@ -65,13 +65,12 @@ class LabTest:
         return self.constant.get(name, 0.0) + self.full.get(name, 0.0) * part
 
     def loads(self, part: np.ndarray) -> list[Load]:
-        """What acts at these parts of the full load, `(n,)`: first what does not change."""
+        """What acts at these parts of the full load, `(n,)`: what does not change, what grows."""
         point = np.tile(self.point_mm, (len(part), 1))
         kinds = (self.constant, np.ones(len(part))), (self.full, part)
         return [
-            load_of(**{name: size * along for name, size in sizes.items()}, point=point)
+            load_of(**{name: sizes.get(name, 0.0) * along for name in NAMED_LOADS}, point=point)
             for sizes, along in kinds
-            if sizes
         ]
 
 

@@ -62,19 +62,19 @@ def laxity(curves: Curves, status: np.ndarray | None = None) -> tuple[Laxity, ..
 
     Args:
         curves: of one test.
-        status: `Status` values at the rows of `curves.motion`; those of the search by default.
+        status: `Status` values, `(flexions, loads)`; those of the search by default.
 
     Example:
         >>> import kneejax as kj
         >>> (test,) = kj.lab_tests("drawer", [30.0], force_N=50.0, both=True, steps=2)
-        >>> (found,) = laxity(kj.load_curves(kj.load_knee("four_ligament"), test))
+        >>> (curves,) = kj.load_curves(kj.load_knee("four_ligament"), test)
+        >>> (found,) = laxity(curves)
         >>> bool(np.isclose(found.range, found.positive - found.negative)), found.unit
         (True, 'mm')
     """
-    status = np.asarray(curves.motion.status if status is None else status)
-    status = status.reshape(len(curves.neutral), -1)
-    reached = np.asarray(curves.motion.reached).reshape(status.shape)
-    moved, neutral = np.asarray(curves.displacement_by_load), np.asarray(curves.neutral_value)
+    status = np.asarray(curves.motion.status)[curves.nodes] if status is None else status
+    reached = np.asarray(curves.motion.reached)[curves.nodes]
+    moved, neutral = np.asarray(curves.displacement_by_load), np.asarray(curves.neutral)
     load = curves.test.full[curves.test.driven_by] * curves.part
     order = np.argsort(load)  # a test may begin with the negative sense of its load
     load = load[order]

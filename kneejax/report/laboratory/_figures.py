@@ -29,7 +29,7 @@ def load_figure(curves: Sequence[Curves], status: Sequence[np.ndarray]) -> Figur
 
     Args:
         curves: one per test.
-        status: of each, `Status` values at the rows of its motion.
+        status: of each, `Status` values, `(flexions, loads)`.
 
     Returns:
         Displacements to the right, loads upwards, as laxity papers draw them. Where a knee gives
@@ -44,7 +44,7 @@ def load_figure(curves: Sequence[Curves], status: Sequence[np.ndarray]) -> Figur
         left=0.1, right=0.8, top=1 - 0.3 / height, bottom=0.5 / height, hspace=0.42
     )
     for axes, one, own in zip(panels, curves, status, strict=True):
-        _curves_panel(axes, one, np.asarray(own).reshape(len(one.neutral), -1))
+        _curves_panel(axes, one, own)
     return figure
 
 

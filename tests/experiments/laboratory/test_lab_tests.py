@@ -24,7 +24,7 @@ def knee():
 
 def curves_of(knee, name, flexion_deg, **options):
     (test,) = kj.lab_tests(name, flexion_deg, **options)
-    return kj.load_curves(knee, test)
+    return kj.load_curves(knee, test)[0]
 
 
 def test_a_load_goes_up_and_down_both_ways():
@@ -79,7 +79,7 @@ def test_a_force_is_no_moment():
 @pytest.mark.parametrize("name", ["drawer", "torsion", "varus-valgus"])
 def test_the_work_of_the_load_is_the_change_of_energy(knee, name):
     found = curves_of(knee, name, [30.0], steps=160)
-    rows = found.rows[0, :161]
+    rows = found.nodes[0, found.steps[:161]]
     load = found.test.load(found.test.driven_by)[:161]
     moved = np.asarray(found.displacement)[0, :161]
     if found.test.driven_by.endswith("_Nm"):
@@ -101,13 +101,24 @@ def test_no_load_depends_on_the_others(knee):
     assert np.asarray(few.to_table())[0] == pytest.approx(every, abs=1e-8)
 
 
+def test_no_test_depends_on_those_made_with_it(knee):
+    envelope = kj.lab_tests("envelope", [0.0, 45.0], steps=3)
+    (pressed,) = kj.lab_tests("drawer", [45.0], steps=2, constant={"compression_N": 100.0})
+    together = kj.load_curves(knee, [*envelope, pressed])
+    for test, found in zip([*envelope, pressed], together, strict=True):
+        (alone,) = kj.load_curves(knee, test)
+        assert np.asarray(found.to_table()) == pytest.approx(np.asarray(alone.to_table()), abs=1e-8)
+    with pytest.raises(ValueError, match="at least one"):
+        kj.load_curves(knee, [])
+
+
 def test_small_loads_superpose(knee):
     share = {"anterior_N": 0.02, "varus_Nm": 0.001}
     path = (0.0, 1.0)
 
     def moved(full):
         test = kj.LabTest("own", full, "anterior", (45.0,), path)
-        table = np.asarray(kj.load_curves(knee, test).to_table())[0]
+        table = np.asarray(kj.load_curves(knee, test)[0].to_table())[0]
         return table[1] - table[0]
 
     alone = sum(moved({name: size}) for name, size in share.items())
@@ -150,7 +161,7 @@ def test_laxity_is_read_off_the_curve(knee):
 
 def test_a_test_of_the_negative_sense_is_read_the_same(knee):
     (test,) = kj.lab_tests("distraction", [30.0], steps=4)
-    (pulled,) = kj.laxity(kj.load_curves(knee, test))
+    (pulled,) = kj.laxity(kj.load_curves(knee, test)[0])
     assert pulled.negative < 0.0
     assert pulled.held_negative == -50.0
     assert np.isnan(pulled.positive)
@@ -163,7 +174,7 @@ def test_a_curve_has_exact_derivatives(knee, central_difference):
     (test,) = kj.lab_tests("drawer", [30.0], steps=2, both=True)
 
     def moved(values):
-        return kj.load_curves(selection.apply(knee, values), test).displacement_by_load[0]
+        return kj.load_curves(selection.apply(knee, values), test)[0].displacement_by_load[0]
 
     start = jnp.asarray(selection.read(knee))
     exact = np.asarray(jax.jacfwd(moved)(start))
