@@ -54,12 +54,13 @@ class Curves:
     @property
     def displacement_by_load(self) -> Array:
         """The same at every different load in order of its size, `(flexions, loads)`."""
-        return self._observed()[self.nodes] - self.neutral[:, None]
+        observed = self._observed()
+        return observed[self.nodes] - observed[self._unloaded][:, None]
 
     @property
     def neutral(self) -> Array:
         """What is observed without the test's load, `(flexions,)`, mm or degrees."""
-        return self._observed()[self.nodes[:, int(np.argmin(np.abs(self.part)))]]
+        return self._observed()[self._unloaded]
 
     def status(self, mechanics: Mechanics) -> np.ndarray:
         """What became of every load; fibres are compared along each curve.
@@ -86,6 +87,10 @@ class Curves:
         return [
             doubts(knee, _at(mechanics, rows), [found[row] for row in rows]) for rows in self.nodes
         ]
+
+    @property
+    def _unloaded(self) -> np.ndarray:
+        return self.nodes[:, int(np.argmin(np.abs(self.part)))]
 
     def _observed(self) -> Array:
         column = list(COORDINATES).index(self.test.observed)
