@@ -16,3 +16,4 @@ from kneejax.inference.fit._problem import Problem as Problem
 from kneejax.inference.fit._problem import balances_of as balances_of
 from kneejax.inference.fit._problem import offset_units as offset_units
 from kneejax.inference.fit._synthetic import synthetic_motion as synthetic_motion
+from kneejax.inference.fit._test_cases import cases_of_tests as cases_of_tests

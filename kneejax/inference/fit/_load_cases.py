@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from functools import partial
 
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jax import Array
 
-from kneejax.geometry import FREE_COORDINATES, table_units
+from kneejax.geometry import FREE_COORDINATES, convert, table_units
 from kneejax.statics import Slopes, Stations
 
+#: The package's own convention of poses.
+FEMORAL = "femoral"
 #: Degrees and mm per internal unit of a free coordinate.
 TABLE_UNITS = table_units(FREE_COORDINATES)
 #: Weights of paper 1, section 3.4: 8 per degree^2, 1 per mm^2, in the order of the coordinates.
@@ -32,6 +38,10 @@ class LoadCases:
         used: load cases that count, `(stations,)`.
         prior: means and standard deviations of the values, `(p,)` each, that count as observed too;
             None where nothing is known of them beforehand.
+        read_as: convention of the target, one of `kneejax.geometry.CONVENTIONS`; any but the
+            package's own needs flexion, and nothing else, prescribed.
+        neutral: load case from which each one is counted, `(stations,)`, -1 where the pose counts
+            as it is; None where all do.
     """
 
     stations: Stations
@@ -40,6 +50,8 @@ class LoadCases:
     offsets: tuple[str, ...] = ()
     used: np.ndarray | None = None
     prior: tuple[np.ndarray, np.ndarray] | None = None
+    read_as: str = FEMORAL
+    neutral: np.ndarray | None = None
 
     @property
     def counted(self) -> np.ndarray:
@@ -58,12 +70,36 @@ class LoadCases:
         noise = self.noise if self.noise.ndim == 1 else self.noise[rows]
         return dataclasses.replace(self, target=target, noise=noise)
 
+    def observed(self, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
+        """What the model gives to compare with the target, and its derivative by the values.
+
+        Args:
+            found: balances at the stations.
+
+        Returns:
+            Degrees and mm, `(fits, stations, 5)`, and by the values `(fits, stations, 5, p)`.
+        """
+        q, slope = found.q, found.jacobian
+        if self.read_as != FEMORAL:
+            flexion = np.broadcast_to(np.asarray(self.stations.flexion), q.shape[:2])
+            q, turn = map(np.asarray, _read(flexion, q, self.read_as))
+            slope = turn @ slope
+        value, slope = q * TABLE_UNITS, slope * TABLE_UNITS[:, None]
+        if self.neutral is None:
+            return value, slope
+        counts = self.neutral >= 0
+        zero = np.where(counts, self.neutral, 0)
+        away = counts[:, None]
+        return (
+            value - np.where(away, value[:, zero], 0.0),
+            slope - np.where(away[..., None], slope[:, zero], 0.0),
+        )
+
     def residual(self, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
         """Errors over their standard deviations `(fits, r)`, and by the parameters; zero where
         nothing was observed."""
-        units = TABLE_UNITS[:, None]
-        error = found.q * TABLE_UNITS - self.target
-        slope = found.jacobian * units
+        value, slope = self.observed(found)
+        error = value - self.target
         unseen = np.broadcast_to(np.isnan(self.target), error.shape)
         error, slope = np.where(unseen, 0.0, error), np.where(unseen[..., None], 0.0, slope)
         error, slope = error[:, self.counted], slope[:, self.counted]
@@ -85,6 +121,17 @@ class LoadCases:
         each = np.broadcast_to(np.diag(1.0 / deviation), (len(error), *(len(mean),) * 2))
         believed = (found.values - mean) / deviation
         return np.hstack([error, believed]), np.concatenate([slope, each], axis=1)
+
+
+@partial(jax.jit, static_argnums=2)
+def _read(flexion: Array, q: Array, convention: str) -> tuple[Array, Array]:
+    """Free coordinates `(fits, stations, 5)` in a convention, and by those of the package."""
+
+    def one(flexion: Array, q: Array) -> Array:
+        return convert(jnp.concatenate([flexion[None], q]), FEMORAL, convention)[1:]
+
+    over_all = jax.vmap(jax.vmap(lambda f, x: (one(f, x), jax.jacfwd(one, 1)(f, x))))
+    return over_all(flexion, q)
 
 
 def with_offsets(balance: Balance, offsets: Sequence[str]) -> Balance:
@@ -152,5 +199,5 @@ def best_offsets(data: LoadCases, fit: Slopes) -> list[float]:
         Degrees or mm, in the order of `data.offsets`.
     """
     target = data.target.reshape(len(data.stations), 5)
-    error = (fit.q[0] * TABLE_UNITS - target)[data.counted]
+    error = (data.observed(fit)[0][0] - target)[data.counted]
     return [-float(error[:, FREE_COORDINATES.index(name)].mean()) for name in data.offsets]

@@ -117,7 +117,7 @@ class Problem:
 
     def table(self, found: Slopes) -> np.ndarray:
         """Free coordinates of one fit as measured, with its constants, degrees and mm, `(5, n)`."""
-        return (found.q[0] * TABLE_UNITS).T
+        return self.cases.observed(found)[0][0].T
 
     def pose(self, found: Slopes) -> Pose:
         """The poses of one fit in the model's frame, `(n,)`."""
