@@ -103,11 +103,12 @@ def _some(knee, chosen, design: Design, stations, target, begin, bounds):
     balance = balances_of(knee, chosen, data.stations)
     fits = fit_lanes(balance, data, begin.take(np.zeros(count, int)), *tiles, most=200, far=True)
     shift = [best_offsets(data.take([k]), fits.slopes.take([k])) for k in range(count)]
-    answers = add_offsets(fits.slopes, np.reshape(shift, (count, len(offsets))), offsets)
+    shifts = np.reshape(shift, (count, len(offsets)))
+    answers = add_offsets(fits.slopes, shifts, offsets, data.posed)
     wide = np.full(len(offsets), 10.0)
     units = {c: n.rsplit("_", 1)[1] for c, n in zip(FREE_COORDINATES, COLUMNS[1:], strict=True)}
     sure = sureties(
-        with_offsets(balances_of(knee, chosen, stations), offsets),
+        with_offsets(balances_of(knee, chosen, stations), offsets, data.posed),
         dataclasses.replace(data, offsets=()),
         answers,
         DEFAULT_WEIGHTS,

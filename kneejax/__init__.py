@@ -17,6 +17,7 @@ _MODULES = {
     "Curves": "kneejax.experiments",
     "LabTest": "kneejax.experiments",
     "Laxity": "kneejax.experiments",
+    "MeasuredTest": "kneejax.experiments",
     "Mechanics": "kneejax.experiments",
     "Motion": "kneejax.experiments",
     "branches": "kneejax.experiments",
@@ -81,6 +82,7 @@ if TYPE_CHECKING:
     from kneejax.experiments import Curves as Curves
     from kneejax.experiments import LabTest as LabTest
     from kneejax.experiments import Laxity as Laxity
+    from kneejax.experiments import MeasuredTest as MeasuredTest
     from kneejax.experiments import Mechanics as Mechanics
     from kneejax.experiments import Motion as Motion
     from kneejax.experiments import branches as branches

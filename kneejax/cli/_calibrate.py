@@ -37,12 +37,15 @@ def run(arguments: argparse.Namespace) -> int:
 def _write(result: Calibration, out: Path, svg: bool) -> int:
     from kneejax.report import (
         PARAMETER_COLUMNS,
+        TEST_COLUMNS,
         calibration_summary,
         outcome,
         parameters_rows,
+        reading_rows,
         result_document,
         write_report,
     )
+    from kneejax.report.look import wrapped
 
     write_text(out / "result.json", json.dumps(result_document(result), indent=1) + "\n")
     rows = [[row[c] for c in PARAMETER_COLUMNS] for row in parameters_rows(result)]
@@ -57,12 +60,15 @@ def _write(result: Calibration, out: Path, svg: bool) -> int:
         stable=[w.sound for w in words],
         doubts=motion.doubts,
     )
+    if result.fit.tests:
+        write_rows(out / "tests.csv", TEST_COLUMNS, reading_rows(result))
     write_report(result, out, svg=svg)
     print(calibration_summary(result))
     missing = _write_knee(out)
     knee = "" if missing else "knee.yaml, "
-    files = f"report.html, result.json, {knee}parameters.csv, poses.csv, settings.json, figures/"
-    print(f"written: {out}/{files}")
+    tables = "parameters.csv, poses.csv" + ", tests.csv" * bool(result.fit.tests)
+    files = f"report.html, result.json, {knee}{tables}, settings.json, figures/"
+    print("\n".join(wrapped(f"{out}/{files}", "written: ")))
     if missing:
         print(f"not written: {out}/knee.yaml: {missing}")
     return max(outcome(result).exit_status, int(bool(missing)))

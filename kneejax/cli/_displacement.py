@@ -7,11 +7,9 @@ import textwrap
 import numpy as np
 
 from kneejax.experiments import Motion
-from kneejax.files import FEMORAL
-from kneejax.geometry import COLUMNS, CONVENTION_WORDS, convert_table
+from kneejax.geometry import CLINICAL, COLUMNS, CONVENTION_WORDS, FEMORAL, convert_table
 from kneejax.statics import Status, converged
 
-_CLINICAL = "grood-suntay"
 _HEADS = ("flexion", "adduction", "int.rot.", "anterior", "superior", "lateral")
 _UNITS = tuple(column.rsplit("_", 1)[1] for column in COLUMNS)
 _WIDTHS = (7, 9, 8, 8, 8, 7)
@@ -30,7 +28,7 @@ def displacement(under_load: Motion, without: Motion) -> np.ndarray:
     """
     tables = []
     for motion in (under_load, without):
-        table = convert_table(np.asarray(motion.to_table()), FEMORAL, _CLINICAL)
+        table = convert_table(np.asarray(motion.to_table()), FEMORAL, CLINICAL)
         table[~converged(np.asarray(motion.status))] = np.nan
         tables.append(table)
     return (tables[0] - tables[1])[:, 1:]

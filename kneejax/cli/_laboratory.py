@@ -22,7 +22,6 @@ from kneejax.experiments import (
     mechanics_of,
 )
 from kneejax.files import (
-    FEMORAL,
     InputProblem,
     bundled_bands,
     knee_with,
@@ -31,7 +30,7 @@ from kneejax.files import (
     write_poses,
     write_rows,
 )
-from kneejax.geometry import COLUMNS, COORDINATES, convert_table
+from kneejax.geometry import COLUMNS, COORDINATES, FEMORAL, convert_table
 from kneejax.mechanics import NAMED_LOADS, RANGES, Knee, load_words
 from kneejax.parameters import cut
 from kneejax.statics import Status, converged

@@ -24,7 +24,6 @@ from kneejax.experiments import (
     with_flips,
 )
 from kneejax.files import (
-    FEMORAL,
     InputProblem,
     knee_with,
     load_knee,
@@ -32,7 +31,7 @@ from kneejax.files import (
     write_poses,
     write_rows,
 )
-from kneejax.geometry import COLUMNS, convert_table
+from kneejax.geometry import COLUMNS, FEMORAL, convert_table
 from kneejax.mechanics import Knee, Load, load_of, load_words
 from kneejax.parameters import cut
 from kneejax.statics import Status

@@ -22,11 +22,13 @@ from kneejax.experiments._varus_valgus import VarusValgusRamp as VarusValgusRamp
 from kneejax.experiments._varus_valgus import varus_valgus as varus_valgus
 from kneejax.experiments._ways import Way as Way
 from kneejax.experiments._ways import ways_of as ways_of
+from kneejax.experiments.laboratory import COUNTED_FROM as COUNTED_FROM
 from kneejax.experiments.laboratory import LAXITY_COLUMNS as LAXITY_COLUMNS
 from kneejax.experiments.laboratory import READY as READY
 from kneejax.experiments.laboratory import Curves as Curves
 from kneejax.experiments.laboratory import LabTest as LabTest
 from kneejax.experiments.laboratory import Laxity as Laxity
+from kneejax.experiments.laboratory import MeasuredTest as MeasuredTest
 from kneejax.experiments.laboratory import lab_tests as lab_tests
 from kneejax.experiments.laboratory import laxity as laxity
 from kneejax.experiments.laboratory import load_curves as load_curves

@@ -67,9 +67,10 @@ _MODULES = {
     "Checkpoints": "kneejax.files.results",
     "read_calibrated": "kneejax.files.results",
     "write_netcdf": "kneejax.files.results",
-    "FEMORAL": "kneejax.files.tables",
     "CandidateRow": "kneejax.files.tables",
     "read_candidates": "kneejax.files.tables",
+    "LabTable": "kneejax.files.tables",
+    "read_lab_table": "kneejax.files.tables",
     "read_loads": "kneejax.files.tables",
     "read_poses": "kneejax.files.tables",
     "write_poses": "kneejax.files.tables",
@@ -138,9 +139,10 @@ if TYPE_CHECKING:
     from kneejax.files.results import Checkpoints as Checkpoints
     from kneejax.files.results import read_calibrated as read_calibrated
     from kneejax.files.results import write_netcdf as write_netcdf
-    from kneejax.files.tables import FEMORAL as FEMORAL
     from kneejax.files.tables import CandidateRow as CandidateRow
+    from kneejax.files.tables import LabTable as LabTable
     from kneejax.files.tables import read_candidates as read_candidates
+    from kneejax.files.tables import read_lab_table as read_lab_table
     from kneejax.files.tables import read_loads as read_loads
     from kneejax.files.tables import read_poses as read_poses
     from kneejax.files.tables import write_poses as write_poses

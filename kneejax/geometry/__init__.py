@@ -1,7 +1,9 @@
 """Rigid motions, coordinate conventions and analytic surfaces. Knows no mechanics."""
 
+from kneejax.geometry._conventions import CLINICAL as CLINICAL
 from kneejax.geometry._conventions import CONVENTION_WORDS as CONVENTION_WORDS
 from kneejax.geometry._conventions import CONVENTIONS as CONVENTIONS
+from kneejax.geometry._conventions import FEMORAL as FEMORAL
 from kneejax.geometry._conventions import convert as convert
 from kneejax.geometry._conventions import convert_table as convert_table
 from kneejax.geometry._conventions import grood_suntay_axes as grood_suntay_axes

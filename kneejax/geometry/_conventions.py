@@ -94,6 +94,10 @@ def grood_suntay_axes(tibia: Placement) -> Rotation:
     return (y * share, -x * share, 0.0), long, (0.0, 0.0, 1.0)
 
 
+#: The package's own convention.
+FEMORAL = "femoral"
+#: That along whose translations loads act and laxity is read.
+CLINICAL = "grood-suntay"
 #: What the translations of each convention are, in words.
 CONVENTION_WORDS = {
     "femoral": "translations of the tibia's origin along the femur's axes",

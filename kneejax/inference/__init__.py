@@ -12,6 +12,7 @@ from kneejax.inference.calibration import Ending as Ending
 from kneejax.inference.calibration import Estimate as Estimate
 from kneejax.inference.calibration import Fault as Fault
 from kneejax.inference.calibration import Fit as Fit
+from kneejax.inference.calibration import FittedTest as FittedTest
 from kneejax.inference.calibration import Iteration as Iteration
 from kneejax.inference.calibration import Misfit as Misfit
 from kneejax.inference.calibration import Motion as Motion

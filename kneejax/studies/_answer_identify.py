@@ -6,7 +6,9 @@ import dataclasses
 import math
 import time
 
-from kneejax.files.reading import Field
+import numpy as np
+
+from kneejax.files.reading import Field, InputProblem
 from kneejax.inference import (
     Design,
     Identification,
@@ -70,11 +72,17 @@ def check(study: Study, question: Identify) -> None:
             Field("prior", name, width).number(allowed and allowed.spread)
     parameter_priors(study.knee_at_start, study.selection, question.prior, study.limits)
     if question.posterior:
+        if study.tests:
+            names = ", ".join(test.name for test in study.tests)
+            expected = "a study without tests: the posterior is of passive motion so far"
+            raise InputProblem(study.file, "tests", names, expected)
         for package in ("blackjax", "arviz"):
             check_installed(package, "posterior")
         check_counts(question.chains, question.draws)
     if None in _noise(study, question):
-        counted = int((study.weight_vector > 0).sum()) * len(study.flexion_deg)
+        weighed = study.weight_vector > 0
+        counted = int(weighed.sum()) * len(study.flexion_deg)
+        counted += sum(int(np.isfinite(one.observed[:, weighed]).sum()) for one in study.tests)
         check_enough(counted, len(study.selection) + len(study.frame_offset))
 
 
@@ -92,6 +100,7 @@ def identified(study: Study, question: Identify) -> Identified:
         weights=study.weight_vector,
         offsets=tuple(study.frame_offset),
         loads=study.acting,
+        tests=tuple(study.tests),
     )
     sampled = _sampled(study, question, found) if question.posterior else None
     design = design_tests(

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from kneejax.files import (
-    FEMORAL,
     InputProblem,
     bundled_knees,
     bundled_measurements,
@@ -20,8 +19,9 @@ from kneejax.files import (
     study_path,
 )
 from kneejax.files.reading import Field, load_yaml
-from kneejax.geometry import COLUMNS, CONVENTIONS
+from kneejax.geometry import COLUMNS, CONVENTIONS, FEMORAL
 from kneejax.mechanics import RANGES
+from kneejax.studies._reading_tests import MIRROR, read_tests
 from kneejax.studies._study import Study, Synthetic, parameter_values
 
 #: Fields of a file that a study takes as they are.
@@ -29,10 +29,7 @@ _AS_THEY_ARE = (
     "start", "bounds", "weights", "procedures", "starts", "seed", "noise_mm", "noise_deg",
     "frame_offset", "method", "failures", "loads",
 )  # fmt: skip
-_OPTIONAL = ("measured", "synthetic", *_AS_THEY_ARE, "flexion_deg", "set")
-#: Signs of a left knee in axes with Z to the person's right: adduction, internal rotation and
-#: lateral shift change.
-_MIRROR = (1.0, -1.0, -1.0, 1.0, 1.0, -1.0)
+_OPTIONAL = ("measured", "synthetic", "tests", *_AS_THEY_ARE, "flexion_deg", "set")
 
 
 def read_study(name_or_path: str | os.PathLike[str]) -> Study:
@@ -77,6 +74,7 @@ def read_study(name_or_path: str | os.PathLike[str]) -> Study:
     if "measured" in study and "synthetic" not in study:
         origin["measured"] = _measured(study["measured"], path.parent)
         poses, acted = _read_poses(origin["measured"], origin["flexion_deg"], study.file)
+    tests = read_tests(study["tests"], path.parent) if "tests" in study else []
     if acted and "loads" in study:
         expected = f"no loads beside those of the measured table ({', '.join(acted)})"
         raise study["loads"].problem(expected)
@@ -88,7 +86,8 @@ def read_study(name_or_path: str | os.PathLike[str]) -> Study:
         measured=study["measured"].value if poses is None and "measured" in study else poses,
         synthetic=_synthetic(study["synthetic"]) if "synthetic" in study else None,
         **({"loads": acted} if acted else {}) | given,
-        origin=origin,
+        tests=[test for test, _ in tests],
+        origin=origin | {"tests": [said for _, said in tests]},
         file=study.file,
     )
 
@@ -140,7 +139,7 @@ def _read_poses(
     table = read_poses(measured["file"], measured["convention"], measured["columns"])
     loads = read_loads(measured["file"])
     if measured["mirror"]:
-        table = table * _MIRROR
+        table = table * MIRROR
         # Of a left knee medial and lateral change sides; varus and inwards stay what they are.
         loads |= {"lateral_N": -loads["lateral_N"]} if "lateral_N" in loads else {}
     if limits is None:

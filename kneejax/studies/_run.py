@@ -30,9 +30,12 @@ def check(study: Study, question: Identify | Map | Sensitivity | None = None) ->
         UnknownParameter: a name that the knee does not have, or that is not free.
         UnsuitableData: too few data, samples or candidates, or a package that is not installed.
     """
-    if study.loads and isinstance(question, Map | Sensitivity):
-        expected = "a study without loads: maps and sensitivities are of passive motion so far"
-        raise InputProblem(study.file, "loads", ", ".join(study.loads), expected)
+    if isinstance(question, Map | Sensitivity):
+        named = {"loads": [*study.loads], "tests": [test.name for test in study.tests]}
+        for field, names in named.items():
+            if names:
+                expected = f"a study without {field}: maps and sensitivities are of passive motion"
+                raise InputProblem(study.file, field, ", ".join(names), f"{expected} so far")
     match question:
         case Identify():
             _answer_identify.check(study, question)

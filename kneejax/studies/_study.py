@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from kneejax.experiments import MeasuredTest
 from kneejax.files import knee_with, parse_flexion, said_of
 from kneejax.files.reading import Field, InputProblem
 from kneejax.geometry import COLUMNS, FREE_COORDINATES
@@ -69,7 +70,9 @@ class Study:
         parameters: names or wildcards of what is free.
         measured: measured poses, `(n, 6)` in the order of `kneejax.geometry.COLUMNS`, degrees and
             mm; None for synthetic ones.
-        synthetic: poses to be made; exactly one of the two is given.
+        synthetic: poses to be made; at most one of the two is given, and neither needs to be where
+            there are tests.
+        tests: under load that were made (`kneejax.MeasuredTest`), each by a name of its own.
         start: name or wildcard -> value where the search begins; the knee's own otherwise.
         bounds: name, `*.quantity` or quantity -> lower and upper bound; a name counts before a
             wildcard, that before a quantity, and usual bounds hold for the rest.
@@ -88,8 +91,8 @@ class Study:
             exit status 1; empty for the package's choice.
         loads: name of a load (`kneejax.mechanics.NAMED_LOADS`) -> its size at each pose, or one
             for all, in the unit of its name. Poses were measured, or are made, under them.
-        origin: what else a file says, recorded with results: `knee`, `measured`, `flexion_deg`,
-            `overrides`.
+        origin: what else a file says, recorded with results: `knee`, `measured`, `tests`,
+            `flexion_deg`, `overrides`.
         file: where the study stands, for errors.
 
     Raises:
@@ -110,6 +113,7 @@ class Study:
     parameters: Sequence[str]
     measured: np.ndarray | None = None
     synthetic: Synthetic | None = None
+    tests: Sequence[MeasuredTest] = ()
     start: Mapping[str, float] = dataclasses.field(default_factory=dict)
     bounds: Mapping[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
     weights: Mapping[str, float] = dataclasses.field(default_factory=dict)
@@ -172,11 +176,10 @@ class Study:
 
     @property
     def flexion_deg(self) -> np.ndarray:
-        """Of the poses, `(n,)`, degrees."""
+        """Of the poses, `(n,)`, degrees; those of tests are not among them."""
         if self.synthetic is not None:
             return self.synthetic.flexion_deg
-        assert self.measured is not None
-        return self.measured[:, 0]
+        return np.empty(0) if self.measured is None else self.measured[:, 0]
 
     @property
     def acting(self) -> tuple[Load, ...]:
@@ -210,10 +213,14 @@ class Study:
     def settings(self) -> dict[str, Any]:
         """Everything needed to run the study again, as plain numbers and words."""
         mm, deg = self.noise
-        elsewhere = ("measured", "noise_mm", "noise_deg", "flexion_deg", "overrides", "path")
-        names = [f.name for f in dataclasses.fields(self) if f.name not in ("origin", "file")]
-        plain = {name: _plain(getattr(self, name)) for name in names if name not in elsewhere}
-        origin = {"measured": None, "flexion_deg": None, "overrides": {}} | dict(self.origin)
+        elsewhere = {
+            "origin", "file", "measured", "tests", "noise_mm", "noise_deg", "flexion_deg",
+        }  # fmt: skip
+        names = [f.name for f in dataclasses.fields(self) if f.name not in elsewhere]
+        plain = {name: _plain(getattr(self, name)) for name in names}
+        named = [{"name": test.name} for test in self.tests]
+        origin = {"measured": None, "tests": named, "flexion_deg": None, "overrides": {}}
+        origin |= dict(self.origin)
         return plain | {
             "noise_mm": mm, "noise_deg": deg, **_plain(origin), "knee": self.knee_name,
             "path": os.path.abspath(self.file) if os.path.isfile(self.file) else self.file,
@@ -228,6 +235,8 @@ def _plain(value: Any) -> Any:
         return {name: _plain(one) for name, one in value.items()}
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
+    if isinstance(value, MeasuredTest):
+        return value
     return [_plain(one) for one in value] if isinstance(value, list | tuple) else value
 
 
@@ -236,14 +245,16 @@ def _checked(study: Field) -> dict[str, Any]:
     if not isinstance(study.value["knee"], Knee):
         raise study["knee"].problem("a knee, as kneejax.load_knee gives")
     given = [name for name in ("measured", "synthetic") if study.value[name] is not None]
-    if len(given) != 1:
+    tests = study.value["tests"]
+    if len(given) > 1 or not (given or tests):
         value = " and ".join(given) or "neither"
-        expected = "exactly one of measured, synthetic"
+        expected = "exactly one of measured, synthetic" + ", or tests" * (not given)
         raise Field(study.file, "measured", value).problem(expected)
     return {
         "title": study["title"].text(),
         "measured": _poses(study["measured"]) if "measured" in given else None,
         "synthetic": _synthetic(study["synthetic"]) if "synthetic" in given else None,
+        "tests": _tests(study),
         "parameters": _distinct(study["parameters"], _parameter),
         "start": parameter_values(study["start"]),
         "bounds": {
@@ -261,6 +272,27 @@ def _checked(study: Field) -> dict[str, Any]:
         "failures": _distinct(study["failures"], lambda item: item.choice(FAULTS), empty=True),
         "loads": _loads(study["loads"]),
     }
+
+
+def _tests(study: Field) -> tuple[MeasuredTest, ...]:
+    """Tests under load, no two of one name, each no better known than the poses can say."""
+    tests = tuple(study.value["tests"])
+    for number, test in enumerate(tests):
+        if not isinstance(test, MeasuredTest):
+            raise study["tests"].problem("tests as kneejax.MeasuredTest makes them")
+        place = Field(study.file, f"tests[{number}].name", test.name)
+        if test.name in [one.name for one in tests[:number]]:
+            raise place.problem("every name once")
+        for unit, sd in (("mm", test.sd_mm), ("deg", test.sd_deg)):
+            own = Field(study.file, f"tests[{number}].sd_{unit}", sd)
+            if sd is None:
+                continue
+            if not (np.isfinite(sd) and sd > 0):
+                raise own.problem("a standard deviation above 0")
+            if study.value[f"noise_{unit}"] is None and study.value["synthetic"] is None:
+                expected = f"noise_{unit} of the study too, against which tests are weighed"
+                raise own.problem(expected)
+    return tests
 
 
 def _poses(field: Field) -> np.ndarray:

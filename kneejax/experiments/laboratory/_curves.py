@@ -14,10 +14,8 @@ from kneejax.experiments._doubts import doubts, of_search, with_flips
 from kneejax.experiments._evaluate import Mechanics, evaluate
 from kneejax.experiments._motion import Motion, passive_flexion
 from kneejax.experiments.laboratory._lab_test import LabTest
-from kneejax.geometry import COORDINATES
+from kneejax.geometry import CLINICAL, COORDINATES
 from kneejax.mechanics import Knee, Load
-
-_CLINICAL = "grood-suntay"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -94,7 +92,7 @@ class Curves:
 
     def _observed(self) -> Array:
         column = list(COORDINATES).index(self.test.observed)
-        return self.motion.to_table(_CLINICAL)[:, column]
+        return self.motion.to_table(CLINICAL)[:, column]
 
 
 def _at(mechanics: Mechanics, rows: np.ndarray) -> Mechanics:

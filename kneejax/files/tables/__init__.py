@@ -8,8 +8,9 @@ from kneejax._lazy import lazy_names
 _MODULES = {
     "CandidateRow": "kneejax.files.tables._candidates",
     "read_candidates": "kneejax.files.tables._candidates",
+    "LabTable": "kneejax.files.tables._lab_table",
+    "read_lab_table": "kneejax.files.tables._lab_table",
     "read_loads": "kneejax.files.tables._loads",
-    "FEMORAL": "kneejax.files.tables._tables",
     "cell_number": "kneejax.files.tables._tables",
     "read_poses": "kneejax.files.tables._tables",
     "read_rows": "kneejax.files.tables._tables",
@@ -20,8 +21,9 @@ _MODULES = {
 if TYPE_CHECKING:
     from kneejax.files.tables._candidates import CandidateRow as CandidateRow
     from kneejax.files.tables._candidates import read_candidates as read_candidates
+    from kneejax.files.tables._lab_table import LabTable as LabTable
+    from kneejax.files.tables._lab_table import read_lab_table as read_lab_table
     from kneejax.files.tables._loads import read_loads as read_loads
-    from kneejax.files.tables._tables import FEMORAL as FEMORAL
     from kneejax.files.tables._tables import cell_number as cell_number
     from kneejax.files.tables._tables import read_poses as read_poses
     from kneejax.files.tables._tables import read_rows as read_rows

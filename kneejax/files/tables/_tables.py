@@ -13,11 +13,8 @@ from typing import Any
 import numpy as np
 
 from kneejax.files.reading import InputProblem, counted, nearest_name, read_text, write_text
-from kneejax.geometry import COLUMNS, CONVENTIONS, convert_table
+from kneejax.geometry import COLUMNS, CONVENTIONS, FEMORAL, convert_table
 from kneejax.mechanics import RANGES, Range
-
-#: The convention of the package's own tables.
-FEMORAL = "femoral"
 
 # No knee moves less than this in mm; one given in metres does.
 _METRES_BELOW = 0.1

@@ -84,7 +84,7 @@ class MotionDensity(eqx.Module):
             near: balances at parameters and offsets, one variant.
             deviation: about how far parameters and offsets are uncertain, `(p,)`; NaN if unknown.
         """
-        values, own = near.values[0], without_offsets(near, problem.offsets)
+        values, own = near.values[0], without_offsets(near, problem.offsets, problem.cases.posed)
         in_log = np.array([p.name.endswith(".stiffness") and p.lower > 0.0 for p in priors])
         ends = np.array([(p.lower, p.upper) for p in priors])
         lower, upper = np.where(in_log, np.log(np.where(in_log, ends.T, 1.0)), ends.T)

@@ -3,6 +3,7 @@
 from kneejax.inference.calibration._answers import motion_at as motion_at
 from kneejax.inference.calibration._calibrate import calibrate as calibrate
 from kneejax.inference.calibration._calibrate import versions as versions
+from kneejax.inference.calibration._fitted_test import FittedTest as FittedTest
 from kneejax.inference.calibration._quality import Fault as Fault
 from kneejax.inference.calibration._quality import Misfit as Misfit
 from kneejax.inference.calibration._result import Calibration as Calibration

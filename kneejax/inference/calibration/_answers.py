@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
@@ -11,6 +12,7 @@ from jax.typing import ArrayLike
 from kneejax.experiments import doubts, slack_poses, with_flips
 from kneejax.experiments import evaluate as evaluate_mechanics
 from kneejax.geometry import COLUMNS, FREE_COORDINATES, Pose
+from kneejax.inference.calibration._fitted_test import fitted_tests
 from kneejax.inference.calibration._result import Estimate, Fit, Motion, Starts
 from kneejax.inference.calibration._search import Trail
 from kneejax.inference.fit import (
@@ -98,6 +100,7 @@ def fit_of(
         trail.reason,
         tuple(estimates[size:]),
         trail.ending,
+        tests=fitted_tests(problem, found),
     )
 
 
@@ -135,7 +138,7 @@ def starts_of(problem: Problem, answer: Fit, ends: np.ndarray, objectives: np.nd
     order = np.argsort(objectives)
     ends, objectives = ends[order], objectives[order]
     estimates = (*answer.estimates, *answer.offsets)
-    counted = (problem.weights > 0).sum() * problem.used.sum()
+    counted = problem.cases.seen[:, problem.weights > 0].sum()
     spare = max(int(counted) - len(estimates), 1)
     rise = (objectives - answer.objective) / max(answer.objective / spare, 1e-300)
     low = np.array([e.low if np.isfinite(e.low) else e.lower for e in estimates])
@@ -146,12 +149,14 @@ def starts_of(problem: Problem, answer: Fit, ends: np.ndarray, objectives: np.nd
 
 
 def motion_of(problem: Problem, found: Slopes) -> Motion:
-    """Poses of one fit with the forces that hold them."""
-    pose = problem.pose(found)
+    """The poses of one fit that were measured as such, with the forces that hold them."""
+    rows = problem.cases.posed
+    pose = jax.tree.map(lambda x: x[rows], problem.pose(found))
     table = np.array(pose.to_table())
     table[:, 0] = problem.measured[:, 0]
     knee = problem.knee_at(found.values[0])
-    return motion_at(knee, table, pose, problem.meeting(found), found.status[0])
+    meeting, status = problem.meeting(found)[..., rows], found.status[0][rows]
+    return motion_at(knee, table, pose, meeting, status)
 
 
 def motion_at(
@@ -166,6 +171,9 @@ def motion_at(
         meeting: parameters of the meeting points, `(patches, 2, n)`.
         status: `Status` values, `(n,)`.
     """
+    if not len(table):
+        parts = len(knee.ligaments.names), len(knee.contact_names)
+        return Motion(table, np.asarray(status), *(np.empty((0, count)) for count in parts))
     mechanics = evaluate_mechanics(knee, pose, meeting)
     return Motion(
         table,
@@ -183,25 +191,29 @@ def _slack_ligaments(problem: Problem, found: Slopes) -> dict[str, float]:
     return {name: float(np.mean(where)) for name, where in slack.items()}
 
 
-def _squares(problem: Problem, error: np.ndarray) -> np.ndarray:
-    return np.where(problem.used, error, 0.0) ** 2
-
-
 def objective_of(problem: Problem, error: np.ndarray) -> float:
-    """Weighted sum of squares of errors `(5, n)`."""
-    return float((problem.weights[:, None] * _squares(problem, error)).sum())
+    """Weighted sum of squares of errors `(5, cases)`."""
+    return float(problem.weights @ _squares(problem, error).sum(axis=1))
 
 
 def partial_objectives_of(problem: Problem, error: np.ndarray) -> dict[str, float]:
-    """Coordinate -> sum of squares."""
+    """Coordinate -> sum of squares, of tests in units of the poses' variance."""
     sums = _squares(problem, error).sum(axis=1)
     return dict(zip(FREE_COORDINATES, (float(s) for s in sums), strict=True))
 
 
 def rmse_of(problem: Problem, error: np.ndarray) -> dict[str, float]:
-    """Coordinate -> root mean square error."""
-    means = _squares(problem, error).sum(axis=1) / problem.used.sum()
-    return dict(zip(FREE_COORDINATES, (float(m) ** 0.5 for m in means), strict=True))
+    """Coordinate -> root mean square error of the poses; NaN without any."""
+    rows = problem.cases.posed
+    count = int(problem.used[rows].sum())
+    sums = (error[:, rows] ** 2).sum(axis=1)
+    means = sums / count if count else np.full(5, np.nan)
+    return dict(zip(FREE_COORDINATES, np.sqrt(means).tolist(), strict=True))
+
+
+def _squares(problem: Problem, error: np.ndarray) -> np.ndarray:
+    spread = problem.cases.spread
+    return (error if spread is None else error / spread.T) ** 2
 
 
 def notes_on(problem: Problem, fit: Fit) -> tuple[str, ...]:
@@ -228,9 +240,10 @@ def notes_on(problem: Problem, fit: Fit) -> tuple[str, ...]:
     worst = max(share, key=share.__getitem__)
     if fit.objective > 0:
         unit = "degrees" if _UNITS[worst] == "deg" else "mm"
+        error = f" (RMSE {fit.rmse[worst]:.3g} {unit})" if np.isfinite(fit.rmse[worst]) else ""
         notes.append(
             f"{100 * share[worst] / fit.objective:.0f} % of the remaining misfit is in "
-            f"{worst.replace('_', ' ')} (RMSE {fit.rmse[worst]:.3g} {unit})."
+            f"{worst.replace('_', ' ')}{error}."
         )
     left_out = int((~problem.used).sum())
     if left_out:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from kneejax.experiments import MeasuredTest
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference.calibration._answers import (
     fit_of,
@@ -22,6 +23,7 @@ from kneejax.inference.calibration._answers import (
     starts_of,
     surety_of,
 )
+from kneejax.inference.calibration._fitted_test import fitted_tests, misfits_of_test
 from kneejax.inference.calibration._quality import misfits
 from kneejax.inference.calibration._result import Calibration
 from kneejax.inference.calibration._search import (
@@ -35,7 +37,6 @@ from kneejax.inference.fit import DEFAULT_WEIGHTS, Problem
 from kneejax.inference.intervals import stated_noise
 from kneejax.mechanics import Knee, Load
 from kneejax.parameters import UnsuitableData, select, start_within, stated_bounds
-from kneejax.statics import Stations
 
 _PACKAGES = ("kneejax", "jax", "jaxlib", "optimistix", "equinox", "lineax", "numpy", "jaxopt")
 
@@ -59,13 +60,14 @@ def calibrate(
     title: str = "Calibration",
     settings: dict[str, Any] | None = None,
     loads: Sequence[Load] = (),
+    tests: Sequence[MeasuredTest] = (),
 ) -> Calibration:
-    """Identify parameters of a knee from measured poses.
+    """Identify parameters of a knee from measured poses, and from how far it gave under load.
 
     Args:
         knee: gives everything that is not free, and the start of what is.
         measured: `(n, 6)` in the order of `kneejax.geometry.COLUMNS`, degrees and mm; flexion is
-            prescribed, the other five are compared.
+            prescribed, the other five are compared. It may be empty where there are tests.
         parameters: names, with `*` for every ligament.
         bounds: by name; those of paper 1 for stiffness and reference strain by default.
         weights: `(5,)`; by default 8 per degree^2 and 1 per mm^2 (paper 1).
@@ -86,6 +88,7 @@ def calibrate(
         title: for the report.
         settings: recorded with the result.
         loads: on the tibia while the poses were measured, each one for all poses or one per pose.
+        tests: under load that were made; they count like poses, each by its standard deviation.
 
     Returns:
         The `Calibration`.
@@ -93,7 +96,8 @@ def calibrate(
     Raises:
         UnknownParameter: a name that the knee does not have.
         UnsuitableData: bounds that exclude the start, numbers that are not finite,
-            no pose that balances, or a method that is unknown or not installed.
+            no pose that balances, a method that is unknown or not installed, or a test that says
+            how well it was measured where nobody says so of the poses.
 
     Source: paper 1, sections 2.3 and 3.4.
     """
@@ -103,9 +107,7 @@ def calibrate(
     selection = select(knee, parameters)
     weights = DEFAULT_WEIGHTS if weights is None else np.asarray(weights, float)
     stated = stated_noise(noise_mm, noise_deg)
-    measured = np.asarray(measured, float)
-    stations = Stations.at(measured[:, 0], tuple(loads))
-    problem = Problem.of(knee, selection, measured, weights, offsets, stations)
+    problem = Problem.of(knee, selection, measured, weights, offsets, loads, tests, stated)
     if not np.isfinite(problem.measured).all():
         row = int(np.flatnonzero(~np.isfinite(problem.measured).all(axis=1))[0])
         raise UnsuitableData(f"measured row {row} is not finite: leave it out")
@@ -119,7 +121,7 @@ def calibrate(
     ready = time.perf_counter()
     balanced = first.converged[0]
     if not balanced.any():
-        raise UnsuitableData("no measured flexion has a balance with the start's parameters")
+        raise UnsuitableData("nothing that was measured has a balance with the start's parameters")
     problem = problem.with_used(balanced)
     fits, surety = [], None
     for procedure in procedures:
@@ -139,7 +141,11 @@ def calibrate(
     assert surety is not None
     error = problem.error(first)
     start_rmse = rmse_of(problem, error)
-    poor = misfits(fits[0].rmse, start_rmse, stated, weights, int(problem.used.sum()))
+    start_tests = fitted_tests(problem, first)
+    poses = int(problem.used[problem.cases.posed].sum())
+    poor = misfits(fits[0].rmse, start_rmse, stated, weights, poses)
+    for own, before in zip(fits[0].tests, start_tests, strict=True):
+        poor += misfits_of_test(own, before, stated, weights)
     total = time.perf_counter() - begun
     return Calibration(
         title=title,
@@ -149,6 +155,7 @@ def calibrate(
         start_rmse=start_rmse,
         start_partial_objectives=partial_objectives_of(problem, error),
         start_objective=objective_of(problem, error),
+        start_tests=start_tests,
         fits=tuple(fits),
         ligaments=knee.ligaments.names,
         contacts=knee.contact_names,

@@ -10,8 +10,7 @@ import numpy as np
 
 from kneejax.geometry import COLUMNS, FREE_COORDINATES
 
-#: Times a stated noise beyond which a root mean square error is more than noise. Of twelve poses
-#: it scatters by a fifth.
+#: Times a stated noise beyond which a root mean square error of many poses is more than noise.
 _BEYOND_NOISE = 1.5
 #: Errors of a motion without noise, mm and degrees.
 _ROUNDING = 1e-4
@@ -36,12 +35,14 @@ class Misfit:
         fault: why.
         rmse: root mean square error of the fit, mm or degrees.
         against: what that is compared with: the start's error, the noise, or what is large.
+        test: whose curves they are; empty for the poses.
     """
 
     coordinate: str
     fault: Fault
     rmse: float
     against: float
+    test: str = ""
 
 
 def misfits(
@@ -63,8 +64,13 @@ def misfits(
     Returns:
         One a coordinate at most.
     """
+    # `scipy.special` at the top would be part of every start.
+    from scipy.special import chdtri
+
     # A root mean square of so few scatters by 1 / sqrt(2 n); twice that is more than luck.
     scatter = 1.0 + float(np.sqrt(2.0 / max(poses, 1)))
+    # What so few errors leave by luck once in a thousand is no misfit either.
+    beyond = max(_BEYOND_NOISE, float(np.sqrt(chdtri(max(poses, 1), 1e-3) / max(poses, 1))))
     found = []
     for row, name in enumerate(FREE_COORDINATES):
         own, before, noise = rmse[name], start_rmse[name], float(stated[row])
@@ -75,7 +81,7 @@ def misfits(
         worse = own > scatter * before + _ROUNDING and not own <= noise
         if worse:
             found.append(Misfit(name, Fault.WORSE_THAN_START, own, before))
-        elif own > _BEYOND_NOISE * noise:
+        elif own > beyond * noise:
             found.append(Misfit(name, Fault.BEYOND_NOISE, own, noise))
         elif own > max(_LARGE[unit], np.nan_to_num(noise)):
             found.append(Misfit(name, Fault.LARGE, own, _LARGE[unit]))

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from kneejax.inference.calibration._fitted_test import FittedTest
 from kneejax.inference.calibration._quality import Misfit
 from kneejax.inference.intervals import IntervalKind
 
@@ -127,6 +128,7 @@ class Fit:
         offsets: constants that are added to the model to compare it with the measurement.
         ending: why the search ended.
         starts: where several starts ended; None if there was one.
+        tests: under load, each beside what the fitted knee does.
     """
 
     procedure: str
@@ -143,6 +145,7 @@ class Fit:
     offsets: tuple[Estimate, ...] = ()
     ending: Ending = Ending.CONVERGED
     starts: Starts | None = None
+    tests: tuple[FittedTest, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -152,7 +155,7 @@ class Calibration:
     Attributes:
         title: for reports.
         knee: name of the knee.
-        measured: shape `(n, 6)`, degrees and mm.
+        measured: poses, shape `(n, 6)`, degrees and mm; none where only tests were measured.
         start: motion of the start's parameters.
         start_rmse: coordinate -> root mean square error of the start.
         start_partial_objectives: likewise for the sums of squares.
@@ -168,6 +171,7 @@ class Calibration:
         seconds: `total`, `compile`, `solve`.
         versions: package -> version.
         settings: everything needed to run it again.
+        start_tests: tests under load, each beside what the start's knee does.
     """
 
     title: str
@@ -188,6 +192,7 @@ class Calibration:
     seconds: dict[str, float]
     versions: dict[str, str]
     settings: dict[str, Any]
+    start_tests: tuple[FittedTest, ...] = ()
 
     @property
     def fit(self) -> Fit:

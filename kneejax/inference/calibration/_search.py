@@ -112,7 +112,7 @@ def run_procedure(
                 search(problem, trail, free, lower, upper, name)
         if len(stages) == 1 or cycles == 1:
             return trail
-        if trail.objective < 1e-16 * problem.cases.target.size:
+        if trail.objective < 1e-16 * problem.cases.seen.sum():
             return trail
         if cycle and reached - trail.objective <= tolerance * reached:
             return trail
@@ -179,7 +179,7 @@ def _free(problem: Problem, quantities) -> np.ndarray:
 def _stage(problem: Problem, trail: Trail, free, lower, upper, name: str) -> None:
     box = (np.where(free, bound, trail.x)[None] for bound in (lower, upper))
     reached: list[float] = []
-    spare = max(problem.cases.target.size - int(free.sum()), 1)
+    spare = max(int(problem.cases.seen.sum()) - int(free.sum()), 1)
     trail.flat = False
 
     def watch(found: Slopes, objective: float, taken: bool) -> bool:

@@ -12,8 +12,8 @@ from kneejax.inference.fit._many_fits import PATIENT as PATIENT
 from kneejax.inference.fit._many_fits import ManyFits as ManyFits
 from kneejax.inference.fit._many_fits import compile_step as compile_step
 from kneejax.inference.fit._many_fits import fit_lanes as fit_lanes
+from kneejax.inference.fit._observations import observations as observations
 from kneejax.inference.fit._problem import Problem as Problem
 from kneejax.inference.fit._problem import balances_of as balances_of
 from kneejax.inference.fit._problem import offset_units as offset_units
 from kneejax.inference.fit._synthetic import synthetic_motion as synthetic_motion
-from kneejax.inference.fit._test_cases import cases_of_tests as cases_of_tests

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from kneejax.geometry import FREE_COORDINATES, convert, table_units
+from kneejax.geometry import CLINICAL, FEMORAL, FREE_COORDINATES, convert, table_units
 from kneejax.statics import Slopes, Stations
 
-#: The package's own convention of poses.
-FEMORAL = "femoral"
 #: Degrees and mm per internal unit of a free coordinate.
 TABLE_UNITS = table_units(FREE_COORDINATES)
 #: Weights of paper 1, section 3.4: 8 per degree^2, 1 per mm^2, in the order of the coordinates.
@@ -38,10 +35,14 @@ class LoadCases:
         used: load cases that count, `(stations,)`.
         prior: means and standard deviations of the values, `(p,)` each, that count as observed too;
             None where nothing is known of them beforehand.
-        read_as: convention of the target, one of `kneejax.geometry.CONVENTIONS`; any but the
-            package's own needs flexion, and nothing else, prescribed.
+        clinical: whose translations are those of Grood and Suntay, `(stations,)`; frame offsets
+            are not of these. None where no case's are.
         neutral: load case from which each one is counted, `(stations,)`, -1 where the pose counts
             as it is; None where all do.
+        group: load cases that share unknown constants, one a coordinate: their number
+            `(stations,)`, -1 for cases without; None where no case has any.
+        spread: times its coordinate's noise that an observation has, `(stations, 5)`; None where
+            all have that noise itself.
     """
 
     stations: Stations
@@ -50,8 +51,10 @@ class LoadCases:
     offsets: tuple[str, ...] = ()
     used: np.ndarray | None = None
     prior: tuple[np.ndarray, np.ndarray] | None = None
-    read_as: str = FEMORAL
+    clinical: np.ndarray | None = None
     neutral: np.ndarray | None = None
+    group: np.ndarray | None = None
+    spread: np.ndarray | None = None
 
     @property
     def counted(self) -> np.ndarray:
@@ -63,6 +66,33 @@ class LoadCases:
         """Rows of the residual."""
         believed = 0 if self.prior is None else len(self.prior[0])
         return 5 * int(self.counted.sum()) + believed
+
+    @property
+    def seen(self) -> np.ndarray:
+        """Which numbers were observed and count, `(stations, 5)`; the same in every fit."""
+        one = self.target.reshape(-1, len(self.stations), 5)[0]
+        return ~np.isnan(one) & self.counted[:, None]
+
+    @property
+    def posed(self) -> np.ndarray:
+        """Load cases in the frame to which offsets lead, `(stations,)`."""
+        return np.ones(len(self.stations), bool) if self.clinical is None else ~self.clinical
+
+    @property
+    def taken(self) -> np.ndarray:
+        """Constants that are taken out of each coordinate, `(5,)`."""
+        taken, seen = np.zeros(5, int), self.seen
+        for rows, column in self._constants():
+            taken[column] += seen[rows, column].any()
+        return taken
+
+    def _constants(self) -> list[tuple[np.ndarray, int]]:
+        """Rows and column of each unknown constant."""
+        found = [(self.posed, FREE_COORDINATES.index(name)) for name in self.offsets]
+        if self.group is not None:
+            groups = [self.group == g for g in np.unique(self.group[self.group >= 0])]
+            found += [(rows, column) for rows in groups for column in range(5)]
+        return found
 
     def take(self, rows) -> LoadCases:
         """The data of some of the fits."""
@@ -80,10 +110,11 @@ class LoadCases:
             Degrees and mm, `(fits, stations, 5)`, and by the values `(fits, stations, 5, p)`.
         """
         q, slope = found.q, found.jacobian
-        if self.read_as != FEMORAL:
+        if self.clinical is not None and self.clinical.any():
             flexion = np.broadcast_to(np.asarray(self.stations.flexion), q.shape[:2])
-            q, turn = map(np.asarray, _read(flexion, q, self.read_as))
-            slope = turn @ slope
+            read, turn = map(np.asarray, _read(flexion, q))
+            q = np.where(self.clinical[:, None], read, q)
+            slope = np.where(self.clinical[:, None, None], turn @ slope, slope)
         value, slope = q * TABLE_UNITS, slope * TABLE_UNITS[:, None]
         if self.neutral is None:
             return value, slope
@@ -95,23 +126,36 @@ class LoadCases:
             slope - np.where(away[..., None], slope[:, zero], 0.0),
         )
 
+    def error(self, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
+        """Model minus observation, the best unknown constants taken out, and by the values.
+
+        Args:
+            found: balances at the stations.
+
+        Returns:
+            Degrees and mm, `(fits, stations, 5)`, and by the values `(fits, stations, 5, p)`; zero
+            where nothing was observed or a load case does not count.
+        """
+        value, slope = self.observed(found)
+        seen = self.seen
+        error = np.where(seen, value - self.target, 0.0)
+        slope = np.where(seen[..., None], slope, 0.0)
+        for rows, column in self._constants():
+            share = rows & seen[:, column]
+            share = share / max(share.sum(), 1)
+            shift = error[..., column] @ share
+            turn = np.einsum("s,fsp->fp", share, slope[..., column, :])
+            error[..., column] -= np.where(share > 0, shift[:, None], 0.0)
+            slope[..., column, :] -= np.where(share[:, None] > 0, turn[:, None], 0.0)
+        return error, slope
+
     def residual(self, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
         """Errors over their standard deviations `(fits, r)`, and by the parameters; zero where
         nothing was observed."""
-        value, slope = self.observed(found)
-        error = value - self.target
-        unseen = np.broadcast_to(np.isnan(self.target), error.shape)
-        error, slope = np.where(unseen, 0.0, error), np.where(unseen[..., None], 0.0, slope)
-        error, slope = error[:, self.counted], slope[:, self.counted]
-        seen = ~unseen[:, self.counted]
-        for name in self.offsets:
-            column = FREE_COORDINATES.index(name)
-            share = seen[..., column] / np.maximum(seen[..., column].sum(axis=1, keepdims=True), 1)
-            shift = (share * error[..., column]).sum(axis=1, keepdims=True)
-            turn = np.einsum("fs,fsp->fp", share, slope[..., column, :])[:, None]
-            error[..., column] -= np.where(seen[..., column], shift, 0.0)
-            slope[..., column, :] -= np.where(seen[..., column, None], turn, 0.0)
+        error, slope = (each[:, self.counted] for each in self.error(found))
         noise = self.noise[..., None, :]
+        if self.spread is not None:
+            noise = noise * self.spread[self.counted]
         error, slope = error / noise, slope / noise[..., None]
         error = error.reshape(len(error), -1)
         slope = slope.reshape(len(slope), -1, slope.shape[-1])
@@ -123,18 +167,18 @@ class LoadCases:
         return np.hstack([error, believed]), np.concatenate([slope, each], axis=1)
 
 
-@partial(jax.jit, static_argnums=2)
-def _read(flexion: Array, q: Array, convention: str) -> tuple[Array, Array]:
-    """Free coordinates `(fits, stations, 5)` in a convention, and by those of the package."""
+@jax.jit
+def _read(flexion: Array, q: Array) -> tuple[Array, Array]:
+    """Free coordinates `(fits, stations, 5)` of Grood and Suntay, and by those of the package."""
 
     def one(flexion: Array, q: Array) -> Array:
-        return convert(jnp.concatenate([flexion[None], q]), FEMORAL, convention)[1:]
+        return convert(jnp.concatenate([flexion[None], q]), FEMORAL, CLINICAL)[1:]
 
     over_all = jax.vmap(jax.vmap(lambda f, x: (one(f, x), jax.jacfwd(one, 1)(f, x))))
     return over_all(flexion, q)
 
 
-def with_offsets(balance: Balance, offsets: Sequence[str]) -> Balance:
+def with_offsets(balance: Balance, offsets: Sequence[str], posed: np.ndarray) -> Balance:
     """A balance whose last values are constants added to some coordinates.
 
     `LoadCases.offsets` takes the best constants out of every residual; this makes them values
@@ -143,6 +187,7 @@ def with_offsets(balance: Balance, offsets: Sequence[str]) -> Balance:
     Args:
         balance: of the other values.
         offsets: free coordinates; their constants are in degrees and mm.
+        posed: load cases to which they are added, `(stations,)`.
 
     Returns:
         The balance.
@@ -150,19 +195,21 @@ def with_offsets(balance: Balance, offsets: Sequence[str]) -> Balance:
 
     def shifted(values: np.ndarray, near: Slopes) -> Slopes:
         size = values.shape[1] - len(offsets)
-        found = balance(values[:, :size], without_offsets(near, offsets))
-        return add_offsets(found, values[:, size:], offsets)
+        found = balance(values[:, :size], without_offsets(near, offsets, posed))
+        return add_offsets(found, values[:, size:], offsets, posed)
 
     return shifted if offsets else balance
 
 
-def add_offsets(found: Slopes, shifts: np.ndarray, offsets: Sequence[str]) -> Slopes:
+def add_offsets(
+    found: Slopes, shifts: np.ndarray, offsets: Sequence[str], posed: np.ndarray
+) -> Slopes:
     """Balances with constants `(fits, offsets)` added, degrees and mm, as their last values."""
     q, more = np.array(found.q), np.zeros((*found.q.shape, len(offsets)))
     for k, name in enumerate(offsets):
         row = FREE_COORDINATES.index(name)
-        q[..., row] += shifts[:, [k]] / TABLE_UNITS[row]
-        more[..., row, k] = 1.0 / TABLE_UNITS[row]
+        q[..., row] += shifts[:, [k]] * posed / TABLE_UNITS[row]
+        more[..., row, k] = posed / TABLE_UNITS[row]
     still = np.zeros((*found.meeting.shape, len(offsets)))
     return dataclasses.replace(
         found,
@@ -173,12 +220,12 @@ def add_offsets(found: Slopes, shifts: np.ndarray, offsets: Sequence[str]) -> Sl
     )
 
 
-def without_offsets(found: Slopes, offsets: Sequence[str]) -> Slopes:
+def without_offsets(found: Slopes, offsets: Sequence[str], posed: np.ndarray) -> Slopes:
     """The reverse of `add_offsets`."""
     q, size = np.array(found.q), found.values.shape[1] - len(offsets)
     for k, name in enumerate(offsets):
         row = FREE_COORDINATES.index(name)
-        q[..., row] -= found.values[:, [size + k]] / TABLE_UNITS[row]
+        q[..., row] -= found.values[:, [size + k]] * posed / TABLE_UNITS[row]
     return dataclasses.replace(
         found,
         values=found.values[:, :size],
@@ -199,5 +246,5 @@ def best_offsets(data: LoadCases, fit: Slopes) -> list[float]:
         Degrees or mm, in the order of `data.offsets`.
     """
     target = data.target.reshape(len(data.stations), 5)
-    error = (data.observed(fit)[0][0] - target)[data.counted]
+    error = (data.observed(fit)[0][0] - target)[data.counted & data.posed]
     return [-float(error[:, FREE_COORDINATES.index(name)].mean()) for name in data.offsets]

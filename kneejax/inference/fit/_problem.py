@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from kneejax.experiments import MeasuredTest
 from kneejax.geometry import FREE_COORDINATES, Pose, State
 from kneejax.inference.fit._load_cases import (
     TABLE_UNITS,
@@ -17,7 +19,8 @@ from kneejax.inference.fit._load_cases import (
     with_offsets,
     without_offsets,
 )
-from kneejax.mechanics import Knee
+from kneejax.inference.fit._observations import observations, rows_of_tests
+from kneejax.mechanics import Knee, Load
 from kneejax.parameters import Selection
 from kneejax.statics import Slopes, Stations, balance_with_slopes
 
@@ -31,6 +34,7 @@ class Problem:
         selection: the free parameters.
         cases: what was observed; its noise weighs.
         offsets: free coordinates with an unknown constant difference to the measurement.
+        tests: under load whose rows the cases hold, after the poses.
 
     Example:
         >>> import kneejax as kj
@@ -45,6 +49,7 @@ class Problem:
     selection: Selection
     cases: LoadCases
     offsets: tuple[str, ...] = ()
+    tests: tuple[MeasuredTest, ...] = ()
 
     @classmethod
     def of(
@@ -54,9 +59,11 @@ class Problem:
         measured: np.ndarray,
         weights: np.ndarray,
         offsets: tuple[str, ...] = (),
-        stations: Stations | None = None,
+        loads: Sequence[Load] = (),
+        tests: Sequence[MeasuredTest] = (),
+        stated: np.ndarray | None = None,
     ) -> Problem:
-        """A problem from measured poses.
+        """A problem from measured poses and tests.
 
         Args:
             knee: start of everything that is not free.
@@ -64,13 +71,14 @@ class Problem:
             measured: `(n, 6)`, degrees and mm; NaN where a coordinate was not observed.
             weights: `(5,)`, per degree^2 and per mm^2.
             offsets: names of free coordinates.
-            stations: where it was measured; at the measured flexion without loads by default.
+            loads: on the tibia at the poses (`observations`).
+            tests: under load that were made beside them.
+            stated: standard deviations that are known, NaN elsewhere, `(5,)`.
         """
-        measured = np.asarray(measured, float)
         with np.errstate(divide="ignore"):
             noise = 1.0 / np.sqrt(weights)
-        stations = Stations.at(measured[:, 0]) if stations is None else stations
-        return cls(knee, selection, LoadCases(stations, measured[:, 1:], noise), offsets)
+        cases = observations(measured, noise, loads, tests, stated)
+        return cls(knee, selection, cases, offsets, tuple(tests))
 
     @property
     def size(self) -> int:
@@ -84,16 +92,23 @@ class Problem:
 
     @property
     def used(self) -> np.ndarray:
-        """Load cases that count: those where the start's model balances, `(n,)`."""
+        """Load cases that count: those where the start's model balances, `(cases,)`."""
         return self.cases.counted
 
     @property
     def measured(self) -> np.ndarray:
-        """Measured poses, degrees and mm, `(n, 6)`."""
-        return np.column_stack([np.rad2deg(self.cases.stations.flexion), self.cases.target])
+        """Measured poses, degrees and mm, `(n, 6)`; without what tests observed."""
+        table = np.column_stack([np.rad2deg(self.cases.stations.flexion), self.cases.target])
+        return table[self.cases.posed]
+
+    def rows_of_tests(self) -> list[slice]:
+        """Load cases of each test's rows."""
+        return rows_of_tests(len(self.measured), self.tests)
 
     def with_used(self, rows: np.ndarray) -> Problem:
-        """The same with only some load cases that count, `(n,)`."""
+        """The same with only some load cases that count, `(cases,)`, and what they count from."""
+        if self.cases.neutral is not None:
+            rows = rows & np.where(self.cases.neutral < 0, True, rows[self.cases.neutral])
         return dataclasses.replace(self, cases=dataclasses.replace(self.cases, used=rows))
 
     def knee_at(self, values: np.ndarray) -> Knee:
@@ -107,30 +122,31 @@ class Problem:
         found = balance_with_slopes(
             self.knee, self.selection.apply, parameters, self.cases.stations
         )
-        return add_offsets(found, shifts, self.offsets)
+        return add_offsets(found, shifts, self.offsets, self.cases.posed)
 
     @property
     def balance(self) -> Balance:
         """Balances at values, from near ones."""
         of_parameters = balances_of(self.knee, self.selection, self.cases.stations)
-        return with_offsets(of_parameters, self.offsets)
+        return with_offsets(of_parameters, self.offsets, self.cases.posed)
 
     def table(self, found: Slopes) -> np.ndarray:
-        """Free coordinates of one fit as measured, with its constants, degrees and mm, `(5, n)`."""
+        """Free coordinates of one fit as they were measured, degrees and mm, `(5, cases)`."""
         return self.cases.observed(found)[0][0].T
 
     def pose(self, found: Slopes) -> Pose:
-        """The poses of one fit in the model's frame, `(n,)`."""
-        own = without_offsets(found, self.offsets)
+        """The poses of one fit in the model's frame, `(cases,)`."""
+        own = without_offsets(found, self.offsets, self.cases.posed)
         return State.of(self.cases.stations.prescribed, jnp.asarray(own.q[0].T)).tibia
 
     def meeting(self, found: Slopes) -> np.ndarray:
-        """Meeting points of one fit, `(patches, 2, n)`."""
+        """Meeting points of one fit, `(patches, 2, cases)`."""
         return np.moveaxis(found.meeting[0], 0, -1)
 
     def error(self, found: Slopes) -> np.ndarray:
-        """Model plus constants minus measurement of one fit, `(5, n)`, degrees and mm."""
-        return self.table(found) - self.cases.target.T
+        """Model plus constants minus measurement of one fit, `(5, cases)`, degrees and mm; zero
+        where nothing was observed or a case does not count."""
+        return self.cases.error(found)[0][0].T
 
     def residual(self, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
         """Weighted residuals of one fit, and by the values."""

@@ -5,8 +5,10 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 
+import jax
 import numpy as np
 
+from kneejax.experiments import MeasuredTest
 from kneejax.geometry import State
 from kneejax.inference.calibration import Motion, motion_at
 from kneejax.inference.fit import DEFAULT_WEIGHTS, LoadCases, Problem, balances_of, best_offsets
@@ -23,7 +25,7 @@ from kneejax.inference.intervals import (
 )
 from kneejax.mechanics import Knee, Load
 from kneejax.parameters import Selection, UnsuitableData, select, start_within, stated_bounds
-from kneejax.statics import Slopes, Stations, balance_with_slopes
+from kneejax.statics import Slopes, balance_with_slopes
 
 #: Chi squared per degree of freedom beyond which the noise that was given is doubted.
 _MISFIT = 2.0
@@ -89,6 +91,7 @@ def identify(
     offsets: tuple[str, ...] = (),
     with_profiles: bool = True,
     loads: Sequence[Load] = (),
+    tests: Sequence[MeasuredTest] = (),
 ) -> Identification:
     """Fit a motion by maximum likelihood and ask what its data determine.
 
@@ -106,6 +109,7 @@ def identify(
         offsets: free coordinates whose constant difference to the measurement is free.
         with_profiles: whether to follow the profiles.
         loads: on the tibia while the poses were measured, each one for all poses or one per pose.
+        tests: under load that were made beside them.
 
     Returns:
         The `Identification`.
@@ -123,20 +127,21 @@ def identify(
     stated = stated_noise(noise_mm, noise_deg)
     lower, upper = stated_bounds(knee, selection, bounds or {})
     start = start_within(knee, selection, lower, upper)
-    stations = Stations.at(measured[:, 0], tuple(loads))
-    begin = balance_with_slopes(knee, selection.apply, start[None], stations)
-    used = begin.converged[0]
-    if not used.any():
-        raise UnsuitableData("no measured flexion has a balance with the start's parameters")
-    estimated = bool(np.isnan(stated).any())
     weights = DEFAULT_WEIGHTS if weights is None else np.asarray(weights, float)
-    count = int((weights > 0).sum() * used.sum())
-    spare = count - len(selection) - len(offsets)
+    problem = Problem.of(knee, selection, measured, weights, offsets, loads, tests, stated)
+    stations = problem.cases.stations
+    begin = balance_with_slopes(knee, selection.apply, start[None], stations)
+    problem = problem.with_used(begin.converged[0])
+    used = problem.used
+    if not used.any():
+        raise UnsuitableData("nothing that was measured has a balance with the start's parameters")
+    estimated = bool(np.isnan(stated).any())
+    data = dataclasses.replace(problem.cases, offsets=offsets)
+    count = int(data.seen[:, weights > 0].sum())
+    spare = count - int(data.taken[weights > 0].sum()) - len(selection)
     if estimated:
         check_enough(count, len(selection) + len(offsets))
     balance = balances_of(knee, selection, stations)
-    with np.errstate(divide="ignore"):
-        data = LoadCases(stations, measured[:, 1:], 1.0 / np.sqrt(weights), offsets, used)
     fits, data = likeliest(balance, data, begin, stated, lower, upper, far=True)
     fit, followed = fits.slopes, ()
     if with_profiles:
@@ -147,9 +152,8 @@ def identify(
     residual, _ = data.residual(fit)
     values, noise = fit.values[0], data.noise[0]
     at_bound = on_bounds(values, lower, upper)
-    problem = Problem.of(knee, selection, measured, 1.0 / noise**2, offsets, stations)
-    problem = problem.with_used(used)
     one = dataclasses.replace(data, noise=noise)
+    problem = dataclasses.replace(problem, cases=dataclasses.replace(one, offsets=()))
     told = fit_information(knee, selection, one, fit, at_bound=at_bound)
     answer = Identification(
         selection,
@@ -166,7 +170,7 @@ def identify(
         told,
         followed,
         tuple(map(Interval.of, followed, values, told.standard_error, lower, upper)),
-        _motion(selection.apply(knee, values), stations, fit),
+        _motion(selection.apply(knee, values), one, fit),
         problem,
         (),
     )
@@ -190,10 +194,11 @@ def check_enough(count: int, unknowns: int) -> None:
         )
 
 
-def _motion(knee: Knee, stations: Stations, fit: Slopes) -> Motion:
-    q, meeting = np.moveaxis(fit.q[0], 0, -1), np.moveaxis(fit.meeting[0], 0, -1)
-    pose = State.of(stations.prescribed, q).tibia
-    return motion_at(knee, np.asarray(pose.to_table()), pose, meeting, fit.status[0])
+def _motion(knee: Knee, data: LoadCases, fit: Slopes) -> Motion:
+    rows = data.posed
+    q, meeting = np.moveaxis(fit.q[0], 0, -1), np.moveaxis(fit.meeting[0][rows], 0, -1)
+    pose = jax.tree.map(lambda x: x[rows], State.of(data.stations.prescribed, q).tibia)
+    return motion_at(knee, np.asarray(pose.to_table()), pose, meeting, fit.status[0][rows])
 
 
 def _warnings(answer: Identification, used: np.ndarray, spare: int) -> tuple[str, ...]:

@@ -146,7 +146,7 @@ def sureties(
         One per answer.
     """
     unknown, size = bool(np.isnan(stated).any()), len(names)
-    spare = int((weights > 0).sum() * data.counted.sum()) - size
+    spare = int((data.seen.sum(axis=0) - data.taken)[weights > 0].sum()) - size
     if unknown and spare <= 0:
         return [_nothing_known(size) for _ in answers.values]
     with np.errstate(divide="ignore"):
@@ -164,7 +164,10 @@ def sureties(
         error, jacobian = errors(data.take([row]), at_answer)
         values = at_answer.values[0]
         held = on_bounds(values, lower, upper)
-        linear = uncertainty(jacobian, error, weights, held, np.where(np.isinf(own), np.nan, own))
+        linear = uncertainty(
+            jacobian, error, weights, held, np.where(np.isinf(own), np.nan, own),
+            data.seen[data.counted].T,
+        )  # fmt: skip
         judged.append(
             Surety(
                 _intervals(profiles, values, linear.standard_error, lower, upper),

@@ -6,7 +6,6 @@ import dataclasses
 
 import numpy as np
 
-from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference.fit import PATIENT, Balance, LoadCases, ManyFits, fit_lanes
 from kneejax.inference.intervals._uncertainty import uncertainty
 from kneejax.parameters import UnsuitableData
@@ -91,15 +90,15 @@ def noise_left(
     if not np.isnan(stated).any():
         return np.where(np.isinf(weighed), weighed, stated)
     held = on_bounds(fits.values, lower, upper)
-    poses = int(data.counted.sum())
-    # Each offset that was taken out takes the freedom of one pose from its coordinate.
-    freed = np.array([name in data.offsets for name in FREE_COORDINATES])
+    seen = data.seen[data.counted].T
+    # Each constant that was taken out takes the freedom of one number from its coordinate.
+    numbers, taken = seen.sum(axis=1), data.taken
     left = []
     for row in range(len(fits.values)):
         error, jacobian = errors(data.take([row]), fits.take([row]))
-        noise = uncertainty(jacobian, error, weighed[row] ** -2.0, held[row], stated).noise
+        noise = uncertainty(jacobian, error, weighed[row] ** -2.0, held[row], stated, seen).noise
         for group in ([0, 1], [2, 3, 4]):
-            share = 1.0 - freed[group].sum() / (len(group) * poses)
+            share = 1.0 - taken[group].sum() / max(numbers[group].sum(), 1)
             estimated = [k for k in group if np.isnan(stated[k])]
             noise[estimated] /= np.sqrt(max(share, 1e-9))
         left.append(np.maximum(np.where(np.isnan(noise), weighed[row], noise), _LEAST_NOISE))
@@ -107,7 +106,8 @@ def noise_left(
 
 
 def errors(data: LoadCases, fit: Slopes) -> tuple[np.ndarray, np.ndarray]:
-    """Model minus measurement `(5, poses)` of one fit, degrees and mm, and its Jacobian."""
+    """Model minus measurement `(5, poses)` of one fit, degrees and mm, and its Jacobian, where
+    noise is its coordinate's; less where an observation has more (`LoadCases.spread`)."""
     plain = dataclasses.replace(data, noise=np.ones(5))
     residual, slope = plain.residual(fit)
     poses = int(data.counted.sum())

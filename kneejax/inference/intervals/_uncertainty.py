@@ -31,6 +31,7 @@ def uncertainty(
     weights: np.ndarray,
     held: np.ndarray,
     noise: np.ndarray | None = None,
+    seen: np.ndarray | None = None,
 ) -> Uncertainty:
     """Propagate the scatter of the data to the parameters.
 
@@ -45,6 +46,7 @@ def uncertainty(
         weights: of the objective, `(5,)`; a coordinate without weight tells nothing.
         held: parameters that do not move (at a bound), `(p,)`.
         noise: standard deviations of the measurement, `(5,)`; estimated where NaN, and by default.
+        seen: what was observed, `(5, n)`; error and Jacobian are zero elsewhere. All by default.
 
     Returns:
         The `Uncertainty`.
@@ -61,10 +63,11 @@ def uncertainty(
         pseudo = (right.T / singular) @ left.T
     # Leverage: the part of each coordinate's scatter that the parameters have absorbed.
     leverage = (left**2).sum(axis=1).reshape(5, -1)
+    observed = np.ones(e.shape) if seen is None else seen[:, used]
     left_over = np.full(5, np.inf)
     for group in ([0, 1], [2, 3, 4]):
         weighed = [row for row in group if weights[row] > 0]
-        spare = (1.0 - leverage[weighed]).sum()
+        spare = (observed[weighed] - leverage[weighed]).sum()
         squares = (e[weighed] ** 2).sum()
         left_over[weighed] = np.sqrt(squares / spare) if spare > 1e-9 else np.nan
     noise = left_over if noise is None else np.where(np.isnan(noise), left_over, noise)

@@ -11,6 +11,9 @@ from kneejax.report.calibration._html import write_report as write_report
 from kneejax.report.calibration._results import PARAMETER_COLUMNS as PARAMETER_COLUMNS
 from kneejax.report.calibration._results import parameters_rows as parameters_rows
 from kneejax.report.calibration._results import result_document as result_document
+from kneejax.report.calibration._tests import TEST_COLUMNS as TEST_COLUMNS
+from kneejax.report.calibration._tests import reading_rows as reading_rows
+from kneejax.report.calibration._tests import tests_figure as tests_figure
 from kneejax.report.calibration._text import calibration_summary as calibration_summary
 from kneejax.report.calibration._verdict import Outcome as Outcome
 from kneejax.report.calibration._verdict import message as message

@@ -10,7 +10,7 @@ import os
 from collections.abc import Iterator
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from kneejax.geometry import COORDINATES
 from kneejax.report.calibration._figures import (
@@ -18,10 +18,12 @@ from kneejax.report.calibration._figures import (
     correlation_figure,
     parameters_figure,
 )
+from kneejax.report.calibration._tests import laxity_errors, tests_figure
 from kneejax.report.calibration._verdict import (
     PAPER,
     PAPER_COUNTS,
     Outcome,
+    data_words,
     ending,
     limits,
     optimiser,
@@ -60,13 +62,21 @@ _BADGES = {
     Outcome.POOR: "failed",
     Outcome.FAILED: "failed",
 }
-_DRAWN = {
-    "motion": motion_figure,
-    "parameters": parameters_figure,
-    "correlation": correlation_figure,
-    "convergence": convergence_figure,
-    "ligament_forces": ligament_forces_figure,
-}
+
+
+def _drawn(calibration: Calibration) -> dict[str, Any]:
+    """Figures of what there is: a motion, tests, or both."""
+    drawn = {
+        "motion": motion_figure,
+        "tests": tests_figure,
+        "parameters": parameters_figure,
+        "correlation": correlation_figure,
+        "convergence": convergence_figure,
+        "ligament_forces": ligament_forces_figure,
+    }
+    absent = ("motion", "ligament_forces") if not len(calibration.measured) else ()
+    absent += ("tests",) if not calibration.fit.tests else ()
+    return {name: draw for name, draw in drawn.items() if name not in absent}
 
 
 def write_report(
@@ -85,7 +95,7 @@ def write_report(
     folder = Path(folder)
     paths, pictures = [], {}
     with _collection_paused():
-        for name, draw in _DRAWN.items():
+        for name, draw in _drawn(calibration).items():
             figure = draw(calibration)
             written, pictures[name] = save_and_inline(figure, folder / "figures", name, svg=svg)
             paths += written
@@ -117,12 +127,13 @@ def report_page(calibration: Calibration, pictures: dict[str, str]) -> str:
     """
     sections = [
         _head(calibration),
-        section("Motion", _motion_section(calibration, pictures["motion"])),
+        _optional("Motion", "motion", calibration, pictures, _motion_section),
+        _optional("Tests under load", "tests", calibration, pictures, _tests_section),
         section("Parameters", _parameter_section(calibration, pictures["parameters"])),
         section("Procedures", _procedure_section(calibration, pictures["convergence"])),
         section("Objective by coordinate", _partial_section(calibration)),
         section("What the data can tell apart", _correlation_section(pictures)),
-        section("Forces", _force_section(pictures)),
+        _optional("Forces", "ligament_forces", calibration, pictures, _force_section),
         _notes_section(calibration),
         section("How to run it again", _again_section(calibration)),
     ]
@@ -134,11 +145,16 @@ def report_page(calibration: Calibration, pictures: dict[str, str]) -> str:
     )
 
 
+def _optional(title: str, name: str, calibration: Calibration, pictures, compose) -> str:
+    """A section whose picture there is; nothing otherwise."""
+    return section(title, compose(calibration, pictures[name])) if name in pictures else ""
+
+
 def _head(calibration: Calibration) -> str:
     fit = calibration.fit
     doubts = warnings(calibration)
     became = outcome(calibration)
-    kind = "synthetic" if calibration.truth else "measured"
+    made = ", synthetic" if calibration.truth else ""
     boxes = [
         ("Objective at the start", number(calibration.start_objective)),
         ("Objective fitted", number(fit.objective)),
@@ -154,7 +170,7 @@ def _head(calibration: Calibration) -> str:
     return (
         f"<header>\n<h1>{escape(calibration.title)}</h1>\n"
         f'<p class="under">Calibration of knee {escape(calibration.knee)}, '
-        f"{len(calibration.measured)} {kind} poses</p>\n"
+        f"{data_words(calibration)}{made}</p>\n"
         f'<p><strong class="badge {_BADGES[became]}">{became.value}</strong> '
         f"{escape(verdict(calibration))}</p>\n"
         f"<p>Search: {escape(search(calibration, fit))}.</p>\n"
@@ -182,6 +198,29 @@ def _motion_section(calibration: Calibration, svg: str) -> str:
         + table(header, rows)
         + picture(svg, "Measured, started and fitted motion over flexion. Failed poses are gaps, "
                    "marked at the bottom edge like poses that balance but are doubtful." + offset)
+    )  # fmt: skip
+
+
+def _tests_section(calibration: Calibration, svg: str) -> str:
+    rows = [
+        [
+            one.test if one.flexion_deg is None else "",
+            COORDINATES[one.coordinate].axis_label if one.flexion_deg is None else "",
+            "all" if one.flexion_deg is None else f"{one.flexion_deg:g}",
+            str(one.readings),
+            number(one.start, 3),
+            number(one.fitted, 3),
+            change(one.start, one.fitted),
+        ]
+        for one in laxity_errors(calibration)
+    ]
+    header = ["Test", "Coordinate", "Flexion, deg", "Readings", "Start", "Fitted", "Change"]
+    return (
+        "<p>Root mean square difference between knee and measurement in each test, along the axes "
+        "of Grood and Suntay.</p>\n"
+        + table(header, rows, (0, 1))
+        + picture(svg, "Measured (points), fitted (solid) and started (dotted), a colour for each "
+                   "flexion. A curve ends where the knee no longer holds the load.")
     )  # fmt: skip
 
 
@@ -304,9 +343,9 @@ def _correlation_section(pictures: dict[str, str]) -> str:
     )
 
 
-def _force_section(pictures: dict[str, str]) -> str:
+def _force_section(_: Calibration, svg: str) -> str:
     return picture(
-        pictures["ligament_forces"],
+        svg,
         "Forces that hold the motion, fitted (solid) and at the start (dotted); failed and "
         "doubtful poses are marked as in the motion figure.",
     )

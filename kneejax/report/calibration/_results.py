@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from kneejax.report.calibration._tests import laxity_errors
 from kneejax.report.calibration._verdict import message, outcome, reasons, remark, warnings
 from kneejax.report.look import json_safe
 from kneejax.report.motion import row_status
@@ -110,6 +111,7 @@ def result_document(calibration: Calibration) -> dict[str, Any]:
             "partial_objectives": fit.partial_objectives,
             "rmse_start": calibration.start_rmse,
             "rmse": fit.rmse,
+            "tests": [one._asdict() for one in laxity_errors(calibration)],
             "evaluations": {key: fit.evaluations.get(key, 0) for key in _TOTALS},
             "correlation": {
                 "parameters": [e.name for e in fit.estimates],

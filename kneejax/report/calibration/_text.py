@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING
 
 from kneejax.geometry import COORDINATES
 from kneejax.inference import IntervalKind
+from kneejax.report.calibration._tests import laxity_errors
 from kneejax.report.calibration._verdict import (
     PAPER_COUNTS,
     Outcome,
+    data_words,
     known_words,
     limits,
     outcome,
@@ -50,7 +52,7 @@ def calibration_summary(calibration: Calibration) -> str:
         f"Procedure {fit.procedure} {word}: objective "
         f"{number(calibration.start_objective)} -> {number(fit.objective)}"
         + (f" ({fell})" if fell else "")
-        + f", {len(calibration.measured)} poses, "
+        + f", {data_words(calibration)}, "
         + f"{number(calibration.seconds.get('total', math.nan), 3)} s"
     )
     lines += wrapped(f"Search: {search(calibration, fit)}")
@@ -58,7 +60,10 @@ def calibration_summary(calibration: Calibration) -> str:
     noise = _noise_words(calibration)
     lines += ["", *wrapped(" ".join(filter(None, [noise, known_words(calibration)])))]
     lines += wrapped(starts_words(fit))
-    lines += ["", *aligned(_rmse_rows(calibration))]
+    if len(calibration.measured):
+        lines += ["", *aligned(_rmse_rows(calibration))]
+    if calibration.fit.tests:
+        lines += ["", *aligned(_test_rows(calibration), (0, 1, 2))]
     lines += ["", *aligned(_procedure_rows(calibration), (0, 1))]
     doubts = warnings(calibration)
     lines += [""] * bool(doubts)
@@ -127,6 +132,20 @@ def _rmse_rows(calibration: Calibration) -> list[list[str]]:
         row = [COORDINATES[name].axis_label, number(calibration.start_rmse.get(name, math.nan), 3)]
         row += [number(fit.rmse.get(name, math.nan), 3) for fit in calibration.fits]
         rows.append(row)
+    return rows
+
+
+def _test_rows(calibration: Calibration) -> list[list[str]]:
+    rows = [["test under load", "coordinate", "flexion, deg", "readings", "start RMSE", "fitted"]]
+    for one in laxity_errors(calibration):
+        whole = one.flexion_deg is None
+        label = COORDINATES[one.coordinate].axis_label
+        rows.append(
+            [one.test if whole else "", label if whole else "", "all" if whole else ""]
+            + [str(one.readings), number(one.start, 3), number(one.fitted, 3)]
+        )
+        if not whole:
+            rows[-1][2] = f"{one.flexion_deg:g}"
     return rows
 
 

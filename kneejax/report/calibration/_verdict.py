@@ -12,6 +12,7 @@ import numpy as np
 
 from kneejax.geometry import COORDINATES
 from kneejax.inference import Ending, Fault, IntervalKind, Misfit
+from kneejax.report.calibration._tests import laxity_doubts, readings
 from kneejax.report.look import change, listed, number
 from kneejax.report.motion import accepted_statuses, pose_doubts, row_status
 from kneejax.statics import Status, converged
@@ -117,7 +118,10 @@ def _ending(fit: Fit, converged_words: str) -> str:
         Ending.STOPPED: fit.reason or "stopped before it converged",
     }[fit.ending]
     lost = int((~converged(row_status(fit.motion))).sum())
-    return words + (f"; {lost} of {len(fit.motion.status)} poses have no balance" if lost else "")
+    words += f"; {lost} of {len(fit.motion.status)} poses have no balance" if lost else ""
+    gone = sum(int((~converged(one.status)).sum()) for one in fit.tests)
+    loads = sum(len(one.status) for one in fit.tests)
+    return words + (f"; {gone} of {loads} loads of tests have no balance" if gone else "")
 
 
 def limits(estimate: Estimate) -> str:
@@ -176,7 +180,8 @@ def _doubts(fit: Fit, flexion: np.ndarray, accepted: tuple[Status, ...] = ()) ->
         sentences.append(f"{listed(names, 40)} {verb} not determined by the data: {why}.")
     if fit.starts is not None and fit.starts.rivals.any():
         sentences.append(_rivals(fit))
-    return sentences + pose_doubts(fit.motion, flexion, accepted)
+    sentences += pose_doubts(fit.motion, flexion, accepted)
+    return sentences + laxity_doubts(fit.tests, accepted)
 
 
 def _rivals(fit: Fit) -> str:
@@ -227,7 +232,8 @@ def misfit_words(calibration: Calibration) -> list[str]:
 
 def _misfit(one: Misfit) -> str:
     coordinate = COORDINATES[one.coordinate]
-    said = f"{coordinate.label}: RMSE {number(one.rmse, 3)} {coordinate.unit}, "
+    test = f"Test {one.test}, {coordinate.label.lower()}" if one.test else coordinate.label
+    said = f"{test}: RMSE {number(one.rmse, 3)} {coordinate.unit}, "
     against = f"{number(one.against, 3)} {coordinate.unit}"
     return {
         Fault.WORSE_THAN_START: f"{said}{change(one.against, one.rmse)} than at the start "
@@ -308,14 +314,14 @@ def verdict(calibration: Calibration) -> str:
     parts.append(
         f"The weighted sum of squares went from {number(calibration.start_objective)} to "
         f"{number(fit.objective)}{f' ({fell})' if fell else ''} with {len(fit.estimates)} free "
-        f"parameters and {len(calibration.measured)} poses."
+        f"parameters and {data_words(calibration)}."
     )
     worst = [
         f"{number(value, 3)} {unit}"
         for unit in ("mm", "deg")
         if (value := _worst(fit.rmse, unit)) is not None
     ]
-    if worst:
+    if worst and len(calibration.measured):
         good = became in (Outcome.GOOD, Outcome.DOUBTFUL)
         parts.append(
             f"The fitted motion follows the measured one within {' and '.join(worst)} "
@@ -325,6 +331,15 @@ def verdict(calibration: Calibration) -> str:
         )
     known = known_words(calibration)
     return " ".join([*parts, *filter(None, [known])])
+
+
+def data_words(calibration: Calibration) -> str:
+    """How much was measured: poses, and readings of tests under load."""
+    count, tests = len(calibration.measured), len(calibration.fit.tests)
+    words = [f"{count} pose{'s' * (count != 1)}"] if count else []
+    if tests:
+        words.append(f"{readings(calibration)} readings of {tests} test{'s' * (tests > 1)}")
+    return " and ".join(words)
 
 
 def known_words(calibration: Calibration) -> str:

@@ -121,10 +121,10 @@ def exact(knee):
 
 def test_offsets_are_added_and_taken_away(exact):
     names = ("internal_rotation", "lateral")
-    moved = add_offsets(exact, np.array([[2.0, -3.0]]), names)
+    moved = add_offsets(exact, np.array([[2.0, -3.0]]), names, np.ones(12, bool))
     np.testing.assert_allclose((moved.q - exact.q) * TABLE_UNITS, [[[0, 2.0, 0, 0, -3.0]] * 12])
     np.testing.assert_allclose(moved.jacobian[0, :, 1, 8] * TABLE_UNITS[1], 1.0)
-    back = without_offsets(moved, names)
+    back = without_offsets(moved, names, np.ones(12, bool))
     np.testing.assert_allclose(back.q, exact.q, atol=1e-12)
     np.testing.assert_array_equal(back.values, exact.values)
 
@@ -142,7 +142,7 @@ def test_printed_intervals_of_a_bent_valley_hold_the_truth(knee, exact):
     tiles = [np.tile(x, (draws, 1)) for x in (TRUTH, LOWER, UPPER)]
     balance = balances_of(knee, chosen, data.stations)
     fits = fit_lanes(balance, data, exact.take(np.zeros(draws, int)), *tiles)
-    balance = with_offsets(balances_of(knee, chosen, TWELVE), ())
+    balance = with_offsets(balances_of(knee, chosen, TWELVE), (), np.ones(12, bool))
     stated = np.full(5, 0.2)
     found = sureties(
         balance, data, fits.slopes, DEFAULT_WEIGHTS, stated, LOWER, UPPER, named(chosen)

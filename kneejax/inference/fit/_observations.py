@@ -1,0 +1,159 @@
+"""Measured poses and measured tests under load, as the load cases of one fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from kneejax.experiments import MeasuredTest
+from kneejax.geometry import COORDINATES, FREE_COORDINATES
+from kneejax.inference.fit._load_cases import LoadCases
+from kneejax.mechanics import NAMED_LOADS, Load, load_of
+from kneejax.parameters import UnsuitableData
+from kneejax.statics import Stations
+
+
+def observations(
+    measured: np.ndarray,
+    noise: np.ndarray,
+    loads: Sequence[Load] = (),
+    tests: Sequence[MeasuredTest] = (),
+    stated: np.ndarray | None = None,
+) -> LoadCases:
+    """What was measured of a knee: poses as they are, then what tests under load observed.
+
+    Each test brings its rows and, where it counts from them, an unloaded pose per flexion, at
+    which nothing is observed.
+
+    Args:
+        measured: poses `(n, 6)` in the order of `kneejax.geometry.COLUMNS`; NaN where a coordinate
+            was not measured.
+        noise: standard deviations of the free coordinates, `(5,)`, degrees and mm.
+        loads: on the tibia while the poses were measured, each one for all poses or one per pose.
+        tests: that were made.
+        stated: standard deviations that are known, NaN elsewhere, `(5,)`; a test with its own
+            needs them. `noise` by default.
+
+    Raises:
+        UnsuitableData: a test states how well it was measured and the poses do not.
+
+    Example:
+        >>> import kneejax as kj
+        >>> (test,) = kj.lab_tests("drawer", [0.0, 30.0], steps=2)
+        >>> (curves,) = kj.load_curves(kj.load_knee("four_ligament"), test)
+        >>> cases = observations(np.zeros((0, 6)), np.ones(5), tests=[kj.MeasuredTest.of(curves)])
+        >>> len(cases.stations), cases.neutral.tolist()
+        (8, [6, 6, 6, 7, 7, 7, -1, -1])
+    """
+    measured = np.asarray(measured, float).reshape(-1, 6)
+    poses = len(measured)
+    if not tests:
+        stations = Stations.at(measured[:, 0], tuple(loads))
+        return LoadCases(stations, measured[:, 1:], noise)
+    flexion, target = [measured[:, 0]], [measured[:, 1:]]
+    neutral, group = [np.full(poses, -1)], [np.full(poses, -1)]
+    spread, acting, count = [np.ones((poses, 5))], [], poses
+    groups = 0
+    for test in tests:
+        bent, seen, counted = _rows(test, count)
+        flexion.append(bent)
+        target.append(seen)
+        neutral.append(counted)
+        own = np.pad(test.groups, (0, len(bent) - len(test.groups)), constant_values=-1)
+        group.append(np.where(own < 0, -1, own + groups))
+        groups += 1 + int(own.max())
+        relative = _spread(test, noise if stated is None else stated)
+        spread.append(np.tile(relative, (len(bent), 1)))
+        acting.append(_acting(test, len(bent)))
+        count += len(bent)
+    kinds = _together(tuple(loads), acting, poses, count)
+    return LoadCases(
+        Stations.at(np.concatenate(flexion), kinds),
+        np.vstack(target),
+        noise,
+        clinical=np.arange(count) >= poses,
+        neutral=np.concatenate(neutral),
+        group=np.concatenate(group),
+        spread=np.vstack(spread),
+    )
+
+
+def rows_of_tests(poses: int, tests: Sequence[MeasuredTest]) -> list[slice]:
+    """Load cases of each test's rows, after so many poses."""
+    found, first = [], poses
+    for test in tests:
+        found.append(slice(first, first + len(test.flexion_deg)))
+        first += len(test.flexion_deg) + len(_unloaded(test))
+    return found
+
+
+def _unloaded(test: MeasuredTest) -> np.ndarray:
+    """Flexions whose unloaded pose is counted from, degrees."""
+    return np.unique(test.flexion_deg) if test.counted_from == "unloaded" else np.empty(0)
+
+
+def _rows(test: MeasuredTest, first: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Flexion, target and what it is counted from, of a test's rows and its unloaded poses."""
+    bare, rows = _unloaded(test), len(test.flexion_deg)
+    partner, seen = test.partner, test.observed.copy()
+    counted = np.where(partner >= 0, first + partner, -1)
+    if len(bare):
+        counted = first + rows + np.searchsorted(bare, test.flexion_deg)
+    paired = partner >= 0
+    itself = paired & (partner == np.arange(rows))
+    seen[paired] -= test.observed[partner[paired]]
+    seen[itself], counted[itself] = np.nan, -1
+    return (
+        np.r_[test.flexion_deg, bare],
+        np.vstack([seen, np.full((len(bare), 5), np.nan)]),
+        np.r_[counted, np.full(len(bare), -1)],
+    )
+
+
+def _spread(test: MeasuredTest, stated: np.ndarray) -> np.ndarray:
+    """Times the coordinates' noise that a test has, `(5,)`."""
+    spread = np.ones(5)
+    for unit, sd in (("mm", test.sd_mm), ("deg", test.sd_deg)):
+        if sd is None:
+            continue
+        own = np.array([COORDINATES[name].unit == unit for name in FREE_COORDINATES])
+        if np.isnan(stated[own]).any():
+            raise UnsuitableData(
+                f"{test.name}: sd_{unit} {sd:g}, but noise_{unit} is not stated: expected "
+                f"noise_{unit} of the whole too, against which it is weighed"
+            )
+        spread[own] = sd / stated[own]
+    # The difference of two readings scatters more than one of them.
+    return spread * (np.sqrt(2.0) if (test.partner >= 0).any() else 1.0)
+
+
+def _acting(test: MeasuredTest, count: int) -> list[Load]:
+    """What acts throughout and what grows, at a test's rows and its unloaded poses."""
+    point = np.tile(test.point_mm, (count, 1))
+    still = {name: np.full(count, test.constant.get(name, 0.0)) for name in NAMED_LOADS}
+    more = count - len(test.flexion_deg)
+    nothing = np.zeros(len(test.flexion_deg))
+    grown = {
+        name: np.r_[test.loads.get(name, nothing), np.zeros(more)] for name in NAMED_LOADS
+    }
+    return [load_of(**sizes, point=point) for sizes in (still, grown)]
+
+
+def _together(
+    loads: tuple[Load, ...], acting: list[list[Load]], poses: int, count: int
+) -> tuple[Load, ...]:
+    """Loads at the poses, then those of the tests, each zero where the others act."""
+    after = (0, count - poses), (0, 0)
+    own = tuple(
+        jax.tree.map(lambda x: jnp.pad(jnp.broadcast_to(x, (poses, 3)), after), one)
+        for one in loads
+    )
+    kinds = [
+        jax.tree.map(lambda *x: jnp.pad(jnp.concatenate(x), ((poses, 0), (0, 0))), *kind)
+        for kind in zip(*acting, strict=True)
+    ]
+    constant = kinds[0].force.any() or kinds[0].moment.any()
+    return (*own, *(kinds if constant else kinds[1:]))

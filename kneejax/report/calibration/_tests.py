@@ -1,0 +1,208 @@
+"""Tests under load beside what the fitted knee does: figure, table rows and doubts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from kneejax.geometry import COORDINATES, FREE_COORDINATES
+from kneejax.mechanics import NAMED_LOADS
+from kneejax.report.look import GREY, WIDTH, styled, verbatim
+from kneejax.statics import Status
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from kneejax.inference import Calibration, FittedTest
+
+_PANEL = 2.9  # inches high
+#: Flexions with a curve each that a legend names.
+_MOST_NAMED = 8
+#: What was compared, by what it is counted from.
+_COMPARED = {
+    "unloaded": "Change from the unloaded pose",
+    "least_load": "Change from the least load",
+    "opposite": "Difference of opposite loads",
+    "offset": "Pose in the laboratory's frame",
+    "offset_each_flexion": "Pose in the laboratory's frame",
+    "absolute": "Pose",
+}
+
+
+class LaxityError(NamedTuple):
+    """Root mean square errors of a test's coordinate at one flexion; of all if that is None."""
+
+    test: str
+    flexion_deg: float | None
+    coordinate: str
+    readings: int
+    start: float
+    fitted: float
+
+
+def laxity_errors(calibration: Calibration) -> list[LaxityError]:
+    """Errors by test, coordinate and flexion, each coordinate as a whole first."""
+    found = []
+    for own, before in zip(calibration.fit.tests, calibration.start_tests, strict=True):
+        for name in own.test.coordinates:
+            seen = np.isfinite(own.measured[:, FREE_COORDINATES.index(name)])
+            for flexion in (None, *np.unique(own.test.flexion_deg[seen]).tolist()):
+                rows = seen if flexion is None else seen & (own.test.flexion_deg == flexion)
+                errors = before.rmse(name, flexion), own.rmse(name, flexion)
+                found.append(LaxityError(own.test.name, flexion, name, int(rows.sum()), *errors))
+    return found
+
+
+#: Columns of tests.csv; loads come between the flexion and the coordinate.
+TEST_COLUMNS = (
+    "test", "flexion_deg", *NAMED_LOADS, "coordinate", "unit", "counted_from", "measured", "start",
+    "fitted", "status",
+)  # fmt: skip
+
+
+def reading_rows(calibration: Calibration) -> list[list[Any]]:
+    """Every reading of every test beside what the knee does, under `TEST_COLUMNS`."""
+    rows = []
+    for own, before in zip(calibration.fit.tests, calibration.start_tests, strict=True):
+        test = own.test
+        nothing = np.zeros(len(test.flexion_deg))
+        loads = [
+            test.loads.get(name, nothing) + test.constant.get(name, 0.0) for name in NAMED_LOADS
+        ]
+        for row, name, column in _readings(own):
+            rows.append([
+                test.name, test.flexion_deg[row], *(size[row] for size in loads), name,
+                COORDINATES[name].unit, test.counted_from, own.measured[row, column],
+                before.fitted[row, column], own.fitted[row, column],
+                Status(int(own.status[row])).word,
+            ])  # fmt: skip
+    return rows
+
+
+def _readings(own: FittedTest) -> Iterator[tuple[int, str, int]]:
+    for row, column in zip(*np.nonzero(np.isfinite(own.measured)), strict=True):
+        yield int(row), FREE_COORDINATES[column], int(column)
+
+
+def readings(calibration: Calibration) -> int:
+    """Numbers that tests under load observed."""
+    return sum(int(np.isfinite(own.measured).sum()) for own in calibration.fit.tests)
+
+
+def laxity_doubts(tests: tuple[FittedTest, ...], accepted: tuple[Status, ...] = ()) -> list[str]:
+    """What is wrong with a knee under the loads of tests, a sentence per test and status."""
+    found = []
+    for own in tests:
+        for value in np.unique(own.status):
+            status = Status(int(value))
+            if status is Status.BALANCED or status in accepted:
+                continue
+            rows = own.status == value
+            where = ", ".join(f"{x:g}" for x in np.unique(own.test.flexion_deg[rows]))
+            found.append(
+                f"Test {own.test.name}: {int(rows.sum())} of {len(rows)} loads {status.word} "
+                f"({status.sentence}), at {where} deg."
+            )
+    return found
+
+
+@styled
+def tests_figure(calibration: Calibration) -> Figure:
+    """Draw measured tests, and what the knee does in them at the start and fitted.
+
+    Args:
+        calibration: with tests.
+
+    Returns:
+        A panel for each coordinate of each test. Load over displacement, a colour for each flexion;
+        over flexion where there is one load at each.
+    """
+    from matplotlib.figure import Figure
+
+    panels = [
+        (own, before, name)
+        for own, before in zip(calibration.fit.tests, calibration.start_tests, strict=True)
+        for name in own.test.coordinates
+    ]
+    height = _PANEL * len(panels) + 0.35
+    figure = Figure(figsize=(WIDTH, height))
+    every = figure.subplots(len(panels), 1, squeeze=False)[:, 0]
+    figure.subplots_adjust(
+        left=0.1, right=0.78, top=1 - 0.3 / height, bottom=0.5 / height, hspace=0.45
+    )
+    for axes, (own, before, name) in zip(every, panels, strict=True):
+        flexions = np.unique(own.test.flexion_deg)
+        along = _over_flexion if len(flexions) == len(own.test.flexion_deg) else _over_load
+        along(axes, own, before, name)
+        axes.set_title(verbatim(f"{own.test.name}: {COORDINATES[name].label.lower()}"))
+        axes.axhline(0.0, color=GREY, linewidth=0.5)
+    return figure
+
+
+def _label(own: FittedTest, name: str) -> str:
+    return f"{_COMPARED[own.test.counted_from]}, {COORDINATES[name].unit}"
+
+
+def _over_load(axes: Axes, own: FittedTest, before: FittedTest, name: str) -> None:
+    from matplotlib import colormaps
+
+    test, column = own.test, FREE_COORDINATES.index(name)
+    flexions, load = np.unique(test.flexion_deg), test.loads[test.driven_by]
+    every = max(1, -(-len(flexions) // _MOST_NAMED))
+    colors = colormaps["viridis"](np.linspace(0.0, 0.92, len(flexions)))
+    for k, (flexion, color) in enumerate(zip(flexions, colors, strict=True)):
+        rows = np.flatnonzero(test.flexion_deg == flexion)
+        rows = rows[np.argsort(load[rows], kind="stable")]
+        label = f"{flexion:g}" if k % every == 0 else None
+        axes.plot(*_curve(before, rows, column, load), ":", color=color, linewidth=0.9)
+        axes.plot(*_curve(own, rows, column, load), color=color, label=label)
+        axes.plot(own.measured[rows, column], load[rows], "o", color=color, markersize=3)
+    kind = NAMED_LOADS[test.driven_by]
+    axes.set_xlabel(_label(own, name))
+    axes.set_ylabel(f"{kind.positive.capitalize()}, {kind.unit}")
+    axes.axvline(0.0, color=GREY, linewidth=0.5)
+    _legend(axes, "Flexion, deg")
+
+
+def _curve(one: FittedTest, rows: np.ndarray, column: int, load: np.ndarray):
+    """A curve from its readings, and from the unloaded pose where they are counted from it."""
+    x, y = one.fitted[rows, column], load[rows]
+    if one.test.counted_from == "unloaded":
+        place = int(np.searchsorted(y, 0.0))
+        x, y = np.insert(x, place, 0.0), np.insert(y, place, 0.0)
+    return x, y
+
+
+def _over_flexion(axes: Axes, own: FittedTest, before: FittedTest, name: str) -> None:
+    test, column = own.test, FREE_COORDINATES.index(name)
+    order = np.argsort(test.flexion_deg)
+    x = test.flexion_deg[order]
+    axes.plot(x, before.fitted[order, column], ":", color="black", linewidth=0.9)
+    axes.plot(x, own.fitted[order, column], color="black")
+    axes.plot(x, own.measured[order, column], "o", color="black", markersize=3)
+    axes.set_xlabel("Flexion, deg")
+    axes.set_ylabel(_label(own, name))
+    _legend(axes, None)
+
+
+def _legend(axes: Axes, title: str | None) -> None:
+    """Flexions by colour; what is drawn how, below."""
+    if title:
+        first = axes.legend(
+            title=title, title_fontsize=8, loc="upper left", bbox_to_anchor=(1.02, 1.02),
+            borderaxespad=0, fontsize=7.5, handlelength=1.6,
+        )  # fmt: skip
+        axes.add_artist(first)
+    style = {"color": GREY}
+    kinds = [
+        axes.plot([], [], "o", markersize=3, **style)[0],
+        axes.plot([], [], **style)[0],
+        axes.plot([], [], ":", linewidth=0.9, **style)[0],
+    ]
+    axes.legend(
+        kinds, ["measured", "fitted", "start"], loc="lower left", bbox_to_anchor=(1.02, -0.02),
+        borderaxespad=0, fontsize=7.5, handlelength=1.6,
+    )  # fmt: skip

@@ -1,0 +1,79 @@
+"""`kneejax calibrate` and `identify` of a study with tests under load."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+import yaml
+
+import kneejax as kj
+from kneejax.cli import main
+from kneejax.files import write_rows
+
+TRUTH = {"ACL.stiffness": 4000.0, "MCL.stiffness": 7000.0}
+
+
+@pytest.fixture(scope="module")
+def specimen(tmp_path_factory):
+    """A made specimen's drawer, as its own laboratory recorded it, and a study of it."""
+    folder = tmp_path_factory.mktemp("specimen")
+    knee = kj.with_values(kj.load_knee("four_ligament"), TRUTH)
+    (test,) = kj.lab_tests("drawer", [20.0, 60.0], force_N=60.0, both=True, steps=3)
+    (curves,) = kj.load_curves(knee, test)
+    rows = np.random.default_rng(0)
+    moved = np.asarray(curves.displacement)
+    moved = moved + 0.02 * rows.standard_normal(moved.shape) + 3.0
+    write_rows(
+        folder / "drawer.csv",
+        ["flexion_deg", "Applied Load", "Posterior"],
+        [
+            (flexion, 60.0 * part, -x)
+            for flexion, own in zip(test.flexion_deg, moved, strict=True)
+            for part, x in zip(test.path, own, strict=True)
+        ],
+    )
+    columns = {"anterior_N": "Applied Load", "anterior_mm": "-Posterior"}
+    study = {
+        "title": "A specimen", "knee": "four_ligament", "parameters": list(TRUTH),
+        "tests": [{"name": "drawer", "file": "drawer.csv", "columns": columns,
+                   "counted_from": "offset_each_flexion"}],
+        "noise_mm": 0.02, "noise_deg": 0.02, "procedures": ["III"],
+    }  # fmt: skip
+    (folder / "study.yaml").write_text(yaml.safe_dump(study))
+    return folder
+
+
+def test_laxity_leads_back_to_the_ligaments_that_made_it(specimen, capsys):
+    out = specimen / "calibrated"
+    assert main(["calibrate", str(specimen / "study.yaml"), "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "test under load" in said
+    assert "tests.csv" in said
+    result = json.loads((out / "result.json").read_text())
+    for name, value in TRUTH.items():
+        found = result["parameters"][name]
+        assert found["low"] < value < found["high"]
+    whole = next(row for row in result["tests"] if row["flexion_deg"] is None)
+    assert whole["fitted"] < 0.03 < 0.1 < whole["start"]
+    with open(out / "tests.csv") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 2 * 13
+    # What the knee does stands in the laboratory's frame, like what was measured.
+    assert all(abs(float(r["fitted"]) - float(r["measured"])) < 0.1 for r in rows)
+    assert (out / "figures" / "tests.png").stat().st_size > 10_000
+    page = (out / "report.html").read_text()
+    assert "Tests under load" in page
+    # No pose was measured, so nothing is drawn or said of a motion.
+    assert "<h2>Motion</h2>" not in page
+    assert "root mean square error  " not in said
+
+
+def test_identify_reads_the_same_study(specimen, capsys):
+    out = specimen / "identified"
+    words = ["identify", str(specimen / "study.yaml"), "--next-tests", "1", "--out", str(out)]
+    assert main(words) in (0, 1)
+    result = json.loads((out / "result.json").read_text())
+    # Twenty-six readings, one unknown constant of the laboratory.
+    assert "26" in capsys.readouterr().out
+    assert set(TRUTH) <= set(json.dumps(result).replace('"', " ").split())

@@ -1,0 +1,156 @@
+"""Tests under load in a study: their tables, what they are counted from, what is refused."""
+
+import numpy as np
+import pytest
+import yaml
+
+import kneejax as kj
+from kneejax.files import InputProblem, read_lab_table, write_poses, write_rows
+from kneejax.geometry import CLINICAL, FREE_COORDINATES, convert_table
+from kneejax.parameters import UnsuitableData
+from kneejax.studies import Identify, Map, check
+
+ANTERIOR = FREE_COORDINATES.index("anterior")
+
+
+def table(folder, name="drawer.csv", header=("flexion_deg", "anterior_N", "anterior_mm"), rows=()):
+    rows = rows or [(30.0, 45.0, 2.5), (30.0, 90.0, 4.0), (60.0, 90.0, 3.0)]
+    write_rows(folder / name, header, rows)
+    return folder / name
+
+
+def study(folder, tests=({"name": "drawer", "file": "drawer.csv"},), **fields):
+    file = folder / "study.yaml"
+    document = {
+        "title": "Laxity", "knee": "four_ligament", "parameters": ["ACL.stiffness"],
+        "tests": list(tests),
+    }  # fmt: skip
+    file.write_text(yaml.safe_dump(document | fields))
+    return kj.read_study(file)
+
+
+def test_a_study_may_be_of_tests_alone(tmp_path):
+    table(tmp_path)
+    read = study(tmp_path)
+    (test,) = read.tests
+    assert test.driven_by == "anterior_N"
+    assert test.coordinates == ("anterior",)
+    assert test.observed[:, ANTERIOR].tolist() == [2.5, 4.0, 3.0]
+    assert read.settings()["tests"][0]["file"] == str(tmp_path / "drawer.csv")
+
+
+def test_columns_of_another_program_are_mapped_with_their_senses(tmp_path):
+    table(tmp_path, header=("Applied Load", "Knee JCS Posterior", "Torque [Nmm]"),
+          rows=[(90.0, -4.0, 1500.0)])  # fmt: skip
+    columns = {
+        "anterior_N": "Applied Load", "anterior_mm": "-Knee JCS Posterior",
+        "internal_Nm": "-0.001 * Torque [Nmm]",
+    }  # fmt: skip
+    item = {"name": "drawer", "file": "drawer.csv", "columns": columns, "at_deg": 20}
+    (test,) = study(tmp_path, [item]).tests
+    assert test.flexion_deg.tolist() == [20.0]
+    assert test.loads["internal_Nm"].tolist() == [-1.5]
+    assert test.observed[0, ANTERIOR] == 4.0
+
+
+def test_a_left_knee_is_mirrored(tmp_path):
+    header = ("flexion_deg", "internal_Nm", "lateral_N", "internal_rotation_deg", "anterior_mm")
+    table(tmp_path, header=header, rows=[(30.0, 3.0, 10.0, 8.0, 1.0)])
+    item = {"name": "torsion", "file": "drawer.csv", "mirror": True}
+    (test,) = study(tmp_path, [item]).tests
+    assert test.loads["lateral_N"].tolist() == [-10.0]
+    assert test.observed[0, [1, ANTERIOR]].tolist() == [-8.0, 1.0]
+
+
+def test_what_simulate_writes_is_read(tmp_path):
+    poses = np.array([[30.0, 1.0, 4.0, 2.0, -28.0, 0.5], [30.0, 2.0, 5.0, 3.0, -28.5, 0.6]])
+    write_poses(tmp_path / "poses.csv", poses)
+    header = ("flexion_deg", "adduction_deg", "internal_rotation_deg", "anterior_mm",
+              "superior_mm", "lateral_mm", "anterior_force_N")  # fmt: skip
+    table(tmp_path, header=header, rows=np.column_stack([poses, [0.0, 90.0]]).tolist())
+    read = read_lab_table(tmp_path / "drawer.csv", convention="femoral")
+    assert read.loads["anterior_N"].tolist() == [0.0, 90.0]
+    assert read.observed == pytest.approx(convert_table(poses, "femoral", CLINICAL)[:, 1:])
+
+
+def test_a_published_laxity_is_used_by_its_name(tmp_path):
+    item = {"name": "robot", "file": "robot_anterior_90N", "flexion_deg": [20, 30], "sd_mm": 2.4}
+    (test,) = study(tmp_path, [item], noise_mm=0.5).tests
+    assert test.observed[:, ANTERIOR].tolist() == [5.9, 6.0]
+    assert test.loads["anterior_N"].tolist() == [90.0, 90.0]
+
+
+@pytest.mark.parametrize(
+    ("header", "said"),
+    [
+        (("flexion_deg", "anterior_N", "anterior"), "no coordinate"),
+        (("flexion_deg", "load", "anterior_mm"), "expected a column that is used"),
+        (("flexion_deg", "x", "anterior_mm"), "no load"),
+        (("angle", "anterior_N", "anterior_mm"), "flexion_deg: missing"),
+    ],
+)
+def test_a_table_without_what_a_test_needs_is_refused(tmp_path, header, said):
+    table(tmp_path, header=header)
+    with pytest.raises(InputProblem, match=said):
+        study(tmp_path)
+
+
+def test_moments_in_n_mm_are_suspected(tmp_path):
+    table(tmp_path, header=("flexion_deg", "varus_Nm", "adduction_deg"),
+          rows=[(30.0, 300.0, 2.0)])  # fmt: skip
+    with pytest.raises(InputProblem, match=r"N mm are suspected \(0.001 \* varus_Nm\)"):
+        study(tmp_path)
+
+
+def test_loads_of_no_cell_are_refused(tmp_path):
+    (tmp_path / "drawer.csv").write_text("flexion_deg,anterior_N,anterior_mm\n30,,2\n")
+    with pytest.raises(InputProblem, match=r"row 1 .*, anterior_N: .*expected a number"):
+        study(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("item", "said"),
+    [
+        ({"counted_from": "zero"}, "counted_from: zero: expected one of unloaded"),
+        ({"counted_from": "least_load"}, "row 1: anterior_N 45 is the least load"),
+        ({"counted_from": "opposite"}, "expected a row under the opposite load"),
+        ({"sd_mm": 0.4}, r"tests\[0\].sd_mm: 0.4: expected noise_mm of the study too"),
+        ({"coordinates": ["lateral"]}, "coordinates that the table has; not lateral"),
+        ({"coordinates": ["anteriorr"]}, "expected one of adduction, .*anterior"),
+        ({"flexion_deg": [45]}, "of the flexions that were measured, 30, 60; not 45"),
+        ({"file": "robot_anterior_90"}, "a CSV table, or a published laxity"),
+        ({"at_deg": 200}, "at_deg: 200"),
+        ({"cut": "ACL"}, "no such field"),
+    ],
+)
+def test_what_a_test_cannot_be_is_refused(tmp_path, item, said):
+    table(tmp_path)
+    with pytest.raises(InputProblem, match=said):
+        study(tmp_path, [{"name": "drawer", "file": "drawer.csv"} | item])
+
+
+def test_two_tests_have_two_names(tmp_path):
+    table(tmp_path)
+    twice = [{"name": "drawer", "file": "drawer.csv"}] * 2
+    with pytest.raises(InputProblem, match=r"tests\[1\].name: drawer: expected every name once"):
+        study(tmp_path, twice)
+
+
+def test_fewer_data_than_parameters_are_refused_before_anything_moves(tmp_path):
+    table(tmp_path)
+    few = study(tmp_path, parameters=["*.stiffness"])
+    with pytest.raises(UnsuitableData, match="3 measured numbers for 4 unknowns"):
+        check(few, Identify())
+
+
+@pytest.mark.parametrize(
+    ("question", "said"),
+    [
+        (Map(), "a study without tests: maps and sensitivities are of passive motion so far"),
+        (Identify(posterior=True), "a study without tests: the posterior is of passive motion"),
+    ],
+)
+def test_what_takes_no_tests_yet_says_so(tmp_path, question, said):
+    table(tmp_path)
+    with pytest.raises(InputProblem, match=said):
+        check(study(tmp_path, noise_mm=0.5, noise_deg=0.5), question)
