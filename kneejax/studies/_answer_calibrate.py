@@ -41,6 +41,7 @@ def calibrated(study: Study) -> Calibration:
         settings=study.settings(),
         loads=study.acting,
         tests=tuple(study.tests),
+        prior=dict(study.prior),
     )
     seconds = dict(result.seconds, total=time.perf_counter() - begun)
     return dataclasses.replace(result, seconds=seconds)

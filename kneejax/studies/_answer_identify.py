@@ -101,6 +101,7 @@ def identified(study: Study, question: Identify) -> Identified:
         offsets=tuple(study.frame_offset),
         loads=study.acting,
         tests=tuple(study.tests),
+        prior=dict(study.prior),
     )
     sampled = _sampled(study, question, found) if question.posterior else None
     design = design_tests(

@@ -26,7 +26,7 @@ from kneejax.studies._study import Study, Synthetic, parameter_values
 
 #: Fields of a file that a study takes as they are.
 _AS_THEY_ARE = (
-    "start", "bounds", "weights", "procedures", "starts", "seed", "noise_mm", "noise_deg",
+    "start", "bounds", "weights", "prior", "procedures", "starts", "seed", "noise_mm", "noise_deg",
     "frame_offset", "method", "failures", "loads",
 )  # fmt: skip
 _OPTIONAL = ("measured", "synthetic", "tests", *_AS_THEY_ARE, "flexion_deg", "set")

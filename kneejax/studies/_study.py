@@ -22,12 +22,20 @@ from kneejax.mechanics import (
     RANGES,
     Knee,
     Load,
+    Range,
     load_called,
     load_of,
     range_of_parameter,
 )
 from kneejax.numerics import check_installed
-from kneejax.parameters import QUANTITIES, Selection, select, start_within, stated_bounds
+from kneejax.parameters import (
+    QUANTITIES,
+    Selection,
+    select,
+    start_within,
+    stated,
+    stated_bounds,
+)
 from kneejax.statics import Status, failures_of
 
 #: What a balance may be at fault for, and a study may count as a failure.
@@ -81,6 +89,9 @@ class Study:
         procedures: of `I`, `II`, `III`; the first is the answer, others are there to compare.
         starts: number of starts of procedure III.
         seed: of the further starts.
+        prior: name, `*.quantity` or quantity -> standard deviation of a normal prior around the
+            start, of a calibration. Needs `noise_mm` and `noise_deg`; of weights then counts only
+            which are zero.
         noise_mm: standard deviation of the measurement's displacements; None where it is not known
             and must be estimated. Synthetic poses know their own.
         noise_deg: of its rotations; likewise.
@@ -120,6 +131,7 @@ class Study:
     procedures: Sequence[str] = USUAL_PROCEDURES
     starts: int = 1
     seed: int = 0
+    prior: Mapping[str, float] = dataclasses.field(default_factory=dict)
     noise_mm: float | None = None
     noise_deg: float | None = None
     frame_offset: bool | Sequence[str] = ()
@@ -131,8 +143,8 @@ class Study:
 
     def __post_init__(self) -> None:
         """Check everything; what is given is kept in one form."""
-        stated = {f.name: _plain(getattr(self, f.name)) for f in dataclasses.fields(self)}
-        place = Field(self.file, "", stated)
+        given = {f.name: _plain(getattr(self, f.name)) for f in dataclasses.fields(self)}
+        place = Field(self.file, "", given)
         for name, value in _checked(place).items():
             object.__setattr__(self, name, value)
         for name, sizes in self.loads.items():
@@ -149,6 +161,10 @@ class Study:
             knee_with(self.knee, self.truth, self.file)
             knee, selection = self.knee_at_start, self.selection
             start_within(knee, selection, *stated_bounds(knee, selection, self.bounds))
+            stated(selection, self.prior, "prior")
+            if self.prior and None in self.noise:
+                expected = "noise_mm and noise_deg too, against which a prior counts"
+                raise Field(self.file, "prior", ", ".join(self.prior)).problem(expected)
             if self.method == "lbfgsb":
                 check_installed("jaxopt", "lbfgsb")
 
@@ -265,6 +281,10 @@ def _checked(study: Field) -> dict[str, Any]:
         "procedures": _distinct(study["procedures"], lambda item: item.choice(PROCEDURES)),
         "starts": study["starts"].integer(1, _MOST_STARTS),
         "seed": study["seed"].integer(0),
+        "prior": {
+            name: _deviation(sd, range_of_parameter(name))
+            for name, sd in _by_parameter(study["prior"])
+        },
         "noise_mm": _noise(study["noise_mm"], "noise_mm"),
         "noise_deg": _noise(study["noise_deg"], "noise_deg"),
         "frame_offset": _frame_offset(study["frame_offset"]),
@@ -379,6 +399,13 @@ def _weights(field: Field) -> dict[str, float]:
     if not any(weights.values()):
         raise field.problem("a weight above 0 for at least one coordinate")
     return weights
+
+
+def _deviation(field: Field, allowed: Range | None) -> float:
+    sd = field.number(allowed and allowed.spread)
+    if not sd > 0:
+        raise field.problem("a standard deviation above 0")
+    return sd
 
 
 def _noise(field: Field, name: str) -> float | None:

@@ -6,7 +6,7 @@ import dataclasses
 import importlib.metadata
 import platform
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -34,7 +34,7 @@ from kneejax.inference.calibration._search import (
     several_starts,
 )
 from kneejax.inference.fit import DEFAULT_WEIGHTS, Problem
-from kneejax.inference.intervals import stated_noise
+from kneejax.inference.intervals import check_prior, stated_noise
 from kneejax.mechanics import Knee, Load
 from kneejax.parameters import UnsuitableData, select, start_within, stated_bounds
 
@@ -61,6 +61,7 @@ def calibrate(
     settings: dict[str, Any] | None = None,
     loads: Sequence[Load] = (),
     tests: Sequence[MeasuredTest] = (),
+    prior: Mapping[str, float] | None = None,
 ) -> Calibration:
     """Identify parameters of a knee from measured poses, and from how far it gave under load.
 
@@ -89,6 +90,8 @@ def calibrate(
         settings: recorded with the result.
         loads: on the tibia while the poses were measured, each one for all poses or one per pose.
         tests: under load that were made; they count like poses, each by its standard deviation.
+        prior: name, `*.quantity` or quantity -> standard deviation of a normal prior around the
+            start's value. Weights are one over the noise's variances then, which must be stated.
 
     Returns:
         The `Calibration`.
@@ -105,8 +108,10 @@ def calibrate(
     if method not in METHODS:
         raise UnsuitableData(f"unknown method {method!r}: expected one of {', '.join(METHODS)}")
     selection = select(knee, parameters)
-    weights = DEFAULT_WEIGHTS if weights is None else np.asarray(weights, float)
     stated = stated_noise(noise_mm, noise_deg)
+    if prior:
+        weights = _weights_beside_a_prior(stated, weights)
+    weights = DEFAULT_WEIGHTS if weights is None else np.asarray(weights, float)
     problem = Problem.of(knee, selection, measured, weights, offsets, loads, tests, stated)
     if not np.isfinite(problem.measured).all():
         row = int(np.flatnonzero(~np.isfinite(problem.measured).all(axis=1))[0])
@@ -116,6 +121,8 @@ def calibrate(
     # A frame is rarely off by more than 10 mm or 10 degrees.
     wide = np.full(len(offsets), 10.0)
     lower, upper = np.r_[lower, -wide], np.r_[upper, wide]
+    if prior:
+        problem = problem.with_prior(start, prior)
 
     first = problem.begin(start[None])
     ready = time.perf_counter()
@@ -172,6 +179,13 @@ def calibrate(
         versions=versions(),
         settings=dict(settings or {}),
     )
+
+
+def _weights_beside_a_prior(stated: np.ndarray, weights: np.ndarray | None) -> np.ndarray:
+    """One over the variances of coordinates that count: what a prior is weighed against."""
+    check_prior(stated)
+    counts = np.ones(5) if weights is None else np.asarray(weights, float) > 0
+    return np.where(counts, stated**-2.0, 0.0)
 
 
 def versions() -> dict[str, str]:

@@ -263,7 +263,8 @@ def several_starts(
     """
     size, count = len(problem.selection), len(starts)
     # The best constants between frames are known at every step.
-    data = dataclasses.replace(problem.cases, offsets=problem.offsets)
+    prior = problem.cases.prior and tuple(part[:size] for part in problem.cases.prior)
+    data = dataclasses.replace(problem.cases, offsets=problem.offsets, prior=prior)
     knee, vary, values = problem.knee, problem.selection.apply, starts[:, :size]
     begin = balance_with_slopes(knee, vary, values, data.stations)
     box = (np.tile(bound[:size], (count, 1)) for bound in (lower, upper))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import jax
 import jax.numpy as jnp
@@ -21,7 +21,7 @@ from kneejax.inference.fit._load_cases import (
 )
 from kneejax.inference.fit._observations import observations, rows_of_tests
 from kneejax.mechanics import Knee, Load
-from kneejax.parameters import Selection
+from kneejax.parameters import Selection, stated
 from kneejax.statics import Slopes, Stations, balance_with_slopes
 
 
@@ -61,7 +61,7 @@ class Problem:
         offsets: tuple[str, ...] = (),
         loads: Sequence[Load] = (),
         tests: Sequence[MeasuredTest] = (),
-        stated: np.ndarray | None = None,
+        known: np.ndarray | None = None,
     ) -> Problem:
         """A problem from measured poses and tests.
 
@@ -73,11 +73,11 @@ class Problem:
             offsets: names of free coordinates.
             loads: on the tibia at the poses (`observations`).
             tests: under load that were made beside them.
-            stated: standard deviations that are known, NaN elsewhere, `(5,)`.
+            known: standard deviations that are known, NaN elsewhere, `(5,)`.
         """
         with np.errstate(divide="ignore"):
             noise = 1.0 / np.sqrt(weights)
-        cases = observations(measured, noise, loads, tests, stated)
+        cases = observations(measured, noise, loads, tests, known)
         return cls(knee, selection, cases, offsets, tuple(tests))
 
     @property
@@ -110,6 +110,21 @@ class Problem:
         if self.cases.neutral is not None:
             rows = rows & np.where(self.cases.neutral < 0, True, rows[self.cases.neutral])
         return dataclasses.replace(self, cases=dataclasses.replace(self.cases, used=rows))
+
+    def with_prior(self, means: np.ndarray, prior: Mapping[str, float]) -> Problem:
+        """The same with what is known of some parameters beforehand.
+
+        Args:
+            means: of values, `(p,)`.
+            prior: name, `*.quantity` or quantity -> standard deviation; others have none.
+
+        Raises:
+            UnknownParameter: a name that is not free.
+        """
+        said = stated(self.selection, prior, "prior")
+        sd = [np.inf if one is None else float(one) for one in said]
+        believed = means, np.r_[sd, np.full(len(self.offsets), np.inf)]
+        return dataclasses.replace(self, cases=dataclasses.replace(self.cases, prior=believed))
 
     def knee_at(self, values: np.ndarray) -> Knee:
         """The knee with these parameters."""

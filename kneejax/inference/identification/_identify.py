@@ -16,6 +16,7 @@ from kneejax.inference.identification._information import Information, fit_infor
 from kneejax.inference.intervals import (
     Interval,
     Profile,
+    check_prior,
     follow_to_the_lowest,
     likeliest,
     named,
@@ -92,6 +93,7 @@ def identify(
     with_profiles: bool = True,
     loads: Sequence[Load] = (),
     tests: Sequence[MeasuredTest] = (),
+    prior: Mapping[str, float] | None = None,
 ) -> Identification:
     """Fit a motion by maximum likelihood and ask what its data determine.
 
@@ -110,6 +112,8 @@ def identify(
         with_profiles: whether to follow the profiles.
         loads: on the tibia while the poses were measured, each one for all poses or one per pose.
         tests: under load that were made beside them.
+        prior: name, `*.quantity` or quantity -> standard deviation of a normal prior around the
+            start's value; fit, limits and profiles follow it, the information is the data's own.
 
     Returns:
         The `Identification`.
@@ -136,6 +140,9 @@ def identify(
     if not used.any():
         raise UnsuitableData("nothing that was measured has a balance with the start's parameters")
     estimated = bool(np.isnan(stated).any())
+    if prior:
+        check_prior(stated)
+        problem = dataclasses.replace(problem, offsets=()).with_prior(start, prior)
     data = dataclasses.replace(problem.cases, offsets=offsets)
     count = int(data.seen[:, weights > 0].sum())
     spare = count - int(data.taken[weights > 0].sum()) - len(selection)
@@ -153,8 +160,10 @@ def identify(
     values, noise = fit.values[0], data.noise[0]
     at_bound = on_bounds(values, lower, upper)
     one = dataclasses.replace(data, noise=noise)
-    problem = dataclasses.replace(problem, cases=dataclasses.replace(one, offsets=()))
-    told = fit_information(knee, selection, one, fit, at_bound=at_bound)
+    alone = dataclasses.replace(one, prior=None)
+    cases = dataclasses.replace(alone, offsets=())
+    problem = dataclasses.replace(problem, cases=cases, offsets=offsets)
+    told = fit_information(knee, selection, alone, fit, at_bound=at_bound)
     answer = Identification(
         selection,
         values,

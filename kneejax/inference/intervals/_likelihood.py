@@ -31,6 +31,16 @@ def stated_noise(noise_mm: float | None, noise_deg: float | None) -> np.ndarray:
     return np.array([noise_deg, noise_deg, noise_mm, noise_mm, noise_mm], float)
 
 
+def check_prior(stated: np.ndarray) -> None:
+    """Refuse a prior beside noise that is estimated: one would have to be weighed by the other.
+
+    Raises:
+        UnsuitableData: some noise is not stated.
+    """
+    if np.isnan(stated).any():
+        raise UnsuitableData("prior: expected noise_mm and noise_deg too, against which it counts")
+
+
 def rise_at_limits(spare: int | None) -> float:
     """Rise of chi squared at the limits of a 95 % interval.
 
@@ -108,7 +118,7 @@ def noise_left(
 def errors(data: LoadCases, fit: Slopes) -> tuple[np.ndarray, np.ndarray]:
     """Model minus measurement `(5, poses)` of one fit, degrees and mm, and its Jacobian, where
     noise is its coordinate's; less where an observation has more (`LoadCases.spread`)."""
-    plain = dataclasses.replace(data, noise=np.ones(5))
+    plain = dataclasses.replace(data, noise=np.ones(5), prior=None)
     residual, slope = plain.residual(fit)
     poses = int(data.counted.sum())
     return residual[0].reshape(poses, 5).T, np.moveaxis(slope[0].reshape(poses, 5, -1), 0, 1)

@@ -47,7 +47,7 @@ class _Steps:
         most: points of an arm.
         longest: step, as a part of the bounds' width.
         near: the root of the rise so near the limit, in parts of it, is at the limit.
-        rtol: relative decrease of chi squared that ends the fit of a point.
+        within: rise of chi squared that is left to a point's fit.
     """
 
     stride: float
@@ -55,14 +55,14 @@ class _Steps:
     most: int
     longest: float
     near: float
-    rtol: float
+    within: float
 
 
 class Pace(enum.Enum):
     """Whether a profile is wanted as a curve, or its limits only."""
 
-    FINE = _Steps(0.4, 1.3, 40, 1.0 / 8.0, NEAR, 1e-9)
-    LIMITS = _Steps(np.inf, np.nan, 14, 1.0 / 4.0, NEAR, 1e-6)
+    FINE = _Steps(0.4, 1.3, 40, 1.0 / 8.0, NEAR, 1e-7)
+    LIMITS = _Steps(np.inf, np.nan, 14, 1.0 / 4.0, NEAR, 0.02)
 
 
 

@@ -167,11 +167,13 @@ def _walk(
     balance: Balance, data: LoadCases, arms: Arms, best: np.ndarray, pace: Pace, leave: bool
 ) -> None:
     """Advance all arms to their ends; data and the lowest chi squared are those of each arm."""
+    # Of the largest chi squared that arms come to: no point of any fit is less exact.
+    rtol = pace.value.within / (np.max(best) + arms.level**2)
     while arms.active.any():
         starts, low, high = arms.next_fits()
         asked = arms.active.copy()
         found = fit_lanes(
-            balance, data, arms.near, starts, low, high, asked=asked, rtol=pace.value.rtol
+            balance, data, arms.near, starts, low, high, asked=asked, rtol=rtol
         )
         rows = np.flatnonzero(asked)
         _, slopes = data.take(rows).residual(found.slopes.take(rows))

@@ -32,6 +32,7 @@ def uncertainty(
     held: np.ndarray,
     noise: np.ndarray | None = None,
     seen: np.ndarray | None = None,
+    prior: np.ndarray | None = None,
 ) -> Uncertainty:
     """Propagate the scatter of the data to the parameters.
 
@@ -46,6 +47,8 @@ def uncertainty(
         weights: of the objective, `(5,)`; a coordinate without weight tells nothing.
         held: parameters that do not move (at a bound), `(p,)`.
         noise: standard deviations of the measurement, `(5,)`; estimated where NaN, and by default.
+        prior: standard deviations of priors, `(p,)`, infinite where there is none, in an objective
+            to which they add their own squares; none by default.
         seen: what was observed, `(5, n)`; error and Jacobian are zero elsewhere. All by default.
 
     Returns:
@@ -58,11 +61,14 @@ def uncertainty(
     scale = np.sqrt((j**2).sum(axis=(0, 1)))
     scale = np.where(scale > 0, scale, 1.0)
     weighted = (np.sqrt(weights)[:, None, None] * j / scale).reshape(-1, free.sum())
+    rows = len(weighted)
+    if prior is not None:
+        weighted = np.vstack([weighted, np.diag(1.0 / prior[free]) / scale])
     left, singular, right = np.linalg.svd(weighted, full_matrices=False)
     with np.errstate(divide="ignore", invalid="ignore"):
         pseudo = (right.T / singular) @ left.T
     # Leverage: the part of each coordinate's scatter that the parameters have absorbed.
-    leverage = (left**2).sum(axis=1).reshape(5, -1)
+    leverage = (left[:rows] ** 2).sum(axis=1).reshape(5, -1)
     observed = np.ones(e.shape) if seen is None else seen[:, used]
     left_over = np.full(5, np.inf)
     for group in ([0, 1], [2, 3, 4]):
@@ -73,6 +79,7 @@ def uncertainty(
     noise = left_over if noise is None else np.where(np.isnan(noise), left_over, noise)
     with np.errstate(invalid="ignore"):
         spread = np.repeat(np.where(weights > 0, np.sqrt(weights) * noise, 0.0), used.sum())
+    spread = np.r_[spread, np.ones(len(weighted) - rows)]
     part = (pseudo * spread) @ (pseudo * spread).T / np.outer(scale, scale)
     covariance = np.full((size, size), np.nan)
     covariance[np.ix_(free, free)] = part

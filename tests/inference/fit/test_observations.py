@@ -160,7 +160,7 @@ def test_a_test_weighs_by_its_own_noise(knee, curves, passive):
     residuals = []
     for sd in (None, 0.3):
         tests = [kj.MeasuredTest.of(one, sd_mm=sd)]
-        problem = Problem.of(knee, chosen, passive, NOISE**-2.0, tests=tests, stated=NOISE)
+        problem = Problem.of(knee, chosen, passive, NOISE**-2.0, tests=tests, known=NOISE)
         residuals.append(problem.residual(problem.begin(values[None]))[0].reshape(-1, 5))
     usual, vague = residuals
     assert vague[2:, ANTERIOR] == pytest.approx(usual[2:, ANTERIOR] / 3.0)
@@ -172,7 +172,7 @@ def test_a_test_with_noise_of_its_own_needs_that_of_the_poses(knee, curves, pass
     with pytest.raises(UnsuitableData, match="drawer: sd_mm 0.3, but noise_mm is not stated"):
         Problem.of(
             knee, kj.select(knee, NAMES), passive, np.ones(5), tests=tests,
-            stated=np.full(5, np.nan),
+            known=np.full(5, np.nan),
         )  # fmt: skip
 
 

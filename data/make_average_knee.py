@@ -1,0 +1,108 @@
+"""A knee that moves like the average one: lenhart2015's reduced lines, fitted to published motion.
+
+    python data/make_average_knee.py poses      # data/studies/average_knee*
+    kneejax calibrate average_knee --out OUT
+    python data/make_average_knee.py knee OUT   # data/knees/average_knee.yaml
+
+Fitted are passive motion (Walker 1988) and the anterior laxity of intact knees (robot, 90 N). What
+torsion, varus-valgus and a cut ACL do is kept aside: `docs/average_knee.md` holds the knee against
+it.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+import kneejax as kj
+from kneejax.files import write_poses
+from kneejax.files.tables import read_rows
+from kneejax.geometry import FEMORAL, convert_table
+
+HERE = Path(__file__).parent
+START = "lenhart2015_reduced"
+#: Spread of the published stiffnesses as a part of each, and of reference strains.
+STIFFNESS_PART, STRAIN = 0.5, 0.04
+#: Bounds: times the published stiffness, and around the published strain.
+TIMES, AROUND = 4.0, 0.25
+#: Walker's femur is not this one: mm and degrees by which a motion may differ from the average.
+NOISE_MM, NOISE_DEG = 3.0, 2.0
+#: Of a mean of twelve knees that scatter by 1.4 to 2.5 mm.
+LAXITY_MM = 0.5
+
+
+def walker() -> np.ndarray:
+    """Walker's coupled motion as poses of the start's knee: its own extension plus what changes."""
+    header, rows = read_rows(str(HERE / "measurements" / "walker1988.csv"), [])
+    table = np.array([cells for _, cells in rows], float)
+    change = dict(zip(header, table.T, strict=True))
+    straight = np.asarray(kj.passive_flexion(kj.load_knee(START), [0.0]).to_table())
+    poses = np.repeat(convert_table(straight, FEMORAL, "tibial"), len(table), axis=0)
+    poses[:, 0] = change["flexion_deg"]
+    poses[:, 1] += change["varus_deg"]
+    poses[:, 2] += change["internal_rotation_deg"]
+    # The femur's origin along the tibia's axes is the negative of the tibia's own.
+    poses[:, 3] -= change["femur_anterior_mm"]
+    poses[:, 4] -= change["femur_superior_mm"]
+    return convert_table(poses, "tibial", FEMORAL)
+
+
+def study() -> dict:
+    """What is fitted to what, as a study file says it."""
+    chosen = kj.select(kj.load_knee(START), ["*.stiffness", "*.reference_strain"])
+    values = dict(zip(chosen.names, map(float, chosen.read(kj.load_knee(START))), strict=True))
+    stiffness = {n: x for n, x in values.items() if n.endswith(".stiffness")}
+    strains = {n: x for n, x in values.items() if n not in stiffness}
+    bounds = {n: [round(x / TIMES, 1), round(x * TIMES, 1)] for n, x in stiffness.items()}
+    bounds |= {n: [round(x - AROUND, 4), round(x + AROUND, 4)] for n, x in strains.items()}
+    return {
+        "title": "An average knee: published motion and laxity",
+        "knee": START,
+        "measured": {
+            "file": "average_knee_passive.csv",
+            "source": "Walker 1988, coupled motion of passive knees, from this knee's extension",
+        },
+        "frame_offset": ["adduction", "internal_rotation", "anterior", "superior"],
+        "tests": [{"name": "anterior laxity", "file": "robot_anterior_90N", "sd_mm": LAXITY_MM}],
+        "parameters": ["*.stiffness", "*.reference_strain"],
+        "bounds": bounds,
+        "prior": {n: round(STIFFNESS_PART * x, 1) for n, x in stiffness.items()}
+        | {"*.reference_strain": STRAIN},
+        "noise_mm": NOISE_MM,
+        "noise_deg": NOISE_DEG,
+        "weights": {"lateral": 0.0},
+        "procedures": ["III"],
+        "starts": 6,
+    }
+
+
+def write_knee(folder: Path) -> None:
+    """The fitted knee under its own name and with its sources."""
+    document = yaml.safe_load((folder / "knee.yaml").read_text())
+    document["name"] = "average_knee"
+    path = HERE / "knees" / "average_knee.yaml"
+    path.write_text(yaml.safe_dump(document, sort_keys=False, width=120, allow_unicode=True))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("what", choices=["poses", "knee"])
+    parser.add_argument("folder", type=Path, nargs="?")
+    given = parser.parse_args()
+    if given.what == "knee":
+        return write_knee(given.folder)
+    kj.configure()
+    write_poses(HERE / "studies" / "average_knee_passive.csv", np.round(walker(), 4))
+    text = yaml.safe_dump(study(), sort_keys=False, width=100)
+    (HERE / "studies" / "average_knee.yaml").write_text(
+        "# Written by data/make_average_knee.py; docs/average_knee.md holds the result against\n"
+        "# what was kept aside.\n" + text
+    )
+    return None
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,67 @@
+"""What is known beforehand: between the data and the belief, as both are worth."""
+
+import numpy as np
+import pytest
+
+import kneejax as kj
+from kneejax.inference import identify
+from kneejax.parameters import UnsuitableData
+
+NAME, TRUE = "PCL.stiffness", 5000.0
+NOISE = {"noise_mm": 0.1, "noise_deg": 0.1}
+FLEXION = np.array([60.0, 75.0, 90.0, 105.0])
+
+
+@pytest.fixture(scope="module")
+def knee():
+    return kj.load_knee("four_ligament")
+
+
+@pytest.fixture(scope="module")
+def measured(knee):
+    return np.asarray(kj.passive_flexion(kj.with_values(knee, {NAME: TRUE}), FLEXION).to_table())
+
+
+def fitted(knee, measured, sd):
+    prior = {"prior": {NAME: sd}} if sd else {"weights": np.full(5, 100.0)}
+    fit = kj.calibrate(knee, measured, (NAME,), procedures=("III",), **NOISE, **prior)
+    return fit[NAME]
+
+
+def test_an_estimate_lies_between_data_and_belief_as_each_is_worth(knee, measured):
+    """Of one value, precisions add and the estimate is their mean, weighed by them."""
+    alone, believed = fitted(knee, measured, None), knee_value(knee)
+    sd = alone.standard_error
+    both = fitted(knee, measured, sd)
+    assert both.standard_error == pytest.approx(alone.standard_error / np.sqrt(2.0), rel=0.1)
+    assert both.value == pytest.approx(0.5 * (alone.value + believed), rel=0.03)
+    assert both.high - both.low == pytest.approx(
+        (alone.high - alone.low) / np.sqrt(2.0), rel=0.15
+    )
+
+
+def knee_value(knee):
+    return float(kj.select(knee, [NAME]).read(knee)[0])
+
+
+def test_a_vague_belief_leaves_the_data_alone(knee, measured):
+    alone, vague = fitted(knee, measured, None), fitted(knee, measured, 1e6)
+    assert vague.value == pytest.approx(alone.value, rel=1e-5)
+    assert vague.standard_error == pytest.approx(alone.standard_error, rel=1e-4)
+
+
+def test_a_certain_belief_moves_nowhere(knee, measured):
+    assert fitted(knee, measured, 1.0).value == pytest.approx(knee_value(knee), rel=1e-3)
+
+
+def test_calibrate_and_identify_tell_the_same_of_a_belief(knee, measured):
+    own = fitted(knee, measured, 300.0)
+    found = identify(knee, measured, (NAME,), prior={NAME: 300.0}, weights=np.ones(5), **NOISE)
+    (interval,) = found.intervals
+    assert found.values[0] == pytest.approx(own.value, rel=1e-4)
+    assert (interval.low, interval.high) == pytest.approx((own.low, own.high), rel=1e-2)
+
+
+def test_a_belief_needs_the_noise_that_it_is_weighed_against(knee, measured):
+    with pytest.raises(UnsuitableData, match="prior: expected noise_mm and noise_deg too"):
+        kj.calibrate(knee, measured, (NAME,), prior={NAME: 300.0})
