@@ -1,4 +1,4 @@
-"""A knee that moves like the average one: lenhart2015's reduced lines, fitted to published motion.
+"""A knee that moves like the average one: lenhart2015 with its bundles fitted to published motion.
 
     python data/make_average_knee.py poses      # data/studies/average_knee*
     kneejax calibrate average_knee --out OUT
@@ -23,9 +23,13 @@ from kneejax.files.tables import read_rows
 from kneejax.geometry import FEMORAL, convert_table
 
 HERE = Path(__file__).parent
-START = "lenhart2015_reduced"
-#: Spread of the published stiffnesses as a part of each, and of reference strains.
-STIFFNESS_PART, STRAIN = 0.5, 0.04
+START = "lenhart2015"
+BUNDLES = (
+    "MCLd", "MCLs", "MCLp", "ACLam", "ACLpl", "PCLal", "PCLpm", "LCL", "PFL", "pCAP",
+)  # fmt: skip
+#: What is believed of the published stiffnesses, as a part of each, and of reference strains, which
+#: nobody measures.
+STIFFNESS_PART, STRAIN = 0.2, 0.08
 #: Bounds: times the published stiffness, and around the published strain.
 TIMES, AROUND = 4.0, 0.25
 #: Walker's femur is not this one: mm and degrees by which a motion may differ from the average.
@@ -52,7 +56,8 @@ def walker() -> np.ndarray:
 
 def study() -> dict:
     """What is fitted to what, as a study file says it."""
-    chosen = kj.select(kj.load_knee(START), ["*.stiffness", "*.reference_strain"])
+    names = [f"{bundle}.{what}" for bundle in BUNDLES for what in ("stiffness", "reference_strain")]
+    chosen = kj.select(kj.load_knee(START), names)
     values = dict(zip(chosen.names, map(float, chosen.read(kj.load_knee(START))), strict=True))
     stiffness = {n: x for n, x in values.items() if n.endswith(".stiffness")}
     strains = {n: x for n, x in values.items() if n not in stiffness}
@@ -67,15 +72,15 @@ def study() -> dict:
         },
         "frame_offset": ["adduction", "internal_rotation", "anterior", "superior"],
         "tests": [{"name": "anterior laxity", "file": "robot_anterior_90N", "sd_mm": LAXITY_MM}],
-        "parameters": ["*.stiffness", "*.reference_strain"],
+        "parameters": names,
         "bounds": bounds,
         "prior": {n: round(STIFFNESS_PART * x, 1) for n, x in stiffness.items()}
-        | {"*.reference_strain": STRAIN},
+        | dict.fromkeys(strains, STRAIN),
         "noise_mm": NOISE_MM,
         "noise_deg": NOISE_DEG,
         "weights": {"lateral": 0.0},
         "procedures": ["III"],
-        "starts": 6,
+        "starts": 4,
     }
 
 

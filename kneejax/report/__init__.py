@@ -22,6 +22,7 @@ from kneejax.report.calibration import reading_rows as reading_rows
 from kneejax.report.calibration import remark as remark
 from kneejax.report.calibration import report_page as report_page
 from kneejax.report.calibration import result_document as result_document
+from kneejax.report.calibration import tests_figure as tests_figure
 from kneejax.report.calibration import verdict as verdict
 from kneejax.report.calibration import warnings as warnings
 from kneejax.report.calibration import write_report as write_report

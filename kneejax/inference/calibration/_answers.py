@@ -84,7 +84,7 @@ def fit_of(
     return Fit(
         procedure,
         tuple(estimates[:size]),
-        objective_of(problem, error),
+        objective_of(problem, error, trail.x),
         partial_objectives_of(problem, error),
         rmse_of(problem, error),
         correlation,
@@ -191,9 +191,13 @@ def _slack_ligaments(problem: Problem, found: Slopes) -> dict[str, float]:
     return {name: float(np.mean(where)) for name, where in slack.items()}
 
 
-def objective_of(problem: Problem, error: np.ndarray) -> float:
-    """Weighted sum of squares of errors `(5, cases)`."""
-    return float(problem.weights @ _squares(problem, error).sum(axis=1))
+def objective_of(problem: Problem, error: np.ndarray, values: np.ndarray) -> float:
+    """Weighted sum of squares of errors `(5, cases)`, and of what a prior says of the values."""
+    squares = float(problem.weights @ _squares(problem, error).sum(axis=1))
+    if problem.cases.prior is None:
+        return squares
+    mean, sd = problem.cases.prior
+    return squares + float((((values - mean) / sd) ** 2).sum())
 
 
 def partial_objectives_of(problem: Problem, error: np.ndarray) -> dict[str, float]:

@@ -161,7 +161,7 @@ def calibrate(
         start=motion_of(problem, first),
         start_rmse=start_rmse,
         start_partial_objectives=partial_objectives_of(problem, error),
-        start_objective=objective_of(problem, error),
+        start_objective=objective_of(problem, error, start),
         start_tests=start_tests,
         fits=tuple(fits),
         ligaments=knee.ligaments.names,

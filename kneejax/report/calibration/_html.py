@@ -26,6 +26,7 @@ from kneejax.report.calibration._verdict import (
     data_words,
     ending,
     limits,
+    noise_of,
     optimiser,
     outcome,
     reasons,
@@ -268,7 +269,7 @@ def _parameter_section(calibration: Calibration, svg: str) -> str:
 
 
 def _noise(calibration: Calibration) -> str:
-    mm, deg = (calibration.noise.get(name, math.nan) for name in ("lateral", "adduction"))
+    mm, deg = (noise_of(calibration, unit) for unit in ("mm", "deg"))
     kind = "estimated from the misfit" if calibration.noise_estimated else "as stated"
     return f"{number(mm, 3)} mm and {number(deg, 3)} deg ({kind})"
 

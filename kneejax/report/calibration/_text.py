@@ -14,6 +14,7 @@ from kneejax.report.calibration._verdict import (
     data_words,
     known_words,
     limits,
+    noise_of,
     outcome,
     search,
     starts_words,
@@ -88,8 +89,8 @@ def _judged(calibration: Calibration) -> str:
 
 def _noise_words(calibration: Calibration) -> str:
     """By which noise the limits are what they are."""
-    mm, deg = calibration.noise.get("lateral"), calibration.noise.get("adduction")
-    if mm is None or deg is None or not (math.isfinite(mm) and math.isfinite(deg)):
+    mm, deg = (noise_of(calibration, unit) for unit in ("mm", "deg"))
+    if not (math.isfinite(mm) and math.isfinite(deg)):
         return ""
     kind = "estimated from the misfit" if calibration.noise_estimated else "as stated"
     noise = f"Noise {number(mm, 3)} mm and {number(deg, 3)} deg, {kind}"

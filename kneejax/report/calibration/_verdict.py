@@ -342,6 +342,16 @@ def data_words(calibration: Calibration) -> str:
     return " and ".join(words)
 
 
+def noise_of(calibration: Calibration, unit: str) -> float:
+    """Standard deviation of the coordinates of a unit that count; NaN where none is known."""
+    known = [
+        sd
+        for name, sd in calibration.noise.items()
+        if COORDINATES[name].unit == unit and math.isfinite(sd)
+    ]
+    return known[0] if known else math.nan
+
+
 def known_words(calibration: Calibration) -> str:
     """How many parameters have which kind of limits, and how many hold the truth if it is known."""
     estimates = [*calibration.fit.estimates, *calibration.fit.offsets]
