@@ -34,8 +34,10 @@ def run(_: argparse.Namespace) -> int:
     measurements = bundled_measurements()
     print("Measurements" + ("" if measurements else ": none bundled"))
     for name, measurement in measurements.items():
-        print(f"  {name:<20} {measurement.title} ({measurement.source})")
-    print("Laxity, as others measured it: drawn beside `simulate` under the same load")
+        said = f"{measurement.title} ({measurement.source})"
+        print(textwrap.fill(said, 98, initial_indent=f"  {name:<20} ", **_HANGING))
+    print("Laxity, as others measured it: drawn beside `simulate` under the same load,")
+    print("and a test of a study by its name")
     for name, source in bundled_laxity_sources().items():
         print(textwrap.fill(source, 98, initial_indent=f"  {name:<20} ", **_HANGING))
     return 0

@@ -242,7 +242,8 @@ BAD = {
         lambda t: ["calibrate", str(t / "papr1.yaml")], "did you mean paper1?"
     ),
     "no such study": (
-        lambda t: ["calibrate", str(t / "nostudy.yaml")], "a bundled study (lenhart2015_mri, paper1"
+        lambda t: ["calibrate", str(t / "nostudy.yaml")],
+        "a bundled study (average_knee, lenhart2015_mri, paper1",
     ),
     "study of another name beside it": (
         lambda t: [study(t, TWIN)[0], str(t / "stdy.yaml")], "did you mean study.yaml?"
