@@ -17,9 +17,9 @@ _MODULES = {
     "read_study": "kneejax.studies._reading",
     "check": "kneejax.studies._run",
     "run": "kneejax.studies._run",
-    "FAULTS": "kneejax.studies._study",
+    "FAULTS": "kneejax.studies._study_fields",
     "Study": "kneejax.studies._study",
-    "Synthetic": "kneejax.studies._study",
+    "Synthetic": "kneejax.studies._study_fields",
 }
 
 if TYPE_CHECKING:
@@ -34,9 +34,9 @@ if TYPE_CHECKING:
     from kneejax.studies._reading import read_study as read_study
     from kneejax.studies._run import check as check
     from kneejax.studies._run import run as run
-    from kneejax.studies._study import FAULTS as FAULTS
     from kneejax.studies._study import Study as Study
-    from kneejax.studies._study import Synthetic as Synthetic
+    from kneejax.studies._study_fields import FAULTS as FAULTS
+    from kneejax.studies._study_fields import Synthetic as Synthetic
 else:
     __all__ = [*_MODULES]
     __getattr__, __dir__ = lazy_names(__name__, _MODULES)

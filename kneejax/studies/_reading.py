@@ -22,7 +22,8 @@ from kneejax.files.reading import Field, load_yaml
 from kneejax.geometry import COLUMNS, CONVENTIONS, FEMORAL
 from kneejax.mechanics import RANGES
 from kneejax.studies._reading_tests import MIRROR, read_tests
-from kneejax.studies._study import Study, Synthetic, parameter_values
+from kneejax.studies._study import Study
+from kneejax.studies._study_fields import Synthetic, parameter_values
 
 #: Fields of a file that a study takes as they are.
 _AS_THEY_ARE = (

@@ -18,6 +18,7 @@ from kneejax.report.calibration._figures import (
     correlation_figure,
     parameters_figure,
 )
+from kneejax.report.calibration._starts import starts_words
 from kneejax.report.calibration._tests import laxity_errors, tests_figure
 from kneejax.report.calibration._verdict import (
     PAPER,
@@ -32,7 +33,6 @@ from kneejax.report.calibration._verdict import (
     reasons,
     search,
     stage_counts,
-    starts_words,
     verdict,
     warnings,
 )

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from kneejax.geometry import COORDINATES
 from kneejax.inference import IntervalKind
+from kneejax.report.calibration._starts import starts_words
 from kneejax.report.calibration._tests import laxity_errors
 from kneejax.report.calibration._verdict import (
     PAPER_COUNTS,
@@ -17,7 +18,6 @@ from kneejax.report.calibration._verdict import (
     noise_of,
     outcome,
     search,
-    starts_words,
     warnings,
 )
 from kneejax.report.look import (

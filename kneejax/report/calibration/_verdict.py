@@ -12,6 +12,7 @@ import numpy as np
 
 from kneejax.geometry import COORDINATES
 from kneejax.inference import Ending, Fault, IntervalKind, Misfit
+from kneejax.report.calibration._starts import rivals_words
 from kneejax.report.calibration._tests import laxity_doubts, readings
 from kneejax.report.look import change, listed, number
 from kneejax.report.motion import accepted_statuses, pose_doubts, row_status
@@ -179,50 +180,9 @@ def _doubts(fit: Fit, flexion: np.ndarray, accepted: tuple[Status, ...] = ()) ->
         verb = "are" if len(names) > 1 else "is"
         sentences.append(f"{listed(names, 40)} {verb} not determined by the data: {why}.")
     if fit.starts is not None and fit.starts.rivals.any():
-        sentences.append(_rivals(fit))
+        sentences.append(rivals_words(fit))
     sentences += pose_doubts(fit.motion, flexion, accepted)
     return sentences + laxity_doubts(fit.tests, accepted)
-
-
-def _rivals(fit: Fit) -> str:
-    starts = fit.starts
-    assert starts is not None
-    estimates = (*fit.estimates, *fit.offsets)
-    ends = starts.values[starts.rivals]
-    names = [
-        f"{e.name} {number(min(e.value, *column))} to {number(max(e.value, *column))}"
-        for e, column in zip(estimates, ends.T, strict=True)
-        if (column < np.nan_to_num(e.low, nan=e.lower)).any()
-        or (column > np.nan_to_num(e.high, nan=e.upper)).any()
-    ]
-    count = int(starts.rivals.sum())
-    return (
-        f"{count} of {len(starts.objectives)} starts ended apart from the answer and fit as well: "
-        f"{', '.join(names)}."
-    )
-
-
-def starts_words(fit: Fit) -> str:
-    """Where several starts ended; empty if there was one."""
-    starts = fit.starts
-    if starts is None:
-        return ""
-    count, objectives = len(starts.objectives), np.array(starts.objectives)
-    lost = int(np.isinf(objectives).sum())
-    apart = starts.elsewhere & ~np.isinf(objectives)
-    words = [f"{count - int((starts.elsewhere | starts.rivals).sum())} of {count} at the answer"]
-    if starts.rivals.any():
-        words.append(f"{int(starts.rivals.sum())} apart from it with as good a fit")
-    if apart.any():
-        low, high = number(objectives[apart].min()), number(objectives[apart].max())
-        among = low if low == high else f"{low} to {high}"
-        words.append(
-            f"{int(apart.sum())} at worse fits (objective {among}, the answer's is "
-            f"{number(fit.objective)})"
-        )
-    if lost:
-        words.append(f"{lost} found no balance")
-    return f"Several starts ended: {'; '.join(words)}."
 
 
 def misfit_words(calibration: Calibration) -> list[str]:
