@@ -77,3 +77,21 @@ def test_identify_reads_the_same_study(specimen, capsys):
     # Twenty-six readings, one unknown constant of the laboratory.
     assert "26" in capsys.readouterr().out
     assert set(TRUTH) <= set(json.dumps(result).replace('"', " ").split())
+
+
+def test_curves_that_simulate_wrote_are_a_test_of_a_study(tmp_path, capsys):
+    """As docs/my_specimen.md says: a model's laboratory is read like a real one."""
+    lab = ["simulate", "drawer", "--knee", "four_ligament", "--set", "ACL.stiffness=6000"]
+    size = ["--flexion", "20,60", "--force_N", "60", "--both", "--steps", "2"]
+    assert main([*lab, *size, "--out", str(tmp_path / "robot")]) == 0
+    item = {"name": "drawer", "file": "robot/curves.csv", "convention": "femoral",
+            "counted_from": "least_load"}  # fmt: skip
+    study = {
+        "title": "Like a robot", "knee": "four_ligament", "parameters": ["ACL.stiffness"],
+        "tests": [item], "noise_mm": 0.1, "noise_deg": 0.1, "procedures": ["III"],
+    }  # fmt: skip
+    (tmp_path / "study.yaml").write_text(yaml.safe_dump(study))
+    out = tmp_path / "out"
+    assert main(["calibrate", str(tmp_path / "study.yaml"), "--out", str(out)]) == 0
+    found = json.loads((out / "result.json").read_text())["parameters"]["ACL.stiffness"]
+    assert found["value"] == pytest.approx(6000.0, rel=1e-4)

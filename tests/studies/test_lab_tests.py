@@ -70,6 +70,8 @@ def test_what_simulate_writes_is_read(tmp_path):
     table(tmp_path, header=header, rows=np.column_stack([poses, [0.0, 90.0]]).tolist())
     read = read_lab_table(tmp_path / "drawer.csv", convention="femoral")
     assert read.loads["anterior_N"].tolist() == [0.0, 90.0]
+    # Rows of one flexion are grouped by it, to the last digit.
+    assert read.flexion_deg.tolist() == [30.0, 30.0]
     assert read.observed == pytest.approx(convert_table(poses, "femoral", CLINICAL)[:, 1:])
 
 

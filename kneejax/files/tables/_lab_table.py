@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kneejax.files.reading import InputProblem, nearest_name
+from kneejax.files.reading import InputProblem
 from kneejax.files.tables._tables import cell_number, read_rows
 from kneejax.geometry import CLINICAL, COLUMNS, CONVENTIONS, convert_table
-from kneejax.mechanics import NAMED_LOADS, RANGES
+from kneejax.mechanics import NAMED_LOADS, RANGES, Range
 
 #: What sounds like a load, so that leaving it out must be said.
 _LOAD = re.compile(r"load|force|torque|moment|tension|_(N|Nm|Nmm|kN)$", re.IGNORECASE)
@@ -21,8 +21,6 @@ _MOST_MOMENT_NM = 100.0
 #: Ways in which tables of `kneejax simulate` call a load, beside its name.
 _ALSO = {name.replace("_N", "_force_N"): name for name in NAMED_LOADS if name.endswith("_N")}
 _ALSO |= {name.replace("_Nm", "_moment_Nm"): name for name in NAMED_LOADS if name.endswith("_Nm")}
-#: What follows from the rest of a row.
-_FREE = COLUMNS[1:]
 
 
 class LabTable(NamedTuple):
@@ -73,51 +71,69 @@ def read_lab_table(
         >>> read.loads["anterior_N"].tolist(), read.observed[0, 2].item()
         ([90.0], 4.5)
     """
-    file, named = os.fspath(path), _named(os.fspath(path), dict(columns or {}))
-    header, rows = read_rows(file, [column for column, _ in named.values()])
-    for own in header:
+    file = os.fspath(path)
+    named = _named(file, dict(columns or {}))
+    table = _Readings(file, *read_rows(file, [column for column, _ in named.values()]))
+    for own in table.header:
         name = _ALSO.get(own, own)
-        if name in (*NAMED_LOADS, *COLUMNS) and name not in named:
-            named[name] = own, 1.0
+        if name in (*NAMED_LOADS, *COLUMNS):
+            named.setdefault(name, (own, 1.0))
+    _check_header(table, named, flexion_deg, ignore)
+    loads = {
+        name: table.column(*named[name], RANGES[name]) for name in NAMED_LOADS if name in named
+    }
+    for name, size in loads.items():
+        if name.endswith("_Nm") and np.abs(size).max() > _MOST_MOMENT_NM:
+            own, _ = named[name]
+            expected = f"N m, at most {_MOST_MOMENT_NM:g}; N mm are suspected (0.001 * {own})"
+            raise InputProblem(file, own, f"up to {np.abs(size).max():g}", expected)
+    observed = np.full((len(table.rows), len(COLUMNS)), np.nan)
+    for place, name in enumerate(COLUMNS):
+        if name in named:
+            allowed = RANGES["rotation_deg" if place < 3 else "point_mm"]
+            observed[:, place] = table.column(*named[name], allowed, empty=place > 0)
+    if flexion_deg is not None:
+        observed[:, 0] = flexion_deg
+    observed = _clinical(table, observed, convention)
+    return LabTable(observed[:, 0], loads, observed[:, 1:])
+
+
+class _Readings(NamedTuple):
+    """A file's header, and line number and cells of each row."""
+
+    file: str
+    header: list[str]
+    rows: list[tuple[int, list[str]]]
+
+    def column(self, own: str, factor: float, allowed: Range, empty: bool = False) -> np.ndarray:
+        """A column in the package's sense and unit; NaN of a cell that may be empty and is."""
+        place, values = self.header.index(own), []
+        for number, (line, cells) in enumerate(self.rows, 1):
+            cell, where = cells[place], f"row {number} (line {line}), {own}"
+            if empty and cell.strip().lower() in ("", "nan"):
+                values.append(np.nan)
+                continue
+            values.append(factor * cell_number(self.file, where, cell))
+            if not allowed.holds(values[-1]):
+                expected = allowed.expected(values[-1])
+                raise InputProblem(self.file, where, cell.strip(), expected)
+        return np.array(values)
+
+
+def _check_header(table: _Readings, named, flexion_deg: float | None, ignore) -> None:
+    """A load, a coordinate and a flexion; nothing that sounds like a load is left over."""
+    file, header = table.file, table.header
     used = {column for column, _ in named.values()}
-    loads = [name for name in named if name in NAMED_LOADS]
     for own in header:
         if own not in used and own not in ignore and _LOAD.search(own):
             expected = "a column that is used (columns:) or left out on purpose (ignore:)"
             raise InputProblem(file, "header", own, expected)
-    if not loads:
-        near = nearest_name("load", header)
-        raise InputProblem(file, "header", "no load", f"one of {', '.join(NAMED_LOADS)}", near)
-    if not any(name in named for name in _FREE):
-        raise InputProblem(file, "header", "no coordinate", f"one of {', '.join(_FREE)}")
+    for what, known in (("load", tuple(NAMED_LOADS)), ("coordinate", COLUMNS[1:])):
+        if not any(name in named for name in known):
+            raise InputProblem(file, "header", f"no {what}", f"one of {', '.join(known)}")
     if flexion_deg is None and COLUMNS[0] not in named:
-        expected = f"this column among {', '.join(header)}, or flexion_deg of the test"
+        expected = f"this column among {', '.join(header)}, or at_deg of the test"
         raise InputProblem(file, COLUMNS[0], "missing", expected)
-
-    def column(name: str, allowed, empty: bool) -> np.ndarray:
-        own, factor = named[name]
-        place = header.index(own)
-        return np.array([
-            _cell(file, f"row {number} (line {line}), {own}", cells[place], factor, allowed, empty)
-            for number, (line, cells) in enumerate(rows, 1)
-        ])  # fmt: skip
-
-    sizes = {name: column(name, RANGES[name], False) for name in loads}
-    for name, size in sizes.items():
-        if name.endswith("_Nm") and np.abs(size).max() > _MOST_MOMENT_NM:
-            expected = (
-                f"N m, at most {_MOST_MOMENT_NM:g}; N mm are suspected (0.001 * {named[name][0]})"
-            )
-            raise InputProblem(file, named[name][0], f"up to {np.abs(size).max():g}", expected)
-    observed = np.full((len(rows), len(COLUMNS)), np.nan)
-    for place, name in enumerate(COLUMNS):
-        if name in named:
-            allowed = RANGES["rotation_deg" if place < 3 else "point_mm"]
-            observed[:, place] = column(name, allowed, place > 0)
-    if flexion_deg is not None:
-        observed[:, 0] = flexion_deg
-    observed = _clinical(file, observed, convention, header, rows)
-    return LabTable(observed[:, 0], sizes, observed[:, 1:])
 
 
 def _named(file: str, columns: dict[str, str]) -> dict[str, tuple[str, float]]:
@@ -135,25 +151,20 @@ def _named(file: str, columns: dict[str, str]) -> dict[str, tuple[str, float]]:
     return found
 
 
-def _cell(file: str, place: str, cell: str, factor: float, allowed, empty: bool) -> float:
-    """A number in the package's sense and unit; NaN of a cell that may be empty and is."""
-    if empty and cell.strip().lower() in ("", "nan"):
-        return np.nan
-    value = factor * cell_number(file, place, cell)
-    if not allowed.holds(value):
-        raise InputProblem(file, place, cell.strip(), allowed.expected(value))
-    return value
-
-
-def _clinical(file: str, table: np.ndarray, convention: str, header, rows) -> np.ndarray:
+def _clinical(table: _Readings, observed: np.ndarray, convention: str) -> np.ndarray:
+    """Poses along the axes of Grood and Suntay."""
+    file, header = table.file, table.header
     if "convention" in header:
-        said = {cells[header.index("convention")].strip() for _, cells in rows}
+        said = {cells[header.index("convention")].strip() for _, cells in table.rows}
         if said != {convention}:
             expected = f"{convention} in every row, as this test says"
             raise InputProblem(file, "convention", ", ".join(sorted(said)), expected, CONVENTIONS)
     if convention == CLINICAL:
-        return table
-    if np.isnan(table).any():
+        return observed
+    if np.isnan(observed).any():
         expected = f"all of {', '.join(COLUMNS)}, without which {convention} cannot be converted"
         raise InputProblem(file, "header", "not all six columns of a pose", expected)
-    return convert_table(table, convention, CLINICAL)
+    found = convert_table(observed, convention, CLINICAL)
+    # Rows of one flexion stay rows of one flexion, whatever the conversion rounds.
+    found[:, 0] = np.round(found[:, 0], 6)
+    return found

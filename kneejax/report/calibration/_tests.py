@@ -168,8 +168,10 @@ def _over_load(axes: Axes, own: FittedTest, before: FittedTest, name: str) -> No
 
 
 def _curve(one: FittedTest, rows: np.ndarray, column: int, load: np.ndarray):
-    """A curve from its readings, and from the unloaded pose where they are counted from it."""
-    x, y = one.fitted[rows, column], load[rows]
+    """A curve from its readings, and from the pose that counts as zero."""
+    zero = (one.test.partner[rows] == rows) & (one.test.counted_from == "least_load")
+    drawn = zero | np.isfinite(one.measured[rows, column])
+    x, y = np.where(zero, 0.0, one.fitted[rows, column])[drawn], load[rows][drawn]
     if one.test.counted_from == "unloaded":
         place = int(np.searchsorted(y, 0.0))
         x, y = np.insert(x, place, 0.0), np.insert(y, place, 0.0)

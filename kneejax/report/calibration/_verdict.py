@@ -274,7 +274,7 @@ def verdict(calibration: Calibration) -> str:
     parts.append(
         f"The weighted sum of squares went from {number(calibration.start_objective)} to "
         f"{number(fit.objective)}{f' ({fell})' if fell else ''} with {len(fit.estimates)} free "
-        f"parameters and {data_words(calibration)}."
+        f"parameter{'s' * (len(fit.estimates) != 1)} and {data_words(calibration)}."
     )
     worst = [
         f"{number(value, 3)} {unit}"

@@ -1,0 +1,42 @@
+"""Curves of tests in a report: whole, and broken only where the knee holds nothing."""
+
+import numpy as np
+
+from kneejax.experiments import MeasuredTest
+from kneejax.geometry import FREE_COORDINATES
+from kneejax.inference import FittedTest
+from kneejax.report.calibration._tests import _curve
+
+COLUMN = FREE_COORDINATES.index("anterior")
+LOAD = np.array([-60.0, -30.0, 0.0, 30.0, 60.0])
+MOVED = np.array([-4.0, -2.5, 0.0, 2.0, np.nan])
+
+
+def fitted(counted_from, **changes):
+    observed = np.full((5, 5), np.nan)
+    observed[:, COLUMN] = [-4.0, -2.5, 0.0, 2.0, 3.0]
+    test = MeasuredTest("drawer", [30.0] * 5, {"anterior_N": LOAD}, observed, counted_from)
+    measured, own = observed.copy(), np.full((5, 5), np.nan)
+    own[:, COLUMN] = MOVED
+    for row in changes.get("unseen", ()):
+        measured[row] = own[row] = np.nan
+    return FittedTest(test, measured, own, np.zeros(5, int))
+
+
+def test_the_reading_that_counts_as_zero_does_not_break_its_curve():
+    x, y = _curve(fitted("least_load", unseen=[2]), np.arange(5), COLUMN, LOAD)
+    np.testing.assert_array_equal(x, MOVED)
+    assert y.tolist() == LOAD.tolist()
+
+
+def test_a_curve_from_the_unloaded_pose_goes_through_it():
+    x, y = _curve(fitted("unloaded"), np.array([0, 1, 3]), COLUMN, LOAD)
+    assert list(zip(x.tolist(), y.tolist(), strict=True)) == [
+        (-4.0, -60.0), (-2.5, -30.0), (0.0, 0.0), (2.0, 30.0)
+    ]  # fmt: skip
+
+
+def test_what_is_only_counted_from_is_not_drawn():
+    x, y = _curve(fitted("opposite", unseen=[0, 1, 2]), np.arange(5), COLUMN, LOAD)
+    assert y.tolist() == [30.0, 60.0]
+    assert np.isnan(x[1])
