@@ -19,6 +19,7 @@ TESTS = (
     "drawer", "lachman", "torsion", "varus-valgus", "compression", "distraction", "pivot",
     "envelope", "load",
 )  # fmt: skip
+_HELD = ("adduction", "internal_rotation")
 _SIDES = ("r", "l")
 
 
@@ -106,6 +107,25 @@ def _add_simulate(commands) -> None:
         type=float,
         help="full moment of a test (default: 10; torsion 5); pivot adds half of it in internal "
         "torque, torsion in an envelope is half of it",
+    )
+    simulate.add_argument(
+        "--displacement_mm",
+        type=float,
+        help="of drawer and lachman: a machine moves the tibia so far, and its force is read",
+    )
+    simulate.add_argument(
+        "--rotation_deg",
+        type=float,
+        help="of torsion and varus-valgus: a machine turns the tibia so far; its moment is read",
+    )
+    simulate.add_argument(
+        "--hold",
+        action="append",
+        default=[],
+        choices=_HELD,
+        metavar="ROTATION",
+        help=f"a rotation that a machine holds where it is without the test's load: "
+        f"{' or '.join(_HELD)}; once for each",
     )
     simulate.add_argument(
         "--both", action="store_true", help="load a test in the opposite sense too"

@@ -31,11 +31,18 @@ from kneejax.files import (
     write_rows,
 )
 from kneejax.geometry import COLUMNS, COORDINATES, FEMORAL, convert_table
-from kneejax.mechanics import NAMED_LOADS, RANGES, Knee, load_words
+from kneejax.mechanics import LIMITS, NAMED_LOADS, RANGES, Knee, Range, load_called
 from kneejax.parameters import cut
 from kneejax.statics import Status, converged
 
 _MOST_STEPS = 1000
+#: Option of a test's size -> what it may be. Farther than a limit a knee is dislocated.
+_SIZES = {
+    "force_N": RANGES["anterior_N"],
+    "moment_Nm": RANGES["varus_Nm"],
+    "displacement_mm": Range(0.0, LIMITS["anterior"], "mm"),
+    "rotation_deg": Range(0.0, LIMITS["internal_rotation"], "deg"),
+}
 
 
 def run_test(arguments: argparse.Namespace) -> int:
@@ -68,25 +75,26 @@ def _tests(arguments: argparse.Namespace) -> tuple[LabTest, ...]:
     if not 1 <= steps <= _MOST_STEPS:
         raise InputProblem("--steps", "steps", str(steps), f"between 1 and {_MOST_STEPS}")
     angles = None if arguments.flexion is None else parse_flexion(arguments.flexion)
-    sizes = {key: getattr(arguments, key) for key in ("force_N", "moment_Nm")}
+    sizes = {key: getattr(arguments, key) for key in _SIZES}
     asked = {key: size for key, size in sizes.items() if size is not None}
     for key, size in asked.items():
-        limit = "anterior_N" if key == "force_N" else "varus_Nm"
-        check_within(f"--{key}", key, [size], RANGES[limit])
+        check_within(f"--{key}", key, [size], _SIZES[key])
         if not size > 0:
             raise InputProblem(f"--{key}", key, f"{size:g}", "a size above zero; --both for both")
     if name == "load":
-        return (_wrench(given, asked, angles, load_cycle(steps, arguments.both)),)
+        path = load_cycle(steps, arguments.both)
+        return (_wrench(given, asked, angles, path, tuple(arguments.hold)),)
     try:
         return lab_tests(
-            name, angles, **asked, both=arguments.both, steps=steps, constant=given
-        )
+            name, angles, **asked, held=arguments.hold, both=arguments.both, steps=steps,
+            constant=given,
+        )  # fmt: skip
     except ValueError as problem:
-        option = f"--{next(iter(asked), 'experiment')}"
+        option = f"--{next(iter(asked), 'hold' if arguments.hold else 'experiment')}"
         raise InputProblem("simulate", option, name, str(problem)) from None
 
 
-def _wrench(given, asked, angles, path) -> LabTest:
+def _wrench(given, asked, angles, path, held) -> LabTest:
     """The test `load`: what `--load` says grows, observed where its first part works."""
     if asked:
         option = f"--{next(iter(asked))}"
@@ -97,25 +105,33 @@ def _wrench(given, asked, angles, path) -> LabTest:
     observed = next(x for x in NAMED_LOADS[first].also_called if x in COORDINATES)
     flexion = range(0, 91, 15) if angles is None else angles
     ordered = {first: given[first], **given}
-    return LabTest("load", ordered, observed, tuple(float(x) for x in flexion), path)
+    try:
+        angles = tuple(float(x) for x in flexion)
+        return LabTest("load", ordered, observed, angles, path, held=held)
+    except ValueError as problem:
+        raise InputProblem("simulate", "--hold", "load", str(problem)) from None
 
 
 def _laxity_lines(tests: Sequence[LabTest], found: Sequence[Laxity]) -> Iterator[str]:
     for test in tests:
         rows = [x for x in found if x.test == test.name]
         load, unit = NAMED_LOADS[test.driven_by], rows[0].unit
-        slope = f"{load.unit}/{unit}"
-        acts = load_words(test.full)
-        both = " and the opposite" if min(test.path) < 0 < max(test.path) else ""
-        beside = f", besides {load_words(test.constant)}" if test.constant else ""
-        yield f"{test.name}: {acts}{both}{beside}"
-        yield f"change of {test.observed.replace('_', ' ')} along the load's own axes, {unit}:"
+        slope, by_load = f"{load.unit}/{unit}", test.displacement is None
+        yield f"{test.name}: {test.words}"
+        if by_load:
+            observed = test.observed.replace("_", " ")
+            yield f"change of {observed} along the load's own axes, {unit}:"
+        else:
+            yield f"what it takes of {load.positive}, {load.unit}:"
         yield (
             "flexion    range  positive  negative   neutral  stiffness at first, at the end  status"
         )
-        yield f"    deg {unit:>8}{unit:>10}{unit:>10}{unit:>10}{slope:>20}{slope:>12}"
+        ends = unit if by_load else load.unit.replace(" ", "")
+        yield f"    deg {ends:>8}{ends:>10}{ends:>10}{unit:>10}{slope:>20}{slope:>12}"
         for x in rows:
             cells = (x.range, x.positive, x.negative, x.neutral)
+            if not by_load:
+                cells = (_span(x), x.held_positive, x.held_negative, x.neutral)
             numbers = "".join(f"{_number(c):>10}" for c in cells)[1:]
             slopes = f"{_number(x.stiffness_start):>20}{_number(x.stiffness_end):>12}"
             yield f"{x.flexion_deg:7.1f}{numbers}{slopes}  {x.status.word}"
@@ -124,7 +140,15 @@ def _laxity_lines(tests: Sequence[LabTest], found: Sequence[Laxity]) -> Iterator
                 yield f"        beyond {part} of {word}: {x.status.word}"
 
 
+def _span(x: Laxity) -> float:
+    """Between the forces at both ends of a displacement, or the one of a test one way."""
+    known = [force for force in (x.held_positive, x.held_negative) if np.isfinite(force)]
+    return max(known) - min(known) if len(known) == 2 else abs(known[0]) if known else np.nan
+
+
 def _not_held(test: LabTest, x: Laxity) -> Iterator[tuple[str, float, float]]:
+    if test.displacement is not None:
+        return
     load, size = NAMED_LOADS[test.driven_by], test.full[test.driven_by]
     ends = sorted((size * max(*test.path, 0.0), size * min(*test.path, 0.0)))
     for held, full, word in (
@@ -141,16 +165,22 @@ def _number(value: float) -> str:
 
 def _write(arguments, knee: Knee, curves, mechanics: Mechanics, status, said, found) -> None:
     out, convention = arguments.out, arguments.convention
-    columns = [name for name in NAMED_LOADS if any(x.test.load(name).any() for x in curves)]
+    columns = [
+        name
+        for name in NAMED_LOADS
+        if any(name in {**x.test.full, **x.test.constant, x.test.driven_by: 0} for x in curves)
+    ]
+    held = {column: name for x in curves for name in x.test.held for column in [_held_column(name)]}
     header = [
-        "test", "flexion_deg", "step", *(_load_column(name) for name in columns), *COLUMNS[1:],
+        "test", "flexion_deg", "step", *(_load_column(name) for name in columns), *held,
+        *COLUMNS[1:],
         "converged", "stable", "status", "doubt",
     ]  # fmt: skip
     extra = [] if convention == FEMORAL else ["convention"]
     rows = [
         row + [convention] * len(extra)
         for each in zip(curves, status, said, strict=True)
-        for row in _curve_rows(*each, columns, convention)
+        for row in _curve_rows(*each, columns, held.values(), convention)
     ]
     write_rows(out / "curves.csv", header + extra, rows)
     write_rows(out / "laxity.csv", LAXITY_COLUMNS, [x.row for x in found])
@@ -178,6 +208,11 @@ def _load_column(name: str) -> str:
     return f"{word}_{'moment' if unit == 'Nm' else 'force'}_{unit}"
 
 
+def _held_column(name: str) -> str:
+    """Of the moment with which a machine holds a rotation, its sense that of the load."""
+    return f"held_{_load_column(load_called(name) or name)}"
+
+
 def _femoral(one: Curves) -> np.ndarray:
     """Poses by flexion and load; flexion as it was asked for, not through radians."""
     table = np.asarray(one.motion.to_table())[one.nodes]
@@ -185,16 +220,18 @@ def _femoral(one: Curves) -> np.ndarray:
     return table
 
 
-def _curve_rows(one: Curves, status, said, columns, convention) -> Iterator[list]:
+def _curve_rows(one: Curves, status, said, columns, held, convention) -> Iterator[list]:
     poses = convert_table(_femoral(one).reshape(-1, len(COLUMNS)), FEMORAL, convention)
     poses = poses.reshape(*one.nodes.shape, -1)
     good, stable = converged(status), np.asarray(one.motion.stable)[one.nodes]
-    loads = np.stack([one.test.load(name) for name in columns], axis=1)
+    loads = np.stack([np.asarray(one.load(name)) for name in columns], axis=-1)
+    turning = [np.asarray(one.motion.reaction(name))[one.nodes] / 1000.0 for name in held]
     for i, flexion in enumerate(one.test.flexion_deg):
         for step, k in enumerate(one.steps):
             yield [
-                one.test.name, flexion, step, *loads[step], *poses[i, k, 1:], bool(good[i, k]),
-                bool(stable[i, k]), Status(int(status[i, k])).word, said[i][k],
+                one.test.name, flexion, step, *loads[i, step], *(own[i, k] for own in turning),
+                *poses[i, k, 1:], bool(good[i, k]), bool(stable[i, k]),
+                Status(int(status[i, k])).word, said[i][k],
             ]  # fmt: skip
 
 
@@ -228,9 +265,9 @@ def _say(one: Curves, status, said) -> bool:
 def _met(one: Curves, flexion: int, rows: np.ndarray) -> str:
     """One flexion, and the loads from the first to the last of some rows."""
     test = one.test
-    sizes = test.full[test.driven_by] * one.part[rows]
+    sizes = test.size * one.part[rows]
     span = f"{sizes[0]:g}" if len(sizes) == 1 else f"{sizes[0]:g} to {sizes[-1]:g}"
-    return f"{test.flexion_deg[flexion]:g} degrees ({span} {NAMED_LOADS[test.driven_by].unit})"
+    return f"{test.flexion_deg[flexion]:g} degrees ({span} {test.unit})"
 
 
 def _figures(arguments, curves, status, found) -> None:

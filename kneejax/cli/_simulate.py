@@ -36,6 +36,9 @@ from kneejax.mechanics import Knee, Load, load_of, load_words
 from kneejax.parameters import cut
 from kneejax.statics import Status
 
+#: Options of a test under load.
+_OF_TESTS = ("force_N", "moment_Nm", "displacement_mm", "rotation_deg", "hold", "both", "steps")
+
 
 def run(arguments: argparse.Namespace) -> int:
     """Move a knee through flexion, or run a test under load."""
@@ -48,8 +51,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _passive_flexion(arguments: argparse.Namespace) -> int:
     """Simulate, print a table, write poses.csv, forces.csv and a figure."""
-    for option in ("force_N", "moment_Nm", "both", "steps"):
-        if getattr(arguments, option) not in (None, False):
+    for option in _OF_TESTS:
+        if getattr(arguments, option):
             expected = "a test under load with it; passive-flexion takes --load"
             raise InputProblem("simulate", f"--{option}", "passive-flexion", expected)
     flexion = parse_flexion(arguments.flexion or "0:120:5")

@@ -23,6 +23,7 @@ from kneejax.experiments._varus_valgus import varus_valgus as varus_valgus
 from kneejax.experiments._ways import Way as Way
 from kneejax.experiments._ways import ways_of as ways_of
 from kneejax.experiments.laboratory import COUNTED_FROM as COUNTED_FROM
+from kneejax.experiments.laboratory import HELD as HELD
 from kneejax.experiments.laboratory import LAXITY_COLUMNS as LAXITY_COLUMNS
 from kneejax.experiments.laboratory import READY as READY
 from kneejax.experiments.laboratory import Curves as Curves

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from kneejax.experiments._evaluate import Mechanics
 from kneejax.experiments._motion import Motion
 from kneejax.experiments._ways import flipped, near_flip
-from kneejax.geometry import COLUMNS, free_of, scales
+from kneejax.geometry import COLUMNS, COORDINATES, free_of, scales
 from kneejax.mechanics import LIMITS, WIDEST_GAP_MM, Knee, load_words
 from kneejax.statics import Status, converged
 
@@ -60,8 +60,9 @@ def of_search(motion: Motion, loads: Mapping[str, ArrayLike] | None = None) -> t
 
     Args:
         motion: as it was found.
-        loads: those that acted, by the names of `kneejax.mechanics.NAMED_LOADS`; one for all
-            poses, or one per pose.
+        loads: those that acted, by the names of `kneejax.mechanics.NAMED_LOADS`, and how far a
+            machine was to move a coordinate, by its name, mm or degrees; one for all poses, or one
+            per pose.
 
     Returns:
         A text per pose, empty where a balance was found; for `doubts`.
@@ -93,9 +94,13 @@ def _of_lost(motion: Motion, row: int, loads: Mapping[str, float]) -> str:
 
 
 def _part(loads: Mapping[str, float], part: float) -> str:
-    """A part of all loads, in words."""
-    words = load_words({name: float(f"{part * size:.3g}") for name, size in loads.items()})
-    return words or f"{part:.3g} of the load"
+    """A part of all loads and displacements, in words."""
+    sizes = {name: float(f"{part * size:.3g}") for name, size in loads.items()}
+    moved = [name for name in sizes if name in COORDINATES]
+    words = [f"{COORDINATES[x].phrase} of {sizes[x]:g} {COORDINATES[x].unit}" for x in moved]
+    if any(name not in moved and size for name, size in sizes.items()):
+        words.append(load_words(sizes))
+    return ", ".join(words) or f"{part:.3g} of the load"
 
 
 def _of_pose(knee: Knee, found: Mechanics, row: int, flips: np.ndarray):

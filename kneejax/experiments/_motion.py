@@ -18,7 +18,6 @@ from kneejax.geometry import (
     Pose,
     convert,
     coordinate,
-    coordinates_of,
     table_units,
 )
 from kneejax.mechanics import Knee, Load, add_lane_axis
@@ -29,7 +28,7 @@ from kneejax.statics import (
     Stations,
     Status,
     differentiable,
-    force,
+    force_along,
     own_motion,
     settled_of,
     walked_in_trace,
@@ -128,7 +127,7 @@ class Motion(eqx.Module):
         if name not in self.stations.prescribed:
             known = ", ".join(self.stations.prescribed)
             raise ValueError(f"nothing holds {name!r}: prescribed are {known}")
-        return _reactions(self.knee, self.stations, self.settled)[list(COORDINATES).index(name)]
+        return _reactions(self.knee, self.stations, self.settled)[name]
 
     def to_dataframe(self) -> Any:
         """The poses as a table of pandas, with status and, where something is held, its reaction.
@@ -153,11 +152,11 @@ class Motion(eqx.Module):
 
 
 @compiled()
-def _reactions(knee: Knee, stations: Stations, settled: Settled) -> Array:
-    """Generalised force that is left on every coordinate, `(6, poses)`."""
-    lanes = stations.load(add_lane_axis(knee))
-    q = settled.state.at(coordinates_of(knee.bodies))
-    return force(lanes, {}, q, (settled.meeting[:, 0], settled.meeting[:, 1]))[0]
+def _reactions(knee: Knee, stations: Stations, settled: Settled) -> dict[str, Array]:
+    """Generalised force that is left on every prescribed coordinate, `(poses,)` each."""
+    lanes, names = stations.load(add_lane_axis(knee)), tuple(stations.prescribed)
+    meeting = settled.meeting[:, 0], settled.meeting[:, 1]
+    return dict(zip(names, force_along(lanes, settled.state, meeting, names), strict=True))
 
 
 def passive_flexion(
@@ -182,7 +181,8 @@ def passive_flexion(
             beginning.
         loads: further loads on the tibia, each one for all poses or one per pose.
         held: column -> value, degrees or mm, of further coordinates that are prescribed, one for
-            all poses or one per pose, e.g. `{"anterior_mm": [-5.0, 0.0, 5.0]}`.
+            all poses or one per pose, e.g. `{"anterior_mm": [-5.0, 0.0, 5.0]}`; `drawer_mm` is
+            the anterior translation in axes turned by flexion.
         flexion_is_free: whether flexion balances too.
 
     Returns:
@@ -190,7 +190,7 @@ def passive_flexion(
         NaN in their own row, with the reason in `status`.
 
     Raises:
-        ValueError: `held` names no coordinate of the tibia.
+        ValueError: `held` names no coordinate of the tibia, or a drawer while flexion is free.
         RuntimeError: float64 is switched off.
 
     Example:
@@ -200,7 +200,17 @@ def passive_flexion(
         >>> bool(motion.stable.all())
         True
     """
-    stations = Stations.at(flexion_deg, loads, held, flexion_is_free).of(knee)
+    return followed(knee, Stations.at(flexion_deg, loads, held, flexion_is_free))
+
+
+def followed(knee: Knee, stations: Stations) -> Motion:
+    """Where a knee is balanced at any stations, each reached as `passive_flexion` says.
+
+    Args:
+        knee: any knee.
+        stations: what is prescribed, and what acts besides the knee's own loads.
+    """
+    stations = stations.of(knee)
     still = jax.lax.stop_gradient((knee, stations))
     found = _found_in_trace(*still) if traced(still) else _found(*still)
     return _described(knee, stations, *found)

@@ -50,6 +50,11 @@ class Coordinate:
         return f"{self.name}_{self.unit}"
 
     @property
+    def phrase(self) -> str:
+        """Label within a sentence."""
+        return self.label[:1].lower() + self.label[1:]
+
+    @property
     def axis_label(self) -> str:
         """Label with unit, for axes and headers."""
         return f"{self.label}, {self.unit}"
@@ -99,7 +104,15 @@ BODIES = {
 COORDINATES = BODIES[TIBIA]
 #: Columns of pose tables, with units.
 COLUMNS = tuple(one.column for one in COORDINATES.values())
-_BY_NAME = {one.name: one for one in _EVERY}
+#: The tibia's translations in axes turned by flexion, in the place of two along the femur's. They
+#: are coordinates only where one of them is prescribed: a drawer at 90 degrees moves the tibia
+#: along the femur's superior axis, and no other pair is free to follow it.
+ALONG_FLEXED_TIBIA = {
+    "anterior": Coordinate(TIBIA, "drawer", "drawer", "Drawer", "mm", "forwards when bent"),
+    "superior": Coordinate(TIBIA, "lift", "lift", "Lift", "mm", "towards the femur when bent"),
+}
+_FLEXED = tuple(one.name for one in ALONG_FLEXED_TIBIA.values())
+_BY_NAME = {one.name: one for one in (*_EVERY, *ALONG_FLEXED_TIBIA.values())}
 
 
 def coordinate(name: str) -> Coordinate:
@@ -131,7 +144,8 @@ def free_of(prescribed: Iterable[str], bodies: Iterable[str] = (TIBIA,)) -> tupl
         bodies: that move.
 
     Returns:
-        The others, in the order of `coordinates_of`.
+        The others, in the order of `coordinates_of`. Where `drawer` or `lift` is prescribed, these
+        two stand for `anterior` and `superior`.
 
     Raises:
         KeyError: none of the bodies has a coordinate of such a name.
@@ -139,8 +153,14 @@ def free_of(prescribed: Iterable[str], bodies: Iterable[str] = (TIBIA,)) -> tupl
     Example:
         >>> free_of(["flexion", "anterior"])
         ('adduction', 'internal_rotation', 'superior', 'lateral')
+        >>> free_of(["flexion", "drawer"])
+        ('adduction', 'internal_rotation', 'lift', 'lateral')
     """
     held, every = set(prescribed), coordinates_of(bodies)
+    if held.intersection(_FLEXED):
+        every = tuple(
+            ALONG_FLEXED_TIBIA[name].name if name in ALONG_FLEXED_TIBIA else name for name in every
+        )
     for name in held.difference(every):
         raise KeyError(name)
     return tuple(name for name in every if name not in held)
@@ -164,23 +184,29 @@ def prescribed_of(columns: Mapping[str, ArrayLike]) -> dict[str, Array]:
     """Prescribed coordinates from columns of a table.
 
     Args:
-        columns: column of `COLUMNS` -> numbers, degrees or mm.
+        columns: column of `COLUMNS`, or `drawer_mm` -> numbers, degrees or mm.
 
     Returns:
         Coordinate -> numbers, rad or mm.
 
     Raises:
-        ValueError: a column is none of `COLUMNS`.
+        ValueError: a column is none of these, or the drawer stands beside a translation of which
+            it consists.
 
     Example:
         >>> prescribed_of({"anterior_mm": 5.0})["anterior"].tolist()
         5.0
     """
-    names = {one.column: one for one in COORDINATES.values()}
+    names = {one.column: one for one in (*COORDINATES.values(), *ALONG_FLEXED_TIBIA.values())}
     for column in columns:
         if column not in names:
-            near = difflib.get_close_matches(column, COLUMNS, 1, 0.5)
+            near = difflib.get_close_matches(column, names, 1, 0.5)
             meant = f"; did you mean {near[0]!r}?" if near else ""
-            raise ValueError(f"{column!r} is no coordinate: expected any of {COLUMNS}{meant}")
+            known = ", ".join(names)
+            raise ValueError(f"{column!r} is no coordinate: expected any of {known}{meant}")
+    given = {names[column].name for column in columns}
+    both = given.intersection(ALONG_FLEXED_TIBIA)
+    if both and given.intersection(_FLEXED):
+        raise ValueError(f"drawer_mm beside {min(both)}_mm, of which it consists; expected one")
     rows = ((names[column], jnp.asarray(x, float)) for column, x in columns.items())
     return {one.name: jnp.deg2rad(x) if one.unit == "deg" else x for one, x in rows}

@@ -130,12 +130,34 @@ class Pose(eqx.Module):
         return jnp.concatenate([jnp.rad2deg(angles), shifts], -1)
 
     @property
+    def drawer(self) -> Array:
+        """Translation forwards in axes turned by flexion, mm: anterior of Grood and Suntay."""
+        return jnp.cos(self.flexion) * self.anterior - jnp.sin(self.flexion) * self.superior
+
+    @property
+    def lift(self) -> Array:
+        """Translation upwards in axes turned by flexion, mm."""
+        return jnp.sin(self.flexion) * self.anterior + jnp.cos(self.flexion) * self.superior
+
+    @property
     def placement(self) -> Placement:
         """The motion from the body's to femur coordinates."""
         return Placement(
             rotation_from_angles(self.flexion, self.adduction, self.internal_rotation),
             (self.anterior, self.superior, self.lateral),
         )
+
+
+def from_drawer(flexion: Array, drawer: Array, lift: Array) -> tuple[Array, Array]:
+    """Anterior and superior translation along the femur's axes, mm, from those turned by flexion.
+
+    Args:
+        flexion: rad.
+        drawer: mm, as `Pose.drawer`.
+        lift: mm, as `Pose.lift`.
+    """
+    c, s = jnp.cos(flexion), jnp.sin(flexion)
+    return c * drawer + s * lift, c * lift - s * drawer
 
 
 def rotation_from_angles(flexion: Array, adduction: Array, internal_rotation: Array) -> Rotation:

@@ -17,7 +17,7 @@ from kneejax.geometry._coordinates import (
     coordinate,
     free_of,
 )
-from kneejax.geometry._pose import Placement, Pose
+from kneejax.geometry._pose import Placement, Pose, from_drawer
 
 
 class State(eqx.Module):
@@ -44,6 +44,9 @@ class State(eqx.Module):
             bodies: that move.
         """
         values = {**prescribed, **dict(zip(free_of(prescribed, bodies), q, strict=True))}
+        if "drawer" in values:
+            turned = from_drawer(values["flexion"], values["drawer"], values["lift"])
+            values["anterior"], values["superior"] = turned
         names = [name for body in bodies for name in BODIES[body]]
         every = jnp.broadcast_arrays(*(jnp.asarray(values[name], float) for name in names))
         rows = dict(zip(names, every, strict=True))

@@ -156,5 +156,12 @@ def _work(pose: Pose, wrench: Wrench, ways: Sequence[str]) -> list[Array]:
         "adduction": lambda: (c, -s, 0.0),
         "internal_rotation": lambda: pose.placement.turn((0.0, 1.0, 0.0)),
     }
-    shifts = dict(zip(("anterior", "superior", "lateral"), wrench.force, strict=True))
-    return [dot(turns[way](), wrench.moment) if way in turns else shifts[way] for way in ways]  # pyright: ignore[reportReturnType]
+    x, y, z = wrench.force
+    shifts = {
+        "anterior": lambda: x,
+        "superior": lambda: y,
+        "lateral": lambda: z,
+        "drawer": lambda: c * x - s * y,
+        "lift": lambda: s * x + c * y,
+    }
+    return [dot(turns[way](), wrench.moment) if way in turns else shifts[way]() for way in ways]  # pyright: ignore[reportReturnType]

@@ -3,6 +3,7 @@
 from kneejax.statics._balance import Balance as Balance
 from kneejax.statics._balance import balance as balance
 from kneejax.statics._balance import force as force
+from kneejax.statics._balance import force_along as force_along
 from kneejax.statics._balance import force_derivative as force_derivative
 from kneejax.statics._faults import ContactFaults as ContactFaults
 from kneejax.statics._faults import Faults as Faults

@@ -93,6 +93,19 @@ def rows_of_force(
     return rows, _forces(knee, state, energy, pressed, fibres, free)
 
 
+def force_along(
+    knee: Knee, state: State, meeting: tuple[Array, Array], names: tuple[str, ...]
+) -> Array:
+    """Unbalanced generalised force along any coordinates, `(names, lanes)`.
+
+    Args:
+        knee: as in `force`; likewise `meeting`.
+        state: where the bodies are.
+        names: of the coordinates, free or prescribed.
+    """
+    return jnp.stack(_unbalanced(knee, state, knee.press(state, meeting)[0], names))
+
+
 def balance(knee: Knee, prescribed: Prescribed, q: Array, meeting: tuple[Array, Array]) -> Balance:
     """Residual and tangent at a pose. Arguments as `force`."""
 

@@ -68,6 +68,11 @@ def test_any_wrench_and_axial_load(tmp_path):
         (["load"], "NAME=SIZE"),
         (["load", "--force_N", "3", "--load", "anterior_N=3"], "--load NAME=SIZE"),
         (["passive-flexion", "--both"], "a test under load"),
+        (["passive-flexion", "--hold", "adduction"], "a test under load"),
+        (["drawer", "--rotation_deg", "3"], "drawer takes displacement_mm, not rotation_deg"),
+        (["drawer", "--displacement_mm", "50"], "between 0 and 30"),
+        (["torsion", "--hold", "internal_rotation"], "which the test itself turns"),
+        (["drawer", "--hold", "flexion"], "adduction"),
         (["drawr"], "did you mean drawer?"),
     ],
 )
@@ -79,3 +84,21 @@ def test_a_test_that_cannot_be_made_is_refused(tmp_path, capsys, words, says):
     assert status == 2
     assert says in capsys.readouterr().err
     assert not (tmp_path / "o").exists()
+
+
+def test_a_machine_moves_the_tibia_and_holds_its_rotation(tmp_path, capsys):
+    asked = ["simulate", "drawer", "--flexion", "30", "--displacement_mm", "4", "--both"]
+    asked += ["--hold", "internal_rotation", "--steps", "2"]
+    assert main([*asked, "--out", str(tmp_path)]) == 0
+    rows = rows_of(tmp_path / "curves.csv")
+    assert list(rows[0])[3:5] == ["anterior_force_N", "held_internal_moment_Nm"]
+    forces = [float(row["anterior_force_N"]) for row in rows]
+    assert forces[2] > forces[1] > abs(forces[0])
+    assert forces[6] < forces[5] < -abs(forces[0])
+    assert len({row["internal_rotation_deg"][:9] for row in rows}) == 1
+    (laxity,) = rows_of(tmp_path / "laxity.csv")
+    assert float(laxity["positive"]) == pytest.approx(4.0)
+    assert float(laxity["held_positive"]) == pytest.approx(forces[2])
+    said = capsys.readouterr().out
+    assert "drawer: anterior translation 4 mm and the opposite, internal rotation held" in said
+    assert "what it takes of anterior force, N" in said

@@ -3,6 +3,7 @@
 import itertools
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given
@@ -102,3 +103,28 @@ def test_a_batch_converts_like_its_members(rng):
 def test_an_unknown_convention_is_an_error():
     with pytest.raises(KeyError):
         geo.convert(np.zeros(6), "femoral", "grood")
+
+
+def test_the_drawer_is_the_anterior_translation_of_grood_and_suntay(rng):
+    poses = rng.uniform(-1.0, 1.0, (6, 20)) * np.array([1.5, 0.3, 0.5, 20, 20, 20])[:, None]
+    state = geo.State.of({}, jnp.asarray(poses))
+    drawer, lift = state.at(["drawer", "lift"])
+    clinical = geo.convert(poses, "femoral", "grood-suntay")
+    assert np.asarray(drawer) == pytest.approx(np.asarray(clinical[3]), abs=1e-12)
+    held = {"flexion": jnp.asarray(poses[0]), "drawer": drawer}
+    free = state.at(geo.free_of(held))
+    back = geo.State.of(held, free)
+    assert np.asarray(back.at(geo.COORDINATES)) == pytest.approx(poses, abs=1e-12)
+    assert np.asarray(lift) == pytest.approx(np.asarray(free[2]))
+
+
+@pytest.mark.parametrize(
+    ("held", "says"),
+    [
+        ({"drawr_mm": 1.0}, "did you mean 'drawer_mm'"),
+        ({"drawer_mm": 1.0, "superior_mm": 1.0}, "drawer_mm beside superior_mm"),
+    ],
+)
+def test_a_held_column_that_means_nothing_is_refused(held, says):
+    with pytest.raises(ValueError, match=says):
+        geo.prescribed_of(held)

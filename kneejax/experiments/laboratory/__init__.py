@@ -3,6 +3,7 @@
 from kneejax.experiments.laboratory._curves import Curves as Curves
 from kneejax.experiments.laboratory._curves import load_curves as load_curves
 from kneejax.experiments.laboratory._curves import mechanics_of as mechanics_of
+from kneejax.experiments.laboratory._lab_test import HELD as HELD
 from kneejax.experiments.laboratory._lab_test import LabTest as LabTest
 from kneejax.experiments.laboratory._lab_test import load_cycle as load_cycle
 from kneejax.experiments.laboratory._laxity import LAXITY_COLUMNS as LAXITY_COLUMNS

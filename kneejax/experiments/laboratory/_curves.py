@@ -12,10 +12,11 @@ from jax import Array
 
 from kneejax.experiments._doubts import doubts, of_search, with_flips
 from kneejax.experiments._evaluate import Mechanics, evaluate
-from kneejax.experiments._motion import Motion, passive_flexion
+from kneejax.experiments._motion import Motion, followed, passive_flexion
 from kneejax.experiments.laboratory._lab_test import LabTest
-from kneejax.geometry import CLINICAL, COORDINATES
+from kneejax.geometry import CLINICAL, COORDINATES, table_units
 from kneejax.mechanics import Knee, Load
+from kneejax.statics import Stations
 
 
 @dataclasses.dataclass(frozen=True)
@@ -30,7 +31,7 @@ class Curves:
         test: that was made.
         motion: all balances, also those of tests that were made at the same time.
         nodes: rows of the motion, one for each different load, `(flexions, loads)`.
-        part: of the full load at each of them, in order of size, `(loads,)`.
+        part: of the full load or displacement at each of them, in order of size, `(loads,)`.
         steps: the place among these of each step of the path, `(steps,)`.
     """
 
@@ -55,6 +56,31 @@ class Curves:
         observed = self._observed()
         return observed[self.nodes] - observed[self._unloaded][:, None]
 
+    def load(self, name: str) -> Array:
+        """A load at every step, what acts throughout included, `(flexions, steps)`.
+
+        Args:
+            name: see `kneejax.mechanics.NAMED_LOADS`. A machine's is that under which the tibia is
+                where it was moved to: `test.driven_by`.
+
+        Returns:
+            N or N m; NaN where a machine's force is not known since no balance was found.
+        """
+        grows = self.test.full.get(name, 0.0) * jnp.asarray(self.part)
+        own = self.driving_load if name == self.test.driven_by else grows
+        own = jnp.broadcast_to(own, self.nodes.shape)
+        return self.test.constant.get(name, 0.0) + own[:, self.steps]
+
+    @property
+    def driving_load(self) -> Array:
+        """What grows, or the force of the machine, without what acts throughout; N or N m, at every
+        different load or displacement, `(flexions, loads)`."""
+        test = self.test
+        if test.displacement is None:
+            return jnp.broadcast_to(test.size * jnp.asarray(self.part), self.nodes.shape)
+        unit = 1000.0 if COORDINATES[test.observed].unit == "deg" else 1.0
+        return self.motion.reaction(test.machine[0])[self.nodes] / unit
+
     @property
     def neutral(self) -> Array:
         """What is observed without the test's load, `(flexions,)`, mm or degrees."""
@@ -78,8 +104,9 @@ class Curves:
         Args:
             mechanics: of the motion.
         """
-        sizes = {name: np.zeros(len(self.motion.status)) for name in self.test.full}
-        for name, size in self.test.full.items():
+        full = self.test.full or {self.test.observed: self.test.size}
+        sizes = {name: np.zeros(len(self.motion.status)) for name in full}
+        for name, size in full.items():
             sizes[name][self.nodes] = size * self.part
         found, knee = of_search(self.motion, sizes), self.motion.knee
         return [
@@ -114,7 +141,8 @@ def load_curves(knee: Knee, tests: LabTest | Sequence[LabTest]) -> tuple[Curves,
 
     At each flexion the knee is bent without a load, takes what acts throughout, and then the
     test's load grows from nothing, one way and the other (`kneejax.experiments.passive_flexion`).
-    No test depends on the others.
+    Where a machine moves or holds the tibia, it takes hold of it in the neutral pose, which is that
+    under what acts throughout. No test depends on the others.
 
     Args:
         knee: any knee.
@@ -126,7 +154,7 @@ def load_curves(knee: Knee, tests: LabTest | Sequence[LabTest]) -> tuple[Curves,
         still held.
 
     Raises:
-        ValueError: no test.
+        ValueError: no test, or tests in which a machine moves or holds different coordinates.
         RuntimeError: float64 is switched off.
 
     Example:
@@ -146,13 +174,48 @@ def load_curves(knee: Knee, tests: LabTest | Sequence[LabTest]) -> tuple[Curves,
         first += nodes.size
         laid.append((test, nodes, part, back[1:]))
     flexion = np.concatenate([np.repeat(test.flexion_deg, len(part)) for test, _, part, _ in laid])
-    motion = passive_flexion(knee, flexion, _loads(laid))
+    machine = {test.machine for test in tests}
+    if len(machine) > 1:
+        kinds = "; ".join(", ".join(names) or "nothing" for names in sorted(machine))
+        raise ValueError(f"tests prescribe different coordinates ({kinds}); expected one call each")
+    constant, grows = _loads(laid)
+    first = [constant] if any(test.constant for test in tests) else []
+    if machine == {()}:
+        motion = passive_flexion(knee, flexion, [*first, grows])
+    else:
+        motion = _by_machine(knee, laid, first, grows)
     return tuple(Curves(test, motion, nodes, part, steps) for test, nodes, part, steps in laid)
 
 
 def _loads(laid) -> list[Load]:
-    """What acts at every row: first what does not change, if anything, then what grows."""
+    """What acts at every row: what does not change, and what grows."""
     each = [test.loads(np.tile(part, len(nodes))) for test, nodes, part, _ in laid]
-    both = list(zip(*each, strict=True))
-    acting = both if any(test.constant for test, *_ in laid) else both[1:]
-    return [jax.tree.map(lambda *x: jnp.concatenate(x), *kind) for kind in acting]
+    both = zip(*each, strict=True)
+    return [jax.tree.map(lambda *x: jnp.concatenate(x), *kind) for kind in both]
+
+
+def _by_machine(knee: Knee, laid, constant: list[Load], grows: Load) -> Motion:
+    """Tests in which a machine takes hold of the tibia in the neutral pose."""
+    tests, every = [test for test, *_ in laid], [nodes for _, nodes, *_ in laid]
+    flexion = np.concatenate([test.flexion_deg for test in tests])
+    # Of each flexion of each test, the first of its rows; and of each row its flexion.
+    begin = np.concatenate([nodes[:, 0] for nodes in every])
+    own = np.searchsorted(begin, np.arange(every[-1][-1, -1] + 1), "right") - 1
+    held = [jax.tree.map(lambda x: x[begin], load) for load in constant]
+    neutral = passive_flexion(knee, flexion, held)
+    names = tests[0].machine
+    moved = np.concatenate(
+        [np.tile(_displaced(test, part), len(nodes)) for test, nodes, part, _ in laid], axis=1
+    )
+    prescribed = dict(zip(names, neutral.settled.state.at(names)[:, own] + moved, strict=True))
+    bent = jnp.deg2rad(jnp.asarray(flexion, float))[own]
+    stations = Stations({"flexion": bent, **prescribed}, (*constant, grows), later=1)
+    return followed(knee, stations)
+
+
+def _displaced(test: LabTest, part: np.ndarray) -> np.ndarray:
+    """How far a machine moves each coordinate that it has hold of, `(names, loads)`, rad or mm."""
+    moved = np.zeros((len(test.machine), len(part)))
+    if test.displacement is not None:
+        moved[0] = test.displacement * part / table_units([test.observed])
+    return moved

@@ -8,28 +8,52 @@ from collections.abc import Mapping
 import numpy as np
 
 from kneejax.geometry import COORDINATES
-from kneejax.mechanics import NAMED_LOADS, Load, load_of
+from kneejax.mechanics import NAMED_LOADS, Load, load_called, load_of, load_words
+
+#: What a machine can move -> the coordinate that it prescribes. Its force is a named load then,
+#: whose work goes along that coordinate alone.
+MOVED_BY_MACHINE = {
+    "anterior": "drawer",
+    "internal_rotation": "internal_rotation",
+    "adduction": "adduction",
+}
+#: Rotations that a machine can hold during a test.
+HELD = ("adduction", "internal_rotation")
 
 
 @dataclasses.dataclass(frozen=True)
 class LabTest:
-    """A load that grows, falls and turns at some flexions, and the coordinate that is observed.
+    """What is done to a knee at some flexions, in steps, and the coordinate that is observed.
+
+    Either loads grow, fall and turn (`full`), or a machine moves the observed coordinate itself
+    and its force is read (`displacement`).
 
     Attributes:
         name: what tables and figures call it.
         full: name of a load -> its size where the path is at 1; see
             `kneejax.mechanics.NAMED_LOADS`. The first one is that over which curves are drawn.
+            Empty where a machine moves the tibia.
         observed: coordinate that is read, one of `kneejax.geometry.COORDINATES`; translations are
             those of Grood and Suntay, along which the loads act.
         flexion_deg: prescribed angles.
-        path: part of the full load at each step, -1 to 1.
+        path: part of the full load or displacement at each step, -1 to 1.
         constant: loads that act throughout; the neutral pose is the one under them.
-        point_mm: where forces act, in the tibia's frame.
+        point_mm: where forces act, in the tibia's frame. A machine that moves the tibia holds its
+            origin.
+        displacement: how far a machine moves what is observed from the neutral pose where the path
+            is at 1, mm or degrees; None in a test by load.
+        held: rotations that a machine holds where they are in the neutral pose.
+
+    Raises:
+        ValueError: a name that is none, nothing to do, or what contradicts itself.
 
     Example:
         >>> test = LabTest("drawer", {"anterior_N": 100.0}, "anterior", (30.0,), (0.0, 0.5, 1.0))
-        >>> test.load("anterior_N").tolist()
-        [0.0, 50.0, 100.0]
+        >>> test.words
+        'anterior force 100 N'
+        >>> machine = LabTest("drawer", {}, "anterior", (30.0,), (0.0, 1.0), displacement=5.0)
+        >>> machine.words, machine.driven_by
+        ('anterior translation 5 mm', 'anterior_N')
     """
 
     name: str
@@ -39,6 +63,8 @@ class LabTest:
     path: tuple[float, ...]
     constant: Mapping[str, float] = dataclasses.field(default_factory=dict)
     point_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    displacement: float | None = None
+    held: tuple[str, ...] = ()
 
     def __post_init__(self):
         for field, names in (("full", self.full), ("constant", self.constant)):
@@ -46,23 +72,59 @@ class LabTest:
             if unknown:
                 known = ", ".join(NAMED_LOADS)
                 raise ValueError(f"LabTest.{field} names {unknown[0]!r}; expected one of {known}")
-        if not self.full:
-            raise ValueError("LabTest.full is empty; expected at least one load")
+        if bool(self.full) == (self.displacement is not None):
+            raise ValueError("LabTest takes either full, at least one load, or displacement")
         if self.observed not in COORDINATES or self.observed == "flexion":
             known = ", ".join(list(COORDINATES)[1:])
             raise ValueError(f"LabTest.observed is {self.observed!r}; expected one of {known}")
         if not self.flexion_deg or not self.path:
             raise ValueError("LabTest needs at least one flexion and one step")
+        if self.displacement is not None and self.observed not in MOVED_BY_MACHINE:
+            known = ", ".join(MOVED_BY_MACHINE)
+            raise ValueError(f"LabTest.displacement moves {self.observed!r}; expected of {known}")
+        self._check_held()
+
+    def _check_held(self) -> None:
+        for name in self.held:
+            if name not in HELD:
+                known = ", ".join(HELD)
+                raise ValueError(f"LabTest.held names {name!r}; expected of {known}")
+            if name == self.observed or load_called(name) in self.full:
+                raise ValueError(f"LabTest.held names {name!r}, which the test itself turns")
 
     @property
     def driven_by(self) -> str:
-        """Name of the load over which curves are drawn."""
-        return next(iter(self.full))
+        """Name of the load over which curves are drawn; a machine's is read, not given."""
+        named = load_called(self.observed) if self.displacement is not None else None
+        return named or next(iter(self.full))
 
-    def load(self, name: str, path: np.ndarray | None = None) -> np.ndarray:
-        """Size of a load at every step, `(steps,)`, that acts throughout included."""
-        part = np.asarray(self.path if path is None else path, float)
-        return self.constant.get(name, 0.0) + self.full.get(name, 0.0) * part
+    @property
+    def size(self) -> float:
+        """Where the path is at 1: of the load, N or N m, or of the displacement, mm or degrees."""
+        return self.full[self.driven_by] if self.displacement is None else self.displacement
+
+    @property
+    def unit(self) -> str:
+        """Of `size`."""
+        by_load = self.displacement is None
+        return NAMED_LOADS[self.driven_by].unit if by_load else COORDINATES[self.observed].unit
+
+    @property
+    def words(self) -> str:
+        """What is done, in clinical words."""
+        done = load_words(self.full)
+        if self.displacement is not None:
+            done = f"{COORDINATES[self.observed].phrase} {self.displacement:g} {self.unit}"
+        both = " and the opposite" if min(self.path) < 0 < max(self.path) else ""
+        held = "".join(f", {COORDINATES[name].phrase} held" for name in self.held)
+        beside = f", besides {load_words(self.constant)}" if self.constant else ""
+        return f"{done}{both}{held}{beside}"
+
+    @property
+    def machine(self) -> tuple[str, ...]:
+        """Coordinates that a machine holds or moves, by the names of what is prescribed."""
+        moved = () if self.displacement is None else (MOVED_BY_MACHINE[self.observed],)
+        return (*moved, *self.held)
 
     def loads(self, part: np.ndarray) -> list[Load]:
         """What acts at these parts of the full load, `(n,)`: what does not change, what grows."""

@@ -28,7 +28,8 @@ class Laxity:
             another coordinate is observed than that along which the load works.
         stiffness_end: the same in the last step each way that the knee held.
         unit: of the displacements, `mm` or `deg`; of stiffness N or N m per unit.
-        held_positive: largest positive load that the knee held, N or N m.
+        held_positive: largest positive load that the knee held, N or N m; the force of a machine
+            that moves the tibia at its last place that way.
         held_negative: the same of the negative load, negative.
         status: the worst of all steps.
     """
@@ -75,19 +76,19 @@ def laxity(curves: Curves, status: np.ndarray | None = None) -> tuple[Laxity, ..
     status = np.asarray(curves.motion.status)[curves.nodes] if status is None else status
     reached = np.asarray(curves.motion.reached)[curves.nodes]
     moved, neutral = np.asarray(curves.displacement_by_load), np.asarray(curves.neutral)
-    load = curves.test.full[curves.test.driven_by] * curves.part
-    order = np.argsort(load)  # a test may begin with the negative sense of its load
-    load = load[order]
+    load = np.asarray(curves.driving_load)
+    order = np.argsort(curves.test.size * curves.part)  # a test may begin with the negative sense
     rows = zip(
-        curves.test.flexion_deg, moved[:, order], reached[:, order], status[:, order], neutral,
-        strict=True,
+        curves.test.flexion_deg, load[:, order], moved[:, order], reached[:, order],
+        status[:, order], neutral, strict=True,
     )  # fmt: skip
-    return tuple(_of_flexion(curves, load, *row) for row in rows)
+    zero = int(np.argmin(np.abs(curves.part[order])))
+    return tuple(_of_flexion(curves, zero, *row) for row in rows)
 
 
-def _of_flexion(curves: Curves, load, flexion, moved, reached, status, neutral) -> Laxity:
-    zero = int(np.argmin(np.abs(load)))
-    up, down = (_arm(way, zero, load, moved, reached, status) for way in (1, -1))
+def _of_flexion(curves: Curves, zero, flexion, load, moved, reached, status, neutral) -> Laxity:
+    by_load = curves.test.displacement is None
+    up, down = (_arm(way, zero, load, moved, reached, status, by_load) for way in (1, -1))
     ways = [arm for arm in (up, down) if arm.asked]
     span = ways[0].end - ways[1].end if len(ways) == 2 else abs(ways[0].end) if ways else np.nan
     name = curves.test.observed
@@ -111,7 +112,7 @@ class _Arm:
     held: float
 
 
-def _arm(way: int, zero: int, load, moved, reached, status) -> _Arm:
+def _arm(way: int, zero: int, load, moved, reached, status, by_load: bool) -> _Arm:
     rows = np.arange(zero, len(load)) if way > 0 else np.arange(zero, -1, -1)
     if len(rows) < 2:
         return _Arm(False, np.nan, np.nan, np.nan, np.nan)
@@ -121,8 +122,9 @@ def _arm(way: int, zero: int, load, moved, reached, status) -> _Arm:
         slope = np.diff(load[rows[:count]]) / np.diff(moved[rows[:count]])
     first, last = (float(slope[k]) if len(slope) else np.nan for k in (0, -1))
     end = float(moved[rows[-1]]) if count == len(rows) else np.nan
-    lost = rows[min(count, len(rows) - 1)]
-    held = load[lost] * (1.0 if count == len(rows) else reached[lost])
+    held = load[rows[count - 1]] if count else np.nan
+    if by_load and count < len(rows):
+        held = load[rows[count]] * reached[rows[count]]
     return _Arm(True, end, first, last, float(held))
 
 

@@ -152,14 +152,23 @@ class MeasuredTest:
 
         Returns:
             The change of the test's coordinate at every step; a step without a load is left out.
+
+        Raises:
+            ValueError: a machine held a rotation, which data cannot say.
         """
+        if curves.test.held:
+            held = ", ".join(curves.test.held)
+            raise ValueError(f"{curves.test.name}: {held} is held; expected what is free there")
         test, moved = curves.test, np.asarray(curves.displacement)
         path = np.asarray(test.path)
         under = path != 0.0
         flexions = len(test.flexion_deg)
         observed = np.full((flexions * int(under.sum()), 5), np.nan)
         observed[:, FREE_COORDINATES.index(test.observed)] = moved[:, under].ravel()
-        loads = {name: np.tile(size * path[under], flexions) for name, size in test.full.items()}
+        loads = {
+            name: np.asarray(curves.load(name))[:, under].ravel() - test.constant.get(name, 0.0)
+            for name in test.full or (test.driven_by,)
+        }
         return cls(
             test.name,
             np.repeat(test.flexion_deg, int(under.sum())),

@@ -5,7 +5,8 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable, Mapping
 
-from kneejax.experiments.laboratory._lab_test import LabTest, load_cycle
+from kneejax.experiments.laboratory._lab_test import MOVED_BY_MACHINE, LabTest, load_cycle
+from kneejax.geometry import coordinate
 
 _USUAL_DEG = tuple(range(0, 91, 15))
 
@@ -64,6 +65,9 @@ def lab_tests(
     *,
     force_N: float | None = None,
     moment_Nm: float | None = None,
+    displacement_mm: float | None = None,
+    rotation_deg: float | None = None,
+    held: Iterable[str] = (),
     both: bool = False,
     steps: int = 20,
     constant: Mapping[str, float] | None = None,
@@ -78,21 +82,31 @@ def lab_tests(
         force_N: full force of a test by force; 100 N by default, 500 of compression, 50 of
             distraction.
         moment_Nm: full moment of a test by moment; 10 N m by default, 5 of torsion.
+        displacement_mm: how far a machine moves the tibia in a drawer or lachman, whose force is
+            read then, in the place of a force that is given.
+        rotation_deg: how far it turns the tibia in torsion or varus-valgus, likewise.
+        held: rotations that it holds where they are in the neutral pose, of `adduction` and
+            `internal_rotation`.
         both: whether the opposite load follows.
         steps: from nothing to the full load.
         constant: loads that act throughout, e.g. `{"compression_N": 300.0}`.
         point_mm: where forces act, in the tibia's frame; its origin by default.
 
     Raises:
-        ValueError: an unknown name, or a force for a test by moment and the reverse.
+        ValueError: an unknown name, a force for a test by moment and the reverse, both a load and
+            a displacement, or a displacement of a test that is by load alone.
 
     Example:
         >>> (test,) = lab_tests("lachman", steps=4)
         >>> test.flexion_deg, test.full, len(test.path)
         ((20.0,), {'anterior_N': 100.0}, 9)
     """
-    given = {"steps": steps, "constant": constant, "point_mm": point_mm}
+    given = {"held": held, "steps": steps, "constant": constant, "point_mm": point_mm}
+    moved = {"displacement_mm": displacement_mm, "rotation_deg": rotation_deg}
+    moved = {key: size for key, size in moved.items() if size is not None}
     if name == "envelope":
+        if moved:
+            raise ValueError(f"envelope takes no {next(iter(moved))}: its tests are by load")
         angles = None if flexion_deg is None else tuple(flexion_deg)
         moment = 10.0 if moment_Nm is None else moment_Nm
         sizes = {kind: {"moment_Nm": part * moment} for kind, part in _ENVELOPE.items()}
@@ -107,6 +121,24 @@ def lab_tests(
         wanted, wrong = ("moment_Nm", "force_N") if kind.turns else ("force_N", "moment_Nm")
         raise ValueError(f"{name} takes {wanted}, not {wrong}")
     full = {load: part * (kind.size if size is None else size) for load, part in kind.full.items()}
+    displacement = _displacement(name, kind, size, moved) if moved else None
     angles = kind.flexion_deg if flexion_deg is None else flexion_deg
     path, angles = load_cycle(steps, both), tuple(float(x) for x in angles)
-    return (LabTest(name, full, kind.observed, angles, path, dict(constant or {}), point_mm),)
+    test = LabTest(
+        name, {} if moved else full, kind.observed, angles, path, dict(constant or {}), point_mm,
+        displacement, tuple(held),
+    )  # fmt: skip
+    return (test,)
+
+
+def _displacement(name: str, kind: Ready, load: float | None, moved: Mapping[str, float]) -> float:
+    """How far a machine moves what a test observes, mm or degrees."""
+    wanted = "rotation_deg" if coordinate(kind.observed).unit == "deg" else "displacement_mm"
+    if kind.observed not in MOVED_BY_MACHINE or len(kind.full) > 1:
+        raise ValueError(f"{name} takes no {next(iter(moved))}: it is by load")
+    for given in moved:
+        if given != wanted:
+            raise ValueError(f"{name} takes {wanted}, not {given}")
+    if load is not None:
+        raise ValueError(f"{name} takes a load or {wanted}, not both")
+    return moved[wanted]

@@ -9,7 +9,7 @@ import numpy as np
 
 from kneejax.experiments import Curves, Laxity
 from kneejax.geometry import COORDINATES
-from kneejax.mechanics import NAMED_LOADS, load_words
+from kneejax.mechanics import NAMED_LOADS
 from kneejax.report.look import BLUE, GREY, VERMILLION, WIDTH, styled, verbatim
 from kneejax.report.motion import flexion_axis, mark_status
 from kneejax.statics import Status, converged
@@ -52,11 +52,11 @@ def _curves_panel(axes: Axes, one: Curves, status: np.ndarray) -> None:
     from matplotlib import colormaps
 
     test = one.test
-    load = test.load(test.driven_by, one.part) - test.constant.get(test.driven_by, 0.0)
+    loads = np.asarray(one.driving_load)
     moved = np.asarray(one.displacement_by_load)
     colors = colormaps["viridis"](np.linspace(0.0, 0.92, len(moved)))
     every = max(1, -(-len(moved) // _MOST_NAMED))
-    for k, (x, color) in enumerate(zip(moved, colors, strict=True)):
+    for k, (x, load, color) in enumerate(zip(moved, loads, colors, strict=True)):
         label = f"{test.flexion_deg[k]:g}" if k % every == 0 else None
         axes.plot(x, load, color=color, label=label)
         ends = _ends(one.part, status[k])
@@ -65,8 +65,8 @@ def _curves_panel(axes: Axes, one: Curves, status: np.ndarray) -> None:
     kind, coordinate = NAMED_LOADS[test.driven_by], COORDINATES[test.observed]
     axes.axhline(0.0, color=GREY, linewidth=0.5)
     axes.axvline(0.0, color=GREY, linewidth=0.5)
-    axes.set_title(verbatim(f"{test.name}: {_words(one)}"))
-    axes.set_xlabel(f"Change from the neutral pose: {_lower(coordinate.axis_label)}")
+    axes.set_title(verbatim(f"{test.name}: {test.words}"))
+    axes.set_xlabel(f"Change from the neutral pose: {coordinate.phrase}, {coordinate.unit}")
     axes.set_ylabel(f"{kind.positive.capitalize()}, {kind.unit}")
     handles, labels = axes.get_legend_handles_labels()
     if any(_ends(one.part, own) for own in status):
@@ -94,7 +94,8 @@ def _ends(part: np.ndarray, status: np.ndarray) -> list[int]:
 def laxity_figure(
     curves: Sequence[Curves], found: Sequence[Laxity], bands: Sequence[Any] = ()
 ) -> Figure:
-    """Draw how far the knee gives over flexion, beside published ranges of the same load.
+    """Draw how far the knee gives over flexion, beside published ranges of the same load; of a test
+    by displacement, what it takes.
 
     Args:
         curves: one per test.
@@ -124,17 +125,19 @@ def _laxity_panel(axes: Axes, one: Curves, rows: Sequence[Laxity], bands: Sequen
     flexion = np.array([x.flexion_deg for x in rows])
     kind, coordinate = NAMED_LOADS[test.driven_by], COORDINATES[test.observed]
     drawn: list[Any] = []
-    for band in bands:
-        if band.load == test.driven_by and band.size == abs(test.full[test.driven_by]):
+    by_load = test.displacement is None
+    for band in bands if by_load and not test.held else ():
+        if band.load == test.driven_by and band.size == abs(test.size):
             spread = np.where(np.isfinite(band.sd), 2 * band.sd, 0.0)
             points = axes.errorbar(
                 band.flexion_deg, band.mean, spread, fmt="s", color=GREY, markersize=3,
                 elinewidth=0.8, capsize=2, zorder=1,
             )  # fmt: skip
             drawn.append((points, f"{band.label}:\nmean, two SD where known"))
-    for name, word, color in (
-        ("positive", kind.positive, BLUE), ("negative", kind.negative, VERMILLION)
-    ):  # fmt: skip
+    ends = ("positive", "negative") if by_load else ("held_positive", "held_negative")
+    for name, word, color in zip(
+        ends, (kind.positive, kind.negative), (BLUE, VERMILLION), strict=True
+    ):
         y = np.array([getattr(x, name) for x in rows])
         if np.isfinite(y).any():
             (line,) = axes.plot(flexion, y, "o-", color=color, markersize=3)
@@ -143,22 +146,12 @@ def _laxity_panel(axes: Axes, one: Curves, rows: Sequence[Laxity], bands: Sequen
     marks = mark_status(axes, flexion, status, VERMILLION, 0.03)
     drawn += [(handle, entry) for entry, handle in marks.items()]
     axes.axhline(0.0, color=GREY, linewidth=0.5)
-    axes.set_title(verbatim(f"{test.name}: {_words(one)}"))
-    axes.set_ylabel(f"Change: {_lower(coordinate.axis_label)}")
+    axes.set_title(verbatim(f"{test.name}: {test.words}"))
+    change = f"Change: {coordinate.phrase}, {coordinate.unit}"
+    axes.set_ylabel(change if by_load else f"{kind.positive.capitalize()}, {kind.unit}")
     flexion_axis(axes, flexion)
     handles, labels = zip(*drawn, strict=True) if drawn else ((), ())
     axes.legend(
         handles, [verbatim(x) for x in labels], loc="upper left", bbox_to_anchor=(1.02, 1.02),
         borderaxespad=0, fontsize=7.5, handlelength=1.6,
     )  # fmt: skip
-
-
-def _words(one: Curves) -> str:
-    test = one.test
-    both = " and the opposite" if min(test.path) < 0 < max(test.path) else ""
-    beside = f", besides {load_words(test.constant)}" if test.constant else ""
-    return f"{load_words(test.full)}{both}{beside}"
-
-
-def _lower(label: str) -> str:
-    return label[:1].lower() + label[1:]

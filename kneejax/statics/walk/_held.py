@@ -14,10 +14,11 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import Array
 
-from kneejax.geometry import State, coordinates_of, free_of, scales
+from kneejax.geometry import Prescribed, State, scales
 from kneejax.mechanics import Knee, Support
-from kneejax.numerics import compiled, on_all_cores
+from kneejax.numerics import compiled, identity, on_all_cores
 from kneejax.statics._balance import balance
 from kneejax.statics._settle import shapes_of_holding
 from kneejax.statics._softness import softness_of
@@ -63,7 +64,9 @@ def held(variants: Variants, stations: Stations, before: Balances) -> Balances:
         rows = np.minimum(np.arange(first, first + _LANES), len(variant) - 1)
         node = variant[rows], station[rows]
         there = jax.tree.map(lambda x: x[node[1]], wanted)
-        moved = _moved(variants, there, node[0], before.q[node], before.meeting[node])
+        tangent = before.holding["tangent"][node] if before.holding else None
+        begin = before.q[node], before.meeting[node], tangent
+        moved = _moved(variants, there, node[0], *begin)
         for name, numbers in moved.items():
             (found.holding if name in found.holding else vars(found))[name][node] = numbers
 
@@ -89,14 +92,15 @@ def _not_begun(stations: Stations, before: Balances) -> Balances:
     )
 
 
-def _moved(variants: Variants, wanted: Stations, variant, q, meeting) -> dict[str, np.ndarray]:
+def _moved(
+    variants: Variants, wanted: Stations, variant, q, meeting, tangent
+) -> dict[str, np.ndarray]:
     """Some nodes, each from a balance under flexion alone; arrays begin with the node."""
     lanes, free = len(variant), wanted.free
     knee, numbers = variants.knee, variants.at(variant)
-    begin = _beginning(knee, numbers, wanted, q, meeting)
+    begin = _beginning(knee, numbers, wanted, q, meeting, None if _released(wanted) else tangent)
     start, support, tangent, softness = jax.tree.map(np.asarray, begin)
-    every, before = coordinates_of(wanted.bodies), free_of(["flexion"], wanted.bodies)
-    released = [name for name in free if name not in before]
+    every, released = _coordinates(wanted), _released(wanted)
     supports = tuple(Support(support[:, k], name) for k, name in enumerate(released))
     none = tuple(Support(np.zeros(lanes), name) for name in released)
     ends = dataclasses.replace(wanted, supports=none)
@@ -105,6 +109,7 @@ def _moved(variants: Variants, wanted: Stations, variant, q, meeting) -> dict[st
         ends,
         prescribed={name: own[name] for name in wanted.prescribed},
         supports=supports,
+        loads=wanted.loaded().loads,
     )
     at_rest = np.stack([own[name] for name in free], axis=1)
     there, last = (
@@ -170,21 +175,47 @@ def _what_became(reached: Reached, softness_before: np.ndarray) -> dict[str, np.
 
 
 @compiled()
-def _beginning(knee: Knee, numbers: dict[int, Any], wanted: Stations, q, meeting):
+def _beginning(knee: Knee, numbers: dict[int, Any], wanted: Stations, q, meeting, tangent):
     """All coordinates where nodes begin, what supports those that will be free, the stiffness of
-    the free ones, and how little force moves them; arrays begin with the node."""
+    the free ones, and how little force moves them; arrays begin with the node. The stiffness under
+    flexion alone, where it is known, gives that of fewer coordinates: without it the knee is
+    compiled once more, which takes 20 s of a detailed one."""
     in_lanes = {leaf: jnp.moveaxis(x, 0, -1) for leaf, x in numbers.items()}
-    knees = wanted.load(with_numbers(knee, in_lanes))
-    bent, names = {"flexion": wanted.flexion}, coordinates_of(wanted.bodies)
-    state = State.of(bent, q.T, wanted.bodies)
+    before = wanted.loaded()
+    knees = before.load(with_numbers(knee, in_lanes))
+    state = State.of(before.prescribed, q.T, wanted.bodies)
     met = jnp.moveaxis(meeting, 0, -1)
-    every = state.at(names)
-    holds = balance(knees, {}, every, (met[:, 0], met[:, 1]))
-    place = {name: k for k, name in enumerate(names)}
-    free = jnp.array([place[name] for name in wanted.free])
-    before = free_of(bent, wanted.bodies)
-    released = [place[name] for name in wanted.free if name not in before]
-    tangent = holds.tangent[free][:, free]
-    softness, _ = softness_of(tangent, scales(wanted.free))
-    support = holds.residual[jnp.array(released, int)]
-    return every.T, support.T, jnp.moveaxis(tangent, -1, 0), softness
+    held = {name: state.at([name])[0] for name in wanted.prescribed}
+    free = state.at(wanted.free)
+    if tangent is None:
+        holds = balance(knees, held, free, (met[:, 0], met[:, 1]))
+        stiffness, residual = holds.tangent, holds.residual
+    else:
+        own = jnp.moveaxis(tangent, 0, -1)
+        stiffness, residual = _of_fewer(own, held, free, before, wanted), jnp.zeros_like(free)
+    softness, _ = softness_of(stiffness, scales(wanted.free))
+    released = [wanted.free.index(name) for name in _released(wanted)]
+    support = residual[jnp.array(released, int)]
+    every = state.at(_coordinates(wanted))
+    return every.T, support.T, jnp.moveaxis(stiffness, -1, 0), softness
+
+
+def _of_fewer(tangent, held: Prescribed, free: Array, before: Stations, wanted: Stations) -> Array:
+    """The stiffness along coordinates that depend linearly on those of before, in balance."""
+
+    def at(q: Array) -> Array:
+        return State.of(held, q, wanted.bodies).at(before.free)
+
+    units = identity(len(free), 1) + jnp.zeros_like(free)
+    along = jnp.stack([jax.jvp(at, (free,), (unit,))[1] for unit in units], axis=1)
+    return jnp.einsum("ai...,ab...,bj...->ij...", along, tangent, along)
+
+
+def _coordinates(wanted: Stations) -> tuple[str, ...]:
+    """Of all bodies, as stations name them."""
+    return (*wanted.prescribed, *wanted.free)
+
+
+def _released(wanted: Stations) -> tuple[str, ...]:
+    """Coordinates that were prescribed while the knee was loaded and are to be free."""
+    return tuple(name for name in wanted.free if name in wanted.loaded().prescribed)

@@ -27,6 +27,8 @@ class Stations(eqx.Module):
         begin: flexion at which the knee is loaded before the others are prescribed and, where it is
             free, before it is let go, rad, `(stations,)`; None where flexion is prescribed.
         supports: what still holds coordinates that are being let go.
+        later: how many of the loads, the last ones, begin to act only once a machine holds what is
+            held. The others act before it takes hold.
         bodies: that move; those of the knee (`of`).
 
     Example:
@@ -43,6 +45,7 @@ class Stations(eqx.Module):
     loads: tuple[Load, ...] = ()
     begin: Array | None = None
     supports: tuple[Support, ...] = ()
+    later: int = eqx.field(static=True, default=0)
     bodies: tuple[str, ...] = eqx.field(static=True, default=(TIBIA,))
 
     @classmethod
@@ -59,11 +62,13 @@ class Stations(eqx.Module):
             flexion_deg: prescribed, `(stations,)` or one; where it is free, that of the beginning.
             loads: see `kneejax.mechanics.load_of`.
             held: column -> value of further prescribed coordinates, degrees or mm, e.g.
-                `{"anterior_mm": 5.0}`; see `kneejax.geometry.COLUMNS`.
+                `{"anterior_mm": 5.0}`; see `kneejax.geometry.COLUMNS`. `drawer_mm` is the anterior
+                translation in axes turned by flexion.
             flexion_is_free: whether flexion balances too.
 
         Raises:
-            ValueError: a column is unknown, or flexion stands among them.
+            ValueError: a column is unknown, flexion stands among them, or a drawer is held while
+                flexion is free, which turns its axis.
         """
         values = prescribed_of({"flexion_deg": flexion_deg, **_but_flexion(held or {})})
         rows = [jnp.atleast_1d(x) for x in values.values()]
@@ -76,6 +81,8 @@ class Stations(eqx.Module):
         if not flexion_is_free:
             return cls(values, everywhere)
         begin = values.pop("flexion")
+        if "drawer" in values or "lift" in values:
+            raise ValueError("drawer_mm is held while flexion is free: expected anterior_mm")
         return cls(values, everywhere, begin)
 
     def __len__(self) -> int:
@@ -101,8 +108,14 @@ class Stations(eqx.Module):
         return jax.tree.map(lambda x: x[jnp.asarray(rows)], self)
 
     def loaded(self) -> Stations:
-        """Where the same loads act with flexion alone prescribed: from there the others move."""
-        return Stations({"flexion": self.flexion}, self.loads, bodies=self.bodies)
+        """Where the knee is loaded with flexion alone prescribed: from there the others move."""
+        first = len(self.loads) - self.later
+        still = (
+            dataclasses.replace(load, force=0.0 * load.force, moment=0.0 * load.moment)
+            for load in self.loads[first:]
+        )
+        acting = (*self.loads[:first], *still)
+        return Stations({"flexion": self.flexion}, acting, bodies=self.bodies)
 
     def of(self, knee: Knee) -> Stations:
         """The same stations, of all that moves in a knee."""

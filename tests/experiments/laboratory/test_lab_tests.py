@@ -80,7 +80,7 @@ def test_a_force_is_no_moment():
 def test_the_work_of_the_load_is_the_change_of_energy(knee, name):
     found = curves_of(knee, name, [30.0], steps=160)
     rows = found.nodes[0, found.steps[:161]]
-    load = found.test.load(found.test.driven_by)[:161]
+    load = np.asarray(found.load(found.test.driven_by))[0, :161]
     moved = np.asarray(found.displacement)[0, :161]
     if found.test.driven_by.endswith("_Nm"):
         load, moved = 1000.0 * load, np.deg2rad(moved)
@@ -131,7 +131,7 @@ def test_the_neutral_pose_is_the_one_under_what_acts_throughout(knee):
     neutral = np.asarray(pressed.to_table())[0, 0]
     assert neutral == pytest.approx(np.asarray(alone.to_table())[0], abs=1e-8)
     assert float(pressed.displacement[0, 0]) == 0.0
-    assert pressed.test.load("compression_N").tolist() == [200.0, 200.0, 200.0]
+    assert pressed.load("compression_N").tolist() == [[200.0, 200.0, 200.0]]
 
 
 def test_where_a_knee_gives_way_the_load_is_named(knee):
