@@ -25,6 +25,7 @@ from kneejax.experiments._ways import ways_of as ways_of
 from kneejax.experiments.laboratory import COUNTED_FROM as COUNTED_FROM
 from kneejax.experiments.laboratory import HELD as HELD
 from kneejax.experiments.laboratory import LAXITY_COLUMNS as LAXITY_COLUMNS
+from kneejax.experiments.laboratory import READINGS as READINGS
 from kneejax.experiments.laboratory import READY as READY
 from kneejax.experiments.laboratory import Curves as Curves
 from kneejax.experiments.laboratory import LabTest as LabTest
@@ -35,3 +36,4 @@ from kneejax.experiments.laboratory import laxity as laxity
 from kneejax.experiments.laboratory import load_curves as load_curves
 from kneejax.experiments.laboratory import load_cycle as load_cycle
 from kneejax.experiments.laboratory import mechanics_of as mechanics_of
+from kneejax.experiments.laboratory import weights_by_load as weights_by_load

@@ -12,7 +12,7 @@ import numpy as np
 from kneejax.experiments import evaluate
 from kneejax.geometry import Pose
 from kneejax.inference import Calibration, calibrate, compile_step
-from kneejax.inference.fit import observations
+from kneejax.inference.fit import Problem
 from kneejax.studies._poses import measured_poses
 from kneejax.studies._study import Study
 
@@ -50,9 +50,10 @@ def calibrated(study: Study) -> Calibration:
 def _get_ready(study: Study) -> None:
     """Compile a step of the search, and the mechanics of as many poses."""
     poses = len(study.flexion_deg)
-    cases = len(observations(np.zeros((poses, 6)), np.ones(5), tests=study.tests).stations)
     meeting = np.zeros((study.knee.patch_count, 2, poses))
     # Whatever may be wrong here is met again, and said, where the result is needed.
     with contextlib.suppress(Exception):
         evaluate(study.knee, Pose.from_table(np.zeros((poses, 6))), meeting)
-        compile_step(len(study.selection) + len(study.frame_offset), 5 * cases)
+        table, unknowns = np.zeros((poses, 6)), len(study.selection) + len(study.frame_offset)
+        problem = Problem.of(study.knee, study.selection, table, np.ones(5), tests=study.tests)
+        compile_step(unknowns, problem.cases.count + unknowns * bool(study.prior))

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from kneejax.experiments import COUNTED_FROM, MeasuredTest
+from kneejax.experiments import COUNTED_FROM, MeasuredTest, weights_by_load
 from kneejax.files import LabTable, bundled_bands, parse_flexion, read_lab_table
 from kneejax.files.reading import Field
-from kneejax.geometry import CLINICAL, COLUMNS, CONVENTIONS, FREE_COORDINATES
+from kneejax.geometry import CLINICAL, CONVENTIONS, FREE_COORDINATES
 from kneejax.mechanics import NAMED_LOADS, RANGES, load_called
 
 #: Signs of a left knee in axes with Z to the person's right: adduction, internal rotation and
@@ -19,8 +20,17 @@ from kneejax.mechanics import NAMED_LOADS, RANGES, load_called
 MIRROR = (1.0, -1.0, -1.0, 1.0, 1.0, -1.0)
 _OPTIONAL = (
     "source", "columns", "ignore", "convention", "mirror", "flexion_deg", "at_deg", "coordinates",
-    "counted_from", "constant", "point_mm", "sd_mm", "sd_deg",
+    "counted_from", "constant", "point_mm", "sd_mm", "sd_deg", "sd_N", "sd_strain", "cut", "weight",
 )  # fmt: skip
+#: Option of a test -> what a standard deviation may be.
+_SPREADS = {
+    "sd_mm": RANGES["noise_mm"],
+    "sd_deg": RANGES["noise_deg"],
+    "sd_N": RANGES["tension_N"],
+    "sd_strain": RANGES["strain"].spread,
+}
+#: Weights in proportion to the load.
+_BY_LOAD = "by_load"
 
 
 def read_tests(field: Field, folder: Path) -> list[tuple[MeasuredTest, dict[str, Any]]]:
@@ -39,7 +49,8 @@ def read_tests(field: Field, folder: Path) -> list[tuple[MeasuredTest, dict[str,
 def _read(item: Field, folder: Path) -> tuple[MeasuredTest, dict[str, Any]]:
     item.mapping(("name", "file"), _OPTIONAL)
     mirror = "mirror" in item and item["mirror"].boolean()
-    flexion, loads, observed = _limited(item, _table(item, folder))
+    table = _limited(item, _table(item, folder))
+    flexion, loads, observed = table[:3]
     if mirror:
         observed = observed * MIRROR[1:]
         loads |= {"lateral_N": -loads["lateral_N"]} if "lateral_N" in loads else {}
@@ -50,10 +61,12 @@ def _read(item: Field, folder: Path) -> tuple[MeasuredTest, dict[str, Any]]:
                 raise item["coordinates"].problem(f"coordinates that the table has; not {name}")
         observed = np.where([name in names for name in FREE_COORDINATES], observed, np.nan)
     constant = item["constant"].mapping((), tuple(NAMED_LOADS)) if "constant" in item else None
-    given: dict[str, Any] = {}
-    for name in ("sd_mm", "sd_deg"):
+    given: dict[str, Any] = {
+        "readings": table.readings, "weight": _weight(item, table), "cut": _cut(item),
+    }  # fmt: skip
+    for name, allowed in _SPREADS.items():
         if name in item:
-            given[name] = item[name].number(RANGES[f"noise_{name[3:]}"])
+            given[name] = item[name].number(allowed)
     if "counted_from" in item:
         given["counted_from"] = item["counted_from"].choice(COUNTED_FROM)
     if "point_mm" in item:
@@ -62,10 +75,31 @@ def _read(item: Field, folder: Path) -> tuple[MeasuredTest, dict[str, Any]]:
         given["constant"] = {name: constant[name].number(RANGES[name]) for name in constant.value}
     try:
         test = MeasuredTest(item["name"].text(), flexion, loads, observed, **given)
+        if item.value.get("weight") == _BY_LOAD:
+            weight = weights_by_load(test.loads[test.driven_by])
+            test = dataclasses.replace(test, weight=weight)
     except ValueError as problem:
         part, found, expected = _parts(str(problem))
         raise Field(item.file, f"{item.path}.{part}", found).problem(expected) from None
     return test, dict(item.value) | {"file": _path(item["file"], folder) or item.value["file"]}
+
+
+def _cut(item: Field) -> tuple[str, ...]:
+    """Ligaments or groups that had been cut."""
+    if "cut" not in item:
+        return ()
+    one = isinstance(item.value["cut"], str)
+    listed = [item["cut"]] if one else item["cut"].items("ligaments")
+    return tuple(name.text() for name in listed)
+
+
+def _weight(item: Field, table: LabTable) -> np.ndarray | None:
+    """Of each row, where the table says so; one of the two ways at most."""
+    if "weight" in item:
+        item["weight"].choice((_BY_LOAD,))
+        if table.weight is not None:
+            raise item["weight"].problem("this field left out: the table has a column weight")
+    return table.weight
 
 
 def _parts(sentence: str) -> tuple[str, str, str]:
@@ -87,7 +121,9 @@ def _table(item: Field, folder: Path) -> LabTable:
         return _published(item)
     columns = {}
     if "columns" in item:
-        renamed = item["columns"].mapping((), (*NAMED_LOADS, *COLUMNS))
+        renamed = item["columns"]
+        if not isinstance(renamed.value, dict):
+            raise renamed.problem("a mapping from a name to a column of the file")
         columns = {name: renamed[name].text() for name in renamed.value}
     ignore = [one.text() for one in item["ignore"].items("columns")] if "ignore" in item else []
     at = item["at_deg"].number(RANGES["flexion_deg"]) if "at_deg" in item else None
@@ -96,8 +132,8 @@ def _table(item: Field, folder: Path) -> LabTable:
 
 
 def _published(item: Field) -> LabTable:
-    """A published laxity of knees with all their ligaments."""
-    bands = {band.name: band for band in bundled_bands(cut=())}
+    """A published laxity."""
+    bands = {band.name: band for band in bundled_bands(cut=_cut(item))}
     name = item["file"].text()
     if name not in bands:
         expected = f"a CSV table, or a published laxity ({', '.join(bands)})"
@@ -126,6 +162,4 @@ def _limited(item: Field, table: LabTable) -> LabTable:
         absent = wanted[~inside.any(axis=0)][0]
         measured = ", ".join(f"{x:g}" for x in np.unique(table.flexion_deg))
         raise field.problem(f"of the flexions that were measured, {measured}; not {absent:g}")
-    rows = inside.any(axis=1)
-    loads = {name: sizes[rows] for name, sizes in table.loads.items()}
-    return LabTable(table.flexion_deg[rows], loads, table.observed[rows])
+    return table.take(inside.any(axis=1))

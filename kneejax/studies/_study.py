@@ -15,6 +15,7 @@ from kneejax.files import knee_with, said_of
 from kneejax.files.reading import Field
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference import METHODS, USUAL_PROCEDURES
+from kneejax.inference.fit import check_readable
 from kneejax.mechanics import (
     Knee,
     Load,
@@ -24,6 +25,7 @@ from kneejax.numerics import check_installed
 from kneejax.parameters import (
     QUANTITIES,
     Selection,
+    cut,
     select,
     start_within,
     stated,
@@ -134,6 +136,9 @@ class Study:
             if self.prior and None in self.noise:
                 expected = "noise_mm and noise_deg too, against which a prior counts"
                 raise Field(self.file, "prior", ", ".join(self.prior)).problem(expected)
+            for test in self.tests:
+                check_readable(self.knee, test.readings)
+                cut(self.knee, test.cut)
             if self.method == "lbfgsb":
                 check_installed("jaxopt", "lbfgsb")
 

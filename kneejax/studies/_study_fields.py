@@ -111,6 +111,10 @@ def _tests(study: Field) -> tuple[MeasuredTest, ...]:
         place = Field(study.file, f"tests[{number}].name", test.name)
         if test.name in [one.name for one in tests[:number]]:
             raise place.problem("every name once")
+        for unit in ("mm", "deg"):
+            if test.readings and study.value[f"noise_{unit}"] is None:
+                place = Field(study.file, f"tests[{number}]", next(iter(test.readings)))
+                raise place.problem(f"noise_{unit} of the study too, against which it counts")
         for unit, sd in (("mm", test.sd_mm), ("deg", test.sd_deg)):
             own = Field(study.file, f"tests[{number}].sd_{unit}", sd)
             if sd is None:

@@ -95,3 +95,40 @@ def test_curves_that_simulate_wrote_are_a_test_of_a_study(tmp_path, capsys):
     assert main(["calibrate", str(tmp_path / "study.yaml"), "--out", str(out)]) == 0
     found = json.loads((out / "result.json").read_text())["parameters"]["ACL.stiffness"]
     assert found["value"] == pytest.approx(6000.0, rel=1e-4)
+
+
+def test_a_cut_knee_and_a_load_cell_calibrate_from_the_command(tmp_path, capsys):
+    """A robot's table of an intact and a cut knee, with the pull of the ACL beside the pose."""
+    truth = kj.load_knee("four_ligament")
+    truth = kj.select(truth, list(TRUTH)).apply(truth, np.array(list(TRUTH.values())))
+    (test,) = kj.lab_tests("drawer", [20.0, 60.0], force_N=60.0, both=True, steps=2)
+    for name, knee in (("intact", truth), ("cut", kj.cut(truth, ["LCL"]))):
+        (curves,) = kj.load_curves(knee, test)
+        moved, load = np.asarray(curves.displacement), np.asarray(curves.load("anterior_N"))
+        pull = np.asarray(curves.motion.tension("ACL"))[curves.nodes[:, curves.steps]]
+        flexion = np.repeat(test.flexion_deg, len(test.path))
+        rows = np.column_stack([flexion, load.ravel(), moved.ravel(), pull.ravel()])
+        header = ["flexion_deg", "anterior_N", "anterior_mm", "ACL.tension_N"]
+        write_rows(tmp_path / f"{name}.csv", header, rows.tolist())
+    both = [
+        {"name": "intact", "file": "intact.csv", "sd_N": 2.0, "weight": "by_load"},
+        {"name": "cut", "file": "cut.csv", "sd_N": 2.0, "cut": "LCL"},
+    ]
+    study = {
+        "title": "Robot", "knee": "four_ligament", "parameters": list(TRUTH), "tests": both,
+        "noise_mm": 0.05, "noise_deg": 0.05, "procedures": ["III"],
+    }  # fmt: skip
+    (tmp_path / "study.yaml").write_text(yaml.safe_dump(study))
+    out = tmp_path / "out"
+    assert main(["calibrate", str(tmp_path / "study.yaml"), "--out", str(out)]) in (0, 1)
+    result = json.loads((out / "result.json").read_text())
+    for name, value in TRUTH.items():
+        assert result["parameters"][name]["value"] == pytest.approx(value, rel=1e-3)
+    errors = {(row["test"], row["coordinate"]): row for row in result["tests"]
+              if row["flexion_deg"] is None}  # fmt: skip
+    assert errors["cut", "ACL.tension_N"]["fitted"] < 0.1 < errors["cut", "ACL.tension_N"]["start"]
+    with open(out / "tests.csv") as file:
+        units = {(row["coordinate"], row["unit"], row["counted_from"])
+                 for row in csv.DictReader(file)}  # fmt: skip
+    assert units == {("anterior", "mm", "unloaded"), ("ACL.tension_N", "N", "absolute")}
+    assert "ACL tension, N" in capsys.readouterr().out

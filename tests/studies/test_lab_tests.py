@@ -122,7 +122,7 @@ def test_loads_of_no_cell_are_refused(tmp_path):
         ({"flexion_deg": [45]}, "of the flexions that were measured, 30, 60; not 45"),
         ({"file": "robot_anterior_90"}, "a CSV table, or a published laxity"),
         ({"at_deg": 200}, "at_deg: 200"),
-        ({"cut": "ACL"}, "no such field"),
+        ({"cuts": "ACL"}, "no such field.*did you mean cut"),
     ],
 )
 def test_what_a_test_cannot_be_is_refused(tmp_path, item, said):
@@ -156,3 +156,54 @@ def test_what_takes_no_tests_yet_says_so(tmp_path, question, said):
     table(tmp_path)
     with pytest.raises(InputProblem, match=said):
         check(study(tmp_path, noise_mm=0.5, noise_deg=0.5), question)
+
+
+def test_a_test_on_a_cut_knee_reads_the_published_laxity_of_such_knees(tmp_path):
+    item = {"name": "cut", "file": "robot_anterior_90N", "flexion_deg": [20], "cut": ["ACL"],
+            "counted_from": "intact"}  # fmt: skip
+    (test,) = study(tmp_path, [item]).tests
+    assert (test.cut, test.observed[:, ANTERIOR].tolist()) == (("ACL",), [13.2])
+
+
+def test_forces_strains_and_weights_are_read_from_columns(tmp_path):
+    header = ("flexion_deg", "anterior_N", "Cell 1", "MCL.strain", "medial.contact_N", "weight")
+    table(tmp_path, header=header, rows=[(30.0, 90.0, 0.05, 0.01, 200.0, 1.0),
+                                         (60.0, 90.0, 0.04, np.nan, 150.0, 0.0)])  # fmt: skip
+    item = {"name": "drawer", "file": "drawer.csv", "columns": {"ACL.tension_N": "1000 * Cell 1"},
+            "sd_N": 3.0, "sd_strain": 0.002}  # fmt: skip
+    (test,) = study(tmp_path, [item], noise_mm=0.1, noise_deg=0.1).tests
+    assert test.readings["ACL.tension_N"].tolist() == [50.0, 40.0]
+    assert np.isnan(test.readings["MCL.strain"]).tolist() == [False, True]
+    assert test.weight.tolist() == [1.0, 0.0]
+    assert test.coordinates == ()
+
+
+def test_weights_grow_with_the_load(tmp_path):
+    table(tmp_path)
+    (test,) = study(tmp_path, [{"name": "d", "file": "drawer.csv", "weight": "by_load"}]).tests
+    assert test.weight.tolist() == [0.5, 1.0, 1.0]
+
+
+READ = ("flexion_deg", "anterior_N", "ACL.tension_N")
+
+
+@pytest.mark.parametrize(
+    ("header", "item", "fields", "said"),
+    [
+        (READ, {}, {"noise_mm": 0.1, "noise_deg": 0.1}, r"tests\[0\].sd_N: not stated"),
+        (READ, {"sd_N": 2.0}, {}, "noise_mm of the study too"),
+        (READ, {"sd_N": -2.0}, {}, "between"),
+        ((*READ[:2], "ACLL.tension_N"), {"sd_N": 2.0}, {"noise_mm": 0.1, "noise_deg": 0.1},
+         "did you mean 'ACL'"),
+        ((*READ[:2], "anterior_mm"), {"cut": ["ACK"]}, {}, "did you mean 'ACL'"),
+        ((*READ[:2], "anterior_mm"), {"counted_from": "intact"}, {}, "expected cut too"),
+        ((*READ[:2], "weight", "anterior_mm"), {"weight": "by_load"}, {}, "has a column weight"),
+        ((*READ[:2], "anterior_mm"), {"weight": "by_lod"}, {}, "did you mean by_load"),
+    ],
+)  # fmt: skip
+def test_readings_cuts_and_weights_that_mean_nothing_are_refused(
+    tmp_path, header, item, fields, said
+):
+    table(tmp_path, header=header, rows=[(30.0, 90.0, *(0.5,) * (len(header) - 2))])
+    with pytest.raises((InputProblem, UnsuitableData, ValueError), match=said):
+        study(tmp_path, [{"name": "drawer", "file": "drawer.csv"} | item], **fields)

@@ -10,6 +10,8 @@ from kneejax.experiments.laboratory._laxity import LAXITY_COLUMNS as LAXITY_COLU
 from kneejax.experiments.laboratory._laxity import Laxity as Laxity
 from kneejax.experiments.laboratory._laxity import laxity as laxity
 from kneejax.experiments.laboratory._measured_test import COUNTED_FROM as COUNTED_FROM
+from kneejax.experiments.laboratory._measured_test import READINGS as READINGS
 from kneejax.experiments.laboratory._measured_test import MeasuredTest as MeasuredTest
+from kneejax.experiments.laboratory._measured_test import weights_by_load as weights_by_load
 from kneejax.experiments.laboratory._ready import READY as READY
 from kneejax.experiments.laboratory._ready import lab_tests as lab_tests

@@ -14,11 +14,19 @@ from kneejax.mechanics import NAMED_LOADS
 #: What measured numbers are counted from -> what that means.
 COUNTED_FROM = {
     "unloaded": "changes from the unloaded pose of the same flexion",
+    "intact": "changes from the unloaded pose of the same flexion before anything was cut",
     "least_load": "poses; the one under the least load of the same flexion counts as zero",
     "opposite": "poses; each under a positive load less the one under the opposite load",
     "offset": "poses; each coordinate is off by an unknown constant, the same in all of the test",
     "offset_each_flexion": "the same, with constants of its own at each flexion",
     "absolute": "poses in the model's own frame",
+}
+#: What can be read of a part of the knee, as `PART.KIND` -> what that means. Forces are counted as
+#: they are; strains like displacements, from the unloaded pose or as they are.
+READINGS = {
+    "tension_N": "pull of a ligament or group, the sum over its fibres",
+    "strain": "of a ligament, or the mean over a group's fibres",
+    "contact_N": "size of the force between two surfaces",
 }
 #: Part of the largest load of a curve under which its neutral pose may have been measured.
 _NEARLY_ZERO = 0.1
@@ -41,6 +49,13 @@ class MeasuredTest:
         point_mm: where forces acted, in the tibia's frame.
         sd_mm: standard deviation of displacements; None where it is that of the study.
         sd_deg: of rotations; likewise.
+        cut: ligaments or groups that had been cut.
+        readings: what was read of parts of the knee, `PART.KIND` of `READINGS` -> `(n,)`, e.g.
+            `{"ACL.tension_N": ...}`; NaN where nothing was.
+        sd_N: standard deviation of forces among them.
+        sd_strain: of strains.
+        weight: of each row's squared errors against those of the other rows, `(n,)`; all alike by
+            default (`weights_by_load`).
 
     Raises:
         ValueError: what is missing or does not fit, with its row.
@@ -62,17 +77,27 @@ class MeasuredTest:
     point_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
     sd_mm: float | None = None
     sd_deg: float | None = None
+    cut: tuple[str, ...] = ()
+    readings: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
+    sd_N: float | None = None
+    sd_strain: float | None = None
+    weight: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         flexion = np.atleast_1d(np.asarray(self.flexion_deg, float))
         loads = {name: np.asarray(sizes, float) for name, sizes in self.loads.items()}
         observed = np.asarray(self.observed, float)
-        for name, value in (("flexion_deg", flexion), ("loads", loads), ("observed", observed)):
+        readings = {name: np.asarray(sizes, float) for name, sizes in self.readings.items()}
+        given = {
+            "flexion_deg": flexion, "loads": loads, "observed": observed, "readings": readings,
+            "cut": tuple(self.cut),
+        }  # fmt: skip
+        for name, value in given.items():
             object.__setattr__(self, name, value)
         unknown = [name for name in (*loads, *self.constant) if name not in NAMED_LOADS]
         if unknown:
             raise ValueError(f"loads: {unknown[0]!r}; expected of {', '.join(NAMED_LOADS)}")
-        if not loads or not any(sizes.any() for sizes in loads.values()):
+        if not loads or not (readings or any(sizes.any() for sizes in loads.values())):
             raise ValueError("loads: none; expected a load that is not zero in some row")
         shape = len(flexion), 5
         if observed.shape != shape:
@@ -83,9 +108,40 @@ class MeasuredTest:
         if self.counted_from not in COUNTED_FROM:
             known = ", ".join(COUNTED_FROM)
             raise ValueError(f"counted_from: {self.counted_from!r}; expected one of {known}")
-        if np.isnan(observed).all():
+        if all(np.isnan(own).all() for own in (observed, *readings.values())):
             raise ValueError("observed: nothing; expected a number in some row")
+        self._check_readings(shape[:1])
+        self._check_weight(shape[:1])
         self.partner  # noqa: B018 - says what does not fit
+
+    def _check_readings(self, shape: tuple[int]) -> None:
+        if self.counted_from == "intact" and not self.cut:
+            raise ValueError("counted_from: intact; expected cut too, or unloaded")
+        for name, sizes in self.readings.items():
+            part, _, kind = name.rpartition(".")
+            if not part or kind not in READINGS:
+                known = ", ".join(f"PART.{kind}" for kind in READINGS)
+                raise ValueError(f"readings: {name!r}; expected of {known}")
+            if sizes.shape != shape:
+                raise ValueError(f"readings.{name}: {sizes.shape}; expected {shape}")
+            sd = "sd_strain" if kind == "strain" else "sd_N"
+            if np.isnan(self.sd_of(name)):
+                raise ValueError(f"{sd}: not stated; expected how well {name} is known")
+            if kind == "strain" and self.counted_from not in ("unloaded", "intact", "absolute"):
+                raise ValueError(
+                    f"readings.{name}: counted from {self.counted_from}; expected unloaded or "
+                    "absolute, as strains are counted"
+                )
+
+    def _check_weight(self, shape: tuple[int]) -> None:
+        if self.weight is None:
+            return
+        weight = np.asarray(self.weight, float)
+        object.__setattr__(self, "weight", weight)
+        if weight.shape != shape:
+            raise ValueError(f"weight: {weight.shape}; expected {shape}")
+        if not (np.isfinite(weight).all() and (weight >= 0).all() and weight.any()):
+            raise ValueError("weight: not finite, negative or all zero; expected 0 or more")
 
     @property
     def driven_by(self) -> str:
@@ -99,6 +155,11 @@ class MeasuredTest:
         """Free coordinates that were measured."""
         seen = np.isfinite(self.observed).any(axis=0)
         return tuple(name for name, own in zip(FREE_COORDINATES, seen, strict=True) if own)
+
+    def sd_of(self, reading: str) -> float:
+        """Standard deviation of what was read of a part, N or strain; NaN if none is stated."""
+        sd = self.sd_strain if reading.endswith(".strain") else self.sd_N
+        return np.nan if sd is None else sd
 
     @property
     def partner(self) -> np.ndarray:
@@ -123,6 +184,11 @@ class MeasuredTest:
                     )
                 partner[row] = near
         return partner
+
+    @property
+    def counts_from_rest(self) -> bool:
+        """Whether rows are counted from an unloaded pose that has no row of its own."""
+        return self.counted_from in ("unloaded", "intact")
 
     @property
     def groups(self) -> np.ndarray:
@@ -178,3 +244,22 @@ class MeasuredTest:
             point_mm=test.point_mm,
             **given,
         )
+
+
+def weights_by_load(size: np.ndarray) -> np.ndarray:
+    """Weights in proportion to the load's size, so that the end of a curve counts most.
+
+    Args:
+        size: of the load in each row, `(n,)`.
+
+    Returns:
+        `(n,)`, between 0 and 1.
+
+    Source: paper 2, section 4.2, which weighs larger displacements more.
+
+    Example:
+        >>> weights_by_load(np.array([0.0, -50.0, 100.0])).tolist()
+        [0.0, 0.5, 1.0]
+    """
+    size = np.abs(np.asarray(size, float))
+    return size / max(float(size.max()), 1e-300)

@@ -18,9 +18,15 @@ from kneejax.mechanics import NAMED_LOADS, RANGES, Range
 _LOAD = re.compile(r"load|force|torque|moment|tension|_(N|Nm|Nmm|kN)$", re.IGNORECASE)
 #: Moments of which no knee has had more, N m; N mm are a thousand times as large.
 _MOST_MOMENT_NM = 100.0
+#: Names of columns that a table may have, beside those of parts.
+_KNOWN = (*NAMED_LOADS, *COLUMNS, "weight")
 #: Ways in which tables of `kneejax simulate` call a load, beside its name.
 _ALSO = {name.replace("_N", "_force_N"): name for name in NAMED_LOADS if name.endswith("_N")}
 _ALSO |= {name.replace("_Nm", "_moment_Nm"): name for name in NAMED_LOADS if name.endswith("_Nm")}
+
+
+#: What was read of a part of the knee, as columns name it: `ACL.tension_N`, `medial.contact_N`.
+_READING = re.compile(r"[\w.+-]+\.(tension_N|contact_N|strain)")
 
 
 class LabTable(NamedTuple):
@@ -31,11 +37,26 @@ class LabTable(NamedTuple):
         loads: name of a load -> its size in each row, `(n,)`.
         observed: the five free coordinates of each row, `(n, 5)`, degrees and mm, translations
             along the axes of Grood and Suntay; NaN where a table has no such column.
+        readings: what was read of parts of the knee, `PART.KIND` -> `(n,)`, N or strain; NaN where
+            a cell is empty.
+        weight: of each row, `(n,)`; None where a table has no such column.
     """
 
     flexion_deg: np.ndarray
     loads: dict[str, np.ndarray]
     observed: np.ndarray
+    readings: dict[str, np.ndarray] = {}
+    weight: np.ndarray | None = None
+
+    def take(self, rows: np.ndarray) -> LabTable:
+        """Some of the rows."""
+        return LabTable(
+            self.flexion_deg[rows],
+            {name: sizes[rows] for name, sizes in self.loads.items()},
+            self.observed[rows],
+            {name: sizes[rows] for name, sizes in self.readings.items()},
+            None if self.weight is None else self.weight[rows],
+        )
 
 
 def read_lab_table(
@@ -48,10 +69,11 @@ def read_lab_table(
     """Read a test under load from a CSV table.
 
     Args:
-        path: the table, with `flexion_deg`, any loads (`kneejax.mechanics.NAMED_LOADS`) and any of
-            the other columns of a pose.
-        columns: name of a load or of a pose's column -> column of the file, for tables with other
-            names; a minus in front turns its sense round, a factor may stand before it as in
+        path: the table, with `flexion_deg`, any loads (`kneejax.mechanics.NAMED_LOADS`), any of
+            the other columns of a pose, and of what was read of parts (`ACL.tension_N`,
+            `LCL.strain`, `medial.contact_N`); a column `weight` weighs rows.
+        columns: name of such a column -> column of the file, for tables with other names; a minus
+            in front turns its sense round, a factor may stand before it as in
             `0.001 * Torque [Nmm]`.
         flexion_deg: of all rows, for a table without that column.
         convention: of the translations. Any but `grood-suntay` needs all six columns of a pose.
@@ -76,7 +98,7 @@ def read_lab_table(
     table = _Readings(file, *read_rows(file, [column for column, _ in named.values()]))
     for own in table.header:
         name = _ALSO.get(own, own)
-        if name in (*NAMED_LOADS, *COLUMNS):
+        if name in _KNOWN or _READING.fullmatch(name):
             named.setdefault(name, (own, 1.0))
     _check_header(table, named, flexion_deg, ignore)
     loads = {
@@ -95,7 +117,13 @@ def read_lab_table(
     if flexion_deg is not None:
         observed[:, 0] = flexion_deg
     observed = _clinical(table, observed, convention)
-    return LabTable(observed[:, 0], loads, observed[:, 1:])
+    readings = {
+        name: table.column(*place, RANGES[name.rpartition(".")[2]], empty=True)
+        for name, place in named.items()
+        if _READING.fullmatch(name)
+    }
+    weight = table.column(*named["weight"], RANGES["weight"]) if "weight" in named else None
+    return LabTable(observed[:, 0], loads, observed[:, 1:], readings, weight)
 
 
 class _Readings(NamedTuple):
@@ -128,8 +156,9 @@ def _check_header(table: _Readings, named, flexion_deg: float | None, ignore) ->
         if own not in used and own not in ignore and _LOAD.search(own):
             expected = "a column that is used (columns:) or left out on purpose (ignore:)"
             raise InputProblem(file, "header", own, expected)
+    read = any(_READING.fullmatch(name) for name in named)
     for what, known in (("load", tuple(NAMED_LOADS)), ("coordinate", COLUMNS[1:])):
-        if not any(name in named for name in known):
+        if not any(name in named for name in known) and not (read and what == "coordinate"):
             raise InputProblem(file, "header", f"no {what}", f"one of {', '.join(known)}")
     if flexion_deg is None and COLUMNS[0] not in named:
         expected = f"this column among {', '.join(header)}, or at_deg of the test"
@@ -138,10 +167,11 @@ def _check_header(table: _Readings, named, flexion_deg: float | None, ignore) ->
 
 def _named(file: str, columns: dict[str, str]) -> dict[str, tuple[str, float]]:
     """Name -> column of the file and the factor that it is multiplied with."""
-    known, found = (*NAMED_LOADS, *COLUMNS), {}
+    found = {}
     for name, said in columns.items():
-        if name not in known:
-            raise InputProblem(file, "columns", name, f"one of {', '.join(known)}", known)
+        if name not in _KNOWN and not _READING.fullmatch(name):
+            expected = f"one of {', '.join(_KNOWN)}, or such as ACL.tension_N"
+            raise InputProblem(file, "columns", name, expected, _KNOWN)
         factor, own = 1.0, said.strip()
         if match := re.fullmatch(r"([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*\*\s*(.+)", own):
             factor, own = float(match[1]), match[2]

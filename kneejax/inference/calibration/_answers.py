@@ -5,20 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from kneejax.experiments import doubts, slack_poses, with_flips
+from kneejax.experiments import doubts, with_flips
 from kneejax.experiments import evaluate as evaluate_mechanics
 from kneejax.geometry import COLUMNS, FREE_COORDINATES, Pose
 from kneejax.inference.calibration._fitted_test import fitted_tests
 from kneejax.inference.calibration._result import Estimate, Fit, Motion, Starts
 from kneejax.inference.calibration._search import Trail
-from kneejax.inference.fit import (
-    Problem,
-    offset_units,
-)
+from kneejax.inference.fit import Problem, offset_units, slack_at, without_offsets
 from kneejax.inference.intervals import Interval, IntervalKind, Surety, named, on_bounds, sureties
 from kneejax.mechanics import Knee
 from kneejax.statics import Slopes, Status
@@ -84,7 +80,7 @@ def fit_of(
     return Fit(
         procedure,
         tuple(estimates[:size]),
-        objective_of(problem, error, trail.x),
+        objective_of(problem, found),
         partial_objectives_of(problem, error),
         rmse_of(problem, error),
         correlation,
@@ -138,8 +134,7 @@ def starts_of(problem: Problem, answer: Fit, ends: np.ndarray, objectives: np.nd
     order = np.argsort(objectives)
     ends, objectives = ends[order], objectives[order]
     estimates = (*answer.estimates, *answer.offsets)
-    counted = problem.cases.seen[:, problem.weights > 0].sum()
-    spare = max(int(counted) - len(estimates), 1)
+    spare = max(problem.counted_numbers - len(estimates), 1)
     rise = (objectives - answer.objective) / max(answer.objective / spare, 1e-300)
     low = np.array([e.low if np.isfinite(e.low) else e.lower for e in estimates])
     high = np.array([e.high if np.isfinite(e.high) else e.upper for e in estimates])
@@ -186,18 +181,15 @@ def motion_at(
 
 def _slack_ligaments(problem: Problem, found: Slopes) -> dict[str, float]:
     """Ligament or group -> part of the poses at which it is slack."""
-    knee = problem.knee_at(found.values[0])
-    slack = slack_poses(knee, problem.pose(found), jnp.asarray(problem.meeting(found)))
+    own = without_offsets(found, problem.offsets, problem.cases.posed)
+    slack = slack_at(problem.knee, problem.selection, problem.cases, own)
     return {name: float(np.mean(where)) for name, where in slack.items()}
 
 
-def objective_of(problem: Problem, error: np.ndarray, values: np.ndarray) -> float:
-    """Weighted sum of squares of errors `(5, cases)`, and of what a prior says of the values."""
-    squares = float(problem.weights @ _squares(problem, error).sum(axis=1))
-    if problem.cases.prior is None:
-        return squares
-    mean, sd = problem.cases.prior
-    return squares + float((((values - mean) / sd) ** 2).sum())
+def objective_of(problem: Problem, found: Slopes) -> float:
+    """Weighted sum of squares of one fit, with what a prior says of the values."""
+    residual, _ = problem.residual(found)
+    return float(residual @ residual)
 
 
 def partial_objectives_of(problem: Problem, error: np.ndarray) -> dict[str, float]:

@@ -34,7 +34,7 @@ from kneejax.inference.calibration._search import (
     several_starts,
 )
 from kneejax.inference.fit import DEFAULT_WEIGHTS, Problem
-from kneejax.inference.intervals import check_prior, stated_noise
+from kneejax.inference.intervals import check_all_stated, stated_noise
 from kneejax.mechanics import Knee, Load
 from kneejax.parameters import UnsuitableData, select, start_within, stated_bounds
 
@@ -109,8 +109,11 @@ def calibrate(
         raise UnsuitableData(f"unknown method {method!r}: expected one of {', '.join(METHODS)}")
     selection = select(knee, parameters)
     stated = stated_noise(noise_mm, noise_deg)
-    if prior:
-        weights = _weights_beside_a_prior(stated, weights)
+    if prior or any(test.readings for test in tests):
+        check_all_stated(stated, "prior" if prior else "readings")
+        # One over the variances: against these, what is not of a pose counts in its own.
+        counts = np.ones(5) if weights is None else np.asarray(weights, float) > 0
+        weights = np.where(counts, stated**-2.0, 0.0)
     weights = DEFAULT_WEIGHTS if weights is None else np.asarray(weights, float)
     problem = Problem.of(knee, selection, measured, weights, offsets, loads, tests, stated)
     if not np.isfinite(problem.measured).all():
@@ -161,7 +164,7 @@ def calibrate(
         start=motion_of(problem, first),
         start_rmse=start_rmse,
         start_partial_objectives=partial_objectives_of(problem, error),
-        start_objective=objective_of(problem, error, start),
+        start_objective=objective_of(problem, first),
         start_tests=start_tests,
         fits=tuple(fits),
         ligaments=knee.ligaments.names,
@@ -179,13 +182,6 @@ def calibrate(
         versions=versions(),
         settings=dict(settings or {}),
     )
-
-
-def _weights_beside_a_prior(stated: np.ndarray, weights: np.ndarray | None) -> np.ndarray:
-    """One over the variances of coordinates that count: what a prior is weighed against."""
-    check_prior(stated)
-    counts = np.ones(5) if weights is None else np.asarray(weights, float) > 0
-    return np.where(counts, stated**-2.0, 0.0)
 
 
 def versions() -> dict[str, str]:

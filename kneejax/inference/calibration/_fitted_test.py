@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
 
 from kneejax.experiments import MeasuredTest
 from kneejax.geometry import COORDINATES, FREE_COORDINATES
-from kneejax.inference.calibration._quality import Misfit, misfits
+from kneejax.inference.calibration._quality import Fault, Misfit, misfits, more_than_luck
 from kneejax.inference.fit import Problem
 from kneejax.statics import Slopes
 
@@ -23,26 +24,38 @@ class FittedTest:
             nothing was.
         fitted: the same of the knee; the best of unknown constants is added.
         status: of the knee's balances, one `Status` value a row.
+        readings: the knee's in the place of each of `test.readings`, `(n,)`, N or strain; NaN where
+            nothing was compared.
     """
 
     test: MeasuredTest
     measured: np.ndarray
     fitted: np.ndarray
     status: np.ndarray
+    readings: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
 
     @property
-    def error(self) -> np.ndarray:
-        """Knee minus measurement, `(n, 5)`, degrees and mm; NaN where nothing was compared."""
-        return self.fitted - self.measured
+    def compared(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Coordinate, or name of what was read of a part -> its measured and fitted numbers, `(n,)`
+        each, degrees, mm, N or strain; NaN where nothing was compared."""
+        places = [(name, FREE_COORDINATES.index(name)) for name in self.test.coordinates]
+        pairs = {name: (self.measured[:, k], self.fitted[:, k]) for name, k in places}
+        return pairs | {
+            name: (np.where(np.isfinite(own), self.test.readings[name], np.nan), own)
+            for name, own in self.readings.items()
+        }
 
-    def rmse(self, coordinate: str, flexion_deg: float | None = None) -> float:
-        """Root mean square error of a coordinate, mm or degrees; NaN where it was not measured.
+    def rmse(self, name: str, flexion_deg: float | None = None) -> float:
+        """Root mean square error in its own unit; NaN where nothing was measured.
 
         Args:
-            coordinate: a free coordinate.
+            name: one of `compared`, or a free coordinate.
             flexion_deg: of the rows that count; all by default.
         """
-        own = self.error[:, FREE_COORDINATES.index(coordinate)]
+        if name not in self.compared:
+            return np.nan
+        measured, fitted = self.compared[name]
+        own = fitted - measured
         if flexion_deg is not None:
             own = own[self.test.flexion_deg == flexion_deg]
         known = own[np.isfinite(own)]
@@ -51,6 +64,7 @@ class FittedTest:
 
 def fitted_tests(problem: Problem, found: Slopes) -> tuple[FittedTest, ...]:
     """Every test of a problem beside what one fit gives."""
+    read = _readings(problem, found)
     error = problem.cases.error(found)[0][0]
     seen, target = problem.cases.seen, problem.cases.target
     error = np.where(seen, error, np.nan)
@@ -60,9 +74,23 @@ def fitted_tests(problem: Problem, found: Slopes) -> tuple[FittedTest, ...]:
             np.where(seen[rows], target[rows], np.nan),
             target[rows] + error[rows],
             found.status[0][rows],
+            {name: read[name][rows] for name in test.readings},
         )
         for test, rows in zip(problem.tests, problem.rows_of_tests(), strict=True)
     )
+
+
+def _readings(problem: Problem, found: Slopes) -> dict[str, np.ndarray]:
+    """Of each name, what the knee gives at the load cases where it was read, `(cases,)`."""
+    data = problem.cases.readings
+    if data is None:
+        return {}
+    value, every = data.model(problem.cases, found)[0][0], {}
+    for place, name in enumerate(data.names):
+        own = data.name == place
+        every[name] = np.full(len(problem.cases.stations), np.nan)
+        every[name][data.case[own]] = value[own]
+    return every
 
 
 def misfits_of_test(
@@ -81,4 +109,9 @@ def misfits_of_test(
         stated = np.where(np.arange(5) == row, sd, stated) if sd is not None else stated
     fitted, start = ({x: one.rmse(x) for x in FREE_COORDINATES} for one in (own, before))
     found = misfits(fitted, start, stated, weights, len(own.test.flexion_deg))
-    return tuple(dataclasses.replace(one, test=own.test.name) for one in found)
+    beyond = []
+    for name in own.test.readings:
+        rmse, noise = own.rmse(name), float(own.test.sd_of(name))
+        if rmse > more_than_luck(len(own.test.flexion_deg)) * noise:
+            beyond.append(Misfit(name, Fault.BEYOND_NOISE, rmse, noise))
+    return tuple(dataclasses.replace(one, test=own.test.name) for one in (*found, *beyond))

@@ -64,13 +64,9 @@ def misfits(
     Returns:
         One a coordinate at most.
     """
-    # `scipy.special` at the top would be part of every start.
-    from scipy.special import chdtri
-
     # A root mean square of so few scatters by 1 / sqrt(2 n); twice that is more than luck.
     scatter = 1.0 + float(np.sqrt(2.0 / max(poses, 1)))
-    # What so few errors leave by luck once in a thousand is no misfit either.
-    beyond = max(_BEYOND_NOISE, float(np.sqrt(chdtri(max(poses, 1), 1e-3) / max(poses, 1))))
+    beyond = more_than_luck(poses)
     found = []
     for row, name in enumerate(FREE_COORDINATES):
         own, before, noise = rmse[name], start_rmse[name], float(stated[row])
@@ -86,3 +82,15 @@ def misfits(
         elif own > max(_LARGE[unit], np.nan_to_num(noise)):
             found.append(Misfit(name, Fault.LARGE, own, _LARGE[unit]))
     return tuple(found)
+
+
+def more_than_luck(numbers: int) -> float:
+    """Times the noise beyond which a root mean square error of so many numbers is more than noise.
+
+    What so few errors leave by luck once in a thousand is no misfit either.
+    """
+    # `scipy.special` at the top would be part of every start.
+    from scipy.special import chdtri
+
+    count = max(numbers, 1)
+    return max(_BEYOND_NOISE, float(np.sqrt(chdtri(count, 1e-3) / count)))

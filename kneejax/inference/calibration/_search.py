@@ -13,7 +13,7 @@ from kneejax.inference.fit import (
     best_offsets,
     fit_lanes,
 )
-from kneejax.statics import Slopes, balance_with_slopes
+from kneejax.statics import Slopes
 
 #: The stages of a procedure of paper 1: which quantities are free in turn. Frame offsets are
 #: free in every stage.
@@ -112,7 +112,7 @@ def run_procedure(
                 search(problem, trail, free, lower, upper, name)
         if len(stages) == 1 or cycles == 1:
             return trail
-        if trail.objective < 1e-16 * problem.cases.seen.sum():
+        if trail.objective < 1e-16 * problem.cases.numbers:
             return trail
         if cycle and reached - trail.objective <= tolerance * reached:
             return trail
@@ -179,7 +179,7 @@ def _free(problem: Problem, quantities) -> np.ndarray:
 def _stage(problem: Problem, trail: Trail, free, lower, upper, name: str) -> None:
     box = (np.where(free, bound, trail.x)[None] for bound in (lower, upper))
     reached: list[float] = []
-    spare = max(int(problem.cases.seen.sum()) - int(free.sum()), 1)
+    spare = max(problem.cases.numbers - int(free.sum()), 1)
     trail.flat = False
 
     def watch(found: Slopes, objective: float, taken: bool) -> bool:
@@ -265,10 +265,8 @@ def several_starts(
     # The best constants between frames are known at every step.
     prior = problem.cases.prior and tuple(part[:size] for part in problem.cases.prior)
     data = dataclasses.replace(problem.cases, offsets=problem.offsets, prior=prior)
-    knee, vary, values = problem.knee, problem.selection.apply, starts[:, :size]
-    begin = balance_with_slopes(knee, vary, values, data.stations)
+    balance, values = balances_of(problem.knee, problem.selection, data), starts[:, :size]
     box = (np.tile(bound[:size], (count, 1)) for bound in (lower, upper))
-    balance = balances_of(knee, problem.selection, data.stations)
-    found = fit_lanes(balance, data, begin, values, *box, most=steps, far=True)
+    found = fit_lanes(balance, data, balance(values), values, *box, most=steps, far=True)
     shifts = [best_offsets(data, found.slopes.take([row])) for row in range(count)]
     return np.hstack([found.values, np.reshape(shifts, (count, -1))]), found.chi2

@@ -1,6 +1,8 @@
 """Poses against a measurement: residuals, bounded searches, the one fit in lanes."""
 
 from kneejax.inference.fit._bounded import BoundedLevenbergMarquardt as BoundedLevenbergMarquardt
+from kneejax.inference.fit._cut import balances_of as balances_of
+from kneejax.inference.fit._cut import slack_at as slack_at
 from kneejax.inference.fit._lbfgsb import minimise_bounded as minimise_bounded
 from kneejax.inference.fit._load_cases import DEFAULT_WEIGHTS as DEFAULT_WEIGHTS
 from kneejax.inference.fit._load_cases import TABLE_UNITS as TABLE_UNITS
@@ -14,6 +16,6 @@ from kneejax.inference.fit._many_fits import compile_step as compile_step
 from kneejax.inference.fit._many_fits import fit_lanes as fit_lanes
 from kneejax.inference.fit._observations import observations as observations
 from kneejax.inference.fit._problem import Problem as Problem
-from kneejax.inference.fit._problem import balances_of as balances_of
 from kneejax.inference.fit._problem import offset_units as offset_units
+from kneejax.inference.fit._readings import check_readable as check_readable
 from kneejax.inference.fit._synthetic import synthetic_motion as synthetic_motion

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import jax
 import jax.numpy as jnp
@@ -13,12 +14,15 @@ from jax import Array
 from kneejax.geometry import CLINICAL, FEMORAL, FREE_COORDINATES, convert, table_units
 from kneejax.statics import Slopes, Stations
 
+if TYPE_CHECKING:
+    from kneejax.inference.fit._readings import Readings
+
 #: Degrees and mm per internal unit of a free coordinate.
 TABLE_UNITS = table_units(FREE_COORDINATES)
 #: Weights of paper 1, section 3.4: 8 per degree^2, 1 per mm^2, in the order of the coordinates.
 DEFAULT_WEIGHTS = np.array([8.0, 8.0, 1.0, 1.0, 1.0])
 #: Balances at values `(fits, p)`, reached from near ones, with their derivatives by the values.
-Balance = Callable[[np.ndarray, Slopes], Slopes]
+Balance = Callable[..., Slopes]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,6 +47,9 @@ class LoadCases:
             `(stations,)`, -1 for cases without; None where no case has any.
         spread: times its coordinate's noise that an observation has, `(stations, 5)`; None where
             all have that noise itself.
+        cuts: what was cut, a set of ligaments each; the first is that of a whole knee, none.
+        cut: which of these each load case had, `(stations,)`; the first by default.
+        readings: forces and strains that were read of parts of the knee; None without any.
     """
 
     stations: Stations
@@ -55,6 +62,13 @@ class LoadCases:
     neutral: np.ndarray | None = None
     group: np.ndarray | None = None
     spread: np.ndarray | None = None
+    cuts: tuple[tuple[str, ...], ...] = ((),)
+    cut: np.ndarray = dataclasses.field(default=None)  # pyright: ignore[reportAssignmentType]
+    readings: Readings | None = None
+
+    def __post_init__(self) -> None:
+        if self.cut is None:
+            object.__setattr__(self, "cut", np.zeros(len(self.stations), int))
 
     @property
     def counted(self) -> np.ndarray:
@@ -65,7 +79,16 @@ class LoadCases:
     def count(self) -> int:
         """Rows of the residual."""
         believed = 0 if self.prior is None else len(self.prior[0])
-        return 5 * int(self.counted.sum()) + believed
+        return 5 * int(self.counted.sum()) + self._read + believed
+
+    @property
+    def numbers(self) -> int:
+        """How many numbers were observed and count."""
+        return int(self.seen.sum()) + self._read
+
+    @property
+    def _read(self) -> int:
+        return 0 if self.readings is None else len(self.readings)
 
     @property
     def seen(self) -> np.ndarray:
@@ -159,12 +182,22 @@ class LoadCases:
         error, slope = error / noise, slope / noise[..., None]
         error = error.reshape(len(error), -1)
         slope = slope.reshape(len(slope), -1, slope.shape[-1])
-        if self.prior is None:
-            return error, slope
-        mean, deviation = self.prior
-        each = np.broadcast_to(np.diag(1.0 / deviation), (len(error), *(len(mean),) * 2))
-        believed = (found.values - mean) / deviation
-        return np.hstack([error, believed]), np.concatenate([slope, each], axis=1)
+        known, by_values = self.beside_poses(found)
+        return np.hstack([error, known]), np.concatenate([slope, by_values], axis=1)
+
+    def beside_poses(self, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals of what was read of the knee's parts and of what was known beforehand, each
+        in its own standard deviation, `(fits, k)`, and by the values."""
+        fits, size = found.values.shape
+        rows, slopes = [np.zeros((fits, 0))], [np.zeros((fits, 0, size))]
+        if self.readings is not None:
+            read, slope = self.readings.residual(self, found)
+            rows, slopes = [*rows, read], [*slopes, slope]
+        if self.prior is not None:
+            mean, deviation = self.prior
+            rows.append((found.values - mean) / deviation)
+            slopes.append(np.broadcast_to(np.diag(1.0 / deviation), (fits, size, size)))
+        return np.hstack(rows), np.concatenate(slopes, axis=1)
 
 
 @jax.jit

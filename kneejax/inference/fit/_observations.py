@@ -11,8 +11,9 @@ import numpy as np
 from kneejax.experiments import MeasuredTest
 from kneejax.geometry import COORDINATES, FREE_COORDINATES
 from kneejax.inference.fit._load_cases import LoadCases
-from kneejax.mechanics import NAMED_LOADS, Load, load_of
-from kneejax.parameters import UnsuitableData
+from kneejax.inference.fit._readings import Readings, check_readable
+from kneejax.mechanics import NAMED_LOADS, Knee, Load, load_of
+from kneejax.parameters import Selection, UnsuitableData
 from kneejax.statics import Stations
 
 
@@ -57,16 +58,19 @@ def observations(
     neutral, group = [np.full(poses, -1)], [np.full(poses, -1)]
     spread, acting, count = [np.ones((poses, 5))], [], poses
     groups = 0
+    cuts, cut = _cuts(tests), [np.zeros(poses, int)]
     for test in tests:
         bent, seen, counted = _rows(test, count)
         flexion.append(bent)
         target.append(seen)
         neutral.append(counted)
+        rest = () if test.counted_from == "intact" else test.cut
+        rows = len(test.flexion_deg)
+        cut.append(np.where(np.arange(len(bent)) < rows, cuts.index(test.cut), cuts.index(rest)))
         own = np.pad(test.groups, (0, len(bent) - len(test.groups)), constant_values=-1)
         group.append(np.where(own < 0, -1, own + groups))
         groups += 1 + int(own.max())
-        relative = _spread(test, noise if stated is None else stated)
-        spread.append(np.tile(relative, (len(bent), 1)))
+        spread.append(_spread(test, noise if stated is None else stated, len(bent)))
         acting.append(_acting(test, len(bent)))
         count += len(bent)
     kinds = _together(tuple(loads), acting, poses, count)
@@ -78,7 +82,49 @@ def observations(
         neutral=np.concatenate(neutral),
         group=np.concatenate(group),
         spread=np.vstack(spread),
+        cuts=cuts,
+        cut=np.concatenate(cut),
     )
+
+
+def _cuts(tests: Sequence[MeasuredTest]) -> tuple[tuple[str, ...], ...]:
+    """What tests had cut, each once; first of all nothing."""
+    return tuple(dict.fromkeys([(), *(test.cut for test in tests)]))
+
+
+def readings_of(
+    knee: Knee, selection: Selection, poses: int, tests: Sequence[MeasuredTest]
+) -> Readings | None:
+    """What tests read of ligaments and contacts, as observations beside poses.
+
+    Args:
+        knee: gives everything that is not free.
+        selection: the free parameters.
+        poses: how many load cases come before those of the tests (`observations`).
+        tests: that were made.
+
+    Returns:
+        All numbers in the order of tests, names and rows; None without any.
+
+    Raises:
+        UnknownParameter: the knee has no such ligament or contact.
+    """
+    names = tuple(dict.fromkeys(name for test in tests for name in test.readings))
+    check_readable(knee, names)
+    found = []
+    for test, place in zip(tests, rows_of_tests(poses, tests), strict=True):
+        counted = _rows(test, place.start)[2][: len(test.flexion_deg)]
+        weight = np.ones(len(counted)) if test.weight is None else test.weight
+        for name, sizes in test.readings.items():
+            strain = name.endswith(".strain")
+            rows = np.flatnonzero(np.isfinite(sizes) & (weight > 0))
+            sd = test.sd_of(name) / np.sqrt(weight[rows])
+            rest = counted[rows] if strain else np.full(len(rows), -1)
+            kind = np.full(len(rows), names.index(name))
+            found.append((kind, place.start + rows, rest, sizes[rows], sd))
+    if not found:
+        return None
+    return Readings(knee, selection, names, *map(np.concatenate, zip(*found, strict=True)))
 
 
 def rows_of_tests(poses: int, tests: Sequence[MeasuredTest]) -> list[slice]:
@@ -92,7 +138,7 @@ def rows_of_tests(poses: int, tests: Sequence[MeasuredTest]) -> list[slice]:
 
 def _unloaded(test: MeasuredTest) -> np.ndarray:
     """Flexions whose unloaded pose is counted from, degrees."""
-    return np.unique(test.flexion_deg) if test.counted_from == "unloaded" else np.empty(0)
+    return np.unique(test.flexion_deg) if test.counts_from_rest else np.empty(0)
 
 
 def _rows(test: MeasuredTest, first: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -106,6 +152,8 @@ def _rows(test: MeasuredTest, first: int) -> tuple[np.ndarray, np.ndarray, np.nd
     itself = paired & (partner == np.arange(rows))
     seen[paired] -= test.observed[partner[paired]]
     seen[itself], counted[itself] = np.nan, -1
+    if test.weight is not None:
+        seen[test.weight == 0] = np.nan
     return (
         np.r_[test.flexion_deg, bare],
         np.vstack([seen, np.full((len(bare), 5), np.nan)]),
@@ -113,8 +161,8 @@ def _rows(test: MeasuredTest, first: int) -> tuple[np.ndarray, np.ndarray, np.nd
     )
 
 
-def _spread(test: MeasuredTest, stated: np.ndarray) -> np.ndarray:
-    """Times the coordinates' noise that a test has, `(5,)`."""
+def _spread(test: MeasuredTest, stated: np.ndarray, count: int) -> np.ndarray:
+    """Times the coordinates' noise that a test's rows have, `(count, 5)`."""
     spread = np.ones(5)
     for unit, sd in (("mm", test.sd_mm), ("deg", test.sd_deg)):
         if sd is None:
@@ -127,7 +175,12 @@ def _spread(test: MeasuredTest, stated: np.ndarray) -> np.ndarray:
             )
         spread[own] = sd / stated[own]
     # The difference of two readings scatters more than one of them.
-    return spread * (np.sqrt(2.0) if (test.partner >= 0).any() else 1.0)
+    spread *= np.sqrt(2.0) if (test.partner >= 0).any() else 1.0
+    every = np.tile(spread, (count, 1))
+    if test.weight is not None:
+        weight = np.where(test.weight > 0, test.weight, 1.0)
+        every[: len(weight)] /= np.sqrt(weight)[:, None]
+    return every
 
 
 def _acting(test: MeasuredTest, count: int) -> list[Load]:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
 from kneejax.experiments import MeasuredTest
 from kneejax.geometry import FREE_COORDINATES, Pose, State
+from kneejax.inference.fit._cut import balances_of
 from kneejax.inference.fit._load_cases import (
     TABLE_UNITS,
     Balance,
@@ -19,10 +19,10 @@ from kneejax.inference.fit._load_cases import (
     with_offsets,
     without_offsets,
 )
-from kneejax.inference.fit._observations import observations, rows_of_tests
+from kneejax.inference.fit._observations import observations, readings_of, rows_of_tests
 from kneejax.mechanics import Knee, Load
 from kneejax.parameters import Selection, stated
-from kneejax.statics import Slopes, Stations, balance_with_slopes
+from kneejax.statics import Slopes
 
 
 @dataclasses.dataclass(frozen=True)
@@ -78,6 +78,8 @@ class Problem:
         with np.errstate(divide="ignore"):
             noise = 1.0 / np.sqrt(weights)
         cases = observations(measured, noise, loads, tests, known)
+        poses = len(np.reshape(measured, (-1, 6)))
+        cases = dataclasses.replace(cases, readings=readings_of(knee, selection, poses, tests))
         return cls(knee, selection, cases, offsets, tuple(tests))
 
     @property
@@ -94,6 +96,12 @@ class Problem:
     def used(self) -> np.ndarray:
         """Load cases that count: those where the start's model balances, `(cases,)`."""
         return self.cases.counted
+
+    @property
+    def counted_numbers(self) -> int:
+        """How many observed numbers have a weight."""
+        unweighed = self.cases.seen[:, self.weights == 0].sum()
+        return self.cases.numbers - int(unweighed)
 
     @property
     def measured(self) -> np.ndarray:
@@ -134,15 +142,13 @@ class Problem:
         """Balances at values `(fits, p)`, each walked to from the knee's reference pose."""
         values = np.asarray(values, float)
         parameters, shifts = np.split(values, [len(self.selection)], axis=1)
-        found = balance_with_slopes(
-            self.knee, self.selection.apply, parameters, self.cases.stations
-        )
+        found = balances_of(self.knee, self.selection, self.cases)(parameters)
         return add_offsets(found, shifts, self.offsets, self.cases.posed)
 
     @property
     def balance(self) -> Balance:
         """Balances at values, from near ones."""
-        of_parameters = balances_of(self.knee, self.selection, self.cases.stations)
+        of_parameters = balances_of(self.knee, self.selection, self.cases)
         return with_offsets(of_parameters, self.offsets, self.cases.posed)
 
     def table(self, found: Slopes) -> np.ndarray:
@@ -167,13 +173,6 @@ class Problem:
         """Weighted residuals of one fit, and by the values."""
         residual, slope = self.cases.residual(found)
         return residual[0], slope[0]
-
-
-def balances_of(knee: Knee, selection: Selection, stations: Stations) -> Balance:
-    """Balances of a knee's variants, many at a time."""
-    # A fit asks a hundred times: what is the same each time is made once.
-    there = jax.tree.map(np.asarray, stations.of(knee).plain())
-    return lambda values, near: balance_with_slopes(knee, selection.apply, values, there, near)
 
 
 def offset_units(offsets: tuple[str, ...]) -> list[tuple[str, str]]:

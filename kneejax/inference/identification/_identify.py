@@ -16,7 +16,7 @@ from kneejax.inference.identification._information import Information, fit_infor
 from kneejax.inference.intervals import (
     Interval,
     Profile,
-    check_prior,
+    check_all_stated,
     follow_to_the_lowest,
     likeliest,
     named,
@@ -26,7 +26,7 @@ from kneejax.inference.intervals import (
 )
 from kneejax.mechanics import Knee, Load
 from kneejax.parameters import Selection, UnsuitableData, select, start_within, stated_bounds
-from kneejax.statics import Slopes, balance_with_slopes
+from kneejax.statics import Slopes
 
 #: Chi squared per degree of freedom beyond which the noise that was given is doubted.
 _MISFIT = 2.0
@@ -133,22 +133,22 @@ def identify(
     start = start_within(knee, selection, lower, upper)
     weights = DEFAULT_WEIGHTS if weights is None else np.asarray(weights, float)
     problem = Problem.of(knee, selection, measured, weights, offsets, loads, tests, stated)
-    stations = problem.cases.stations
-    begin = balance_with_slopes(knee, selection.apply, start[None], stations)
+    balance = balances_of(knee, selection, problem.cases)
+    begin = balance(start[None])
     problem = problem.with_used(begin.converged[0])
     used = problem.used
     if not used.any():
         raise UnsuitableData("nothing that was measured has a balance with the start's parameters")
     estimated = bool(np.isnan(stated).any())
+    if prior or problem.cases.readings is not None:
+        check_all_stated(stated, "prior" if prior else "readings")
     if prior:
-        check_prior(stated)
         problem = dataclasses.replace(problem, offsets=()).with_prior(start, prior)
     data = dataclasses.replace(problem.cases, offsets=offsets)
-    count = int(data.seen[:, weights > 0].sum())
+    count = problem.counted_numbers
     spare = count - int(data.taken[weights > 0].sum()) - len(selection)
     if estimated:
         check_enough(count, len(selection) + len(offsets))
-    balance = balances_of(knee, selection, stations)
     fits, data = likeliest(balance, data, begin, stated, lower, upper, far=True)
     fit, followed = fits.slopes, ()
     if with_profiles:

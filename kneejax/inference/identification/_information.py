@@ -5,12 +5,9 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 
-import jax.numpy as jnp
 import numpy as np
 
-from kneejax.experiments import slack_poses
-from kneejax.geometry import State
-from kneejax.inference.fit import LoadCases
+from kneejax.inference.fit import LoadCases, slack_at
 from kneejax.inference.identification._information_words import (
     fixed_combination,
     loose_combination,
@@ -196,9 +193,7 @@ def fit_information(
     """
     counted = data.counted & fit.converged[0]
     _, rows = dataclasses.replace(data, used=counted).residual(fit)
-    poses = State.of(data.stations.prescribed, jnp.asarray(fit.q[0].T)).tibia
-    meeting = jnp.moveaxis(jnp.asarray(fit.meeting[0]), 0, -1)
-    slack = slack_poses(selection.apply(knee, jnp.asarray(fit.values[0])), poses, meeting)
+    slack = slack_at(knee, selection, data, fit)
     answer = information(
         rows[0],
         1.0,

@@ -5,7 +5,7 @@ from kneejax.inference.intervals._intervals import IntervalKind as IntervalKind
 from kneejax.inference.intervals._intervals import Surety as Surety
 from kneejax.inference.intervals._intervals import same_ends as same_ends
 from kneejax.inference.intervals._intervals import sureties as sureties
-from kneejax.inference.intervals._likelihood import check_prior as check_prior
+from kneejax.inference.intervals._likelihood import check_all_stated as check_all_stated
 from kneejax.inference.intervals._likelihood import likeliest as likeliest
 from kneejax.inference.intervals._likelihood import on_bounds as on_bounds
 from kneejax.inference.intervals._likelihood import rise_at_limits as rise_at_limits

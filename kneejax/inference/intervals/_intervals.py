@@ -166,7 +166,7 @@ def sureties(
         held = on_bounds(values, lower, upper)
         linear = uncertainty(
             jacobian, error, weights, held, np.where(np.isinf(own), np.nan, own),
-            data.seen[data.counted].T, None if data.prior is None else data.prior[1],
+            data.seen[data.counted].T, data.take([row]).beside_poses(at_answer)[1][0],
         )  # fmt: skip
         judged.append(
             Surety(

@@ -31,14 +31,20 @@ def stated_noise(noise_mm: float | None, noise_deg: float | None) -> np.ndarray:
     return np.array([noise_deg, noise_deg, noise_mm, noise_mm, noise_mm], float)
 
 
-def check_prior(stated: np.ndarray) -> None:
-    """Refuse a prior beside noise that is estimated: one would have to be weighed by the other.
+def check_all_stated(stated: np.ndarray, beside: str) -> None:
+    """Refuse noise that is estimated beside what counts in a standard deviation of its own.
+
+    Args:
+        stated: as `stated_noise` gives it.
+        beside: what counts beside the poses, for the error.
 
     Raises:
         UnsuitableData: some noise is not stated.
     """
     if np.isnan(stated).any():
-        raise UnsuitableData("prior: expected noise_mm and noise_deg too, against which it counts")
+        raise UnsuitableData(
+            f"{beside}: expected noise_mm and noise_deg too, against which it counts"
+        )
 
 
 def rise_at_limits(spare: int | None) -> float:
@@ -118,7 +124,7 @@ def noise_left(
 def errors(data: LoadCases, fit: Slopes) -> tuple[np.ndarray, np.ndarray]:
     """Model minus measurement `(5, poses)` of one fit, degrees and mm, and its Jacobian, where
     noise is its coordinate's; less where an observation has more (`LoadCases.spread`)."""
-    plain = dataclasses.replace(data, noise=np.ones(5), prior=None)
+    plain = dataclasses.replace(data, noise=np.ones(5), prior=None, readings=None)
     residual, slope = plain.residual(fit)
     poses = int(data.counted.sum())
     return residual[0].reshape(poses, 5).T, np.moveaxis(slope[0].reshape(poses, 5, -1), 0, 1)

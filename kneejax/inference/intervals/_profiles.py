@@ -87,7 +87,7 @@ def profiles(
     Returns:
         One profile per parameter.
     """
-    balance = balances_of(knee, selection, data.stations)
+    balance = balances_of(knee, selection, data)
     names = named(selection)
     return follow(balance, data, fit, lower, upper, threshold, names)[0][0]
 

@@ -32,7 +32,7 @@ def uncertainty(
     held: np.ndarray,
     noise: np.ndarray | None = None,
     seen: np.ndarray | None = None,
-    prior: np.ndarray | None = None,
+    beside: np.ndarray | None = None,
 ) -> Uncertainty:
     """Propagate the scatter of the data to the parameters.
 
@@ -47,9 +47,9 @@ def uncertainty(
         weights: of the objective, `(5,)`; a coordinate without weight tells nothing.
         held: parameters that do not move (at a bound), `(p,)`.
         noise: standard deviations of the measurement, `(5,)`; estimated where NaN, and by default.
-        prior: standard deviations of priors, `(p,)`, infinite where there is none, in an objective
-            to which they add their own squares; none by default.
         seen: what was observed, `(5, n)`; error and Jacobian are zero elsewhere. All by default.
+        beside: derivatives of further residuals, each in its own standard deviation, `(k, p)`, in
+            an objective to which they add their squares (`LoadCases.beside_poses`).
 
     Returns:
         The `Uncertainty`.
@@ -62,8 +62,8 @@ def uncertainty(
     scale = np.where(scale > 0, scale, 1.0)
     weighted = (np.sqrt(weights)[:, None, None] * j / scale).reshape(-1, free.sum())
     rows = len(weighted)
-    if prior is not None:
-        weighted = np.vstack([weighted, np.diag(1.0 / prior[free]) / scale])
+    if beside is not None:
+        weighted = np.vstack([weighted, beside[:, free] / scale])
     left, singular, right = np.linalg.svd(weighted, full_matrices=False)
     with np.errstate(divide="ignore", invalid="ignore"):
         pseudo = (right.T / singular) @ left.T

@@ -19,7 +19,7 @@ from kneejax.report.calibration._figures import (
     parameters_figure,
 )
 from kneejax.report.calibration._starts import starts_words
-from kneejax.report.calibration._tests import laxity_errors, tests_figure
+from kneejax.report.calibration._tests import axis_label_of, laxity_errors, tests_figure
 from kneejax.report.calibration._verdict import (
     PAPER,
     PAPER_COUNTS,
@@ -206,7 +206,7 @@ def _tests_section(calibration: Calibration, svg: str) -> str:
     rows = [
         [
             one.test if one.flexion_deg is None else "",
-            COORDINATES[one.coordinate].axis_label if one.flexion_deg is None else "",
+            axis_label_of(one.coordinate) if one.flexion_deg is None else "",
             "all" if one.flexion_deg is None else f"{one.flexion_deg:g}",
             str(one.readings),
             number(one.start, 3),

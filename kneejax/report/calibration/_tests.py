@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from kneejax.geometry import COORDINATES, FREE_COORDINATES
+from kneejax.geometry import COORDINATES
 from kneejax.mechanics import NAMED_LOADS
 from kneejax.report.look import GREY, WIDTH, styled, verbatim
 from kneejax.statics import Status
@@ -16,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from kneejax.experiments import MeasuredTest
     from kneejax.inference import Calibration, FittedTest
 
 _PANEL = 2.9  # inches high
@@ -24,6 +24,7 @@ _MOST_NAMED = 8
 #: What was compared, by what it is counted from.
 _COMPARED = {
     "unloaded": "Change from the unloaded pose",
+    "intact": "Change from the intact knee",
     "least_load": "Change from the least load",
     "opposite": "Difference of opposite loads",
     "offset": "Pose in the laboratory's frame",
@@ -47,8 +48,8 @@ def laxity_errors(calibration: Calibration) -> list[LaxityError]:
     """Errors by test, coordinate and flexion, each coordinate as a whole first."""
     found = []
     for own, before in zip(calibration.fit.tests, calibration.start_tests, strict=True):
-        for name in own.test.coordinates:
-            seen = np.isfinite(own.measured[:, FREE_COORDINATES.index(name)])
+        for name, (measured, _) in own.compared.items():
+            seen = np.isfinite(measured)
             for flexion in (None, *np.unique(own.test.flexion_deg[seen]).tolist()):
                 rows = seen if flexion is None else seen & (own.test.flexion_deg == flexion)
                 errors = before.rmse(name, flexion), own.rmse(name, flexion)
@@ -72,24 +73,49 @@ def reading_rows(calibration: Calibration) -> list[list[Any]]:
         loads = [
             test.loads.get(name, nothing) + test.constant.get(name, 0.0) for name in NAMED_LOADS
         ]
-        for row, name, column in _readings(own):
-            rows.append([
+        rows += [
+            [
                 test.name, test.flexion_deg[row], *(size[row] for size in loads), name,
-                COORDINATES[name].unit, test.counted_from, own.measured[row, column],
-                before.fitted[row, column], own.fitted[row, column],
-                Status(int(own.status[row])).word,
-            ])  # fmt: skip
+                unit_of(name), _counted_from(test, name), measured[row],
+                before.compared[name][1][row], fitted[row], Status(int(own.status[row])).word,
+            ]
+            for row in range(len(test.flexion_deg))
+            for name, (measured, fitted) in own.compared.items()
+            if np.isfinite(measured[row])
+        ]  # fmt: skip
     return rows
 
 
-def _readings(own: FittedTest) -> Iterator[tuple[int, str, int]]:
-    for row, column in zip(*np.nonzero(np.isfinite(own.measured)), strict=True):
-        yield int(row), FREE_COORDINATES[column], int(column)
+def _counted_from(test: MeasuredTest, name: str) -> str:
+    return test.counted_from if name in COORDINATES or name.endswith(".strain") else "absolute"
+
+
+def unit_of(name: str) -> str:
+    """Of a coordinate, or of what was read of a part; a strain has none."""
+    if name in COORDINATES:
+        return COORDINATES[name].unit
+    return "N" if name.endswith("_N") else ""
+
+
+def label_of(name: str) -> str:
+    """Of a coordinate, or of what was read of a part, within a sentence."""
+    if name in COORDINATES:
+        return COORDINATES[name].phrase
+    part, _, kind = name.rpartition(".")
+    words = {"tension_N": "tension", "contact_N": "contact force"}
+    return f"{part} {words.get(kind, kind)}"
+
+
+def axis_label_of(name: str) -> str:
+    """Label with unit, to begin a line with."""
+    label, unit = label_of(name), unit_of(name)
+    return f"{label[:1].upper()}{label[1:]}" + f", {unit}" * bool(unit)
 
 
 def readings(calibration: Calibration) -> int:
     """Numbers that tests under load observed."""
-    return sum(int(np.isfinite(own.measured).sum()) for own in calibration.fit.tests)
+    every = (pair[0] for own in calibration.fit.tests for pair in own.compared.values())
+    return sum(int(np.isfinite(measured).sum()) for measured in every)
 
 
 def laxity_doubts(tests: tuple[FittedTest, ...], accepted: tuple[Status, ...] = ()) -> list[str]:
@@ -125,7 +151,7 @@ def tests_figure(calibration: Calibration) -> Figure:
     panels = [
         (own, before, name)
         for own, before in zip(calibration.fit.tests, calibration.start_tests, strict=True)
-        for name in own.test.coordinates
+        for name in own.compared
     ]
     height = _PANEL * len(panels) + 0.35
     figure = Figure(figsize=(WIDTH, height))
@@ -137,19 +163,24 @@ def tests_figure(calibration: Calibration) -> Figure:
         flexions = np.unique(own.test.flexion_deg)
         along = _over_flexion if len(flexions) == len(own.test.flexion_deg) else _over_load
         along(axes, own, before, name)
-        axes.set_title(verbatim(f"{own.test.name}: {COORDINATES[name].label.lower()}"))
+        axes.set_title(verbatim(f"{own.test.name}: {label_of(name)}"))
         axes.axhline(0.0, color=GREY, linewidth=0.5)
     return figure
 
 
 def _label(own: FittedTest, name: str) -> str:
-    return f"{_COMPARED[own.test.counted_from]}, {COORDINATES[name].unit}"
+    unit = unit_of(name) or "-"
+    if name.endswith("_N"):
+        return f"{label_of(name)}, {unit}"
+    if name.endswith(".strain"):
+        return f"{label_of(name)}{', change' * own.test.counts_from_rest}, {unit}"
+    return f"{_COMPARED[own.test.counted_from]}, {unit}"
 
 
 def _over_load(axes: Axes, own: FittedTest, before: FittedTest, name: str) -> None:
     from matplotlib import colormaps
 
-    test, column = own.test, FREE_COORDINATES.index(name)
+    test, measured = own.test, own.compared[name][0]
     flexions, load = np.unique(test.flexion_deg), test.loads[test.driven_by]
     every = max(1, -(-len(flexions) // _MOST_NAMED))
     colors = colormaps["viridis"](np.linspace(0.0, 0.92, len(flexions)))
@@ -157,9 +188,9 @@ def _over_load(axes: Axes, own: FittedTest, before: FittedTest, name: str) -> No
         rows = np.flatnonzero(test.flexion_deg == flexion)
         rows = rows[np.argsort(load[rows], kind="stable")]
         label = f"{flexion:g}" if k % every == 0 else None
-        axes.plot(*_curve(before, rows, column, load), ":", color=color, linewidth=0.9)
-        axes.plot(*_curve(own, rows, column, load), color=color, label=label)
-        axes.plot(own.measured[rows, column], load[rows], "o", color=color, markersize=3)
+        axes.plot(*_curve(before, rows, name, load), ":", color=color, linewidth=0.9)
+        axes.plot(*_curve(own, rows, name, load), color=color, label=label)
+        axes.plot(measured[rows], load[rows], "o", color=color, markersize=3)
     kind = NAMED_LOADS[test.driven_by]
     axes.set_xlabel(_label(own, name))
     axes.set_ylabel(f"{kind.positive.capitalize()}, {kind.unit}")
@@ -167,11 +198,15 @@ def _over_load(axes: Axes, own: FittedTest, before: FittedTest, name: str) -> No
     _legend(axes, "Flexion, deg")
 
 
-def _curve(one: FittedTest, rows: np.ndarray, column: int, load: np.ndarray):
+def _curve(one: FittedTest, rows: np.ndarray, name: str, load: np.ndarray):
     """A curve from its readings, and from the pose that counts as zero."""
+    measured, fitted = (each[rows] for each in one.compared[name])
+    if name.endswith("_N"):
+        drawn = np.isfinite(measured)
+        return fitted[drawn], load[rows][drawn]
     zero = (one.test.partner[rows] == rows) & (one.test.counted_from == "least_load")
-    drawn = zero | np.isfinite(one.measured[rows, column])
-    x, y = np.where(zero, 0.0, one.fitted[rows, column])[drawn], load[rows][drawn]
+    drawn = zero | np.isfinite(measured)
+    x, y = np.where(zero, 0.0, fitted)[drawn], load[rows][drawn]
     if one.test.counted_from == "unloaded":
         place = int(np.searchsorted(y, 0.0))
         x, y = np.insert(x, place, 0.0), np.insert(y, place, 0.0)
@@ -179,12 +214,11 @@ def _curve(one: FittedTest, rows: np.ndarray, column: int, load: np.ndarray):
 
 
 def _over_flexion(axes: Axes, own: FittedTest, before: FittedTest, name: str) -> None:
-    test, column = own.test, FREE_COORDINATES.index(name)
-    order = np.argsort(test.flexion_deg)
-    x = test.flexion_deg[order]
-    axes.plot(x, before.fitted[order, column], ":", color="black", linewidth=0.9)
-    axes.plot(x, own.fitted[order, column], color="black")
-    axes.plot(x, own.measured[order, column], "o", color="black", markersize=3)
+    order = np.argsort(own.test.flexion_deg)
+    x, (measured, fitted) = own.test.flexion_deg[order], own.compared[name]
+    axes.plot(x, before.compared[name][1][order], ":", color="black", linewidth=0.9)
+    axes.plot(x, fitted[order], color="black")
+    axes.plot(x, measured[order], "o", color="black", markersize=3)
     axes.set_xlabel("Flexion, deg")
     axes.set_ylabel(_label(own, name))
     _legend(axes, None)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from kneejax.geometry import COORDINATES
 from kneejax.inference import IntervalKind
 from kneejax.report.calibration._starts import starts_words
-from kneejax.report.calibration._tests import laxity_errors
+from kneejax.report.calibration._tests import axis_label_of, laxity_errors
 from kneejax.report.calibration._verdict import (
     PAPER_COUNTS,
     Outcome,
@@ -140,7 +140,7 @@ def _test_rows(calibration: Calibration) -> list[list[str]]:
     rows = [["test under load", "coordinate", "flexion, deg", "readings", "start RMSE", "fitted"]]
     for one in laxity_errors(calibration):
         whole = one.flexion_deg is None
-        label = COORDINATES[one.coordinate].axis_label
+        label = axis_label_of(one.coordinate)
         rows.append(
             [one.test if whole else "", label if whole else "", "all" if whole else ""]
             + [str(one.readings), number(one.start, 3), number(one.fitted, 3)]

@@ -13,7 +13,7 @@ import numpy as np
 from kneejax.geometry import COORDINATES
 from kneejax.inference import Ending, Fault, IntervalKind, Misfit
 from kneejax.report.calibration._starts import rivals_words
-from kneejax.report.calibration._tests import laxity_doubts, readings
+from kneejax.report.calibration._tests import label_of, laxity_doubts, readings, unit_of
 from kneejax.report.look import change, listed, number
 from kneejax.report.motion import accepted_statuses, pose_doubts, row_status
 from kneejax.statics import Status, converged
@@ -191,10 +191,10 @@ def misfit_words(calibration: Calibration) -> list[str]:
 
 
 def _misfit(one: Misfit) -> str:
-    coordinate = COORDINATES[one.coordinate]
-    test = f"Test {one.test}, {coordinate.label.lower()}" if one.test else coordinate.label
-    said = f"{test}: RMSE {number(one.rmse, 3)} {coordinate.unit}, "
-    against = f"{number(one.against, 3)} {coordinate.unit}"
+    label, unit = label_of(one.coordinate), unit_of(one.coordinate)
+    test = f"Test {one.test}, {label}" if one.test else f"{label[:1].upper()}{label[1:]}"
+    said = f"{test}: RMSE {f'{number(one.rmse, 3)} {unit}'.strip()}, "
+    against = f"{number(one.against, 3)} {unit}".strip()
     return {
         Fault.WORSE_THAN_START: f"{said}{change(one.against, one.rmse)} than at the start "
         f"({against}): the fit gives it up for others. The model lacks something, or the weights "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import jax
@@ -53,6 +54,24 @@ class Slopes:
     def take(self, rows) -> Slopes:
         """Some of the variants, in the order of `rows`."""
         return Slopes(*(getattr(self, f.name)[rows] for f in dataclasses.fields(self)))
+
+    def at(self, rows) -> Slopes:
+        """All variants at some of the stations, in the order of `rows`."""
+        arrays = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
+        return Slopes(**{k: x if k == "values" else x[:, rows] for k, x in arrays.items()})
+
+    @classmethod
+    def joined(cls, parts: Sequence[Slopes], places: Sequence[np.ndarray]) -> Slopes:
+        """The same variants at all stations, from what was balanced apart.
+
+        Args:
+            parts: one or more.
+            places: of each part's stations among all.
+        """
+        order = np.argsort(np.concatenate(places))
+        names = [f.name for f in dataclasses.fields(cls) if f.name != "values"]
+        every = {k: np.concatenate([getattr(x, k) for x in parts], axis=1) for k in names}
+        return cls(parts[0].values, **{k: x[:, order] for k, x in every.items()})
 
     def put(self, rows, others: Slopes) -> None:
         """Replace some of the variants in place."""

@@ -1,0 +1,121 @@
+"""Balances of a knee whose ligaments some tests had cut."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from kneejax.experiments import slack_poses
+from kneejax.geometry import State
+from kneejax.inference.fit._load_cases import Balance, LoadCases
+from kneejax.mechanics import Knee
+from kneejax.parameters import Selection, fibre_rows
+from kneejax.statics import Slopes, balance_with_slopes
+
+
+@dataclasses.dataclass(frozen=True)
+class CutKnee:
+    """Sets parameters, then cuts fibres; hashable, since it steers compiling.
+
+    A ligament is cut after its number is set: a group's stiffness is shared out as that of the
+    whole knee.
+
+    Attributes:
+        selection: the free parameters.
+        fibres: rows of those that are cut.
+    """
+
+    selection: Selection
+    fibres: tuple[int, ...]
+
+    def __call__(self, knee: Knee, values: Any) -> Knee:
+        """The knee with these values of the free parameters, and without those fibres."""
+        knee = self.selection.apply(knee, values)
+        torn = np.isin(np.arange(len(knee.ligaments.names)), self.fibres)
+        left = jnp.where(torn, 0.0, knee.ligaments.stiffness)
+        return eqx.tree_at(lambda k: k.ligaments.stiffness, knee, left)
+
+
+def balances_of(knee: Knee, selection: Selection, cases: LoadCases) -> Balance:
+    """Balances of a knee's variants at load cases, many at a time.
+
+    Args:
+        knee: gives everything that is not free.
+        selection: the free parameters.
+        cases: each with what is cut there.
+
+    Returns:
+        A function of values `(variants, p)` and of balances at near ones; without these each
+        variant is walked to from the knee's reference pose.
+    """
+    every = cases.stations.of(knee)
+    parts = []
+    for number, names in enumerate(cases.cuts):
+        rows = np.flatnonzero(cases.cut == number)
+        if len(rows):
+            # A fit asks a hundred times: what is the same each time is made once.
+            there = jax.tree.map(np.asarray, every.take(rows).plain())
+            parts.append((rows, *without(knee, selection, names), there))
+
+    def balance(values: np.ndarray, near: Slopes | None = None) -> Slopes:
+        if len(parts) == 1:
+            _, own, vary, there = parts[0]
+            return balance_with_slopes(own, vary, values, there, near)
+        found = [
+            balance_with_slopes(own, vary, values, there, near and near.at(rows))
+            for rows, own, vary, there in parts
+        ]
+        return Slopes.joined(found, [rows for rows, *_ in parts])
+
+    return balance
+
+
+def without(knee: Knee, selection: Selection, names: tuple[str, ...]):
+    """A knee in which some fibres cannot tear, and what sets its parameters and cuts them.
+
+    Args:
+        knee: gives everything that is not free.
+        selection: the free parameters.
+        names: ligaments or groups that are cut.
+
+    Returns:
+        The knee, and a function of it and of values.
+    """
+    if not names:
+        return knee, selection.apply
+    fibres = tuple(sorted({row for name in names for row in fibre_rows(knee, name)}))
+    torn = np.isin(np.arange(len(knee.ligaments.names)), fibres)
+    strain = jnp.where(torn, jnp.inf, knee.ligaments.failure_strain)
+    whole = eqx.tree_at(lambda k: k.ligaments.failure_strain, knee, strain)
+    return whole, CutKnee(selection, fibres)
+
+
+def slack_at(
+    knee: Knee, selection: Selection, cases: LoadCases, found: Slopes
+) -> dict[str, np.ndarray]:
+    """Where each ligament and group is slack or cut, in the balances of one variant.
+
+    Args:
+        knee: gives everything that is not free.
+        selection: the free parameters.
+        cases: at which it was balanced.
+        found: one variant.
+
+    Returns:
+        Ligament or group -> `(stations,)`.
+    """
+    poses = State.of(cases.stations.prescribed, jnp.asarray(found.q[0].T)).tibia
+    meeting = jnp.moveaxis(jnp.asarray(found.meeting[0]), 0, -1)
+    own = selection.apply(knee, jnp.asarray(found.values[0]))
+    slack = slack_poses(own, poses, meeting)
+    for number, names in enumerate(cases.cuts):
+        gone = {row for name in names for row in fibre_rows(knee, name)}
+        for name, where in slack.items():
+            if gone.issuperset(fibre_rows(knee, name)):
+                where[cases.cut == number] = True
+    return slack

@@ -1,0 +1,184 @@
+"""Forces and strains of a knee's parts, as observations beside its poses."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING, Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from kneejax.geometry import State
+from kneejax.inference.fit._cut import without
+from kneejax.mechanics import Knee
+from kneejax.numerics import compiled, on_all_cores, safe_sqrt
+from kneejax.parameters import Selection, UnknownParameter, fibre_rows, nearest_of
+from kneejax.statics import Slopes, Stations, Vary, in_lanes
+
+if TYPE_CHECKING:
+    from kneejax.inference.fit._load_cases import LoadCases
+
+#: Lanes of a call, as of the derivatives of balances.
+_LANES = 128
+#: What is read: its kind, and the rows of the fibres, or the row of the contact.
+_Asked = tuple[str, tuple[int, ...]]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Readings:
+    """What was read of ligaments and contacts, a number each.
+
+    Attributes:
+        knee: gives everything that is not free.
+        selection: the free parameters.
+        names: what can be read, `PART.KIND` of `kneejax.experiments.READINGS`.
+        name: which of these each number is of, `(r,)`.
+        case: its load case, `(r,)`.
+        neutral: load case from which it is counted, `(r,)`, -1 where it counts as it is.
+        target: what was read, `(r,)`, N or strain.
+        sd: its standard deviation, `(r,)`.
+    """
+
+    knee: Knee
+    selection: Selection
+    names: tuple[str, ...]
+    name: np.ndarray
+    case: np.ndarray
+    neutral: np.ndarray
+    target: np.ndarray
+    sd: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.target)
+
+    def model(self, cases: LoadCases, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
+        """What the knee gives in the place of each number, and its derivative by the values.
+
+        Args:
+            cases: of which these are readings.
+            found: balances there.
+
+        Returns:
+            `(fits, r)` and `(fits, r, p)`.
+        """
+        counts = self.neutral >= 0
+        zero = np.where(counts, self.neutral, self.case)
+        at, slope = self._at_cases(cases, found, np.unique(np.r_[self.case, zero]))
+        own = (slice(None), self.case, self.name)
+        rest = (slice(None), zero, self.name)
+        value = at[own] - np.where(counts, at[rest], 0.0)
+        return value, slope[own] - np.where(counts[:, None], slope[rest], 0.0)
+
+    def residual(self, cases: LoadCases, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
+        """Errors over standard deviations `(fits, r)`, and by the values; zero where the load
+        case does not count."""
+        value, slope = self.model(cases, found)
+        zero = np.where(self.neutral >= 0, self.neutral, self.case)
+        counted = cases.counted[self.case] & cases.counted[zero]
+        error = np.where(counted, (value - self.target) / self.sd, 0.0)
+        return error, np.where(counted[:, None], slope / self.sd[:, None], 0.0)
+
+    def _at_cases(self, cases: LoadCases, found: Slopes, rows: np.ndarray):
+        """All that can be read at some load cases, `(fits, cases, names)`, and by the values; NaN
+        at the others."""
+        fits, size = found.values.shape
+        shape = fits, len(cases.stations), len(self.names)
+        value, slope = np.full(shape, np.nan), np.full((*shape, size), np.nan)
+        asked = tuple(_asked(self.knee, name) for name in self.names)
+        for number, names in enumerate(cases.cuts):
+            own = rows[cases.cut[rows] == number]
+            if len(own):
+                knee, vary = without(self.knee, self.selection, names)
+                there = cases.stations.of(knee).take(own).plain()
+                pair = _read_all(asked, vary, knee, len(self.selection), there, found.at(own))
+                value[:, own], slope[:, own] = pair
+        return value, slope
+
+
+def _asked(knee: Knee, name: str) -> _Asked:
+    """What is to be computed.
+
+    Raises:
+        UnknownParameter: the knee has no such ligament or contact.
+    """
+    part, _, kind = name.rpartition(".")
+    if kind != "contact_N":
+        return kind, tuple(fibre_rows(knee, part))
+    if part not in knee.contact_names:
+        near = nearest_of(part, knee.contact_names)
+        known = ", ".join(knee.contact_names)
+        end = f"; did you mean {near!r}?" if near else f": expected one of {known}"
+        raise UnknownParameter(f"knee {knee.name!r} has no contact {part!r}{end}")
+    return kind, (knee.contact_names.index(part),)
+
+
+def check_readable(knee: Knee, names) -> None:
+    """Refuse readings of what a knee does not have.
+
+    Raises:
+        UnknownParameter: naming the nearest ligament, group or contact.
+    """
+    for name in names:
+        _asked(knee, name)
+
+
+def _read_all(asked, vary: Vary, knee: Knee, free: int, stations: Stations, found: Slopes):
+    """What is read of all variants at all stations, `(variants, stations, names)`, and by the
+    values."""
+    fits, size = found.values.shape
+    count = len(stations)
+    in_nodes = [
+        x.reshape(-1, *x.shape[2:])
+        for x in (found.q, found.meeting, found.jacobian, found.meeting_jacobian)
+    ]
+
+    def some(first: int):
+        rows = np.minimum(np.arange(first, first + _LANES), fits * count - 1)
+        there = jax.tree.map(lambda x: np.asarray(x)[rows % count], stations)
+        q, meeting, moved, met = (np.moveaxis(x[rows], 0, -1) for x in in_nodes)
+        values = found.values[rows // count, :free]
+        moved, met = np.moveaxis(moved, -2, 0), np.moveaxis(met, -2, 0)
+        at = values, there, q, meeting, moved, met
+        return tuple(map(np.asarray, _read(asked, vary, knee, *at)))
+
+    parts = on_all_cores(some, range(0, fits * count, _LANES))
+    whole = (np.concatenate(x, axis=-1) for x in zip(*parts, strict=True))
+    value, slope = (x[..., : fits * count] for x in whole)
+    shape = fits, count, len(asked)
+    return value.T.reshape(shape), np.moveaxis(slope, 0, -1).swapaxes(0, 1).reshape(*shape, size)
+
+
+@compiled(static_argnums=(0, 1))
+def _read(asked, vary: Vary, knee: Knee, values, stations: Stations, q, meeting, moved, met):
+    """Readings `(names, lanes)`, and in each direction of the values, `(p, names, lanes)`."""
+
+    def at(values: Any, q: Array, meeting: Array) -> Array:
+        lanes = stations.load(in_lanes(knee, vary, values))
+        state = State.of(stations.prescribed, q, stations.bodies)
+        length = lanes.ligaments.length(state)
+        springs = length / lanes.ligaments.slack_length - 1.0, lanes.ligaments.tension_at(length)
+        return jnp.stack([_one(lanes, state, meeting, springs, *each) for each in asked])
+
+    read, push = jax.linearize(at, values, q, meeting)
+    # Lanes do not touch each other. Values beyond the parameters are constants between frames.
+    units = jnp.eye(len(moved), values.shape[1])[:, None]
+    units = jnp.broadcast_to(units, (len(moved), *values.shape))
+    return read, jax.vmap(push)(units, moved, met)
+
+
+def _one(lanes: Knee, state: State, meeting: Array, springs, kind: str, rows: tuple[int, ...]):
+    strain, tension = springs
+    if kind == "strain":
+        return jnp.mean(strain[jnp.array(rows)], axis=0)
+    if kind == "tension_N":
+        return jnp.sum(tension[jnp.array(rows)], axis=0)
+    contact = lanes.contacts[rows[0]]
+    there = state.between(contact.bodies)
+    if contact.has_patch:
+        patch = sum(one.has_patch for one in lanes.contacts[: rows[0]])
+        force = contact.press(there, (meeting[patch, 0], meeting[patch, 1])).wrench.force
+    else:
+        force = contact.press_points(there)[1].force
+    return safe_sqrt(sum(x * x for x in force))

@@ -1,0 +1,187 @@
+"""Tests on cut knees, and forces and strains that were read, as data of the one fit."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import kneejax as kj
+from kneejax.experiments import evaluate, weights_by_load
+from kneejax.geometry import FREE_COORDINATES
+from kneejax.inference.fit import Problem, fit_lanes, slack_at
+from kneejax.parameters import UnknownParameter
+
+NAMES = ["ACL.stiffness", "ACL.reference_strain", "PCL.reference_strain", "MCL.reference_strain"]
+NOISE = np.full(5, 0.1)
+ANTERIOR = FREE_COORDINATES.index("anterior")
+READ = ("ACL.tension_N", "MCL.strain", "medial.contact_N")
+
+
+@pytest.fixture(scope="module")
+def knee():
+    return kj.load_knee("four_ligament")
+
+
+@pytest.fixture(scope="module")
+def passive(knee):
+    return np.asarray(kj.passive_flexion(knee, [0.0, 45.0]).to_table())
+
+
+def curves_of(knee, **options):
+    (test,) = kj.lab_tests("drawer", [20.0, 60.0], force_N=60.0, both=True, steps=2, **options)
+    return kj.load_curves(knee, test)[0]
+
+
+def measured(knee, cut=(), read=(), **given):
+    """A drawer of a knee, without some ligaments, and what is read of its parts."""
+    curves = curves_of(kj.cut(knee, cut) if cut else knee)
+    test = kj.MeasuredTest.of(curves, cut=cut)
+    motion, under = curves.motion, np.asarray(curves.test.path) != 0.0
+    parts = evaluate(motion.knee, motion.pose, motion.settled.meeting)
+    names = motion.knee.ligaments.names
+    rows = {
+        "ACL.tension_N": parts.tension[:, names.index("ACL")],
+        "MCL.strain": parts.strain[:, names.index("MCL")],
+        "medial.contact_N": np.linalg.norm(parts.contact_force[:, 0], axis=-1),
+    }
+    readings = {}
+    for name in read:
+        at = np.asarray(rows[name])[curves.nodes]
+        if name.endswith(".strain"):
+            at = at - np.asarray(rows[name])[curves._unloaded][:, None]
+        readings[name] = at[:, curves.steps[under]].ravel()
+    sd = {"sd_N": 5.0, "sd_strain": 0.001} if read else {}
+    return dataclasses.replace(test, readings=readings, **sd, **given)
+
+
+def problem_of(knee, passive, tests, names=NAMES):
+    return Problem.of(knee, kj.select(knee, names), passive, NOISE**-2.0, tests=tests)
+
+
+@pytest.fixture(scope="module")
+def tests(knee):
+    return [measured(knee, read=READ), dataclasses.replace(measured(knee, ("ACL",)), name="cut")]
+
+
+@pytest.fixture(scope="module")
+def problem(knee, passive, tests):
+    return problem_of(knee, passive, tests)
+
+
+def start_of(problem):
+    return np.asarray(problem.selection.read(problem.knee))
+
+
+def test_a_knee_shows_no_residual_against_what_was_measured_of_it_whole_and_cut(problem):
+    residual, _ = problem.residual(problem.begin(start_of(problem)[None]))
+    assert len(residual) == problem.cases.count
+    assert np.abs(residual).max() < 1e-4
+
+
+def test_residuals_have_exact_derivatives(problem, central_difference):
+    start = start_of(problem) * 1.05
+    begin, size = problem.begin(start[None]), np.abs(start)
+    _, slope = problem.residual(begin)
+    assert np.abs(slope[-3 * len(problem.tests[0].flexion_deg) :]).max() > 1.0
+
+    def residual(x):
+        return problem.residual(problem.balance((x * size)[None], begin))[0]
+
+    differences = central_difference(residual, start / size, 1e-4)
+    assert slope * size == pytest.approx(differences, rel=1e-6, abs=1e-4)
+
+
+def test_what_is_cut_does_not_pull_and_nothing_else_changes(problem):
+    start = start_of(problem)
+    found, cases = problem.begin(start[None]), problem.cases
+    whole, without = (np.flatnonzero(cases.cut == k) for k in (0, 1))
+    # Without an ACL its numbers change nothing, and with one the others are as they are alone.
+    assert np.abs(found.jacobian[0, without][..., :2]).max() < 1e-12
+    assert np.abs(found.jacobian[0, whole][..., :2]).max() > 1e-6
+    slack = slack_at(problem.knee, problem.selection, cases, found)["ACL"]
+    assert slack[without].all() and not slack[whole].all()
+    torn = kj.cut(problem.knee, ["ACL"])
+    alone = kj.passive_flexion(torn, [20.0])
+    row = without[np.isclose(np.rad2deg(cases.stations.flexion[without]), 20.0)][-1]
+    assert found.q[0, row] == pytest.approx(np.asarray(alone.settled.q)[:, 0], abs=1e-7)
+
+
+def test_a_robot_counts_from_the_intact_knee(knee, passive, tests):
+    cut = kj.MeasuredTest.of(curves_of(kj.cut(knee, ["ACL"])))
+    column = [np.asarray(kj.passive_flexion(k, [20.0, 60.0]).to_table("grood-suntay"))[:, 3]
+              for k in (knee, kj.cut(knee, ["ACL"]))]  # fmt: skip
+    moved = np.repeat(column[1] - column[0], len(cut.flexion_deg) // 2)
+    shifted = cut.observed + np.where(np.arange(5) == ANTERIOR, moved[:, None], 0.0)
+    test = dataclasses.replace(cut, observed=shifted, cut=("ACL",), counted_from="intact")
+    problem = problem_of(knee, passive, [test])
+    residual, _ = problem.residual(problem.begin(start_of(problem)[None]))
+    assert np.abs(moved).max() > 0.5
+    assert np.abs(residual).max() < 1e-4
+
+
+def test_a_tension_tells_where_a_ligament_goes_slack(knee, passive):
+    errors = []
+    for read in ((), READ[:1]):
+        test = measured(knee, read=read)
+        test = dataclasses.replace(test, sd_N=1.0 if read else None)
+        one = problem_of(knee, passive, [test])
+        _, slope = one.residual(one.begin(start_of(one)[None]))
+        errors.append(np.sqrt(np.diag(np.linalg.inv(slope.T @ slope))))
+    assert errors[1][1] < 0.5 * errors[0][1]
+
+
+def test_a_twin_comes_back_from_cut_knee_and_readings(problem):
+    truth = start_of(problem)
+    start, wide = truth * 1.1, 0.5 * np.abs(truth)
+    fits = fit_lanes(
+        problem.balance, problem.cases, problem.begin(start[None]), start[None],
+        (truth - wide)[None], (truth + wide)[None], far=True,
+    )  # fmt: skip
+    assert fits.values[0] == pytest.approx(truth, rel=1e-4)
+
+
+def test_weights_scale_squares_and_a_row_without_weight_counts_for_nothing(knee, passive):
+    plain = measured(knee, read=READ[:1])
+    weight = weights_by_load(plain.loads["anterior_N"])
+    weight[0] = 0.0
+    both = [problem_of(knee, passive, [x])
+            for x in (plain, dataclasses.replace(plain, weight=weight))]  # fmt: skip
+    start = start_of(both[0]) * 1.05
+    rows = len(plain.flexion_deg)
+    posed, read = [], []
+    for one in both:
+        residual, _ = one.residual(one.begin(start[None]))
+        posed.append(residual[: 5 * len(one.cases.stations)].reshape(-1, 5)[2 : 2 + rows, ANTERIOR])
+        read.append(residual[5 * len(one.cases.stations) :])
+    assert posed[1] ** 2 == pytest.approx(posed[0] ** 2 * weight)
+    assert read[1] ** 2 == pytest.approx(read[0][1:] ** 2 * weight[1:])
+    assert both[1].cases.numbers == both[0].cases.numbers - 2
+
+
+def test_a_part_that_the_knee_lacks_is_named(knee, passive):
+    for wrong, says in (("ACLL.tension_N", "did you mean 'ACL'"), ("mediul.contact_N", "medial")):
+        test = measured(knee)
+        test = dataclasses.replace(
+            test, readings={wrong: np.zeros(len(test.flexion_deg))}, sd_N=1.0
+        )
+        with pytest.raises(UnknownParameter, match=says):
+            problem_of(knee, passive, [test])
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"readings": {"ACL.pull": np.zeros(8)}}, "expected of PART.tension_N"),
+        ({"readings": {"ACL.tension_N": np.zeros(3)}, "sd_N": 1.0}, r"expected \(8,\)"),
+        ({"readings": {"ACL.tension_N": np.zeros(8)}}, "sd_N: not stated"),
+        ({"readings": {"ACL.strain": np.zeros(8)}, "sd_strain": 0.01, "counted_from": "offset"},
+         "expected unloaded or absolute"),
+        ({"counted_from": "intact"}, "expected cut too"),
+        ({"weight": np.full(8, -1.0)}, "negative"),
+    ],
+)  # fmt: skip
+def test_what_contradicts_itself_is_refused(knee, given, says):
+    rows = {"anterior_N": np.array([30.0, 60, -30, -60] * 2)}
+    observed = np.full((8, 5), 1.0)
+    with pytest.raises(ValueError, match=says):
+        kj.MeasuredTest("drawer", [20.0] * 4 + [60.0] * 4, rows, observed, **given)
