@@ -35,6 +35,7 @@ _MODULES = {
     "Pose": "kneejax.geometry",
     "State": "kneejax.geometry",
     "Calibration": "kneejax.inference",
+    "Stage": "kneejax.inference",
     "calibrate": "kneejax.inference",
     "cut": "kneejax.parameters",
     "design_tests": "kneejax.inference",
@@ -100,6 +101,7 @@ if TYPE_CHECKING:
     from kneejax.geometry import Pose as Pose
     from kneejax.geometry import State as State
     from kneejax.inference import Calibration as Calibration
+    from kneejax.inference import Stage as Stage
     from kneejax.inference import calibrate as calibrate
     from kneejax.inference import design_tests as design_tests
     from kneejax.inference import identify as identify

@@ -5,6 +5,7 @@ from kneejax.inference.bayesian import Prior as Prior
 from kneejax.inference.bayesian import normal_priors as normal_priors
 from kneejax.inference.bayesian import posterior as posterior
 from kneejax.inference.calibration import METHODS as METHODS
+from kneejax.inference.calibration import POSES as POSES
 from kneejax.inference.calibration import PROCEDURES as PROCEDURES
 from kneejax.inference.calibration import USUAL_PROCEDURES as USUAL_PROCEDURES
 from kneejax.inference.calibration import Calibration as Calibration
@@ -16,7 +17,9 @@ from kneejax.inference.calibration import FittedTest as FittedTest
 from kneejax.inference.calibration import Iteration as Iteration
 from kneejax.inference.calibration import Misfit as Misfit
 from kneejax.inference.calibration import Motion as Motion
+from kneejax.inference.calibration import Stage as Stage
 from kneejax.inference.calibration import calibrate as calibrate
+from kneejax.inference.calibration import procedures_of as procedures_of
 from kneejax.inference.calibration import run_procedure as run_procedure
 from kneejax.inference.calibration import versions as versions
 from kneejax.inference.design import USUAL_LOADS as USUAL_LOADS

@@ -127,7 +127,6 @@ RANGES: dict[str, Range] = {
     "noise_mm": Range(1e-6, 100.0, "mm", or_zero=True),
     "noise_deg": Range(1e-6, 90.0, "degrees", or_zero=True),
     "weight": Range(1e-9, 1e9, or_zero=True),
-    "contact_N": Range(0.0, 1e5, "N"),
     "strain": Range(-0.9, 1.0, too_large=_PERCENT, too_small=_PERCENT),
 }  # fmt: skip
 #: Quantity of a parameter -> its field in a knee file.

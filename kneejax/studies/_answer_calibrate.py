@@ -30,6 +30,7 @@ def calibrated(study: Study) -> Calibration:
         bounds=dict(study.bounds),
         weights=study.weight_vector,
         procedures=tuple(study.procedures),
+        stages=tuple(study.stages),
         noise_mm=noise_mm,
         noise_deg=noise_deg,
         offsets=tuple(study.frame_offset),

@@ -27,8 +27,8 @@ from kneejax.studies._study_fields import Synthetic, parameter_values
 
 #: Fields of a file that a study takes as they are.
 _AS_THEY_ARE = (
-    "start", "bounds", "weights", "prior", "procedures", "starts", "seed", "noise_mm", "noise_deg",
-    "frame_offset", "method", "failures", "loads",
+    "start", "bounds", "weights", "prior", "procedures", "stages", "starts", "seed", "noise_mm",
+    "noise_deg", "frame_offset", "method", "failures", "loads",
 )  # fmt: skip
 _OPTIONAL = ("measured", "synthetic", "tests", *_AS_THEY_ARE, "flexion_deg", "set")
 

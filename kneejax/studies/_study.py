@@ -14,7 +14,7 @@ from kneejax.experiments import MeasuredTest
 from kneejax.files import knee_with, said_of
 from kneejax.files.reading import Field
 from kneejax.geometry import FREE_COORDINATES
-from kneejax.inference import METHODS, USUAL_PROCEDURES
+from kneejax.inference import METHODS, Stage, procedures_of
 from kneejax.inference.fit import check_readable
 from kneejax.mechanics import (
     Knee,
@@ -57,7 +57,10 @@ class Study:
             wildcard, that before a quantity, and usual bounds hold for the rest.
         weights: free coordinate, or `mm` or `deg` -> weight of its squared error, per mm^2 or per
             degree^2; those of paper 1 otherwise. Later: one for each free coordinate.
-        procedures: of `I`, `II`, `III`; the first is the answer, others are there to compare.
+        procedures: of `I`, `II`, `III`, `S`; the first is the answer, others are there to compare.
+            `S` alone where there are stages, unless others are named.
+        stages: of procedure S, in turn: `parameters` that are free and `data` that count in each,
+            `poses` or names of tests (`kneejax.Stage`, or a mapping); all where left out.
         starts: number of starts of procedure III.
         seed: of the further starts.
         prior: name, `*.quantity` or quantity -> standard deviation of a normal prior around the
@@ -99,7 +102,8 @@ class Study:
     start: Mapping[str, float] = dataclasses.field(default_factory=dict)
     bounds: Mapping[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
     weights: Mapping[str, float] = dataclasses.field(default_factory=dict)
-    procedures: Sequence[str] = USUAL_PROCEDURES
+    procedures: Sequence[str] = ()
+    stages: Sequence[Stage] = ()
     starts: int = 1
     seed: int = 0
     prior: Mapping[str, float] = dataclasses.field(default_factory=dict)
@@ -115,6 +119,7 @@ class Study:
     def __post_init__(self) -> None:
         """Check everything; what is given is kept in one form."""
         given = {f.name: plain(getattr(self, f.name)) for f in dataclasses.fields(self)}
+        given["procedures"] = list(procedures_of(self.procedures, self.stages))
         place = Field(self.file, "", given)
         for name, value in checked(place).items():
             object.__setattr__(self, name, value)
@@ -122,6 +127,9 @@ class Study:
             if len(sizes) not in (1, len(self.flexion_deg)):
                 place = Field(self.file, f"loads.{name}", f"{len(sizes)} sizes")
                 raise place.problem(f"one for all poses, or {len(self.flexion_deg)}, one for each")
+        if ("S" in self.procedures) != bool(self.stages):
+            expected = "S among procedures and stages, or neither"
+            raise place["procedures"].problem(expected)
         if self.starts > 1 and "III" not in self.procedures:
             raise place["starts"].problem("1: only procedure III has several starts")
         with said_of(self.file):
@@ -136,6 +144,11 @@ class Study:
             if self.prior and None in self.noise:
                 expected = "noise_mm and noise_deg too, against which a prior counts"
                 raise Field(self.file, "prior", ", ".join(self.prior)).problem(expected)
+            for number, stage in enumerate(self.stages):
+                for name in stage.parameters:
+                    if not any(Stage((name,)).frees(own) for own in self.selection.names):
+                        own = Field(self.file, f"stages[{number}].parameters", name)
+                        raise own.problem("of the parameters that the study frees")
             for test in self.tests:
                 check_readable(self.knee, test.readings)
                 cut(self.knee, test.cut)

@@ -13,7 +13,7 @@ from kneejax.experiments import MeasuredTest
 from kneejax.files import parse_flexion
 from kneejax.files.reading import Field, InputProblem
 from kneejax.geometry import COLUMNS, FREE_COORDINATES
-from kneejax.inference import METHODS, PROCEDURES
+from kneejax.inference import METHODS, POSES, PROCEDURES, Stage
 from kneejax.inference.fit import DEFAULT_WEIGHTS
 from kneejax.mechanics import (
     NAMED_LOADS,
@@ -53,7 +53,7 @@ class Synthetic:
 
 def plain(value: Any) -> Any:
     """Lists, dictionaries and numbers of Python, as a file would give them."""
-    if isinstance(value, Synthetic):
+    if isinstance(value, Synthetic | Stage):
         return plain(vars(value))
     if isinstance(value, Mapping):
         return {name: plain(one) for name, one in value.items()}
@@ -87,6 +87,7 @@ def checked(study: Field) -> dict[str, Any]:
         },
         "weights": _weights(study["weights"]),
         "procedures": _distinct(study["procedures"], lambda item: item.choice(PROCEDURES)),
+        "stages": _stages(study),
         "starts": study["starts"].integer(1, _MOST_STARTS),
         "seed": study["seed"].integer(0),
         "prior": {
@@ -100,6 +101,23 @@ def checked(study: Field) -> dict[str, Any]:
         "failures": _distinct(study["failures"], lambda item: item.choice(FAULTS), empty=True),
         "loads": _loads(study["loads"]),
     }
+
+
+def _stages(study: Field) -> tuple[Stage, ...]:
+    """Stages of procedure S, each of data that there are."""
+    if not study.value["stages"]:
+        return ()
+    posed = study.value["measured"] is not None or study.value["synthetic"] is not None
+    known = [POSES] * posed + [test.name for test in study.value["tests"]]
+    found = []
+    for item in study["stages"].items("stages"):
+        item.mapping((), ("parameters", "data"))
+        parts = {
+            "parameters": lambda own: _distinct(own, _parameter, empty=True),
+            "data": lambda own: _distinct(own, lambda one: one.choice(known), empty=True),
+        }
+        found.append(Stage(**{name: parts[name](item[name]) for name in item.value}))
+    return tuple(found)
 
 
 def _tests(study: Field) -> tuple[MeasuredTest, ...]:

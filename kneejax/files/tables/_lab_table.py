@@ -117,8 +117,9 @@ def read_lab_table(
     if flexion_deg is not None:
         observed[:, 0] = flexion_deg
     observed = _clinical(table, observed, convention)
+    # A load cell that reads nothing reads less than nothing as often.
     readings = {
-        name: table.column(*place, RANGES[name.rpartition(".")[2]], empty=True)
+        name: table.column(*place, RANGES["force_N" if "_N" in name else "strain"], empty=True)
         for name, place in named.items()
         if _READING.fullmatch(name)
     }

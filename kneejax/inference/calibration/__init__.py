@@ -13,6 +13,9 @@ from kneejax.inference.calibration._result import Fit as Fit
 from kneejax.inference.calibration._result import Iteration as Iteration
 from kneejax.inference.calibration._result import Motion as Motion
 from kneejax.inference.calibration._search import METHODS as METHODS
+from kneejax.inference.calibration._search import POSES as POSES
 from kneejax.inference.calibration._search import PROCEDURES as PROCEDURES
 from kneejax.inference.calibration._search import USUAL_PROCEDURES as USUAL_PROCEDURES
+from kneejax.inference.calibration._search import Stage as Stage
+from kneejax.inference.calibration._search import procedures_of as procedures_of
 from kneejax.inference.calibration._search import run_procedure as run_procedure

@@ -25,18 +25,26 @@ from kneejax.inference.calibration._answers import (
 )
 from kneejax.inference.calibration._fitted_test import fitted_tests, misfits_of_test
 from kneejax.inference.calibration._quality import misfits
-from kneejax.inference.calibration._result import Calibration
+from kneejax.inference.calibration._result import Calibration, Fit
 from kneejax.inference.calibration._search import (
     METHODS,
     USUAL_CYCLES,
-    USUAL_PROCEDURES,
+    Stage,
+    procedures_of,
     run_procedure,
     several_starts,
 )
 from kneejax.inference.fit import DEFAULT_WEIGHTS, Problem
-from kneejax.inference.intervals import check_all_stated, stated_noise
+from kneejax.inference.intervals import Surety, check_all_stated, stated_noise
 from kneejax.mechanics import Knee, Load
-from kneejax.parameters import UnsuitableData, select, start_within, stated_bounds
+from kneejax.parameters import (
+    Selection,
+    UnsuitableData,
+    select,
+    start_within,
+    stated_bounds,
+)
+from kneejax.statics import Slopes
 
 _PACKAGES = ("kneejax", "jax", "jaxlib", "optimistix", "equinox", "lineax", "numpy", "jaxopt")
 
@@ -48,7 +56,8 @@ def calibrate(
     *,
     bounds: dict[str, tuple[float, float]] | None = None,
     weights: np.ndarray | None = None,
-    procedures: tuple[str, ...] = USUAL_PROCEDURES,
+    procedures: Sequence[str] = (),
+    stages: Sequence[Stage] = (),
     noise_mm: float | None = None,
     noise_deg: float | None = None,
     offsets: tuple[str, ...] = (),
@@ -72,8 +81,9 @@ def calibrate(
         parameters: names, with `*` for every ligament.
         bounds: by name; those of paper 1 for stiffness and reference strain by default.
         weights: `(5,)`; by default 8 per degree^2 and 1 per mm^2 (paper 1).
-        procedures: any of `I`, `II`, `III`; the first is reported as the answer, and alone gets
-            error bars.
+        procedures: any of `I`, `II`, `III`, `S`; the first is reported as the answer, and alone
+            gets error bars. By default `S` where there are stages, otherwise `II`, `I` and `III`.
+        stages: of procedure `S`, in turn. Error bars are those of all data together.
         noise_mm: standard deviation of measured displacements; by default estimated from what the
             likeliest fit leaves.
         noise_deg: of measured rotations; likewise.
@@ -104,7 +114,7 @@ def calibrate(
 
     Source: paper 1, sections 2.3 and 3.4.
     """
-    begun = time.perf_counter()
+    begun, procedures = time.perf_counter(), procedures_of(procedures, stages)
     if method not in METHODS:
         raise UnsuitableData(f"unknown method {method!r}: expected one of {', '.join(METHODS)}")
     selection = select(knee, parameters)
@@ -119,11 +129,8 @@ def calibrate(
     if not np.isfinite(problem.measured).all():
         row = int(np.flatnonzero(~np.isfinite(problem.measured).all(axis=1))[0])
         raise UnsuitableData(f"measured row {row} is not finite: leave it out")
-    lower, upper = stated_bounds(knee, selection, bounds or {})
-    start = np.r_[start_within(knee, selection, lower, upper), np.zeros(len(offsets))]
-    # A frame is rarely off by more than 10 mm or 10 degrees.
-    wide = np.full(len(offsets), 10.0)
-    lower, upper = np.r_[lower, -wide], np.r_[upper, wide]
+    box = _box(knee, selection, bounds or {}, len(offsets))
+    start = box[0]
     if prior:
         problem = problem.with_prior(start, prior)
 
@@ -133,22 +140,8 @@ def calibrate(
     if not balanced.any():
         raise UnsuitableData("nothing that was measured has a balance with the start's parameters")
     problem = problem.with_used(balanced)
-    fits, surety = [], None
-    for procedure in procedures:
-        begin, reached = first, None
-        if starts > 1 and procedure == "III":
-            draws = np.random.default_rng(seed).uniform(lower, upper, (starts - 1, len(start)))
-            reached = several_starts(problem, np.vstack([start, draws]), lower, upper)
-            begin = problem.begin(reached[0][[np.argmin(reached[1])]])
-        trail = run_procedure(problem, procedure, begin, lower, upper, cycles, method=method)
-        if not fits:
-            surety = surety_of(problem, trail.known, stated, lower, upper)
-        own = surety if not fits else None
-        fit = fit_of(problem, procedure, trail, start, lower, upper, own)
-        if reached is not None:
-            fit = dataclasses.replace(fit, starts=starts_of(problem, fit, *reached))
-        fits.append(fit)
-    assert surety is not None
+    search = {"cycles": cycles, "method": method, "stages": stages}
+    fits, surety = _fits(problem, first, box, procedures, stated, starts, seed, search)
     error = problem.error(first)
     start_rmse = rmse_of(problem, error)
     start_tests = fitted_tests(problem, first)
@@ -182,6 +175,38 @@ def calibrate(
         versions=versions(),
         settings=dict(settings or {}),
     )
+
+
+def _box(knee: Knee, selection: Selection, bounds, offsets: int) -> tuple[np.ndarray, ...]:
+    """Start, lower and upper bounds of parameters, then of constants between frames."""
+    lower, upper = stated_bounds(knee, selection, bounds)
+    start = start_within(knee, selection, lower, upper)
+    # A frame is rarely off by more than 10 mm or 10 degrees.
+    wide = np.full(offsets, 10.0)
+    return np.r_[start, 0.0 * wide], np.r_[lower, -wide], np.r_[upper, wide]
+
+
+def _fits(
+    problem: Problem, first: Slopes, box, procedures, stated, starts: int, seed: int, search
+) -> tuple[list[Fit], Surety]:
+    """The answer of each procedure, and how sure that of the first is."""
+    (start, lower, upper), fits, surety = box, [], None
+    for procedure in procedures:
+        begin, reached = first, None
+        if starts > 1 and procedure == "III":
+            draws = np.random.default_rng(seed).uniform(lower, upper, (starts - 1, len(start)))
+            reached = several_starts(problem, np.vstack([start, draws]), lower, upper)
+            begin = problem.begin(reached[0][[np.argmin(reached[1])]])
+        trail = run_procedure(problem, procedure, begin, lower, upper, **search)
+        if not fits:
+            surety = surety_of(problem, trail.known, stated, lower, upper)
+        own = surety if not fits else None
+        fit = fit_of(problem, procedure, trail, start, lower, upper, own)
+        if reached is not None:
+            fit = dataclasses.replace(fit, starts=starts_of(problem, fit, *reached))
+        fits.append(fit)
+    assert surety is not None
+    return fits, surety
 
 
 def versions() -> dict[str, str]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import fnmatch
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -15,15 +17,49 @@ from kneejax.inference.fit import (
 )
 from kneejax.statics import Slopes
 
-#: The stages of a procedure of paper 1: which quantities are free in turn. Frame offsets are
-#: free in every stage.
+
+@dataclasses.dataclass(frozen=True)
+class Stage:
+    """A part of a search: what is free in it, and which data count.
+
+    Attributes:
+        parameters: names or wildcards of those that are free, all others stay where they are;
+            empty for all. Constants between frames are free in every stage.
+        data: names of tests, and `poses`; empty for all.
+
+    Example:
+        >>> Stage(("*.reference_strain",), ("poses",)).frees("ACL.reference_strain")
+        True
+    """
+
+    parameters: tuple[str, ...] = ()
+    data: tuple[str, ...] = ()
+
+    def frees(self, name: str) -> bool:
+        """Whether a parameter of the search is free in this stage."""
+        patterns = [form for own in self.parameters for form in (own, f"{own}.*")]
+        return not patterns or any(fnmatch.fnmatchcase(name, form) for form in patterns)
+
+
+#: What a stage calls the passive motion.
+POSES = "poses"
+_LENGTHS = Stage(("*.reference_strain", "*.slack_length"))
+#: The procedures of paper 1, and one whose stages are a study's own.
 PROCEDURES = {
-    "I": (("stiffness",), ("reference_strain", "slack_length")),
-    "II": (("reference_strain", "slack_length"), ("stiffness",)),
-    "III": (None,),
+    "I": (Stage(("*.stiffness",)), _LENGTHS),
+    "II": (_LENGTHS, Stage(("*.stiffness",))),
+    "III": (Stage(),),
+    "S": (),
 }
 #: Procedures where none are named: the first is the answer, the others are there to compare.
 USUAL_PROCEDURES = ("II", "I", "III")
+
+
+def procedures_of(named: Sequence[str], stages: Sequence[Stage]) -> tuple[str, ...]:
+    """The procedures that are named; where none are, `S` if there are stages, or the usual ones."""
+    return tuple(named) or (("S",) if stages else USUAL_PROCEDURES)
+
+
 #: How often I and II go through their stages where nobody says: once, as paper 1 did.
 USUAL_CYCLES = 1
 _MAX_EVALUATIONS = 200
@@ -84,37 +120,41 @@ def run_procedure(
     cycles: int = USUAL_CYCLES,
     tolerance: float = 1e-6,
     method: str = "least_squares",
+    stages: Sequence[Stage] = (),
 ) -> Trail:
-    """Search by one of paper 1's procedures.
+    """Search by one of paper 1's procedures, or in stages of one's own.
 
     Args:
         problem: what is fitted.
-        procedure: `I` (stiffnesses, then slack lengths), `II` (the reverse) or `III` (all).
+        procedure: `I` (stiffnesses, then slack lengths), `II` (the reverse), `III` (all) or `S`
+            (`stages`).
         start: balances at the first values, one variant.
         lower: bounds.
         upper: bounds.
         cycles: how often I and II may be gone through.
         tolerance: relative decrease of the objective in a cycle that ends the search.
         method: of each stage, a key of `METHODS`.
+        stages: of procedure S, gone through once.
 
     Returns:
         The trail.
     """
     trail = Trail(start, np.inf, [], {})
-    stages, search = PROCEDURES[procedure], METHODS[method]
+    stages, search = PROCEDURES[procedure] or tuple(stages), METHODS[method]
+    cycles = cycles if PROCEDURES[procedure] and len(stages) > 1 else 1
     begun, ended = [], []
-    for cycle in range(cycles if len(stages) > 1 else 1):
+    for _ in range(cycles):
         reached, here = trail.objective, trail.x
-        for number, quantities in enumerate(stages, 1):
-            free = _free(problem, quantities)
+        for number, stage in enumerate(stages, 1):
+            free = _free(problem, stage)
             if free.any():
                 name = f"{procedure}.{number}" if len(stages) > 1 else procedure
-                search(problem, trail, free, lower, upper, name)
-        if len(stages) == 1 or cycles == 1:
-            return trail
+                search(problem.with_data(stage.data), trail, free, lower, upper, name)
+        if cycles == 1:
+            return _of_all(problem, trail) if any(stage.data for stage in stages) else trail
         if trail.objective < 1e-16 * problem.cases.numbers:
             return trail
-        if cycle and reached - trail.objective <= tolerance * reached:
+        if begun and reached - trail.objective <= tolerance * reached:
             return trail
         begun.append(here)
         ended.append(trail.x)
@@ -166,13 +206,17 @@ def _move(trail: Trail, found: Slopes, objective: float, stage: str) -> None:
     trail.history.append(Iteration(stage, trail.evaluations, objective))
 
 
-def _free(problem: Problem, quantities) -> np.ndarray:
-    selection = problem.selection
-    chosen = [
-        quantities is None or selection.quantity(i) in quantities for i in range(len(selection))
-    ]
-    if quantities is not None and not any(chosen):
-        return np.zeros(len(chosen) + len(problem.offsets), bool)
+def _of_all(problem: Problem, trail: Trail) -> Trail:
+    """The trail with what all data say of where it ended."""
+    residual, _ = problem.residual(trail.known)
+    trail.objective = float(residual @ residual)
+    return trail
+
+
+def _free(problem: Problem, stage: Stage) -> np.ndarray:
+    chosen = [stage.frees(name) for name in problem.selection.names]
+    if not any(chosen):
+        return np.zeros(problem.size, bool)
     return np.array(chosen + [True] * len(problem.offsets))
 
 

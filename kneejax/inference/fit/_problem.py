@@ -119,6 +119,16 @@ class Problem:
             rows = rows & np.where(self.cases.neutral < 0, True, rows[self.cases.neutral])
         return dataclasses.replace(self, cases=dataclasses.replace(self.cases, used=rows))
 
+    def with_data(self, names: Sequence[str]) -> Problem:
+        """The same with some of the data alone: names of tests, and `poses`; all without any."""
+        if not names:
+            return self
+        rows = self.cases.posed & ("poses" in names)
+        ends = [place.start for place in self.rows_of_tests()[1:]] + [len(rows)]
+        for test, place, end in zip(self.tests, self.rows_of_tests(), ends, strict=True):
+            rows[place.start : end] = test.name in names
+        return self.with_used(rows & self.used)
+
     def with_prior(self, means: np.ndarray, prior: Mapping[str, float]) -> Problem:
         """The same with what is known of some parameters beforehand.
 

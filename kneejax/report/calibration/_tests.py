@@ -106,6 +106,11 @@ def label_of(name: str) -> str:
     return f"{part} {words.get(kind, kind)}"
 
 
+def without(test: MeasuredTest) -> str:
+    """What a test had cut, to end a title with."""
+    return f", {' and '.join(test.cut)} cut" if test.cut else ""
+
+
 def axis_label_of(name: str) -> str:
     """Label with unit, to begin a line with."""
     label, unit = label_of(name), unit_of(name)
@@ -163,7 +168,7 @@ def tests_figure(calibration: Calibration) -> Figure:
         flexions = np.unique(own.test.flexion_deg)
         along = _over_flexion if len(flexions) == len(own.test.flexion_deg) else _over_load
         along(axes, own, before, name)
-        axes.set_title(verbatim(f"{own.test.name}: {label_of(name)}"))
+        axes.set_title(verbatim(f"{own.test.name}: {label_of(name)}{without(own.test)}"))
         axes.axhline(0.0, color=GREY, linewidth=0.5)
     return figure
 
