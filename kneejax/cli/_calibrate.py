@@ -29,8 +29,8 @@ def run(arguments: argparse.Namespace) -> int:
         check_new(arguments.out / new, study.knee_name)
     # XLA compiles without holding Python: what comes last is imported beside the search.
     threading.Thread(target=importlib.import_module, args=("kneejax.report",)).start()
-    with stages_on_terminal("calibration"):
-        result = studies.run(study)
+    with stages_on_terminal("calibration") as progress:
+        result = studies.run(study, progress=progress)
     return _write(result, arguments.out, arguments.svg)
 
 

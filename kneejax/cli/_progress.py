@@ -29,7 +29,8 @@ def stages_on_terminal(what: str = "") -> Iterator[Callable[[str, int, int], Non
         what: is computed, where no stage says so.
 
     Yields:
-        What is to be called with a stage's name, balances done and asked for; from any thread.
+        What is to be called with a stage's name, balances done and asked for, or with what is done
+        and no numbers (0, 0) where they cannot be counted; from any thread.
     """
     lock, over, shown = threading.Lock(), threading.Event(), ""
     # disable=None: nothing where standard error is no terminal.
@@ -37,8 +38,11 @@ def stages_on_terminal(what: str = "") -> Iterator[Callable[[str, int, int], Non
     with tqdm(bar_format=_WITHOUT_COUNT, delay=_PATIENCE_S, **options) as bar:
 
         def show(stage: str, done: int, total: int) -> None:
-            nonlocal shown
+            nonlocal shown, what
             with lock:
+                if not total:  # nothing to count: the line says what is done
+                    what = stage
+                    return
                 if stage != shown:
                     shown, bar.bar_format, bar.delay = stage, None, 0.0
                     bar.reset(total)

@@ -12,12 +12,12 @@ import numpy as np
 from kneejax.experiments import evaluate
 from kneejax.geometry import Pose
 from kneejax.inference import Calibration, calibrate, compile_step
-from kneejax.inference.fit import Problem
+from kneejax.inference.fit import Problem, Progress
 from kneejax.studies._poses import measured_poses
 from kneejax.studies._study import Study
 
 
-def calibrated(study: Study) -> Calibration:
+def calibrated(study: Study, progress: Progress | None = None) -> Calibration:
     """Calibrate; see `kneejax.run`."""
     begun = time.perf_counter()
     # XLA compiles without holding Python: what comes last gets ready beside the search.
@@ -43,6 +43,7 @@ def calibrated(study: Study) -> Calibration:
         loads=study.acting,
         tests=tuple(study.tests),
         prior=dict(study.prior),
+        progress=progress,
     )
     seconds = dict(result.seconds, total=time.perf_counter() - begun)
     return dataclasses.replace(result, seconds=seconds)

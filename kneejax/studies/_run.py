@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import overload
 
 from kneejax.files.reading import InputProblem
 from kneejax.inference import BlockStore, Calibration, ParameterMap
+from kneejax.inference.fit import Progress
 from kneejax.studies import _answer_identify, _answer_map, _answer_sensitivity
 from kneejax.studies._answer_calibrate import calibrated
 from kneejax.studies._answer_identify import Identified
 from kneejax.studies._answer_sensitivity import Sensitivities
 from kneejax.studies._questions import Identify, Map, Sensitivity
 from kneejax.studies._study import Study
-
-#: Called now and then, from any thread: what is computed, balances done and asked for.
-Progress = Callable[[str, int, int], None]
 
 
 def check(study: Study, question: Identify | Map | Sensitivity | None = None) -> None:
@@ -46,7 +43,7 @@ def check(study: Study, question: Identify | Map | Sensitivity | None = None) ->
 
 
 @overload
-def run(study: Study) -> Calibration: ...
+def run(study: Study, *, progress: Progress | None = None) -> Calibration: ...
 @overload
 def run(
     study: Study, question: Identify, *, progress: Progress | None = None
@@ -74,7 +71,8 @@ def run(study, question=None, *, progress=None, store=None):
     Args:
         study: as `read_study` reads it.
         question: `Identify`, `Map` or `Sensitivity`; a calibration is done without one.
-        progress: called now and then with what is computed, and balances done and asked for.
+        progress: called now and then, from any thread, with what is computed, and balances done and
+            asked for; of a calibration with how far it has come and no numbers.
         store: of maps: keeps finished blocks; what it has is not computed again.
 
     Returns:
@@ -88,7 +86,7 @@ def run(study, question=None, *, progress=None, store=None):
     check(study, question)
     match question:
         case None:
-            return calibrated(study)
+            return calibrated(study, progress)
         case Identify():
             return _answer_identify.identified(study, question)
         case Map():

@@ -34,7 +34,7 @@ from kneejax.inference.calibration._search import (
     run_procedure,
     several_starts,
 )
-from kneejax.inference.fit import DEFAULT_WEIGHTS, Problem
+from kneejax.inference.fit import DEFAULT_WEIGHTS, Problem, Progress
 from kneejax.inference.intervals import Surety, check_all_stated, stated_noise
 from kneejax.mechanics import Knee, Load
 from kneejax.parameters import (
@@ -71,6 +71,7 @@ def calibrate(
     loads: Sequence[Load] = (),
     tests: Sequence[MeasuredTest] = (),
     prior: Mapping[str, float] | None = None,
+    progress: Progress | None = None,
 ) -> Calibration:
     """Identify parameters of a knee from measured poses, and from how far it gave under load.
 
@@ -102,6 +103,8 @@ def calibrate(
         tests: under load that were made; they count like poses, each by its standard deviation.
         prior: name, `*.quantity` or quantity -> standard deviation of a normal prior around the
             start's value. Weights are one over the noise's variances then, which must be stated.
+        progress: called now and then with what is computed and, of a search, how far off the knee
+            still is.
 
     Returns:
         The `Calibration`.
@@ -134,13 +137,14 @@ def calibrate(
     if prior:
         problem = problem.with_prior(start, prior)
 
+    search = {"cycles": cycles, "method": method, "stages": stages, "progress": progress}
+    _tell(search, "first balances")
     first = problem.begin(start[None])
     ready = time.perf_counter()
     balanced = first.converged[0]
     if not balanced.any():
         raise UnsuitableData("nothing that was measured has a balance with the start's parameters")
     problem = problem.with_used(balanced)
-    search = {"cycles": cycles, "method": method, "stages": stages}
     fits, surety = _fits(problem, first, box, procedures, stated, starts, seed, search)
     error = problem.error(first)
     start_rmse = rmse_of(problem, error)
@@ -194,11 +198,13 @@ def _fits(
     for procedure in procedures:
         begin, reached = first, None
         if starts > 1 and procedure == "III":
+            _tell(search, f"procedure III, {starts} starts side by side")
             draws = np.random.default_rng(seed).uniform(lower, upper, (starts - 1, len(start)))
             reached = several_starts(problem, np.vstack([start, draws]), lower, upper)
             begin = problem.begin(reached[0][[np.argmin(reached[1])]])
         trail = run_procedure(problem, procedure, begin, lower, upper, **search)
         if not fits:
+            _tell(search, f"95 % limits of {len(start)} numbers")
             surety = surety_of(problem, trail.known, stated, lower, upper)
         own = surety if not fits else None
         fit = fit_of(problem, procedure, trail, start, lower, upper, own)
@@ -207,6 +213,11 @@ def _fits(
         fits.append(fit)
     assert surety is not None
     return fits, surety
+
+
+def _tell(search: Mapping[str, Any], what: str) -> None:
+    if search["progress"] is not None:
+        search["progress"](what, 0, 0)
 
 
 def versions() -> dict[str, str]:

@@ -11,6 +11,7 @@ import numpy as np
 from kneejax.inference.calibration._result import Ending, Iteration
 from kneejax.inference.fit import (
     Problem,
+    Progress,
     balances_of,
     best_offsets,
     fit_lanes,
@@ -83,6 +84,7 @@ class Trail:
         converged: whether the last stage ended by itself.
         flat: whether it ended because further steps gained less than the noise.
         reason: why it did not converge, where the search can tell.
+        progress: told of each step.
     """
 
     known: Slopes
@@ -92,6 +94,7 @@ class Trail:
     converged: bool = True
     flat: bool = False
     reason: str = ""
+    progress: Progress | None = None
 
     @property
     def x(self) -> np.ndarray:
@@ -121,6 +124,7 @@ def run_procedure(
     tolerance: float = 1e-6,
     method: str = "least_squares",
     stages: Sequence[Stage] = (),
+    progress: Progress | None = None,
 ) -> Trail:
     """Search by one of paper 1's procedures, or in stages of one's own.
 
@@ -135,11 +139,12 @@ def run_procedure(
         tolerance: relative decrease of the objective in a cycle that ends the search.
         method: of each stage, a key of `METHODS`.
         stages: of procedure S, gone through once.
+        progress: told of each step and its errors.
 
     Returns:
         The trail.
     """
-    trail = Trail(start, np.inf, [], {})
+    trail = Trail(start, np.inf, [], {}, progress=progress)
     stages, search = PROCEDURES[procedure] or tuple(stages), METHODS[method]
     cycles = cycles if PROCEDURES[procedure] and len(stages) > 1 else 1
     begun, ended = [], []
@@ -201,6 +206,15 @@ def _improves(problem: Problem, trail: Trail, trial: np.ndarray) -> bool:
     return lower
 
 
+def _count(problem: Problem, trail: Trail, found: Slopes, stage: str) -> None:
+    """One more evaluation; who watches is told how far off the knee still is."""
+    trail.counts[stage] = trail.counts.get(stage, 0) + 1
+    if trail.progress is not None:
+        mm, deg = problem.rmse(found)
+        errors = f"errors {mm:.3g} mm and {deg:.3g} deg"
+        trail.progress(f"procedure {stage}, step {trail.counts[stage]}, {errors}", 0, 0)
+
+
 def _move(trail: Trail, found: Slopes, objective: float, stage: str) -> None:
     trail.known, trail.objective = found, objective
     trail.history.append(Iteration(stage, trail.evaluations, objective))
@@ -229,7 +243,7 @@ def _stage(problem: Problem, trail: Trail, free, lower, upper, name: str) -> Non
     def watch(found: Slopes, objective: float, taken: bool) -> bool:
         """Note each step; end where steps gain less than the noise (in units of chi squared): a
         valley that the data cannot tell from flat."""
-        trail.counts[name] = trail.counts.get(name, 0) + 1
+        _count(problem, trail, found, name)
         if taken:
             _move(trail, found, objective, name)
             reached.append(objective)
@@ -259,7 +273,7 @@ def _stage_by_lbfgsb(problem: Problem, trail: Trail, free, lower, upper, name: s
         found = problem.balance(x[None], trail.known)
         residual, jacobian = problem.residual(found)
         value = float(residual @ residual)
-        trail.counts[name] = trail.counts.get(name, 0) + 1
+        _count(problem, trail, found, name)
         if value < trail.objective:
             _move(trail, found, value, name)
         return value, 2.0 * (residual @ jacobian)[free]

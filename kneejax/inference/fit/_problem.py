@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import jax.numpy as jnp
 import numpy as np
@@ -23,6 +23,10 @@ from kneejax.inference.fit._observations import observations, readings_of, rows_
 from kneejax.mechanics import Knee, Load
 from kneejax.parameters import Selection, stated
 from kneejax.statics import Slopes
+
+#: Called now and then, from any thread: what is computed, how much of it is done and asked for;
+#: 0 and 0 where that cannot be counted.
+Progress = Callable[[str, int, int], None]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -178,6 +182,16 @@ class Problem:
         """Model plus constants minus measurement of one fit, `(5, cases)`, degrees and mm; zero
         where nothing was observed or a case does not count."""
         return self.cases.error(found)[0][0].T
+
+    def rmse(self, found: Slopes) -> tuple[float, float]:
+        """Root mean square errors of one fit, of all displacements and of all rotations, mm and
+        degrees; 0 where none were observed."""
+        seen, error = self.cases.seen, self.error(found).T
+        both = []
+        for unit in (TABLE_UNITS == 1.0, TABLE_UNITS != 1.0):
+            count = max(int(seen[:, unit].sum()), 1)
+            both.append(float(np.sqrt((error[:, unit] ** 2).sum() / count)))
+        return both[0], both[1]
 
     def residual(self, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
         """Weighted residuals of one fit, and by the values."""
