@@ -19,7 +19,8 @@ def test_errors_fall_as_the_search_goes_on():
     )  # fmt: skip
     assert told[0] == "first balances"
     assert told[-1] == "95 % limits of 1 numbers"
-    steps = [re.search(r"III, step (\d+), errors (\S+) mm and (\S+) deg", line) for line in told[1:-1]]
+    errors = re.compile(r"III, step (\d+), errors (\S+) mm and (\S+) deg")
+    steps = [errors.search(line) for line in told[1:-1]]
     found = np.array([match.groups() for match in steps if match], float)
     assert found[:, 0].tolist() == list(range(1, len(found) + 1))
     assert (found[-1, 1:] < 1e-2 * found[0, 1:]).all()
