@@ -14,6 +14,9 @@ from kneejax.inference import Candidate, Identification, Posterior
 from kneejax.mechanics import load_words
 from kneejax.studies import Identified, Identify
 
+#: The chosen tests, to be filled in.
+_NEXT = "next_tests.csv"
+
 
 def run(arguments: argparse.Namespace) -> int:
     """Say what the data of a study determine; write tables and figures."""
@@ -66,6 +69,11 @@ def _write(answer: Identified, arguments: argparse.Namespace) -> int:
     if sampled is not None:
         print(f"\n{report.posterior_summary(sampled)}")
     print(f"\n{report.design_text(answer.design)}")
+    if _NEXT in files:
+        print(
+            f"\nTo be measured: {out / _NEXT}. Filled in, it is a test of the study:\n"
+            f"  tests: [{{name: next, file: {_NEXT}, counted_from: absolute}}]"
+        )
     print(f"\nwritten: {out}/{', '.join(files)}, result.json, settings.json, figures/")
     return report.identification_outcome(answer).exit_status
 
@@ -73,6 +81,7 @@ def _write(answer: Identified, arguments: argparse.Namespace) -> int:
 def _write_tables(answer: Identified, out: Path) -> list[str]:
     """Write the tables; the names of the files come back."""
     from kneejax.report import CANDIDATE_COLUMNS, ESTIMATE_COLUMNS, candidates_rows, estimate_rows
+    from kneejax.report.design import next_test_table
 
     found, sampled = answer.found, answer.posterior
     estimates = estimate_rows(found, sampled)
@@ -83,6 +92,8 @@ def _write_tables(answer: Identified, out: Path) -> list[str]:
         "profiles.csv": (profile_columns, _profile_rows(found)),
         "candidates.csv": (CANDIDATE_COLUMNS, ([r[c] for c in CANDIDATE_COLUMNS] for r in tests)),
     }
+    if answer.design.chosen:
+        tables[_NEXT] = next_test_table(answer.design)
     if sampled is not None:
         tables["posterior.csv"] = (("chain", "draw", *sampled.names), _draws(sampled))
     for name, (columns, rows) in tables.items():

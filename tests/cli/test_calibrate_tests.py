@@ -10,6 +10,7 @@ import yaml
 import kneejax as kj
 from kneejax.cli import main
 from kneejax.files import write_rows
+from kneejax.mechanics import NAMED_LOADS
 
 TRUTH = {"ACL.stiffness": 4000.0, "MCL.stiffness": 7000.0}
 
@@ -77,6 +78,36 @@ def test_identify_reads_the_same_study(specimen, capsys):
     # Twenty-six readings, one unknown constant of the laboratory.
     assert "26" in capsys.readouterr().out
     assert set(TRUTH) <= set(json.dumps(result).replace('"', " ").split())
+
+
+def test_a_recommended_test_is_measured_and_added_to_the_study(specimen):
+    out = specimen / "next"
+    words = ["identify", str(specimen / "study.yaml"), "--next-tests", "2", "--out", str(out)]
+    assert main(words) in (0, 1)
+    with open(out / "next_tests.csv") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 2
+    assert all(row["anterior_mm"] == "" and row["flexion_deg"] != "" for row in rows)
+    knee = kj.with_values(kj.load_knee("four_ligament"), TRUTH)
+    loads = {name: [float(row[name]) for row in rows] for name in rows[0] if name in NAMED_LOADS}
+    flexion = [float(row["flexion_deg"]) for row in rows]
+    measured = kj.passive_flexion(knee, flexion, [kj.load_of(**loads)]).to_table("grood-suntay")
+    header = [*rows[0]]
+    filled = [
+        [*(row[name] for name in header[: -5]), *pose]
+        for row, pose in zip(rows, np.asarray(measured)[:, 1:].tolist(), strict=True)
+    ]
+    write_rows(specimen / "next.csv", header, filled)
+    study = yaml.safe_load((specimen / "study.yaml").read_text())
+    study["tests"].append({"name": "next", "file": "next.csv", "counted_from": "absolute"})
+    (specimen / "more.yaml").write_text(yaml.safe_dump(study))
+    assert main(["calibrate", str(specimen / "more.yaml"), "--out", str(specimen / "more")]) == 0
+    found = [json.loads((specimen / name / "result.json").read_text())["parameters"]
+             for name in ("calibrated", "more")]  # fmt: skip
+    for name, value in TRUTH.items():
+        before, after = (one[name]["high"] - one[name]["low"] for one in found)
+        assert after < before
+        assert found[1][name]["low"] < value < found[1][name]["high"]
 
 
 def test_curves_that_simulate_wrote_are_a_test_of_a_study(tmp_path, capsys):

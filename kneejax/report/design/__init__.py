@@ -5,3 +5,4 @@ from kneejax.report.design._figures import standard_errors_figure as standard_er
 from kneejax.report.design._text import CANDIDATE_COLUMNS as CANDIDATE_COLUMNS
 from kneejax.report.design._text import candidates_rows as candidates_rows
 from kneejax.report.design._text import design_text as design_text
+from kneejax.report.design._text import next_test_table as next_test_table

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from kneejax.geometry import COLUMNS, COORDINATES, FREE_COORDINATES
 from kneejax.mechanics import NAMED_LOADS
 from kneejax.parameters import unit_of_quantity
 from kneejax.report.look import aligned, number, wrapped
@@ -55,6 +56,27 @@ def candidates_rows(design: Design) -> list[dict[str, Any]]:
             zip(design.candidates, design.status, design.gains, strict=True)
         )
     ]
+
+
+def next_test_table(design: Design) -> tuple[tuple[str, ...], list[list[Any]]]:
+    """The chosen tests as a table to be filled in and added to a study's `tests`.
+
+    Args:
+        design: the choice.
+
+    Returns:
+        Columns, and a row per test in the order in which to make them; what is to be measured is
+        empty.
+    """
+    tests = [design.candidates[row] for row in design.chosen]
+    acting = [name for name in NAMED_LOADS if any(test.loads[name] for test in tests)]
+    measured = [c for c in FREE_COORDINATES if any(c in test.measured for test in tests)]
+    columns = (COLUMNS[0], *acting, *(COORDINATES[c].column for c in measured))
+    rows = [
+        [test.flexion_deg, *(test.loads[name] for name in acting), *[None] * len(measured)]
+        for test in tests
+    ]
+    return columns, rows
 
 
 def design_text(design: Design) -> str:
