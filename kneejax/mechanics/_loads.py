@@ -52,6 +52,8 @@ class Load(eqx.Module):
         point_in: the bone in whose frame the point is given, and to which it is fixed.
         name: what reports call it.
         bone: on which it acts.
+        line: of the knee whose tension the first component of the force adds to; empty for a
+            wrench. Only where a knee is balanced (`kneejax.statics.Stations`): see `pull_of`.
     """
 
     force: Array
@@ -61,6 +63,7 @@ class Load(eqx.Module):
     point_in: str = eqx.field(static=True)
     name: str = eqx.field(static=True)
     bone: str = eqx.field(static=True)
+    line: str = eqx.field(static=True)
 
     def __init__(
         self,
@@ -71,6 +74,7 @@ class Load(eqx.Module):
         point_in: str | None = None,
         name: str = "load",
         bone: str = TIBIA,
+        line: str = "",
     ):
         self.force = jnp.asarray(force, float)
         self.moment = jnp.asarray(moment, float)
@@ -79,6 +83,7 @@ class Load(eqx.Module):
         self.point_in = bone if point_in is None else point_in
         self.name = name
         self.bone = bone
+        self.line = line
 
     def __check_init__(self):
         bones = (FEMUR, self.bone)
@@ -109,6 +114,23 @@ class Load(eqx.Module):
         """Generalised force on some coordinates: N mm per rad of a rotation, N of a translation."""
         pair = (FEMUR, self.bone)
         return generalised_force(state, pair, self.wrench(state.between(pair)), names)
+
+
+def pull_of(line: str, tension_N: ArrayLike) -> Load:
+    """Tension that is added to one of a knee's lines, as a load that grows like any other.
+
+    Args:
+        line: its name, e.g. `patellar_tendon`.
+        tension_N: one, or `(n,)` for `kneejax.statics.Stations`.
+
+    Example:
+        >>> pull_of("patellar_tendon", [0.0, 50.0]).force.tolist()
+        [[0.0, 0.0, 0.0], [50.0, 0.0, 0.0]]
+    """
+    tension = jnp.asarray(tension_N, float)
+    nothing = jnp.zeros((*tension.shape, 3))
+    force = jnp.concatenate([tension[..., None], nothing[..., 1:]], axis=-1)
+    return Load(force, nothing, nothing, name=line, line=line)
 
 
 class Support(eqx.Module):

@@ -75,14 +75,16 @@ def read_study(name_or_path: str | os.PathLike[str]) -> Study:
     if "measured" in study and "synthetic" not in study:
         origin["measured"] = _measured(study["measured"], path.parent)
         poses, acted = _read_poses(origin["measured"], origin["flexion_deg"], study.file)
-    tests = read_tests(study["tests"], path.parent) if "tests" in study else []
+    knee = knee_with(load_knee(origin["knee"]), origin["overrides"], path)
+    lines = [line.name for line in knee.lines]
+    tests = read_tests(study["tests"], path.parent, lines) if "tests" in study else []
     if acted and "loads" in study:
         expected = f"no loads beside those of the measured table ({', '.join(acted)})"
         raise study["loads"].problem(expected)
     given: dict[str, Any] = {name: study[name].value for name in _AS_THEY_ARE if name in study}
     return Study(
         title=study["title"].value,
-        knee=knee_with(load_knee(origin["knee"]), origin["overrides"], path),
+        knee=knee,
         parameters=study["parameters"].value,
         measured=study["measured"].value if poses is None and "measured" in study else poses,
         synthetic=_synthetic(study["synthetic"]) if "synthetic" in study else None,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -33,20 +34,24 @@ _SPREADS = {
 _BY_LOAD = "by_load"
 
 
-def read_tests(field: Field, folder: Path) -> list[tuple[MeasuredTest, dict[str, Any]]]:
+def read_tests(
+    field: Field, folder: Path, lines: Sequence[str] = ()
+) -> list[tuple[MeasuredTest, dict[str, Any]]]:
     """The tests of a study, each with what the file says of it.
 
     Args:
         field: the list `tests`.
         folder: to which paths of tables are relative.
+        lines: of constant tension that the knee has; a table's column of such a tension is added to
+            it.
 
     Raises:
         InputProblem: a field or a table is not what it should be.
     """
-    return [_read(item, folder) for item in field.items("tests")]
+    return [_read(item, folder, lines) for item in field.items("tests")]
 
 
-def _read(item: Field, folder: Path) -> tuple[MeasuredTest, dict[str, Any]]:
+def _read(item: Field, folder: Path, lines: Sequence[str]) -> tuple[MeasuredTest, dict[str, Any]]:
     item.mapping(("name", "file"), _OPTIONAL)
     mirror = "mirror" in item and item["mirror"].boolean()
     table = _limited(item, _table(item, folder))
@@ -61,8 +66,10 @@ def _read(item: Field, folder: Path) -> tuple[MeasuredTest, dict[str, Any]]:
                 raise item["coordinates"].problem(f"coordinates that the table has; not {name}")
         observed = np.where([name in names for name in FREE_COORDINATES], observed, np.nan)
     constant = item["constant"].mapping((), tuple(NAMED_LOADS)) if "constant" in item else None
+    tensions, readings = _pulls(item, table, lines)
     given: dict[str, Any] = {
-        "readings": table.readings, "weight": _weight(item, table), "cut": _cut(item),
+        "readings": readings, "tensions": tensions, "weight": _weight(item, table),
+        "cut": _cut(item),
     }  # fmt: skip
     for name, allowed in _SPREADS.items():
         if name in item:
@@ -82,6 +89,20 @@ def _read(item: Field, folder: Path) -> tuple[MeasuredTest, dict[str, Any]]:
         part, found, expected = _parts(str(problem))
         raise Field(item.file, f"{item.path}.{part}", found).problem(expected) from None
     return test, dict(item.value) | {"file": _path(item["file"], folder) or item.value["file"]}
+
+
+def _pulls(item: Field, table: LabTable, lines: Sequence[str]):
+    """Tensions that act along lines of the knee, and what was read of its parts."""
+    acting, read = {}, dict(table.readings)
+    for line in lines:
+        tension = read.pop(f"{line}.tension_N", None)
+        if tension is not None:
+            acting[line] = tension
+            if np.isnan(tension).any():
+                row = int(np.flatnonzero(np.isnan(tension))[0]) + 1
+                place = Field(item.file, f"{item.path}.file: {line}.tension_N, row {row}", "empty")
+                raise place.problem("a tension in every row, since it acts on the knee")
+    return acting, read
 
 
 def _cut(item: Field) -> tuple[str, ...]:

@@ -207,3 +207,14 @@ def test_readings_cuts_and_weights_that_mean_nothing_are_refused(
     table(tmp_path, header=header, rows=[(30.0, 90.0, *(0.5,) * (len(header) - 2))])
     with pytest.raises((InputProblem, UnsuitableData, ValueError), match=said):
         study(tmp_path, [{"name": "drawer", "file": "drawer.csv"} | item], **fields)
+
+
+def test_a_tension_of_a_line_acts_and_one_of_a_ligament_was_read(tmp_path):
+    header = ("flexion_deg", "anterior_N", "anterior_mm", "patellar_tendon.tension_N")
+    table(tmp_path, header=header, rows=[(30.0, 0.0, 1.0, 200.0), (60.0, 0.0, 2.0, 300.0)])
+    (test,) = study(tmp_path).tests
+    assert test.tensions["patellar_tendon"].tolist() == [200.0, 300.0]
+    assert not test.readings
+    table(tmp_path, header=header, rows=[(30.0, 0.0, 1.0, 200.0), (60.0, 0.0, 2.0, np.nan)])
+    with pytest.raises(InputProblem, match="row 2: empty: expected a tension in every row"):
+        study(tmp_path)

@@ -50,6 +50,8 @@ class MeasuredTest:
         sd_mm: standard deviation of displacements; None where it is that of the study.
         sd_deg: of rotations; likewise.
         cut: ligaments or groups that had been cut.
+        tensions: line of the knee -> tension in each row beside the line's own, `(n,)`, N; none on
+            unloaded poses.
         readings: what was read of parts of the knee, `PART.KIND` of `READINGS` -> `(n,)`, e.g.
             `{"ACL.tension_N": ...}`; NaN where nothing was.
         sd_N: standard deviation of forces among them.
@@ -78,6 +80,7 @@ class MeasuredTest:
     sd_mm: float | None = None
     sd_deg: float | None = None
     cut: tuple[str, ...] = ()
+    tensions: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
     readings: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
     sd_N: float | None = None
     sd_strain: float | None = None
@@ -88,23 +91,26 @@ class MeasuredTest:
         loads = {name: np.asarray(sizes, float) for name, sizes in self.loads.items()}
         observed = np.asarray(self.observed, float)
         readings = {name: np.asarray(sizes, float) for name, sizes in self.readings.items()}
+        tensions = {name: np.asarray(sizes, float) for name, sizes in self.tensions.items()}
         given = {
             "flexion_deg": flexion, "loads": loads, "observed": observed, "readings": readings,
-            "cut": tuple(self.cut),
+            "tensions": tensions, "cut": tuple(self.cut),
         }  # fmt: skip
         for name, value in given.items():
             object.__setattr__(self, name, value)
         unknown = [name for name in (*loads, *self.constant) if name not in NAMED_LOADS]
         if unknown:
             raise ValueError(f"loads: {unknown[0]!r}; expected of {', '.join(NAMED_LOADS)}")
-        if not loads or not (readings or any(sizes.any() for sizes in loads.values())):
+        acts = any(sizes.any() for sizes in (*loads.values(), *tensions.values()))
+        if not loads or not (readings or acts):
             raise ValueError("loads: none; expected a load that is not zero in some row")
         shape = len(flexion), 5
         if observed.shape != shape:
             raise ValueError(f"observed: {observed.shape}; expected {shape}")
-        for name, sizes in loads.items():
-            if sizes.shape != shape[:1]:
-                raise ValueError(f"loads.{name}: {sizes.shape}; expected {shape[:1]}")
+        for field, every in (("loads", loads), ("tensions", tensions)):
+            for name, sizes in every.items():
+                if sizes.shape != shape[:1]:
+                    raise ValueError(f"{field}.{name}: {sizes.shape}; expected {shape[:1]}")
         if self.counted_from not in COUNTED_FROM:
             known = ", ".join(COUNTED_FROM)
             raise ValueError(f"counted_from: {self.counted_from!r}; expected one of {known}")

@@ -12,7 +12,7 @@ from kneejax.experiments import MeasuredTest
 from kneejax.geometry import COORDINATES, FREE_COORDINATES
 from kneejax.inference.fit._load_cases import LoadCases
 from kneejax.inference.fit._readings import Readings, check_readable
-from kneejax.mechanics import NAMED_LOADS, Knee, Load, load_of
+from kneejax.mechanics import NAMED_LOADS, Knee, Load, load_of, pull_of
 from kneejax.parameters import Selection, UnsuitableData
 from kneejax.statics import Stations
 
@@ -57,7 +57,7 @@ def observations(
     flexion, target = [measured[:, 0]], [measured[:, 1:]]
     neutral, group = [np.full(poses, -1)], [np.full(poses, -1)]
     spread, acting, count = [np.ones((poses, 5))], [], poses
-    groups = 0
+    groups, lines = 0, tuple(dict.fromkeys(line for test in tests for line in test.tensions))
     cuts, cut = _cuts(tests), [np.zeros(poses, int)]
     for test in tests:
         bent, seen, counted = _rows(test, count)
@@ -71,7 +71,7 @@ def observations(
         group.append(np.where(own < 0, -1, own + groups))
         groups += 1 + int(own.max())
         spread.append(_spread(test, noise if stated is None else stated, len(bent)))
-        acting.append(_acting(test, len(bent)))
+        acting.append(_acting(test, len(bent), lines))
         count += len(bent)
     kinds = _together(tuple(loads), acting, poses, count)
     return LoadCases(
@@ -183,8 +183,9 @@ def _spread(test: MeasuredTest, stated: np.ndarray, count: int) -> np.ndarray:
     return every
 
 
-def _acting(test: MeasuredTest, count: int) -> list[Load]:
-    """What acts throughout and what grows, at a test's rows and its unloaded poses."""
+def _acting(test: MeasuredTest, count: int, lines: Sequence[str]) -> list[Load]:
+    """What acts throughout, what lines pull and what grows, at a test's rows and its unloaded
+    poses."""
     point = np.tile(test.point_mm, (count, 1))
     still = {name: np.full(count, test.constant.get(name, 0.0)) for name in NAMED_LOADS}
     more = count - len(test.flexion_deg)
@@ -192,7 +193,10 @@ def _acting(test: MeasuredTest, count: int) -> list[Load]:
     grown = {
         name: np.r_[test.loads.get(name, nothing), np.zeros(more)] for name in NAMED_LOADS
     }
-    return [load_of(**sizes, point=point) for sizes in (still, grown)]
+    tensions = [np.r_[test.tensions.get(line, nothing), np.zeros(more)] for line in lines]
+    pulls = map(pull_of, lines, tensions)
+    constant, growing = (load_of(**sizes, point=point) for sizes in (still, grown))
+    return [constant, *pulls, growing]
 
 
 def _together(

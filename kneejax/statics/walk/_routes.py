@@ -14,7 +14,6 @@ import itertools
 import numpy as np
 
 from kneejax.geometry import ARM_MM
-from kneejax.mechanics import Load
 from kneejax.statics.walk._stations import Stations
 
 #: Flexion between two nodes of the stem, rad.
@@ -154,10 +153,11 @@ class _Layout:
         )
         acting = np.array(self.acting)
         loads = tuple(
-            Load(*(acting[:, k, 3 * i : 3 * i + 3] for i in range(3)), axes=kind.axes,
-                 point_in=kind.point_in, name=kind.name, bone=kind.bone)
+            dataclasses.replace(
+                kind, force=acting[:, k, :3], moment=acting[:, k, 3:6], point=acting[:, k, 6:]
+            )
             for k, kind in enumerate(self.kinds)
-        )  # fmt: skip
+        )
         nodes = Stations({"flexion": np.array(self.flexion)}, loads, bodies=self.bodies)
         hops, back = (tuple(chains.values()) for chains in (self.hops, self.back))
         return Routes(nodes, asked, self.stem, self.home, hops, back, loading)

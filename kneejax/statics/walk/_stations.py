@@ -138,7 +138,18 @@ class Stations(eqx.Module):
 
     def added_to(self, knee: Knee) -> Knee:
         """As `load`, where the arrays of these stations end in lanes."""
-        return dataclasses.replace(knee, loads=(*knee.loads, *self.loads, *self.supports))
+        pulls = [load for load in self.loads if load.line]
+        lines = tuple(
+            dataclasses.replace(
+                line,
+                tension=sum((x.force[0] for x in pulls if x.line == line.name), line.tension),
+            )
+            for line in knee.lines
+        )
+        wrenches = (load for load in self.loads if not load.line)
+        return dataclasses.replace(
+            knee, lines=lines, loads=(*knee.loads, *wrenches, *self.supports)
+        )
 
 
 def _but_flexion(held: Mapping[str, ArrayLike]) -> Mapping[str, ArrayLike]:

@@ -185,3 +185,38 @@ def test_what_contradicts_itself_is_refused(knee, given, says):
     observed = np.full((8, 5), 1.0)
     with pytest.raises(ValueError, match=says):
         kj.MeasuredTest("drawer", [20.0] * 4 + [60.0] * 4, rows, observed, **given)
+
+
+def test_a_pull_in_the_table_is_that_of_a_knee_with_such_a_line(knee, passive):
+    """Tension per row against knees whose own line pulls so hard throughout."""
+    test = measured(knee)
+    extra = np.where(np.arange(len(test.flexion_deg)) % 2 == 0, 60.0, 25.0)
+    pulled = dataclasses.replace(test, tensions={"patellar_tendon": extra}, counted_from="absolute")
+    problem = problem_of(knee, passive, [pulled])
+    found = problem.begin(start_of(problem)[None])
+    assert found.converged.all()
+    rows = slice(2, 2 + len(extra))
+    for size in (60.0, 25.0):
+        own = float(knee.lines[0].tension)
+        other = kj.with_values(knee, {"patellar_tendon.tension": own + size})
+        alike = problem_of(other, passive, [dataclasses.replace(test, counted_from="absolute")])
+        there = alike.begin(start_of(problem)[None])
+        at = extra == size
+        assert found.q[0, rows][at] == pytest.approx(there.q[0, rows][at], abs=1e-7)
+        assert np.abs(found.q[0, rows][~at] - there.q[0, rows][~at]).max() > 1e-3
+
+
+def test_residuals_under_a_pull_have_exact_derivatives(knee, passive, central_difference):
+    test = measured(knee, read=READ[:1])
+    extra = np.linspace(20.0, 80.0, len(test.flexion_deg))
+    pulled = dataclasses.replace(test, tensions={"patellar_tendon": extra})
+    problem = problem_of(knee, passive, [pulled], [*NAMES[:2], "patellar_tendon.tension"])
+    start = start_of(problem)
+    begin, size = problem.begin(start[None]), np.abs(start)
+    _, slope = problem.residual(begin)
+
+    def residual(x):
+        return problem.residual(problem.balance((x * size)[None], begin))[0]
+
+    differences = central_difference(residual, start / size, 1e-4)
+    assert slope * size == pytest.approx(differences, rel=1e-6, abs=1e-4)
