@@ -100,7 +100,7 @@ def _some(knee, chosen, design: Design, stations, target, begin, bounds):
     lower, upper = np.array(bounds).T
     tiles = [np.tile(x, (count, 1)) for x in (begin.values[0], lower, upper)]
     data = LoadCases(stations, target, 1.0 / np.sqrt(DEFAULT_WEIGHTS), offsets)
-    balance = balances_of(knee, chosen, data.stations)
+    balance = balances_of(knee, chosen, data)
     fits = fit_lanes(balance, data, begin.take(np.zeros(count, int)), *tiles, most=200, far=True)
     shift = [best_offsets(data.take([k]), fits.slopes.take([k])) for k in range(count)]
     shifts = np.reshape(shift, (count, len(offsets)))
@@ -108,7 +108,7 @@ def _some(knee, chosen, design: Design, stations, target, begin, bounds):
     wide = np.full(len(offsets), 10.0)
     units = {c: n.rsplit("_", 1)[1] for c, n in zip(FREE_COORDINATES, COLUMNS[1:], strict=True)}
     sure = sureties(
-        with_offsets(balances_of(knee, chosen, stations), offsets, data.posed),
+        with_offsets(balances_of(knee, chosen, data), offsets, data.posed),
         dataclasses.replace(data, offsets=()),
         answers,
         DEFAULT_WEIGHTS,

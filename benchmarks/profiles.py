@@ -37,7 +37,7 @@ def main() -> None:
     upper = np.where(stiff, float(options.widest), 0.2)
 
     one = LoadCases(stations, target[0], NOISE)
-    balance = balances_of(knee, chosen, one.stations)
+    balance = balances_of(knee, chosen, one)
     fit = fit_lanes(balance, one, exact, truth[None], lower[None], upper[None])
     first, seconds = first_and_median(
         lambda: profiles(knee, chosen, one, fit.slopes, lower, upper, _LIMIT),
@@ -62,7 +62,7 @@ def coverage(knee, chosen, exact, target, truth, lower, upper) -> tuple[np.ndarr
     data = LoadCases(exact_stations(), target, NOISE)
     begin = exact.take(np.zeros(draws, int))
     box = [np.tile(x, (draws, 1)) for x in (lower, upper)]
-    balance = balances_of(knee, chosen, data.stations)
+    balance = balances_of(knee, chosen, data)
     free = fit_lanes(balance, data, begin, np.tile(truth, (draws, 1)), *box)
     inside, evaluations = [], free.evaluations
     for i in range(size):

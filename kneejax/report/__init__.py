@@ -10,6 +10,7 @@ from kneejax.report.bayesian import predictive_figure as predictive_figure
 from kneejax.report.calibration import PARAMETER_COLUMNS as PARAMETER_COLUMNS
 from kneejax.report.calibration import TEST_COLUMNS as TEST_COLUMNS
 from kneejax.report.calibration import Outcome as Outcome
+from kneejax.report.calibration import calibration_notes as calibration_notes
 from kneejax.report.calibration import calibration_summary as calibration_summary
 from kneejax.report.calibration import convergence_figure as convergence_figure
 from kneejax.report.calibration import correlation_figure as correlation_figure

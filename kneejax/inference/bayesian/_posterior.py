@@ -13,7 +13,7 @@ import numpy as np
 from kneejax.inference.bayesian._laplace import laplace_covariance, most_probable
 from kneejax.inference.bayesian._motion_density import MotionDensity
 from kneejax.inference.bayesian._nuts import Chains, ChainState, sample
-from kneejax.inference.bayesian._posterior_result import LEVELS, Posterior, doubts
+from kneejax.inference.bayesian._posterior_result import LEVELS, Posterior
 from kneejax.inference.bayesian._priors import normal_priors
 from kneejax.inference.calibration import versions
 from kneejax.inference.fit import TABLE_UNITS, Problem, offset_units
@@ -189,7 +189,7 @@ def _described(
     random = np.random.default_rng([settings["seed"], 1])
     noisy = flat + noise * random.standard_normal((_NOISES, *flat.shape))
     sampling = int(drawn.evaluations.sum())
-    result = Posterior(
+    return Posterior(
         names=names,
         units=tuple(units),
         draws=values,
@@ -216,11 +216,9 @@ def _described(
             "equilibria": (sampling + drawn.warmup_evaluations) * int(problem.used.sum()),
         },
         seconds=seconds,
-        warnings=(),
         versions=versions() | _packages(),
         settings=settings,
     )
-    return dataclasses.replace(result, warnings=doubts(result))
 
 
 def _over_motion(motions: np.ndarray) -> np.ndarray:

@@ -13,12 +13,6 @@ from kneejax.numerics import imported
 
 #: Probabilities of the quantiles over the motion.
 LEVELS = (0.025, 0.25, 0.5, 0.75, 0.975)
-#: Above this R-hat, below this effective size, chains are not to be trusted (Vehtari et al. 2021).
-_R_HAT, _EFFECTIVE_PER_CHAIN = 1.01, 100.0
-# Of all trajectories; fewer than that only count (`Posterior.divergences`).
-_FEW = 1e-3
-# A posterior as wide as this part of its prior says little beyond it.
-_LITTLE = 0.9
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,7 +44,6 @@ class Posterior:
         acceptance: mean acceptance of a trajectory's points.
         evaluations: gradients of the density: `warmup`, `sampling`, and `equilibria` of both.
         seconds: `compile`, `warmup`, `sampling`, `motions`, `total`.
-        warnings: what a reader must know before the numbers are used.
         versions: package -> version.
         settings: `chains`, `draws`, `warmup`, `seed`, `noise_mm`, `noise_deg`: with the priors all
             that is needed to draw it again.
@@ -78,7 +71,6 @@ class Posterior:
     acceptance: float
     evaluations: dict[str, int]
     seconds: dict[str, float]
-    warnings: tuple[str, ...]
     versions: dict[str, str]
     settings: dict[str, float]
 
@@ -145,46 +137,3 @@ class Posterior:
         for name, unit in zip(self.names, self.units, strict=True):
             found.posterior[name].attrs["units"] = unit
         return found
-
-
-def doubts(result: Posterior) -> tuple[str, ...]:
-    """Sentences on what a reader must know before the numbers are used."""
-    said, count = [], result.divergent.size
-    if result.unbalanced:
-        said.append(
-            f"{result.unbalanced} of {count} trajectories ran into parameters with which a pose "
-            "has no balance; the posterior ends there. Narrower priors or bounds keep away from it."
-        )
-    diverged = result.divergences - result.unbalanced
-    if diverged > _FEW * count:
-        said.append(
-            f"{diverged} of {count} trajectories diverged: the posterior bends more sharply than "
-            "the step size follows. Draw longer warm-ups, or give narrower priors."
-        )
-    apart = [n for n, r in zip(result.names, result.r_hat, strict=True) if not r <= _R_HAT]
-    if apart:
-        said.append(
-            f"The chains disagree about {', '.join(apart)} (R-hat above {_R_HAT}): draw more, or "
-            "look for several modes in the pair plot."
-        )
-    least = np.fmin(result.effective_sample_size, result.tail_effective_sample_size)
-    enough = _EFFECTIVE_PER_CHAIN * len(result.draws)
-    few = [n for n, e in zip(result.names, least, strict=True) if not e >= enough]
-    if few:
-        said.append(
-            f"Fewer than {enough:.0f} effective draws of {', '.join(few)}: quantiles are rough; "
-            "draw more."
-        )
-    prior_spread = np.array([prior.spread for prior in result.priors])
-    idle = [n for n, s in zip(result.names, result.sd > _LITTLE * prior_spread, strict=True) if s]
-    if idle:
-        said.append(
-            f"These data say little about {', '.join(idle)}: what is shown is the prior, or what "
-            "the bounds leave of it."
-        )
-    if result.measured[:, 1:].size < len(result.names):
-        said.append(
-            f"{result.measured[:, 1:].size} measured numbers for {len(result.names)} parameters: "
-            "the priors decide between them."
-        )
-    return tuple(said)

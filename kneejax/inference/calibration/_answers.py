@@ -10,16 +10,15 @@ from jax.typing import ArrayLike
 
 from kneejax.experiments import doubts, with_flips
 from kneejax.experiments import evaluate as evaluate_mechanics
-from kneejax.geometry import COLUMNS, FREE_COORDINATES, Pose
+from kneejax.geometry import FREE_COORDINATES, Pose
 from kneejax.inference.calibration._fitted_test import fitted_tests
 from kneejax.inference.calibration._result import Estimate, Fit, Motion, Starts
 from kneejax.inference.calibration._search import Trail
 from kneejax.inference.fit import Problem, offset_units, slack_at, without_offsets
 from kneejax.inference.intervals import Interval, IntervalKind, Surety, named, on_bounds, sureties
 from kneejax.mechanics import Knee
-from kneejax.statics import Slopes, Status
+from kneejax.statics import Slopes
 
-_UNITS = {c: n.rsplit("_", 1)[1] for c, n in zip(FREE_COORDINATES, COLUMNS[1:], strict=True)}
 #: Rise of the objective, in units of what is left for each spare number, that tells two ends apart.
 _APART = 3.84
 
@@ -210,42 +209,3 @@ def rmse_of(problem: Problem, error: np.ndarray) -> dict[str, float]:
 def _squares(problem: Problem, error: np.ndarray) -> np.ndarray:
     spread = problem.cases.spread
     return (error if spread is None else error / spread.T) ** 2
-
-
-def notes_on(problem: Problem, fit: Fit) -> tuple[str, ...]:
-    """Sentences on what limits a fit."""
-    notes = []
-    everything = (*fit.estimates, *fit.offsets)
-    unsure = [e.name for e in everything if e.interval is IntervalKind.NOT_DETERMINED]
-    if unsure:
-        notes.append(
-            "These data do not determine " + ", ".join(unsure) + ": other parameters make up for "
-            "nearly all that their bounds allow. Fix them, or measure where those ligaments are "
-            "tight."
-        )
-    bound = [e.name for e in everything if e.at_bound]
-    if bound:
-        notes.append(
-            "On a bound: " + ", ".join(bound) + ". The model lacks something that these try to "
-            "make up for, or the bounds are too narrow."
-        )
-    share = {
-        c: w * fit.partial_objectives[c]
-        for c, w in zip(FREE_COORDINATES, problem.weights, strict=True)
-    }
-    worst = max(share, key=share.__getitem__)
-    if fit.objective > 0:
-        unit = "degrees" if _UNITS[worst] == "deg" else "mm"
-        error = f" (RMSE {fit.rmse[worst]:.3g} {unit})" if np.isfinite(fit.rmse[worst]) else ""
-        notes.append(
-            f"{100 * share[worst] / fit.objective:.0f} % of the remaining misfit is in "
-            f"{worst.replace('_', ' ')}{error}."
-        )
-    left_out = int((~problem.used).sum())
-    if left_out:
-        poses = "1 pose was" if left_out == 1 else f"{left_out} poses were"
-        notes.append(
-            f"{poses} left out: the start's parameters find no balance there "
-            f"({Status.NOT_CONVERGED.sentence})."
-        )
-    return tuple(notes)

@@ -16,7 +16,6 @@ from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference.calibration._answers import (
     fit_of,
     motion_of,
-    notes_on,
     objective_of,
     partial_objectives_of,
     rmse_of,
@@ -170,7 +169,8 @@ def calibrate(
         noise=dict(zip(FREE_COORDINATES, map(float, surety.noise), strict=True)),
         noise_estimated=surety.noise_estimated,
         misfits=poor,
-        notes=notes_on(problem, fits[0]),
+        weights=problem.weights,
+        left_out=int((~problem.used).sum()),
         seconds={
             "total": total,
             "compile": ready - begun,

@@ -167,7 +167,8 @@ class Calibration:
         noise: coordinate -> standard deviation of the measurement (degrees, mm).
         noise_estimated: whether that was estimated from what the likeliest fit leaves.
         misfits: coordinates in which the answer is a poor fit, and why.
-        notes: sentences on what limits the fit.
+        weights: of squared errors, `(5,)`, per degree^2 and per mm^2.
+        left_out: load cases that count for nothing, since the start has no balance there.
         seconds: `total`, `compile`, `solve`.
         versions: package -> version.
         settings: everything needed to run it again.
@@ -188,7 +189,8 @@ class Calibration:
     noise: dict[str, float]
     noise_estimated: bool
     misfits: tuple[Misfit, ...]
-    notes: tuple[str, ...]
+    weights: np.ndarray
+    left_out: int
     seconds: dict[str, float]
     versions: dict[str, str]
     settings: dict[str, Any]

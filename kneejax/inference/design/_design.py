@@ -11,7 +11,7 @@ from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference.design._candidates import Candidate, stations_of, usual_candidates
 from kneejax.inference.design._linearity import departures
 from kneejax.inference.design._station_derivatives import station_derivatives
-from kneejax.inference.identification import Information, plain, short, unit_of
+from kneejax.inference.identification import Information
 from kneejax.mechanics import Knee
 from kneejax.parameters import Selection, UnsuitableData
 from kneejax.statics import Status
@@ -19,8 +19,6 @@ from kneejax.statics import Status
 #: What a choice of tests makes small: D the volume of the joint confidence region, A the mean
 #: squared standard error in units of the parameters' scales.
 CRITERIA = ("D", "A")
-# Departure from a straight line from which on a promise is rough.
-_FAR = 0.5
 # Exchanges that gain less are rounding.
 _GAIN = 1e-10
 
@@ -50,7 +48,9 @@ class Design:
             move by a standard deviation of what is known before, as a part of the change,
             `(chosen,)`.
         prior: standard deviations of a prior that was added to the data, `(p,)`, or None.
-        notes: what else a reader must know.
+        prior_assumed: whether that was nobody's choice but needed, since the data alone leave
+            combinations less certain than it.
+        freed: parameters on a bound at the fit, which count as free here.
 
     Source: Fedorov 1972, Theory of Optimal Experiments.
     """
@@ -67,21 +67,13 @@ class Design:
     standard_errors_next: np.ndarray
     departures: np.ndarray
     prior: np.ndarray | None
-    notes: tuple[str, ...]
+    prior_assumed: bool
+    freed: tuple[str, ...]
 
     @property
     def tests(self) -> tuple[Candidate, ...]:
         """The chosen candidates, in order."""
         return tuple(self.candidates[row] for row in self.chosen)
-
-    @property
-    def sentences(self) -> tuple[str, ...]:
-        """One per chosen test: what to do, and which parameter profits most."""
-        words = ["Next", *["Then"] * (len(self.chosen) - 1)]
-        return tuple(
-            f"{word}: {test}; it cuts the standard error of {_profit(self, step)}."
-            for step, (word, test) in enumerate(zip(words, self.tests, strict=True))
-        )
 
 
 def design_tests(
@@ -112,8 +104,8 @@ def design_tests(
         criterion: `D` or `A`.
         prior: standard deviations of what is known besides data, `(p,)`, e.g. `known.scale`.
             Data that leave a combination of parameters less certain than that need one, or the
-            choice would go after numbers without meaning; `known.scale` is then taken, and a note
-            says so.
+            choice would go after numbers without meaning; `known.scale` is then taken
+            (`prior_assumed`).
         repeat: whether a test may be made several times.
 
     Returns:
@@ -135,27 +127,10 @@ def design_tests(
             "candidates: ask for fewer, or give others"
         )
     told = told_by(tests, np.where(usable[:, None, None], found.jacobian, 0.0), noise, known.scale)
-    base, prior, notes = _base(known, prior)
-    left_out = int((~usable).sum())
-    if left_out:
-        words = sorted({Status(s).word.replace("_", " ") for s in found.status[~usable]})
-        verb, them = ("is", "it") if left_out == 1 else ("are", "them")
-        notes.append(
-            f"{left_out} of {len(tests)} candidates {verb} left out, since the model does not "
-            f"predict {them} well ({', '.join(words)})."
-        )
-    if known.at_bound.any():
-        bound = [plain(n) for n, on in zip(known.names, known.at_bound, strict=True) if on]
-        notes.append(f"On a bound at the fit, but counted as free here: {', '.join(bound)}.")
+    base, added = _base(known, prior)
     chosen = choose(base, told, count, criterion, usable=usable, repeat=repeat)
     covariance = np.linalg.inv(base) * np.outer(known.scale, known.scale)
     bends = departures(selection, knee, known.values, covariance, noise, tests, chosen, found)
-    notes += [
-        f"{tests[row]}: the pose is far from a straight line over what the parameters may still be "
-        f"({_off(bend)}). Take what it promises as a rough guide, and plan again after it."
-        for row, bend in zip(chosen, bends, strict=True)
-        if bend > _FAR
-    ]
     steps = base + np.concatenate([np.zeros((1, *base.shape)), np.cumsum(told[list(chosen)], 0)])
     after = base + told
     return Design(
@@ -172,8 +147,9 @@ def design_tests(
             usable[:, None], standard_errors(after) * known.scale, np.nan
         ),
         departures=bends,
-        prior=prior,
-        notes=tuple(notes),
+        prior=added,
+        prior_assumed=prior is None and added is not None,
+        freed=tuple(n for n, on in zip(known.names, known.at_bound, strict=True) if on),
     )
 
 
@@ -301,22 +277,13 @@ def _check(selection, known, noise, prior) -> None:
             raise UnsuitableData(f"{name}: prior of width {width:g}: expected above 0")
 
 
-def _base(known: Information, prior: np.ndarray | None):
-    """Information before the tests, scaled; the prior in it; and what to say."""
+def _base(known: Information, prior: np.ndarray | None) -> tuple[np.ndarray, np.ndarray | None]:
+    """Information before the tests, scaled, and the prior in it."""
     if prior is not None:
-        return known.matrix + np.diag((known.scale / prior) ** 2), prior, []
+        return known.matrix + np.diag((known.scale / prior) ** 2), prior
     if np.linalg.eigvalsh(known.matrix)[0] >= 1.0:
-        return known.matrix, None, []
-    note = (
-        "The data alone leave combinations of parameters less certain than the prior. The prior "
-        "(each parameter's spread between knees, as a standard deviation) is therefore part of "
-        "every number here."
-    )
-    return known.matrix + np.eye(len(known.names)), known.scale, [note]
-
-
-def _off(bend: float) -> str:
-    return f"off by {bend:.0%}" if np.isfinite(bend) else "some of it has no balance"
+        return known.matrix, None
+    return known.matrix + np.eye(len(known.names)), known.scale
 
 
 def _in_scales(criterion: str, values: np.ndarray, size: int) -> np.ndarray:
@@ -326,10 +293,3 @@ def _in_scales(criterion: str, values: np.ndarray, size: int) -> np.ndarray:
 def _gain(base: np.ndarray, after: np.ndarray, criterion: str) -> np.ndarray:
     before, then = criterion_of(base, criterion), criterion_of(after, criterion)
     return (before - then) / (2 * np.log(2)) if criterion == "D" else 1.0 - then / before
-
-
-def _profit(design: Design, step: int) -> str:
-    before, after = design.standard_errors[step : step + 2]
-    row = int(np.argmax(before / after))
-    name = design.names[row]
-    return f"{plain(name)} from {short(before[row])} to {short(after[row])}{unit_of(name)}"

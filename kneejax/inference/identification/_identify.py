@@ -28,9 +28,6 @@ from kneejax.mechanics import Knee, Load
 from kneejax.parameters import Selection, UnsuitableData, select, start_within, stated_bounds
 from kneejax.statics import Slopes
 
-#: Chi squared per degree of freedom beyond which the noise that was given is doubted.
-_MISFIT = 2.0
-
 
 @dataclasses.dataclass(frozen=True)
 class Identification:
@@ -53,7 +50,8 @@ class Identification:
         intervals: what they say of each parameter; likewise.
         motion: the poses of the fit, without frame offsets.
         problem: for what builds on the fit (posterior, next test).
-        warnings: what a reader must know.
+        lost: how many measured poses count nowhere, since the start has no balance there.
+        spare: numbers measured beyond the unknowns.
     """
 
     selection: Selection
@@ -72,7 +70,8 @@ class Identification:
     intervals: tuple[Interval, ...]
     motion: Motion
     problem: Problem
-    warnings: tuple[str, ...]
+    lost: int
+    spare: int
 
     @property
     def vector(self) -> np.ndarray:
@@ -164,7 +163,7 @@ def identify(
     cases = dataclasses.replace(alone, offsets=())
     problem = dataclasses.replace(problem, cases=cases, offsets=offsets)
     told = fit_information(knee, selection, alone, fit, at_bound=at_bound)
-    answer = Identification(
+    return Identification(
         selection,
         values,
         lower,
@@ -181,9 +180,9 @@ def identify(
         tuple(map(Interval.of, followed, values, told.standard_error, lower, upper)),
         _motion(selection.apply(knee, values), one, fit),
         problem,
-        (),
+        int((~used).sum()),
+        spare,
     )
-    return dataclasses.replace(answer, warnings=_warnings(answer, used, spare))
 
 
 def check_enough(count: int, unknowns: int) -> None:
@@ -208,35 +207,3 @@ def _motion(knee: Knee, data: LoadCases, fit: Slopes) -> Motion:
     q, meeting = np.moveaxis(fit.q[0], 0, -1), np.moveaxis(fit.meeting[0][rows], 0, -1)
     pose = jax.tree.map(lambda x: x[rows], State.of(data.stations.prescribed, q).tibia)
     return motion_at(knee, np.asarray(pose.to_table()), pose, meeting, fit.status[0][rows])
-
-
-def _warnings(answer: Identification, used: np.ndarray, spare: int) -> tuple[str, ...]:
-    notes = []
-    if not answer.converged:
-        notes.append("The fit did not converge: free fewer parameters or start nearer.")
-    lost = int((~used).sum())
-    if lost:
-        notes.append(f"{lost} measured poses count nowhere: the start has no balance there.")
-    per_freedom = answer.chi2 / max(spare, 1)
-    if not answer.noise_estimated and spare > 0 and per_freedom > _MISFIT:
-        notes.append(
-            f"The fit misses the data by {np.sqrt(per_freedom):.2g} times the noise that was "
-            "given: the model lacks something, or the noise is larger; all limits are too narrow."
-        )
-    if spare <= 0:
-        notes.append(
-            f"{answer.data} measured numbers for {len(answer.values)} parameters: fewer data than "
-            "unknowns; what follows is what priors leave."
-        )
-    for profile in answer.profiles:
-        if profile.better:
-            notes.append(
-                f"Along the profile of {profile.name} chi squared falls {profile.better:.3g} below "
-                "the fit: there is a better fit; start the calibration from there."
-            )
-    names = [n for n, on in zip(answer.selection.names, answer.at_bound, strict=True) if on]
-    if names:
-        notes.append(
-            f"On a bound: {', '.join(names)}. Standard errors of the others hold them there."
-        )
-    return tuple(notes)

@@ -8,19 +8,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from kneejax.inference.fit import LoadCases, slack_at
-from kneejax.inference.identification._information_words import (
-    fixed_combination,
-    loose_combination,
-    reason,
-)
 from kneejax.mechanics import Knee
 from kneejax.parameters import Selection, UnsuitableData, prior_scales
 from kneejax.statics import Slopes
 
 # Singular values below this part of the largest are rounding.
 _ROUNDING = 1e-13
-# Sentences on the best and the worst known combinations.
-_STIFF, _SLOPPY = 2, 3
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,11 +37,11 @@ class Information:
             bound.
         correlation: of the estimates, `(p, p)`; NaN where there is none.
         condition_number: largest eigenvalue over the smallest; infinite if that is zero.
-        data: how many numbers were measured.
-        stiff: sentences on the combinations that the data fix best.
-        sloppy: sentences on those that they leave as they were.
-        reasons: for each parameter that is not determined a sentence why; empty for the others.
-        notes: what else a reader must know.
+        weighted: derivative of each measured number, in units of its noise, by each parameter, in
+            units of its scale, `(data, p)`.
+        lost: how many poses count for nothing, since no balance was found there.
+        flexion_deg: of the poses, `(n,)`; None where they are not known.
+        slack: ligament or group -> where it is slack, `(n,)`.
 
     Source: Gutenkunst et al. 2007, PLoS Computational Biology 3, e189, for stiff and sloppy.
     """
@@ -63,11 +56,15 @@ class Information:
     standard_error: np.ndarray
     correlation: np.ndarray
     condition_number: float
-    data: int
-    stiff: tuple[str, ...]
-    sloppy: tuple[str, ...]
-    reasons: tuple[str, ...]
-    notes: tuple[str, ...]
+    weighted: np.ndarray
+    lost: int
+    flexion_deg: np.ndarray | None
+    slack: Mapping[str, np.ndarray]
+
+    @property
+    def data(self) -> int:
+        """How many numbers were measured."""
+        return len(self.weighted)
 
     @property
     def determined(self) -> np.ndarray:
@@ -113,8 +110,8 @@ def information(
     Example:
         >>> found = information([[1.0, 1.0], [1.0, 1.0]], 0.1, ["ACL.stiffness", "PCL.stiffness"],
         ...                     [10.0, 10.0])
-        >>> found.standard_error.tolist(), found.reasons[0].split(": ")[1]
-        ([inf, inf], 'PCL stiffness makes up for it exactly.')
+        >>> found.standard_error.tolist(), found.determined.tolist()
+        ([inf, inf], [False, False])
     """
     jacobian, values = np.asarray(jacobian, float), np.asarray(values, float)
     names, size = tuple(names), len(names)
@@ -138,7 +135,6 @@ def information(
     spread, correlation = _spread(roots, eigenvectors, held)
     error = spread * scale
     eigenvalues = roots**2
-    reasons = _reasons(weighted, names, scale, error, held, flexion_deg, slack or {})
     worst = eigenvalues.min(initial=np.inf)
     condition = float(eigenvalues.max(initial=0.0) / worst) if worst > 0 else np.inf
     return Information(
@@ -152,19 +148,10 @@ def information(
         standard_error=error,
         correlation=correlation,
         condition_number=condition,
-        data=len(rows),
-        stiff=tuple(
-            fixed_combination(i, names, values, scale, eigenvalues, eigenvectors)
-            for i in range(min(_STIFF, len(eigenvalues)))
-            if eigenvalues[i] > 1.0
-        ),
-        sloppy=tuple(
-            loose_combination(i, names, scale, eigenvalues, eigenvectors)
-            for i in reversed(range(max(len(eigenvalues) - _SLOPPY, 0), len(eigenvalues)))
-            if eigenvalues[i] < 1.0
-        ),
-        reasons=reasons,
-        notes=_notes(len(rows), names, held, lost),
+        weighted=weighted,
+        lost=lost,
+        flexion_deg=None if flexion_deg is None else np.asarray(flexion_deg, float),
+        slack=dict(slack or {}),
     )
 
 
@@ -177,7 +164,7 @@ def fit_information(
     scale: np.ndarray | None = None,
     at_bound: np.ndarray | None = None,
 ) -> Information:
-    """Fisher information of a motion's data at a fit, with the reasons that slack ligaments give.
+    """Fisher information of a motion's data at a fit, and where ligaments are slack.
 
     Args:
         knee: gives everything that is not free.
@@ -204,9 +191,7 @@ def fit_information(
         flexion_deg=np.rad2deg(np.asarray(data.stations.flexion))[counted],
         slack={name: where[counted] for name, where in slack.items()},
     )
-    lost = int(data.counted.sum() - counted.sum())
-    notes = _notes(len(rows[0]), answer.names, answer.at_bound, lost)
-    return dataclasses.replace(answer, notes=notes)
+    return dataclasses.replace(answer, lost=int(data.counted.sum() - counted.sum()))
 
 
 def noise_of(noise_mm: float, noise_deg: float) -> np.ndarray:
@@ -266,31 +251,3 @@ def _spread(roots: np.ndarray, vectors: np.ndarray, held: np.ndarray):
     finite = np.where(np.isfinite(spread), spread, np.nan)
     with np.errstate(divide="ignore", invalid="ignore"):
         return spread, covariance / np.outer(finite, finite)
-
-
-def _reasons(weighted, names, scale, error, held, flexion, slack) -> tuple[str, ...]:
-    sentences = []
-    for i, name in enumerate(names):
-        if error[i] < scale[i]:
-            sentences.append("")
-            continue
-        ligament = name.split(".", 1)[0]
-        where = slack.get(ligament) if flexion is not None else None
-        sentences.append(reason(i, names, scale, weighted, held, flexion, where))
-    return tuple(sentences)
-
-
-def _notes(data: int, names: tuple[str, ...], held: np.ndarray, lost: int) -> tuple[str, ...]:
-    notes, free = [], int((~held).sum())
-    if data < free:
-        notes.append(
-            f"{data} measured numbers for {free} free parameters: at least {free - data} "
-            "combinations stay unknown whatever was measured. Fix parameters or measure more."
-        )
-    if held.any():
-        bound = ", ".join(name for name, on in zip(names, held, strict=True) if on)
-        notes.append(f"On a bound and held there: {bound}.")
-    if lost:
-        poses = "1 pose counts" if lost == 1 else f"{lost} poses count"
-        notes.append(f"{poses} for nothing: no balance was found there.")
-    return tuple(notes)

@@ -11,6 +11,12 @@ from kneejax.report.look import aligned, number, with_error, wrapped
 if TYPE_CHECKING:
     from kneejax.inference import Posterior
 
+#: Above this R-hat, below this effective size, chains are not to be trusted (Vehtari et al. 2021).
+_R_HAT, _EFFECTIVE_PER_CHAIN = 1.01, 100.0
+# Of all trajectories; fewer than that only count (`Posterior.divergences`).
+_FEW = 1e-3
+# A posterior as wide as this part of its prior says little beyond it.
+_LITTLE = 0.9
 #: Columns of a table of a posterior.
 POSTERIOR_COLUMNS = (
     "name", "unit", "mean", "sd", "quantile_025", "median", "quantile_975", "laplace_mean",
@@ -75,6 +81,49 @@ def posterior_summary(found: Posterior) -> str:
             )
         )
     lines += aligned(rows, (0, 5))
-    for sentence in found.warnings:
+    for sentence in posterior_doubts(found):
         lines += wrapped(sentence, "warning: ")
     return "\n".join(lines)
+
+
+def posterior_doubts(result: Posterior) -> list[str]:
+    """Sentences on what a reader must know before the numbers are used."""
+    said, count = [], result.divergent.size
+    if result.unbalanced:
+        said.append(
+            f"{result.unbalanced} of {count} trajectories ran into parameters with which a pose "
+            "has no balance; the posterior ends there. Narrower priors or bounds keep away from it."
+        )
+    diverged = result.divergences - result.unbalanced
+    if diverged > _FEW * count:
+        said.append(
+            f"{diverged} of {count} trajectories diverged: the posterior bends more sharply than "
+            "the step size follows. Draw longer warm-ups, or give narrower priors."
+        )
+    apart = [n for n, r in zip(result.names, result.r_hat, strict=True) if not r <= _R_HAT]
+    if apart:
+        said.append(
+            f"The chains disagree about {', '.join(apart)} (R-hat above {_R_HAT}): draw more, or "
+            "look for several modes in the pair plot."
+        )
+    least = np.fmin(result.effective_sample_size, result.tail_effective_sample_size)
+    enough = _EFFECTIVE_PER_CHAIN * len(result.draws)
+    few = [n for n, e in zip(result.names, least, strict=True) if not e >= enough]
+    if few:
+        said.append(
+            f"Fewer than {enough:.0f} effective draws of {', '.join(few)}: quantiles are rough; "
+            "draw more."
+        )
+    prior_spread = np.array([prior.spread for prior in result.priors])
+    idle = [n for n, s in zip(result.names, result.sd > _LITTLE * prior_spread, strict=True) if s]
+    if idle:
+        said.append(
+            f"These data say little about {', '.join(idle)}: what is shown is the prior, or what "
+            "the bounds leave of it."
+        )
+    if result.measured[:, 1:].size < len(result.names):
+        said.append(
+            f"{result.measured[:, 1:].size} measured numbers for {len(result.names)} parameters: "
+            "the priors decide between them."
+        )
+    return said

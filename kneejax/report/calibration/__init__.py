@@ -8,6 +8,7 @@ from kneejax.report.calibration._figures import (
 from kneejax.report.calibration._figures import parameters_figure as parameters_figure
 from kneejax.report.calibration._html import report_page as report_page
 from kneejax.report.calibration._html import write_report as write_report
+from kneejax.report.calibration._notes import calibration_notes as calibration_notes
 from kneejax.report.calibration._results import PARAMETER_COLUMNS as PARAMETER_COLUMNS
 from kneejax.report.calibration._results import parameters_rows as parameters_rows
 from kneejax.report.calibration._results import result_document as result_document

@@ -18,6 +18,7 @@ from kneejax.report.calibration._figures import (
     correlation_figure,
     parameters_figure,
 )
+from kneejax.report.calibration._notes import calibration_notes
 from kneejax.report.calibration._starts import starts_words
 from kneejax.report.calibration._tests import axis_label_of, laxity_errors, tests_figure
 from kneejax.report.calibration._verdict import (
@@ -353,9 +354,10 @@ def _force_section(_: Calibration, svg: str) -> str:
 
 
 def _notes_section(calibration: Calibration) -> str:
-    if not calibration.notes:
+    notes = calibration_notes(calibration)
+    if not notes:
         return ""
-    items = "".join(f"<li>{escape(note)}</li>\n" for note in calibration.notes)
+    items = "".join(f"<li>{escape(note)}</li>\n" for note in notes)
     return section("Notes", f"<ul>\n{items}</ul>\n")
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from kneejax.report.calibration._notes import calibration_notes
 from kneejax.report.calibration._tests import laxity_errors
 from kneejax.report.calibration._verdict import message, outcome, reasons, remark, warnings
 from kneejax.report.look import json_safe
@@ -122,7 +123,7 @@ def result_document(calibration: Calibration) -> dict[str, Any]:
             "noise": calibration.noise,
             "noise_estimated": calibration.noise_estimated,
             "per_procedure": {one.procedure: _fit_document(one) for one in calibration.fits},
-            "notes": calibration.notes,
+            "notes": calibration_notes(calibration),
             "seconds": calibration.seconds,
             "versions": calibration.versions,
             "settings": calibration.settings,

@@ -9,7 +9,7 @@ import numpy as np
 from kneejax.geometry import COLUMNS, COORDINATES, FREE_COORDINATES
 from kneejax.mechanics import NAMED_LOADS
 from kneejax.parameters import unit_of_quantity
-from kneejax.report.look import aligned, number, wrapped
+from kneejax.report.look import aligned, number, plain, short, unit_after, wrapped
 from kneejax.statics import Status
 
 if TYPE_CHECKING:
@@ -26,6 +26,8 @@ _GOALS = {
     "units of the prior SD, falls most)",
 }
 _SHOWN = 8
+# Departure from a straight line from which on a promise is rough.
+_FAR = 0.5
 
 
 def gain_words(criterion: str) -> str:
@@ -95,7 +97,7 @@ def design_text(design: Design) -> str:
         "more pose of this knee, predicted with the fitted parameters."
     )
     lines.append("")
-    for step, sentence in enumerate(design.sentences, 1):
+    for step, sentence in enumerate(design_words(design), 1):
         lines += wrapped(sentence, f"{step}. ")
     lines += ["", "Expected standard errors (the prior SD is the spread between knees):"]
     lines += _error_table(design)
@@ -103,10 +105,59 @@ def design_text(design: Design) -> str:
     lines += _best_table(design)
     lines += ["", "If only one parameter matters, the best next test for it:"]
     lines += _single_table(design)
-    lines += [""] * bool(design.notes)
-    for note in design.notes:
+    notes = design_notes(design)
+    lines += [""] * bool(notes)
+    for note in notes:
         lines += wrapped(note, "note: ")
     return "\n".join(lines)
+
+
+def design_words(design: Design) -> list[str]:
+    """One sentence per chosen test: what to do, and which parameter profits most."""
+    words = ["Next", *["Then"] * (len(design.chosen) - 1)]
+    return [
+        f"{word}: {test}; it cuts the standard error of {_profit(design, step)}."
+        for step, (word, test) in enumerate(zip(words, design.tests, strict=True))
+    ]
+
+
+def _profit(design: Design, step: int) -> str:
+    before, after = design.standard_errors[step : step + 2]
+    row = int(np.argmax(before / after))
+    name = design.names[row]
+    return f"{plain(name)} from {short(before[row])} to {short(after[row])}{unit_after(name)}"
+
+
+def design_notes(design: Design) -> list[str]:
+    """What else a reader must know."""
+    notes = []
+    if design.prior_assumed:
+        notes.append(
+            "The data alone leave combinations of parameters less certain than the prior. The "
+            "prior (each parameter's spread between knees, as a standard deviation) is therefore "
+            "part of every number here."
+        )
+    lost = design.status[np.isnan(design.gains)]
+    if len(lost):
+        words = sorted({Status(s).word.replace("_", " ") for s in lost})
+        verb, them = ("is", "it") if len(lost) == 1 else ("are", "them")
+        notes.append(
+            f"{len(lost)} of {len(design.candidates)} candidates {verb} left out, since the model "
+            f"does not predict {them} well ({', '.join(words)})."
+        )
+    if design.freed:
+        bound = ", ".join(plain(name) for name in design.freed)
+        notes.append(f"On a bound at the fit, but counted as free here: {bound}.")
+    return notes + [
+        f"{test}: the pose is far from a straight line over what the parameters may still be "
+        f"({_off(bend)}). Take what it promises as a rough guide, and plan again after it."
+        for test, bend in zip(design.tests, design.departures, strict=True)
+        if bend > _FAR
+    ]
+
+
+def _off(bend: float) -> str:
+    return f"off by {bend:.0%}" if np.isfinite(bend) else "some of it has no balance"
 
 
 def _error_table(design: Design) -> list[str]:

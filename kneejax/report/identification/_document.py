@@ -7,8 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 from kneejax.geometry import COLUMNS
 from kneejax.inference import versions
+from kneejax.report.bayesian import posterior_doubts
 from kneejax.report.calibration import Outcome
-from kneejax.report.identification._text import estimate_rows, undetermined_words
+from kneejax.report.design import design_words
+from kneejax.report.identification._information_words import sloppy_words, stiff_words
+from kneejax.report.identification._text import estimate_rows, fit_doubts, undetermined_words
 from kneejax.report.look import json_safe
 from kneejax.report.motion import accepted_statuses, pose_doubts
 
@@ -27,7 +30,7 @@ def identification_doubts(answer: Identified) -> list[str]:
         Sentences; empty if nothing is doubtful.
     """
     found, sampled = answer.found, answer.posterior
-    doubts = [*found.warnings, *(sampled.warnings if sampled is not None else ())]
+    doubts = fit_doubts(found) + ([] if sampled is None else posterior_doubts(sampled))
     doubts += undetermined_words(found)
     accepted = accepted_statuses(answer.study.failures)
     return doubts + pose_doubts(found.motion, found.motion.table[:, 0], accepted)
@@ -68,8 +71,8 @@ def identification_document(answer: Identified, options: Mapping[str, Any]) -> d
             "chi2": found.chi2,
             "measured_numbers": found.data,
             "information": told
-            | {"sentences": [*found.information.stiff, *found.information.sloppy]},
-            "next_tests": list(answer.design.sentences),
+            | {"sentences": stiff_words(found.information) + sloppy_words(found.information)},
+            "next_tests": design_words(answer.design),
             "posterior": None if sampled is None else _posterior(sampled),
             "truth": study.truth,
             "warnings": identification_doubts(answer),

@@ -7,6 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kneejax.parameters import unit_of_quantity
+from kneejax.report.identification._information_words import (
+    information_notes,
+    reason_words,
+    sloppy_words,
+    stiff_words,
+)
 from kneejax.report.look import aligned, number, trimmed, with_error, wrapped
 
 if TYPE_CHECKING:
@@ -27,6 +33,7 @@ def information_rows(found: Information) -> list[dict[str, Any]]:
     Returns:
         One dictionary per parameter, with the keys `INFORMATION_COLUMNS` in that order.
     """
+    reasons = reason_words(found)
     return [
         {
             "name": name,
@@ -36,7 +43,7 @@ def information_rows(found: Information) -> list[dict[str, Any]]:
             "scale": float(found.scale[i]),
             "determined": bool(found.determined[i]),
             "at_bound": bool(found.at_bound[i]),
-            "reason": found.reasons[i],
+            "reason": reasons[i],
         }
         for i, name in enumerate(found.names)
     ]
@@ -72,8 +79,9 @@ def information_text(found: Information) -> str:
             + [number(better, 2) if np.isfinite(better) and better > 0 else "-", remark]
         )
     lines += ["", *aligned(table, (0, 2, 4, 7))]
-    doubts = [sentence for sentence in found.reasons if sentence]
-    for sentences, first in ((found.stiff, ""), (found.sloppy, ""), (doubts, "warning: ")):
+    doubts = [sentence for sentence in reason_words(found) if sentence]
+    combinations = [*stiff_words(found)], [*sloppy_words(found)]
+    for sentences, first in (*((own, "") for own in combinations), (doubts, "warning: ")):
         lines += [""] * bool(sentences)
         for sentence in sentences:
             lines += wrapped(sentence, first)
@@ -84,6 +92,6 @@ def information_text(found: Information) -> str:
             f"The best-determined combination of parameters is known {ratio} times better than "
             f"the worst (condition number {condition})."
         )]  # fmt: skip
-    for note in found.notes:
+    for note in information_notes(found):
         lines += wrapped(note, "note: ")
     return "\n".join(lines)

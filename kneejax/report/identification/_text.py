@@ -7,11 +7,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kneejax.inference import Interval, IntervalKind, same_ends
+from kneejax.report.identification._information_words import reason_words
 from kneejax.report.look import aligned, number, wrapped
 
 if TYPE_CHECKING:
     from kneejax.inference import Identification, Posterior
 
+#: Chi squared per degree of freedom beyond which the noise that was given is doubted.
+_MISFIT = 2.0
 #: Columns of the table of estimates.
 ESTIMATE_COLUMNS = (
     "name", "value", "unit", "lower", "upper", "at_bound", "standard_error", "profile_low",
@@ -90,7 +93,7 @@ def _determined(found: Identification, i: int) -> bool:
 def _why(found: Identification, i: int) -> str:
     name = found.selection.names[i]
     usual = f"{name} is not determined: other parameters make up for whatever its bounds allow."
-    return found.information.reasons[i] or usual
+    return reason_words(found.information)[i] or usual
 
 
 def estimates_text(found: Identification, sampled: Posterior | None = None) -> str:
@@ -126,13 +129,46 @@ def estimates_text(found: Identification, sampled: Posterior | None = None) -> s
         f"numbers, noise {noise}."
     )
     lines += ["", *aligned(table, (0, len(table[0]) - 1))]
-    said = agreement(found, sampled)
-    lines += [""] * bool(said or found.warnings)
+    said, warnings = agreement(found, sampled), fit_doubts(found)
+    lines += [""] * bool(said or warnings)
     for sentence in said:
         lines += wrapped(sentence, "note: ")
-    for warning in found.warnings:
+    for warning in warnings:
         lines += wrapped(warning, "warning: ")
     return "\n".join(lines)
+
+
+def fit_doubts(found: Identification) -> list[str]:
+    """What a reader of the fit must know."""
+    notes = []
+    if not found.converged:
+        notes.append("The fit did not converge: free fewer parameters or start nearer.")
+    lost = found.lost
+    if lost:
+        notes.append(f"{lost} measured poses count nowhere: the start has no balance there.")
+    per_freedom = found.chi2 / max(found.spare, 1)
+    if not found.noise_estimated and found.spare > 0 and per_freedom > _MISFIT:
+        notes.append(
+            f"The fit misses the data by {np.sqrt(per_freedom):.2g} times the noise that was "
+            "given: the model lacks something, or the noise is larger; all limits are too narrow."
+        )
+    if found.spare <= 0:
+        notes.append(
+            f"{found.data} measured numbers for {len(found.values)} parameters: fewer data than "
+            "unknowns; what follows is what priors leave."
+        )
+    for profile in found.profiles:
+        if profile.better:
+            notes.append(
+                f"Along the profile of {profile.name} chi squared falls {profile.better:.3g} below "
+                "the fit: there is a better fit; start the calibration from there."
+            )
+    names = [n for n, on in zip(found.selection.names, found.at_bound, strict=True) if on]
+    if names:
+        notes.append(
+            f"On a bound: {', '.join(names)}. Standard errors of the others hold them there."
+        )
+    return notes
 
 
 def _error(row: dict[str, Any]) -> str:

@@ -5,7 +5,10 @@ from kneejax.report.look._numbers import NONE as NONE
 from kneejax.report.look._numbers import change as change
 from kneejax.report.look._numbers import listed as listed
 from kneejax.report.look._numbers import number as number
+from kneejax.report.look._numbers import plain as plain
+from kneejax.report.look._numbers import short as short
 from kneejax.report.look._numbers import trimmed as trimmed
+from kneejax.report.look._numbers import unit_after as unit_after
 from kneejax.report.look._numbers import with_error as with_error
 from kneejax.report.look._page import picture as picture
 from kneejax.report.look._page import section as section

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from kneejax.parameters import unit_of_quantity
+
 NONE = "-"
 
 
@@ -97,3 +101,23 @@ def listed(words: list[str], most: int = 12) -> str:
     if len(words) <= most:
         return ", ".join(words)
     return f"{', '.join(words[:most])} and {len(words) - most} more"
+
+
+def plain(name: str) -> str:
+    """A parameter's name in words: `ACL.reference_strain` becomes `ACL reference strain`."""
+    return name.replace(".", " ").replace("_", " ")
+
+
+def unit_after(name: str) -> str:
+    """Unit of a parameter with a blank before it, empty for strains."""
+    unit = unit_of_quantity(name.split(".", 1)[-1])
+    return f" {unit}" if unit else ""
+
+
+def short(value: float) -> str:
+    """A number with two or three digits, thousands set apart."""
+    if not np.isfinite(value):
+        return "unknown"
+    if abs(value) >= 1e6 or 0 < abs(value) < 1e-4:
+        return f"{value:.1e}"
+    return f"{value:,.0f}" if abs(value) >= 99.5 else f"{value:.2g}"

@@ -11,6 +11,7 @@ from kneejax.inference import identify, synthetic_motion, uncertainty
 from kneejax.inference.calibration._quality import Fault, misfits
 from kneejax.inference.intervals._intervals import IntervalKind
 from kneejax.parameters import UnknownParameter, select
+from kneejax.report.calibration import calibration_notes
 
 STUDY = kj.read_study("paper1")
 TRUTH = dict(STUDY.synthetic.parameters)
@@ -193,7 +194,7 @@ def test_a_slack_ligament_is_named_not_hidden(knee):
     acl = result.fit.estimates[0]
     assert acl.at_bound or acl.interval is IntervalKind.NOT_DETERMINED
     assert np.isnan(acl.standard_error)
-    assert acl.name in " ".join(result.notes)
+    assert acl.name in " ".join(calibration_notes(result))
 
 
 def test_bounds_that_exclude_the_start_are_refused(knee, clean):
@@ -274,7 +275,7 @@ def test_a_flexion_where_the_start_finds_no_balance_counts_in_no_mean(knee, clea
     assert result.start_rmse["anterior"] == pytest.approx(1.0)
     assert result.start_objective == pytest.approx(24.0)
     assert result.fit.objective < 24.0
-    assert "1 pose was left out" in " ".join(result.notes)
+    assert "1 pose was left out" in " ".join(calibration_notes(result))
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ import pytest
 import kneejax as kj
 from kneejax.inference import LoadCases, balances_of, fit_lanes, identify, profiles
 from kneejax.parameters import UnknownParameter, UnsuitableData
+from kneejax.report.identification import fit_doubts
 from kneejax.statics import Stations, balance_with_slopes
 
 NAMES = ("*.stiffness", "*.reference_strain")
@@ -53,7 +54,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(knee, chosen, exact):
     """
     draws = 200
     data, begin = data_of(exact, draws), exact.take(np.zeros(draws, int))
-    balance = balances_of(knee, chosen, data.stations)
+    balance = balances_of(knee, chosen, data)
     free = fit_lanes(balance, data, begin, np.tile(TRUTH, (draws, 1)), *box(draws))
     assert free.converged.all()
     # 125 numbers for 8 parameters: chi squared with 117 degrees of freedom, mean of 200.
@@ -75,7 +76,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(knee, chosen, exact):
 def clean(knee, chosen, exact):
     """Profiles of a motion that is hardly noisy: the problem is all but linear."""
     data = data_of(exact, 1, noise=1e-3)
-    fit = fit_lanes(balances_of(knee, chosen, data.stations), data, exact, TRUTH[None], *box(1))
+    fit = fit_lanes(balances_of(knee, chosen, data), data, exact, TRUTH[None], *box(1))
     one = LoadCases(data.stations, data.target[0], data.noise)
     return fit, profiles(knee, chosen, one, fit.slopes, LOWER, UPPER, 3.8415)
 
@@ -95,7 +96,7 @@ def test_profiles_of_a_linear_problem_are_parabolas(clean):
 def test_limits_are_where_a_fit_held_there_rises_by_the_threshold(knee, chosen, exact):
     """The interval's ends, which are interpolated, against fits at those very values."""
     data = data_of(exact, 1, seed=1)
-    fit = fit_lanes(balances_of(knee, chosen, data.stations), data, exact, TRUTH[None], *box(1))
+    fit = fit_lanes(balances_of(knee, chosen, data), data, exact, TRUTH[None], *box(1))
     one = LoadCases(data.stations, data.target[0], data.noise)
     found = profiles(knee, chosen, one, fit.slopes, LOWER, UPPER, 3.8415)
     ends = [(i, end) for i, p in enumerate(found) for end in (p.low, p.high)]
@@ -105,7 +106,7 @@ def test_limits_are_where_a_fit_held_there_rises_by_the_threshold(knee, chosen, 
         starts[row] = nearest
         starts[row, i] = low[row, i] = high[row, i] = end
     begin = balance_with_slopes(knee, chosen.apply, starts, data.stations)
-    held = fit_lanes(balances_of(knee, chosen, one.stations), one, begin, starts, low, high)
+    held = fit_lanes(balances_of(knee, chosen, one), one, begin, starts, low, high)
     np.testing.assert_allclose(held.chi2 - fit.chi2[0], 3.8415, atol=0.05)
 
 
@@ -114,7 +115,7 @@ def test_a_bound_leaves_an_end_open(knee, chosen, exact):
     data = data_of(exact, 1, seed=1)
     one = LoadCases(data.stations, data.target[0], data.noise)
     upper = np.r_[np.full(4, 10000.0), np.full(4, 0.2)]
-    balance = balances_of(knee, chosen, one.stations)
+    balance = balances_of(knee, chosen, one)
     fit = fit_lanes(balance, one, exact, TRUTH[None], LOWER[None], upper[None])
     mcl = profiles(knee, chosen, one, fit.slopes, LOWER, upper, 3.8415)[2]
     assert mcl.high_open == "its bound" and mcl.high == 10000.0
@@ -128,7 +129,7 @@ def test_fits_do_not_know_of_each_other(knee, chosen, exact):
     data.target[2] = data.target[0]
     data.target[1, :, 3] += np.linspace(0.0, 60.0, len(FLEXION))
     begin = exact.take(np.zeros(3, int))
-    balance = balances_of(knee, chosen, data.stations)
+    balance = balances_of(knee, chosen, data)
     found = fit_lanes(balance, data, begin, np.tile(TRUTH, (3, 1)), *box(3))
     np.testing.assert_allclose(found.values[2], found.values[0], rtol=1e-6)
     assert found.chi2[1] > 100.0 * found.chi2[0]
@@ -146,7 +147,7 @@ def found(knee, measured):
 
 def test_identify_finds_the_best_fit_and_says_how_sure_it_is(knee, chosen, exact, measured, found):
     data = data_of(exact, 1, seed=1)
-    fit = fit_lanes(balances_of(knee, chosen, data.stations), data, exact, TRUTH[None], *box(1))
+    fit = fit_lanes(balances_of(knee, chosen, data), data, exact, TRUTH[None], *box(1))
     np.testing.assert_allclose(found.values, fit.values[0], rtol=1e-4)
     assert found.chi2 == pytest.approx(fit.chi2[0], rel=1e-6)
     assert found.converged and not found.noise_estimated and found.data == 125
@@ -178,15 +179,15 @@ def test_constant_offsets_of_frames_change_nothing(knee, measured, found):
 
 
 def test_doubt_is_said(knee, measured, found):
-    assert not found.warnings
+    assert not fit_doubts(found)
     tight = identify(
         knee, measured, NAMES, noise_mm=0.01, noise_deg=0.01, bounds=BOUNDS, with_profiles=False
     )
-    assert any("misses the data by 9" in w for w in tight.warnings)
+    assert any("misses the data by 9" in w for w in fit_doubts(tight))
     few = identify(
         knee, measured[[0]], NAMES, noise_mm=0.1, noise_deg=0.1, bounds=BOUNDS, with_profiles=False
     )
-    assert any("fewer data than unknowns" in w for w in few.warnings)
+    assert any("fewer data than unknowns" in w for w in fit_doubts(few))
 
 
 @pytest.mark.parametrize(

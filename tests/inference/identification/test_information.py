@@ -6,8 +6,14 @@ import pytest
 import kneejax as kj
 from kneejax.geometry import State
 from kneejax.inference import LoadCases, fit_information, information, noise_of
-from kneejax.inference.identification._information_words import slack_words
 from kneejax.parameters import UnsuitableData, select
+from kneejax.report.identification import (
+    information_notes,
+    reason_words,
+    slack_words,
+    sloppy_words,
+    stiff_words,
+)
 from kneejax.statics import Stations, balance_with_slopes
 
 PARAMETERS = ("*.stiffness", "*.reference_strain")
@@ -72,25 +78,25 @@ def test_scales_change_no_standard_error(rng):
 def test_a_stiff_combination_is_named_with_its_standard_error():
     """Only x - 0.5 y is seen."""
     found = information([[1.0, -0.5]] * 4, 0.002, TWO, ONE, scale=np.full(2, 0.02))
-    assert found.stiff == (
+    assert stiff_words(found) == [
         "Well-determined combination: ACL reference strain - 0.5 PCL reference strain, standard "
         "error 0.001 strain.",
-    )
-    (loose,) = found.sloppy
+    ]
+    (loose,) = sloppy_words(found)
     assert "PCL reference strain by +0.02" in loose and "ACL reference strain by +0.01" in loose
     assert "together would be invisible (less than 0.001 x noise)" in loose
     assert not found.determined.any() and np.isinf(found.standard_error).all()
-    assert "PCL reference strain makes up for it exactly" in found.reasons[0]
+    assert "PCL reference strain makes up for it exactly" in reason_words(found)[0]
 
 
 def test_unlike_quantities_are_added_as_parts_of_their_values():
     names, values = ("ACL.reference_strain", "ACL.stiffness"), np.array([0.05, 4000.0])
     # Seen is the strain, plus a tenth of the stiffness' part of its value.
     found = information([[1.0, 0.1 / 4000.0]], 0.001, names, values)
-    assert found.stiff == (
+    assert stiff_words(found) == [
         "Well-determined combination: (ACL stiffness / 4,000 N) + 10 ACL reference strain, "
         "standard error 1 %.",
-    )
+    ]
 
 
 def test_a_parameter_without_influence_is_named_and_the_others_are_not():
@@ -99,12 +105,12 @@ def test_a_parameter_without_influence_is_named_and_the_others_are_not():
     flexion = np.arange(0.0, 100.0, 10.0)
     slack = {"ACL": np.zeros(10, bool), "PCL": np.ones(10, bool)}
     found = information(jacobian, 0.01, TWO, ONE, flexion_deg=flexion, slack=slack)
-    assert found.determined.tolist() == [True, False] and found.reasons[0] == ""
+    assert found.determined.tolist() == [True, False] and reason_words(found)[0] == ""
     expected = "PCL reference strain is not determined by these data: its ligament is slack at"
-    assert found.reasons[1] == f"{expected} every pose."
+    assert reason_words(found)[1] == f"{expected} every pose."
     slack["PCL"] = flexion > 40
     found = information(jacobian, 0.01, TWO, ONE, flexion_deg=flexion, slack=slack)
-    assert found.reasons[1] == f"{expected[:-3]} above 40 degrees."
+    assert reason_words(found)[1] == f"{expected[:-3]} above 40 degrees."
 
 
 @pytest.mark.parametrize(
@@ -135,7 +141,8 @@ def test_a_flexion_with_a_taut_pose_is_not_slack():
 def test_fewer_data_than_parameters_is_said():
     names = tuple(f"{name}.reference_strain" for name in "ABCD")
     found = information(np.eye(4)[:3], 0.001, names, np.ones(4))
-    assert "3 measured numbers for 4 free parameters: at least 1 comb" in found.notes[0]
+    (note,) = information_notes(found)
+    assert "3 measured numbers for 4 free parameters: at least 1 comb" in note
     assert np.isinf(found.condition_number) and found.determined.tolist() == [True] * 3 + [False]
 
 
@@ -146,7 +153,7 @@ def test_a_parameter_on_its_bound_is_held_and_the_others_know_more_for_it():
     assert held.standard_error[0] == pytest.approx(0.1 / 31**0.5)
     assert held.standard_error[0] < free.standard_error[0]
     assert np.isnan(held.standard_error[1]) and np.isnan(held.correlation[1]).all()
-    assert "on its bound" in held.reasons[1] and "On a bound" in held.notes[0]
+    assert "on its bound" in reason_words(held)[1] and "On a bound" in information_notes(held)[0]
     np.testing.assert_allclose(held.matrix, free.matrix)
 
 
@@ -154,7 +161,7 @@ def test_poses_without_a_balance_count_for_nothing_and_are_counted():
     jacobian = np.ones((5, 3, 2)) * np.arange(1.0, 4.0)[:, None]
     jacobian[2, 1] = np.nan
     found = information(jacobian, 1.0, TWO, ONE)
-    assert found.data == 10 and "1 pose counts for nothing" in " ".join(found.notes)
+    assert found.data == 10 and "1 pose counts for nothing" in " ".join(information_notes(found))
 
 
 @pytest.mark.parametrize(
@@ -184,14 +191,14 @@ def test_the_reason_of_an_undetermined_stiffness_is_the_slack_of_its_ligament(kn
     loose = kj.with_values(knee, {"ACL.reference_strain": -0.19})
     flexion = np.arange(0.0, 121.0, 5.0)
     found, fit = passive(loose, flexion)
-    assert found.reasons[0].startswith(
+    assert reason_words(found)[0].startswith(
         "ACL stiffness is not determined by these data: its ligament is slack "
     )
     # As the strains at the poses say.
     poses = State.of({"flexion": np.deg2rad(flexion)}, fit.q[0].T).tibia
     slack = np.asarray(kj.evaluate(loose, poses).strain)[:, 0] <= 0.0
-    assert slack_words(flexion, slack) in found.reasons[0]
-    assert found.determined[1:].all() and not any(found.reasons[1:])
+    assert slack_words(flexion, slack) in reason_words(found)[0]
+    assert found.determined[1:].all() and not any(reason_words(found)[1:])
 
 
 def test_unknown_offsets_take_their_information_with_them(knee):

@@ -140,9 +140,9 @@ def test_printed_intervals_of_a_bent_valley_hold_the_truth(knee, exact):
     target = exact.q[0] * TABLE_UNITS + 0.2 * errors
     data = LoadCases(TWELVE, target, 1.0 / np.sqrt(DEFAULT_WEIGHTS))
     tiles = [np.tile(x, (draws, 1)) for x in (TRUTH, LOWER, UPPER)]
-    balance = balances_of(knee, chosen, data.stations)
+    balance = balances_of(knee, chosen, data)
     fits = fit_lanes(balance, data, exact.take(np.zeros(draws, int)), *tiles)
-    balance = with_offsets(balances_of(knee, chosen, TWELVE), (), np.ones(12, bool))
+    balance = with_offsets(balances_of(knee, chosen, data), (), np.ones(12, bool))
     stated = np.full(5, 0.2)
     found = sureties(
         balance, data, fits.slopes, DEFAULT_WEIGHTS, stated, LOWER, UPPER, named(chosen)

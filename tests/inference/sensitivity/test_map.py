@@ -158,7 +158,7 @@ def test_profiles_follow_the_valley_of_the_map(knee, measured):
     data = LoadCases(Stations.at(FLEXION), measured[:, 1:], noise)
     start = np.array([[2900.0, -0.05]])
     near = balance_with_slopes(knee, chosen.apply, start, data.stations)
-    balance = balances_of(knee, chosen, data.stations)
+    balance = balances_of(knee, chosen, data)
     fit = fit_lanes(balance, data, near, start, lower[None], upper[None])
     np.testing.assert_allclose(fit.values[0], [2814.0, -0.047], rtol=1e-4)
     stiffness = profiles(knee, chosen, data, fit.slopes, lower, upper, 3.84)[0]

@@ -24,19 +24,19 @@ def fitted(counted_from, **changes):
 
 
 def test_the_reading_that_counts_as_zero_does_not_break_its_curve():
-    x, y = _curve(fitted("least_load", unseen=[2]), np.arange(5), COLUMN, LOAD)
+    x, y = _curve(fitted("least_load", unseen=[2]), np.arange(5), "anterior", LOAD)
     np.testing.assert_array_equal(x, MOVED)
     assert y.tolist() == LOAD.tolist()
 
 
 def test_a_curve_from_the_unloaded_pose_goes_through_it():
-    x, y = _curve(fitted("unloaded"), np.array([0, 1, 3]), COLUMN, LOAD)
+    x, y = _curve(fitted("unloaded"), np.array([0, 1, 3]), "anterior", LOAD)
     assert list(zip(x.tolist(), y.tolist(), strict=True)) == [
         (-4.0, -60.0), (-2.5, -30.0), (0.0, 0.0), (2.0, 30.0)
     ]  # fmt: skip
 
 
 def test_what_is_only_counted_from_is_not_drawn():
-    x, y = _curve(fitted("opposite", unseen=[0, 1, 2]), np.arange(5), COLUMN, LOAD)
+    x, y = _curve(fitted("opposite", unseen=[0, 1, 2]), np.arange(5), "anterior", LOAD)
     assert y.tolist() == [30.0, 60.0]
     assert np.isnan(x[1])

@@ -36,7 +36,7 @@ def planned(criterion="D", candidates=None, chosen=(19, 3, 40), names=NAMES):
     after = np.where(status[:, None] == 0, errors[0] * np.linspace(1.0, 0.4, size)[:, None], np.nan)
     return Design(
         criterion, tuple(names), scale, tests, status, tuple(chosen), errors, fall, gains, after,
-        np.full(len(chosen), 0.1), None, ("A note that is long enough to be wrapped " * 4,),
+        np.full(len(chosen), 0.1), scale, True, (names[0],),
     )  # fmt: skip
 
 
@@ -86,7 +86,9 @@ def test_a_terminal_says_what_to_measure_next(criterion):
     design = planned(criterion)
     text = plain(report.design_text(design))
     assert "1. Next: posterior force 100 N at 15 degrees; it cuts the standard error of" in text
-    assert "3. Then:" in text and "note: A note that is long" in text
+    assert "3. Then:" in text and "note: The data alone leave combinations" in text
+    assert "note: 3 of 72 candidates are left out" in text
+    assert "note: On a bound at the fit, but counted as free here: ACL stiffness." in text
     assert f"({criterion}-optimal" in text
     best = int(np.nanargmax(design.gains))
     shown = "0.9" if criterion == "D" else "89"

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kneejax.parameters import unit_of_quantity
+from kneejax.report.look import plain, short, unit_after
+
+if TYPE_CHECKING:
+    from kneejax.inference import Information
 
 # Components of a direction below this part of the largest are not named, nor is a fourth.
 _NAMED, _MOST = 0.3, 3
@@ -14,26 +18,8 @@ _NAMED, _MOST = 0.3, 3
 _NEARLY = 5.0
 # A column that others reproduce within this part of its length is made up for exactly.
 _EXACT = 1e-6
-
-
-def plain(name: str) -> str:
-    """A parameter's name in words: `ACL.reference_strain` becomes `ACL reference strain`."""
-    return name.replace(".", " ").replace("_", " ")
-
-
-def unit_of(name: str) -> str:
-    """Unit of a parameter with a blank before it, empty for strains."""
-    unit = unit_of_quantity(name.split(".", 1)[-1])
-    return f" {unit}" if unit else ""
-
-
-def short(value: float) -> str:
-    """A number with two or three digits, thousands set apart."""
-    if not np.isfinite(value):
-        return "unknown"
-    if abs(value) >= 1e6 or 0 < abs(value) < 1e-4:
-        return f"{value:.1e}"
-    return f"{value:,.0f}" if abs(value) >= 99.5 else f"{value:.2g}"
+# Sentences on the best and the worst known combinations.
+_STIFF, _SLOPPY = 2, 3
 
 
 def slack_words(flexion_deg: np.ndarray, slack: np.ndarray) -> str:
@@ -73,26 +59,58 @@ def joined(words: Sequence[str]) -> str:
     return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
-def fixed_combination(
-    index: int,
-    names: Sequence[str],
-    values: np.ndarray,
-    scale: np.ndarray,
-    eigenvalues: np.ndarray,
-    eigenvectors: np.ndarray,
-) -> str:
+def stiff_words(found: Information) -> list[str]:
+    """Sentences on the combinations of parameters that the data fix best."""
+    rows = range(min(_STIFF, len(found.eigenvalues)))
+    return [_fixed_combination(found, row) for row in rows if found.eigenvalues[row] > 1.0]
+
+
+def sloppy_words(found: Information) -> list[str]:
+    """Sentences on the combinations that the data leave as they were, the worst first."""
+    count = len(found.eigenvalues)
+    rows = reversed(range(max(count - _SLOPPY, 0), count))
+    return [_loose_combination(found, row) for row in rows if found.eigenvalues[row] < 1.0]
+
+
+def reason_words(found: Information) -> list[str]:
+    """For each parameter that is not determined a sentence why; empty for the others."""
+    return [
+        "" if determined else _reason(found, row) for row, determined in enumerate(found.determined)
+    ]
+
+
+def information_notes(found: Information) -> list[str]:
+    """What else a reader must know."""
+    notes, free = [], int((~found.at_bound).sum())
+    if found.data < free:
+        notes.append(
+            f"{found.data} measured numbers for {free} free parameters: at least "
+            f"{free - found.data} combinations stay unknown whatever was measured. Fix parameters "
+            "or measure more."
+        )
+    bound = [name for name, on in zip(found.names, found.at_bound, strict=True) if on]
+    if bound:
+        notes.append(f"On a bound and held there: {', '.join(bound)}.")
+    if found.lost:
+        poses = "1 pose counts" if found.lost == 1 else f"{found.lost} poses count"
+        notes.append(f"{poses} for nothing: no balance was found there.")
+    return notes
+
+
+def _fixed_combination(found: Information, index: int) -> str:
     """Say what a direction of much information means, and to what standard error it is known.
 
     Parameters of one quantity are added in their own unit. Where quantities differ, those that
     have a unit are counted in parts of their values. Small components are not named where the
     combination of the named ones is known nearly as well.
     """
-    vector = eigenvectors[:, index]
+    names, values, scale = found.names, found.values, found.scale
+    vector = found.eigenvectors[:, index]
     rows = _named(vector)
     mixed = len({names[row].split(".", 1)[-1] for row in rows}) > 1
-    parts = [mixed and bool(unit_of(names[row])) for row in rows]
+    parts = [mixed and bool(unit_after(names[row])) for row in rows]
     terms = [
-        f"({plain(names[row])} / {short(values[row])}{unit_of(names[row])})"
+        f"({plain(names[row])} / {short(values[row])}{unit_after(names[row])})"
         if part
         else plain(names[row])
         for row, part in zip(rows, parts, strict=True)
@@ -103,9 +121,9 @@ def fixed_combination(
     for term, weight in zip(terms[1:], weights[1:] / weights[0], strict=True):
         factor = "" if abs(abs(weight) - 1.0) < 0.05 else f"{short(abs(weight))} "
         sentence += f" {'-' if weight < 0 else '+'} {factor}{term}"
-    deviation, others = _deviation(index, rows, eigenvalues, eigenvectors)
+    deviation, others = _deviation(index, rows, found.eigenvalues, found.eigenvectors)
     known = deviation / abs(weights[0])
-    error = f"{short(known)}{unit_of(names[rows[0]]) or ' strain'}"
+    error = f"{short(known)}{unit_after(names[rows[0]]) or ' strain'}"
     if parts[0]:
         error = f"{short(100 * known)} %"
     return f"Well-determined combination: {sentence}{others}, standard error {error}."
@@ -127,27 +145,22 @@ def _deviation(
     return whole, ", with small parts of others"
 
 
-def loose_combination(
-    index: int,
-    names: Sequence[str],
-    scale: np.ndarray,
-    eigenvalues: np.ndarray,
-    eigenvectors: np.ndarray,
-) -> str:
+def _loose_combination(found: Information, index: int) -> str:
     """Say what change of parameters leaves hardly a trace in the data.
 
     The change is as large as the parameters' scales, so that its trace can be compared with noise.
     """
-    vector = eigenvectors[:, index] / np.abs(eigenvectors[:, index]).max()
+    names, scale, eigenvalues = found.names, found.scale, found.eigenvalues
+    vector = found.eigenvectors[:, index] / np.abs(found.eigenvectors[:, index]).max()
     rows = _named(vector)
     changes = [
-        f"{plain(names[row])} by {_signed(vector[row] * scale[row])}{unit_of(names[row])}"
+        f"{plain(names[row])} by {_signed(vector[row] * scale[row])}{unit_after(names[row])}"
         for row in rows
     ]
     trace = float(np.sqrt(eigenvalues[index]) * np.linalg.norm(vector))
     named = np.zeros(len(vector))
     named[rows] = vector[rows]
-    alone = float(np.linalg.norm(np.sqrt(eigenvalues) * (eigenvectors.T @ named)))
+    alone = float(np.linalg.norm(np.sqrt(eigenvalues) * (found.eigenvectors.T @ named)))
     others = ", with small changes of others," if alone > 1.5 * trace + 0.01 else ""
     together = " together" if len(rows) > 1 and not others else ""
     return f"Changing {joined(changes)}{together}{others} {noise_words(trace)}."
@@ -164,38 +177,23 @@ def _signed(value: float) -> str:
     return short(value) if value < 0 else f"+{short(value)}"
 
 
-def reason(
-    row: int,
-    names: Sequence[str],
-    scale: np.ndarray,
-    weighted: np.ndarray,
-    held: np.ndarray,
-    flexion_deg: np.ndarray | None,
-    slack: np.ndarray | None,
-) -> str:
-    """Say why data do not determine a parameter.
-
-    Args:
-        row: of the parameter.
-        names: of all parameters.
-        scale: of all, `(p,)`.
-        weighted: derivatives in units of noise and scale, `(data, p)`.
-        held: parameters on a bound, `(p,)`.
-        flexion_deg: of the poses, or None.
-        slack: where the parameter's ligament is slack, or None.
-    """
+def _reason(found: Information, row: int) -> str:
+    """Say why data do not determine a parameter."""
+    names, weighted, held = found.names, found.weighted, found.at_bound
+    slack = found.slack.get(names[row].split(".", 1)[0])
     begin = f"{plain(names[row])} is not determined by these data: "
     if held[row]:
         return f"{begin}it is on its bound, and the data would move it further."
     causes = []
-    where = slack_words(flexion_deg, slack) if slack is not None and flexion_deg is not None else ""
+    known = slack is not None and found.flexion_deg is not None
+    where = slack_words(found.flexion_deg, slack) if known else ""
     if where:
         causes.append(f"its ligament is slack {where}")
     seen = float(np.linalg.norm(weighted[:, row]))
     if seen >= 1.0:
         causes.append(_rivals(row, names, weighted, held))
     elif seen > 1e-3 or not where:
-        change = f"{short(scale[row])}{unit_of(names[row])}"
+        change = f"{short(found.scale[row])}{unit_after(names[row])}"
         causes.append(f"a change of {change} {noise_words(seen)}")
     return begin + "; ".join(causes) + "."
 
