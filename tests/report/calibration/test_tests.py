@@ -1,11 +1,14 @@
 """Curves of tests in a report: whole, and broken only where the knee holds nothing."""
 
+import dataclasses
+
 import numpy as np
 
 from kneejax.experiments import MeasuredTest
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference import FittedTest
-from kneejax.report.calibration._tests import _curve
+from kneejax.report.calibration._tests import _curve, laxity_doubts
+from kneejax.statics import Status
 
 COLUMN = FREE_COORDINATES.index("anterior")
 LOAD = np.array([-60.0, -30.0, 0.0, 30.0, 60.0])
@@ -40,3 +43,14 @@ def test_what_is_only_counted_from_is_not_drawn():
     x, y = _curve(fitted("opposite", unseen=[0, 1, 2]), np.arange(5), "anterior", LOAD)
     assert y.tolist() == [30.0, 60.0]
     assert np.isnan(x[1])
+
+
+def test_a_test_outside_the_cartilage_is_named_with_its_flexions():
+    outside = [Status.BALANCED, Status.BALANCED, *[Status.OUTSIDE_REGION] * 3]
+    flexion = np.array([30.0, 30.0, 130.0, 140.0, 140.0])
+    test = dataclasses.replace(fitted("unloaded").test, flexion_deg=flexion)
+    own = dataclasses.replace(fitted("unloaded"), test=test, status=np.array(outside, int))
+    (said,) = laxity_doubts((own,))
+    assert said.startswith("Test drawer: 3 of 5 loads outside_region")
+    assert said.endswith("at 130, 140 deg.")
+    assert laxity_doubts((own,), (Status.OUTSIDE_REGION,)) == []
