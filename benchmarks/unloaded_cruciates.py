@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 
 import jax
@@ -37,7 +38,7 @@ class Unloaded:
     """Load cases whose passive poses ask for tensions of zero, too."""
 
     cases: LoadCases
-    tensions: object
+    tensions: Callable
     asked: int
 
     @property
@@ -133,7 +134,7 @@ def main() -> None:
         knee, objective = fitted(study, unloaded, options.starts)
         motion = kj.passive_flexion(knee, study.flexion_deg)
         turned = np.asarray(motion.to_table("grood-suntay"))[:, 2]
-        published = study.measured[:, 2]
+        published = np.asarray(study.measured)[:, 2]
         off = (turned - turned[0]) - (published - published[0])
         rows |= {
             f"{said}, objective without tensions": objective,

@@ -154,7 +154,7 @@ def write_study() -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("what", choices=["poses", "knee"])
     parser.add_argument("folder", type=Path, nargs="?", help="of a calibration of this study")
     given = parser.parse_args()
