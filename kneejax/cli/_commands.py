@@ -243,6 +243,7 @@ def _add_reproduce(commands) -> None:
         "kneejax reproduce 1",
     )
     command.add_argument("paper", choices=["1", "4", "5"], help="number of the paper")
+    command.add_argument("--knee", help=f"of paper 1, four_ligament_fitted by default: {KNEE}")
     add_out(command, "kneejax-reproduction")
     add_svg(command)
     command.set_defaults(run=_lazily("_reproduce"))

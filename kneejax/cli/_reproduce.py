@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import importlib
 
+from kneejax.files import InputProblem
+
 
 def run(arguments: argparse.Namespace) -> int:
     """Reproduce paper 1, 4 or 5.
@@ -12,4 +14,7 @@ def run(arguments: argparse.Namespace) -> int:
     A claim that is not reproduced is an answer like any other: status 0. Status 1 says that
     something computed on the way is doubtful.
     """
+    if arguments.knee and arguments.paper != "1":
+        expected = "none of it: paper 1 alone takes one"
+        raise InputProblem("--knee", "option", arguments.knee, expected)
     return importlib.import_module(f"kneejax.cli.papers._paper{arguments.paper}").run(arguments)

@@ -243,7 +243,7 @@ BAD = {
     ),
     "no such study": (
         lambda t: ["calibrate", str(t / "nostudy.yaml")],
-        "a bundled study (average_knee, lenhart2015_mri, paper1",
+        "a bundled study (average_knee, four_ligament_fitted, lenhart2015_mri, paper1",
     ),
     "study of another name beside it": (
         lambda t: [study(t, TWIN)[0], str(t / "stdy.yaml")], "did you mean study.yaml?"

@@ -172,3 +172,18 @@ def test_only_judged_papers_can_be_asked_for(capsys):
         main(["reproduce", "2"])
     assert ended.value.code == 2
     assert "invalid choice: '2'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["4", "--knee", "four_ligament"], "--knee: option: four_ligament: expected none of it"),
+        (["1", "--knee", "four_ligamnt"], "did you mean four_ligament?"),
+        (["1", "--knee", "lenhart2015_reduced"], "expected those of paper 1: ACL, PCL, MCL, LCL"),
+    ],
+)
+def test_a_knee_is_for_paper_1_and_has_its_four_ligaments(words, said, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main(["reproduce", *words, "--out", str(out)]) == 2
+    assert said in (line := capsys.readouterr().err) and line.count("\n") == 1
+    assert not out.exists()

@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 
 import numpy as np
 
 from kneejax.cli._progress import balances_on_terminal
-from kneejax.files import write_rows
+from kneejax.files import InputProblem, load_knee, write_rows
 from kneejax.inference import in_convention, sensitivity_maps, sweep, versions
+from kneejax.mechanics import Knee
 from kneejax.reproduction import VERDICTS, Claim, Paper1Study, paper1_claims
 from kneejax.reproduction.paper1 import CONVENTION, LIGAMENTS, as_paper1_sees
 from kneejax.studies import Study, read_study
 from kneejax.studies import run as run_study
 
-_STUDY, _GRID, _VALUES = "paper1", (61, 61), 37
+#: The paper's protocol, and a knee of four lines that moves as measured knees do.
+_STUDY, _KNEE = "paper1", "four_ligament_fitted"
+_GRID, _VALUES = (61, 61), 37
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Compute the study, judge the claims, print and write them."""
-    study = read_study(_STUDY)
+    knee = _four_lines(arguments.knee or _KNEE)
+    study = dataclasses.replace(read_study(_STUDY), knee=knee)
     found = _computed(study)
     claims, doubts = paper1_claims(found), _doubts(found)
     _write(study, found, claims, doubts, arguments.out, arguments.svg)
@@ -32,13 +37,19 @@ def run(arguments: argparse.Namespace) -> int:
     return 1 if doubts else 0
 
 
+def _four_lines(name: str) -> Knee:
+    knee = load_knee(name)
+    if set(knee.ligaments.names) != set(LIGAMENTS):
+        found = f"{name} with {len(knee.ligaments.names)} ligaments"
+        raise InputProblem("--knee", "knee", found, f"those of paper 1: {', '.join(LIGAMENTS)}")
+    return knee
+
+
 def _computed(study: Study) -> Paper1Study:
     calibration = run_study(study)
     knee, measured, weights = study.knee_at_start, calibration.measured, study.weight_vector
     with balances_on_terminal("sweeps") as progress:
-        sweeps = sweep(
-            knee, study.parameters, measured[:, 0], count=_VALUES, progress=progress
-        )
+        sweeps = sweep(knee, study.parameters, measured[:, 0], count=_VALUES, progress=progress)
     pairs = [(f"{name}.stiffness", f"{name}.reference_strain") for name in LIGAMENTS]
     with balances_on_terminal("maps") as progress:
         maps = sensitivity_maps(
@@ -96,12 +107,14 @@ def _write(
     noise = study.synthetic.noise_mm if study.synthetic else 0.0
     about = [
         "The paper's four ligaments with the values of its Table 1, on the articular surfaces of "
-        "one healthy knee (lenhart2015), instead of its cadaver's. Its measured motion was not "
-        "published: here it is made by the same knee with the parameters of its Table 3, with "
+        f"one knee ({study.knee.name}) instead of its cadaver's. The paper's measured motion was "
+        "not published: here it is made by the same knee with the parameters of its Table 3, with "
         f"{noise:g} mm and degrees of noise. Coordinates are the paper's, the femur in the tibia. "
         "What the paper reads off its figures is turned into criteria, stated with each claim.",
         f"Verdicts: {', '.join(VERDICTS)}.",
     ]
-    settings = {"study": _STUDY, "grid": list(_GRID), "values_of_a_sweep": _VALUES}
+    settings = {
+        "study": _STUDY, "knee": study.knee.name, "grid": list(_GRID), "values_of_a_sweep": _VALUES
+    }  # fmt: skip
     title = "Paper 1: influence of ligament parameters on motion, and their identification"
     write_reproduction(title, about, claims, figures, doubts, settings, versions(), out, svg=svg)

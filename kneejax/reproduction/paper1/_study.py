@@ -69,10 +69,7 @@ def acting(found: Paper1Study, ligament: str, fine: bool) -> str:
         return ""
     own = effect_of(found, f"{ligament}.stiffness", "anterior")
     part = float(np.mean(own > NONE * np.nanmax(own)))
-    return (
-        f"; the {ligament} of this knee, a single line between mean attachments, holds it at "
-        f"{part:.0%} of all flexions"
-    )
+    return f"; the {ligament} of this knee, a single line, holds it at {part:.0%} of all flexions"
 
 
 def which(*parts: tuple[str, bool]) -> str:
