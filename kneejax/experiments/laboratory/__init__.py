@@ -10,6 +10,7 @@ from kneejax.experiments.laboratory._laxity import LAXITY_COLUMNS as LAXITY_COLU
 from kneejax.experiments.laboratory._laxity import Laxity as Laxity
 from kneejax.experiments.laboratory._laxity import laxity as laxity
 from kneejax.experiments.laboratory._measured_test import COUNTED_FROM as COUNTED_FROM
+from kneejax.experiments.laboratory._measured_test import WITHOUT_LOADS as WITHOUT_LOADS
 from kneejax.experiments.laboratory._measured_test import MeasuredTest as MeasuredTest
 from kneejax.experiments.laboratory._ready import READY as READY
 from kneejax.experiments.laboratory._ready import lab_tests as lab_tests

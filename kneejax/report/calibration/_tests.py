@@ -29,6 +29,7 @@ _COMPARED = {
     "offset": "Pose in the laboratory's frame",
     "offset_each_flexion": "Pose in the laboratory's frame",
     "absolute": "Pose",
+    "extension": "Change from extension",
 }
 
 
