@@ -119,7 +119,7 @@ def tests_figure(calibration: Calibration) -> Figure:
 
     Returns:
         A panel for each coordinate of each test. Load over displacement, a colour for each flexion;
-        over flexion where there is one load at each.
+        over flexion where there is one reading at each.
     """
     from matplotlib.figure import Figure
 
@@ -135,12 +135,17 @@ def tests_figure(calibration: Calibration) -> Figure:
         left=0.1, right=0.78, top=1 - 0.3 / height, bottom=0.5 / height, hspace=0.45
     )
     for axes, (own, before, name) in zip(every, panels, strict=True):
-        flexions = np.unique(own.test.flexion_deg)
-        along = _over_flexion if len(flexions) == len(own.test.flexion_deg) else _over_load
+        flexions = own.test.flexion_deg[_seen(own, name)]
+        along = _over_flexion if len(np.unique(flexions)) == len(flexions) > 1 else _over_load
         along(axes, own, before, name)
         axes.set_title(verbatim(f"{own.test.name}: {COORDINATES[name].label.lower()}"))
         axes.axhline(0.0, color=GREY, linewidth=0.5)
     return figure
+
+
+def _seen(own: FittedTest, name: str) -> np.ndarray:
+    """Rows in which a coordinate is compared."""
+    return np.isfinite(own.measured[:, FREE_COORDINATES.index(name)])
 
 
 def _label(own: FittedTest, name: str) -> str:
@@ -181,7 +186,8 @@ def _curve(one: FittedTest, rows: np.ndarray, column: int, load: np.ndarray):
 
 def _over_flexion(axes: Axes, own: FittedTest, before: FittedTest, name: str) -> None:
     test, column = own.test, FREE_COORDINATES.index(name)
-    order = np.argsort(test.flexion_deg)
+    rows = np.flatnonzero(_seen(own, name))
+    order = rows[np.argsort(test.flexion_deg[rows])]
     x = test.flexion_deg[order]
     axes.plot(x, before.fitted[order, column], ":", color="black", linewidth=0.9)
     axes.plot(x, own.fitted[order, column], color="black")

@@ -19,6 +19,8 @@ COLLATERALS = ("aMCL", "iMCL", "pMCL", "aDMCL", "pDMCL", "LCL")
 #: What is added to the reference strain of every collateral bundle to reach the measured
 #: displacement: the paper's measurement is one number, so one is fitted, between two of these.
 PRESTRAINS = (0.0, 0.04, 0.08, 0.12, 0.16)
+#: Refinements between the two neighbours, and what is near enough, mm.
+MOST_STEPS, NEAR_ENOUGH_MM = 4, 0.02
 #: Changes of the resting length of both ACL bundles, about a millimetre.
 LENGTH_CHANGES = (-0.03, 0.03)
 
@@ -30,6 +32,7 @@ class Lachman:
     Attributes:
         moved: anterior displacement at each load, mm, `(loads,)`; NaN beyond what the knee holds.
         tension: bundle -> its tension, N, `(loads,)`.
+        neutral: where the tibia is without the load, mm along the same axis.
         along: N per mm that the tensions alone hold the unloaded tibia by across their lines.
         status: the worst of all loads.
         held_N: the largest load that the knee holds.
@@ -37,6 +40,7 @@ class Lachman:
 
     moved: np.ndarray
     tension: dict[str, np.ndarray]
+    neutral: float
     along: float
     status: Status
     held_N: float
@@ -90,7 +94,11 @@ def paper2_study(knee: Knee) -> Paper2Study:
     for by in PRESTRAINS[1:]:
         deficient[by] = lachman(cut(_strained(knee, by), STATES["deficient"]))
     longer = {by: lachman(_longer(knee, by)) for by in LENGTH_CHANGES}
-    best = fitted({by: one.end for by, one in deficient.items()})
+    for _ in range(MOST_STEPS):
+        best = fitted({by: one.end for by, one in deficient.items()})
+        if best in deficient:
+            break
+        deficient[best] = lachman(cut(_strained(knee, best), STATES["deficient"]))
     loads = FULL_N * np.linspace(0.0, 1.0, STEPS + 1)
     return Paper2Study(loads, printed, states(_strained(knee, best)), deficient, best, longer)
 
@@ -102,18 +110,21 @@ def fitted(ends: dict[float, float]) -> float:
         ends: what is added -> displacement, mm; NaN where the knee does not hold the load.
 
     Returns:
-        Between the two neighbours on either side of what was measured, on a straight line; the one
-        that is nearest where there are none.
+        One that is near enough; else between the two neighbours on either side of what was
+        measured, on a straight line; the nearest one where there are none.
 
     Example:
         >>> round(fitted({0.0: float("nan"), 0.1: 10.0, 0.2: 6.0}), 3)
         0.15
     """
     held = [(by, ends[by]) for by in sorted(ends) if np.isfinite(ends[by])]
+    nearest = min(held, key=lambda one: abs(one[1] - MEASURED_MM), default=(max(ends), np.nan))
+    if abs(nearest[1] - MEASURED_MM) < NEAR_ENOUGH_MM:
+        return nearest[0]
     for (low, far), (high, near) in zip(held, held[1:], strict=False):
         if (far - MEASURED_MM) * (near - MEASURED_MM) <= 0.0 and far != near:
             return low + (high - low) * (far - MEASURED_MM) / (far - near)
-    return min(held, key=lambda one: abs(one[1] - MEASURED_MM))[0] if held else max(ends)
+    return nearest[0]
 
 
 def lachman(knee: Knee) -> Lachman:
@@ -129,7 +140,8 @@ def lachman(knee: Knee) -> Lachman:
     held = FULL_N * float(np.max(np.asarray(curves.part)[known], initial=0.0))
     status = Status(int(np.asarray(curves.status(mechanics)).max()))
     named = dict(zip(knee.ligaments.names, tension.T, strict=True))
-    return Lachman(moved, named, float(along), status, held)
+    neutral = float(np.asarray(curves.neutral)[0])
+    return Lachman(moved, named, neutral, float(along), status, held)
 
 
 def _strained(knee: Knee, by: float) -> Knee:
