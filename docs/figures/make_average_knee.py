@@ -42,7 +42,7 @@ def drawn() -> Figure:
         "s", color=GREY, markersize=3, label="Walker 1988",
     )  # fmt: skip
     turning.set_ylabel("Internal rotation from extension, deg")
-    for band in bundled_bands():
+    for band in bundled_bands(name="robot_anterior_90N"):
         without = bool(band.cut)
         color, said = (VERMILLION, "ACL cut") if without else (BLUE, "intact")
         drawing.errorbar(

@@ -242,7 +242,7 @@ def _add_reproduce(commands) -> None:
         "Compute what a paper claims, and judge each claim.",
         "kneejax reproduce 1",
     )
-    command.add_argument("paper", choices=["1", "4", "5"], help="number of the paper")
+    command.add_argument("paper", choices=["1", "2", "3", "4", "5"], help="number of the paper")
     command.add_argument("--knee", help=f"of paper 1, four_ligament_fitted by default: {KNEE}")
     add_out(command, "kneejax-reproduction")
     add_svg(command)

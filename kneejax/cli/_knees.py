@@ -37,7 +37,7 @@ def run(_: argparse.Namespace) -> int:
         said = f"{measurement.title} ({measurement.source})"
         print(textwrap.fill(said, 98, initial_indent=f"  {name:<20} ", **_HANGING))
     print("Laxity, as others measured it: drawn beside `simulate` under the same load,")
-    print("and a test of a study by its name")
+    print("and a test of a study by its name, with `load:` where that is not known")
     for name, source in bundled_laxity_sources().items():
-        print(textwrap.fill(source, 98, initial_indent=f"  {name:<20} ", **_HANGING))
+        print(textwrap.fill(source, 98, initial_indent=f"  {name:<24} ", **_HANGING))
     return 0

@@ -9,7 +9,7 @@ from kneejax.files import InputProblem
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Reproduce paper 1, 4 or 5.
+    """Reproduce one of papers 1 to 5.
 
     A claim that is not reproduced is an answer like any other: status 0. Status 1 says that
     something computed on the way is doubtful.

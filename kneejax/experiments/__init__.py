@@ -27,6 +27,7 @@ from kneejax.experiments.laboratory import HELD as HELD
 from kneejax.experiments.laboratory import LAXITY_COLUMNS as LAXITY_COLUMNS
 from kneejax.experiments.laboratory import READINGS as READINGS
 from kneejax.experiments.laboratory import READY as READY
+from kneejax.experiments.laboratory import WITHOUT_LOADS as WITHOUT_LOADS
 from kneejax.experiments.laboratory import Curves as Curves
 from kneejax.experiments.laboratory import LabTest as LabTest
 from kneejax.experiments.laboratory import Laxity as Laxity

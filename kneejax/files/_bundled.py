@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import os
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from kneejax.files.reading import Field, InputProblem, load_yaml, nearest_name, neighbour
 
@@ -14,19 +16,26 @@ _ONE = {"knees": "knee", "studies": "study"}
 
 @dataclasses.dataclass(frozen=True)
 class Measurement:
-    """A bundled table of measured poses.
+    """A bundled table of what was measured.
 
     Attributes:
         path: the CSV table.
         title: one line on what was measured.
         source: where it was published.
         description: how it was measured; empty if not said.
+        use: what a study takes it for: `poses` (its measured motion), `test` (a test without
+            loads), or `nothing`, a table of conditions.
+        counted_from: of a test, what its numbers are counted from.
+        columns: of a test, column of a pose -> column of the table, a minus where senses differ.
     """
 
     path: Path
     title: str
     source: str
     description: str = ""
+    use: str = "poses"
+    counted_from: str = ""
+    columns: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
 
 def bundled_path(kind: str, name: str) -> Path:
@@ -121,16 +130,30 @@ def bundled_measurements() -> dict[str, Measurement]:
 
     Raises:
         InputProblem: a table has no YAML file of the same name with its `title` and `source`.
+
+    Example:
+        >>> bundled_measurements()["walker1988"].counted_from
+        'extension'
     """
     answer = {}
     for name, path in bundled_files("measurements").items():
         about = path.with_suffix(".yaml")
         field = Field(os.fspath(about), "", load_yaml(about, "title and source of a table"))
-        field.mapping(("title", "source"), ("description", "convention", "side", "notes"))
-        description = field["description"].text() if "description" in field else ""
-        title, source = field["title"].text(), field["source"].text()
-        answer[name] = Measurement(path, title, source, description)
+        field.mapping(("title", "source"), ("description", "test", "conditions"))
+        said = [field[k].text() if k in field else "" for k in ("title", "source", "description")]
+        answer[name] = Measurement(path, *said, **_use(field))
     return answer
+
+
+def _use(field: Field) -> dict[str, Any]:
+    """What a study takes a measurement for."""
+    if "conditions" in field:
+        return {"use": "nothing"}
+    if "test" not in field:
+        return {}
+    test = field["test"].mapping(("counted_from",), ("columns",))
+    columns = test["columns"].value if "columns" in test else {}
+    return {"use": "test", "counted_from": test["counted_from"].text(), "columns": columns}
 
 
 def bundled_laxity_sources() -> dict[str, str]:
@@ -142,8 +165,9 @@ def bundled_laxity_sources() -> dict[str, str]:
     """
     answer = {}
     for name, path in bundled_files("laxity").items():
-        document = load_yaml(path, "source of a laxity table")
-        answer[name] = Field(os.fspath(path), "", document)["source"].text()
+        field = Field(os.fspath(path), "", load_yaml(path, "source of a laxity table"))
+        unknown = "" if "size" in field else "; load not known"
+        answer[name] = field["source"].text() + unknown
     return answer
 
 

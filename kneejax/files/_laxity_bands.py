@@ -10,25 +10,29 @@ from pathlib import Path
 import numpy as np
 
 from kneejax.files._bundled import bundled_files
-from kneejax.files.reading import Field, load_yaml
+from kneejax.files.reading import Field, InputProblem, load_yaml
 from kneejax.files.tables import read_rows
 
-_COLUMNS = ["flexion_deg", "mean", "sd", "cut"]
+_COLUMNS = ["flexion_deg", "end", "mean", "sd", "cut"]
+#: What a published number is of: the first three as `kneejax.Laxity` has them, the last what the
+#: range grows by when the ligaments are cut, a difference of two knees.
+ENDS = ("positive", "negative", "range", "range_increase")
 
 
 @dataclasses.dataclass(frozen=True)
 class LaxityBand:
-    """A published laxity.
+    """A published laxity: rows of one table that are of one end and one state of the knee.
 
     Attributes:
         name: of its file.
         label: for a figure's legend.
         source: where it was published, and on whom it was measured.
         load: that acted, a name of `kneejax.mechanics.NAMED_LOADS`.
-        size: of the load, in the unit of its name.
+        size: of the load, in the unit of its name; NaN where it is not known.
+        end: one of `ENDS`.
         cut: ligaments that were cut.
         flexion_deg: `(n,)`.
-        mean: displacement under the load, `(n,)`, mm or degrees.
+        mean: displacement under the load, `(n,)`, mm or degrees; negative at the negative end.
         sd: its standard deviation over knees, `(n,)`; NaN where none was published.
     """
 
@@ -37,38 +41,52 @@ class LaxityBand:
     source: str
     load: str
     size: float
+    end: str
     cut: tuple[str, ...]
     flexion_deg: np.ndarray
     mean: np.ndarray
     sd: np.ndarray
 
 
-def bundled_bands(cut: Collection[str] | None = None) -> list[LaxityBand]:
+def bundled_bands(
+    cut: Collection[str] | None = None, name: str | None = None
+) -> list[LaxityBand]:
     """The laxities that come with the package.
 
     Args:
         cut: only those of knees with exactly these ligaments cut; all by default.
+        name: only those of this table.
 
     Example:
-        >>> sorted({band.cut for band in bundled_bands()})
+        >>> [band.cut for band in bundled_bands(name="robot_anterior_90N")]
         [(), ('ACL',)]
+        >>> [(band.end, band.mean.tolist()) for band in bundled_bands(name="komzak2013_torsion")]
+        [('positive', [12.1]), ('negative', [-10.1])]
     """
-    every = [band for path in bundled_files("laxity").values() for band in _read(path)]
-    return [band for band in every if cut is None or set(band.cut) == set(cut)]
+    files = bundled_files("laxity")
+    every = [band for path in files.values() for band in _read(path)]
+    of_name = [band for band in every if name in (None, band.name)]
+    return [band for band in of_name if cut is None or set(band.cut) == set(cut)]
 
 
 def _read(path: Path) -> list[LaxityBand]:
     field = Field(os.fspath(path), "", load_yaml(path, "source of a laxity table"))
-    field.mapping(("label", "source", "load", "size"))
+    field.mapping(("label", "source", "load"), ("size", "notes"))
     label, source, load = (field[name].text() for name in ("label", "source", "load"))
-    size = field["size"].number()
-    header, rows = read_rows(os.fspath(path.with_suffix(".csv")), _COLUMNS)
+    size = field["size"].number() if "size" in field else np.nan
+    table = os.fspath(path.with_suffix(".csv"))
+    header, rows = read_rows(table, _COLUMNS)
     place = [header.index(name) for name in _COLUMNS]
-    flexion, mean, sd, cuts = zip(*([cells[i] for i in place] for _, cells in rows), strict=True)
-    numbers = np.array([flexion, mean, sd], float)
-    kinds = dict.fromkeys(cuts)
-    own = {cut: numbers[:, [one == cut for one in cuts]] for cut in kinds}
+    kinds: dict[tuple[str, str], list[list[float]]] = {}
+    for number, (line, cells) in enumerate(rows, 1):
+        flexion, end, mean, sd, cut = (cells[i].strip() for i in place)
+        if end not in ENDS:
+            where = f"row {number} (line {line}), end"
+            raise InputProblem(table, where, end, f"one of {', '.join(ENDS)}", ENDS)
+        kinds.setdefault((end, cut), []).append([float(x) for x in (flexion, mean, sd)])
     return [
-        LaxityBand(path.stem, label, source, load, size, tuple(cut.split()), *table)
-        for cut, table in own.items()
+        LaxityBand(
+            path.stem, label, source, load, size, end, tuple(cut.split()), *np.array(own).T
+        )
+        for (end, cut), own in kinds.items()
     ]

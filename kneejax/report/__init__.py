@@ -74,10 +74,13 @@ from kneejax.report.reproduction import CLAIM_COLUMNS as CLAIM_COLUMNS
 from kneejax.report.reproduction import claims_summary as claims_summary
 from kneejax.report.reproduction import comparison_document as comparison_document
 from kneejax.report.reproduction import comparison_summary as comparison_summary
+from kneejax.report.reproduction import drawer_figure as drawer_figure
 from kneejax.report.reproduction import knee_comparison_text as knee_comparison_text
+from kneejax.report.reproduction import lachman_figure as lachman_figure
 from kneejax.report.reproduction import paper5_figure as paper5_figure
 from kneejax.report.reproduction import ramp_figure as ramp_figure
 from kneejax.report.reproduction import score_figure as score_figure
+from kneejax.report.reproduction import torsion_figure as torsion_figure
 from kneejax.report.reproduction import write_reproduction as write_reproduction
 from kneejax.report.scene import VIEWS as VIEWS
 from kneejax.report.scene import BoneMesh as BoneMesh

@@ -8,6 +8,12 @@ from kneejax.reproduction._claims import Claim as Claim
 from kneejax.reproduction._claims import judged as judged
 from kneejax.reproduction.paper1 import Paper1Study as Paper1Study
 from kneejax.reproduction.paper1 import paper1_claims as paper1_claims
+from kneejax.reproduction.paper2 import Paper2Study as Paper2Study
+from kneejax.reproduction.paper2 import paper2_claims as paper2_claims
+from kneejax.reproduction.paper2 import paper2_study as paper2_study
+from kneejax.reproduction.paper3 import Paper3Study as Paper3Study
+from kneejax.reproduction.paper3 import paper3_claims as paper3_claims
+from kneejax.reproduction.paper3 import paper3_study as paper3_study
 from kneejax.reproduction.paper4 import LIMITS as LIMITS
 from kneejax.reproduction.paper4 import Change as Change
 from kneejax.reproduction.paper4 import Influence as Influence

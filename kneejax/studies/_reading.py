@@ -129,9 +129,13 @@ def _table(field: Field, folder: Path) -> Path:
     path = folder / field.text()
     if path.is_file():
         return path
-    known = bundled_measurements()
+    every = bundled_measurements()
+    known = {name: one for name, one in every.items() if one.use == "poses"}
     if field.value in known:
         return known[field.value].path
+    if field.value in every:
+        other = "a table under tests" if every[field.value].use == "test" else "conditions alone"
+        raise field.problem(f"measured poses; {field.value} is {other}")
     raise field.problem(f"a CSV table or a bundled measurement; not at {path}", known)
 
 

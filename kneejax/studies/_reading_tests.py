@@ -10,18 +10,20 @@ from typing import Any
 
 import numpy as np
 
-from kneejax.experiments import COUNTED_FROM, MeasuredTest, weights_by_load
-from kneejax.files import LabTable, bundled_bands, parse_flexion, read_lab_table
+from kneejax.experiments import COUNTED_FROM, WITHOUT_LOADS, MeasuredTest, weights_by_load
+from kneejax.files import LabTable, parse_flexion, read_lab_table
 from kneejax.files.reading import Field
 from kneejax.geometry import CLINICAL, CONVENTIONS, FREE_COORDINATES
-from kneejax.mechanics import NAMED_LOADS, RANGES, load_called
+from kneejax.mechanics import NAMED_LOADS, RANGES
+from kneejax.studies._published_tests import PublishedTest, published_test
 
 #: Signs of a left knee in axes with Z to the person's right: adduction, internal rotation and
 #: lateral shift change.
 MIRROR = (1.0, -1.0, -1.0, 1.0, 1.0, -1.0)
 _OPTIONAL = (
     "source", "columns", "ignore", "convention", "mirror", "flexion_deg", "at_deg", "coordinates",
-    "counted_from", "constant", "point_mm", "sd_mm", "sd_deg", "sd_N", "sd_strain", "cut", "weight",
+    "counted_from", "constant", "load", "point_mm", "sd_mm", "sd_deg", "sd_N", "sd_strain", "cut",
+    "weight",
 )  # fmt: skip
 #: Option of a test -> what a standard deviation may be.
 _SPREADS = {
@@ -54,7 +56,8 @@ def read_tests(
 def _read(item: Field, folder: Path, lines: Sequence[str]) -> tuple[MeasuredTest, dict[str, Any]]:
     item.mapping(("name", "file"), _OPTIONAL)
     mirror = "mirror" in item and item["mirror"].boolean()
-    table = _limited(item, _table(item, folder))
+    table, counted_from = _table(item, folder)
+    table = _limited(item, table)
     flexion, loads, observed = table[:3]
     if mirror:
         observed = observed * MIRROR[1:]
@@ -71,6 +74,7 @@ def _read(item: Field, folder: Path, lines: Sequence[str]) -> tuple[MeasuredTest
         "readings": readings, "tensions": tensions, "weight": _weight(item, table),
         "cut": _cut(item),
     }  # fmt: skip
+    given |= {} if counted_from is None else {"counted_from": counted_from}
     for name, allowed in _SPREADS.items():
         if name in item:
             given[name] = item[name].number(allowed)
@@ -136,10 +140,12 @@ def _path(field: Field, folder: Path) -> str:
     return os.path.abspath(path) if path.is_file() else ""
 
 
-def _table(item: Field, folder: Path) -> LabTable:
+def _table(item: Field, folder: Path) -> PublishedTest:
     file = _path(item["file"], folder)
     if not file:
-        return _published(item)
+        return published_test(item, _cut(item))
+    if "load" in item:
+        raise item["load"].problem("no load of a published table: this one has columns of loads")
     columns = {}
     if "columns" in item:
         renamed = item["columns"]
@@ -149,24 +155,10 @@ def _table(item: Field, folder: Path) -> LabTable:
     ignore = [one.text() for one in item["ignore"].items("columns")] if "ignore" in item else []
     at = item["at_deg"].number(RANGES["flexion_deg"]) if "at_deg" in item else None
     convention = item["convention"].choice(CONVENTIONS) if "convention" in item else CLINICAL
-    return read_lab_table(file, columns, at, convention, tuple(ignore))
-
-
-def _published(item: Field) -> LabTable:
-    """A published laxity."""
-    bands = {band.name: band for band in bundled_bands(cut=_cut(item))}
-    name = item["file"].text()
-    if name not in bands:
-        expected = f"a CSV table, or a published laxity ({', '.join(bands)})"
-        raise item["file"].problem(expected, bands)
-    for field in ("columns", "ignore", "convention", "mirror", "at_deg"):
-        if field in item:
-            raise item[field].problem(f"this field left out: {name} comes with the package")
-    band = bands[name]
-    (column,) = [k for k, c in enumerate(FREE_COORDINATES) if load_called(c) == band.load]
-    observed = np.full((len(band.mean), len(FREE_COORDINATES)), np.nan)
-    observed[:, column] = band.mean
-    return LabTable(band.flexion_deg, {band.load: np.full(len(band.mean), band.size)}, observed)
+    unloaded = "counted_from" in item and item["counted_from"].value in WITHOUT_LOADS
+    return PublishedTest(
+        read_lab_table(file, columns, at, convention, tuple(ignore), unloaded=unloaded)
+    )
 
 
 def _limited(item: Field, table: LabTable) -> LabTable:

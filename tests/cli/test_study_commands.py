@@ -169,9 +169,9 @@ def test_mistakes_in_identify_are_said(study, words, said, tmp_path, capsys, unm
 
 def test_only_judged_papers_can_be_asked_for(capsys):
     with pytest.raises(SystemExit) as ended:
-        main(["reproduce", "2"])
+        main(["reproduce", "6"])
     assert ended.value.code == 2
-    assert "invalid choice: '2'" in capsys.readouterr().err
+    assert "invalid choice: '6'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -1,12 +1,22 @@
 """Tests under load in a study: their tables, what they are counted from, what is refused."""
 
+import re
+
 import numpy as np
 import pytest
 import yaml
 
 import kneejax as kj
-from kneejax.files import InputProblem, read_lab_table, write_poses, write_rows
+from kneejax.files import (
+    InputProblem,
+    bundled_bands,
+    bundled_laxity_sources,
+    read_lab_table,
+    write_poses,
+    write_rows,
+)
 from kneejax.geometry import CLINICAL, FREE_COORDINATES, convert_table
+from kneejax.inference.fit import observations
 from kneejax.parameters import UnsuitableData
 from kneejax.studies import Identify, Map, check
 
@@ -120,7 +130,7 @@ def test_loads_of_no_cell_are_refused(tmp_path):
         ({"coordinates": ["lateral"]}, "coordinates that the table has; not lateral"),
         ({"coordinates": ["anteriorr"]}, "expected one of adduction, .*anterior"),
         ({"flexion_deg": [45]}, "of the flexions that were measured, 30, 60; not 45"),
-        ({"file": "robot_anterior_90"}, "a CSV table, or a published laxity"),
+        ({"file": "robot_anterior_90"}, "a CSV table, or a published test"),
         ({"at_deg": 200}, "at_deg: 200"),
         ({"cuts": "ACL"}, "no such field.*did you mean cut"),
     ],
@@ -218,3 +228,107 @@ def test_a_tension_of_a_line_acts_and_one_of_a_ligament_was_read(tmp_path):
     table(tmp_path, header=header, rows=[(30.0, 0.0, 1.0, 200.0), (60.0, 0.0, 2.0, np.nan)])
     with pytest.raises(InputProblem, match="row 2: empty: expected a tension in every row"):
         study(tmp_path)
+def test_a_published_range_is_counted_between_opposite_loads(tmp_path):
+    item = {"name": "drawer", "file": "markolf1978_drawer", "load": {"anterior_N": 100}}
+    (test,) = study(tmp_path, [item]).tests
+    assert test.counted_from == "opposite"
+    assert test.loads["anterior_N"].tolist() == [100.0] * 3 + [-100.0] * 3
+    # What is fitted is the range itself.
+    cases = observations(np.zeros((0, 6)), np.ones(5), tests=[test])
+    assert cases.target[:3, ANTERIOR].tolist() == [3.7, 5.5, 4.8]
+    assert np.isnan(cases.target[3:]).all()
+
+
+def test_published_torsion_has_both_senses(tmp_path):
+    item = {"name": "turn", "file": "komzak2013_torsion", "load": {"internal_Nm": 5}}
+    (test,) = study(tmp_path, [item]).tests
+    assert test.loads["internal_Nm"].tolist() == [5.0, -5.0]
+    assert test.observed[:, 1].tolist() == [12.1, -10.1]
+
+
+def test_published_coupled_motion_is_counted_from_extension(tmp_path):
+    (test,) = study(tmp_path, [{"name": "walker", "file": "walker1988"}]).tests
+    assert test.counted_from == "extension" and not test.loads
+    at_90 = int(np.flatnonzero(test.flexion_deg == 90.0)[0])
+    # Adduction, internal rotation; the tibia goes where the femur comes from; lateral unknown.
+    assert test.observed[at_90, :4].tolist() == [0.65, 14.88, 7.66, 1.75]
+    cases = observations(np.zeros((0, 6)), np.ones(5), tests=[test])
+    assert (cases.neutral[1:] == 0).all() and np.isnan(cases.target[0]).all()
+    assert cases.target[at_90, 1] == 14.88
+
+
+def test_published_mean_poses_are_off_by_unknown_constants(tmp_path):
+    (test,) = study(tmp_path, [{"name": "lunge", "file": "paper5_eos"}]).tests
+    assert test.counted_from == "offset"
+    # As printed: the floating axis is at a right angle to the others, so AP is the component.
+    assert test.observed[:, ANTERIOR].tolist() == [-3.39, 0.61, 4.81, 6.88, 10.58]
+
+
+def test_a_motion_is_fitted_by_its_changes_from_extension(tmp_path):
+    knee = kj.load_knee("four_ligament")
+    own = np.asarray(kj.passive_flexion(knee, [0.0, 30.0, 60.0]).to_table(CLINICAL))
+    write_poses_of(tmp_path, own + [0.0, 1.0, -2.0, 3.0, 0.0, 0.0])
+    item = {"name": "motion", "file": "motion.csv", "counted_from": "extension"}
+    (test,) = study(tmp_path, [item]).tests
+    cases = observations(np.zeros((0, 6)), np.ones(5), tests=[test])
+    assert cases.target[1:] == pytest.approx(own[1:, 1:] - own[0, 1:], abs=1e-9)
+
+
+def write_poses_of(folder, rows):
+    header = ("flexion_deg", "adduction_deg", "internal_rotation_deg", "anterior_mm",
+              "superior_mm", "lateral_mm")  # fmt: skip
+    table(folder, "motion.csv", header, rows.tolist())
+
+
+@pytest.mark.parametrize(
+    ("item", "said"),
+    [
+        ({"file": "komzak2013_torsion"}, "load: {internal_Nm: ...} beside it, since the load of"),
+        ({"file": "komzak2013_torsion", "load": {"anterior_N": 5}}, "one of internal_Nm"),
+        ({"file": "komzak2013_torsion", "load": {"internal_Nm": 0}}, "the size of the load"),
+        ({"file": "robot_anterior_90N", "load": {"anterior_N": 50}}, "was measured under anteri"),
+        ({"file": "markolf1984_drawer"}, "a difference that cutting makes"),
+        ({"file": "markolf1978_drawer", "load": {"anterior_N": 99}, "counted_from": "offset"},
+         "is of ranges between opposite loads"),
+        ({"file": "walker1988", "counted_from": "offset"}, "walker1988 says it itself"),
+        ({"file": "walker1988", "at_deg": 30}, "walker1988 comes with the package"),
+        ({"file": "walker198"}, "did you mean walker1988"),
+        ({"file": "paper3_conditions"}, "or a published test"),
+        ({"load": {"anterior_N": 5}}, "no load of a published table"),
+        ({"file": "robot_anterior_90N", "cut": "PCL"}, "with ACL or nothing cut, as it was"),
+    ],
+)  # fmt: skip
+def test_what_a_published_table_cannot_be_is_refused(tmp_path, item, said):
+    table(tmp_path)
+    with pytest.raises(InputProblem, match=re.escape(said)) as caught:
+        study(tmp_path, [{"name": "drawer", "file": "drawer.csv"} | item])
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [("walker1988", "walker1988 is a table under tests"),
+     ("paper3_conditions", "paper3_conditions is conditions alone")],
+)  # fmt: skip
+def test_no_measured_motion_is_made_of_changes_or_conditions(tmp_path, name, said):
+    with pytest.raises(InputProblem, match=said):
+        study(tmp_path, [{"name": "robot", "file": "robot_anterior_90N"}],
+              measured={"file": name, "source": "a paper"})  # fmt: skip
+
+
+def test_a_motion_without_loads_has_each_flexion_once():
+    rows = np.zeros((2, 5))
+    with pytest.raises(ValueError, match="30 degrees 2 times; expected each once"):
+        kj.MeasuredTest("motion", [30.0, 30.0], {}, rows, counted_from="extension")
+    with pytest.raises(ValueError, match="loads: none"):
+        kj.MeasuredTest("motion", [30.0, 60.0], {}, rows)
+
+
+def test_every_published_table_is_read_and_cites():
+    for band in bundled_bands():
+        assert len(band.flexion_deg) == len(band.mean) == len(band.sd)
+        assert (np.sign(band.mean) == (-1.0 if band.end == "negative" else 1.0)).all()
+        assert band.source
+    unknown = {band.name for band in bundled_bands() if np.isnan(band.size)}
+    sources = bundled_laxity_sources()
+    assert {name for name in sources if "not known" in sources[name]} == unknown

@@ -11,6 +11,7 @@ from kneejax.experiments.laboratory._laxity import Laxity as Laxity
 from kneejax.experiments.laboratory._laxity import laxity as laxity
 from kneejax.experiments.laboratory._measured_test import COUNTED_FROM as COUNTED_FROM
 from kneejax.experiments.laboratory._measured_test import READINGS as READINGS
+from kneejax.experiments.laboratory._measured_test import WITHOUT_LOADS as WITHOUT_LOADS
 from kneejax.experiments.laboratory._measured_test import MeasuredTest as MeasuredTest
 from kneejax.experiments.laboratory._measured_test import weights_by_load as weights_by_load
 from kneejax.experiments.laboratory._ready import READY as READY

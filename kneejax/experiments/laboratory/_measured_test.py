@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -20,6 +20,7 @@ COUNTED_FROM = {
     "offset": "poses; each coordinate is off by an unknown constant, the same in all of the test",
     "offset_each_flexion": "the same, with constants of its own at each flexion",
     "absolute": "poses in the model's own frame",
+    "extension": "changes from the pose at the least flexion, all under the same loads",
 }
 #: What can be read of a part of the knee, as `PART.KIND` -> what that means. Forces are counted as
 #: they are; strains like displacements, from the unloaded pose or as they are.
@@ -28,6 +29,8 @@ READINGS = {
     "strain": "of a ligament, or the mean over a group's fibres",
     "contact_N": "size of the force between two surfaces",
 }
+#: Of these a test may be a motion without loads.
+WITHOUT_LOADS = ("offset", "absolute", "extension")
 #: Part of the largest load of a curve under which its neutral pose may have been measured.
 _NEARLY_ZERO = 0.1
 #: Part of a load by which its opposite may differ.
@@ -42,6 +45,7 @@ class MeasuredTest:
         name: what tables and figures call it.
         flexion_deg: of each row, `(n,)`.
         loads: name of a load (`kneejax.mechanics.NAMED_LOADS`) -> its size in each row, `(n,)`.
+            Empty for a motion without loads, counted from one of `WITHOUT_LOADS`.
         observed: free coordinates of each row, `(n, 5)`, degrees and mm; translations are those of
             Grood and Suntay; NaN where a coordinate was not measured or does not count.
         counted_from: one of `COUNTED_FROM`.
@@ -101,9 +105,7 @@ class MeasuredTest:
         unknown = [name for name in (*loads, *self.constant) if name not in NAMED_LOADS]
         if unknown:
             raise ValueError(f"loads: {unknown[0]!r}; expected of {', '.join(NAMED_LOADS)}")
-        acts = any(sizes.any() for sizes in (*loads.values(), *tensions.values()))
-        if not loads or not (readings or acts):
-            raise ValueError("loads: none; expected a load that is not zero in some row")
+        self._check_loads(flexion, [*loads.values(), *tensions.values()])
         shape = len(flexion), 5
         if observed.shape != shape:
             raise ValueError(f"observed: {observed.shape}; expected {shape}")
@@ -148,6 +150,17 @@ class MeasuredTest:
             raise ValueError(f"weight: {weight.shape}; expected {shape}")
         if not (np.isfinite(weight).all() and (weight >= 0).all() and weight.any()):
             raise ValueError("weight: not finite, negative or all zero; expected 0 or more")
+    def _check_loads(self, flexion: np.ndarray, loads: Sequence[np.ndarray]) -> None:
+        """Some load acts or something was read of the knee's parts, or each row of a motion without
+        loads has a flexion of its own."""
+        if self.readings or any(sizes.any() for sizes in loads):
+            return
+        if self.counted_from not in WITHOUT_LOADS:
+            raise ValueError("loads: none; expected a load that is not zero in some row")
+        angles, rows = np.unique(flexion, return_counts=True)
+        if rows.max() > 1:
+            found = f"{angles[rows > 1][0]:g} degrees {rows.max()} times"
+            raise ValueError(f"flexion_deg: {found}; expected each once, since no load acts")
 
     @property
     def driven_by(self) -> str:
@@ -171,10 +184,12 @@ class MeasuredTest:
     def partner(self) -> np.ndarray:
         """Row from which each row is counted, `(n,)`: its own number where it is such a row
         itself, -1 where it is counted from none."""
-        rows, driving = np.arange(len(self.flexion_deg)), self.loads[self.driven_by]
+        rows = np.arange(len(self.flexion_deg))
+        if self.counted_from == "extension":
+            return np.full(len(rows), np.argmin(self.flexion_deg))
         if self.counted_from not in ("least_load", "opposite"):
             return np.full(len(rows), -1)
-        partner = rows.copy()
+        partner, driving = rows.copy(), self.loads[self.driven_by]
         for flexion in np.unique(self.flexion_deg):
             own = np.flatnonzero(self.flexion_deg == flexion)
             if self.counted_from == "least_load":

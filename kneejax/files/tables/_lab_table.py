@@ -65,6 +65,8 @@ def read_lab_table(
     flexion_deg: float | None = None,
     convention: str = CLINICAL,
     ignore: tuple[str, ...] = (),
+    *,
+    unloaded: bool = False,
 ) -> LabTable:
     """Read a test under load from a CSV table.
 
@@ -78,6 +80,7 @@ def read_lab_table(
         flexion_deg: of all rows, for a table without that column.
         convention: of the translations. Any but `grood-suntay` needs all six columns of a pose.
         ignore: columns that sound like loads and shall not count.
+        unloaded: whether the table may be of a motion without loads.
 
     Raises:
         InputProblem: the file cannot be read; a column is missing, or sounds like a load and is
@@ -100,7 +103,7 @@ def read_lab_table(
         name = _ALSO.get(own, own)
         if name in _KNOWN or _READING.fullmatch(name):
             named.setdefault(name, (own, 1.0))
-    _check_header(table, named, flexion_deg, ignore)
+    _check_header(table, named, flexion_deg, ignore, unloaded)
     loads = {
         name: table.column(*named[name], RANGES[name]) for name in NAMED_LOADS if name in named
     }
@@ -149,7 +152,9 @@ class _Readings(NamedTuple):
         return np.array(values)
 
 
-def _check_header(table: _Readings, named, flexion_deg: float | None, ignore) -> None:
+def _check_header(
+    table: _Readings, named, flexion_deg: float | None, ignore, unloaded: bool
+) -> None:
     """A load, a coordinate and a flexion; nothing that sounds like a load is left over."""
     file, header = table.file, table.header
     used = {column for column, _ in named.values()}
@@ -159,7 +164,8 @@ def _check_header(table: _Readings, named, flexion_deg: float | None, ignore) ->
             raise InputProblem(file, "header", own, expected)
     read = any(_READING.fullmatch(name) for name in named)
     for what, known in (("load", tuple(NAMED_LOADS)), ("coordinate", COLUMNS[1:])):
-        if not any(name in named for name in known) and not (read and what == "coordinate"):
+        spared = unloaded if what == "load" else read
+        if not spared and not any(name in named for name in known):
             raise InputProblem(file, "header", f"no {what}", f"one of {', '.join(known)}")
     if flexion_deg is None and COLUMNS[0] not in named:
         expected = f"this column among {', '.join(header)}, or at_deg of the test"

@@ -30,6 +30,7 @@ _COMPARED = {
     "offset": "Pose in the laboratory's frame",
     "offset_each_flexion": "Pose in the laboratory's frame",
     "absolute": "Pose",
+    "extension": "Change from extension",
 }
 
 
@@ -149,7 +150,7 @@ def tests_figure(calibration: Calibration) -> Figure:
 
     Returns:
         A panel for each coordinate of each test. Load over displacement, a colour for each flexion;
-        over flexion where there is one load at each.
+        over flexion where there is one reading at each.
     """
     from matplotlib.figure import Figure
 
@@ -165,12 +166,17 @@ def tests_figure(calibration: Calibration) -> Figure:
         left=0.1, right=0.78, top=1 - 0.3 / height, bottom=0.5 / height, hspace=0.45
     )
     for axes, (own, before, name) in zip(every, panels, strict=True):
-        flexions = np.unique(own.test.flexion_deg)
-        along = _over_flexion if len(flexions) == len(own.test.flexion_deg) else _over_load
+        flexions = own.test.flexion_deg[_seen(own, name)]
+        along = _over_flexion if len(np.unique(flexions)) == len(flexions) > 1 else _over_load
         along(axes, own, before, name)
         axes.set_title(verbatim(f"{own.test.name}: {label_of(name)}{without(own.test)}"))
         axes.axhline(0.0, color=GREY, linewidth=0.5)
     return figure
+
+
+def _seen(own: FittedTest, name: str) -> np.ndarray:
+    """Rows in which a coordinate is compared."""
+    return np.isfinite(own.compared[name][0])
 
 
 def _label(own: FittedTest, name: str) -> str:
@@ -219,7 +225,8 @@ def _curve(one: FittedTest, rows: np.ndarray, name: str, load: np.ndarray):
 
 
 def _over_flexion(axes: Axes, own: FittedTest, before: FittedTest, name: str) -> None:
-    order = np.argsort(own.test.flexion_deg)
+    rows = np.flatnonzero(_seen(own, name))
+    order = rows[np.argsort(own.test.flexion_deg[rows])]
     x, (measured, fitted) = own.test.flexion_deg[order], own.compared[name]
     axes.plot(x, before.compared[name][1][order], ":", color="black", linewidth=0.9)
     axes.plot(x, fitted[order], color="black")

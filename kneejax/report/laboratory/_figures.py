@@ -101,7 +101,7 @@ def laxity_figure(
         curves: one per test.
         found: their laxities.
         bands: published laxities (`kneejax.files.bundled_bands`); those of another test or load
-            are left out.
+            are left out, and ranges.
 
     Returns:
         A panel for each test; published means, with two standard deviations where they are known.
@@ -127,7 +127,8 @@ def _laxity_panel(axes: Axes, one: Curves, rows: Sequence[Laxity], bands: Sequen
     drawn: list[Any] = []
     by_load = test.displacement is None
     for band in bands if by_load and not test.held else ():
-        if band.load == test.driven_by and band.size == abs(test.size):
+        one_way = band.end in ("positive", "negative")
+        if one_way and band.load == test.driven_by and band.size == abs(test.size):
             spread = np.where(np.isfinite(band.sd), 2 * band.sd, 0.0)
             points = axes.errorbar(
                 band.flexion_deg, band.mean, spread, fmt="s", color=GREY, markersize=3,

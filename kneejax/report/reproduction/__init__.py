@@ -12,6 +12,9 @@ from kneejax.report.reproduction._knee_comparison_text import (
 from kneejax.report.reproduction._knee_comparison_text import (
     comparison_summary as comparison_summary,
 )
+from kneejax.report.reproduction._laxity_figures import drawer_figure as drawer_figure
+from kneejax.report.reproduction._laxity_figures import lachman_figure as lachman_figure
+from kneejax.report.reproduction._laxity_figures import torsion_figure as torsion_figure
 from kneejax.report.reproduction._paper5_figure import paper5_figure as paper5_figure
 
 __all__ = ["knee_comparison_text"]

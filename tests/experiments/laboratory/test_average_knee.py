@@ -21,7 +21,7 @@ def test_the_tibia_turns_inwards_with_flexion(knee):
 
 
 def test_its_anterior_laxity_is_that_of_twelve_knees(knee):
-    (band,) = bundled_bands(cut=())
+    (band,) = bundled_bands(cut=(), name="robot_anterior_90N")
     chosen = np.isfinite(band.sd)
     (test,) = kj.lab_tests("drawer", band.flexion_deg[chosen], force_N=90.0, steps=1)
     (curves,) = kj.load_curves(knee, test)

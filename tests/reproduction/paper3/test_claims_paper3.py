@@ -1,0 +1,80 @@
+"""Paper 3's claims: verdicts follow made-up curves whose answers are known."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from kneejax.reproduction import CANNOT_BE_JUDGED, NOT_REPRODUCED, REPRODUCED, paper3_claims
+from kneejax.reproduction.paper3 import TORSION_DEG, Paper3Study
+from kneejax.reproduction.paper3._claims import _start_over_end
+from kneejax.statics import Status
+
+MOVED = np.linspace(-5.0, 5.0, 21)
+DRAWER_DEG = np.array([0.0, 20.0, 30.0, 90.0])
+TORSION = np.array(TORSION_DEG)
+
+
+def study(**changed):
+    """Cubic curves, stiffer at the ends; rotation that grows with flexion."""
+    force = np.array([2.0, 1.0, 1.0, 2.0])[:, None] * MOVED**3
+    loaded = np.abs(force) + 2.0
+    turned = 5.0 + 0.1 * TORSION
+    found = Paper3Study(
+        DRAWER_DEG, MOVED, force, {"ACL": loaded, "PCL": loaded}, TORSION, turned, -turned,
+        np.tile([-3.0, 3.0], (len(TORSION), 1)), 3.0, dict.fromkeys(DRAWER_DEG, Status.BALANCED),
+    )  # fmt: skip
+    return dataclasses.replace(found, **changed)
+
+
+def failing(found):
+    return {c.number for c in paper3_claims(found) if c.verdict == NOT_REPRODUCED}
+
+
+def test_a_knee_as_the_paper_describes_it_reproduces_every_claim_that_is_judged():
+    found = {claim.number: claim.verdict for claim in paper3_claims(study())}
+    assert [found[f"3.{k}"] for k in range(1, 6)] == [REPRODUCED] * 5
+    assert [found[f"3.{k}"] for k in range(6, 11)] == [CANNOT_BE_JUDGED] * 5
+
+
+def test_a_cubic_curve_is_as_much_softer_in_the_middle_as_written_out():
+    # Slope of x^3 within 1.5 mm: 1.5^2; between 3.5 and 5 mm: (5^3 - 3.5^3) / 1.5.
+    assert _start_over_end(study(), 20.0) == pytest.approx(2.25 / ((125.0 - 42.875) / 1.5))
+
+
+def test_a_straight_curve_has_no_lax_region():
+    force = np.array([2.0, 1.0, 1.0, 2.0])[:, None] * MOVED
+    assert failing(study(force_N=force)) == {"3.2"}
+
+
+@pytest.mark.parametrize("soft", [0, 3])
+def test_a_knee_that_is_soft_at_an_end_of_flexion_is_found_out(soft):
+    force = study().force_N.copy()
+    force[soft] *= 0.4
+    assert failing(study(force_N=force)) == {"3.1"}
+    (claim,) = [c for c in paper3_claims(study(force_N=force)) if c.number == "3.1"]
+    assert f"not at {DRAWER_DEG[soft]:g} degrees" in claim.reason
+
+
+def test_cruciates_that_are_slack_in_a_third_of_the_drawer_are_found_out():
+    slack = np.where(np.abs(MOVED) < 1.7, 0.0, 10.0) * np.ones((4, 1))
+    assert failing(study(tension={"ACL": slack, "PCL": slack})) == {"3.3"}
+
+
+def test_torsion_that_is_not_held_is_larger_than_any_and_does_not_grow():
+    lost = np.where(TORSION > 30.0, np.nan, 5.0 + 0.1 * TORSION)
+    held = np.where(np.isnan(lost)[:, None], [-3.0, 1.5], [-3.0, 3.0])
+    found = study(internal_deg=lost, held_Nm=held)
+    assert failing(found) == {"3.5"}
+    reason = next(c.reason for c in paper3_claims(found) if c.number == "3.5")
+    assert "45 degrees -3.0 to 1.5" in reason
+    falling = 15.0 - 0.1 * TORSION
+    assert failing(study(internal_deg=falling, external_deg=-falling)) == {"3.4", "3.5"}
+
+
+def test_every_claim_that_is_not_reproduced_has_a_reason():
+    flat = study(force_N=np.ones((4, 1)) * MOVED, tension=dict.fromkeys(
+        ("ACL", "PCL"), np.zeros((4, len(MOVED)))), internal_deg=-TORSION)  # fmt: skip
+    for claim in paper3_claims(flat):
+        assert claim.criterion and claim.printed
+        assert claim.verdict == REPRODUCED or claim.reason
