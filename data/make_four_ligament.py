@@ -97,7 +97,8 @@ def document(source: Path) -> dict:
         "adaptations": ADAPTATIONS,
         "notes": (
             "The tibia turns outwards beyond 40 degrees of flexion, where measured knees turn "
-            "inwards: four lines without wrapping, capsule or menisci do not hold it."
+            "inwards: lines between the means of the footprints do not hold it. Those of "
+            "four_ligament_fitted do."
         ),
     }
 
