@@ -128,8 +128,8 @@ def _rise(found: Paper2Study, name: str, number: str) -> Claim:
         reason = "on these bones it takes over another part of what the ACL held than in the paper"
     else:
         reason = (
-            "it is slack: Table 1 makes it 8 % longer than its way in extension, and between these "
-            "attachments the way becomes shorter towards 20 degrees"
+            f"it is slack even with {found.prestrain:.3f} added to its strain: towards 20 degrees "
+            "its way between these attachments becomes shorter than its resting length"
         )
     return Claim(
         number,
