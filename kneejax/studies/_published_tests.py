@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -36,11 +36,12 @@ class PublishedTest(NamedTuple):
     counted_from: str | None = None
 
 
-def published_test(item: Field) -> PublishedTest:
-    """The published laxity of intact knees, or the published motion, that a test names.
+def published_test(item: Field, cut: Collection[str] = ()) -> PublishedTest:
+    """The published laxity or motion that a test names.
 
     Args:
         item: the test; a laxity whose load is not known needs it as `load: {internal_Nm: 5}`.
+        cut: ligaments that were cut; of intact knees by default.
 
     Raises:
         InputProblem: there is no such table, it is no test of one knee, its load is not known and
@@ -57,7 +58,7 @@ def published_test(item: Field) -> PublishedTest:
             raise item[field].problem(f"this field left out: {name} comes with the package")
     if name in measured:
         return _motion(item, measured[name])
-    return _laxity(item, bundled_bands(name=name))
+    return _laxity(item, bundled_bands(name=name), cut)
 
 
 def _motion(item: Field, measured: Measurement) -> PublishedTest:
@@ -68,16 +69,19 @@ def _motion(item: Field, measured: Measurement) -> PublishedTest:
     return PublishedTest(table, measured.counted_from)
 
 
-def _laxity(item: Field, bands: Sequence[LaxityBand]) -> PublishedTest:
-    intact = [band for band in bands if not band.cut]
-    if not intact or intact[0].end == "range_increase":
-        raise item["file"].problem(
-            f"a test of one intact knee; not {bands[0].name}, a difference that cutting makes"
-        )
-    load, size = intact[0].load, _size(item, intact[0])
+def _laxity(item: Field, every: Sequence[LaxityBand], cut: Collection[str]) -> PublishedTest:
+    name = every[0].name
+    if every[0].end == "range_increase":
+        expected = f"a test of one knee; not {name}, a difference that cutting makes"
+        raise item["file"].problem(expected)
+    bands = [band for band in every if set(band.cut) == set(cut)]
+    if not bands:
+        said = " and ".join(cut)
+        raise item["file"].problem(f"a table of knees without {said}; {name} has none")
+    load, size = bands[0].load, _size(item, bands[0])
     (column,) = [k for k, c in enumerate(FREE_COORDINATES) if load_called(c) == load]
     rows = []  # flexion, load, reading
-    for band in intact:
+    for band in bands:
         sense = -1.0 if band.end == "negative" else 1.0
         rows += [(x, sense * size, y) for x, y in zip(band.flexion_deg, band.mean, strict=True)]
         if band.end == "range":
@@ -85,13 +89,11 @@ def _laxity(item: Field, bands: Sequence[LaxityBand]) -> PublishedTest:
     flexion, sizes, read = np.array(rows).T
     observed = np.full((len(rows), len(FREE_COORDINATES)), np.nan)
     observed[:, column] = read
-    ranges = any(band.end == "range" for band in intact)
+    ranges = any(band.end == "range" for band in bands)
     if ranges and "counted_from" in item:
-        expected = f"this field left out: {intact[0].name} is of ranges between opposite loads"
+        expected = f"this field left out: {name} is of ranges between opposite loads"
         raise item["counted_from"].problem(expected)
-    return PublishedTest(
-        LabTable(flexion, {load: sizes}, observed), "opposite" if ranges else None
-    )
+    return PublishedTest(LabTable(flexion, {load: sizes}, observed), "opposite" if ranges else None)
 
 
 def _size(item: Field, band: LaxityBand) -> float:
