@@ -1,7 +1,8 @@
 """Paper 2's claims on the Lachman test, each with a criterion that can fail.
 
-Criteria were written before the study was run; the reasons say what was changed after. Where the
-paper prints one number of a curve, that number counts: the curves were drawn and not printed.
+Criteria were written before this study was run, but after Lachman tests of the same knee with
+other strains had been seen; the reasons say what was changed after. Where the paper prints one
+number of a curve, that number counts: the curves were drawn and not printed.
 """
 
 from __future__ import annotations
