@@ -37,11 +37,11 @@ class PublishedTest(NamedTuple):
 
 
 def published_test(item: Field, cut: Collection[str] = ()) -> PublishedTest:
-    """The published laxity or motion that a test names.
+    """The published laxity, or the published motion, that a test names.
 
     Args:
         item: the test; a laxity whose load is not known needs it as `load: {internal_Nm: 5}`.
-        cut: ligaments that were cut; of intact knees by default.
+        cut: ligaments that the test had cut.
 
     Raises:
         InputProblem: there is no such table, it is no test of one knee, its load is not known and
@@ -69,19 +69,21 @@ def _motion(item: Field, measured: Measurement) -> PublishedTest:
     return PublishedTest(table, measured.counted_from)
 
 
-def _laxity(item: Field, every: Sequence[LaxityBand], cut: Collection[str]) -> PublishedTest:
-    name = every[0].name
-    if every[0].end == "range_increase":
-        expected = f"a test of one knee; not {name}, a difference that cutting makes"
-        raise item["file"].problem(expected)
-    bands = [band for band in every if set(band.cut) == set(cut)]
-    if not bands:
-        said = " and ".join(cut)
-        raise item["file"].problem(f"a table of knees without {said}; {name} has none")
-    load, size = bands[0].load, _size(item, bands[0])
+def _laxity(item: Field, bands: Sequence[LaxityBand], cut: Collection[str]) -> PublishedTest:
+    if bands[0].end == "range_increase":
+        raise item["file"].problem(
+            f"a test of one knee; not {bands[0].name}, a difference that cutting makes"
+        )
+    own = [band for band in bands if set(band.cut) == set(cut)]
+    if not own:
+        known = sorted({" and ".join(band.cut) or "nothing" for band in bands})
+        raise item["cut" if cut else "file"].problem(
+            f"{bands[0].name} with {' or '.join(known)} cut, as it was measured"
+        )
+    load, size = own[0].load, _size(item, own[0])
     (column,) = [k for k, c in enumerate(FREE_COORDINATES) if load_called(c) == load]
     rows = []  # flexion, load, reading
-    for band in bands:
+    for band in own:
         sense = -1.0 if band.end == "negative" else 1.0
         rows += [(x, sense * size, y) for x, y in zip(band.flexion_deg, band.mean, strict=True)]
         if band.end == "range":
@@ -89,11 +91,13 @@ def _laxity(item: Field, every: Sequence[LaxityBand], cut: Collection[str]) -> P
     flexion, sizes, read = np.array(rows).T
     observed = np.full((len(rows), len(FREE_COORDINATES)), np.nan)
     observed[:, column] = read
-    ranges = any(band.end == "range" for band in bands)
+    ranges = any(band.end == "range" for band in own)
     if ranges and "counted_from" in item:
-        expected = f"this field left out: {name} is of ranges between opposite loads"
+        expected = f"this field left out: {own[0].name} is of ranges between opposite loads"
         raise item["counted_from"].problem(expected)
-    return PublishedTest(LabTable(flexion, {load: sizes}, observed), "opposite" if ranges else None)
+    return PublishedTest(
+        LabTable(flexion, {load: sizes}, observed), "opposite" if ranges else None
+    )
 
 
 def _size(item: Field, band: LaxityBand) -> float:

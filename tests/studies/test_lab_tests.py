@@ -276,9 +276,10 @@ def test_every_published_table_is_read_and_cites():
 
 
 def test_a_published_laxity_of_cut_knees_is_read_by_what_was_cut():
-    item = Field("study.yaml", "tests[0]", {"name": "robot", "file": "robot_anterior_90N"})
+    said = {"name": "robot", "file": "robot_anterior_90N", "cut": "PCL"}
+    item = Field("study.yaml", "tests[0]", said)
     table, counted_from = published_test(item, cut=("ACL",))
     assert counted_from is None
     assert table.observed[2, ANTERIOR] == 13.2
-    with pytest.raises(InputProblem, match="a table of knees without PCL; robot_anterior_90N has"):
+    with pytest.raises(InputProblem, match="robot_anterior_90N with ACL or nothing cut"):
         published_test(item, cut=("PCL",))
