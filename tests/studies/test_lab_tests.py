@@ -15,10 +15,12 @@ from kneejax.files import (
     write_poses,
     write_rows,
 )
+from kneejax.files.reading import Field
 from kneejax.geometry import CLINICAL, FREE_COORDINATES, convert_table
 from kneejax.inference.fit import observations
 from kneejax.parameters import UnsuitableData
 from kneejax.studies import Identify, Map, check
+from kneejax.studies._published_tests import published_test
 
 ANTERIOR = FREE_COORDINATES.index("anterior")
 
@@ -253,7 +255,7 @@ def test_published_coupled_motion_is_counted_from_extension(tmp_path):
     # Adduction, internal rotation; the tibia goes where the femur comes from; lateral unknown.
     assert test.observed[at_90, :4].tolist() == [0.65, 14.88, 7.66, 1.75]
     cases = observations(np.zeros((0, 6)), np.ones(5), tests=[test])
-    assert (cases.neutral[1:] == 0).all() and np.isnan(cases.target[0]).all()
+    assert np.asarray(cases.neutral).tolist() == [-1] + [0] * 12 and np.isnan(cases.target[0]).all()
     assert cases.target[at_90, 1] == 14.88
 
 
@@ -332,3 +334,13 @@ def test_every_published_table_is_read_and_cites():
     unknown = {band.name for band in bundled_bands() if np.isnan(band.size)}
     sources = bundled_laxity_sources()
     assert {name for name in sources if "not known" in sources[name]} == unknown
+
+
+def test_a_published_laxity_of_cut_knees_is_read_by_what_was_cut():
+    said = {"name": "robot", "file": "robot_anterior_90N", "cut": "PCL"}
+    item = Field("study.yaml", "tests[0]", said)
+    table, counted_from = published_test(item, cut=("ACL",))
+    assert counted_from is None
+    assert table.observed[2, ANTERIOR] == 13.2
+    with pytest.raises(InputProblem, match="robot_anterior_90N with ACL or nothing cut"):
+        published_test(item, cut=("PCL",))

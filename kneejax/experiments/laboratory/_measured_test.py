@@ -165,6 +165,8 @@ class MeasuredTest:
     @property
     def driven_by(self) -> str:
         """Name of the load over which curves are drawn: the one that changes most."""
+        if not self.loads:
+            raise ValueError("loads: none; expected a load over which curves can be drawn")
         # Moments in N m are compared with forces as if they acted 50 mm away.
         arm = {name: 20.0 if name.endswith("_Nm") else 1.0 for name in self.loads}
         return max(self.loads, key=lambda name: arm[name] * np.ptp(np.r_[0.0, self.loads[name]]))

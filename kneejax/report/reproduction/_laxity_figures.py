@@ -46,15 +46,16 @@ def lachman_figure(found: Paper2Study) -> Figure:
         for name, (color, label) in _STATES.items():
             _lachman(axes, found.load_N, tests[name], color, label)
         for size, color in ((8.0, VERMILLION), (2.7, ORANGE)):
-            (mark,) = axes.plot(100.0, size, "s", color=color, markerfacecolor="none", zorder=5)
+            axes.plot(100.0, size, "s", color=color, markerfacecolor="none", zorder=5)
         axes.set_title(title)
         axes.set_xlabel("Anterior force, N")
     panels[0].set_ylabel("Anterior displacement, mm")
     panels[0].set_ylim(bottom=0.0)
     handles, labels = panels[0].get_legend_handles_labels()
+    (mark,) = panels[0].plot([], [], "s", color=BLACK, markerfacecolor="none")
     figure.legend(
-        [*handles, mark], [*labels, "printed (same colours)"], loc="lower center", ncol=4,
-        bbox_to_anchor=(0.53, 0.0),
+        [*handles, mark], [*labels, "printed, same colours"], loc="lower center", ncol=4,
+        bbox_to_anchor=(0.53, 0.0), fontsize=8,
     )  # fmt: skip
     return figure
 

@@ -1,0 +1,61 @@
+"""`kneejax reproduce 2` and `3`: files and exit status, from studies that are made up."""
+
+import csv
+
+import numpy as np
+import pytest
+
+from kneejax.cli import main
+from kneejax.cli.papers import _paper2, _paper3
+from kneejax.reproduction import VERDICTS, Paper2Study, Paper3Study
+from kneejax.reproduction.paper2 import Lachman
+from kneejax.reproduction.paper3 import TORSION_DEG
+from kneejax.statics import Status
+
+
+def lachman_study(status):
+    loads = np.linspace(0.0, 100.0, 3)
+    tension = {name: loads / 10.0 + 2.0 for name in ("LCL", "aDMCL")}
+    ends = {"two bundles": 2.6, "one bundle": 2.7, "deficient": 8.0}
+    tests = {
+        name: Lachman(end * loads / 100.0, tension, 0.0, 1.0, status, 100.0)
+        for name, end in ends.items()
+    }
+    longer = {-0.03: tests["two bundles"], 0.03: tests["one bundle"]}
+    return Paper2Study(loads, tests, tests, {0.0: tests["deficient"]}, 0.1, longer)
+
+
+def drawer_study(status, flexion):
+    moved = np.linspace(-5.0, 5.0, 11)
+    force = np.tile(moved**3, (len(flexion), 1))
+    turned = 5.0 + np.array(TORSION_DEG)
+    turned[-1] = np.nan
+    return Paper3Study(
+        flexion, moved, force, {"ACL": np.abs(force), "PCL": np.abs(force)},
+        np.array(TORSION_DEG), turned, -5.0 - np.array(TORSION_DEG),
+        np.tile([-3.0, 2.0], (len(TORSION_DEG), 1)), 3.0, {0.0: status},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("paper", ["2", "3"])
+@pytest.mark.parametrize(("status", "code"), [(Status.GIVES_WAY, 0), (Status.OUTSIDE_REGION, 1)])
+def test_claims_tables_and_figures_are_written(paper, status, code, tmp_path, monkeypatch, capsys):
+    asked = []
+    monkeypatch.setattr(_paper2, "paper2_study", lambda knee: lachman_study(status))
+    monkeypatch.setattr(
+        _paper3, "paper3_study",
+        lambda knee, flexion, mm, Nm: asked.append((mm, Nm)) or drawer_study(status, flexion),
+    )  # fmt: skip
+    assert main(["reproduce", paper, "--out", str(tmp_path)]) == code
+    with (tmp_path / "reproduction.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert {row["verdict"] for row in rows} <= set(VERDICTS)
+    assert all(row["number"].startswith(f"{paper}.") for row in rows)
+    drawn = {"2": ["lachman"], "3": ["drawer", "torsion"]}[paper]
+    assert sorted(x.stem for x in (tmp_path / "figures").iterdir()) == drawn
+    table = {"2": "lachman.csv", "3": "drawer.csv"}[paper]
+    with (tmp_path / table).open() as file:
+        assert {"anterior_mm", "anterior_N"} <= set(csv.DictReader(file).fieldnames or ())
+    assert ("! " in capsys.readouterr().out) == bool(code)
+    # The conditions are those of the bundled table.
+    assert asked == ([(5.0, 3.0)] if paper == "3" else [])
