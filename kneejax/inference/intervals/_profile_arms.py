@@ -28,9 +28,9 @@ _MOST = 60
 #: Model and knee agree, and contradict each other: differences of chi squared in parts of its rise.
 _AGREES, _CONTRADICTS = 0.25, 0.5
 #: A step of other parameters as long as the reach counts like such a part of the level.
-_DAMPING = 0.1
+_DAMPING = 0.03
 #: With a longer reach than this, parts of the bounds' width, the others go where they want to.
-_FREE = 1.0 / 512.0
+_FREE = 1.0 / 256.0
 #: Part of what the model promises that a step must be worth.
 _WORTH = 0.05
 #: Weight of a chi squared that is too high; above one, what is worth most is the limit.
