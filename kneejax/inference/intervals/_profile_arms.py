@@ -237,13 +237,13 @@ class Arms:
         good = {p.value: p for p in self.points[row] if p.spare <= spare or p.rise < -BETTER}
         return sorted(good.values(), key=lambda point: abs(point.value - first))
 
-    def _after(self, rows) -> np.ndarray:
-        """All parameters after the next step."""
+    def _after(self, rows: np.ndarray) -> np.ndarray:
+        """All parameters after the next step, `(rows, p)`."""
         ahead = self.near.values[rows] + self.step[rows] * self.width
         return np.clip(ahead, self.lower, self.upper)
 
     def _at_bound(self, row: int) -> bool:
-        return self._room(row) <= 1e-12 * self.width[self.index[row]]
+        return bool(self._room(row) <= 1e-12 * self.width[self.index[row]])
 
     def _gain(self, row: int, chi2: float) -> float:
         """What a step is worth that leads to a chi squared: how far, less what it is too high."""
@@ -256,6 +256,7 @@ class Arms:
         return self.price[row] * along - _PENALTY * worse
 
     def _half_a_step(self, row: int) -> float:
+        """Half of how far the last step led, or was allowed to."""
         return 0.5 * min(float(np.max(np.abs(self.step[row]))), self.reach[row])
 
     def _height(self, row: int) -> float:
@@ -284,8 +285,7 @@ class Arms:
         point = self.points[row][-1]
         while self.active[row] and self._settled(row):
             if self.steps.parts[self.part[row]] == 1.0:
-                i = self.index[row]
-                self.limit[row] = self._after([row])[0, i]
+                self.limit[row] = self._after(np.array([row]))[0, self.index[row]]
             self.looks[row] = 0
             self.active[row] = self.part[row] + 1 < len(self.steps.parts)
             self.part[row] += self.active[row]
@@ -303,7 +303,8 @@ class Arms:
         height, point, i = self._height(row), self.points[row][-1], self.index[row]
         there = squares(self.model[row], self.step[row]) - self.best[row]
         step = self.step[row, i] * self.width[i]
-        short = abs(step) <= self.steps.settled * abs(point.value + step - self.points[row][0].value)
+        whole_way = abs(point.value + step - self.points[row][0].value)
+        short = abs(step) <= self.steps.settled * whole_way
         # A short reach hides how far the others are from where they should be.
         level = abs(there - height**2) <= self.steps.spare * height**2
         spare = point.spare <= self.steps.spare * height**2 and self.reach[row] > _FREE

@@ -72,7 +72,7 @@ def profiles(
     upper: np.ndarray,
     threshold: float,
 ) -> tuple[Profile, ...]:
-    """Follow every parameter in both directions, fitting the others anew at each value.
+    """Follow every parameter in both directions, the others making up for it as well as they can.
 
     Args:
         knee: gives everything else.
@@ -110,8 +110,8 @@ def follow(
 ) -> tuple[list[tuple[Profile, ...]], Slopes]:
     """Profiles of many fits at once.
 
-    All arms advance together; each fit begins where the curvature at its neighbour says that the
-    others will go. Any arm of a fit tells of all its parameters: where one has been beyond the
+    All arms advance together, an evaluation each, to where the linear model at their last points
+    says that the misfit allows no more. Any arm of a fit tells of all its parameters: where one has been beyond the
     limit of another at a likelihood that the limit excludes, that one walks on from there.
 
     Args:
@@ -137,7 +137,8 @@ def follow(
         if not narrow:
             break
         rows, donors = (np.array([getattr(n, field) for n in narrow]) for field in ("arm", "donor"))
-        there = _led(balance, arms.near.take(donors), np.array([n.point.parameters for n in narrow]))
+        values = np.array([n.point.parameters for n in narrow])
+        there = _led(balance, arms.near.take(donors), values)
         arms.reopen(narrow, there, *of_arms.take(rows).residual(there), close=last)
     error = np.array([curvature_errors(s) for s in slope])
     profiles_ = [
