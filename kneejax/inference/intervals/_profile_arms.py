@@ -213,7 +213,7 @@ class Arms:
             close: whether the arms end there instead, without a limit; so do those that find no
                 balance there.
         """
-        lost = ~np.isfinite(there.q).all(axis=(1, 2))
+        lost = np.atleast_1d(~np.isfinite(there.q).all(axis=(1, 2)))
         models = products(residual, slope * self.width)
         for k, one in enumerate(narrow):
             row, end = one.arm, one.point.value

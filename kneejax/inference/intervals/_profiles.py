@@ -111,8 +111,9 @@ def follow(
     """Profiles of many fits at once.
 
     All arms advance together, an evaluation each, to where the linear model at their last points
-    says that the misfit allows no more. Any arm of a fit tells of all its parameters: where one has been beyond the
-    limit of another at a likelihood that the limit excludes, that one walks on from there.
+    says that the misfit allows no more. Any arm of a fit tells of all its parameters: where one has
+    been beyond the limit of another at a likelihood that the limit excludes, that one walks on from
+    there.
 
     Args:
         balance: of the values that are fitted.
