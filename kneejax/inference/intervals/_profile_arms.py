@@ -1,25 +1,56 @@
-"""How profiles walk: from a fit, each parameter down and up, until the misfit has risen enough."""
+"""How profiles are followed: from a fit, each parameter down and up to where the misfit allows it.
+
+An arm goes for the farthest value at which chi squared has risen by no more than a level: what a
+linear model at its last point says is looked at, and the model there says more. No other fit is
+made on the way. A step that the knee contradicts is tried again, shorter.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import enum
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
+from kneejax.inference.intervals._farthest import farthest, products, squares
 from kneejax.statics import Slopes
 
-#: From a point so near the limit (in parts of the root of the rise) on, a line will do.
+#: Part of the limit's distance, and of the root of the rise, by which points beyond it count.
 NEAR = 0.05
-#: A step beyond which there is no balance is halved so often.
-_HALVINGS = 3
-
 #: Better by more than this than the fit: the fit was not the best there is.
 BETTER = 0.01
+#: A step beyond which there is no balance is halved so often.
+_HALVINGS = 3
+#: Points of an arm from one level to the next before it is given up.
+_MOST = 60
+#: Model and knee agree, and contradict each other: differences of chi squared in parts of its rise.
+_AGREES, _CONTRADICTS = 0.25, 0.5
+#: A step of other parameters as long as the reach counts like such a part of the level.
+_DAMPING = 0.03
+#: With a longer reach than this, parts of the bounds' width, the others go where they want to.
+_FREE = 1.0 / 256.0
+#: Part of what the model promises that a step must be worth.
+_WORTH = 0.05
+#: Weight of a chi squared that is too high; above one, what is worth most is the limit.
+_PENALTY = 1.25
 
-#: Value of the arm's parameter, rise of chi squared, all parameters.
-Point = tuple[float, float, np.ndarray]
+
+class Point(NamedTuple):
+    """Where an arm has been.
+
+    Attributes:
+        value: of the arm's parameter.
+        rise: of chi squared above that of the fit.
+        parameters: all of them, `(p,)`.
+        spare: what the others could still take back of the rise.
+    """
+
+    value: float
+    rise: float
+    parameters: np.ndarray
+    spare: float
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,28 +73,23 @@ class _Steps:
     """How an arm walks.
 
     Attributes:
-        stride: of the root of the likelihood ratio between points; infinite goes for the limit.
-        beyond: the walk ends at so many times the limit; NaN ends it near the limit.
-        most: points of an arm.
-        longest: step, as a part of the bounds' width.
-        near: the root of the rise so near the limit, in parts of it, is at the limit.
-        within: rise of chi squared that is left to a point's fit.
+        parts: levels one after the other, in parts of the root of the rise at the limit.
+        longest: step of any parameter, as a part of the bounds' width.
+        settled: the last step, as a part of the whole way, which is not looked at any more.
+        spare: what the other parameters may still take back there, as a part of the rise.
     """
 
-    stride: float
-    beyond: float
-    most: int
+    parts: tuple[float, ...]
     longest: float
-    near: float
-    within: float
+    settled: float
+    spare: float
 
 
 class Pace(enum.Enum):
     """Whether a profile is wanted as a curve, or its limits only."""
 
-    FINE = _Steps(0.4, 1.3, 40, 1.0 / 8.0, NEAR, 1e-7)
-    LIMITS = _Steps(np.inf, np.nan, 14, 1.0 / 4.0, NEAR, 0.02)
-
+    FINE = _Steps((0.2, 0.4, 0.6, 0.8, 1.0, 1.15, 1.3), 1.0 / 8.0, 0.02, 0.003)
+    LIMITS = _Steps((1.0,), 1.0 / 4.0, 0.03, 0.1)
 
 
 class Arms:
@@ -72,10 +98,10 @@ class Arms:
     def __init__(
         self,
         fits: Slopes,
+        residual: np.ndarray,
         slope: np.ndarray,
         lower: np.ndarray,
         upper: np.ndarray,
-        error: np.ndarray,
         level: float,
         pace: Pace,
     ):
@@ -84,55 +110,69 @@ class Arms:
         self.fit_of = np.repeat(np.arange(count), arms)
         self.index = np.tile(np.repeat(np.arange(self.size), 2), count)
         self.way = np.tile([-1.0, 1.0], count * self.size)
-        self.near, self.slope = fits.take(self.fit_of), slope[self.fit_of]
-        self.lower, self.upper, self.level, self.error = lower, upper, level, error
-        self.steps = pace.value
-        width = (upper - lower)[self.index]
-        rate = error[self.fit_of, self.index]
-        self.rate = np.minimum(np.where(np.isfinite(rate), rate, width), width)
-        self.longest = pace.value.longest * width
-        self.points: list[list[Point]] = [
-            [(float(fits.values[fit, i]), 0.0, fits.values[fit])]
+        self.near = fits.take(self.fit_of)
+        self.best = np.sum(residual**2, axis=1)[self.fit_of]
+        self.lower, self.upper, self.width = lower, upper, upper - lower
+        self.level, self.steps = level, pace.value
+        self.model = products(residual, slope * self.width)[self.fit_of]
+        self.points = [
+            [Point(float(fits.values[fit, i]), 0.0, fits.values[fit], 0.0)]
             for fit, i in zip(self.fit_of, self.index, strict=True)
         ]
-        self.end = [""] * (count * arms)
-        self.active = np.ones(count * arms, bool)
-        self.halved = np.zeros(count * arms, int)
-        for row in range(count * arms):
-            if self._room(row) <= 1e-9 * width[row]:
+        rows = count * arms
+        self.limit, self.end = np.full(rows, np.nan), [""] * rows
+        self.active, self.part = np.ones(rows, bool), np.zeros(rows, int)
+        self.halved, self.looks = np.zeros(rows, int), np.zeros(rows, int)
+        self.reach = np.full(rows, self.steps.longest)
+        # Steps are in parts of the bounds' width.
+        self.step, self.price = np.zeros((rows, self.size)), np.zeros(rows)
+        self.descends = np.zeros(rows, bool)
+        for row in range(rows):
+            if self._room(row) <= 1e-9 * self.width[self.index[row]]:
                 self._stop(row, "its bound")
+            else:
+                self._aim(row)
 
-    def next_fits(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Starts and bounds of the next fit of every arm that walks."""
-        values = self.near.values.copy()
-        low, high = (np.tile(b, (len(values), 1)) for b in (self.lower, self.upper))
-        for row in np.flatnonzero(self.active):
-            i = self.index[row]
-            step = self._target(row) - self.near.values[row, i]
-            values[row] = self._predicted(row, step)
-            low[row, i] = high[row, i] = values[row, i]
-        return values, low, high
+    def trials(self) -> tuple[np.ndarray, np.ndarray]:
+        """Arms that walk, and where they look next."""
+        rows = np.flatnonzero(self.active)
+        return rows, self._after(rows)
 
-    def advance(self, rows: np.ndarray, found, rise: np.ndarray, slopes: np.ndarray) -> None:
-        """Note the new points; end arms that have gone far enough, or can go no farther."""
-        for row in rows:
-            if not np.isfinite(rise[row]):
-                self.halved[row] += 1
-                if self.halved[row] > _HALVINGS:
-                    self._stop(row, "no balance beyond")
+    def advance(
+        self, rows: np.ndarray, found: Slopes, residual: np.ndarray, slope: np.ndarray
+    ) -> None:
+        """Note what was found; end arms that have gone far enough, or can go no farther."""
+        chi2 = np.sum(residual**2, axis=1)
+        lost = ~(np.isfinite(chi2) & np.isfinite(slope).all(axis=(1, 2)))
+        good = np.flatnonzero(~lost)
+        models = dict(zip(good, products(residual[good], slope[good] * self.width), strict=True))
+        for k, row in enumerate(rows):
+            self.looks[row] += 1
+            promised = squares(self.model[row], self.step[row])
+            if lost[k] or self._gain(row, chi2[k]) < _WORTH * self._gain(row, promised):
+                self._shorten(row, bool(lost[k]))
                 continue
-            self._note(row, found.values[row], float(rise[row]))
-        good = np.isfinite(rise[rows])
-        self.near.put(rows[good], found.slopes.take(rows[good]))
-        self.slope[rows[good]] = slopes[good]
+            rise, wrong = chi2[k] - self.best[row], abs(chi2[k] - promised)
+            if wrong < _AGREES * self._height(row) ** 2:
+                self.reach[row] = min(2.0 * self.reach[row], self.steps.longest)
+            elif wrong > _CONTRADICTS * self._height(row) ** 2:
+                self.reach[row] = self._half_a_step(row)
+            self.near.put([row], found.take([k]))
+            self.model[row] = models[k]
+            spare = self._aim(row)
+            i = self.index[row]
+            point = Point(float(found.values[k, i]), float(rise), found.values[k], spare)
+            self.points[row].append(point)
+            self._judge(row)
 
-    def leave(self, fits: np.ndarray) -> None:
-        """End all arms of some fits where they are."""
-        self.active[np.isin(self.fit_of, fits)] = False
+    def leave(self, rows: np.ndarray) -> None:
+        """End all arms of the fits to which some arms belong that have found a better one."""
+        better = [row for row in rows if self.points[row][-1].rise < -BETTER]
+        self.active[np.isin(self.fit_of, self.fit_of[better])] = False
 
     def lowest(self) -> np.ndarray:
         """Of each fit, the arm whose last point is lowest, `(fits,)`."""
-        last = np.array([points[-1][1] for points in self.points]).reshape(-1, 2 * self.size)
+        last = np.array([points[-1].rise for points in self.points]).reshape(-1, 2 * self.size)
         return np.argmin(last, axis=1) + 2 * self.size * np.arange(len(last))
 
     def too_narrow(self) -> list[Narrow]:
@@ -141,149 +181,153 @@ class Arms:
         return [narrow for rows in every for narrow in self._too_narrow(rows)]
 
     def _too_narrow(self, rows: np.ndarray) -> Iterator[Narrow]:
-        seen = [(row, point) for row in rows for point in self.points[row]]
-        inside = [(row, p) for row, p in seen if _root(p[1]) < (1.0 - NEAR) * self.level]
-        if any(point[1] < -BETTER for _, point in inside):
+        highest = ((1.0 - NEAR) * self.level) ** 2
+        inside = [(row, p) for row in rows for p in self.points[row] if p.rise < highest]
+        if any(point.rise < -BETTER for _, point in inside):
             return  # The fit itself has to move first.
-        values = np.array([point[2] for _, point in inside])
+        values = np.array([point.parameters for _, point in inside])
         for row in rows:
-            arm = self.sorted_points(row)
-            if self.end[row] or max(_root(p[1]) for p in arm) < (1.0 - NEAR) * self.level:
+            limit, i, way = self.limit[row], self.index[row], self.way[row]
+            if self.end[row] or not np.isfinite(limit):
                 continue
-            limit, i, way = crossing(arm, self.level), self.index[row], self.way[row]
-            farthest = int(np.argmax(way * values[:, i]))
-            if way * (values[farthest, i] - limit) > NEAR * abs(limit - arm[0][0]):
-                donor, point = inside[farthest]
-                yield Narrow(row, (float(point[2][i]), *point[1:]), donor)
+            farthest_ = int(np.argmax(way * values[:, i]))
+            if way * (values[farthest_, i] - limit) > NEAR * abs(limit - self.points[row][0].value):
+                donor, point = inside[farthest_]
+                yield Narrow(row, point._replace(value=float(point.parameters[i])), donor)
 
     def reopen(
-        self, narrow: Sequence[Narrow], there: Slopes, slopes: np.ndarray, close: bool
+        self,
+        narrow: Sequence[Narrow],
+        there: Slopes,
+        residual: np.ndarray,
+        slope: np.ndarray,
+        close: bool,
     ) -> None:
         """Walk on from points beyond the limits.
 
         Args:
             narrow: arms and points.
             there: balances at the points.
-            slopes: of the residual there.
+            residual: there.
+            slope: its derivatives.
             close: whether the arms end there instead, without a limit; so do those that find no
                 balance there.
         """
-        good = np.isfinite(there.q).all(axis=(1, 2))
-        for (row, point), on in zip(((n.arm, n.point) for n in narrow), good, strict=True):
-            nearer = [
+        lost = np.atleast_1d(~np.isfinite(there.q).all(axis=(1, 2)))
+        models = products(residual, slope * self.width)
+        for k, one in enumerate(narrow):
+            row, end = one.arm, one.point.value
+            self.points[row] = [
                 p for p in self.points[row]
-                if self.way[row] * (point[0] - p[0]) > 0 and _root(p[1]) < self.level
-            ]
-            self.points[row] = [*nearer, point]
-            self.active[row], self.halved[row] = on and not close, 0
-            if not self.active[row]:
+                if self.way[row] * (end - p.value) > 0 and p.rise < self.level**2
+            ] + [one.point]  # fmt: skip
+            self.limit[row], self.looks[row], self.halved[row] = np.nan, 0, 0
+            if lost[k] or close:
                 self._stop(row, "another valley goes farther")
-        rows = np.array([n.arm for n in narrow])[good]
-        self.near.put(rows, there.take(good))
-        self.slope[rows] = slopes[good]
+                continue
+            self.near.put([row], there.take([k]))
+            self.model[row] = models[k]
+            self.reach[row], self.active[row] = self.steps.longest, True
+            self.part[row] = self.steps.parts.index(1.0)
+            self._aim(row)
 
-    def sorted_points(self, row: int) -> list[Point]:
-        """Points of an arm, nearest the fit first."""
-        first = self.points[row][0][0]
-        return sorted(self.points[row], key=lambda point: abs(point[0] - first))
+    def curve(self, row: int) -> list[Point]:
+        """Points of an arm's profile, nearest the fit first."""
+        first, spare = self.points[row][0].value, self.steps.spare * self.level**2
+        good = {p.value: p for p in self.points[row] if p.spare <= spare or p.rise < -BETTER}
+        return sorted(good.values(), key=lambda point: abs(point.value - first))
 
-    def _note(self, row: int, values: np.ndarray, rise: float) -> None:
-        i, level = self.index[row], self.level
-        before = self.points[row][-1]
-        value, root = float(values[i]), _root(rise)
-        self.points[row].append((value, rise, values))
-        gained = max(abs(root - _root(before[1])), 1e-3)
-        self.rate[row] = min(abs(value - before[0]) / gained, 4.0 * self.rate[row])
-        whole_curve = np.isfinite(self.steps.beyond)
-        if whole_curve:
-            arrived = root > self.steps.beyond * level
-        else:
-            arrived = abs(root - level) < self.steps.near * level
-        at_bound = self._room(row) <= 1e-12 * (self.upper[i] - self.lower[i])
-        if arrived:
-            self.active[row] = False
-        elif at_bound and (whole_curve or root < level):
+    def _after(self, rows: np.ndarray) -> np.ndarray:
+        """All parameters after the next step, `(rows, p)`."""
+        ahead = self.near.values[rows] + self.step[rows] * self.width
+        return np.clip(ahead, self.lower, self.upper)
+
+    def _at_bound(self, row: int) -> bool:
+        return bool(self._room(row) <= 1e-12 * self.width[self.index[row]])
+
+    def _gain(self, row: int, chi2: float) -> float:
+        """What a step is worth that leads to a chi squared: how far, less what it is too high."""
+        allowed = self.best[row] + self._height(row) ** 2
+        here = self.model[row, -1, -1]
+        if self.descends[row]:
+            return here - chi2
+        along = self.way[row] * self.step[row, self.index[row]]
+        worse = max(chi2 - allowed, 0.0) - max(here - allowed, 0.0)
+        return self.price[row] * along - _PENALTY * worse
+
+    def _half_a_step(self, row: int) -> float:
+        """Half of how far the last step led, or was allowed to."""
+        return 0.5 * min(float(np.max(np.abs(self.step[row]))), self.reach[row])
+
+    def _height(self, row: int) -> float:
+        """Root of the rise that the arm goes for."""
+        return self.steps.parts[self.part[row]] * self.level
+
+    def _aim(self, row: int) -> float:
+        """Choose the next step; what the other parameters can take back of the rise here."""
+        i, reach, height = self.index[row], self.reach[row], self._height(row)
+        low, high = (
+            (bound - self.near.values[row]) / self.width for bound in (self.lower, self.upper)
+        )
+        low[i], high[i] = max(low[i], -reach), min(high[i], reach)
+        most, chi2 = self.best[row] + height**2, self.model[row, -1, -1]
+        damping = (_DAMPING * height / reach) ** 2
+        ahead = farthest(self.model[row], i, self.way[row], most, low, high, damping)
+        # Where the model promises a better fit than where the arm began, that is looked for.
+        lower = len(self.points[row]) > 1 and chi2 - ahead.spare < self.best[row] - BETTER
+        self.descends[row] = lower or (chi2 <= most and self._at_bound(row))
+        self.step[row] = ahead.refit if self.descends[row] else ahead.step
+        self.price[row] = ahead.price
+        return ahead.spare
+
+    def _judge(self, row: int) -> None:
+        """Whether an arm is at its level, at its bound, or given up."""
+        point = self.points[row][-1]
+        while self.active[row] and self._settled(row):
+            if self.steps.parts[self.part[row]] == 1.0:
+                self.limit[row] = self._after(np.array([row]))[0, self.index[row]]
+            self.looks[row] = 0
+            self.active[row] = self.part[row] + 1 < len(self.steps.parts)
+            self.part[row] += self.active[row]
+            if self.active[row]:
+                self._aim(row)
+        open_ = self._at_bound(row) and point.rise <= self._height(row) ** 2
+        spare = self.steps.spare * self.level**2
+        if open_ and point.spare <= spare and point.rise - point.spare >= -BETTER:
             self._stop(row, "its bound")
-        elif len(self.points[row]) > self.steps.most:
-            self._stop(row, f"given up after {self.steps.most} steps")
+        elif self.looks[row] > _MOST:
+            self._stop(row, f"given up after {_MOST} steps")
 
-    def _target(self, row: int) -> float:
-        """The value of the next point."""
-        points = self.sorted_points(row)
-        outside = next((k for k, p in enumerate(points) if _root(p[1]) > self.level), None)
-        if outside is not None and not np.isfinite(self.steps.beyond):
-            return self._between(points[outside - 1], points[outside])
-        here, root = points[-1][0], _root(points[-1][1])
-        stride = min(self.steps.stride, max(self.level - root, 0.1 * self.level))
-        if np.isfinite(self.steps.beyond):
-            stride = self.steps.stride
-        step = min(stride * self.rate[row], self.longest[row]) / 2.0 ** self.halved[row]
-        return here + self.way[row] * min(step, self._room(row))
+    def _settled(self, row: int) -> bool:
+        """Whether the level is a short step away, and not behind a bound."""
+        height, point, i = self._height(row), self.points[row][-1], self.index[row]
+        there = squares(self.model[row], self.step[row]) - self.best[row]
+        step = self.step[row, i] * self.width[i]
+        whole_way = abs(point.value + step - self.points[row][0].value)
+        short = abs(step) <= self.steps.settled * whole_way
+        # A short reach hides how far the others are from where they should be.
+        level = abs(there - height**2) <= self.steps.spare * height**2
+        spare = point.spare <= self.steps.spare * height**2 and self.reach[row] > _FREE
+        return bool(short and level and spare and not self.descends[row])
 
-    def _between(self, inside: Point, outside: Point) -> float:
-        """Where a line through two points crosses the level, not at either of them."""
-        first, last = _root(inside[1]), _root(outside[1])
-        part = float(np.clip((self.level - first) / max(last - first, 1e-12), 0.1, 0.9))
-        return inside[0] + part * (outside[0] - inside[0])
+    def _shorten(self, row: int, lost: bool) -> None:
+        self.halved[row] += lost
+        if self.halved[row] > _HALVINGS:
+            self._stop(row, "no balance beyond")
+            return
+        self.reach[row] = self._half_a_step(row)
+        if self.looks[row] > _MOST:
+            self._stop(row, f"given up after {_MOST} steps")
+        else:
+            self._aim(row)
 
     def _room(self, row: int) -> float:
-        """How far the farthest point is from the bound."""
-        i = self.index[row]
-        values = [point[0] for point in self.points[row]]
-        return float(
-            self.upper[i] - max(values) if self.way[row] > 0 else min(values) - self.lower[i]
-        )
+        """How far the arm's parameter is from the bound."""
+        i, value = self.index[row], self.near.values[row, self.index[row]]
+        return float(self.upper[i] - value if self.way[row] > 0 else value - self.lower[i])
 
     def _stop(self, row: int, why: str) -> None:
         self.active[row] = False
-        if _root(self.sorted_points(row)[-1][1]) < self.level:
+        if np.isnan(self.limit[row]):
             self.end[row] = why
 
-    def _predicted(self, row: int, step: float) -> np.ndarray:
-        """All parameters after a step of one, the others where the curvature leads them."""
-        i, here = self.index[row], self.near.values[row].copy()
-        others = np.arange(len(here)) != i
-        scale = np.linalg.norm(self.slope[row], axis=0)
-        scale = np.where(scale > 0, scale, 1.0)
-        matrix = self.slope[row] / scale
-        follow = -np.linalg.lstsq(matrix[:, others], matrix[:, i] * scale[i] * step, rcond=1e-9)[0]
-        here[i] += step
-        here[others] += follow / scale[others]
-        return np.clip(here, self.lower, self.upper)
-
-
-def _root(rise: float) -> float:
-    return float(np.sqrt(max(rise, 0.0)))
-
-
-def crossing(arm: list[tuple[float, float, np.ndarray]], level: float) -> float:
-    """The outermost place where the root of the rise passes the level, by a monotone cubic, or by a
-    line if one of the points is all but there.
-
-    Args:
-        arm: value, rise and parameters of points, the estimate first.
-        level: of the root of the rise.
-    """
-    values = np.array([p[0] for p in arm])
-    roots = np.sqrt(np.maximum([p[1] for p in arm], 0.0))
-    along = np.abs(values - values[0])
-    inside = int(np.flatnonzero(roots < level)[-1])
-    outside = np.flatnonzero(roots >= level)
-    if inside == len(arm) - 1 and roots[-1] < (1.0 - NEAR) * level and len(outside):
-        inside = int(outside[0]) - 1
-    if inside == len(arm) - 1:
-        # The last point is all but there.
-        place = along[-1] * level / max(roots[-1], (1.0 - NEAR) * level)
-    elif np.abs(roots[inside : inside + 2] - level).min() < NEAR * level:
-        place = np.interp(level, roots[inside : inside + 2], along[inside : inside + 2])
-    else:
-        place = _by_cubic(along, roots, level, inside)
-    return float(values[0] + np.sign(values[-1] - values[0]) * place)
-
-
-def _by_cubic(along: np.ndarray, roots: np.ndarray, level: float, inside: int) -> float:
-    from scipy.interpolate import PchipInterpolator
-    from scipy.optimize import brentq
-
-    curve = PchipInterpolator(along, roots)
-    return float(brentq(lambda x: float(curve(x)) - level, along[inside], along[inside + 1]))

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from kneejax.inference.fit import PATIENT, Balance, LoadCases, ManyFits, balances_of, fit_lanes
-from kneejax.inference.intervals._profile_arms import BETTER, Arms, Pace, crossing
+from kneejax.inference.intervals._profile_arms import BETTER, Arms, Pace
 from kneejax.mechanics import Knee
 from kneejax.parameters import Selection
 from kneejax.statics import Slopes
@@ -72,7 +72,7 @@ def profiles(
     upper: np.ndarray,
     threshold: float,
 ) -> tuple[Profile, ...]:
-    """Follow every parameter in both directions, fitting the others anew at each value.
+    """Follow every parameter in both directions, the others making up for it as well as they can.
 
     Args:
         knee: gives everything else.
@@ -110,9 +110,10 @@ def follow(
 ) -> tuple[list[tuple[Profile, ...]], Slopes]:
     """Profiles of many fits at once.
 
-    All arms advance together; each fit begins where the curvature at its neighbour says that the
-    others will go. Any arm of a fit tells of all its parameters: where one has been beyond the
-    limit of another at a likelihood that the limit excludes, that one walks on from there.
+    All arms advance together, an evaluation each, to where the linear model at their last points
+    says that the misfit allows no more. Any arm of a fit tells of all its parameters: where one has
+    been beyond the limit of another at a likelihood that the limit excludes, that one walks on from
+    there.
 
     Args:
         balance: of the values that are fitted.
@@ -129,21 +130,23 @@ def follow(
         For each fit one profile per value; and balances at the lowest of its arms' last points.
     """
     residual, slope = data.residual(fits)
-    best = np.sum(residual**2, axis=1)
-    width = np.sqrt(threshold)
-    box = lower, upper
-    arms = Arms(fits, slope, *box, np.array([curvature_errors(s) for s in slope]), width, pace)
+    arms = Arms(fits, residual, slope, lower, upper, np.sqrt(threshold), pace)
     of_arms = data.take(arms.fit_of)
     for last in [*[False] * _ROUNDS, True]:
-        _walk(balance, of_arms, arms, best[arms.fit_of], pace, leave)
+        _walk(balance, of_arms, arms, leave)
         narrow = arms.too_narrow()
         if not narrow:
             break
         rows, donors = (np.array([getattr(n, field) for n in narrow]) for field in ("arm", "donor"))
-        there = _led(balance, arms.near.take(donors), np.array([n.point[2] for n in narrow]))
-        arms.reopen(narrow, there, of_arms.take(rows).residual(there)[1], close=last)
+        values = np.array([n.point.parameters for n in narrow])
+        there = _led(balance, arms.near.take(donors), values)
+        arms.reopen(narrow, there, *of_arms.take(rows).residual(there), close=last)
+    error = np.array([curvature_errors(s) for s in slope])
     profiles_ = [
-        tuple(_profile(names[i], arms, fit, i, threshold) for i in range(len(names)))
+        tuple(
+            _profile(names[i], arms, fit, i, float(error[fit, i]), threshold)
+            for i in range(len(names))
+        )
         for fit in range(len(fits.values))
     ]
     return profiles_, arms.near.take(arms.lowest())
@@ -163,25 +166,14 @@ def _led(balance: Balance, near: Slopes, values: np.ndarray) -> Slopes:
     return there
 
 
-def _walk(
-    balance: Balance, data: LoadCases, arms: Arms, best: np.ndarray, pace: Pace, leave: bool
-) -> None:
-    """Advance all arms to their ends; data and the lowest chi squared are those of each arm."""
-    # Of the largest chi squared that arms come to: no point of any fit is less exact.
-    rtol = pace.value.within / (np.max(best) + arms.level**2)
+def _walk(balance: Balance, data: LoadCases, arms: Arms, leave: bool) -> None:
+    """Advance all arms to their ends; data are those of each arm."""
     while arms.active.any():
-        starts, low, high = arms.next_fits()
-        asked = arms.active.copy()
-        found = fit_lanes(
-            balance, data, arms.near, starts, low, high, asked=asked, rtol=rtol
-        )
-        rows = np.flatnonzero(asked)
-        _, slopes = data.take(rows).residual(found.slopes.take(rows))
-        rise = np.full(len(asked), np.nan)
-        rise[rows] = np.maximum(found.chi2 - best, -np.inf)[rows]
-        arms.advance(rows, found, rise, slopes)
+        rows, values = arms.trials()
+        found = balance(values, arms.near.take(rows))
+        arms.advance(rows, found, *data.take(rows).residual(found))
         if leave:
-            arms.leave(np.unique(arms.fit_of[rise < -BETTER]))
+            arms.leave(rows)
 
 
 def follow_to_the_lowest(
@@ -249,26 +241,25 @@ def curvature_errors(slope: np.ndarray) -> np.ndarray:
     return np.sqrt(((vectors / scale[:, None]) ** 2 / safe).sum(axis=1))
 
 
-def _profile(name: tuple[str, str], arms: Arms, fit: int, i: int, threshold: float) -> Profile:
-    rows = [2 * (fit * arms.size + i) + way for way in (0, 1)]
-    down, up = (arms.sorted_points(row) for row in rows)
-    points = [*reversed(down[1:]), *up]
-    limits = []
-    for row, arm in zip(rows, (down, up), strict=True):
-        crossed = arms.end[row] == "" and len(arm) > 1
-        bound = arms.lower[i] if arms.way[row] < 0 else arms.upper[i]
-        limit = crossing(arm, np.sqrt(threshold)) if crossed else float(bound)
-        limits.append(float(np.clip(limit, arms.lower[i], arms.upper[i])))
+def _profile(
+    name: tuple[str, str], arms: Arms, fit: int, i: int, error: float, threshold: float
+) -> Profile:
+    down, up = (2 * (fit * arms.size + i) + way for way in (0, 1))
+    points = [*reversed(arms.curve(down)[1:]), *arms.curve(up)]
+    low, high = (
+        float(np.where(arms.end[row], bound[i], arms.limit[row]))
+        for row, bound in ((down, arms.lower), (up, arms.upper))
+    )
     return Profile(
         *name,
-        up[0][0],
-        float(arms.error[fit, i]),
-        np.array([p[0] for p in points]),
-        np.array([p[1] for p in points]),
-        np.array([p[2] for p in points]),
-        limits[0],
-        limits[1],
-        arms.end[rows[0]],
-        arms.end[rows[1]],
+        arms.points[up][0].value,
+        error,
+        np.array([p.value for p in points]),
+        np.array([p.rise for p in points]),
+        np.array([p.parameters for p in points]),
+        low,
+        high,
+        arms.end[down],
+        arms.end[up],
         threshold,
     )

@@ -89,11 +89,31 @@ def _slopes(vary: Vary, knee: Knee, values, stations: Stations, known: dict[str,
         found = differentiable(lanes, stations.prescribed, settled)
         return found.q, found.meeting
 
-    _, push = jax.linearize(poses, values)
-    # Lanes do not touch each other: one direction moves the same number of all of them.
-    units = jnp.broadcast_to(jnp.eye(values.shape[1])[:, None], (values.shape[1], *values.shape))
-    q, meeting = jax.vmap(push, out_axes=-1)(units)
-    return jnp.moveaxis(q, 1, 0), jnp.moveaxis(meeting, 2, 0)
+    (q, meeting), push = jax.linearize(poses, values)
+    if values.shape[1] <= q.shape[0] + meeting[..., 0].size:
+        # Lanes do not touch each other: one direction moves the same number of all of them.
+        turned = jax.vmap(push, out_axes=-1)(_units(values.shape[1], values.shape))
+        return jnp.moveaxis(turned[0], 1, 0), jnp.moveaxis(turned[1], 2, 0)
+    # Fewer rows than columns: what is asked for row by row takes less of everything.
+    pull, rows = jax.linear_transpose(push, values), _units_of((q, meeting))
+    by_row = jax.vmap(lambda *row: pull(row)[0])(*rows)
+    slope, met = jnp.split(by_row, [q.shape[0]])
+    shape = (*meeting.shape[:-1], *met.shape[1:])
+    return jnp.moveaxis(slope, 1, 0), jnp.moveaxis(met.reshape(shape), 2, 0)
+
+
+def _units(size: int, shape: tuple[int, ...]):
+    """Each direction of values `(lanes, size)`, in all lanes at once."""
+    return jnp.broadcast_to(jnp.eye(size)[:, None], (size, *shape))
+
+
+def _units_of(found: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
+    """Each number of what was found, in all lanes at once."""
+    q, meeting = found
+    lanes, sizes = q.shape[-1:], (q.shape[0], meeting[..., 0].size)
+    every = jnp.broadcast_to(jnp.eye(sum(sizes))[..., None], (sum(sizes), sum(sizes), *lanes))
+    own, met = jnp.split(every, [sizes[0]], axis=1)
+    return own, met.reshape(sum(sizes), *meeting.shape)
 
 
 def balance_with_slopes(

@@ -1,0 +1,121 @@
+"""How far one value can go while a linear misfit stays within a limit: one step of an arm.
+
+The limit of a profile is the farthest value of a parameter at which the others can still keep chi
+squared low enough. That is asked here of the linear model at a point, in closed form; at the next
+point the model is a better one (D. J. Venzon and S. H. Moolgavkar, Appl. Statist. 37, 87, 1988).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Farthest(NamedTuple):
+    """What a linear model says.
+
+    Attributes:
+        step: of all values, to where the one is farthest, `(p,)`.
+        price: by how much the sum of squares grows there with the value, however well the others
+            make up for it; zero where the sum is too large everywhere.
+        refit: of the others where the one stays, `(p,)`.
+        spare: by how much that lowers the sum of squares.
+    """
+
+    step: np.ndarray
+    price: float
+    refit: np.ndarray
+    spare: float
+
+
+def products(residual: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    """All that a linear model says of sums of squares.
+
+    Args:
+        residual: `(points, r)`.
+        slope: by the values, `(points, r, p)`.
+
+    Returns:
+        Products of columns, those of derivatives first and residuals last, `(points, p + 1,
+        p + 1)`.
+    """
+    columns = np.concatenate([slope, residual[..., None]], axis=-1)
+    return np.swapaxes(columns, 1, 2) @ columns
+
+
+def squares(model: np.ndarray, step: np.ndarray) -> float:
+    """Sum of squares that a model promises after a step `(p,)`."""
+    ahead = np.append(step, 1.0)
+    return float(ahead @ model @ ahead)
+
+
+def farthest(
+    model: np.ndarray,
+    i: int,
+    way: float,
+    most: float,
+    low: np.ndarray,
+    high: np.ndarray,
+    damping: float,
+) -> Farthest:
+    """Lead one value as far as the sum of squares allows, the others making up for it.
+
+    Args:
+        model: of a point, one of `products`.
+        i: the value.
+        way: up (1) or down (-1).
+        most: sum of squares; where the model stays above it, it is made as small as can be.
+        low: least step of each value, `(p,)`.
+        high: largest.
+        damping: what counts beside it for the square of a step of one: values that change nothing
+            stay where they are.
+
+    Returns:
+        See `Farthest`.
+    """
+    damped = model.copy()
+    damped[np.diag_indices(len(low))] += damping
+    here = np.arange(len(low)) == i
+    step, price = _led(damped, i, way, most, low, high)
+    stays = np.where(here, 0.0, low), np.where(here, 0.0, high)
+    refit, _ = _led(damped, i, way, most, *stays)
+    return Farthest(step, price, refit, float(model[-1, -1] - squares(model, refit)))
+
+
+def _led(
+    model: np.ndarray, i: int, way: float, most: float, low: np.ndarray, high: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """The step, and the price. Values that would leave the box are stopped one by one."""
+    size = len(low)
+    step, held, freed, price = np.zeros(size), low >= high, np.zeros(size, bool), 0.0
+    held[i] = False
+    for _ in range(3 * size):
+        others = ~held
+        others[i] = False
+        moved = np.append(np.where(held, step, 0.0), 1.0)
+        # What is held is part of the residual.
+        left = model[:size] @ moved
+        made_up = np.linalg.solve(
+            model[np.ix_(others, others)], np.stack([model[:size][others, i], left[others]], 1)
+        )
+        steep, half = np.array([model[i, i], left[i]]) - model[i, :size][others] @ made_up
+        rest = moved @ model @ moved - left[others] @ made_up[:, 1]
+        root = np.sqrt(max(half**2 - steep * (rest - most), 0.0))
+        price = 2.0 * root
+        step[i] = np.clip((way * root - half) / steep, low[i], high[i])
+        step[others] = -made_up @ np.array([step[i], 1.0])
+        beyond = np.maximum(low - step, step - high) / np.maximum(high - low, 1e-300)
+        beyond[held], beyond[i] = 0.0, 0.0
+        worst = int(np.argmax(beyond))
+        if beyond[worst] > 0.0:
+            step[worst] = np.clip(step[worst], low[worst], high[worst])
+            held[worst] = True
+            continue
+        # What was stopped and would lower the sum on its way back is let go, once.
+        uphill = model[:size] @ np.append(step, 1.0)
+        wrong = held & ~freed & (low < high) & np.where(step >= high, uphill > 0, uphill < 0)
+        if not wrong.any():
+            break
+        held, freed = held & ~wrong, freed | wrong
+    return np.clip(step, low, high), price
