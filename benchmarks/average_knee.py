@@ -1,13 +1,13 @@
 """The average knee beside what others measured: what it was fitted to, and what was kept aside.
 
-    python benchmarks/average_knee.py [--knee average_knee]
+    python benchmarks/average_knee.py --knee average_knee
 
 Published values stand in `data/laxity`, `data/measurements` and below with their source. Counted is
 how many lie within two standard deviations; 25 % of the mean stand for one that nobody published.
 
-Without its ACL an unloaded tibia rests further forward. A robot repeats the intact knee's passive
-path and counts from it, so the displacement of a cut knee is counted from there; where the source
-of the values does not say so this is assumed, and the same from the cut knee's own rest is told too.
+Without its ACL an unloaded tibia rests further forward. A robot that repeats the intact knee's path
+counts from it, so the displacement of a cut knee is counted from there; where the source of the
+values does not say so this is assumed, and the same from the cut knee's own rest is told too.
 """
 
 from __future__ import annotations
