@@ -18,7 +18,7 @@ from matplotlib.path import Path as Outline
 from scipy.interpolate import BSpline
 
 import kneejax as kj
-from kneejax.geometry import Plateau, Pose, State
+from kneejax.geometry import Plateau, Pose, State, Surface
 from kneejax.mechanics.contact import Contact
 
 # Vertical distances at which the femur is looked for, and how finely heights are made, per cell.
@@ -83,7 +83,9 @@ def contact_of(document: dict, knee: kj.Knee, rim: Rim, poses: np.ndarray) -> di
 
 def _heights(contact: Contact, rim: Rim, poses: np.ndarray) -> np.ndarray:
     """Control values of the rim's surface, `(m + 3, n + 3)`."""
-    plateau, table = contact.tibial, np.asarray(contact.tibial.coefficients)
+    plateau = contact.tibial
+    assert isinstance(plateau, Plateau)
+    table = np.asarray(plateau.coefficients)
     across = [np.linspace(-1.0, 1.0, _FINENESS * (n - 3) + 1) for n in table.shape]
     x, z = np.meshgrid(
         *(_stretched(s, ends) for s, ends in zip(across, (plateau.x, plateau.z), strict=True)),
@@ -120,8 +122,9 @@ def _room(contact: Contact, x, z, cartilage, poses: np.ndarray) -> np.ndarray:
     return least
 
 
-def _ring(plateau: Plateau, rim: Rim) -> np.ndarray:
+def _ring(plateau: Surface, rim: Rim) -> np.ndarray:
     """Corners of the ring: along the cartilage's border, and back along its inner edge."""
+    assert isinstance(plateau, Plateau)
     border = np.asarray(plateau.outline)
     steps = np.linspace(0.0, 1.0, 12, endpoint=False)[:, None, None]
     dense = (border + steps * (np.roll(border, -1, axis=0) - border)).reshape(-1, 2)
