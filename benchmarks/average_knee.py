@@ -1,6 +1,6 @@
 """The average knee beside what others measured: what it was fitted to, and what was kept aside.
 
-    python benchmarks/average_knee.py [--knee average_knee]
+    python benchmarks/average_knee.py --knee average_knee
 
 Published values stand in `data/laxity` and `data/measurements` with their source. Counted is how
 many lie within two standard deviations; 25 % of the mean stand for one that nobody published, and a

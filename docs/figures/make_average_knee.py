@@ -42,7 +42,8 @@ def drawn() -> Figure:
         "s", color=GREY, markersize=3, label="Walker 1988",
     )  # fmt: skip
     turning.set_ylabel("Internal rotation from extension, deg")
-    for band in bundled_bands(name="robot_anterior_90N"):
+    bands = bundled_bands(name="robot_anterior_90N")
+    for band in sorted(bands, key=lambda band: len(band.cut)):
         without = bool(band.cut)
         color, said = (VERMILLION, "ACL cut") if without else (BLUE, "intact")
         drawing.errorbar(
@@ -50,12 +51,15 @@ def drawn() -> Figure:
             markersize=3, elinewidth=0.8, capsize=2, alpha=0.5, label=f"12 knees, {said}",
         )  # fmt: skip
         (test,) = kj.lab_tests("drawer", band.flexion_deg, force_N=90.0, steps=1)
-        (curves,) = kj.load_curves(cut(average, ["ACL"]) if without else average, test)
+        (curves,) = kj.load_curves(cut(average, band.cut), test)
+        rows = kj.laxity(curves)
+        if not without:
+            path = np.array([row.neutral for row in rows])
         drawing.plot(
-            band.flexion_deg, [row.positive for row in kj.laxity(curves)], color=color,
+            band.flexion_deg, [row.positive + row.neutral for row in rows] - path, color=color,
             label=f"average_knee, {said}",
         )  # fmt: skip
-    drawing.set_ylabel("Anterior laxity under 90 N, mm")
+    drawing.set_ylabel("Anterior of the intact path under 90 N, mm")
     for axes in (turning, drawing):
         axes.set_xlabel("Flexion, deg")
         axes.legend(fontsize=7.5, ncol=2, loc="upper center", bbox_to_anchor=(0.5, -0.17))

@@ -1,0 +1,107 @@
+"""The menisci of the average knee: rims that hold a condyle which leaves its path."""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import kneejax as kj
+from kneejax.files import bundled_path, mirror_document, read_knee, read_poses, write_knee
+from kneejax.geometry import State
+from kneejax.mechanics._wrench import wrench_of
+
+RIMS = ("medial_meniscus", "lateral_meniscus")
+#: Where the femur passes while the knee flexes, degrees and mm.
+ROOM = bundled_path("studies", "average_knee").with_name("average_knee_room.csv")
+
+
+def tibia_at(pose):
+    flexion = jnp.deg2rad(pose[0])
+    free = jnp.array([*np.deg2rad(pose[1:3]), *pose[3:]])
+    return State.of({"flexion": flexion}, free).tibia.placement
+
+
+@pytest.fixture(scope="module")
+def knee():
+    return kj.load_knee("average_knee")
+
+
+@pytest.fixture(scope="module")
+def rims(knee):
+    return {name: knee.contacts[knee.contact_names.index(name)] for name in RIMS}
+
+
+@pytest.fixture(scope="module")
+def forwards():
+    """A tibia 12 mm in front of its path at 60 degrees of flexion."""
+    pose = read_poses(ROOM)[6]
+    pose[3] += 12.0
+    return tibia_at(pose)
+
+
+force_of = eqx.filter_jit(lambda contact, tibia: jnp.stack(contact.wrench(tibia).force))
+
+
+def test_they_leave_the_path_of_passive_flexion_free(rims):
+    for contact in rims.values():
+        for pose in read_poses(ROOM)[::2]:
+            assert float(jnp.linalg.norm(force_of(contact, tibia_at(pose)))) < 20.0
+
+
+def test_they_push_a_tibia_back_that_is_drawn_forwards(rims, forwards):
+    back = [float(force_of(contact, forwards)[0]) for contact in rims.values()]
+    assert max(back) < 1.0 and sum(back) < -50.0
+
+
+@pytest.mark.parametrize("name", RIMS)
+def test_their_wrench_is_the_derivative_of_their_energy(rims, forwards, name):
+    contact = rims[name]
+    found, derived = jax.jit(
+        lambda tibia: (contact.wrench(tibia), wrench_of(contact.energy, tibia))
+    )(forwards)
+    size = max(abs(float(x)) for x in derived.force)
+    for one, other in ((found.force, derived.force), (found.moment, derived.moment)):
+        np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-6 * 30.0 * size)
+
+
+@pytest.mark.parametrize("field", ["youngs_modulus", "layer_thickness"])
+def test_force_by_their_numbers_against_differences(rims, forwards, central_difference, field):
+    contact = rims["medial_meniscus"]
+
+    @jax.jit
+    def push(change):
+        value = getattr(contact, field) + change
+        return dataclasses.replace(contact, **{field: value}).wrench(forwards).force[0]
+
+    slope = jax.jit(jax.jacfwd(push))(0.0)
+    assert abs(float(slope)) > 0.1
+    assert float(slope) == pytest.approx(float(central_difference(push, 0.0)), rel=1e-6)
+
+
+def test_a_left_twin_has_the_same_menisci(knee, tmp_path):
+    file = read_knee(bundled_path("knees", "average_knee"))
+    path = tmp_path / "left.yaml"
+    write_knee(mirror_document(file.document), path)
+    twin = read_knee(path).knee
+    assert twin.side == "left" and twin.contact_names == knee.contact_names
+    pairs = zip(jax.tree.leaves(twin.contacts), jax.tree.leaves(knee.contacts), strict=True)
+    for own, other in pairs:
+        np.testing.assert_allclose(own, other, rtol=1e-12, atol=1e-12)
+
+
+def test_cartilage_and_fibres_are_those_of_lenhart2015(knee):
+    start = kj.load_knee("lenhart2015")
+    without = dataclasses.replace(knee, contacts=knee.contacts[:2])
+    pairs = zip(
+        jax.tree.leaves(without.contacts), jax.tree.leaves(start.contacts), strict=True
+    )
+    for own, other in pairs:
+        np.testing.assert_array_equal(own, other)
+    assert knee.ligaments.names == (*start.ligaments.names, "ALL")
+    count = len(start.ligaments.names)
+    for field in ("femoral_attachment", "tibial_attachment", "transition_strain"):
+        own, other = (np.asarray(getattr(k.ligaments, field)) for k in (knee, start))
+        np.testing.assert_array_equal(own[:count], other)
