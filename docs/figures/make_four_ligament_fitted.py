@@ -30,7 +30,7 @@ def drawn() -> Figure:
     """Three panels: what turns with flexion, how far 90 N draw, and how far 5 N m turn."""
     figure = Figure(figsize=(9.6, 3.4))
     turning, drawing, torque = figure.subplots(1, 3)
-    (band,) = bundled_bands(cut=())
+    (band,) = bundled_bands(cut=(), name="robot_anterior_90N")
     for name, color in KNEES:
         knee = kj.load_knee(name)
         table = np.asarray(kj.passive_flexion(knee, FLEXION).to_table("grood-suntay"))

@@ -28,7 +28,7 @@ def test_the_tibia_turns_inwards_over_the_whole_range_without_a_warning(knee):
 
 
 def test_its_anterior_laxity_is_that_of_twelve_knees(knee):
-    (band,) = bundled_bands(cut=())
+    (band,) = bundled_bands(cut=(), name="robot_anterior_90N")
     (test,) = kj.lab_tests("drawer", band.flexion_deg, force_N=90.0, steps=1)
     (curves,) = kj.load_curves(knee, test)
     found = np.array([row.positive for row in kj.laxity(curves)])
