@@ -89,7 +89,7 @@ class Pace(enum.Enum):
     """Whether a profile is wanted as a curve, or its limits only."""
 
     FINE = _Steps((0.2, 0.4, 0.6, 0.8, 1.0, 1.15, 1.3), 1.0 / 8.0, 0.02, 0.003)
-    LIMITS = _Steps((1.0,), 1.0 / 4.0, 0.03, 0.1)
+    LIMITS = _Steps((1.0,), 1.0 / 4.0, 0.02, 0.05)
 
 
 class Arms:
