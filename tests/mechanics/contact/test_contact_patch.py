@@ -137,29 +137,37 @@ def test_semi_axes_are_those_of_the_overlap_of_a_paraboloid():
     np.testing.assert_allclose(np.array(there.semi_axes), expected, rtol=1e-9)
 
 
+@jax.jit
+def outgrown(contact, tibia):
+    meeting = contact.meeting(tibia)
+    return contact.outgrown(contact.gap(tibia, meeting), meeting)
+
+
 def test_a_patch_larger_than_a_radius_is_outgrown():
     contact = Contact(geo.Sphere(10.0), geo.Plane())
     for depth, expected in ((0.5, False), (6.0, True)):
-        tibia = at(-(10.0 - depth))
-        meeting = contact.meeting(tibia)
-        assert bool(contact.outgrown(contact.gap(tibia, meeting), meeting)) is expected
+        assert bool(outgrown(contact, at(-(10.0 - depth)))) is expected
 
 
 @pytest.mark.parametrize("form", ["elliptical_patch", "quadrature"])
 def test_a_tibia_that_has_passed_through_the_femur_is_seen_at_any_depth(form):
     contact = condyle_on_plateau()
     contact = Contact(contact.femoral, contact.tibial, form=form)
+    passed_through = jax.jit(lambda contact, c: contact.passed_through(placement(c)))
     for up, expected in ((-5.0, False), (0.0, False), (3.0, False), (30.0, True), (80.0, True)):
-        tibia = placement(POSE + up * np.eye(6)[4])
-        assert bool(contact.passed_through(tibia)) is expected
+        assert bool(passed_through(contact, POSE + up * np.eye(6)[4])) is expected
+
+
+@jax.jit
+def border_of(contact, tibia):
+    return contact.border(tibia, contact.meeting(tibia))
 
 
 def test_a_patch_on_the_border_carries_half_its_force_beyond_it():
     plane = geo.Plane(half_extent=(10.0, 10.0))
     contact, reach = Contact(geo.Sphere(30.0), plane), np.sqrt(2 * 30.0 * 0.5)
     for shift, mm, share in ((0.0, 0.0, 0.0), (10.0, reach, 0.5), (25.0, 15.0 + reach, 1.0)):
-        tibia = at(-29.5, -shift)
-        border = contact.border(tibia, contact.meeting(tibia))
+        border = border_of(contact, at(-29.5, -shift))
         assert float(border.beyond_mm) == pytest.approx(mm, abs=1e-6)
         assert float(border.share) == pytest.approx(share, abs=0.05)
 
@@ -219,15 +227,20 @@ def pose(request, contact):
     return touch if request.param == "touching" else touch + 0.8 * np.eye(6)[4]
 
 
+@jax.jit
+def normal_and_tangents(contact, m, c):
+    """Of the tibial surface and of the femoral one, in the tibial surface's frame."""
+    place, jet = contact.femur_to_plateau(placement(c)), contact.femoral.jet(m[0], m[1])
+    gradient = contact.tibial.height(place.apply(jet.vector(jet.point))).gradient
+    tangents = [place.turn(jet.vector(tangent)) for tangent in (jet.a, jet.b)]
+    return jnp.stack(jnp.broadcast_arrays(*gradient)), [jnp.stack(t) for t in tangents]
+
+
 def test_at_the_meeting_point_both_tangents_are_normal_to_the_other_surfaces_normal(contact, pose):
-    m, place = meeting(contact, pose), contact.femur_to_plateau(placement(pose))
-    jet = contact.femoral.jet(m[0], m[1])
-    point = place.apply(jet.vector(jet.point))
-    normal = np.array([float(c) for c in contact.tibial.height(point).gradient])
+    normal, tangents = normal_and_tangents(contact, meeting(contact, pose), pose)
     normal /= np.linalg.norm(normal)
-    for tangent in (jet.a, jet.b):
-        t = np.array([float(c) for c in place.turn(jet.vector(tangent))])
-        assert abs(t @ normal) / np.linalg.norm(t) < 1e-9
+    for tangent in tangents:
+        assert abs(tangent @ normal) / np.linalg.norm(tangent) < 1e-9
 
 
 def test_the_meeting_point_has_the_derivative_of_central_differences(
@@ -271,11 +284,15 @@ def test_second_derivatives_of_the_meeting_point_equal_central_differences_of_th
     )
 
 
+@jax.jit
+def pressed(contact, c):
+    return contact.press(placement(c), contact.meeting(placement(c)))
+
+
 def test_a_patch_inside_both_regions_is_known_and_beyond_them_is_not():
     contact = CONTACTS["condyle on plateau"]
     for shift, known in ((0.0, True), (40.0, False)):
-        c = POSE + shift * np.eye(6)[3]
-        assert bool(contact.press(placement(c), meeting(contact, c)).known) is known
+        assert bool(pressed(contact, POSE + shift * np.eye(6)[3]).known) is known
 
 
 def test_unknown_laws_and_forms_are_errors_that_list_the_known_ones():
