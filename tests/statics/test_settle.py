@@ -58,18 +58,27 @@ def test_an_angle_does_not_depend_on_which_others_were_asked_for(knee, motion):
     assert np.allclose(shorter.to_table(), motion.to_table()[:3], atol=1e-8)
 
 
-def test_forces_on_the_tibia_sum_to_zero(knee, motion):
-    mechanics = kj.evaluate(knee, motion.pose, motion.settled.meeting)
-    lanes, tibia = add_lane_axis(knee), motion.pose.placement
+@jax.jit
+def force_on_the_tibia(knee, pose, state, tension, contact_force):
+    """Of ligaments, a line and contacts, each along its own way, N."""
+    lanes, tibia = add_lane_axis(knee), pose.placement
     femoral, tibial = (
         jnp.moveaxis(x, 1, 0)
         for x in (lanes.ligaments.femoral_attachment, lanes.ligaments.tibial_attachment)
     )
     line = jnp.stack(tibia.apply(tuple(tibial))) - femoral
-    pull = -mechanics.tension.T * line / jnp.sqrt(jnp.sum(line**2, axis=0))
-    tension = jnp.stack(lanes.lines[0].wrench(motion.settled.state).force)
-    contact = jnp.stack(tibia.turn(tuple(jnp.sum(mechanics.contact_force, axis=1).T)))
-    assert np.abs(np.asarray(pull.sum(axis=1) + tension + contact)).max() < 1e-4
+    pull = -tension.T * line / jnp.sqrt(jnp.sum(line**2, axis=0))
+    constant = jnp.stack(lanes.lines[0].wrench(state).force)
+    contact = jnp.stack(tibia.turn(tuple(jnp.sum(contact_force, axis=1).T)))
+    return pull.sum(axis=1) + constant + contact
+
+
+def test_forces_on_the_tibia_sum_to_zero(knee, motion):
+    mechanics = kj.evaluate(knee, motion.pose, motion.settled.meeting)
+    found = force_on_the_tibia(
+        knee, motion.pose, motion.settled.state, mechanics.tension, mechanics.contact_force
+    )
+    assert np.abs(np.asarray(found)).max() < 1e-4
 
 
 @pytest.fixture(scope="module")

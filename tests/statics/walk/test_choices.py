@@ -5,6 +5,7 @@ Most of it on a body that hangs in ten cables: statics knows no more of a knee t
 
 import dataclasses
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -55,21 +56,23 @@ def motion(knee, choice):
     return kj.passive_flexion(knee, [-5.0, 10.0], held=held, flexion_is_free=free)
 
 
+@jax.jit
+def energy(knee, q):
+    """Of all six coordinates, with the poses along the last axis."""
+    return add_lane_axis(knee).energy(State.of({}, q))
+
+
 def test_what_is_held_is_where_it_is_held_and_the_rest_balances(knee, motion, choice):
     assert (np.asarray(motion.status) == Status.BALANCED).all()
     rows = np.asarray(motion.to_table())
     for column, value in choice[0].items():
         np.testing.assert_allclose(rows[:, kj.geometry.COLUMNS.index(column)], value, atol=1e-12)
     # Minus the slope of the energy, by central differences, is what holds a coordinate.
-    state, names = motion.settled.state, tuple(COORDINATES)
-
-    def energy(name, step):
-        moved = state.at(names).at[names.index(name)].add(step)
-        return np.asarray(add_lane_axis(knee).energy(State.of({}, moved)))
-
-    for name, scale in zip(names, scales(names), strict=True):
+    names = tuple(COORDINATES)
+    here = np.asarray(motion.settled.state.at(names))
+    for name, scale, unit in zip(names, scales(names), np.eye(6)[:, :, None], strict=True):
         step = 1e-4 * scale
-        slope = (energy(name, step) - energy(name, -step)) / (2 * step)
+        slope = (energy(knee, here + step * unit) - energy(knee, here - step * unit)) / (2 * step)
         if name in motion.stations.prescribed:
             np.testing.assert_allclose(motion.reaction(name) * scale, slope * scale, atol=2e-4)
         else:
