@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Generic, TypeVar
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
@@ -168,6 +169,12 @@ def _by_distance(build, start, points, weights):
     return finished(build(_levenberg_marquardt(residual, start)), points, weights)
 
 
+# Else each of its some hundred operations is a program of its own, for every number of points.
+@jax.jit
+def _level(surface, points):
+    return surface.level(_local_traced(surface.frame, points))
+
+
 def _levenberg_marquardt(residual, start) -> np.ndarray:
     solver = optx.LevenbergMarquardt(rtol=1e-12, atol=1e-12)
     solution = optx.least_squares(residual, solver, jnp.asarray(start), max_steps=500, throw=False)
@@ -178,8 +185,7 @@ def _levenberg_marquardt(residual, start) -> np.ndarray:
 
 def finished(surface, points, weights):
     """The `SurfaceFit` of a surface: signed distances of points of its bone, to first order."""
-    local = _local_traced(surface.frame, points)
-    return SurfaceFit(surface, points, np.asarray(surface.level(local)), weights)
+    return SurfaceFit(surface, points, np.asarray(_level(surface, points)), weights)
 
 
 def points_and_weights(points, weights, least, what):
