@@ -1,5 +1,6 @@
 """Tests and doctests compute in float64, share what they compile, and keep within memory maps."""
 
+import gc
 import os
 import shutil
 from pathlib import Path
@@ -36,24 +37,30 @@ COMPILED = Path(__file__).parent / ".pytest_cache" / "compiled"
 #: Programs of about ten runs, each after a change of what everything is made of: 0.7 GB.
 MOST_PROGRAMS = 60_000
 
-#: Files that take more than half a minute of a core: who begins with them does not wait for one of
-#: them in the end. Neighbours compile different programs, since they run side by side.
+#: Files that take more than a quarter of a minute of a core: who begins with them does not wait
+#: for one of them in the end. Neighbours compile different programs: they run side by side.
 LONGEST = (
-    "statics/test_settle.py",
-    "mechanics/contact/test_contact_forms.py",
-    "validation/test_lenhart2015.py",
-    "inference/bayesian/test_posterior.py",
-    "experiments/test_gradients.py",
-    "cli/test_commands.py",
     "statics/walk/test_choices.py",
-    "inference/calibration/test_calibrate.py",
+    "experiments/laboratory/test_average_knee.py",
+    "validation/test_lenhart2015.py",
+    "mechanics/contact/test_contact_forms.py",
+    "experiments/test_gradients.py",
+    "inference/bayesian/test_posterior.py",
+    "experiments/laboratory/test_by_machine.py",
+    "statics/test_settle.py",
+    "cli/test_simulate_tests.py",
     "geometry/paths/test_wrapping.py",
-    "statics/walk/test_batch.py",
+    "inference/calibration/test_calibrate.py",
+    "cli/test_commands.py",
     "inference/identification/test_identify.py",
+    "statics/walk/test_batch.py",
     "inference/design/test_design.py",
     "mechanics/test_gradients.py",
     "cli/test_study_commands.py",
     "mechanics/contact/test_contact_patch.py",
+    "files/meshes/test_mesh_import.py",
+    "mechanics/ligaments/test_courses.py",
+    "cli/test_calibrate_tests.py",
     "cli/joint/test_joint_fit.py",
     "statics/walk/test_ramps.py",
 )
@@ -64,6 +71,13 @@ def pytest_configure(config):
     if not hasattr(config, "workerinput") and COMPILED.is_dir():
         if sum(1 for _ in os.scandir(COMPILED)) > MOST_PROGRAMS:
             shutil.rmtree(COMPILED, ignore_errors=True)
+
+
+def pytest_collection_finish():
+    """Modules and tests stay: let the collector not walk through all of them again and again."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(100_000, 20, 20)
 
 
 def pytest_collection_modifyitems(items):

@@ -212,20 +212,20 @@ def axis_between(extension: ArrayLike, flexed: ArrayLike, flexion: ArrayLike) ->
     return extension + share[:, None, None] * (flexed - extension)
 
 
+@jax.jit
+def _in_the_tibia(femoral: Array, poses: Pose) -> Array:
+    """Points of the femur `(k, 2, 3)`, each pair at its pose."""
+    placement = poses.placement
+    sides = [placement.apply_inverse(vector(femoral[:, side].T)) for side in range(2)]
+    return jnp.stack([jnp.stack(side, axis=-1) for side in sides], axis=1)
+
+
 def _calibrated(femoral: Array, poses: Pose, interpolation: str) -> Joint:
     flexion = jnp.asarray(poses.flexion, float)
     if femoral.shape != (*flexion.shape, 2, 3) or flexion.ndim != 1:
         shapes = f"{femoral.shape} and {flexion.shape}"
         raise ValueError(f"points and poses of shapes {shapes}; expected (k, 2, 3) and (k,)")
-    placement = poses.placement
-    tibial = jnp.stack(
-        [
-            jnp.stack(placement.apply_inverse(vector(femoral[:, side].T)), axis=-1)
-            for side in range(2)
-        ],
-        axis=1,
-    )
-    joint = Joint(flexion, femoral, tibial, interpolation)
+    joint = Joint(flexion, femoral, _in_the_tibia(femoral, poses), interpolation)
     check_joint(joint)
     return joint
 

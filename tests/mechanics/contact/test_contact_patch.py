@@ -137,7 +137,7 @@ def test_semi_axes_are_those_of_the_overlap_of_a_paraboloid():
     np.testing.assert_allclose(np.array(there.semi_axes), expected, rtol=1e-9)
 
 
-@jax.jit
+@compiled
 def outgrown(contact, tibia):
     meeting = contact.meeting(tibia)
     return contact.outgrown(contact.gap(tibia, meeting), meeting)
@@ -153,12 +153,12 @@ def test_a_patch_larger_than_a_radius_is_outgrown():
 def test_a_tibia_that_has_passed_through_the_femur_is_seen_at_any_depth(form):
     contact = condyle_on_plateau()
     contact = Contact(contact.femoral, contact.tibial, form=form)
-    passed_through = jax.jit(lambda contact, c: contact.passed_through(placement(c)))
+    passed_through = compiled(lambda contact, c: contact.passed_through(placement(c)))
     for up, expected in ((-5.0, False), (0.0, False), (3.0, False), (30.0, True), (80.0, True)):
         assert bool(passed_through(contact, POSE + up * np.eye(6)[4])) is expected
 
 
-@jax.jit
+@compiled
 def border_of(contact, tibia):
     return contact.border(tibia, contact.meeting(tibia))
 
@@ -227,7 +227,7 @@ def pose(request, contact):
     return touch if request.param == "touching" else touch + 0.8 * np.eye(6)[4]
 
 
-@jax.jit
+@compiled
 def normal_and_tangents(contact, m, c):
     """Of the tibial surface and of the femoral one, in the tibial surface's frame."""
     place, jet = contact.femur_to_plateau(placement(c)), contact.femoral.jet(m[0], m[1])
@@ -284,7 +284,7 @@ def test_second_derivatives_of_the_meeting_point_equal_central_differences_of_th
     )
 
 
-@jax.jit
+@compiled
 def pressed(contact, c):
     return contact.press(placement(c), contact.meeting(placement(c)))
 
