@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
+from kneejax.geometry import Surface
 from kneejax.mechanics._knee import Knee
 
 # About 0.8 mm apart on a condyle.
@@ -12,7 +14,7 @@ _AROUND, _ALONG = 120, 40
 
 
 def condyle_points(knee: Knee) -> tuple[np.ndarray, np.ndarray]:
-    """Sample the femoral surfaces of a knee over the regions to which they were fitted.
+    """Sample the femoral surfaces of a knee, each once, over the regions to which they were fitted.
 
     With them `kneejax.joints.condyle_axes` finds the axes of a knee that has no mesh.
 
@@ -35,8 +37,8 @@ def condyle_points(knee: Knee) -> tuple[np.ndarray, np.ndarray]:
     if not knee.contacts:
         raise ValueError(f"{knee.name} has no contacts, hence no condyles")
     sampled = []
-    for contact in knee.contacts:
-        surface, place = contact.femoral, contact.femoral.frame.placement
+    for surface in _different([contact.femoral for contact in knee.contacts]):
+        place = surface.frame.placement
         (first, last), (medial, lateral) = np.asarray(surface.bounds())
         a, b = np.meshgrid(
             np.linspace(first, last, _AROUND), np.linspace(medial, lateral, _ALONG)
@@ -45,6 +47,15 @@ def condyle_points(knee: Knee) -> tuple[np.ndarray, np.ndarray]:
         sampled.append([_rows(place.apply(point)), _rows(place.turn(normal))])
     points, normals = (np.concatenate(both) for both in zip(*sampled, strict=True))
     return points, normals
+
+
+def _different(surfaces: list[Surface]) -> list[Surface]:
+    """Each surface once: cartilage and meniscus meet the same condyle."""
+    found: list[Surface] = []
+    for surface in surfaces:
+        if not any(eqx.tree_equal(surface, other) for other in found):
+            found.append(surface)
+    return found
 
 
 def _rows(vector) -> np.ndarray:

@@ -1,5 +1,7 @@
 """A knee's energy is the sum of its parts, and every number of it is a leaf."""
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -7,7 +9,8 @@ import numpy as np
 import pytest
 
 import kneejax.geometry as geo
-from kneejax.mechanics import Contact, Knee, Ligaments, add_lane_axis
+from kneejax.files import load_knee
+from kneejax.mechanics import Contact, Knee, Ligaments, add_lane_axis, condyle_points
 
 POSE = geo.Pose.from_table([[0.0, 0, 0, 0, -0.3, 0], [29.0, 1.7, 3.0, 1.0, 0.5, 0.3]])
 
@@ -146,3 +149,11 @@ def test_a_mirrored_knee_has_the_mirrored_energy(small_knee):
     there = energies(add_lane_axis(mirrored), geo.Pose.from_table(table))[0]
     here = energies(add_lane_axis(small_knee), POSE)[0]
     np.testing.assert_allclose(np.asarray(there), np.asarray(here), rtol=1e-10)
+
+
+def test_a_condyle_that_two_contacts_share_is_sampled_once():
+    bundled = load_knee("four_ligament")
+    contacts, names = (*bundled.contacts, bundled.contacts[0]), (*bundled.contact_names, "meniscus")
+    shared = dataclasses.replace(bundled, contacts=contacts, contact_names=names)
+    for own, other in zip(condyle_points(shared), condyle_points(bundled), strict=True):
+        np.testing.assert_array_equal(own, other)
