@@ -9,17 +9,12 @@ from pathlib import Path
 
 from kneejax.cli._parser import KNEE, Parser, add_command, add_convention, add_out, add_svg
 from kneejax.cli._study_commands import add_identify, add_map, add_sensitivity, add_study
+from kneejax.cli._test_options import TESTS, add_test_options
 from kneejax.cli._version import ShowVersion
 from kneejax.cli.joint import add_joint
 
 #: Shells for which a completion can be printed.
 SHELLS = ("bash", "zsh", "fish")
-#: As `kneejax.experiments.READY`, which would bring in JAX, and two more.
-TESTS = (
-    "drawer", "lachman", "torsion", "varus-valgus", "compression", "distraction", "pivot",
-    "envelope", "load",
-)  # fmt: skip
-_HELD = ("adduction", "internal_rotation")
 _SIDES = ("r", "l")
 
 
@@ -97,42 +92,7 @@ def _add_simulate(commands) -> None:
         help="degrees: first:last:step or a,b,c (default: 0:120:5 in passive-flexion, 0:90:15 in "
         "tests, 20 in lachman)",
     )
-    simulate.add_argument(
-        "--force_N",
-        type=float,
-        help="full force of a test (default: 100; compression 500, distraction 50)",
-    )
-    simulate.add_argument(
-        "--moment_Nm",
-        type=float,
-        help="full moment of a test (default: 10; torsion 5); pivot adds half of it in internal "
-        "torque, torsion in an envelope is half of it",
-    )
-    simulate.add_argument(
-        "--displacement_mm",
-        type=float,
-        help="of drawer and lachman: a machine moves the tibia so far, and its force is read",
-    )
-    simulate.add_argument(
-        "--rotation_deg",
-        type=float,
-        help="of torsion and varus-valgus: a machine turns the tibia so far; its moment is read",
-    )
-    simulate.add_argument(
-        "--hold",
-        action="append",
-        default=[],
-        choices=_HELD,
-        metavar="ROTATION",
-        help=f"a rotation that a machine holds where it is without the test's load: "
-        f"{' or '.join(_HELD)}; once for each",
-    )
-    simulate.add_argument(
-        "--both", action="store_true", help="load a test in the opposite sense too"
-    )
-    simulate.add_argument(
-        "--steps", type=int, help="of a test, from nothing to the full load (default: 20)"
-    )
+    add_test_options(simulate)
     simulate.add_argument(
         "--set",
         action="append",

@@ -5,7 +5,7 @@ import csv
 import pytest
 
 from kneejax.cli import main
-from kneejax.cli._commands import TESTS
+from kneejax.cli._test_options import TESTS
 from kneejax.experiments import READY
 
 

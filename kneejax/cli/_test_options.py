@@ -1,0 +1,52 @@
+"""What `kneejax simulate` may be told of a test under load."""
+
+from __future__ import annotations
+
+import argparse
+
+#: As `kneejax.experiments.READY`, which would bring in JAX, and two more.
+TESTS = (
+    "drawer", "lachman", "torsion", "varus-valgus", "compression", "distraction", "pivot",
+    "envelope", "load",
+)  # fmt: skip
+_HELD = ("adduction", "internal_rotation")
+
+
+def add_test_options(simulate: argparse.ArgumentParser) -> None:
+    """Sizes of a test, by force or by displacement, what is held, and its steps."""
+    simulate.add_argument(
+        "--force_N",
+        type=float,
+        help="full force of a test (default: 100; compression 500, distraction 50)",
+    )
+    simulate.add_argument(
+        "--moment_Nm",
+        type=float,
+        help="full moment of a test (default: 10; torsion 5); pivot adds half of it in internal "
+        "torque, torsion in an envelope is half of it",
+    )
+    simulate.add_argument(
+        "--displacement_mm",
+        type=float,
+        help="of drawer and lachman: a machine moves the tibia so far, and its force is read",
+    )
+    simulate.add_argument(
+        "--rotation_deg",
+        type=float,
+        help="of torsion and varus-valgus: a machine turns the tibia so far; its moment is read",
+    )
+    simulate.add_argument(
+        "--hold",
+        action="append",
+        default=[],
+        choices=_HELD,
+        metavar="ROTATION",
+        help=f"a rotation that a machine holds where it is without the test's load: "
+        f"{' or '.join(_HELD)}; once for each",
+    )
+    simulate.add_argument(
+        "--both", action="store_true", help="load a test in the opposite sense too"
+    )
+    simulate.add_argument(
+        "--steps", type=int, help="of a test, from nothing to the full load (default: 20)"
+    )
