@@ -22,11 +22,10 @@ from pathlib import Path
 import numpy as np
 import yaml
 from menisci import Rim, contact_of
+from walker import coupled_motion
 
 import kneejax as kj
 from kneejax.files import read_poses, write_poses
-from kneejax.files.tables import read_rows
-from kneejax.geometry import FEMORAL, convert_table
 
 HERE = Path(__file__).parent
 START, NAME = "lenhart2015", "average_knee"
@@ -69,22 +68,6 @@ ANTEROLATERAL = {
         "transition_strain": "as the model's other fibres",
     },
 }
-
-
-def walker() -> np.ndarray:
-    """Walker's coupled motion as poses of the start's knee: its own extension plus what changes."""
-    header, rows = read_rows(str(HERE / "measurements" / "walker1988.csv"), [])
-    table = np.array([cells for _, cells in rows], float)
-    change = dict(zip(header, table.T, strict=True))
-    straight = np.asarray(kj.passive_flexion(kj.load_knee(START), [0.0]).to_table())
-    poses = np.repeat(convert_table(straight, FEMORAL, "tibial"), len(table), axis=0)
-    poses[:, 0] = change["flexion_deg"]
-    poses[:, 1] += change["varus_deg"]
-    poses[:, 2] += change["internal_rotation_deg"]
-    # The femur's origin along the tibia's axes is the negative of the tibia's own.
-    poses[:, 3] -= change["femur_anterior_mm"]
-    poses[:, 4] -= change["femur_superior_mm"]
-    return convert_table(poses, "tibial", FEMORAL)
 
 
 def study() -> dict:
@@ -164,7 +147,9 @@ def main() -> None:
     if given.what == "knee":
         return write_knee(fitted(unfitted(), given.folder))
     write_knee(unfitted())
-    write_poses(HERE / "studies" / "average_knee_passive.csv", np.round(walker(), 4))
+    straight = np.asarray(kj.passive_flexion(kj.load_knee(START), [0.0]).to_table())[0]
+    poses = np.round(coupled_motion(straight), 4)
+    write_poses(HERE / "studies" / "average_knee_passive.csv", poses)
     text = yaml.safe_dump(study(), sort_keys=False, width=100)
     (HERE / "studies" / "average_knee.yaml").write_text(
         "# Written by data/make_average_knee.py; docs/average_knee.md holds the result against\n"

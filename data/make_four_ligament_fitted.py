@@ -16,11 +16,10 @@ from pathlib import Path
 
 import numpy as np
 import yaml
+from walker import coupled_motion
 
 from kneejax.files import write_knee as write_document
 from kneejax.files import write_poses, write_rows
-from kneejax.files.tables import read_rows
-from kneejax.geometry import FEMORAL, convert_table
 
 HERE = Path(__file__).resolve().parent
 START, NAME = "four_ligament", "four_ligament_fitted"
@@ -44,20 +43,6 @@ TORSION_DEG = 2.0
 def knee_file(name: str) -> dict:
     """A bundled knee as its file says it."""
     return yaml.safe_load((HERE / "knees" / f"{name}.yaml").read_text())
-
-
-def walker() -> np.ndarray:
-    """Walker's coupled motion as poses: that of the MRI in extension plus what changes."""
-    header, rows = read_rows(str(HERE / "measurements" / "walker1988.csv"), [])
-    change = dict(zip(header, np.array([cells for _, cells in rows], float).T, strict=True))
-    poses = convert_table(np.zeros((len(rows), 6)), FEMORAL, "tibial")
-    poses[:, 0] = change["flexion_deg"]
-    poses[:, 1] += change["varus_deg"]
-    poses[:, 2] += change["internal_rotation_deg"]
-    # The femur's origin along the tibia's axes is the negative of the tibia's own.
-    poses[:, 3] -= change["femur_anterior_mm"]
-    poses[:, 4] -= change["femur_superior_mm"]
-    return convert_table(poses, "tibial", FEMORAL)
 
 
 def footprints() -> dict[str, np.ndarray]:
@@ -143,7 +128,7 @@ def write_knee(folder: Path) -> None:
 def write_study() -> None:
     """The study and its tables."""
     folder = HERE / "studies"
-    write_poses(folder / f"{NAME}_passive.csv", np.round(walker(), 4))
+    write_poses(folder / f"{NAME}_passive.csv", np.round(coupled_motion(np.zeros(6)), 4))
     columns = ["flexion_deg", "internal_Nm", "internal_rotation_deg"]
     write_rows(folder / f"{NAME}_torsion.csv", columns, TORSION)
     text = yaml.safe_dump(study(), sort_keys=False, width=100)

@@ -43,11 +43,17 @@ def check(study: Study, question: Identify | Map | Sensitivity | None = None) ->
 
 
 @overload
-def run(study: Study, *, progress: Progress | None = None) -> Calibration: ...
+def run(study: Study, *, progress: Progress | None = None) -> Calibration:
+    """Calibrate."""
+
+
 @overload
 def run(
     study: Study, question: Identify, *, progress: Progress | None = None
-) -> Identified: ...
+) -> Identified:
+    """Tell what the data determine."""
+
+
 @overload
 def run(
     study: Study,
@@ -55,11 +61,17 @@ def run(
     *,
     progress: Progress | None = None,
     store: BlockStore | None = None,
-) -> tuple[ParameterMap, ...]: ...
+) -> tuple[ParameterMap, ...]:
+    """Map the misfit over pairs of parameters."""
+
+
 @overload
 def run(
     study: Study, question: Sensitivity, *, progress: Progress | None = None
-) -> Sensitivities: ...
+) -> Sensitivities:
+    """Tell what each parameter does."""
+
+
 
 
 def run(study, question=None, *, progress=None, store=None):

@@ -59,13 +59,13 @@ def problem_of(knee, passive, tests, names=NAMES):
 
 
 @pytest.fixture(scope="module")
-def tests(knee):
+def whole_and_cut(knee):
     return [measured(knee, read=READ), dataclasses.replace(measured(knee, ("ACL",)), name="cut")]
 
 
 @pytest.fixture(scope="module")
-def problem(knee, passive, tests):
-    return problem_of(knee, passive, tests)
+def problem(knee, passive, whole_and_cut):
+    return problem_of(knee, passive, whole_and_cut)
 
 
 def start_of(problem):
@@ -106,7 +106,7 @@ def test_what_is_cut_does_not_pull_and_nothing_else_changes(problem):
     assert found.q[0, row] == pytest.approx(np.asarray(alone.settled.q)[:, 0], abs=1e-7)
 
 
-def test_a_robot_counts_from_the_intact_knee(knee, passive, tests):
+def test_a_robot_counts_from_the_intact_knee(knee, passive):
     cut = kj.MeasuredTest.of(curves_of(kj.cut(knee, ["ACL"])))
     column = [np.asarray(kj.passive_flexion(k, [20.0, 60.0]).to_table("grood-suntay"))[:, 3]
               for k in (knee, kj.cut(knee, ["ACL"]))]  # fmt: skip
@@ -177,6 +177,8 @@ def test_a_part_that_the_knee_lacks_is_named(knee, passive):
         ({"readings": {"ACL.strain": np.zeros(8)}, "sd_strain": 0.01, "counted_from": "offset"},
          "expected unloaded or absolute"),
         ({"counted_from": "intact"}, "expected cut too"),
+        ({"loads": {}, "readings": {"ACL.tension_N": np.ones(8)}, "sd_N": 1.0},
+         "expected each once, since no load acts"),
         ({"weight": np.full(8, -1.0)}, "negative"),
     ],
 )  # fmt: skip
@@ -184,7 +186,9 @@ def test_what_contradicts_itself_is_refused(knee, given, says):
     rows = {"anterior_N": np.array([30.0, 60, -30, -60] * 2)}
     observed = np.full((8, 5), 1.0)
     with pytest.raises(ValueError, match=says):
-        kj.MeasuredTest("drawer", [20.0] * 4 + [60.0] * 4, rows, observed, **given)
+        flexion = [20.0] * 4 + [60.0] * 4
+        kj.MeasuredTest(**{"name": "drawer", "flexion_deg": flexion, "loads": rows,
+                           "observed": observed} | given)  # fmt: skip
 
 
 def test_a_pull_in_the_table_is_that_of_a_knee_with_such_a_line(knee, passive):
