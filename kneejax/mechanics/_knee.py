@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import operator
 from collections.abc import Sequence
 from functools import partial
 
@@ -13,6 +14,7 @@ from jax import Array
 
 from kneejax.geometry import FEMUR, TIBIA, Pair, Pose, State
 from kneejax.mechanics._loads import ConstantTensionLine, Load, Support
+from kneejax.mechanics._muscles import Muscles
 from kneejax.mechanics._wrench import Wrenches
 from kneejax.mechanics.contact import Contact, Pressed
 from kneejax.mechanics.ligaments import FibreFaults, Ligaments
@@ -31,9 +33,10 @@ class Knee(eqx.Module):
         contacts: the compartments.
         contact_names: one name per compartment, e.g. `medial`.
         loads: wrenches on the tibia that act in every experiment on this knee.
-        lines: lines of constant tension.
+        lines: lines of constant tension whose upper end may travel with flexion.
         reference_pose: of the tibia, where reference strains and reference lengths are stated.
         other_bones: bone -> its pose there, of those that move besides the tibia.
+        muscles: lines of given tension along courses; None without any.
         groups: names that stand for several fibres each.
         name: of the knee.
         side: `right` or `left`, the side it was read from.
@@ -49,10 +52,12 @@ class Knee(eqx.Module):
     name: str = eqx.field(static=True, default="knee")
     side: str = eqx.field(static=True, default="right")
     other_bones: dict[str, Pose] = eqx.field(default_factory=dict)
+    muscles: Muscles | None = None
 
     def __check_init__(self):
         known = {FEMUR, *self.bodies}
         parts = [*self.ligaments.bodies, *(x.bodies for x in (*self.contacts, *self.lines))]
+        parts += [] if self.muscles is None else self.muscles.bodies
         for bone in {bone for pair in parts for bone in pair} - known:
             raise ValueError(f"Knee: a part joins {bone!r}; the knee's bones are {sorted(known)}")
 
@@ -75,6 +80,8 @@ class Knee(eqx.Module):
         total = self.ligaments.energy(state)
         for line in self.lines:
             total = total + line.energy(state)
+        if self.muscles is not None:
+            total = total + self.muscles.energy(state)
         for contact in self.contacts:
             total = total + contact.energy(state.between(contact.bodies))
         return total
@@ -168,6 +175,10 @@ class Knee(eqx.Module):
     def press_without_patches(self, state: State) -> tuple[Wrenches, Array, FibreFaults]:
         """As `press`, of all but the contacts that have a patch: wrenches, energy, fibres."""
         wrenches, energy, fibres = self.ligaments.pull(state)
+        if self.muscles is not None:
+            pulls, own, wrapped = self.muscles.pull(state)
+            wrenches.take(pulls)
+            energy, fibres = energy + own, jax.tree.map(operator.or_, fibres, wrapped)
         for line in self.lines:
             energy = energy + line.energy(state)
             wrenches.add(line.bodies, line.wrench(state).alone())

@@ -105,6 +105,11 @@ class Wrenches:
         """Add a part, or several along a first axis."""
         self.between.setdefault(pair, []).append(wrench)
 
+    def take(self, others: Wrenches) -> None:
+        """Add all that others hold."""
+        for pair, parts in others.between.items():
+            self.between.setdefault(pair, []).extend(parts)
+
     def work(self, state: State, names: Sequence[str]) -> tuple[Array, ...]:
         """Generalised force of all together; see `generalised_force`."""
         rows = [

@@ -5,7 +5,8 @@ from kneejax.mechanics.ligaments._courses import Course as Course
 from kneejax.mechanics.ligaments._failure_strain import FAILURE_SOURCE as FAILURE_SOURCE
 from kneejax.mechanics.ligaments._failure_strain import FibreFaults as FibreFaults
 from kneejax.mechanics.ligaments._failure_strain import usual_failure_strain as usual_failure_strain
+from kneejax.mechanics.ligaments._fibres import Fibres as Fibres
+from kneejax.mechanics.ligaments._fibres import WrapState as WrapState
 from kneejax.mechanics.ligaments._ligaments import Ligaments as Ligaments
-from kneejax.mechanics.ligaments._ligaments import WrapState as WrapState
 
 __all__ = ["ligament_law"]

@@ -139,16 +139,25 @@ class Stations(eqx.Module):
     def added_to(self, knee: Knee) -> Knee:
         """As `load`, where the arrays of these stations end in lanes."""
         pulls = [load for load in self.loads if load.line]
+
+        def pulled(name: str, tension: Array) -> Array:
+            return sum((x.force[0] for x in pulls if x.line == name), tension)
+
         lines = tuple(
-            dataclasses.replace(
-                line,
-                tension=sum((x.force[0] for x in pulls if x.line == line.name), line.tension),
-            )
+            dataclasses.replace(line, tension=pulled(line.name, line.tension))
             for line in knee.lines
         )
+        muscles = knee.muscles
+        if muscles is not None and any(x.line in muscles.names for x in pulls):
+            rows = zip(muscles.names, muscles.tension, strict=True)
+            tensions = jnp.broadcast_arrays(*(pulled(name, tension) for name, tension in rows))
+            muscles = dataclasses.replace(muscles, tension=jnp.stack(tensions))
         wrenches = (load for load in self.loads if not load.line)
         return dataclasses.replace(
-            knee, lines=lines, loads=(*knee.loads, *wrenches, *self.supports)
+            knee,
+            lines=lines,
+            muscles=muscles,
+            loads=(*knee.loads, *wrenches, *self.supports),
         )
 
 

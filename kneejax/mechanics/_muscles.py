@@ -1,0 +1,73 @@
+"""Muscles as lines of given tension, straight or around obstacles."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+from jax import Array
+from jax.typing import ArrayLike
+
+from kneejax.geometry import FEMUR_AND_TIBIA, Pair, State, full, scale
+from kneejax.mechanics._wrench import Wrench, Wrenches
+from kneejax.mechanics.ligaments import Course, FibreFaults, Fibres
+
+
+class Muscles(Fibres):
+    """Lines that pull with a given tension whatever their length, one row each.
+
+    A tension that does not depend on the pose is a potential, tension times length, so the
+    stiffness of a knee with muscles stays symmetric.
+
+    Attributes:
+        femoral_attachment: origin, shape `(n, 3, ...)`, mm, femur frame.
+        tibial_attachment: insertion, `(n, 3, ...)`, mm, in the frame of the second bone.
+        tension: shape `(n, ...)`, N.
+        courses: of the muscles that have via points or an obstacle; the others are straight.
+        names: one name per muscle.
+        bodies: the two bones that each joins; femur and tibia where none are named.
+
+    Example:
+        >>> head = Muscles([[10, 180, 20]], [[0, 18, 0]], [200.0], ["vasint"])
+        >>> float(head.tension[0])
+        200.0
+    """
+
+    tension: Array
+
+    def __init__(
+        self,
+        origin: ArrayLike,
+        insertion: ArrayLike,
+        tension: ArrayLike,
+        names: tuple[str, ...] | list[str],
+        courses: tuple[Course, ...] | list[Course] = (),
+        bodies: tuple[Pair, ...] | None = None,
+    ):
+        self.femoral_attachment = jnp.asarray(origin, float)
+        self.tibial_attachment = jnp.asarray(insertion, float)
+        self.tension = jnp.asarray(tension, float)
+        self.courses = tuple(courses)
+        self.names = tuple(names)
+        self.bodies = (FEMUR_AND_TIBIA,) * len(self.names) if bodies is None else tuple(bodies)
+
+    def pull(self, state: State) -> tuple[Wrenches, Array, FibreFaults]:
+        """What the muscles do to the bones that they join.
+
+        Returns:
+            Wrenches, each of several muscles along its first axis; their energy, N mm; and whether
+            any lies wrongly on its obstacle. None tears.
+        """
+        answer, energy = Wrenches(), jnp.zeros(state.shape)
+        past = inside = jnp.zeros_like(energy, bool)
+        for course, length, pull, bent in self._ways(self.kinds, state):
+            tension = self._of(course.rows, self.tension)
+            forces = Wrench(full(scale(tension, pull.force)), full(scale(tension, pull.moment)))
+            answer.add(course.bodies, forces)
+            energy = energy + jnp.sum(tension * length, axis=0)
+            for path in bent:
+                past = past | jnp.any(path.beyond_ends, axis=0)
+                inside = inside | jnp.any(path.inside, axis=0)
+        return answer, energy, FibreFaults(jnp.zeros_like(past), past, inside)
+
+    def energy(self, state: State) -> Array:
+        """Tension times length of all together, shape `(...)`, N mm."""
+        return self.pull(state)[1]
