@@ -103,11 +103,13 @@ def document(source: Path) -> dict[str, Any]:
         "lines": load_knee_file("four_ligament").document["lines"],
         "adaptations": [PULL, SURFACES, _corners(made["ligaments"]), *straight],
         "notes": (
-            "No patella, menisci, muscles or gravity. Of the model's ligaments those that end on "
-            f"the patella or pelvis are left out ({left_out}), so is patellofemoral contact. "
+            "No menisci or gravity. Patella, its ligaments and muscles stand in a section of their "
+            "own, which acts where the patella is asked for; without it the line patellar_tendon "
+            f"stands for them. Left out is what ends on the pelvis ({left_out}). "
             f"{_contact_note(made['contacts'])} Fibres take the shortest way around a wrap object; "
             "for MCLp4 and MCLp5 the ways around both sides of Med_LigP_r are nearly as long over "
-            "much of the motion. damping_s is the model's and plays no part in statics."
+            "much of the motion. damping_s is the model's and plays no part in statics. "
+            f"{' '.join(read.patella_notes)}"
         ),
     }
 

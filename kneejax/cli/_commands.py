@@ -276,6 +276,11 @@ def _add_import_osim(osim: Parser) -> None:
         help="what to do where a fibre begins inside what it goes around; straight is what "
         "OpenSim does",
     )
+    osim.add_argument(
+        "--without-patella",
+        action="store_true",
+        help="leave out the patella, its ligaments and the muscles over the knee",
+    )
     add_out(osim, "kneejax-import")
     osim.set_defaults(run=_lazily("_import_osim"))
 
@@ -283,7 +288,7 @@ def _add_import_osim(osim: Parser) -> None:
 def _add_import_stl(stl: Parser) -> None:
     stl.add_argument("--femur-cartilage", type=Path, required=True, help="mesh, in any unit")
     stl.add_argument("--tibia-cartilage", type=Path, required=True, help="mesh, likewise")
-    stl.add_argument("--patella-cartilage", type=Path, help="fitted and kept for later")
+    stl.add_argument("--patella-cartilage", type=Path, help="fitted with the groove of the femur")
     stl.add_argument("--femur-bone", type=Path, help="for the layer's thickness")
     stl.add_argument("--tibia-bone", type=Path, help="for the layer's thickness")
     stl.add_argument("--side", choices=_SIDES, required=True, help="right or left knee")

@@ -26,6 +26,7 @@ def run(arguments: argparse.Namespace) -> int:
         tibia=arguments.tibia,
         without=arguments.without,
         inside=arguments.inside,
+        patella=not arguments.without_patella,
     )
     findings, doubtful = (), bool(read.doubts)
     document, file = read.document, arguments.out / "knee.yaml"

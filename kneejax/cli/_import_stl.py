@@ -57,8 +57,11 @@ def run(arguments: argparse.Namespace) -> int:
             reference_pose=pose,
         )
     document = _contacts_only(arguments, found) if knee is None else _replaced(knee, found)
-    if found.surfaces:
-        document["surfaces"] = found.surfaces
+    if found.patellofemoral is not None and "patella" in document:
+        document["patella"]["contacts"] = {"patellofemoral": found.patellofemoral}
+    elif found.patellofemoral is not None:
+        # Without ligaments and muscles there is no patella yet: its surface waits for them.
+        document["surfaces"] = {"patella": found.patellofemoral["patellar_surface"]}
     write_knee(document, arguments.out / "knee.yaml")
     write_rows(arguments.out / "fit_report.csv", list(_TABLE), _rows(found))
     write_text(arguments.out / "fit_report.md", _report(found))

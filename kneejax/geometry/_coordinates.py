@@ -74,6 +74,8 @@ class Coordinate:
 FEMUR = "femur"
 #: The body of a knee's tables, motions and tests.
 TIBIA = "tibia"
+#: Joined to the tibia by its tendon and pulled by the quadriceps, of knees that have one.
+PATELLA = "patella"
 #: Two bodies that a part joins. What it does to the second it does to the first, turned round.
 Pair = tuple[str, str]
 FEMUR_AND_TIBIA: Pair = (FEMUR, TIBIA)
@@ -86,14 +88,14 @@ _EVERY = (
     Coordinate(TIBIA, "anterior", "anterior", "Anterior translation", "mm", "forwards"),
     Coordinate(TIBIA, "superior", "superior", "Superior translation", "mm", "upwards"),
     Coordinate(TIBIA, "lateral", "lateral", "Lateral translation", "mm", "outwards"),
-    Coordinate("patella", "flexion", "patella_flexion", "Patellar flexion", "deg", "bent"),
-    Coordinate("patella", "adduction", "patella_rotation", "Patellar rotation", "deg",
+    Coordinate(PATELLA, "flexion", "patella_flexion", "Patellar flexion", "deg", "bent"),
+    Coordinate(PATELLA, "adduction", "patella_rotation", "Patellar rotation", "deg",
                "apex inwards"),
-    Coordinate("patella", "internal_rotation", "patella_tilt", "Patellar tilt", "deg",
+    Coordinate(PATELLA, "internal_rotation", "patella_tilt", "Patellar tilt", "deg",
                "turned inwards"),
-    Coordinate("patella", "anterior", "patella_anterior", "Patella, anterior", "mm", "forwards"),
-    Coordinate("patella", "superior", "patella_superior", "Patella, superior", "mm", "upwards"),
-    Coordinate("patella", "lateral", "patella_lateral", "Patella, lateral", "mm", "outwards"),
+    Coordinate(PATELLA, "anterior", "patella_anterior", "Patella, anterior", "mm", "forwards"),
+    Coordinate(PATELLA, "superior", "patella_superior", "Patella, superior", "mm", "upwards"),
+    Coordinate(PATELLA, "lateral", "patella_lateral", "Patella, lateral", "mm", "outwards"),
 )  # fmt: skip
 #: Body -> its six coordinates by name, in the order of `kneejax.geometry.Pose`.
 BODIES = {

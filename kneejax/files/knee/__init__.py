@@ -6,6 +6,7 @@ from kneejax._lazy import lazy_names
 
 #: Public name -> its module, imported when one of its names is first asked for.
 _MODULES = {
+    "ENDS": "kneejax.files.knee._schema_parts",
     "KneeFile": "kneejax.files.knee._file",
     "build_knee": "kneejax.files.knee._file",
     "format_knee": "kneejax.files.knee._format",
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from kneejax.files.knee._mirror import mirror_part as mirror_part
     from kneejax.files.knee._restated import restated as restated
     from kneejax.files.knee._schema import check_knee as check_knee
+    from kneejax.files.knee._schema_parts import ENDS as ENDS
 else:
     __all__ = [*_MODULES]
     __getattr__, __dir__ = lazy_names(__name__, _MODULES)

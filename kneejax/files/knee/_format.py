@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 
 from kneejax.files.knee import _schema as schema
+from kneejax.files.knee import _schema_parts as parts
 from kneejax.files.reading import format_yaml
+from kneejax.geometry import PATELLA, TIBIA
 
 
 def format_knee(document: dict[str, Any]) -> str:
@@ -45,23 +47,35 @@ def _plain(value: Any) -> Any:
     return value
 
 
+_IN_ORDER = {
+    "ligaments": parts.LIGAMENT_FIELDS,
+    "contacts": parts.CONTACT_FIELDS,
+    "muscles": parts.MUSCLE_FIELDS,
+    "wraps": parts.WRAP_FIELDS,
+    "lines": parts.LINE_FIELDS,
+    "loads": parts.LOAD_FIELDS,
+}
+
+
 def _ordered(document: dict[str, Any]) -> dict[str, Any]:
-    document = _sorted(document, schema.KNEE_FIELDS)
-    if isinstance(document.get("reference_pose"), dict):
-        document["reference_pose"] = _sorted(document["reference_pose"], schema.POSE_FIELDS)
-    for section, fields in (
-        ("ligaments", schema.LIGAMENT_FIELDS),
-        ("contacts", schema.CONTACT_FIELDS),
-        ("wraps", schema.WRAP_FIELDS),
-        ("lines", schema.LINE_FIELDS),
-        ("loads", schema.LOAD_FIELDS),
-    ):
-        parts = document.get(section)
-        if isinstance(parts, dict):
-            document[section] = {name: _sorted(part, fields) for name, part in parts.items()}
+    document = _sections(_sorted(document, schema.KNEE_FIELDS), TIBIA)
+    patella = document.get("patella")
+    if isinstance(patella, dict):
+        document["patella"] = _sections(_sorted(patella, schema.PATELLA_FIELDS), PATELLA)
     surfaces = document.get("surfaces")
     if isinstance(surfaces, dict):
         document["surfaces"] = {bone: _sorted_surface(x) for bone, x in surfaces.items()}
+    return document
+
+
+def _sections(document: dict[str, Any], bone: str) -> dict[str, Any]:
+    """The same with a bone's pose and all parts in the order of their fields."""
+    if isinstance(document.get("reference_pose"), dict):
+        document["reference_pose"] = _sorted(document["reference_pose"], parts.POSE_FIELDS[bone])
+    for section, fields in _IN_ORDER.items():
+        held = document.get(section)
+        if isinstance(held, dict):
+            document[section] = {name: _sorted(part, fields) for name, part in held.items()}
     return document
 
 
@@ -71,7 +85,7 @@ def _sorted(part: Any, fields: tuple[str, ...]) -> Any:
         return part
     names = [name for name in fields if name in part]
     answer = {name: part[name] for name in (*names, *(x for x in part if x not in names))}
-    for name in ("femoral_surface", "tibial_surface"):
+    for name in parts.FACES:
         if name in answer:
             answer[name] = _sorted_surface(answer[name])
     return answer
@@ -80,6 +94,6 @@ def _sorted(part: Any, fields: tuple[str, ...]) -> Any:
 def _sorted_surface(surface: Any) -> Any:
     if not isinstance(surface, dict):
         return surface
-    required, optional = schema.SURFACES.get(surface.get("kind"), ((), ()))  # pyright: ignore[reportCallIssue]
+    required, optional = parts.SURFACES.get(surface.get("kind"), ((), ()))  # pyright: ignore[reportCallIssue]
     order = ("kind", required[0], *optional, *required[1:]) if required else ()
-    return _sorted(surface, (*order, *schema.SURFACE_EXTRAS))
+    return _sorted(surface, (*order, *parts.SURFACE_EXTRAS))

@@ -21,13 +21,22 @@ from __future__ import annotations
 import copy
 from typing import Any
 
+from kneejax.files.knee._schema_parts import FACES
 from kneejax.geometry import CUBIC_SPLINE
 
 _POINTS = (
-    "femoral_attachment_mm", "tibial_attachment_mm", "axis_point_mm", "origin_mm", "center_mm",
-    "insertion_mm", "force_N", "point_mm",  # via points among them
+    "femoral_attachment_mm",
+    "patellar_attachment_mm",
+    "tibial_attachment_mm",
+    "axis_point_mm",
+    "origin_mm",
+    "center_mm",
+    "insertion_mm",
+    "force_N",
+    "point_mm",  # via points among them
 )
 _TURNS = ("axis_rotation_deg", "rotation_deg", "moment_Nmm")
+_SECTIONS = ("ligaments", "contacts", "muscles", "surfaces", "wraps", "lines", "loads")
 _REGIONS = ("width_mm", "lateral_mm")
 
 
@@ -47,9 +56,10 @@ def mirror_document(document: dict[str, Any]) -> dict[str, Any]:
     """
     twin = copy.deepcopy(document)
     twin["side"] = "left" if document["side"] == "right" else "right"
-    for section in ("ligaments", "contacts", "surfaces", "wraps", "lines", "loads"):
-        if section in twin:
-            twin[section] = {name: _mirrored(part) for name, part in twin[section].items()}
+    for whole in (twin, twin.get("patella", {})):
+        for section in _SECTIONS:
+            if section in whole:
+                whole[section] = {name: _mirrored(part) for name, part in whole[section].items()}
     return twin
 
 
@@ -66,7 +76,7 @@ def _mirrored(part: dict[str, Any]) -> dict[str, Any]:
 
 
 def _mirrored_field(name: str, value: Any) -> Any:
-    if name in ("femoral_surface", "tibial_surface"):
+    if name in FACES:
         return _mirrored(value)
     if name == "via_points":
         return [_mirrored(point) for point in value]

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from kneejax.files.knee._file import detour_counts, slack_length
+from kneejax.files.knee._building import detour_counts, slack_length
 from kneejax.files.knee._mirror import mirror_document
-from kneejax.files.knee._schema import SLACK_FIELDS
+from kneejax.files.knee._schema_parts import SLACK_FIELDS
 from kneejax.mechanics import RANGES, Knee, at_reference, usual_failure_strain
 
 # Field of a part -> attribute of the part's class that it gives.

@@ -7,71 +7,38 @@ from __future__ import annotations
 
 import fnmatch
 
-import numpy as np
-
+from kneejax.files.knee import _schema_parts as parts
 from kneejax.files.reading import Field
-from kneejax.geometry import BASES, CUBIC_SPLINE
-from kneejax.mechanics import AXES, BONES, FORMS, QUADRATURE, RANGES, Range, cartilage_law
+from kneejax.geometry import FEMUR, PATELLA, TIBIA
 
 #: Version of the format that this package reads and writes.
 VERSION = 1
 #: The sides a knee may be of.
 SIDES = ("right", "left")
-#: The ways to give a slack length; a ligament has exactly one.
-SLACK_FIELDS = ("reference_strain", "slack_length_mm", "reference_force_N")
 #: Fields of a knee file, in the order in which they are written; likewise those below.
 KNEE_FIELDS = (
-    "kneejax", "name", "side", "description", "reference_pose", "ligaments", "contacts", "surfaces",
-    "wraps", "groups", "lines", "loads", "adaptations", "notes", "imported_from",
+    "kneejax",
+    "name",
+    "side",
+    "description",
+    "reference_pose",
+    "ligaments",
+    "contacts",
+    "patella",
+    "surfaces",
+    "wraps",
+    "groups",
+    "lines",
+    "loads",
+    "adaptations",
+    "notes",
+    "imported_from",
 )
-POSE_FIELDS = (
-    "flexion_deg", "adduction_deg", "internal_rotation_deg", "anterior_mm", "superior_mm",
-    "lateral_mm", "source",
-)
-LIGAMENT_FIELDS = (
-    "femoral_attachment_mm", "via_points", "tibial_attachment_mm", "wrap", "stiffness_N",
-    *SLACK_FIELDS, "transition_strain", "transition_width", "failure_strain", "damping_s", "source",
-)
-_OPTIONAL_OF_LIGAMENT = ("via_points", "wrap", "failure_strain", "damping_s", *SLACK_FIELDS)
-VIA_FIELDS = ("bone", "point_mm")
-CONTACT_FIELDS = (
-    "form", "points", "law", "youngs_modulus_MPa", "poisson_ratio", "layer_thickness_mm",
-    "layer_variation_mm", "onset_width_mm", "femoral_surface", "tibial_surface", "source",
-)
+PATELLA_FIELDS = ("reference_pose", "ligaments", "contacts", "muscles", "wraps")
 #: Bones whose articular surface may stand in a file before any contact uses it.
 SURFACE_BONES = ("patella",)
-#: Kind of obstacle -> the sizes that it must have.
-WRAPS: dict[str, tuple[str, ...]] = {
-    "sphere": ("radius_mm",),
-    "cylinder": ("radius_mm", "length_mm"),
-    "ellipsoid": ("semi_axes_mm",),
-}
-WRAP_FIELDS = (
-    "kind", "bone", "center_mm", "rotation_deg", "semi_axes_mm", "radius_mm", "length_mm", "source",
-)
-LINE_FIELDS = ("tension_N", "insertion_mm", "origin_mm", "source")
-LOAD_FIELDS = ("force_N", "moment_Nmm", "point_mm", "axes", "point_in", "source")
 ADAPTATION_FIELDS = ("field", "from", "to", "reason")
 IMPORT_FIELDS = ("file", "sha256", "side", "femur", "tibia", "ligaments", "wraps")
-#: Kind of surface -> the fields it must have and those it may have.
-SURFACES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "condyle": (
-        ("axis_point_mm", "angle_deg", "width_mm", "coefficients_mm"),
-        ("axis_rotation_deg", "basis"),
-    ),
-    "plateau": (
-        ("origin_mm", "anterior_mm", "lateral_mm", "coefficients_mm"),
-        ("rotation_deg", "basis", "outline_mm"),
-    ),
-    "plane": (("origin_mm", "half_extent_mm"), ("rotation_deg",)),
-    "sphere": (("center_mm", "radius_mm"), ()),
-    "ellipsoid": (("center_mm", "semi_axes_mm"), ("rotation_deg",)),
-}
-SURFACE_EXTRAS = ("source", "fit_rms_mm", "fit_max_mm")
-
-_SIZES = {"half_extent_mm": 2, "semi_axes_mm": 3}  # others are one number
-_MOST_CONTROL_VALUES = 200
-_MOST_POINTS = 1000  # of a contact, along a side
 
 
 def check_knee(document: Field) -> dict[str, str]:
@@ -98,25 +65,27 @@ def check_knee(document: Field) -> dict[str, str]:
     document["side"].choice(SIDES)
     document["description"].text()
     sources: dict[str, str] = {}
-    _check_pose(document["reference_pose"], sources)
+    parts.check_pose(document["reference_pose"], sources)
     wraps = document["wraps"].named("an obstacle") if "wraps" in document else []
     for _, wrap in wraps:
-        _check_wrap(wrap, sources)
+        parts.check_wrap(wrap, sources)
     # A model without meshes has no contacts yet, meshes alone have no ligaments.
     for _, ligament in document["ligaments"].named("a ligament", empty=True):
-        _check_ligament(ligament, sources, tuple(name for name, _ in wraps))
+        parts.check_ligament(ligament, sources, tuple(name for name, _ in wraps))
     for _, contact in document["contacts"].named("a contact", empty=True):
-        _check_contact(contact, sources)
+        parts.check_contact(contact, sources)
     if not document["ligaments"].value and not document["contacts"].value:
         raise document["ligaments"].problem("a mapping from a name to a ligament, or contacts")
+    if "patella" in document:
+        check_patella(document["patella"], sources, tuple(document["ligaments"].value))
     if "surfaces" in document:
         surfaces = document["surfaces"].mapping((), SURFACE_BONES)
         for surface in (surfaces[bone] for bone in surfaces.value):
-            check_surface(surface)
+            parts.check_surface(surface)
             sources[surface.path] = surface["source"].text()
     if "groups" in document:
         _check_groups(document["groups"], tuple(document["ligaments"].value))
-    for section, check in (("lines", _check_line), ("loads", _check_load)):
+    for section, check in (("lines", parts.check_line), ("loads", parts.check_load)):
         if section in document:
             for _, part in document[section].named(f"one of the {section}"):
                 check(part, sources)
@@ -132,49 +101,38 @@ def check_knee(document: Field) -> dict[str, str]:
     return sources
 
 
-def _check_pose(pose: Field, sources: dict[str, str]) -> None:
-    pose.mapping(POSE_FIELDS[:-1], ("source",))
-    for name in POSE_FIELDS[:-1]:
-        pose[name].number(RANGES[name])
-    if "source" in pose:
-        sources[pose.path] = pose["source"].text()
+def check_patella(patella: Field, sources: dict[str, str], ligaments: tuple[str, ...]) -> None:
+    """Check the patella: its pose, and all parts that join it, with the muscles.
 
-
-def _check_ligament(ligament: Field, sources: dict[str, str], wraps: tuple[str, ...]) -> None:
-    required = [name for name in LIGAMENT_FIELDS if name not in _OPTIONAL_OF_LIGAMENT]
-    ligament.mapping(required, _OPTIONAL_OF_LIGAMENT)
-    _point(ligament["femoral_attachment_mm"])
-    _point(ligament["tibial_attachment_mm"])
-    for via in ligament["via_points"].items("via points") if "via_points" in ligament else ():
-        via.mapping(VIA_FIELDS)["bone"].choice(BONES)
-        _point(via["point_mm"])
-    if "wrap" in ligament:
-        ligament["wrap"].choice(wraps or ("none: the file has no section wraps",))
-    if "damping_s" in ligament:
-        ligament["damping_s"].number(RANGES["damping_s"])
-    given = [name for name in SLACK_FIELDS if name in ligament]
-    if len(given) != 1:
-        what = f"exactly one of {', '.join(SLACK_FIELDS)}"
-        raise Field(ligament.file, ligament.path, ", ".join(given) or "none").problem(what)
-    for name in ("stiffness_N", given[0], "transition_strain", "transition_width"):
-        ligament[name].number(RANGES[name])
-    if "failure_strain" in ligament:
-        ligament["failure_strain"].number(RANGES["failure_strain"])
-    _check_source(ligament, sources, without=("transition_width", "failure_strain", "wrap"))
-
-
-def _check_wrap(wrap: Field, sources: dict[str, str]) -> None:
-    if not isinstance(wrap.value, dict) or "kind" not in wrap:
-        raise wrap.problem(f"a mapping with the field kind, one of {', '.join(WRAPS)}")
-    sizes = WRAPS[wrap["kind"].choice(WRAPS)]
-    wrap.mapping(("kind", "bone", "center_mm", *sizes, "source"), ("rotation_deg",))
-    wrap["bone"].choice(BONES)
-    _point(wrap["center_mm"])
-    if "rotation_deg" in wrap:
-        wrap["rotation_deg"].numbers(3, RANGES["rotation_deg"])
-    for name in sizes:
-        _check_size(wrap[name])
-    _check_source(wrap, sources, without=("kind", "bone"))
+    Args:
+        patella: the section.
+        sources: to which those of its parts are added.
+        ligaments: names of the other ligaments.
+    """
+    patella.mapping(PATELLA_FIELDS[:-1], PATELLA_FIELDS[-1:])
+    parts.check_pose(patella["reference_pose"], sources, PATELLA)
+    wraps = patella["wraps"].named("an obstacle") if "wraps" in patella else []
+    for _, wrap in wraps:
+        parts.check_wrap(wrap, sources, (FEMUR, PATELLA, TIBIA))
+    known = tuple(name for name, _ in wraps)
+    for name, ligament in patella["ligaments"].named("a ligament"):
+        if name in ligaments:
+            raise ligament.problem("a name that no ligament between femur and tibia has")
+        ends = [end for end in parts.ENDS if isinstance(ligament.value, dict) and end in ligament]
+        if len(ends) != 2 or "patellar_attachment_mm" not in ends:
+            given = ", ".join(ends) or "none"
+            expected = "patellar_attachment_mm and one of the femoral and the tibial attachment"
+            raise Field(ligament.file, ligament.path, given).problem(expected)
+        parts.check_ligament(ligament, sources, known, tuple(ends))
+    for _, contact in patella["contacts"].named("a contact", empty=True):
+        parts.check_contact(contact, sources, ("femoral_surface", "patellar_surface"))
+    muscles = patella["muscles"].named("a muscle")
+    for _, muscle in muscles:
+        parts.check_muscle(muscle, sources, known)
+    heads = [m for _, m in muscles if m.value["insertion_bone"] == PATELLA]
+    if not any(head.value["tension_N"] for head in heads):
+        expected = "a quadriceps, inserted on the patella, whose tension at rest is above 0"
+        raise Field(patella.file, f"{patella.path}.muscles", "none").problem(expected)
 
 
 def _check_groups(groups: Field, ligaments: tuple[str, ...]) -> None:
@@ -197,163 +155,3 @@ def _check_import(origin: Field) -> None:
         if section in origin:
             for _, name in origin[section].named("the model's name"):
                 name.text()
-
-
-def _check_contact(contact: Field, sources: dict[str, str]) -> None:
-    optional = ("points", "layer_variation_mm")
-    contact.mapping([name for name in CONTACT_FIELDS if name not in optional], optional)
-    form = contact["form"].choice(FORMS)
-    for name in optional:
-        if name in contact and form != QUADRATURE:
-            raise contact[name].problem(f"no {name} unless form is {QUADRATURE}")
-    if "points" in contact:
-        for count in contact["points"].items("numbers of points", 2):
-            count.integer(2, _MOST_POINTS)
-    contact["law"].choice(cartilage_law.LAWS)
-    for name in ("youngs_modulus_MPa", "poisson_ratio", "layer_thickness_mm", "onset_width_mm"):
-        contact[name].number(RANGES[name])
-    if "layer_variation_mm" in contact:
-        variation = contact["layer_variation_mm"]
-        layer = contact["layer_thickness_mm"].value + _polynomial(variation)
-        if not all(RANGES["layer_thickness_mm"].holds(x) for x in (layer.min(), layer.max())):
-            expected = f"a layer {RANGES['layer_thickness_mm']} all over the region"
-            raise variation.problem(expected)
-    for name in ("femoral_surface", "tibial_surface"):
-        check_surface(contact[name])
-        sources[contact[name].path] = contact[name]["source"].text()
-    surfaces = (
-        "form", "points", "law", "onset_width_mm", "layer_variation_mm", "femoral_surface",
-        "tibial_surface",
-    )
-    _check_source(contact, sources, without=surfaces)
-
-
-def check_surface(surface: Field) -> None:
-    """Check a surface of a knee file.
-
-    Args:
-        surface: a mapping with `kind` and that kind's fields.
-
-    Raises:
-        InputProblem: the first field that is missing, unknown, or out of range.
-    """
-    if not isinstance(surface.value, dict) or "kind" not in surface:
-        raise surface.problem(f"a mapping with the field kind, one of {', '.join(SURFACES)}")
-    kind = surface["kind"].choice(SURFACES)
-    required, optional = SURFACES[kind]
-    surface.mapping(("kind", *required, "source"), (*optional, *SURFACE_EXTRAS[1:]))
-    surface["source"].text()
-    for name in SURFACE_EXTRAS[1:]:
-        if name in surface:
-            surface[name].number(RANGES["fit_mm"])
-    for name in ("axis_point_mm", "origin_mm", "center_mm"):
-        if name in surface:
-            _point(surface[name])
-    for name in ("axis_rotation_deg", "rotation_deg"):
-        if name in surface:
-            surface[name].numbers(3, RANGES["rotation_deg"])
-    if kind == "condyle":
-        lower, upper = surface["angle_deg"].interval(RANGES["angle_deg"])
-        if upper - lower < 10:
-            raise surface["angle_deg"].problem(
-                "a region at least 10 degrees wide; a narrower one suggests radians"
-            )
-        _extent(surface["width_mm"])
-        _check_values(surface, "a radius", RANGES["corner_radius_mm"], RANGES["radius_mm"])
-    elif kind == "plateau":
-        _extent(surface["anterior_mm"])
-        _extent(surface["lateral_mm"])
-        if "outline_mm" in surface and len(surface["outline_mm"].rows(2, RANGES["point_mm"])) < 3:
-            raise surface["outline_mm"].problem("at least three corners [anterior, lateral]")
-        _check_values(surface, "a height", RANGES["point_mm"], RANGES["point_mm"])
-    else:
-        for name in required[1:]:
-            _check_size(surface[name])
-
-
-def _check_line(line: Field, sources: dict[str, str]) -> None:
-    line.mapping(LINE_FIELDS)
-    line["tension_N"].number(RANGES["tension_N"])
-    _point(line["insertion_mm"])
-    line["origin_mm"].rows(3, RANGES["coefficient_mm"])
-    _check_source(line, sources)
-
-
-def _check_load(load: Field, sources: dict[str, str]) -> None:
-    load.mapping(("axes", "source"), LOAD_FIELDS)
-    if "force_N" not in load and "moment_Nmm" not in load:
-        raise load.problem("force_N, moment_Nmm, or both")
-    if "force_N" in load:
-        load.mapping(("force_N", "point_mm", "point_in", "axes", "source"), LOAD_FIELDS)
-    for name in ("force_N", "moment_Nmm"):
-        if name in load:
-            load[name].numbers(3, RANGES[name])
-    if "point_mm" in load:
-        _point(load["point_mm"])
-    load["axes"].choice(AXES)
-    if "point_in" in load:
-        load["point_in"].choice(BONES)
-    _check_source(load, sources, without=("axes", "point_in"))
-
-
-def _check_source(part: Field, sources: dict[str, str], without: tuple[str, ...] = ()) -> None:
-    """One text for the part, or a text for each of its fields but those in `without`."""
-    source = part["source"]
-    if not isinstance(source.value, dict):
-        sources[part.path] = source.text()
-        return
-    fields = [name for name in part.value if name != "source"]
-    source.mapping([name for name in fields if name not in without], fields)
-    for name in source.value:
-        sources[f"{part.path}.{name}"] = source[name].text()
-
-
-def _point(field: Field) -> None:
-    field.numbers(3, RANGES["point_mm"])
-
-
-def _extent(field: Field) -> None:
-    lower, upper = field.interval(RANGES["point_mm"])
-    width = RANGES["size_mm"]
-    if not width.holds(upper - lower):
-        raise field.problem(f"a width {width.expected(upper - lower)}")
-
-
-def _check_size(field: Field) -> None:
-    """One length, or one along each axis."""
-    count = _SIZES.get(field.path.rsplit(".", 1)[-1])
-    if count is None:
-        field.number(RANGES["size_mm"])
-    else:
-        field.numbers(count, RANGES["size_mm"])
-
-
-def _check_values(surface: Field, what: str, least: Range, greatest: Range) -> None:
-    """The least and the greatest value of a surface's table over its region."""
-    values = _values(surface)
-    for value, allowed in ((values.max(), greatest), (values.min(), least)):
-        if not allowed.holds(value):
-            expected = f"{what} {allowed} all over the region{allowed.hint(value)}"
-            raise surface["coefficients_mm"].problem(expected)
-
-
-def _values(surface: Field) -> np.ndarray:
-    """A surface's table over its region, at a grid of points."""
-    coefficients = surface["coefficients_mm"]
-    if "basis" not in surface or surface["basis"].choice(BASES) != CUBIC_SPLINE:
-        return _polynomial(coefficients)
-    table = np.array(coefficients.rows(allowed=RANGES["coefficient_mm"]))
-    if min(table.shape) < 4 or max(table.shape) > _MOST_CONTROL_VALUES:
-        expected = f"rows and columns of 4 to {_MOST_CONTROL_VALUES} control values of a spline"
-        raise coefficients.problem(expected)
-    for _ in range(2):  # at the knots, along either variable
-        table = ((table[:-2] + 4.0 * table[1:-1] + table[2:]) / 6.0).T
-    return table
-
-
-def _polynomial(coefficients: Field) -> np.ndarray:
-    table = np.array(coefficients.rows(allowed=RANGES["coefficient_mm"]))
-    s = np.linspace(-1.0, 1.0, 25)
-    if max(table.shape) > 13:
-        raise coefficients.problem("powers up to 12")
-    return np.polynomial.polynomial.polygrid2d(s, s, table)

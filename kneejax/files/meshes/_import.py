@@ -15,7 +15,7 @@ from kneejax.files.meshes import _choices as choices
 from kneejax.files.meshes import _layer as layer
 from kneejax.files.meshes._choices import THICKNESSES as THICKNESSES
 from kneejax.files.meshes._health import Sheet, check_holes, read_sheets
-from kneejax.files.meshes._patella import fit_patella
+from kneejax.files.meshes._patella import fit_patella, fit_trochlea
 from kneejax.files.meshes._region import PATCH_MM, SheetFit, contact_regions, quality
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import (
@@ -40,16 +40,16 @@ class MeshImport:
     Attributes:
         contacts: name -> contact of a knee document, of the side that was given.
         findings: what was found, repaired and assumed, one sentence each.
-        fits: `medial condyle`, `medial plateau`, ..., `patella` -> its fit.
+        fits: `medial condyle`, `medial plateau`, ..., `patella`, `trochlea` -> its fit.
         doubtful: whether a fit misses the target.
-        surfaces: `patella` -> its articular surface, as contacts; empty without its mesh.
+        patellofemoral: the contact of femur and patella; None without its mesh.
     """
 
     contacts: dict[str, dict[str, Any]]
     findings: tuple[str, ...]
     fits: dict[str, SheetFit]
     doubtful: bool
-    surfaces: dict[str, dict[str, Any]] = dataclasses.field(default_factory=dict)
+    patellofemoral: dict[str, Any] | None = None
 
 
 def import_meshes(
@@ -86,7 +86,7 @@ def import_meshes(
         femoral_cartilage: STL, PLY, OBJ or VTP file: an open sheet or a closed volume.
         tibial_cartilage: likewise, one sheet or two.
         side: `right` or `left` (or `r`, `l`).
-        patellar_cartilage: in the patella's frame. No contact uses its surface yet.
+        patellar_cartilage: in the patella's frame.
         femur_bone: for the layer's thickness.
         tibia_bone: likewise.
         youngs_modulus_MPa: of the layer.
@@ -108,7 +108,7 @@ def import_meshes(
         source: where the meshes come from; the files' names by default.
 
     Returns:
-        Contacts, the patella's surface, findings and fits.
+        Contacts, that of the patella, findings and fits.
 
     Raises:
         InputProblem: a file cannot be read or repaired, meshes are no femur and tibia that meet,
@@ -161,7 +161,15 @@ def import_meshes(
         for key, value in (("cell_mm", cell_mm), ("smoothing_mm", smoothing_mm))
         if value is not None
     }
-    contacts, surfaces, fits = {}, {}, {}
+    material = {
+        "form": QUADRATURE,
+        "law": law,
+        "youngs_modulus_MPa": float(youngs_modulus_MPa),
+        "poisson_ratio": float(poisson_ratio),
+        "onset_width_mm": float(onset_width_mm),
+    }
+    given = dict.fromkeys(("youngs_modulus_MPa", "poisson_ratio"), "given at import")
+    contacts, fits = {}, {}
     for name, sheet in plateaus.items():
         condyle, plateau = _compartment(name, sheet, femur, tibia, angle_deg, options)
         for kind, part in (("condyle", condyle), ("plateau", plateau)):
@@ -170,29 +178,34 @@ def import_meshes(
         found = layer.find_layer(name, condyle, plateau, femur, sheet, bones, findings)
         found = layer.chosen(found, layer_thickness_mm, thickness, plateau, name, findings)
         contact = {
-            "form": QUADRATURE,
+            **material,
             "points": _points(plateau.fit.surface),
-            "law": law,
-            "youngs_modulus_MPa": float(youngs_modulus_MPa),
-            "poisson_ratio": float(poisson_ratio),
             "layer_thickness_mm": round(found.thickness_mm, 3),
             **({} if found.variation is None else {"layer_variation_mm": _listed(found.variation)}),
-            "onset_width_mm": float(onset_width_mm),
             "femoral_surface": _condyle_document(condyle, stated),
             "tibial_surface": _plateau_document(plateau, stated),
             "source": {
-                "youngs_modulus_MPa": "given at import",
-                "poisson_ratio": "given at import",
+                **given,
                 "layer_thickness_mm": found.source,
                 **({} if found.variation is None else {"layer_variation_mm": found.source}),
             },
         }
         contacts[name] = mirror_part(contact) if left else contact
+    patellofemoral = None
     if patellar_cartilage is not None:
-        stated = source or Path(patellar_cartilage).name
-        fits["patella"] = part = _patella(read(patellar_cartilage), options, stated, findings)
-        surface = _plateau_document(part, stated)
-        surfaces["patella"] = mirror_part(surface) if left else surface
+        on_patella = Path(patellar_cartilage).name
+        fits |= _patellofemoral(read(patellar_cartilage), femur, options, on_patella, findings)
+        thickness_mm = layer_thickness_mm or layer.ASSUMED_MM
+        contact = {
+            **material,
+            "points": _points(fits["patella"].fit.surface),
+            "layer_thickness_mm": float(thickness_mm),
+            "femoral_surface": _condyle_document(fits["trochlea"], stated),
+            "patellar_surface": _plateau_document(fits["patella"], on_patella),
+            "source": given
+            | {"layer_thickness_mm": "given at import" if layer_thickness_mm else "assumed"},
+        }
+        patellofemoral = mirror_part(contact) if left else contact
     if layer_thickness_mm is None and bones is None:
         findings.append(
             f"No bone meshes, no thickness: the layer is taken as {layer.ASSUMED_MM:g} mm thick."
@@ -200,7 +213,7 @@ def import_meshes(
     if layer_thickness_mm is not None and femur_bone is not None:
         findings.append("The layer's thickness was given: the bone meshes were not read.")
     doubtful = any(fit.quality.rms > TARGET_RMS_MM for fit in fits.values())
-    return MeshImport(contacts, tuple(findings), fits, doubtful, surfaces)
+    return MeshImport(contacts, tuple(findings), fits, doubtful, patellofemoral)
 
 
 def _mirrored(sheet: Sheet) -> Sheet:
@@ -248,15 +261,24 @@ def _compartment(name, sheet: Sheet, femur: anatomy.Femur, tibia: Placement, ang
     )
 
 
-def _patella(sheets: list[Sheet], options, stated: str, findings: list[str]) -> SheetFit:
+def _patellofemoral(
+    sheets: list[Sheet], femur: anatomy.Femur, options, stated: str, findings: list[str]
+) -> dict[str, SheetFit]:
+    """Fits of the patella's cartilage and of the groove."""
     for sheet in sheets:
         check_holes(sheet, findings)
-    fit = fit_patella(sheets, findings, options)
-    everywhere = np.ones(len(fit.points), bool)
-    across = anatomy.in_frame(fit.surface.frame, fit.points)[:, [0, 2]]
-    part = SheetFit(fit, everywhere, quality(fit, everywhere, across))
-    _judge("patella", part, "everywhere", stated, findings)
-    return part
+    patella, trochlea = fit_patella(sheets, findings, options), fit_trochlea(femur, options)
+    across = anatomy.in_frame(patella.surface.frame, patella.points)[:, [0, 2]]
+    angle, radius, along = femur.cylindrical(trochlea.points)
+    mean = float(np.average(radius, weights=trochlea.weights))
+    found = {}
+    for name, fit, at in (
+        ("patella", patella, across), ("trochlea", trochlea, np.c_[mean * angle, along])
+    ):  # fmt: skip
+        everywhere = np.ones(len(fit.points), bool)
+        found[name] = part = SheetFit(fit, everywhere, quality(fit, everywhere, at))
+        _judge(name, part, "everywhere", stated, findings)
+    return found
 
 
 def _judge(name: str, part: SheetFit, where: str, stated: str, findings: list[str]) -> None:

@@ -1,4 +1,4 @@
-"""The articular surface of a patella, for contacts that are still to come."""
+"""The articular surfaces of the patellofemoral joint."""
 
 from __future__ import annotations
 
@@ -7,9 +7,18 @@ import numpy as np
 from kneejax.files.meshes import _anatomy as anatomy
 from kneejax.files.meshes._health import Sheet
 from kneejax.files.reading import InputProblem
-from kneejax.geometry import Frame, Plateau, SplineFit, fit_plateau_spline
+from kneejax.geometry import (
+    Condyle,
+    Frame,
+    Plateau,
+    SplineFit,
+    fit_condyle_spline,
+    fit_plateau_spline,
+)
 
 _WIDTHS_MM = (20.0, 80.0)
+#: How far around the condyles a patella gets, degrees from anterior: that of a knee bent by 140.
+_LOWEST_DEG = 120.0
 #: The patella's joint looks backwards: Y of this frame points there, X upwards, Z to the right.
 _BACKWARDS = (0.0, 0.0, 0.5 * np.pi)
 
@@ -58,6 +67,24 @@ def fit_patella(
         )  # fmt: skip
     except ValueError as error:
         raise InputProblem(name, "patella", str(error), "enough of its cartilage") from None
+
+
+def fit_trochlea(femur: anatomy.Femur, options: dict[str, float]) -> SplineFit[Condyle]:
+    """Fit a spline to the femur's cartilage where a patella can meet it: one surface from the upper
+    border of the groove down and around both condyles.
+
+    It overlaps with the condyles that meet the tibia, which are fitted to the same cartilage: no
+    load is handed over from one surface to another. Across the notch it falls off.
+
+    Args:
+        femur: the cartilage and its axis.
+        options: of the fit, where they are given: `cell_mm`, `smoothing_mm`.
+    """
+    angle, _, along = femur.cylindrical(femur.cloud.points)
+    region = float(np.rad2deg(angle.min())), _LOWEST_DEG
+    width = float(along.min()), float(along.max())
+    cloud = femur.cloud
+    return fit_condyle_spline(cloud.points, region, width, femur.axis, cloud.areas, **options)
 
 
 def _by_depth(points: np.ndarray):

@@ -10,6 +10,7 @@ from kneejax.files.opensim._knee import OsimKneeJoint
 from kneejax.files.opensim._model import Model, Offset
 from kneejax.files.opensim._numbers import METRES_TO_MM, PASCAL_TO_MPA, shifted
 from kneejax.files.opensim._xml import Element
+from kneejax.geometry import FEMUR, PATELLA, TIBIA
 
 FORCE = "Smith2018ArticularContactForce"
 MESH = "Smith2018ContactMesh"
@@ -22,7 +23,7 @@ class OsimMesh:
 
     Attributes:
         name: of the element.
-        bone: `femur` or `tibia`.
+        bone: `femur`, `tibia` or `patella`.
         file: name of the surface's file, without folders.
         back_file: likewise of its back; empty if none is named.
         frame: from the mesh's coordinates to the bone's.
@@ -53,12 +54,12 @@ class OsimMesh:
 
 @dataclasses.dataclass(frozen=True)
 class OsimContact:
-    """A contact of femur and tibia.
+    """A contact of the femur with the tibia or the patella.
 
     Attributes:
         name: of the force.
         femur: the femur's mesh.
-        tibia: the tibia's mesh.
+        other: the other bone's mesh.
         law: of `kneejax.mechanics.cartilage_law`.
         youngs_modulus_MPa: of the one layer that stands for both.
         poisson_ratio: likewise.
@@ -69,7 +70,7 @@ class OsimContact:
 
     name: str
     femur: OsimMesh
-    tibia: OsimMesh
+    other: OsimMesh
     law: str
     youngs_modulus_MPa: float
     poisson_ratio: float
@@ -95,7 +96,8 @@ def find_contacts(model: Model, knee: OsimKneeJoint) -> tuple[list[OsimContact],
         pair = [_mesh(model, force, role, meshes) for role in ("target", "casting")]
         bodies = [model.socket(mesh, "frame") for mesh, _ in pair]
         bones = [knee.rigid.get(body, ("", Offset()))[0] for body, _ in bodies]
-        if set(bones) != {"femur", "tibia"}:
+        pair_of_bones = set(bones) in ({FEMUR, TIBIA}, {FEMUR, PATELLA})
+        if not pair_of_bones:
             between = " and ".join(body for body, _ in bodies)
             others.append(f"{force.name} ({FORCE}): between {between}")
         elif not model.truth(force, "appliesForce", True):
@@ -105,7 +107,8 @@ def find_contacts(model: Model, knee: OsimKneeJoint) -> tuple[list[OsimContact],
                 bone: _read(model, mesh, settings, knee, bone, place)
                 for (mesh, settings), bone, place in zip(pair, bones, bodies, strict=True)
             }
-            contacts.append(_contact(model, force, found["femur"], found["tibia"]))
+            second = TIBIA if TIBIA in found else PATELLA
+            contacts.append(_contact(model, force, found[FEMUR], found[second]))
     return contacts, others
 
 
@@ -155,12 +158,12 @@ def _read(
     )
 
 
-def _contact(model: Model, force: Element, femur: OsimMesh, tibia: OsimMesh) -> OsimContact:
+def _contact(model: Model, force: Element, femur: OsimMesh, other: OsimMesh) -> OsimContact:
     word = force.word("elastic_foundation_formulation", default="linear")
     if word not in _LAWS:
         tag = "elastic_foundation_formulation"
         raise model.file.problem(force, tag, word, f"one of {', '.join(_LAWS)}")
-    law, pair = _LAWS[word], (femur, tibia)
+    law, pair = _LAWS[word], (femur, other)
     findings = [f"Formulation {word}: the {law} law of kneejax."]
     doubts = []
     for mesh in pair:
@@ -172,13 +175,13 @@ def _contact(model: Model, force: Element, femur: OsimMesh, tibia: OsimMesh) -> 
     thickness = float(sum(Decimal(repr(mesh.thickness_mm)) for mesh in pair))
     moduli = [mesh.youngs_modulus_MPa for mesh in pair]
     ratio = float(sum(Decimal(repr(mesh.poisson_ratio)) for mesh in pair) / 2)
-    same = moduli[0] == moduli[1] and femur.poisson_ratio == tibia.poisson_ratio
+    same = moduli[0] == moduli[1] and femur.poisson_ratio == other.poisson_ratio
     modulus = float(sum(Decimal(repr(x)) for x in moduli) / 2)
     if not same and model.truth(force, "use_lumped_contact_model", True):
         findings.append("Lumped in the model too: the means of E and nu, the sum of the layers.")
     elif not same:
         if max(m.poisson_ratio for m in pair) < 0.5:
-            modulus = _in_series(femur, tibia, thickness, ratio)
+            modulus = _in_series(femur, other, thickness, ratio)
         findings.append(
             "The layers are springs in series: E is that of one layer of both thicknesses and the "
             "mean nu with the same pressure."
@@ -194,11 +197,11 @@ def _contact(model: Model, force: Element, femur: OsimMesh, tibia: OsimMesh) -> 
             "contact must be given with a smaller nu."
         )
     return OsimContact(
-        force.name, femur, tibia, law, modulus, ratio, thickness, tuple(findings), tuple(doubts)
+        force.name, femur, other, law, modulus, ratio, thickness, tuple(findings), tuple(doubts)
     )
 
 
-def _in_series(femur: OsimMesh, tibia: OsimMesh, thickness: float, ratio: float) -> float:
+def _in_series(femur: OsimMesh, other: OsimMesh, thickness: float, ratio: float) -> float:
     """Young's modulus of one layer that is as stiff as both in a row."""
 
     def stiffer(nu: float) -> float:
@@ -206,7 +209,7 @@ def _in_series(femur: OsimMesh, tibia: OsimMesh, thickness: float, ratio: float)
 
     soft = sum(
         mesh.thickness_mm / (mesh.youngs_modulus_MPa * stiffer(mesh.poisson_ratio))
-        for mesh in (femur, tibia)
+        for mesh in (femur, other)
     )
     return thickness / soft / stiffer(ratio)
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from kneejax.files.opensim._contact import OsimMesh
+from kneejax.files.opensim._contact import OsimContact, OsimMesh
 from kneejax.files.opensim._import import OsimImport
 from kneejax.files.opensim._knee import SIDES
 from kneejax.files.reading import InputProblem
@@ -68,8 +68,9 @@ def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimG
     contact, model_file = read.contacts[0], read.model.file.path
     if contact.poisson_ratio >= 0.5:
         raise InputProblem(model_file, contact.name, f"nu {contact.poisson_ratio}", "nu below 0.5")
-    pair = (contact.femur, contact.tibia)
+    pair = (contact.femur, contact.other)
     varies = any(mesh.varies for mesh in pair)
+    patella = _patellar_mesh(read, contact)
     with tempfile.TemporaryDirectory() as scratch:
         sheets = [_mesh(folder, mesh, Path(scratch)) for mesh in pair]
         backs = [_mesh(folder, mesh, Path(scratch), back=True) for mesh in pair if varies]
@@ -78,6 +79,7 @@ def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimG
         found = import_meshes(
             *sheets,
             side=SIDES[read.knee.side],
+            patellar_cartilage=None if patella is None else _mesh(folder, patella, Path(scratch)),
             femur_bone=backs[0] if varies else None,
             tibia_bone=backs[1] if varies else None,
             youngs_modulus_MPa=contact.youngs_modulus_MPa,
@@ -90,11 +92,37 @@ def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimG
         )
     document = copy.deepcopy(read.document)
     document["contacts"] = dict(found.contacts)
-    said = f"{model_file.name}, {contact.name}"
+    model = model_file.name
     for part in document["contacts"].values():
         fields = ("youngs_modulus_MPa", "poisson_ratio", *(() if varies else _THICKNESS))
-        part["source"] = part["source"] | {field: said for field in fields}
+        said = {field: f"{model}, {contact.name}" for field in fields}
+        part["source"] = part["source"] | said
+    if found.patellofemoral is not None:
+        joint = read.patellofemoral[0]
+        own = found.patellofemoral | {
+            "law": joint.law,
+            "youngs_modulus_MPa": joint.youngs_modulus_MPa,
+            "poisson_ratio": joint.poisson_ratio,
+            "layer_thickness_mm": joint.layer_thickness_mm,
+        }
+        own["source"] = dict.fromkeys(own["source"], f"{model}, {joint.name}")
+        document["patella"]["contacts"] = {"patellofemoral": own}
     return OsimGeometry(document, tuple(found.findings), found.doubtful)
+
+
+def _patellar_mesh(read: OsimImport, contact: OsimContact) -> OsimMesh | None:
+    """The patella's mesh, where the model has a patella with one contact on the same femur."""
+    if "patella" not in read.document:
+        return None
+    file, found = read.model.file.path, read.patellofemoral
+    names = ", ".join(one.name for one in found) or "none"
+    expected = "one contact of femur and patella, or --without-patella"
+    if len(found) != 1:
+        raise InputProblem(file, "contacts of the patella", names, expected)
+    if found[0].femur.file != contact.femur.file:
+        expected = f"the femur's mesh of {contact.name}, {contact.femur.file}"
+        raise InputProblem(file, found[0].name, found[0].femur.file, expected)
+    return found[0].other
 
 
 def _mesh(folder: Path, mesh: OsimMesh, scratch: Path, back: bool = False) -> Path:

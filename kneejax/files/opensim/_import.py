@@ -12,16 +12,17 @@ from typing import Any
 
 import numpy as np
 
-from kneejax.files.knee import check_knee
+from kneejax.files.knee import ENDS, check_knee
 from kneejax.files.opensim._contact import OsimContact, find_contacts
 from kneejax.files.opensim._joints import Joint
 from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, find_knee
 from kneejax.files.opensim._ligaments import Found, OsimLigament, find_ligaments
-from kneejax.files.opensim._model import Model, Offset, read_model
+from kneejax.files.opensim._model import Model, read_model
 from kneejax.files.opensim._numbers import METRES_TO_MM, shifted
+from kneejax.files.opensim._patella import PatellaSection, patella_section
 from kneejax.files.opensim._wraps import OsimWrap, depth_inside, wrap_document
 from kneejax.files.reading import Field, InputProblem
-from kneejax.geometry import COLUMNS
+from kneejax.geometry import COLUMNS, PATELLA
 from kneejax.mechanics import FAILURE_SOURCE, usual_failure_strain
 
 #: Rounding of the ligament law's corners, which OpenSim's law does not have: small enough for its
@@ -46,6 +47,8 @@ class OsimImport:
         contacts: contacts of femur and tibia.
         other_contacts: contacts of other bodies.
         without: names that were left out because a person asked for it.
+        patellofemoral: contacts of femur and patella.
+        patella_notes: what was assumed or left out of the patella and the muscles.
     """
 
     document: dict[str, Any]
@@ -57,6 +60,8 @@ class OsimImport:
     contacts: tuple[OsimContact, ...]
     other_contacts: tuple[str, ...]
     without: tuple[str, ...]
+    patellofemoral: tuple[OsimContact, ...] = ()
+    patella_notes: tuple[str, ...] = ()
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -77,6 +82,7 @@ def import_osim(
     tibia: str | None = None,
     without: tuple[str, ...] | list[str] = (),
     inside: str = "refuse",
+    patella: bool = True,
     data: bytes | None = None,
 ) -> OsimImport:
     """Read a knee from an OpenSim model of schema 3 or 4.
@@ -91,6 +97,7 @@ def import_osim(
         without: names or patterns of fibres to leave out.
         inside: what to do with a fibre that begins more than 0.5 mm inside what it goes around:
             `refuse` the model, or let it run `straight`, as OpenSim does.
+        patella: whether to read the patella, its ligaments and the muscles over the knee.
         data: the model's bytes, if they are at hand.
 
     Returns:
@@ -114,7 +121,7 @@ def import_osim(
     knee = find_knee(model, side, femur, tibia)
     found = find_ligaments(model, knee)
     left_out = _leave_out(model, found, without)
-    if not found.ligaments:
+    if all(_on_patella(x, knee) for x in found.ligaments):
         why = [f"{name} {reason}" for name, reason in (found.unsupported | found.outside).items()]
         shown = "; ".join(why[:4]) + ("; ..." if len(why) > 4 else "")
         raise InputProblem(
@@ -122,18 +129,42 @@ def import_osim(
             f"a ligament that spans the {SIDES[side]} knee ({shown or 'all were left out'})",
         )  # fmt: skip
     found.ligaments[:] = _outside_obstacles(model, knee, found, inside)
+    patellar = [x for x in found.ligaments if _on_patella(x, knee)]
+    found.ligaments[:] = [x for x in found.ligaments if not _on_patella(x, knee)]
     keys = [ligament.key for ligament in found.ligaments]
     ligaments = dict(zip(_names(keys, "L"), found.ligaments, strict=True))
     used = {id(x.wrap.element): x.wrap for x in found.ligaments if x.wrap is not None}
     wraps = dict(zip(_names([w.key for w in used.values()], "W"), used.values(), strict=True))
-    contacts, others = find_contacts(model, knee)
+    every, others = find_contacts(model, knee)
+    contacts = tuple(c for c in every if c.other.bone != PATELLA)
+    on_patella = tuple(c for c in every if c.other.bone == PATELLA)
+    section = _patella(model, knee, patellar) if patella else PatellaSection({}, ())
     answer = OsimImport(
-        {}, model, knee, ligaments, wraps, found, tuple(contacts), tuple(others), left_out
-    )
-    _check_lengths(model, knee, found.ligaments)
+        {}, model, knee, ligaments, wraps, found, contacts, tuple(others), left_out, on_patella,
+        section.notes,
+    )  # fmt: skip
+    _check_lengths(model, knee, [*found.ligaments, *patellar])
     answer.document.update(_document(answer))
+    if section.document:
+        answer.document["patella"] = section.document
     check_knee(Field(os.fspath(path), "", answer.document))
     return answer
+
+
+def _on_patella(ligament: OsimLigament, knee: OsimKneeJoint) -> bool:
+    return any(knee.rigid[ligament.points[i].body][0] == PATELLA for i in (0, -1))
+
+
+def _patella(
+    model: Model, knee: OsimKneeJoint, ligaments: list[OsimLigament]
+) -> PatellaSection:
+    used = {id(x.wrap.element): x.wrap for x in ligaments if x.wrap is not None}
+    names = {key: wrap.key for key, wrap in used.items()}
+    entries = {
+        name: _ligament(one, knee, model.file.path.name, names)
+        for name, one in zip(_names([x.key for x in ligaments], "L"), ligaments, strict=True)
+    }
+    return patella_section(model, knee, entries, list(used.values()))
 
 
 def _document(read: OsimImport) -> dict[str, Any]:
@@ -187,13 +218,14 @@ def _ligament(
     places = [
         [shifted(x, METRES_TO_MM) for x in point.in_bone(knee)] for point in ligament.points
     ]
-    entry: dict[str, Any] = {"femoral_attachment_mm": places[0]}
+    ends = {bone: field for field, bone in ENDS.items()}
+    entry: dict[str, Any] = {ends[bones[0]]: places[0]}
     if len(places) > 2:
         entry["via_points"] = [
             {"bone": bone, "point_mm": place}
             for bone, place in zip(bones[1:-1], places[1:-1], strict=True)
         ]
-    entry["tibial_attachment_mm"] = places[-1]
+    entry[ends[bones[-1]]] = places[-1]
     if ligament.wrap is not None:
         entry["wrap"] = wraps[id(ligament.wrap.element)]
     for field, value in ligament.numbers.items():
@@ -228,7 +260,7 @@ def _outside_obstacles(
 
     OpenSim itself leaves out an obstacle as long as a point lies inside it.
     """
-    femur_from = {"femur": Offset(), "tibia": knee.tibia_in_femur}
+    femur_from = knee.in_femur
     answer = []
     for ligament in found.ligaments:
         if ligament.wrap is None:
@@ -264,9 +296,12 @@ def _outside_obstacles(
 def _check_lengths(model: Model, knee: OsimKneeJoint, ligaments: list[OsimLigament]) -> None:
     """Attachments closer than 1 mm or farther than 300 mm are in another unit or frame."""
     for ligament in ligaments:
-        femoral, tibial = (ligament.points[i].in_bone(knee) for i in (0, -1))
-        tibial = np.array(knee.tibia_in_femur.point(tibial), float)
-        length = 1e3 * float(np.linalg.norm(tibial - np.array(femoral, float)))
+        ends = [ligament.points[i] for i in (0, -1)]
+        first, last = (
+            np.array(knee.in_femur[knee.rigid[end.body][0]].point(end.in_bone(knee)), float)
+            for end in ends
+        )
+        length = 1e3 * float(np.linalg.norm(last - first))
         if not 1.0 <= length <= 300.0:
             raise model.file.problem(
                 ligament.element, "attachments", f"{length:.4g} mm apart at the reference pose",

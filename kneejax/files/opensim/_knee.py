@@ -10,7 +10,7 @@ import numpy as np
 from kneejax.files.opensim._joints import Joint, read_joints
 from kneejax.files.opensim._model import GROUND, Model, Offset
 from kneejax.files.reading import InputProblem
-from kneejax.geometry import angles_from_rotation
+from kneejax.geometry import FEMUR, PATELLA, TIBIA, angles_from_rotation
 
 SIDES = {"r": "right", "l": "left"}
 _MARKS = {
@@ -20,6 +20,7 @@ _MARKS = {
 _CAMEL = {"r": re.compile(r"[a-z0-9]R$"), "l": re.compile(r"[a-z0-9]L$")}
 _KNEE = re.compile(r"knee|tibiofemoral|femorotibial|(?:^|[^a-z])tf(?:$|[^a-z])", re.IGNORECASE)
 _OTHER = re.compile(r"patell|menisc|(?:^|[^a-z])(?:pf|pat)(?:$|[^a-z])", re.IGNORECASE)
+_PATELLA = re.compile(r"patell|kneecap", re.IGNORECASE)
 _FEMUR = re.compile(r"femur|femor|thigh", re.IGNORECASE)
 _TIBIA = re.compile(r"tibia|shank|shin|lower_?leg|crus", re.IGNORECASE)
 
@@ -33,13 +34,16 @@ class OsimKneeJoint:
         femur: body whose frame is the femur's.
         tibia: likewise.
         joints: between them, from the femur to the tibia.
-        rigid: body -> (`femur` or `tibia`, the motion from the body's to that bone's coordinates),
-            for the bones and what does not move against them.
+        rigid: body -> (`femur`, `tibia` or `patella`, the motion from the body's to that bone's
+            coordinates), for the bones and what does not move against them.
         pose: table row of the tibia in the femur at the coordinates' defaults, in the order of
             `kneejax.geometry.COLUMNS`, by clinical meaning.
         tibia_in_femur: the same as a motion, in the model's own axes.
         findings: what was taken as what.
         doubts: what a person should look at.
+        patella: its body; empty without one.
+        patella_pose: as `pose`.
+        patella_in_femur: as `tibia_in_femur`.
     """
 
     side: str
@@ -51,6 +55,16 @@ class OsimKneeJoint:
     tibia_in_femur: Offset
     findings: tuple[str, ...]
     doubts: tuple[str, ...]
+    patella: str = ""
+    patella_pose: tuple[float, ...] = ()
+    patella_in_femur: Offset = dataclasses.field(default_factory=Offset)
+
+    @property
+    def in_femur(self) -> dict[str, Offset]:
+        """Bone -> the motion from its coordinates to the femur's at the coordinates' defaults."""
+        return {
+            FEMUR: Offset(), PATELLA: self.patella_in_femur, TIBIA: self.tibia_in_femur,
+        }  # fmt: skip
 
 
 def find_knee(
@@ -102,15 +116,35 @@ def find_knee(
             rigid[other] = bone, offset
             if other != body:
                 findings.append(f"{other} does not move against the {bone} ({through}).")
-    placed = _placed(model, above, femur, doubts).inverse().after(
-        _placed(model, above, tibia, doubts)
-    )
+    from_femur = placed(model, above, femur, doubts).inverse()
+    there = from_femur.after(placed(model, above, tibia, doubts))
+    patella = _patella(model, joints, rigid, side)
+    if patella:
+        findings.append(f"{patella} was taken as the patella.")
+        own = _rigid(model, joints, patella, [], doubts)
+        rigid |= {body: (PATELLA, offset) for body, offset, _ in own}
     doubts += turned + _axes_doubts(joints, rigid) + _coupled(model, found)
-    pose = _pose(placed, side)
-    return OsimKneeJoint(
-        side, femur, tibia, tuple(found), rigid, pose, placed, tuple(findings),
+    pose = _pose(there, side)
+    knee = OsimKneeJoint(
+        side, femur, tibia, tuple(found), rigid, pose, there, tuple(findings),
         tuple(dict.fromkeys(doubts)),
     )  # fmt: skip
+    if not patella:
+        return knee
+    on_femur = from_femur.after(placed(model, above, patella, []))
+    return dataclasses.replace(
+        knee, patella=patella, patella_pose=_pose(on_femur, side), patella_in_femur=on_femur
+    )
+
+
+def _patella(model: Model, joints: list[Joint], rigid: dict, side: str) -> str:
+    """The body of the patella that a joint joins to the knee's bones; empty without one."""
+    found = [
+        joint.child
+        for joint in joints
+        if joint.coordinates and joint.parent in rigid and _PATELLA.search(joint.child)
+    ]
+    return found[0] if len(found) == 1 else ""
 
 
 def _guess(
@@ -241,14 +275,14 @@ def _rigid(model: Model, joints: list[Joint], bone: str, knee: list[Joint], doub
                 waiting.append((joint.parent, offset.after(back), why))
 
 
-def _placed(model: Model, above: dict[str, Joint], body: str, doubts: list[str]) -> Offset:
+def placed(model: Model, above: dict[str, Joint], body: str, doubts: list[str]) -> Offset:
     """The motion from a body's coordinates to the uppermost body's above it."""
-    placed, seen = Offset(), set()
+    motion, seen = Offset(), set()
     while body in above and body not in seen:
         seen.add(body)
-        placed = above[body].placement(model, doubts).after(placed)
+        motion = above[body].placement(model, doubts).after(motion)
         body = above[body].parent
-    return placed
+    return motion
 
 
 def _pose(tibia_in_femur: Offset, side: str) -> tuple[float, ...]:

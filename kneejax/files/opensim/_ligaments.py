@@ -9,6 +9,7 @@ from kneejax.files.opensim._knee import OsimKneeJoint
 from kneejax.files.opensim._model import Model, Offset, Point
 from kneejax.files.opensim._wraps import OsimWrap, read_wraps, unsupported
 from kneejax.files.opensim._xml import Element
+from kneejax.geometry import FEMUR, PATELLA, TIBIA
 
 KIND = "Blankevoort1991Ligament"
 #: Field -> (tag, what OpenSim takes where a file and its <defaults> say nothing).
@@ -52,7 +53,7 @@ class OsimLigament:
     Attributes:
         element: in the file.
         key: its name; with `#2` if another fibre before it has the same.
-        points: from the femur to the tibia.
+        points: from the first of two bones to the second: femur, patella, tibia.
         wrap: what it goes around; None if nothing.
         numbers: field of a knee file -> number of the model, in SI.
         assumed: fields that stand neither at the fibre nor in <defaults>.
@@ -81,6 +82,9 @@ class Found:
     outside: dict[str, str] = dataclasses.field(default_factory=dict)
     unsupported: dict[str, str] = dataclasses.field(default_factory=dict)
     notes: list[str] = dataclasses.field(default_factory=list)
+
+
+_ORDER = FEMUR, PATELLA, TIBIA
 
 
 class _Outside(Exception):
@@ -134,12 +138,12 @@ def find_ligaments(model: Model, knee: OsimKneeJoint) -> Found:
 
 
 def _points(model: Model, element: Element, knee: OsimKneeJoint) -> tuple[OsimPoint, ...]:
-    """Points from the femur to the tibia."""
+    """Points from the first of two bones to the second."""
     path = element.child("GeometryPath")
     if path is None:
         kinds = ", ".join(c.tag for c in element.children if c.tag.endswith("Path")) or "none"
         raise _Unsupported(f"its path is no GeometryPath ({kinds})")
-    points = [_point(model, e) for e in _objects(path, "PathPointSet")]
+    points = [path_point(model, e) for e in path_objects(path, "PathPointSet")]
     bodies = dict.fromkeys(point.body for point in points)
     strange = [body for body in bodies if body not in knee.rigid]
     bones = [knee.rigid[body][0] for body in bodies if body in knee.rigid]
@@ -147,6 +151,8 @@ def _points(model: Model, element: Element, knee: OsimKneeJoint) -> tuple[OsimPo
         raise _Outside(f"attached to {', '.join(strange)}")
     if len(set(bones)) < 2:
         raise _Outside(f"does not leave the {bones[0]}" if bones else "has no points")
+    if len(set(bones)) > 2:
+        raise _Unsupported("runs over three bones")
     if not _applied(model, element):
         raise _Outside("switched off in the model (appliesForce or isDisabled)")
     for point in points:
@@ -155,10 +161,16 @@ def _points(model: Model, element: Element, knee: OsimKneeJoint) -> tuple[OsimPo
     ends = [knee.rigid[points[i].body][0] for i in (0, -1)]
     if ends[0] == ends[1]:
         raise _Unsupported(f"begins and ends on the {ends[0]}")
-    return tuple(points if ends[0] == "femur" else reversed(points))
+    return tuple(points if in_order(*ends) else reversed(points))
 
 
-def _point(model: Model, element: Element) -> OsimPoint:
+def in_order(first: str, last: str) -> bool:
+    """Whether one bone comes before another: femur, patella, tibia."""
+    return _ORDER.index(first) < _ORDER.index(last)
+
+
+def path_point(model: Model, element: Element) -> OsimPoint:
+    """A point of a path with the body that carries it."""
     if element.child("body") is not None:
         body, frame = model.body_of(element, "body"), Offset()
     else:
@@ -168,7 +180,8 @@ def _point(model: Model, element: Element) -> OsimPoint:
     return OsimPoint(element, body, frame, location)
 
 
-def _objects(path: Element | None, name: str) -> list[Element]:
+def path_objects(path: Element | None, name: str) -> list[Element]:
+    """What a set of a path holds."""
     held = None if path is None else path.child(name)
     if held is None:
         return []
@@ -193,7 +206,7 @@ def _wrap(
 ) -> OsimWrap | None:
     """What a fibre goes around."""
     found: list[OsimWrap] = []
-    for path_wrap in _objects(element.child("GeometryPath"), "PathWrapSet"):
+    for path_wrap in path_objects(element.child("GeometryPath"), "PathWrapSet"):
         word = path_wrap.word("wrap_object")
         name = word.rstrip("/").rsplit("/", 1)[-1]
         same = [wrap for wrap in wraps if wrap.element.name == name]

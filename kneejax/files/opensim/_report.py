@@ -45,6 +45,7 @@ def format_import_report(read: OsimImport, geometry: tuple[str, ...] = ()) -> st
     reference = f"Reference pose, from the coordinates' defaults: {', '.join(pose)}"
     _section(lines, "Joint", [reference, *joints])
     _ligaments(lines, read)
+    _section(lines, "Patella and muscles read", _patella(read), "None.")
     _section(lines, "Wrap objects read", [_wrap(read, wrap) for wrap in read.wraps])
     contacts = [f"{c.name}: {text}" for c in read.contacts for text in c.findings]
     if geometry:
@@ -53,7 +54,7 @@ def format_import_report(read: OsimImport, geometry: tuple[str, ...] = ()) -> st
         contact = read.contacts[0]
         contacts.append(
             "No surfaces: with --geometry FOLDER the importer fits them to the meshes "
-            f"{contact.femur.file} and {contact.tibia.file}, or `kneejax import stl --knee "
+            f"{contact.femur.file} and {contact.other.file}, or `kneejax import stl --knee "
             "knee.yaml ...` adds them to this knee."
         )
     else:
@@ -91,6 +92,16 @@ def _ligaments(lines: list[str], read: OsimImport) -> None:
     if groups:
         listed = ", ".join(f"{name} ({len(fibres)})" for name, fibres in groups.items())
         lines += ["", f"Groups made from their names: {listed}."]
+
+
+def _patella(read: OsimImport) -> list[str]:
+    section = read.document.get("patella", {})
+    lines = [
+        f"{title}: {', '.join(section[name])}."
+        for name, title in (("ligaments", "Ligaments"), ("muscles", "Muscles"))
+        if section
+    ]
+    return [*lines, *read.patella_notes]
 
 
 def _wrap(read: OsimImport, name: str) -> str:

@@ -1,0 +1,117 @@
+"""The patella of an OpenSim model as a section of a knee document."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from kneejax.files.opensim._knee import OsimKneeJoint
+from kneejax.files.opensim._model import Model
+from kneejax.files.opensim._muscles import OsimMuscle, find_muscles, quadriceps
+from kneejax.files.opensim._numbers import METRES_TO_MM, shifted
+from kneejax.files.opensim._wraps import OsimWrap, depth_inside, wrap_document
+from kneejax.geometry import BODIES, PATELLA
+
+#: Pull of the whole quadriceps where nothing is said, N: the weight of 2 kg that hangs on it in
+#: tests of passive flexion.
+AT_REST_N = 19.61
+
+
+@dataclasses.dataclass(frozen=True)
+class PatellaSection:
+    """What a model says of the patella, but for its surfaces.
+
+    Attributes:
+        document: the section, without contacts; empty where the model has no patella with
+            ligaments and a quadriceps.
+        notes: what was assumed or left out, a sentence each.
+    """
+
+    document: dict[str, Any]
+    notes: tuple[str, ...]
+
+
+def patella_section(
+    model: Model, knee: OsimKneeJoint, ligaments: dict[str, dict[str, Any]], used: list[OsimWrap]
+) -> PatellaSection:
+    """Make the section of the patella.
+
+    Args:
+        model: the model.
+        knee: its bones.
+        ligaments: of the patella, as entries of a knee document.
+        used: wrap objects of these ligaments.
+    """
+    found = find_muscles(model, knee)
+    heads = quadriceps(found.muscles, found.knee)
+    if not knee.patella or not ligaments or not heads:
+        lacks = "a patella" if not knee.patella else "its ligaments" if not ligaments else "muscles"
+        return PatellaSection({}, (f"Read without a patella: the model has not {lacks}.",))
+    file, notes = model.file.path.name, list(found.notes)
+    obstacles = {wrap.key: wrap for wrap in used}
+    whole = sum(head.strongest_N for head in heads)
+    muscles = {}
+    for muscle in found.muscles:
+        entry = _muscle(muscle, found.knee, file)
+        if muscle in heads:
+            entry["tension_N"] = round(AT_REST_N * muscle.strongest_N / whole, 4)
+        if muscle.wrap is not None and _is_outside(model, muscle, found.knee, notes):
+            entry["wrap"] = muscle.wrap.key
+            obstacles[muscle.wrap.key] = muscle.wrap
+        muscles[muscle.name] = entry
+    pose = zip(BODIES[PATELLA].values(), knee.patella_pose, strict=True)
+    document: dict[str, Any] = {
+        "reference_pose": {one.column: value for one, value in pose}
+        | {"source": f"{file}: {knee.patella} in {knee.femur} at the coordinates' default values"},
+        "ligaments": ligaments,
+        "contacts": {},
+        "muscles": muscles,
+        "wraps": {
+            key: wrap_document(
+                model, wrap, found.knee, f"{file}, {wrap.element.tag} {key} of {wrap.body}"
+            )
+            for key, wrap in obstacles.items()
+        },
+    }
+    if not obstacles:
+        del document["wraps"]
+    return PatellaSection(document, tuple(notes))
+
+
+def _muscle(muscle: OsimMuscle, knee: OsimKneeJoint, file: str) -> dict[str, Any]:
+    bones = [knee.rigid[point.body][0] for point in muscle.points]
+    places = [[shifted(x, METRES_TO_MM) for x in point.in_bone(knee)] for point in muscle.points]
+    # What runs along a bone does not change its length: it begins and ends where it leaves one.
+    first = next(k for k, bone in enumerate(bones) if bone != bones[0]) - 1
+    last = len(bones) - next(k for k, bone in enumerate(bones[::-1]) if bone != bones[-1])
+    entry: dict[str, Any] = {"tension_N": 0.0, "origin_mm": places[first]}
+    if last - first > 1:
+        entry["via_points"] = [
+            {"bone": bone, "point_mm": place}
+            for bone, place in zip(bones[first + 1 : last], places[first + 1 : last], strict=True)
+        ]
+    entry |= {"insertion_bone": bones[last], "insertion_mm": places[last]}
+    source = f"{file}, {muscle.element.tag} {muscle.name}"
+    if bones[-1] == PATELLA:
+        source += f"; tension_N: {AT_REST_N:g} N shared by greatest isometric force"
+    return entry | {"source": source}
+
+
+def _is_outside(model: Model, muscle: OsimMuscle, knee: OsimKneeJoint, notes: list[str]) -> bool:
+    """Whether no point lies inside the obstacle; OpenSim leaves out one that a point is inside."""
+    assert muscle.wrap is not None
+    obstacle = wrap_document(model, muscle.wrap, knee, "")
+    to_obstacle = knee.in_femur[obstacle["bone"]].inverse()
+    for point in muscle.points:
+        place = to_obstacle.after(knee.in_femur[knee.rigid[point.body][0]]).point(
+            point.in_bone(knee)
+        )
+        if depth_inside(obstacle, np.array(place, float) * 1e3) > 0:
+            notes.append(
+                f"Muscle {muscle.name} runs without {muscle.wrap.key}: its point "
+                f"{point.element.name} lies inside."
+            )
+            return False
+    return True
