@@ -35,15 +35,15 @@ class Muscles(Fibres):
 
     def __init__(
         self,
-        origin: ArrayLike,
-        insertion: ArrayLike,
+        femoral_attachment: ArrayLike,
+        tibial_attachment: ArrayLike,
         tension: ArrayLike,
         names: tuple[str, ...] | list[str],
         courses: tuple[Course, ...] | list[Course] = (),
         bodies: tuple[Pair, ...] | None = None,
     ):
-        self.femoral_attachment = jnp.asarray(origin, float)
-        self.tibial_attachment = jnp.asarray(insertion, float)
+        self.femoral_attachment = jnp.asarray(femoral_attachment, float)
+        self.tibial_attachment = jnp.asarray(tibial_attachment, float)
         self.tension = jnp.asarray(tension, float)
         self.courses = tuple(courses)
         self.names = tuple(names)
