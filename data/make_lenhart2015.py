@@ -23,13 +23,14 @@ from scipy.optimize import minimize_scalar
 jax.config.update("jax_enable_x64", True)
 
 from kneejax.files import (  # noqa: E402
+    KneeFile,
     add_osim_contacts,
     import_osim,
     load_knee_file,
     read_knee,
     write_knee,
 )
-from kneejax.geometry import Pose, State  # noqa: E402
+from kneejax.geometry import Frame, Pose, State  # noqa: E402
 from kneejax.mechanics import Knee, add_lane_axis, ligament_law  # noqa: E402
 
 HERE = Path(__file__).resolve().parent
@@ -53,6 +54,15 @@ BUNDLES = {
     "pCAPm": ("pCAP1", "pCAP3", "pCAP5", "pCAP7"),
     "pCAPl": ("pCAP2", "pCAP4", "pCAP6", "pCAP8"),
 }
+#: Likewise of the patella. The tendon is three lines, since its breadth turns the patella.
+PATELLAR_BUNDLES = {
+    "PTl": ("PT1", "PT5"),
+    "PTc": ("PT3", "PT4"),
+    "PTm": ("PT2", "PT6"),
+    "lPFL": ("lPFL",),
+    "mPFL": ("mPFL",),
+}
+ALL_BUNDLES = BUNDLES, PATELLAR_BUNDLES
 GROUPS = {
     "MCL": ["MCLd", "MCLs", "MCLp"],
     "ACL": ["ACLam", "ACLpl"],
@@ -76,8 +86,8 @@ def write_both(source: Path, out: Path) -> None:
     """Write both knees into a folder."""
     full = document(source)
     write_knee(full, out / "lenhart2015.yaml")
-    knee = read_knee(out / "lenhart2015.yaml").knee
-    write_knee(reduced(full, knee, recorded_poses(source)), out / "lenhart2015_reduced.yaml")
+    read = read_knee(out / "lenhart2015.yaml")
+    write_knee(reduced(full, read, recorded_poses(source)), out / "lenhart2015_reduced.yaml")
 
 
 def document(source: Path) -> dict[str, Any]:
@@ -128,52 +138,72 @@ def _points(contacts: dict[str, Any]) -> dict[str, list[int]]:
     return {name: part["points"] for name, part in contacts.items()}
 
 
-def recorded_poses(source: Path) -> Pose:
-    """OpenSim JAM's own passive flexion, 0 to 90 degrees."""
+def recorded_poses(source: Path) -> State:
+    """OpenSim JAM's own passive flexion, 0 to 90 degrees, of both bones."""
     file = source / "recorded" / "jam_passive_flexion_kinematics.csv"
     rows = np.genfromtxt(file, delimiter=",", names=True)
-    names = ("flex_r_deg", "add_r_deg", "rot_r_deg", "tx_r_mm", "ty_r_mm", "tz_r_mm")
-    table = np.stack([rows[f"knee_{name}"] for name in names], axis=1)
-    return Pose.from_table(table[rows["time"] >= SETTLED_S])
+    settled = rows["time"] >= SETTLED_S
+
+    def pose(prefix: str, *names: str) -> Pose:
+        table = np.stack([rows[f"{prefix}_{name}"] for name in names], axis=1)
+        return Pose.from_table(table[settled])
+
+    shifts = ("tx_r_mm", "ty_r_mm", "tz_r_mm")
+    return State(
+        {
+            "tibia": pose("knee", "flex_r_deg", "add_r_deg", "rot_r_deg", *shifts),
+            "patella": pose("pf", "flex_r_deg", "rot_r_deg", "tilt_r_deg", *shifts),
+        }
+    )
 
 
-def reduced(full: dict[str, Any], knee: Knee, poses: Pose) -> dict[str, Any]:
+def reduced(full: dict[str, Any], read: KneeFile, poses: State) -> dict[str, Any]:
     """The knee with one line a bundle, whose slack lengths are fitted to the bundles' forces."""
-    parts = full["ligaments"]
-    fibres = {name: [f for f in parts if f.startswith(stems)] for name, stems in BUNDLES.items()}
-    lines = {name: _line([parts[f] for f in members]) for name, members in fibres.items()}
-    used = {line.get("wrap") for line in lines.values()}
     answer = copy.deepcopy(full) | {
         "name": "lenhart2015_reduced",
         "description": (
             "The knee lenhart2015 with one line for each ligament bundle, on the same articular "
             f"surfaces: {CITATION}"
         ),
-        "ligaments": lines,
         "groups": GROUPS,
-        "wraps": {name: wrap for name, wrap in full["wraps"].items() if name in used},
     }
     del answer["imported_from"]
-    forces = _bundle_forces(knee, fibres, poses)
+    every = full["ligaments"], full["patella"]["ligaments"]
+    sets = [_fibres(parts, bundles) for parts, bundles in zip(every, ALL_BUNDLES, strict=True)]
+    for part, fibres, parts in zip((answer, answer["patella"]), sets, every, strict=True):
+        lines = {name: _line([parts[f] for f in members]) for name, members in fibres.items()}
+        used = {line.get("wrap") for line in (*lines.values(), *part.get("muscles", {}).values())}
+        for line in lines.values():
+            _keep_outside(line, part["wraps"])
+        part["ligaments"] = lines
+        part["wraps"] = {name: wrap for name, wrap in part["wraps"].items() if name in used}
+    forces = _bundle_forces(read.with_patella(), sets[0] | sets[1], poses)
+    lines = answer["ligaments"] | answer["patella"]["ligaments"]
     misses = {
         name: _fit_slack_length(lines[name], forces[name], length)
-        for name, length in zip(lines, _lengths(answer, poses), strict=True)
+        for name, length in _lengths(answer, poses).items()
     }
     return answer | {
-        "adaptations": [PULL, SURFACES, _corners(lines), *_adaptations(misses)],
+        "adaptations": [PULL, SURFACES, _corners(answer["ligaments"]), *_adaptations(misses)],
         "notes": (
             "Made of the knee lenhart2015. Attachments are means of the fibres', stiffnesses their "
             "sums. A single line pulls later and more suddenly than fibres that tighten one after "
             "the other; what that costs in force stands in the adaptations. "
-            f"{_contact_note(answer['contacts'])} No patella, menisci, muscles or gravity."
+            f"{_contact_note(answer['contacts'])} No menisci or gravity. The section of the "
+            "patella acts where the patella is asked for; the tendon is three lines there."
         ),
     }
+
+
+def _fibres(parts: dict[str, Any], bundles: dict[str, tuple]) -> dict[str, list[str]]:
+    return {name: [f for f in parts if f.startswith(stems)] for name, stems in bundles.items()}
 
 
 def _line(fibres: list[dict[str, Any]]) -> dict[str, Any]:
     ends = {
         end: np.round(np.mean([fibre[end] for fibre in fibres], axis=0), 3).tolist()
-        for end in ("femoral_attachment_mm", "tibial_attachment_mm")
+        for end in fibres[0]
+        if end.endswith("_attachment_mm")
     }
     wraps = {fibre.get("wrap") for fibre in fibres}
     wrap = wraps.pop() if len(wraps) == 1 else None
@@ -192,27 +222,39 @@ def _line(fibres: list[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-@eqx.filter_jit
-def _tension(knee: Knee, poses: Pose) -> jax.Array:
-    return add_lane_axis(knee.ligaments).tension(State({"tibia": poses}))
+def _keep_outside(line: dict[str, Any], wraps: dict[str, Any]) -> None:
+    """Move the first attachment out of its ellipsoid: a mean of points on it lies within."""
+    wrap = wraps.get(line.get("wrap"))
+    if wrap is None or wrap["bone"] != "patella":
+        return
+    frame = Frame(wrap["center_mm"], np.deg2rad(wrap["rotation_deg"])).placement
+    local = np.array([float(x) for x in frame.apply_inverse(line["patellar_attachment_mm"])])
+    size = np.linalg.norm(local / wrap["semi_axes_mm"])
+    out = frame.apply(tuple(local * max(1.0, 1.001 / size)))
+    line["patellar_attachment_mm"] = [round(float(x), 3) for x in out]
 
 
 @eqx.filter_jit
-def _length(knee: Knee, poses: Pose) -> jax.Array:
-    return add_lane_axis(knee.ligaments).length(State({"tibia": poses}))
+def _tension(knee: Knee, poses: State) -> jax.Array:
+    return add_lane_axis(knee.ligaments).tension(poses)
 
 
-def _bundle_forces(knee: Knee, fibres: dict[str, list[str]], poses: Pose) -> dict[str, np.ndarray]:
+@eqx.filter_jit
+def _length(knee: Knee, poses: State) -> jax.Array:
+    return add_lane_axis(knee.ligaments).length(poses)
+
+
+def _bundle_forces(knee: Knee, fibres: dict[str, list[str]], poses: State) -> dict[str, np.ndarray]:
     tension = np.asarray(_tension(knee, poses))
     rows = {name: i for i, name in enumerate(knee.ligaments.names)}
     return {name: tension[[rows[f] for f in many]].sum(axis=0) for name, many in fibres.items()}
 
 
-def _lengths(document: dict[str, Any], poses: Pose) -> np.ndarray:
+def _lengths(document: dict[str, Any], poses: State) -> dict[str, np.ndarray]:
     with tempfile.TemporaryDirectory() as folder:
         write_knee(document, Path(folder) / "knee.yaml")
-        knee = read_knee(Path(folder) / "knee.yaml").knee
-    return np.asarray(_length(knee, poses))
+        knee = read_knee(Path(folder) / "knee.yaml").with_patella()
+    return dict(zip(knee.ligaments.names, np.asarray(_length(knee, poses)), strict=True))
 
 
 def _fit_slack_length(

@@ -20,13 +20,17 @@ _MODULES = {
     "MeasuredTest": "kneejax.experiments",
     "Mechanics": "kneejax.experiments",
     "Motion": "kneejax.experiments",
+    "Shank": "kneejax.experiments",
     "branches": "kneejax.experiments",
     "evaluate": "kneejax.experiments",
+    "isometric_extension": "kneejax.experiments",
     "lab_tests": "kneejax.experiments",
     "laxity": "kneejax.experiments",
+    "leg_raise": "kneejax.experiments",
     "load_curves": "kneejax.experiments",
     "load_cycle": "kneejax.experiments",
     "passive_flexion": "kneejax.experiments",
+    "patellar_tracking": "kneejax.experiments",
     "InputProblem": "kneejax.files",
     "load_knee": "kneejax.files",
     "load_knee_file": "kneejax.files",
@@ -86,13 +90,17 @@ if TYPE_CHECKING:
     from kneejax.experiments import MeasuredTest as MeasuredTest
     from kneejax.experiments import Mechanics as Mechanics
     from kneejax.experiments import Motion as Motion
+    from kneejax.experiments import Shank as Shank
     from kneejax.experiments import branches as branches
     from kneejax.experiments import evaluate as evaluate
+    from kneejax.experiments import isometric_extension as isometric_extension
     from kneejax.experiments import lab_tests as lab_tests
     from kneejax.experiments import laxity as laxity
+    from kneejax.experiments import leg_raise as leg_raise
     from kneejax.experiments import load_curves as load_curves
     from kneejax.experiments import load_cycle as load_cycle
     from kneejax.experiments import passive_flexion as passive_flexion
+    from kneejax.experiments import patellar_tracking as patellar_tracking
     from kneejax.files import InputProblem as InputProblem
     from kneejax.files import load_knee as load_knee
     from kneejax.files import load_knee_file as load_knee_file

@@ -22,6 +22,12 @@ from kneejax.experiments._varus_valgus import VarusValgusRamp as VarusValgusRamp
 from kneejax.experiments._varus_valgus import varus_valgus as varus_valgus
 from kneejax.experiments._ways import Way as Way
 from kneejax.experiments._ways import ways_of as ways_of
+from kneejax.experiments.extensor import TENDON as TENDON
+from kneejax.experiments.extensor import Extensor as Extensor
+from kneejax.experiments.extensor import Shank as Shank
+from kneejax.experiments.extensor import isometric_extension as isometric_extension
+from kneejax.experiments.extensor import leg_raise as leg_raise
+from kneejax.experiments.extensor import patellar_tracking as patellar_tracking
 from kneejax.experiments.laboratory import COUNTED_FROM as COUNTED_FROM
 from kneejax.experiments.laboratory import HELD as HELD
 from kneejax.experiments.laboratory import LAXITY_COLUMNS as LAXITY_COLUMNS

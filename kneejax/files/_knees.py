@@ -24,24 +24,26 @@ _OFFSETS = """
 What is added to its motion to compare it with the measured one is no part of a knee: {}"""
 
 
-def load_knee(name_or_path: str | os.PathLike[str]) -> Knee:
+def load_knee(name_or_path: str | os.PathLike[str], *, patella: bool = False) -> Knee:
     """Load a knee.
 
     Args:
         name_or_path: name of a bundled knee, a knee file, or the result.json of a calibration.
+        patella: whether with its patella, pulled by the quadriceps: a knee of three bones.
 
     Returns:
         The knee; a left one as its mirrored right twin.
 
     Raises:
-        InputProblem: there is no such knee or file, or the file is faulty.
+        InputProblem: there is no such knee or file, the file is faulty or has no patella.
 
     Example:
         >>> knee = load_knee("four_ligament")
         >>> knee.side, knee.contact_names
         ('right', ('medial', 'lateral'))
     """
-    return load_knee_file(name_or_path).knee
+    read = load_knee_file(name_or_path)
+    return read.with_patella() if patella else read.knee
 
 
 def load_knee_file(name_or_path: str | os.PathLike[str]) -> KneeFile:

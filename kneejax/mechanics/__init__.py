@@ -14,6 +14,7 @@ from kneejax.mechanics._loads import ConstantTensionLine as ConstantTensionLine
 from kneejax.mechanics._loads import Load as Load
 from kneejax.mechanics._loads import Support as Support
 from kneejax.mechanics._loads import pull_of as pull_of
+from kneejax.mechanics._muscles import QUADRICEPS as QUADRICEPS
 from kneejax.mechanics._muscles import Muscles as Muscles
 from kneejax.mechanics._named_loads import NAMED_LOADS as NAMED_LOADS
 from kneejax.mechanics._named_loads import NamedLoad as NamedLoad

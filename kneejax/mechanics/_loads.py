@@ -52,8 +52,9 @@ class Load(eqx.Module):
         point_in: the bone in whose frame the point is given, and to which it is fixed.
         name: what reports call it.
         bone: on which it acts.
-        line: of the knee whose tension the first component of the force adds to; empty for a
-            wrench. Only where a knee is balanced (`kneejax.statics.Stations`): see `pull_of`.
+        line: of the knee, or its muscle, whose tension the first component of the force adds to
+            (`QUADRICEPS` for all heads); empty for a wrench. Only where a knee is balanced
+            (`kneejax.statics.Stations`): see `pull_of`.
     """
 
     force: Array
@@ -120,7 +121,7 @@ def pull_of(line: str, tension_N: ArrayLike) -> Load:
     """Tension that is added to one of a knee's lines, as a load that grows like any other.
 
     Args:
-        line: its name, e.g. `patellar_tendon`.
+        line: its name, e.g. `patellar_tendon`; a muscle's, or `QUADRICEPS`.
         tension_N: one, or `(n,)` for `kneejax.statics.Stations`.
 
     Example:

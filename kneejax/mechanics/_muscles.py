@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Mapping
+
 import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.geometry import FEMUR_AND_TIBIA, Pair, State, full, scale
+from kneejax.geometry import FEMUR_AND_TIBIA, PATELLA, Pair, State, full, scale
 from kneejax.mechanics._wrench import Wrench, Wrenches
 from kneejax.mechanics.ligaments import Course, FibreFaults, Fibres
+
+#: All muscles that pull on the patella, as the name of a line that pulls.
+QUADRICEPS = "quadriceps"
 
 
 class Muscles(Fibres):
@@ -48,6 +54,30 @@ class Muscles(Fibres):
         self.courses = tuple(courses)
         self.names = tuple(names)
         self.bodies = (FEMUR_AND_TIBIA,) * len(self.names) if bodies is None else tuple(bodies)
+
+    @property
+    def quadriceps(self) -> tuple[int, ...]:
+        """Rows of the muscles that pull on the patella."""
+        return tuple(row for row, (_, bone) in enumerate(self.bodies) if bone == PATELLA)
+
+    def pulling(self, more_N: Mapping[str, ArrayLike]) -> Muscles:
+        """The same with more tension in some of them.
+
+        Args:
+            more_N: muscle, or `QUADRICEPS` for all heads in proportion to what each has, -> what
+                is added.
+        """
+        rows = list(self.tension)
+        heads = self.quadriceps
+        whole = sum(rows[row] for row in heads)
+        for name, more in more_N.items():
+            if name == QUADRICEPS:
+                for row in heads:
+                    rows[row] = rows[row] + more * self.tension[row] / whole
+            elif name in self.names:
+                row = self.names.index(name)
+                rows[row] = rows[row] + more
+        return dataclasses.replace(self, tension=jnp.stack(jnp.broadcast_arrays(*rows)))
 
     def pull(self, state: State) -> tuple[Wrenches, Array, FibreFaults]:
         """What the muscles do to the bones that they join.

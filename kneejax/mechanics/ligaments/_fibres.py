@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from kneejax.geometry import FEMUR_AND_TIBIA, Pair, State, TautPath, Vector
+from kneejax.geometry import FEMUR, FEMUR_AND_TIBIA, Pair, State, TautPath, Vector, full
 from kneejax.mechanics._wrench import Wrench
 from kneejax.mechanics.ligaments._courses import Course, by_kind
 
@@ -94,6 +94,15 @@ class Fibres(eqx.Module):
         wraps = [functools.reduce(_more_bent, way.bent, _free(way.length)) for way in ways]
         wrap = jax.tree.map(lambda *x: self._joined(kinds, list(x)), *wraps)
         return self._joined(kinds, [way.length for way in ways]), wrap
+
+    def unit_pulls(self, state: State) -> Vector:
+        """Force of a unit tension on the second bone of each, in femur axes, each `(n, ...)`."""
+        kinds, found = self.kinds, []
+        for way in self._ways(kinds, state):
+            first, force = way.course.bodies[0], full(way.pull.force)
+            found.append(force if first == FEMUR else state.poses[first].placement.turn(force))
+        x, y, z = (self._joined(kinds, list(parts)) for parts in zip(*found, strict=True))
+        return x, y, z
 
     def ends_inside(self, state: State) -> Array:
         """Whether an end of each fibre lies inside the fibre's obstacle, `(n, ...)`."""

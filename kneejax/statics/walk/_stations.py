@@ -140,18 +140,16 @@ class Stations(eqx.Module):
         """As `load`, where the arrays of these stations end in lanes."""
         pulls = [load for load in self.loads if load.line]
 
-        def pulled(name: str, tension: Array) -> Array:
-            return sum((x.force[0] for x in pulls if x.line == name), tension)
-
+        more = {}
+        for load in pulls:
+            more[load.line] = more.get(load.line, 0.0) + load.force[0]
         lines = tuple(
-            dataclasses.replace(line, tension=pulled(line.name, line.tension))
+            dataclasses.replace(line, tension=line.tension + more.get(line.name, 0.0))
             for line in knee.lines
         )
         muscles = knee.muscles
-        if muscles is not None and any(x.line in muscles.names for x in pulls):
-            rows = zip(muscles.names, muscles.tension, strict=True)
-            tensions = jnp.broadcast_arrays(*(pulled(name, tension) for name, tension in rows))
-            muscles = dataclasses.replace(muscles, tension=jnp.stack(tensions))
+        if muscles is not None and pulls:
+            muscles = muscles.pulling(more)
         wrenches = (load for load in self.loads if not load.line)
         return dataclasses.replace(
             knee,

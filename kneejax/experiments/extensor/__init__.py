@@ -1,0 +1,8 @@
+"""Experiments in which the quadriceps pulls on a patella."""
+
+from kneejax.experiments.extensor._extensor import Extensor as Extensor
+from kneejax.experiments.extensor._extensor import isometric_extension as isometric_extension
+from kneejax.experiments.extensor._extensor import leg_raise as leg_raise
+from kneejax.experiments.extensor._extensor import patellar_tracking as patellar_tracking
+from kneejax.experiments.extensor._gravity import Shank as Shank
+from kneejax.experiments.extensor._mechanism import TENDON as TENDON

@@ -1,0 +1,222 @@
+"""The quadriceps pulls: tracking of the patella, isometric extension, the leg that is raised."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+
+from kneejax.experiments._evaluate import Mechanics, evaluate
+from kneejax.experiments._motion import Motion, followed
+from kneejax.experiments.extensor._gravity import Shank
+from kneejax.experiments.extensor._mechanism import arm_and_tendon, forces_on_tibia
+from kneejax.geometry import FEMUR, PATELLA
+from kneejax.mechanics import QUADRICEPS, Knee, Load, pull_of
+from kneejax.statics import Stations, converged
+
+#: What moments are balanced to, N mm; pulls that are tried at most; and the first arm, mm.
+_ENOUGH_NMM, _MOST_TRIES, _ARM_MM = 1e-3, 12, 40.0
+#: No quadriceps pulls more, N.
+STRONGEST_N = 12000.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Extensor:
+    """A knee of three bones under the pull of its quadriceps.
+
+    Attributes:
+        motion: the balances, one a pose.
+        mechanics: ligaments and contact there.
+        quadriceps_N: pull of all heads together, `(poses,)`.
+        tendon_N: of the patellar tendon, `(poses,)`: the size of what it does to the tibia.
+        contact_N: between patella and femur, `(poses,)`.
+        extension_Nm: moment about the flexion axis that the mechanism can hold there, `(poses,)`:
+            what besides the quadriceps, weights included, must be added to flex the knee further.
+        weight_Nm: of that, what the weights of shank and ankle ask for, `(poses,)`.
+        arm_mm: effective moment arm by virtual work, `(poses,)`: how much shorter the quadriceps
+            becomes per rad of flexion, all other coordinates staying balanced.
+    """
+
+    motion: Motion
+    mechanics: Mechanics
+    quadriceps_N: np.ndarray
+    tendon_N: np.ndarray
+    contact_N: np.ndarray
+    extension_Nm: np.ndarray
+    weight_Nm: np.ndarray
+    arm_mm: np.ndarray
+
+    @property
+    def flexion_deg(self) -> np.ndarray:
+        """Of the tibia, `(poses,)`."""
+        return np.asarray(self.motion.flexion_deg)
+
+    @property
+    def patella(self) -> np.ndarray:
+        """Poses of the patella, degrees and mm, `(poses, 6)`, in the order of its columns."""
+        return np.asarray(self.motion.settled.state.poses[PATELLA].to_table())
+
+    @property
+    def forces_on_tibia(self) -> dict[str, np.ndarray]:
+        """Part -> what it does to the tibia along the tibia's own axes, `(poses, 3)`, N.
+
+        Ligaments by name, the patellar tendon as one, contacts, muscles, weights: they sum to
+        zero where the knee balances.
+        """
+        return forces_on_tibia(self.motion, np.asarray(self.mechanics.contact_force))
+
+
+def _needs_patella(knee: Knee) -> None:
+    """Refuse a knee that has no patella.
+
+    Raises:
+        ValueError: it has none, or no quadriceps.
+    """
+    if PATELLA not in knee.bodies or knee.muscles is None or not knee.muscles.quadriceps:
+        raise ValueError(
+            f"{knee.name} has no patella with a quadriceps: expected a knee read with its patella"
+        )
+
+
+def patellar_tracking(
+    knee: Knee, flexion_deg: ArrayLike, quadriceps_N: ArrayLike, loads: Sequence[Load] = ()
+) -> Extensor:
+    """Bend a knee while the quadriceps pulls: at each angle both bones balance.
+
+    Args:
+        knee: of three bones (`KneeFile.with_patella`).
+        flexion_deg: prescribed, `(poses,)`.
+        quadriceps_N: pull of all heads, shared as at rest, one or `(poses,)`.
+        loads: on the tibia besides.
+
+    Returns:
+        The poses of both bones and the forces; NaN where a search failed, with its status.
+
+    Raises:
+        ValueError: the knee has no patella, or the quadriceps pushes.
+
+    Example:
+        >>> import kneejax as kj
+        >>> knee = kj.load_knee("lenhart2015_reduced", patella=True)
+        >>> found = kj.patellar_tracking(knee, [30.0, 60.0], 100.0)
+        >>> bool(found.motion.stable.all())
+        True
+    """
+    _needs_patella(knee)
+    flexion, pull = np.broadcast_arrays(np.asarray(flexion_deg, float), quadriceps_N)
+    _check_pull(pull)
+    return _described(_pulled(knee, flexion, pull, loads), np.asarray(pull, float), ())
+
+
+def isometric_extension(
+    knee: Knee, flexion_deg: ArrayLike, quadriceps_N: ArrayLike, loads: Sequence[Load] = ()
+) -> Extensor:
+    """Pull at held flexions with a quadriceps that grows.
+
+    Args:
+        knee: as in `patellar_tracking`.
+        flexion_deg: held angles, `(angles,)`.
+        quadriceps_N: pulls, `(pulls,)`.
+        loads: on the tibia besides.
+
+    Returns:
+        Poses in rows of angles, for each all pulls in their order.
+    """
+    angles, pulls = (np.atleast_1d(np.asarray(x, float)) for x in (flexion_deg, quadriceps_N))
+    every = np.repeat(angles, len(pulls)), np.tile(pulls, len(angles))
+    return patellar_tracking(knee, *every, loads)
+
+
+def leg_raise(knee: Knee, flexion_deg: ArrayLike, shank: Shank) -> Extensor:
+    """Hold shank and foot against gravity at each flexion: the quadriceps pulls as much as it must.
+
+    Args:
+        knee: as in `patellar_tracking`.
+        flexion_deg: `(poses,)`.
+        shank: what is held.
+
+    Returns:
+        Poses, the quadriceps' pull and all forces. Where not even no pull would let the leg sink,
+        the quadriceps is left as it is at rest, and `extension_Nm` says what is left over.
+
+    Example:
+        >>> import kneejax as kj
+        >>> knee = kj.load_knee("lenhart2015_reduced", patella=True)
+        >>> held = kj.leg_raise(knee, [30.0, 60.0], kj.Shank.of_person(75.0, 1.75))
+        >>> bool((abs(held.extension_Nm) < 1e-5).all())
+        True
+    """
+    _needs_patella(knee)
+    flexion = np.atleast_1d(np.asarray(flexion_deg, float))
+    loads, rest = shank.loads(), _at_rest(knee)
+
+    def left(pull: np.ndarray) -> tuple[Motion, np.ndarray]:
+        motion = _pulled(knee, flexion, pull, loads)
+        return motion, np.asarray(motion.reaction("flexion"))
+
+    # The moment is nearly proportional to the pull: a secant ends in a few walks.
+    before = np.full(flexion.shape, rest)
+    motion, moment = left(before)
+    pull = np.clip(before - moment / _ARM_MM, rest, STRONGEST_N)
+    for _ in range(_MOST_TRIES):
+        motion, now = left(pull)
+        away = pull - before
+        slope = np.where(away != 0.0, (now - moment) / np.where(away != 0.0, away, 1.0), _ARM_MM)
+        further = np.clip(pull - now / slope, rest, STRONGEST_N)
+        open_ = np.isfinite(now) & (np.abs(now) > _ENOUGH_NMM) & (further != pull)
+        if not open_.any():
+            break
+        before, moment = pull, now
+        pull = np.where(open_, further, pull)
+    return _described(motion, pull, loads)
+
+
+def _at_rest(knee: Knee) -> float:
+    assert knee.muscles is not None
+    return float(sum(knee.muscles.tension[row] for row in knee.muscles.quadriceps))
+
+
+def _check_pull(pull: np.ndarray) -> None:
+    wrong = pull[~((pull > 0.0) & (pull <= STRONGEST_N))]
+    if wrong.size:
+        expected = f"above 0 and up to {STRONGEST_N:g} N"
+        raise ValueError(f"the quadriceps pulls with {wrong[0]:g} N: expected {expected}")
+
+
+def _pulled(
+    knee: Knee, flexion: np.ndarray, pull: np.ndarray, loads: Sequence[Load]
+) -> Motion:
+    more = pull_of(QUADRICEPS, np.asarray(pull) - _at_rest(knee))
+    return followed(knee, Stations.at(flexion, [more, *loads]))
+
+
+def _described(motion: Motion, pull: np.ndarray, weights: Sequence[Load]) -> Extensor:
+    mechanics = evaluate(motion.knee, motion.settled.state)
+    forces = np.linalg.norm(np.asarray(mechanics.contact_force), axis=-1)
+    on_patella = [k for k, c in enumerate(motion.knee.contacts) if c.bodies == (FEMUR, PATELLA)]
+    arm, tendon = arm_and_tendon(motion.knee, motion.stations, motion.settled)
+    holds = converged(np.asarray(motion.status))
+
+    def where(x) -> np.ndarray:
+        return np.where(holds, np.asarray(x), np.nan)
+
+    return Extensor(
+        motion,
+        mechanics,
+        pull,
+        where(tendon),
+        where(forces[:, on_patella].sum(axis=1)),
+        where(motion.reaction("flexion")) / 1000.0,
+        where(_moment(motion, weights)) / 1000.0,
+        where(arm),
+    )
+
+
+def _moment(motion: Motion, weights: Sequence[Load]) -> np.ndarray:
+    """What weights ask for about the flexion axis, towards extension, N mm."""
+    state = motion.settled.state
+    work = [load.work(state, ("flexion",))[0] for load in weights]
+    return np.asarray(sum(work, jnp.zeros(state.shape)))
