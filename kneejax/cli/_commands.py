@@ -9,7 +9,7 @@ from pathlib import Path
 
 from kneejax.cli._parser import KNEE, Parser, add_command, add_convention, add_out, add_svg
 from kneejax.cli._study_commands import add_identify, add_map, add_sensitivity, add_study
-from kneejax.cli._test_options import TESTS, add_test_options
+from kneejax.cli._test_options import EXTENSOR, TESTS, add_extensor_options, add_test_options
 from kneejax.cli._version import ShowVersion
 from kneejax.cli.joint import add_joint
 
@@ -80,11 +80,12 @@ def _add_simulate(commands) -> None:
     )
     simulate.add_argument(
         "experiment",
-        choices=["passive-flexion", *TESTS],
+        choices=["passive-flexion", *TESTS, *EXTENSOR],
         action=_NamesOut,
         metavar="EXPERIMENT",
         help=f"passive-flexion, or a test under load: {', '.join(TESTS)}; `load` makes the load "
-        "that --load says grow from nothing, `envelope` is drawer, varus-valgus and torsion",
+        "that --load says grow from nothing, `envelope` is drawer, varus-valgus and torsion; or "
+        f"with the patella, {', '.join(EXTENSOR)}",
     )
     simulate.add_argument("--knee", default="four_ligament", help=KNEE)
     simulate.add_argument(
@@ -93,6 +94,7 @@ def _add_simulate(commands) -> None:
         "tests, 20 in lachman)",
     )
     add_test_options(simulate)
+    add_extensor_options(simulate)
     simulate.add_argument(
         "--set",
         action="append",

@@ -15,6 +15,7 @@ from kneejax.cli._displacement import (
 from kneejax.cli._given import read_loads, read_pairs
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli._say_status import say_status
+from kneejax.cli._test_options import EXTENSOR
 from kneejax.experiments import (
     branches,
     doubts,
@@ -38,10 +39,18 @@ from kneejax.statics import Status
 
 #: Options of a test under load.
 _OF_TESTS = ("force_N", "moment_Nm", "displacement_mm", "rotation_deg", "hold", "both", "steps")
+#: Options of experiments in which the quadriceps pulls.
+_OF_EXTENSOR = ("quadriceps_N", "body_kg", "height_m", "ankle_kg", "femur_deg")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Move a knee through flexion, or run a test under load."""
+    """Move a knee through flexion, run a test under load, or let its quadriceps pull."""
+    if arguments.experiment in EXTENSOR:
+        _refuse(arguments, (*_OF_TESTS[:-1], "branches"), "a test under load with it")
+        from kneejax.cli._extensor import run_extensor
+
+        return run_extensor(arguments)
+    _refuse(arguments, _OF_EXTENSOR, f"{', '.join(EXTENSOR)} with it")
     if arguments.experiment == "passive-flexion":
         return _passive_flexion(arguments)
     from kneejax.cli._laboratory import run_test
@@ -49,12 +58,15 @@ def run(arguments: argparse.Namespace) -> int:
     return run_test(arguments)
 
 
+def _refuse(arguments: argparse.Namespace, options: tuple[str, ...], expected: str) -> None:
+    for option in options:
+        if getattr(arguments, option) not in (None, False, []):
+            raise InputProblem("simulate", f"--{option}", arguments.experiment, expected)
+
+
 def _passive_flexion(arguments: argparse.Namespace) -> int:
     """Simulate, print a table, write poses.csv, forces.csv and a figure."""
-    for option in _OF_TESTS:
-        if getattr(arguments, option):
-            expected = "a test under load with it; passive-flexion takes --load"
-            raise InputProblem("simulate", f"--{option}", "passive-flexion", expected)
+    _refuse(arguments, _OF_TESTS, "a test under load with it; passive-flexion takes --load")
     flexion = parse_flexion(arguments.flexion or "0:120:5")
     values, loads = read_pairs("--set", arguments.values), read_loads(arguments.load)
     knee = cut(knee_with(load_knee(arguments.knee), values, "--set"), arguments.cut)

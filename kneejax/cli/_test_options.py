@@ -9,6 +9,8 @@ TESTS = (
     "drawer", "lachman", "torsion", "varus-valgus", "compression", "distraction", "pivot",
     "envelope", "load",
 )  # fmt: skip
+#: Experiments in which the quadriceps pulls on a patella.
+EXTENSOR = ("patellar-tracking", "extension", "leg-raise")
 _HELD = ("adduction", "internal_rotation")
 
 
@@ -49,4 +51,27 @@ def add_test_options(simulate: argparse.ArgumentParser) -> None:
     )
     simulate.add_argument(
         "--steps", type=int, help="of a test, from nothing to the full load (default: 20)"
+    )
+
+
+def add_extensor_options(simulate: argparse.ArgumentParser) -> None:
+    """Pull of the quadriceps, and the leg that it holds."""
+    simulate.add_argument(
+        "--quadriceps_N",
+        type=float,
+        help="pull of the quadriceps: of patellar-tracking (default: 100), and the largest of "
+        "extension (default: 1000), which --steps divides",
+    )
+    simulate.add_argument(
+        "--body_kg", type=float, help="of leg-raise: the person (default: 75); shank and foot are "
+        "6.1 %% of it"
+    )  # fmt: skip
+    simulate.add_argument("--height_m", type=float, help="of leg-raise (default: 1.75)")
+    simulate.add_argument(
+        "--ankle_kg", type=float, help="of leg-raise: a weight at the ankle besides (default: 0)"
+    )
+    simulate.add_argument(
+        "--femur_deg",
+        type=float,
+        help="of leg-raise: of the thigh from the horizontal, knee above hip positive (default: 0)",
     )

@@ -1,8 +1,8 @@
-"""Unrolled elimination for small symmetric systems over lanes.
+"""Elimination for small symmetric systems over lanes.
 
 LAPACK called once a lane is 5 to 7 times slower than elementwise elimination of five unknowns.
-Entries and answers are separate arrays: what a compiler computes into a stack it computes for each
-row.
+Unrolled, entries and answers are separate arrays: what a compiler computes into a stack it computes
+for each row. Of many unknowns that is too much to compile, and a loop does it.
 """
 
 from __future__ import annotations
@@ -10,7 +10,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import jax.numpy as jnp
-from jax import Array
+from jax import Array, lax
+
+#: Unknowns up to which elimination is unrolled: those of one bone. Eleven are 900 operations.
+_UNROLLED = 6
 
 
 def solve(
@@ -27,6 +30,8 @@ def solve(
         The solution and the pivots, `n` rows of lanes each. All pivots of a symmetric matrix are
         positive exactly if it is positive definite.
     """
+    if len(right) > _UNROLLED:
+        return _solve_in_loop(matrix, right)
     size = range(len(right))
     rows = [[matrix[i, j] for j in size] for i in size]
     known = [right[i] for i in size]
@@ -42,6 +47,28 @@ def solve(
             solution[i] = solution[i] - rows[i][j] * solution[j]
         solution[i] = solution[i] / rows[i][i]
     return tuple(solution), tuple(rows[k][k] for k in size)
+
+
+def _solve_in_loop(
+    matrix: Array, right: Sequence[Array] | Array
+) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
+    """As `solve`; each pivot clears its column above and below."""
+    count = len(right)
+    lanes = jnp.broadcast_shapes(matrix.shape[2:], *(jnp.shape(row) for row in right))
+    matrix = jnp.broadcast_to(matrix, (count, count, *lanes))
+    right = jnp.stack([jnp.broadcast_to(row, lanes) for row in right])
+    others = 1.0 - identity(count, len(lanes))
+
+    # Matrix and right side apart: the answer is linear in the one, and can be transposed in it.
+    def cleared(k, state):
+        left, known = state
+        row = left[k]
+        factor = others[k] * left[:, k] / row[k]
+        return left - factor[:, None] * row, known - factor * known[k]
+
+    left, known = lax.fori_loop(0, count, cleared, (matrix, right))
+    pivots = [left[k, k] for k in range(count)]
+    return tuple(known[k] / pivots[k] for k in range(count)), tuple(pivots)
 
 
 def identity(size: int, lane_axes: int) -> Array:

@@ -32,6 +32,11 @@ from kneejax.report.design import candidates_figure as candidates_figure
 from kneejax.report.design import candidates_rows as candidates_rows
 from kneejax.report.design import design_text as design_text
 from kneejax.report.design import standard_errors_figure as standard_errors_figure
+from kneejax.report.extensor import EXTENSOR_COLUMNS as EXTENSOR_COLUMNS
+from kneejax.report.extensor import extensor_figure as extensor_figure
+from kneejax.report.extensor import extensor_lines as extensor_lines
+from kneejax.report.extensor import extensor_rows as extensor_rows
+from kneejax.report.extensor import shear_figure as shear_figure
 from kneejax.report.identification import ESTIMATE_COLUMNS as ESTIMATE_COLUMNS
 from kneejax.report.identification import INFORMATION_COLUMNS as INFORMATION_COLUMNS
 from kneejax.report.identification import estimate_rows as estimate_rows

@@ -11,7 +11,7 @@ from jax.typing import ArrayLike
 
 from kneejax.experiments._evaluate import Mechanics, evaluate
 from kneejax.experiments._motion import Motion, followed
-from kneejax.experiments.extensor._gravity import Shank
+from kneejax.experiments.extensor._gravity import Shank, weight_of
 from kneejax.experiments.extensor._mechanism import arm_and_tendon, forces_on_tibia
 from kneejax.geometry import FEMUR, PATELLA
 from kneejax.mechanics import QUADRICEPS, Knee, Load, pull_of
@@ -108,7 +108,9 @@ def patellar_tracking(
     _needs_patella(knee)
     flexion, pull = np.broadcast_arrays(np.asarray(flexion_deg, float), quadriceps_N)
     _check_pull(pull)
-    return _described(_pulled(knee, flexion, pull, loads), np.asarray(pull, float), ())
+    weightless = weight_of(np.zeros(3), np.zeros(3))
+    motion = _pulled(knee, flexion, pull, (weightless, *loads))
+    return _described(motion, np.asarray(pull, float), weightless)
 
 
 def isometric_extension(
@@ -151,10 +153,10 @@ def leg_raise(knee: Knee, flexion_deg: ArrayLike, shank: Shank) -> Extensor:
     """
     _needs_patella(knee)
     flexion = np.atleast_1d(np.asarray(flexion_deg, float))
-    loads, rest = shank.loads(), _at_rest(knee)
+    weight, rest = shank.load(), _at_rest(knee)
 
     def left(pull: np.ndarray) -> tuple[Motion, np.ndarray]:
-        motion = _pulled(knee, flexion, pull, loads)
+        motion = _pulled(knee, flexion, pull, (weight,))
         return motion, np.asarray(motion.reaction("flexion"))
 
     # The moment is nearly proportional to the pull: a secant ends in a few walks.
@@ -171,7 +173,7 @@ def leg_raise(knee: Knee, flexion_deg: ArrayLike, shank: Shank) -> Extensor:
             break
         before, moment = pull, now
         pull = np.where(open_, further, pull)
-    return _described(motion, pull, loads)
+    return _described(motion, pull, weight)
 
 
 def _at_rest(knee: Knee) -> float:
@@ -186,14 +188,12 @@ def _check_pull(pull: np.ndarray) -> None:
         raise ValueError(f"the quadriceps pulls with {wrong[0]:g} N: expected {expected}")
 
 
-def _pulled(
-    knee: Knee, flexion: np.ndarray, pull: np.ndarray, loads: Sequence[Load]
-) -> Motion:
+def _pulled(knee: Knee, flexion: np.ndarray, pull: np.ndarray, loads: Sequence[Load]) -> Motion:
     more = pull_of(QUADRICEPS, np.asarray(pull) - _at_rest(knee))
     return followed(knee, Stations.at(flexion, [more, *loads]))
 
 
-def _described(motion: Motion, pull: np.ndarray, weights: Sequence[Load]) -> Extensor:
+def _described(motion: Motion, pull: np.ndarray, weight: Load) -> Extensor:
     mechanics = evaluate(motion.knee, motion.settled.state)
     forces = np.linalg.norm(np.asarray(mechanics.contact_force), axis=-1)
     on_patella = [k for k, c in enumerate(motion.knee.contacts) if c.bodies == (FEMUR, PATELLA)]
@@ -210,13 +210,11 @@ def _described(motion: Motion, pull: np.ndarray, weights: Sequence[Load]) -> Ext
         where(tendon),
         where(forces[:, on_patella].sum(axis=1)),
         where(motion.reaction("flexion")) / 1000.0,
-        where(_moment(motion, weights)) / 1000.0,
+        where(_moment(motion, weight)) / 1000.0,
         where(arm),
     )
 
 
-def _moment(motion: Motion, weights: Sequence[Load]) -> np.ndarray:
-    """What weights ask for about the flexion axis, towards extension, N mm."""
-    state = motion.settled.state
-    work = [load.work(state, ("flexion",))[0] for load in weights]
-    return np.asarray(sum(work, jnp.zeros(state.shape)))
+def _moment(motion: Motion, weight: Load) -> np.ndarray:
+    """What a weight asks for about the flexion axis, towards extension, N mm."""
+    return np.asarray(weight.work(motion.settled.state, ("flexion",))[0])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 
-import jax.numpy as jnp
 import numpy as np
 
 from kneejax.mechanics import Load
@@ -16,6 +15,8 @@ GRAVITY = 9.80665
 MASS_SHARE, CENTER_SHARE = 0.061, 0.606
 #: Of body height: length of the shank (same source, Figure 4.1).
 LENGTH_SHARE = 0.246
+#: What the weight of the leg is called among the forces on the tibia.
+WEIGHT = "weight"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,13 +64,15 @@ class Shank:
         center = (0.0, -CENTER_SHARE * length, 0.0)
         return cls(MASS_SHARE * body_kg, center, ankle_kg, (0.0, -length, 0.0), femur_deg)
 
-    def loads(self) -> tuple[Load, ...]:
-        """The weights, in the direction that they keep in the femur's frame."""
+    def load(self) -> Load:
+        """Both weights as one force in the direction that it keeps in the femur's frame."""
         turn = np.deg2rad(self.femur_deg)
         down = -np.array([np.cos(turn), np.sin(turn), 0.0])
-        weights = {"shank": (self.mass_kg, self.center_mm), "ankle": (self.ankle_kg, self.ankle_mm)}
-        return tuple(
-            Load(GRAVITY * mass * down, point=jnp.asarray(at, float), name=f"weight of {name}")
-            for name, (mass, at) in weights.items()
-            if mass > 0.0
-        )
+        mass = self.mass_kg + self.ankle_kg
+        moments = self.mass_kg * np.array(self.center_mm) + self.ankle_kg * np.array(self.ankle_mm)
+        return weight_of(GRAVITY * mass * down, moments / mass if mass else np.zeros(3))
+
+
+def weight_of(force_N: np.ndarray, point_mm: np.ndarray) -> Load:
+    """A weight on the tibia, or none: of one form, so that one compiled program serves all."""
+    return Load(np.asarray(force_N, float), point=np.asarray(point_mm, float), name=WEIGHT)

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from kneejax.files._bundled import bundled_path
 from kneejax.files.knee import _schema as schema
 from kneejax.files.knee._building import build_surface, knee_of, knee_with_patella
 from kneejax.files.knee._format import plain_document
@@ -69,9 +70,14 @@ class KneeFile:
         """
         if not self.has_patella:
             raise InputProblem(self.path, "patella", "missing", "this section, in a knee file")
-        left = self.document["side"] == "left"
-        right = mirror_document(self.document) if left else self.document
-        return knee_with_patella(right, self.document["side"], str(self.path), tension_N or {})
+        document, side = self.document, self.document["side"]
+        same_as = document["patella"].get(schema.SAME_AS)
+        if same_as is not None:
+            whole = load_yaml(bundled_path("knees", same_as), "a knee file")
+            own = whole if whole["side"] == side else mirror_document(whole)
+            document = document | {"patella": own["patella"]}
+        right = mirror_document(document) if side == "left" else document
+        return knee_with_patella(right, side, str(self.path), tension_N or {})
 
     @property
     def adaptations(self) -> tuple[dict[str, Any], ...]:

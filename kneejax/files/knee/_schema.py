@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import fnmatch
 
+from kneejax.files._bundled import bundled_files
 from kneejax.files.knee import _schema_parts as parts
 from kneejax.files.reading import Field
 from kneejax.geometry import FEMUR, PATELLA, TIBIA
@@ -37,6 +38,8 @@ KNEE_FIELDS = (
 PATELLA_FIELDS = ("reference_pose", "ligaments", "contacts", "muscles", "wraps")
 #: Bones whose articular surface may stand in a file before any contact uses it.
 SURFACE_BONES = ("patella",)
+#: Instead of these: the bundled knee whose patella it is.
+SAME_AS = "same_as"
 ADAPTATION_FIELDS = ("field", "from", "to", "reason")
 IMPORT_FIELDS = ("file", "sha256", "side", "femur", "tibia", "ligaments", "wraps")
 
@@ -105,10 +108,14 @@ def check_patella(patella: Field, sources: dict[str, str], ligaments: tuple[str,
     """Check the patella: its pose, and all parts that join it, with the muscles.
 
     Args:
-        patella: the section.
+        patella: the section, or `same_as` with the name of a bundled knee in the same frames.
         sources: to which those of its parts are added.
         ligaments: names of the other ligaments.
     """
+    if isinstance(patella.value, dict) and SAME_AS in patella:
+        known = patella.mapping((SAME_AS,), ("source",))[SAME_AS].choice(bundled_files("knees"))
+        sources[patella.path] = f"the patella of {known}"
+        return
     patella.mapping(PATELLA_FIELDS[:-1], PATELLA_FIELDS[-1:])
     parts.check_pose(patella["reference_pose"], sources, PATELLA)
     wraps = patella["wraps"].named("an obstacle") if "wraps" in patella else []

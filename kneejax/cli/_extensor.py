@@ -1,0 +1,131 @@
+"""`kneejax simulate patellar-tracking | extension | leg-raise`: the quadriceps pulls."""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+
+from kneejax.cli._given import check_within, read_loads, read_pairs
+from kneejax.cli._progress import stages_on_terminal
+from kneejax.cli._say_status import say_status
+from kneejax.experiments import (
+    Extensor,
+    Shank,
+    doubts,
+    isometric_extension,
+    leg_raise,
+    of_search,
+    patellar_tracking,
+    with_flips,
+)
+from kneejax.files import InputProblem, knee_with, load_knee, parse_flexion, write_rows
+from kneejax.mechanics import Knee, Range, load_of
+from kneejax.parameters import cut
+
+_FLEXION = {"patellar-tracking": "0:120:5", "extension": "0:90:30", "leg-raise": "0:90:5"}
+_PULL_N = {"patellar-tracking": 100.0, "extension": 1000.0}
+_MOST_STEPS = 200
+#: Option -> what it may be.
+_SIZES = {
+    "quadriceps_N": Range(1.0, 12000.0, "N"),
+    "body_kg": Range(20.0, 300.0, "kg"),
+    "height_m": Range(1.0, 2.5, "m", too_large="cm are suspected"),
+    "ankle_kg": Range(0.0, 100.0, "kg"),
+    "femur_deg": Range(-90.0, 90.0, "degrees"),
+}
+_OF_LEG = ("body_kg", "height_m", "ankle_kg", "femur_deg")
+
+
+def run_extensor(arguments: argparse.Namespace) -> int:
+    """Pull, print forces and the patella, write tables and two figures."""
+    name = arguments.experiment
+    flexion = parse_flexion(arguments.flexion or _FLEXION[name])
+    _check(arguments)
+    loads = read_loads(arguments.load)
+    values = read_pairs("--set", arguments.values)
+    knee = load_knee(arguments.knee, patella=True)
+    knee = cut(knee_with(knee, values, "--set"), arguments.cut)
+    with stages_on_terminal(knee.name):
+        found = _made(arguments, knee, flexion, [load_of(**loads)] if loads else [])
+    status = with_flips(found.motion.status, found.mechanics)
+    said = doubts(knee, found.mechanics, of_search(found.motion, loads))
+    _report(arguments, knee, found, status)
+    places = [f"{x:g}" for x in found.flexion_deg]
+    doubtful = say_status(status, places, "degrees", said, given=False)
+    files = "extensor.csv, forces.csv, tibia_forces.csv, settings.json"
+    print(f"written: {arguments.out}/{files}, figures/extensor.png")
+    return int(doubtful)
+
+
+def _check(arguments: argparse.Namespace) -> None:
+    """Refuse sizes that no person has, and options of another experiment."""
+    name = arguments.experiment
+    strange = _OF_LEG if name != "leg-raise" else ("quadriceps_N", "load")
+    for option in strange:
+        if getattr(arguments, option) not in (None, []):
+            expected = "leg-raise" if option in _OF_LEG else "patellar-tracking or extension"
+            raise InputProblem("simulate", f"--{option}", name, f"{expected} with it")
+    for option, allowed in _SIZES.items():
+        value = getattr(arguments, option)
+        if value is not None:
+            check_within(f"--{option}", option, [value], allowed)
+    steps = arguments.steps
+    if steps is not None and not 1 <= steps <= _MOST_STEPS:
+        raise InputProblem("--steps", "steps", str(steps), f"between 1 and {_MOST_STEPS}")
+
+
+def _made(arguments: argparse.Namespace, knee: Knee, flexion: np.ndarray, loads) -> Extensor:
+    name = arguments.experiment
+    if name == "leg-raise":
+        usual = {"body_kg": 75.0, "height_m": 1.75, "ankle_kg": 0.0, "femur_deg": 0.0}
+        given = {option: getattr(arguments, option) for option in _OF_LEG}
+        chosen = {k: usual[k] if given[k] is None else given[k] for k in usual}
+        return leg_raise(knee, flexion, Shank.of_person(**chosen))
+    pull = arguments.quadriceps_N or _PULL_N[name]
+    if name == "patellar-tracking":
+        return patellar_tracking(knee, flexion, pull, loads)
+    steps = arguments.steps or 20
+    return isometric_extension(knee, flexion, pull * np.arange(1, steps + 1) / steps, loads)
+
+
+def _report(arguments, knee: Knee, found: Extensor, status: np.ndarray) -> None:
+    from kneejax.report import (
+        EXTENSOR_COLUMNS,
+        extensor_figure,
+        extensor_lines,
+        extensor_rows,
+        save_figure,
+        shear_figure,
+    )
+
+    without = f" without {', '.join(arguments.cut)}" if arguments.cut else ""
+    title = f"{knee.name}{without}: {arguments.experiment}"
+    print(title)
+    print("\n".join(extensor_lines(found, status)))
+    out = arguments.out
+    write_rows(out / "extensor.csv", list(EXTENSOR_COLUMNS), extensor_rows(found, status))
+    key = ["flexion_deg", "quadriceps_N", "part"]
+    write_rows(out / "forces.csv", [*key, "force_N"], _forces(knee, found))
+    axes = [f"{way}_N" for way in ("anterior", "superior", "lateral")]
+    write_rows(out / "tibia_forces.csv", [*key, *axes], _on_tibia(found))
+    folder = out / "figures"
+    folder.mkdir(parents=True, exist_ok=True)
+    save_figure(extensor_figure(found, status, title), folder, "extensor", svg=arguments.svg)
+    if arguments.experiment != "extension":
+        save_figure(shear_figure(found), folder, "shear", svg=arguments.svg)
+
+
+def _forces(knee: Knee, found: Extensor):
+    tension = np.asarray(found.mechanics.tension)
+    contact = np.linalg.norm(np.asarray(found.mechanics.contact_force), axis=-1)
+    for i, (flexion, pull) in enumerate(zip(found.flexion_deg, found.quadriceps_N, strict=True)):
+        parts = [*zip(knee.ligaments.names, tension[i], strict=True)]
+        for name, force in [*parts, *zip(knee.contact_names, contact[i], strict=True)]:
+            yield [flexion, pull, name, force]
+
+
+def _on_tibia(found: Extensor):
+    for name, forces in found.forces_on_tibia.items():
+        for flexion, pull, force in zip(found.flexion_deg, found.quadriceps_N, forces, strict=True):
+            yield [flexion, pull, name, *force]
