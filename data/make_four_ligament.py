@@ -93,6 +93,8 @@ def document(source: Path) -> dict:
         },
         "ligaments": {name: _ligament(name, ligaments) for name in TABLE_1},
         "contacts": {name: _contact(name, source) for name in ("medial", "lateral")},
+        # Of the same person, in the same frames.
+        "patella": {"same_as": "lenhart2015_reduced"},
         "lines": {"patellar_tendon": _patellar_tendon(source, ligaments)},
         "adaptations": ADAPTATIONS,
         "notes": (

@@ -211,6 +211,7 @@ def _knee(
         "name": name,
         "description": said,
         "ligaments": lines,
+        "patella": {"same_as": SURFACES},
         "groups": GROUPS[name],
         "adaptations": [*adapted, *kept],
         "notes": NOTES.format(paper=paper),

@@ -16,6 +16,7 @@ from kneejax.mechanics import (
     Knee,
     Ligaments,
     Load,
+    Muscles,
     add_lane_axis,
 )
 from kneejax.statics import Guess, settle
@@ -76,11 +77,11 @@ def vice(pair, stiffness):
 
 
 def knee_of(fibres, **parts):
-    of = dict(contacts=(), loads=(), lines=()) | parts
+    of = dict(contacts=(), loads=(), lines=(), muscles=None) | parts
     names = tuple(str(k) for k in range(len(of["contacts"])))
     return Knee(
         fibres, of["contacts"], of["loads"], of["lines"], AT_REFERENCE["tibia"], names,
-        other_bones={"patella": AT_REFERENCE["patella"]},
+        other_bones={"patella": AT_REFERENCE["patella"]}, muscles=of["muscles"],
     )  # fmt: skip
 
 
@@ -105,8 +106,17 @@ def full_knee():
     plateau = Contact(
         geo.Sphere(21.0, geo.Frame([0.0, -10.0, 5.0])), geo.Plane(geo.Frame([0.0, 0.5, 0.0]))
     )
+    around = Course((1,), [[[18.0, 55.0, -3.0]]], ("femur",),
+                    geo.WrapCylinder(15.0, 200.0, geo.Frame([8.0, 25.0, 0.0])), "femur",
+                    ("femur", "patella"))  # fmt: skip
+    heads = Muscles(
+        [[20.0, 120.0, 8.0], [14.0, 110.0, -9.0], [-15.0, 90.0, 20.0]],
+        [[-1.0, 17.0, 4.0], [0.0, 16.0, -6.0], [-20.0, -40.0, 18.0]],
+        [70.0, 45.0, 20.0], ["vasint", "recfem", "biceps"], [around],
+        (("femur", "patella"),) * 2 + (geo.FEMUR_AND_TIBIA,),
+    )  # fmt: skip
     return knee_of(
-        fibres, contacts=(groove, plateau),
+        fibres, muscles=heads, contacts=(groove, plateau),
         lines=(ConstantTensionLine(60.0, [[30.0, 70.0, 4.0]], [2.0, 18.0, 1.0], bone="patella"),),
         loads=(Load([20.0, 0.0, 0.0], [0.0, 300.0, 0.0]),
                Load([0.0, 15.0, 5.0], axes="patella", bone="patella")),
@@ -161,20 +171,22 @@ def test_a_patella_balances_beside_the_tibia_in_eleven_unknowns(full_knee):
 
 
 def test_its_derivatives_are_those_of_differences(full_knee, central_difference):
-    """By the stiffness of all fibres, the radius of the groove, and the flexion prescribed."""
+    """By the stiffness of all fibres, the radius of the groove, the pull of the muscles, and the
+    flexion prescribed."""
 
     @jax.jit
     def state(x):
         fibres, groove = full_knee.ligaments.stiffness, full_knee.contacts[0].femoral.radius
+        pull = full_knee.muscles.tension
         knee = eqx.tree_at(
-            lambda k: (k.ligaments.stiffness, k.contacts[0].femoral.radius),
+            lambda k: (k.ligaments.stiffness, k.contacts[0].femoral.radius, k.muscles.tension),
             full_knee,
-            (fibres * (1.0 + 0.01 * x[0]), groove * (1.0 + 0.01 * x[1])),
+            (fibres * (1.0 + 0.01 * x[0]), groove * (1.0 + 0.01 * x[1]), pull * (1.0 + 0.1 * x[3])),
         )
         return settled(knee, {"flexion": FLEXION["flexion"] + 0.01 * x[2]}).q[:, 0]
 
-    exact = jax.jacfwd(state)(jnp.zeros(3))
-    numeric = central_difference(state, np.zeros(3), 2e-2)
+    exact = jax.jacfwd(state)(jnp.zeros(4))
+    numeric = central_difference(state, np.zeros(4), 2e-2)
     largest = np.abs(numeric).max(axis=0)
     assert largest.min() > 1e-6
     np.testing.assert_allclose(exact / largest, numeric / largest, atol=1e-6)
