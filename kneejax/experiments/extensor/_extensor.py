@@ -12,7 +12,7 @@ from kneejax.experiments._evaluate import Mechanics, evaluate
 from kneejax.experiments._motion import Motion, followed
 from kneejax.experiments.extensor._gravity import Shank, weight_of
 from kneejax.experiments.extensor._mechanism import arm_and_tendon, forces_on_tibia
-from kneejax.geometry import FEMUR, PATELLA
+from kneejax.geometry import FEMUR, PATELLA, TIBIA, State
 from kneejax.mechanics import QUADRICEPS, Knee, Load, pull_of
 from kneejax.statics import Stations, converged
 
@@ -32,9 +32,9 @@ class Extensor:
         quadriceps_N: pull of all heads together, `(poses,)`.
         tendon_N: of the patellar tendon, `(poses,)`: the size of what it does to the tibia.
         contact_N: between patella and femur, `(poses,)`.
-        extension_Nm: moment about the flexion axis that the mechanism can hold there, `(poses,)`:
-            what besides the quadriceps, weights included, must be added to flex the knee further.
-        weight_Nm: of that, what the weights of shank and ankle ask for, `(poses,)`.
+        extension_Nm: moment about the flexion axis with which the knee, its weight included, would
+            extend, `(poses,)`: a machine that holds it there exerts as much towards flexion.
+        weight_Nm: how much the weight of the leg bends the knee, `(poses,)`.
         arm_mm: effective moment arm by virtual work, `(poses,)`: how much shorter the quadriceps
             becomes per rad of flexion, all other coordinates staying balanced.
     """
@@ -158,21 +158,32 @@ def leg_raise(knee: Knee, flexion_deg: ArrayLike, shank: Shank) -> Extensor:
         motion = _pulled(knee, flexion, pull, (weight,))
         return motion, np.asarray(motion.reaction("flexion"))
 
-    # The moment is nearly proportional to the pull: a secant ends in a few walks.
-    before = np.full(flexion.shape, rest)
+    # The moment is nearly proportional to the pull: a secant ends in a few walks. It begins where
+    # the weight is carried, since a leg that hangs from a slack quadriceps may have no balance.
+    before = np.clip(_bending(knee, flexion, weight) / _ARM_MM, rest, STRONGEST_N)
     motion, moment = left(before)
-    pull = np.clip(before - moment / _ARM_MM, rest, STRONGEST_N)
+    guess = np.where(np.isfinite(moment), before - moment / _ARM_MM, 1.5 * before)
+    pull = np.clip(guess, rest, STRONGEST_N)
     for _ in range(_MOST_TRIES):
         motion, now = left(pull)
-        away = pull - before
-        slope = np.where(away != 0.0, (now - moment) / np.where(away != 0.0, away, 1.0), _ARM_MM)
-        further = np.clip(pull - now / slope, rest, STRONGEST_N)
-        open_ = np.isfinite(now) & (np.abs(now) > _ENOUGH_NMM) & (further != pull)
-        if not open_.any():
+        lost, away = ~np.isfinite(now), pull - before
+        slope = (now - moment) / np.where(away != 0.0, away, 1.0)
+        slope = np.where(np.isfinite(slope) & (slope > 0.0), slope, _ARM_MM)
+        further = np.where(lost, 0.5 * (pull + before), pull - now / slope)
+        further = np.clip(further, rest, STRONGEST_N)
+        goes_on = (lost | (np.abs(now) > _ENOUGH_NMM)) & (further != pull)
+        if not goes_on.any():
             break
-        before, moment = pull, now
-        pull = np.where(open_, further, pull)
+        before, moment = np.where(lost, before, pull), np.where(lost, moment, now)
+        pull = np.where(goes_on, further, pull)
     return _described(motion, pull, weight)
+
+
+def _bending(knee: Knee, flexion: np.ndarray, weight: Load) -> np.ndarray:
+    """Moment of a weight about the flexion axis of a tibia that only bends, N mm."""
+    reference, turned = knee.reference_pose, np.deg2rad(flexion)
+    bent = State({TIBIA: dataclasses.replace(reference, flexion=turned)})
+    return np.asarray(weight.work(bent, ("flexion",))[0])
 
 
 def _at_rest(knee: Knee) -> float:
@@ -215,5 +226,5 @@ def _described(motion: Motion, pull: np.ndarray, weight: Load) -> Extensor:
 
 
 def _moment(motion: Motion, weight: Load) -> np.ndarray:
-    """What a weight asks for about the flexion axis, towards extension, N mm."""
+    """How much a weight bends the knee about the flexion axis, N mm."""
     return np.asarray(weight.work(motion.settled.state, ("flexion",))[0])

@@ -19,6 +19,8 @@ _PULL = "Quadriceps force, N"
 #: Ligaments whose force never reaches this part of the largest are left out of the drawing.
 _SMALL = 0.03
 _MOST_LINES = 8
+#: Moment up to which a leg counts as held by the quadriceps, N m.
+_LEFT_NM = 1e-3
 
 
 @styled
@@ -44,7 +46,9 @@ def extensor_figure(found: Extensor, status: np.ndarray, title: str) -> Figure:
     figure.suptitle(verbatim(title), x=0.085, ha="left", fontsize=9.5)
     curves = _curves(found)
     pull, patella = found.quadriceps_N, found.patella
-    ratios = found.tendon_N / pull, found.contact_N / pull
+    # A quadriceps that nothing asks for is left at rest: its ratios tell of the bands alone.
+    asked = (found.weight_Nm == 0.0) | (np.abs(found.extension_Nm) < _LEFT_NM)
+    ratios = (np.where(asked, force / pull, np.nan) for force in (found.tendon_N, found.contact_N))
     if curves.over_pull:
         _draw(panels[0], curves, found.extension_Nm, "Extension moment, N m")
     else:

@@ -1,0 +1,156 @@
+"""A quadriceps that pulls: closed forms on a patella that rides on a ball."""
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import kneejax as kj
+import kneejax.geometry as geo
+from kneejax.experiments import TENDON
+from kneejax.experiments.extensor import weight_of
+from kneejax.mechanics import Contact, Knee, Ligaments, Muscles, add_lane_axis
+
+#: Flexions and one pull: what all tests look at, so that one compiled program serves them.
+FLEXION, PULL_N = np.array([30.0, 45.0]), 300.0
+CENTER = np.array([0.0, 5.0, 0.0])
+
+
+def fibres(first, second, pair, stiffness, at, name, strain=0.02):
+    """Straight fibres with a strain at the reference poses."""
+    names = [f"{name}{k}" for k in range(len(first))]
+    parts = Ligaments(first, second, [stiffness] * len(first), [1.0] * len(first),
+                      [0.03] * len(first), [1e-3] * len(first), names,
+                      bodies=(pair,) * len(first))  # fmt: skip
+    return dataclasses.replace(parts, slack_length=parts.length(geo.State(at)) / (1.0 + strain))
+
+
+@pytest.fixture(scope="module")
+def knee():
+    """A tibia that hinges about Z in a cage of fibres, and a patella on a ball of 30 mm."""
+    at = {
+        "tibia": geo.Pose.from_table([0.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+        "patella": geo.Pose.from_table([5.0, 0.0, 0.0, 44.0, 8.0, 0.0]),
+    }
+    # Nearly isometric: their femoral ends lie on the axis of flexion, at both sides.
+    sides = np.array([-30.0, 30.0])
+    ends = [[0.0, 0.0, z] for z in sides for _ in range(4)]
+    feet = [[x, y, z] for z in sides for x, y in ((25, -30), (-25, -30), (5, -45), (0, -28))]
+    cage = fibres(ends, feet, geo.FEMUR_AND_TIBIA, 3000.0, at, "cage")
+    tendon = fibres([[0.0, -18.0, z] for z in (-6.0, 0.0, 6.0)],
+                    [[32.0, -55.0, z] for z in (-6.0, 0.0, 6.0)],
+                    ("patella", "tibia"), 4000.0, at, "PT")  # fmt: skip
+    bands = fibres([[5.0, y, z] for y in (-8.0, 14.0) for z in (-35.0, 35.0)],
+                   [[0.0, y, z] for y in (-6.0, 6.0) for z in (-18.0, 18.0)],
+                   ("femur", "patella"), 2000.0, at, "PFL", 0.01)  # fmt: skip
+    fields = ("femoral_attachment", "tibial_attachment", "stiffness", "slack_length",
+              "transition_strain", "transition_width")  # fmt: skip
+    every = (cage, tendon, bands)
+    ligaments = Ligaments(
+        *(jnp.concatenate([getattr(one, field) for one in every]) for field in fields),
+        [name for one in every for name in one.names],
+        bodies=tuple(pair for one in every for pair in one.bodies),
+    )
+    groove = Contact(
+        geo.Sphere(30.0, geo.Frame(CENTER)),
+        geo.Plane(geo.Frame([-11.0, 0.0, 0.0], [0.0, 0.0, np.pi / 2])),
+        bodies=("femur", "patella"),
+    )
+    plateau = [
+        Contact(geo.Sphere(22.0, geo.Frame([0.0, -2.0, z])),
+                geo.Plane(geo.Frame([0.0, -23.7, 0.0])))
+        for z in (-20.0, 20.0)
+    ]  # fmt: skip
+    heads = Muscles(
+        [[38.0, 170.0, 12.0], [30.0, 170.0, -12.0]], [[2.0, 18.0, 5.0], [2.0, 18.0, -5.0]],
+        [10.5, 9.5], ["vaslat", "vasmed"], bodies=(("femur", "patella"),) * 2,
+    )  # fmt: skip
+    return Knee(
+        ligaments, (*plateau, groove), (), (), at["tibia"],
+        ("medial", "lateral", "patellofemoral"), other_bones={"patella": at["patella"]},
+        muscles=heads,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def tracked(knee):
+    return kj.patellar_tracking(knee, FLEXION, PULL_N)
+
+
+def test_all_that_pulls_on_the_patella_has_no_moment_about_the_ball(knee, tracked):
+    """The ball presses through its centre: quadriceps, tendon and bands balance about it."""
+    assert bool(np.all(tracked.motion.stable))
+    state = tracked.motion.settled.state
+    muscles = knee.muscles.pulling({"quadriceps": PULL_N - 20.0})
+    moment = np.zeros((3, len(FLEXION)))
+    patella = state.poses["patella"].placement
+    lanes = add_lane_axis(knee)
+    own = np.asarray(lanes.ligaments.tension(state))
+    unit = np.asarray(jnp.stack(lanes.ligaments.unit_pulls(state)))
+    pulls = np.asarray(jnp.stack(add_lane_axis(muscles).unit_pulls(state)))
+
+    def about(point, force):
+        place = np.stack([np.asarray(x) for x in patella.apply(tuple(point))])
+        return np.cross(place - CENTER[:, None], force, axis=0)
+
+    for row, pair in enumerate(knee.ligaments.bodies):
+        if pair == ("patella", "tibia"):  # the patella feels the opposite
+            moment += about(knee.ligaments.femoral_attachment[row], -own[row] * unit[:, row])
+        elif pair == ("femur", "patella"):
+            moment += about(knee.ligaments.tibial_attachment[row], own[row] * unit[:, row])
+    for row, tension in enumerate(muscles.tension):
+        moment += about(muscles.tibial_attachment[row], float(tension) * pulls[:, row])
+    np.testing.assert_allclose(moment, 0.0, atol=1e-3 * PULL_N)
+
+
+def test_the_arm_is_the_growth_of_the_moment_with_the_pull(knee, tracked):
+    """Both are mixed derivatives of one energy."""
+    step = 0.5
+    more, less = (kj.patellar_tracking(knee, FLEXION, PULL_N + way * step) for way in (1, -1))
+    grown = 1000.0 * (more.extension_Nm - less.extension_Nm) / (2.0 * step)
+    np.testing.assert_allclose(tracked.arm_mm, grown, rtol=1e-5)
+    assert np.all((tracked.arm_mm > 20.0) & (tracked.arm_mm < 70.0))
+
+
+def test_heads_share_the_pull_as_at_rest(knee):
+    pulled = knee.muscles.pulling({"quadriceps": 80.0, "vasmed": 1.0})
+    np.testing.assert_allclose(pulled.tension, [52.5, 48.5])
+
+
+def test_a_raised_leg_is_held_and_nothing_is_left_over(knee):
+    shank = kj.Shank.of_person(75.0, 1.75, ankle_kg=1.0)
+    held = kj.leg_raise(knee, FLEXION, shank)
+    assert np.abs(held.extension_Nm).max() < 1e-5
+    # Sitting, the shank's weight turns with the cosine of flexion about the hinge.
+    length, mass = 246.0 * 1.75, 0.061 * 75.0
+    moment = 9.80665 * (mass * 0.606 + 1.0) * length * np.cos(np.deg2rad(FLEXION))
+    np.testing.assert_allclose(1000.0 * held.weight_Nm, moment, rtol=0.05)
+    assert held.quadriceps_N[0] > held.quadriceps_N[1] > 0.0
+    forces = held.forces_on_tibia
+    np.testing.assert_allclose(sum(forces.values()), 0.0, atol=1e-4)
+    assert np.linalg.norm(forces[TENDON], axis=1) == pytest.approx(held.tendon_N)
+
+
+def test_ankle_and_shank_are_one_weight():
+    one = kj.Shank(4.0, (1.0, -250.0, 2.0), 2.0, (4.0, -400.0, -1.0)).load()
+    np.testing.assert_allclose(one.force, [-6.0 * 9.80665, 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(one.point, [2.0, -300.0, 1.0])
+    lying = kj.Shank(4.0, (0.0, -250.0, 0.0), femur_deg=90.0).load()
+    np.testing.assert_allclose(lying.force, [0.0, -4.0 * 9.80665, 0.0], atol=1e-12)
+    assert not np.any(weight_of(np.zeros(3), np.zeros(3)).force)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda k: kj.patellar_tracking(k, FLEXION, -5.0), "pulls with -5 N: expected above 0"),
+        (lambda k: kj.patellar_tracking(k, FLEXION, np.nan), "pulls with nan N"),
+        (lambda k: kj.leg_raise(dataclasses.replace(k, muscles=None), FLEXION, None),
+         "no patella with a quadriceps"),
+        (lambda k: kj.Shank(-1.0, (0.0, -250.0, 0.0)), "mass_kg is -1"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_is_refused(knee, call, words):
+    with pytest.raises(ValueError, match=words):
+        call(knee)
