@@ -37,7 +37,10 @@ from kneejax.parameters import cut
 from kneejax.statics import Status
 
 #: Options of a test under load.
-_OF_TESTS = ("force_N", "moment_Nm", "displacement_mm", "rotation_deg", "hold", "both", "steps")
+_OF_TESTS = (
+    "force_N", "moment_Nm", "displacement_mm", "rotation_deg", "hold", "both", "steps",
+    "counted_from",
+)  # fmt: skip
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -172,9 +172,13 @@ def test_what_takes_no_tests_yet_says_so(tmp_path, question, said):
 
 def test_a_test_on_a_cut_knee_reads_the_published_laxity_of_such_knees(tmp_path):
     item = {"name": "cut", "file": "robot_anterior_90N", "flexion_deg": [20], "cut": ["ACL"],
-            "counted_from": "intact"}  # fmt: skip
+            }  # fmt: skip
     (test,) = study(tmp_path, [item]).tests
     assert (test.cut, test.observed[:, ANTERIOR].tolist()) == (("ACL",), [13.2])
+    # The table says what it counts from, as an assumption that a study may change.
+    assert test.counted_from == "intact"
+    (test,) = study(tmp_path, [item | {"counted_from": "unloaded"}]).tests
+    assert test.counted_from == "unloaded"
 
 
 def test_forces_strains_and_weights_are_read_from_columns(tmp_path):
@@ -340,7 +344,7 @@ def test_a_published_laxity_of_cut_knees_is_read_by_what_was_cut():
     said = {"name": "robot", "file": "robot_anterior_90N", "cut": "PCL"}
     item = Field("study.yaml", "tests[0]", said)
     table, counted_from = published_test(item, cut=("ACL",))
-    assert counted_from is None
+    assert counted_from == "intact"
     assert table.observed[2, ANTERIOR] == 13.2
     with pytest.raises(InputProblem, match="robot_anterior_90N with ACL or nothing cut"):
         published_test(item, cut=("PCL",))
