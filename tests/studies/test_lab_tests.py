@@ -212,6 +212,8 @@ READ = ("flexion_deg", "anterior_N", "ACL.tension_N")
         ((*READ[:2], "ACLL.tension_N"), {"sd_N": 2.0}, {"noise_mm": 0.1, "noise_deg": 0.1},
          "did you mean 'ACL'"),
         ((*READ[:2], "anterior_mm"), {"cut": ["ACK"]}, {}, "did you mean 'ACL'"),
+        # The ligament before how well it was measured: with it the rest may be right.
+        ((*READ[:2], "anterior_mm"), {"cut": "ALC", "sd_mm": 1.0}, {}, r"tests\[0\]: .* 'ALC'"),
         ((*READ[:2], "anterior_mm"), {"counted_from": "intact"}, {}, "expected cut too"),
         ((*READ[:2], "weight", "anterior_mm"), {"weight": "by_load"}, {}, "has a column weight"),
         ((*READ[:2], "anterior_mm"), {"weight": "by_lod"}, {}, "did you mean by_load"),
