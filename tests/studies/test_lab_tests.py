@@ -19,7 +19,7 @@ from kneejax.files.reading import Field
 from kneejax.geometry import CLINICAL, FREE_COORDINATES, convert_table
 from kneejax.inference.fit import observations
 from kneejax.parameters import UnsuitableData
-from kneejax.studies import Identify, Map, check
+from kneejax.studies import Identify, Sensitivity, check
 from kneejax.studies._published_tests import published_test
 
 ANTERIOR = FREE_COORDINATES.index("anterior")
@@ -160,7 +160,7 @@ def test_fewer_data_than_parameters_are_refused_before_anything_moves(tmp_path):
 @pytest.mark.parametrize(
     ("question", "said"),
     [
-        (Map(), "a study without tests: maps and sensitivities are of passive motion so far"),
+        (Sensitivity(), "a study without tests: sensitivities are of passive motion so far"),
         (Identify(posterior=True), "a study without tests: the posterior is of passive motion"),
     ],
 )
