@@ -40,14 +40,12 @@ def beside(
     """
     known = np.isfinite(band.size)
     size = band.size if known else ASSUMED[band.load]
-    rows, end = _laxities(cut(knee, band.cut), band, size), band.end.removesuffix("_increase")
+    from_intact = bool(band.cut) and band.end == "positive" and not own_rest
+    rows = _laxities(cut(knee, band.cut), band, size, knee if from_intact else None)
+    end = band.end.removesuffix("_increase")
     found = np.array([getattr(row, end) for row in rows])
-    if band.cut:
-        intact = _laxities(knee, band, size)
-        if band.end == "range_increase":
-            found = found - [row.range for row in intact]
-        elif not own_rest:
-            found = found + [a.neutral - b.neutral for a, b in zip(rows, intact, strict=True)]
+    if end != band.end:
+        found = found - [row.range for row in _laxities(knee, band, size)]
     said = " ".join([band.name, band.end, *(f"{name} cut" for name in band.cut)])
     said += ("" if known else f", {size:g} assumed") + (", from its own rest" if own_rest else "")
     return [
@@ -58,11 +56,12 @@ def beside(
     ]
 
 
-def _laxities(knee, band: LaxityBand, size: float) -> tuple[kj.Laxity, ...]:
-    """Laxity both ways under a load of a published one."""
+def _laxities(knee, band: LaxityBand, size: float, intact=None) -> tuple[kj.Laxity, ...]:
+    """Laxity both ways under a load of a published one; of a cut knee counted from the intact
+    one's path, if that is given."""
     given = {"moment_Nm" if band.load.endswith("_Nm") else "force_N": size}
     (test,) = kj.lab_tests(TESTS[band.load], band.flexion_deg, both=True, steps=5, **given)
-    (curves,) = kj.load_curves(knee, test)
+    (curves,) = kj.load_curves(knee, test, intact)
     return kj.laxity(curves)
 
 

@@ -51,12 +51,9 @@ def drawn() -> Figure:
             markersize=3, elinewidth=0.8, capsize=2, alpha=0.5, label=f"12 knees, {said}",
         )  # fmt: skip
         (test,) = kj.lab_tests("drawer", band.flexion_deg, force_N=90.0, steps=1)
-        (curves,) = kj.load_curves(cut(average, band.cut), test)
-        rows = kj.laxity(curves)
-        if not without:
-            path = np.array([row.neutral for row in rows])
+        (curves,) = kj.load_curves(cut(average, band.cut), test, average)
         drawing.plot(
-            band.flexion_deg, [row.positive + row.neutral for row in rows] - path, color=color,
+            band.flexion_deg, [row.positive for row in kj.laxity(curves)], color=color,
             label=f"average_knee, {said}",
         )  # fmt: skip
     drawing.set_ylabel("Anterior of the intact path under 90 N, mm")

@@ -37,11 +37,10 @@ def run(arguments: argparse.Namespace) -> int:
 def _write(result: Calibration, out: Path, svg: bool) -> int:
     from kneejax.report import (
         PARAMETER_COLUMNS,
-        TEST_COLUMNS,
         calibration_summary,
         outcome,
         parameters_rows,
-        reading_rows,
+        reading_table,
         result_document,
         write_report,
     )
@@ -61,7 +60,7 @@ def _write(result: Calibration, out: Path, svg: bool) -> int:
         doubts=motion.doubts,
     )
     if result.fit.tests:
-        write_rows(out / "tests.csv", TEST_COLUMNS, reading_rows(result))
+        write_rows(out / "tests.csv", *reading_table(result))
     write_report(result, out, svg=svg)
     print(calibration_summary(result))
     missing = _write_knee(out)

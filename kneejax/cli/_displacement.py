@@ -7,7 +7,15 @@ import textwrap
 import numpy as np
 
 from kneejax.experiments import Motion
-from kneejax.geometry import CLINICAL, COLUMNS, CONVENTION_WORDS, FEMORAL, convert_table
+from kneejax.geometry import (
+    CLINICAL,
+    COLUMNS,
+    CONVENTION_WORDS,
+    FEMORAL,
+    FREE_COORDINATES,
+    convert_table,
+    coordinate,
+)
 from kneejax.statics import Status, converged
 
 _HEADS = ("flexion", "adduction", "int.rot.", "anterior", "superior", "lateral")
@@ -38,8 +46,13 @@ def displacement_table(
     flexion: np.ndarray, moved: np.ndarray
 ) -> tuple[list[str], list[list[float]]]:
     """Header and rows of displacement.csv."""
-    changes = ["_change_".join(column.rsplit("_", 1)) for column in COLUMNS[1:]]
+    changes = map(change_column, FREE_COORDINATES)
     return [COLUMNS[0], *changes], np.column_stack([flexion, moved]).tolist()
+
+
+def change_column(name: str) -> str:
+    """`anterior` -> `anterior_change_mm`."""
+    return f"{name}_change_{coordinate(name).unit}"
 
 
 def displacement_lines(flexion: np.ndarray, moved: np.ndarray) -> list[str]:

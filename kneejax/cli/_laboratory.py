@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from kneejax.cli._displacement import change_column
 from kneejax.cli._given import check_within, read_loads, read_pairs
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.experiments import (
@@ -48,17 +49,22 @@ _SIZES = {
 def run_test(arguments: argparse.Namespace) -> int:
     """Load a knee, print its laxity, write curves, laxity, poses, forces and two figures."""
     tests = _tests(arguments)
+    from_intact = arguments.counted_from == "intact"
+    if from_intact and not arguments.cut:
+        expected = "--cut too, or unloaded"
+        raise InputProblem("simulate", "--counted_from", "intact", expected)
     values = read_pairs("--set", arguments.values)
-    knee = cut(knee_with(load_knee(arguments.knee), values, "--set"), arguments.cut)
+    whole = knee_with(load_knee(arguments.knee), values, "--set")
+    knee = cut(whole, arguments.cut)
     with stages_on_terminal(knee.name):
-        curves = load_curves(knee, tests)
+        curves = load_curves(knee, tests, whole if from_intact else None)
         mechanics = mechanics_of(curves[0])
     status = [one.status(mechanics) for one in curves]
     said = [one.doubts(mechanics) for one in curves]
     found = [x for one, own in zip(curves, status, strict=True) for x in laxity(one, own)]
     without = f" without {', '.join(arguments.cut)}" if arguments.cut else ""
     print(f"{knee.name}{without}")
-    print("\n".join(_laxity_lines(tests, found)))
+    print("\n".join(_laxity_lines(curves, found)))
     _write(arguments, knee, curves, mechanics, status, said, found)
     doubtful = [_say(*each) for each in zip(curves, status, said, strict=True)]
     _figures(arguments, curves, status, found)
@@ -112,15 +118,17 @@ def _wrench(given, asked, angles, path, held) -> LabTest:
         raise InputProblem("simulate", "--hold", "load", str(problem)) from None
 
 
-def _laxity_lines(tests: Sequence[LabTest], found: Sequence[Laxity]) -> Iterator[str]:
-    for test in tests:
+def _laxity_lines(curves: Sequence[Curves], found: Sequence[Laxity]) -> Iterator[str]:
+    for one in curves:
+        test = one.test
         rows = [x for x in found if x.test == test.name]
         load, unit = NAMED_LOADS[test.driven_by], rows[0].unit
         slope, by_load = f"{load.unit}/{unit}", test.displacement is None
         yield f"{test.name}: {test.words}"
         if by_load:
             observed = test.observed.replace("_", " ")
-            yield f"change of {observed} along the load's own axes, {unit}:"
+            counted = ", from the intact knee" if one.intact is not None else ""
+            yield f"change of {observed} along the load's own axes{counted}, {unit}:"
         else:
             yield f"what it takes of {load.positive}, {load.unit}:"
         yield (
@@ -171,16 +179,17 @@ def _write(arguments, knee: Knee, curves, mechanics: Mechanics, status, said, fo
         if any(name in {**x.test.full, **x.test.constant, x.test.driven_by: 0} for x in curves)
     ]
     held = {column: name for x in curves for name in x.test.held for column in [_held_column(name)]}
+    seen = list(dict.fromkeys(x.test.observed for x in curves))
     header = [
         "test", "flexion_deg", "step", *(_load_column(name) for name in columns), *held,
-        *COLUMNS[1:],
+        *COLUMNS[1:], *map(change_column, seen), "counted_from",
         "converged", "stable", "status", "doubt",
     ]  # fmt: skip
     extra = [] if convention == FEMORAL else ["convention"]
     rows = [
         row + [convention] * len(extra)
         for each in zip(curves, status, said, strict=True)
-        for row in _curve_rows(*each, columns, held.values(), convention)
+        for row in _curve_rows(*each, columns, held.values(), seen, convention)
     ]
     write_rows(out / "curves.csv", header + extra, rows)
     write_rows(out / "laxity.csv", LAXITY_COLUMNS, [x.row for x in found])
@@ -220,17 +229,20 @@ def _femoral(one: Curves) -> np.ndarray:
     return table
 
 
-def _curve_rows(one: Curves, status, said, columns, held, convention) -> Iterator[list]:
+def _curve_rows(one: Curves, status, said, columns, held, seen, convention) -> Iterator[list]:
     poses = convert_table(_femoral(one).reshape(-1, len(COLUMNS)), FEMORAL, convention)
     poses = poses.reshape(*one.nodes.shape, -1)
     good, stable = converged(status), np.asarray(one.motion.stable)[one.nodes]
     loads = np.stack([np.asarray(one.load(name)) for name in columns], axis=-1)
+    moved = np.asarray(one.displacement)
     turning = [np.asarray(one.motion.reaction(name))[one.nodes] / 1000.0 for name in held]
     for i, flexion in enumerate(one.test.flexion_deg):
         for step, k in enumerate(one.steps):
             yield [
                 one.test.name, flexion, step, *loads[i, step], *(own[i, k] for own in turning),
-                *poses[i, k, 1:], bool(good[i, k]), bool(stable[i, k]),
+                *poses[i, k, 1:],
+                *(moved[i, step] if name == one.test.observed else np.nan for name in seen),
+                one.counted_from, bool(good[i, k]), bool(stable[i, k]),
                 Status(int(status[i, k])).word, said[i][k],
             ]  # fmt: skip
 

@@ -38,7 +38,10 @@ from kneejax.parameters import cut
 from kneejax.statics import Status
 
 #: Options of a test under load.
-_OF_TESTS = ("force_N", "moment_Nm", "displacement_mm", "rotation_deg", "hold", "both", "steps")
+_OF_TESTS = (
+    "force_N", "moment_Nm", "displacement_mm", "rotation_deg", "hold", "both", "counted_from",
+    "steps",
+)  # fmt: skip
 #: Options of experiments in which the quadriceps pulls.
 _OF_EXTENSOR = ("quadriceps_N", "body_kg", "height_m", "ankle_kg", "femur_deg")
 

@@ -12,6 +12,8 @@ TESTS = (
 #: Experiments in which the quadriceps pulls on a patella.
 EXTENSOR = ("patellar-tracking", "extension", "leg-raise")
 _HELD = ("adduction", "internal_rotation")
+#: Of `kneejax.experiments.COUNTED_FROM`, what a simulated test can be counted from.
+_COUNTED_FROM = ("unloaded", "intact")
 
 
 def add_test_options(simulate: argparse.ArgumentParser) -> None:
@@ -45,6 +47,12 @@ def add_test_options(simulate: argparse.ArgumentParser) -> None:
         metavar="ROTATION",
         help=f"a rotation that a machine holds where it is without the test's load: "
         f"{' or '.join(_HELD)}; once for each",
+    )
+    simulate.add_argument(
+        "--counted_from",
+        choices=_COUNTED_FROM,
+        help="what displacements of a cut knee are counted from: its own unloaded pose (default), "
+        "or that of the intact knee, from which a machine moves it too; as in a study",
     )
     simulate.add_argument(
         "--both", action="store_true", help="load a test in the opposite sense too"

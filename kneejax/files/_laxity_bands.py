@@ -34,6 +34,8 @@ class LaxityBand:
         flexion_deg: `(n,)`.
         mean: displacement under the load, `(n,)`, mm or degrees; negative at the negative end.
         sd: its standard deviation over knees, `(n,)`; NaN where none was published.
+        counted_from: what a cut knee's displacement is counted from, `unloaded` (where it rests
+            itself) or `intact`.
     """
 
     name: str
@@ -46,6 +48,7 @@ class LaxityBand:
     flexion_deg: np.ndarray
     mean: np.ndarray
     sd: np.ndarray
+    counted_from: str = "unloaded"
 
 
 def bundled_bands(
@@ -71,7 +74,9 @@ def bundled_bands(
 
 def _read(path: Path) -> list[LaxityBand]:
     field = Field(os.fspath(path), "", load_yaml(path, "source of a laxity table"))
-    field.mapping(("label", "source", "load"), ("size", "notes"))
+    field.mapping(("label", "source", "load"), ("size", "notes", "counted_from"))
+    known = ("unloaded", "intact")
+    counted = field["counted_from"].choice(known) if "counted_from" in field else known[0]
     label, source, load = (field[name].text() for name in ("label", "source", "load"))
     size = field["size"].number() if "size" in field else np.nan
     table = os.fspath(path.with_suffix(".csv"))
@@ -86,7 +91,8 @@ def _read(path: Path) -> list[LaxityBand]:
         kinds.setdefault((end, cut), []).append([float(x) for x in (flexion, mean, sd)])
     return [
         LaxityBand(
-            path.stem, label, source, load, size, end, tuple(cut.split()), *np.array(own).T
+            path.stem, label, source, load, size, end, tuple(cut.split()), *np.array(own).T,
+            counted_from=counted if cut else known[0],
         )
         for (end, cut), own in kinds.items()
     ]

@@ -103,7 +103,12 @@ class Knee(eqx.Module):
             Wrenches; energy in N mm; the patches, with a leading axis of length `n`, or None if
             there are none; and what is wrong with any fibre.
         """
-        wrenches, energy, fibres = self.press_without_patches(state)
+        wrenches, energy, fibres = self.pull(state)
+        for contact in self.contacts:
+            if not contact.has_patch:
+                of_contact, wrench = contact.press_points(state.between(contact.bodies))
+                energy = energy + of_contact
+                wrenches.add(contact.bodies, wrench.alone())
         if not self.patch_count:
             return wrenches, energy, None, fibres
         pressed = self.map_patches(Contact.press, state, meeting)
@@ -172,8 +177,8 @@ class Knee(eqx.Module):
             rows[contact.bodies] = (*rows.get(contact.bodies, ()), row)
         return rows
 
-    def press_without_patches(self, state: State) -> tuple[Wrenches, Array, FibreFaults]:
-        """As `press`, of all but the contacts that have a patch: wrenches, energy, fibres."""
+    def pull(self, state: State) -> tuple[Wrenches, Array, FibreFaults]:
+        """As `press`, of all but the contacts: wrenches, energy, fibres."""
         wrenches, energy, fibres = self.ligaments.pull(state)
         if self.muscles is not None:
             pulls, own, wrapped = self.muscles.pull(state)
@@ -182,11 +187,6 @@ class Knee(eqx.Module):
         for line in self.lines:
             energy = energy + line.energy(state)
             wrenches.add(line.bodies, line.wrench(state).alone())
-        for contact in self.contacts:
-            if not contact.has_patch:
-                of_contact, wrench = contact.press_points(state.between(contact.bodies))
-                energy = energy + of_contact
-                wrenches.add(contact.bodies, wrench.alone())
         return wrenches, energy, fibres
 
     def load_work(self, state: State, names: Sequence[str]) -> Array:

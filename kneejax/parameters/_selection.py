@@ -127,14 +127,16 @@ class Selection:
             knee: any knee with these ligaments.
             values: shape `(p,)`.
         """
-        order = sorted(range(len(self)), key=lambda i: self.quantity(i) == "reference_strain")
-        for i in order:
+        strains = []
+        for i in range(len(self)):
             leaf = self.leaf(i)
             if leaf is not None:
                 knee = leaf.write(knee, values[i])
+            elif self.quantity(i) == "reference_strain":
+                strains.append((self._place(i)[0], values[i]))
             else:
                 knee = _write(knee, *self._place(i), values[i])
-        return knee
+        return _strained(knee, strains) if strains else knee
 
     def _one(self, knee: Knee, index: int) -> Array:
         leaf = self.leaf(index)
@@ -316,7 +318,7 @@ def fibre_rows(knee: Knee, name: str) -> list[int]:
 
 
 def _read(knee: Knee, rows: tuple[int, ...], quantity: str) -> Array:
-    return jnp.mean(jnp.stack([_numbers(knee, quantity)[row] for row in rows]))
+    return jnp.mean(_numbers(knee, quantity)[np.array(rows)])
 
 
 def _numbers(knee: Knee, quantity: str) -> Array:
@@ -330,25 +332,43 @@ def _numbers(knee: Knee, quantity: str) -> Array:
 
 
 def _write(knee: Knee, rows: tuple[int, ...], quantity: str, value: Array) -> Knee:
-    if len(rows) == 1:
-        values = [value]
+    field, _, axis = quantity.partition(".")
+    old, own = getattr(knee.ligaments, field), _rows_of(knee, rows)
+    if axis:
+        column, own = AXES.index(axis), own[:, None] & (np.arange(len(AXES)) == AXES.index(axis))
+        changed = _shared(old[:, column], rows, value, shifts=True)[:, None]
     else:
-        old = [_numbers(knee, quantity)[row] for row in rows]
-        mean = _read(knee, rows, quantity)
-        shifts = quantity == "reference_strain" or "." in quantity
-        values = [x + (value - mean) if shifts else x * (value / mean) for x in old]
-    for row, x in zip(rows, values, strict=True):
-        knee = _write_one(knee, row, quantity, x)
-    return knee
+        changed = _shared(old, rows, value, shifts=False)
+    return eqx.tree_at(lambda k: getattr(k.ligaments, field), knee, jnp.where(own, changed, old))
 
 
-def _write_one(knee: Knee, row: int, quantity: str, value: Array) -> Knee:
-    field, index = quantity, row
-    if quantity == "reference_strain":
-        field = "slack_length"
-        value = ligament_law.slack_length_from_strain(knee.reference_length()[row], value)
-    elif "." in quantity:
-        field, axis = quantity.split(".")
-        index = (row, AXES.index(axis))
-    changed = getattr(knee.ligaments, field).at[index].set(value)
-    return eqx.tree_at(lambda k: getattr(k.ligaments, field), knee, changed)
+def _strained(knee: Knee, strains: Sequence[tuple[tuple[int, ...], Array]]) -> Knee:
+    """The knee with reference strains of some fibres, by their rows.
+
+    Lengths are asked for once: each way around an obstacle is a search, and no compiler sees that
+    two searches are one.
+    """
+    length, slack = knee.reference_length(), knee.ligaments.slack_length
+    for rows, value in strains:
+        strain = _shared(length / slack - 1.0, rows, value, shifts=True)
+        changed = ligament_law.slack_length_from_strain(length, strain)
+        slack = jnp.where(_rows_of(knee, rows), changed, slack)
+    return eqx.tree_at(lambda k: k.ligaments.slack_length, knee, slack)
+
+
+def _shared(old: Array, rows: tuple[int, ...], value: Array, shifts: bool) -> Array:
+    """Numbers of all fibres, changed so that the mean of some becomes a value.
+
+    Each number is computed from its own and picked by a mask: what was gathered, changed and
+    scattered in lanes aborted XLA 0.10 (a check of its fused kernels).
+    """
+    if len(rows) == 1:
+        return jnp.broadcast_to(value, old.shape)
+    own = np.isin(np.arange(len(old)), rows)
+    mean = jnp.sum(jnp.where(own, old, 0.0)) / len(rows)
+    return old + (value - mean) if shifts else old * (value / mean)
+
+
+def _rows_of(knee: Knee, rows: tuple[int, ...]) -> np.ndarray:
+    """Which fibres these are, `(fibres,)`."""
+    return np.isin(np.arange(len(knee.ligaments.names)), rows)

@@ -8,7 +8,6 @@ from kneejax.report.bayesian import posterior_rows as posterior_rows
 from kneejax.report.bayesian import posterior_summary as posterior_summary
 from kneejax.report.bayesian import predictive_figure as predictive_figure
 from kneejax.report.calibration import PARAMETER_COLUMNS as PARAMETER_COLUMNS
-from kneejax.report.calibration import TEST_COLUMNS as TEST_COLUMNS
 from kneejax.report.calibration import Outcome as Outcome
 from kneejax.report.calibration import calibration_notes as calibration_notes
 from kneejax.report.calibration import calibration_summary as calibration_summary
@@ -19,7 +18,7 @@ from kneejax.report.calibration import message as message
 from kneejax.report.calibration import outcome as outcome
 from kneejax.report.calibration import parameters_figure as parameters_figure
 from kneejax.report.calibration import parameters_rows as parameters_rows
-from kneejax.report.calibration import reading_rows as reading_rows
+from kneejax.report.calibration import reading_table as reading_table
 from kneejax.report.calibration import remark as remark
 from kneejax.report.calibration import report_page as report_page
 from kneejax.report.calibration import result_document as result_document

@@ -186,14 +186,14 @@ def force_derivative(
     return change, follow
 
 
-def force_derivative_without_patches(
+def force_derivative_without_contacts(
     knee: Knee, prescribed: Prescribed, q: Array, knee_tangent: Knee
 ) -> Array:
-    """Derivative of the residual along a change that leaves patches and poses alone.
+    """Derivative of the residual along a change that leaves contacts and poses alone.
 
     Args:
         knee: as in `balance`; likewise `prescribed`, `q`.
-        knee_tangent: change of every leaf; that of the patches is not read.
+        knee_tangent: change of every leaf; that of the contacts is not read.
 
     Returns:
         Change of the residual `(free, lanes)`.
@@ -201,7 +201,7 @@ def force_derivative_without_patches(
     state, free = _where(knee, prescribed, q)
 
     def residual(knee_: Knee) -> Array:
-        wrenches = knee_.press_without_patches(state)[0]
+        wrenches = knee_.pull(state)[0]
         return jnp.stack(_unbalanced(knee_, state, wrenches, free))
 
     return jax.jvp(residual, (knee,), (knee_tangent,))[1]

@@ -12,12 +12,18 @@ import numpy as np
 
 from kneejax.files.reading import Field, InputProblem
 from kneejax.inference import BlockStore, ParameterMap, sensitivity_maps, versions
+from kneejax.inference.intervals import stated_noise
 from kneejax.inference.sensitivity import map_ranges
 from kneejax.mechanics import range_of_parameter
 from kneejax.studies._poses import measured_poses
 from kneejax.studies._questions import Map
 from kneejax.studies._study import Study
+from kneejax.studies._study_fields import plain
 
+#: Settings of a study on which its misfit depends, besides knee, poses and tests.
+_OF_MISFIT = (
+    "synthetic", "weights", "frame_offset", "failures", "loads", "noise_mm", "noise_deg",
+)  # fmt: skip
 _MOST_POINTS = 2000  # a side of a map
 
 
@@ -52,14 +58,21 @@ def mapped(
     store: BlockStore | None,
 ) -> tuple[ParameterMap, ...]:
     """Compute the maps; see `kneejax.run`."""
+    known, weights = stated_noise(*study.noise), study.weight_vector
+    if any(test.readings for test in study.tests):
+        # As in a calibration: what was read of parts counts in its own standard deviation.
+        weights = np.where(weights > 0, known**-2.0, 0.0)
     return sensitivity_maps(
         study.knee_at_start,
         measured_poses(study),
         _pairs(study, question),
         grid=question.grid,
         bounds=_bounds(study, question),
-        weights=study.weight_vector,
+        weights=weights,
         offsets=tuple(study.frame_offset),
+        loads=study.acting,
+        tests=study.tests,
+        known=known,
         store=store,
         progress=progress and functools.partial(progress, "map"),
         failures=study.counted_failures,
@@ -93,8 +106,9 @@ def fingerprint(study: Study, question: Map) -> bytes:
     """
     leaves, structure = jax.tree.flatten((study.knee, study.knee_at_start))
     numbers = b"".join(np.asarray(leaf).tobytes() for leaf in leaves)
-    plain = study.settings()
-    settings = [plain[name] for name in ("synthetic", "weights", "frame_offset", "failures")]
+    said = study.settings()
+    settings = [said[name] for name in _OF_MISFIT]
+    settings += [plain(vars(test)) for test in study.tests]
     poses = b"" if study.measured is None else study.measured.tobytes()
     words = [about_maps(study, question), *settings, str(structure), versions()["kneejax"]]
     return numbers + poses + json.dumps(words).encode()

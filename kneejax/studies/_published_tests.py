@@ -29,7 +29,8 @@ class PublishedTest(NamedTuple):
 
     Attributes:
         table: what acted and what was read.
-        counted_from: what it is counted from; None where a study may say so.
+        counted_from: what it is counted from where a study says nothing else; None of a table of
+            one's own.
     """
 
     table: LabTable
@@ -95,9 +96,8 @@ def _laxity(item: Field, bands: Sequence[LaxityBand], cut: Collection[str]) -> P
     if ranges and "counted_from" in item:
         expected = f"this field left out: {own[0].name} is of ranges between opposite loads"
         raise item["counted_from"].problem(expected)
-    return PublishedTest(
-        LabTable(flexion, {load: sizes}, observed), "opposite" if ranges else None
-    )
+    counted = "opposite" if ranges else own[0].counted_from
+    return PublishedTest(LabTable(flexion, {load: sizes}, observed), counted)
 
 
 def _size(item: Field, band: LaxityBand) -> float:

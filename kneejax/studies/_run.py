@@ -27,11 +27,11 @@ def check(study: Study, question: Identify | Map | Sensitivity | None = None) ->
         UnknownParameter: a name that the knee does not have, or that is not free.
         UnsuitableData: too few data, samples or candidates, or a package that is not installed.
     """
-    if isinstance(question, Map | Sensitivity):
+    if isinstance(question, Sensitivity):
         named = {"loads": [*study.loads], "tests": [test.name for test in study.tests]}
         for field, names in named.items():
             if names:
-                expected = f"a study without {field}: maps and sensitivities are of passive motion"
+                expected = f"a study without {field}: sensitivities are of passive motion"
                 raise InputProblem(study.file, field, ", ".join(names), f"{expected} so far")
     match question:
         case Identify():

@@ -15,7 +15,6 @@ from kneejax.files import knee_with, said_of
 from kneejax.files.reading import Field
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference import METHODS, Stage, procedures_of
-from kneejax.inference.fit import check_readable
 from kneejax.mechanics import (
     Knee,
     Load,
@@ -25,7 +24,6 @@ from kneejax.numerics import check_installed
 from kneejax.parameters import (
     QUANTITIES,
     Selection,
-    cut,
     select,
     start_within,
     stated,
@@ -149,9 +147,6 @@ class Study:
                     if not any(Stage((name,)).frees(own) for own in self.selection.names):
                         own = Field(self.file, f"stages[{number}].parameters", name)
                         raise own.problem("of the parameters that the study frees")
-            for test in self.tests:
-                check_readable(self.knee, test.readings)
-                cut(self.knee, test.cut)
             if self.method == "lbfgsb":
                 check_installed("jaxopt", "lbfgsb")
 

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from kneejax.experiments import MeasuredTest
-from kneejax.files import parse_flexion
+from kneejax.files import parse_flexion, said_of
 from kneejax.files.reading import Field, InputProblem
 from kneejax.geometry import COLUMNS, FREE_COORDINATES
 from kneejax.inference import METHODS, POSES, PROCEDURES, Stage
-from kneejax.inference.fit import DEFAULT_WEIGHTS
+from kneejax.inference.fit import DEFAULT_WEIGHTS, check_readable
 from kneejax.mechanics import (
     NAMED_LOADS,
     RANGES,
@@ -23,6 +23,7 @@ from kneejax.mechanics import (
     load_called,
     range_of_parameter,
 )
+from kneejax.parameters import cut
 from kneejax.statics import Status
 
 #: What a balance may be at fault for, and a study may count as a failure.
@@ -126,6 +127,9 @@ def _tests(study: Field) -> tuple[MeasuredTest, ...]:
     for number, test in enumerate(tests):
         if not isinstance(test, MeasuredTest):
             raise study["tests"].problem("tests as kneejax.MeasuredTest makes them")
+        with said_of(f"{study.file}: tests[{number}]"):
+            cut(study.value["knee"], test.cut)
+            check_readable(study.value["knee"], test.readings)
         place = Field(study.file, f"tests[{number}].name", test.name)
         if test.name in [one.name for one in tests[:number]]:
             raise place.problem("every name once")

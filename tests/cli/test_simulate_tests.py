@@ -24,8 +24,8 @@ def test_a_drawer_writes_curves_and_laxity(tmp_path, capsys):
     curves, laxity = rows_of(tmp_path / "curves.csv"), rows_of(tmp_path / "laxity.csv")
     assert list(curves[0]) == [
         "test", "flexion_deg", "step", "anterior_force_N", "adduction_deg",
-        "internal_rotation_deg", "anterior_mm", "superior_mm", "lateral_mm", "converged",
-        "stable", "status", "doubt",
+        "internal_rotation_deg", "anterior_mm", "superior_mm", "lateral_mm",
+        "anterior_change_mm", "counted_from", "converged", "stable", "status", "doubt",
     ]  # fmt: skip
     first = [float(row["anterior_force_N"]) for row in curves if row["flexion_deg"] == "20.0"]
     assert first == [0, 20, 40, 60, 40, 20, 0, -20, -40, -60, -40, -20, 0]
@@ -44,6 +44,26 @@ def test_what_a_knee_does_not_hold_is_said(tmp_path, capsys):
     said = capsys.readouterr().out
     assert "of 100 N of posterior force: gives_way" in said
     assert "drawer at 90 degrees (-100 to -50 N): no balance is connected" in said
+
+
+def test_a_cut_knee_is_counted_from_the_intact_ones_path(tmp_path, capsys):
+    asked = ["simulate", "drawer", "--flexion", "30", "--force_N", "60", "--steps", "1"]
+    found = {}
+    for name, words in {
+        "intact": [], "own": ["--cut", "ACL"],
+        "counted": ["--cut", "ACL", "--counted_from", "intact"],
+    }.items():  # fmt: skip
+        assert main([*asked, *words, "--out", str(tmp_path / name)]) == 0
+        (found[name],) = rows_of(tmp_path / name / "laxity.csv")
+    end, rest = ({k: float(x[c]) for k, x in found.items()} for c in ("positive", "neutral"))
+    moved = rest["own"] - rest["intact"]
+    assert abs(moved) > 0.2
+    assert end["counted"] == pytest.approx(end["own"] + moved, abs=1e-6)
+    assert [x["counted_from"] for x in found.values()] == ["unloaded", "unloaded", "intact"]
+    curve = rows_of(tmp_path / "counted" / "curves.csv")
+    changes = [float(row["anterior_change_mm"]) for row in curve]
+    assert changes == pytest.approx([moved, end["counted"], moved], abs=1e-6)
+    assert "along the load's own axes, from the intact knee, mm" in capsys.readouterr().out
 
 
 def test_any_wrench_and_axial_load(tmp_path):
@@ -74,6 +94,8 @@ def test_any_wrench_and_axial_load(tmp_path):
         (["torsion", "--hold", "internal_rotation"], "which the test itself turns"),
         (["drawer", "--hold", "flexion"], "adduction"),
         (["drawr"], "did you mean drawer?"),
+        (["drawer", "--counted_from", "intact"], "expected --cut too, or unloaded"),
+        (["passive-flexion", "--counted_from", "intact"], "a test under load"),
     ],
 )
 def test_a_test_that_cannot_be_made_is_refused(tmp_path, capsys, words, says):

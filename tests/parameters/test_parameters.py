@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from kneejax.mechanics import Knee
 from kneejax.parameters import UnknownParameter, select, with_values
 
 
@@ -13,6 +14,20 @@ def bundled(small_knee):
     """The small knee, its cruciates a group and all its fibres another."""
     groups = (("cruciates", ("ACL", "PCL")), ("all", small_knee.ligaments.names))
     return dataclasses.replace(small_knee, groups=groups)
+
+
+def test_strains_of_groups_ask_for_lengths_once(bundled, monkeypatch):
+    """Each way around an obstacle is a search: one for every fibre took minutes to compile."""
+    asked, length = [], Knee.reference_length
+    monkeypatch.setattr(Knee, "reference_length", lambda knee: asked.append(0) or length(knee))
+    names = ("cruciates.reference_strain", "MCL.reference_strain", "LCL.reference_strain")
+    selection = select(bundled, [*names, "MCL.femoral_attachment.superior"])
+    values = jnp.array([0.01, 0.02, 0.03, 7.0])
+    asked.clear()
+    found = selection.apply(bundled, values)
+    assert len(asked) == 1
+    # At the attachment that was set beside it.
+    assert np.asarray(selection.read(found)) == pytest.approx(np.asarray(values), abs=1e-14)
 
 
 def test_a_group_is_the_mean_of_its_fibres(bundled):

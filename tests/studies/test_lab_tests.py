@@ -19,7 +19,7 @@ from kneejax.files.reading import Field
 from kneejax.geometry import CLINICAL, FREE_COORDINATES, convert_table
 from kneejax.inference.fit import observations
 from kneejax.parameters import UnsuitableData
-from kneejax.studies import Identify, Map, check
+from kneejax.studies import Identify, Sensitivity, check
 from kneejax.studies._published_tests import published_test
 
 ANTERIOR = FREE_COORDINATES.index("anterior")
@@ -160,7 +160,7 @@ def test_fewer_data_than_parameters_are_refused_before_anything_moves(tmp_path):
 @pytest.mark.parametrize(
     ("question", "said"),
     [
-        (Map(), "a study without tests: maps and sensitivities are of passive motion so far"),
+        (Sensitivity(), "a study without tests: sensitivities are of passive motion so far"),
         (Identify(posterior=True), "a study without tests: the posterior is of passive motion"),
     ],
 )
@@ -172,9 +172,13 @@ def test_what_takes_no_tests_yet_says_so(tmp_path, question, said):
 
 def test_a_test_on_a_cut_knee_reads_the_published_laxity_of_such_knees(tmp_path):
     item = {"name": "cut", "file": "robot_anterior_90N", "flexion_deg": [20], "cut": ["ACL"],
-            "counted_from": "intact"}  # fmt: skip
+            }  # fmt: skip
     (test,) = study(tmp_path, [item]).tests
     assert (test.cut, test.observed[:, ANTERIOR].tolist()) == (("ACL",), [13.2])
+    # The table says what it counts from, as an assumption that a study may change.
+    assert test.counted_from == "intact"
+    (test,) = study(tmp_path, [item | {"counted_from": "unloaded"}]).tests
+    assert test.counted_from == "unloaded"
 
 
 def test_forces_strains_and_weights_are_read_from_columns(tmp_path):
@@ -208,6 +212,8 @@ READ = ("flexion_deg", "anterior_N", "ACL.tension_N")
         ((*READ[:2], "ACLL.tension_N"), {"sd_N": 2.0}, {"noise_mm": 0.1, "noise_deg": 0.1},
          "did you mean 'ACL'"),
         ((*READ[:2], "anterior_mm"), {"cut": ["ACK"]}, {}, "did you mean 'ACL'"),
+        # The ligament before how well it was measured: with it the rest may be right.
+        ((*READ[:2], "anterior_mm"), {"cut": "ALC", "sd_mm": 1.0}, {}, r"tests\[0\]: .* 'ALC'"),
         ((*READ[:2], "anterior_mm"), {"counted_from": "intact"}, {}, "expected cut too"),
         ((*READ[:2], "weight", "anterior_mm"), {"weight": "by_load"}, {}, "has a column weight"),
         ((*READ[:2], "anterior_mm"), {"weight": "by_lod"}, {}, "did you mean by_load"),
@@ -340,7 +346,7 @@ def test_a_published_laxity_of_cut_knees_is_read_by_what_was_cut():
     said = {"name": "robot", "file": "robot_anterior_90N", "cut": "PCL"}
     item = Field("study.yaml", "tests[0]", said)
     table, counted_from = published_test(item, cut=("ACL",))
-    assert counted_from is None
+    assert counted_from == "intact"
     assert table.observed[2, ANTERIOR] == 13.2
     with pytest.raises(InputProblem, match="robot_anterior_90N with ACL or nothing cut"):
         published_test(item, cut=("PCL",))

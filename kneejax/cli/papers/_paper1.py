@@ -8,7 +8,8 @@ import dataclasses
 import numpy as np
 
 from kneejax.cli._progress import balances_on_terminal
-from kneejax.files import InputProblem, load_knee, write_rows
+from kneejax.cli.papers._judged import say_claims, write_claims
+from kneejax.files import InputProblem, load_knee
 from kneejax.inference import in_convention, sensitivity_maps, sweep, versions
 from kneejax.mechanics import Knee
 from kneejax.reproduction import VERDICTS, Claim, Paper1Study, paper1_claims
@@ -28,13 +29,7 @@ def run(arguments: argparse.Namespace) -> int:
     found = _computed(study)
     claims, doubts = paper1_claims(found), _doubts(found)
     _write(study, found, claims, doubts, arguments.out, arguments.svg)
-    from kneejax.report import claims_summary
-
-    print(claims_summary(claims))
-    for doubt in doubts:
-        print(f"! {doubt}")
-    print(f"written: {arguments.out}/reproduction.csv, report.html, settings.json, figures/")
-    return 1 if doubts else 0
+    return say_claims(claims, arguments.out, doubts=doubts)
 
 
 def _four_lines(name: str) -> Knee:
@@ -83,10 +78,9 @@ def _doubts(found: Paper1Study) -> list[str]:
 def _write(
     study: Study, found: Paper1Study, claims: tuple[Claim, ...], doubts, out, svg: bool
 ) -> None:
-    from kneejax.report import CLAIM_COLUMNS, map_figure, sweep_figure, write_reproduction
+    from kneejax.report import map_figure, sweep_figure, write_reproduction
 
-    rows = [[getattr(claim, column) for column in CLAIM_COLUMNS] for claim in claims]
-    write_rows(out / "reproduction.csv", list(CLAIM_COLUMNS), rows)
+    write_claims(claims, out)
     figures = {}
     for number, one in enumerate(found.sweeps.sweeps, 3):
         figures[one.name.replace(".", "-")] = (

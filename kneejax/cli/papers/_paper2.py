@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 
 from kneejax.cli._progress import stages_on_terminal
+from kneejax.cli.papers._judged import say_claims, write_claims
 from kneejax.files import load_knee, write_rows
 from kneejax.inference import versions
 from kneejax.reproduction import VERDICTS, Claim, Paper2Study, paper2_claims, paper2_study
@@ -22,14 +23,7 @@ def run(arguments: argparse.Namespace) -> int:
         found = paper2_study(load_knee(_KNEE))
     claims, doubts = paper2_claims(found), _doubts(found)
     _write(found, claims, doubts, arguments.out, arguments.svg)
-    from kneejax.report import claims_summary
-
-    print(claims_summary(claims))
-    for doubt in doubts:
-        print(f"! {doubt}")
-    files = "reproduction.csv, lachman.csv, report.html"
-    print(f"written: {arguments.out}/{files}, settings.json, figures/")
-    return 1 if doubts else 0
+    return say_claims(claims, arguments.out, ["lachman.csv"], doubts)
 
 
 def _doubts(found: Paper2Study) -> list[str]:
@@ -43,10 +37,9 @@ def _doubts(found: Paper2Study) -> list[str]:
 
 
 def _write(found: Paper2Study, claims: tuple[Claim, ...], doubts, out, svg: bool) -> None:
-    from kneejax.report import CLAIM_COLUMNS, lachman_figure, write_reproduction
+    from kneejax.report import lachman_figure, write_reproduction
 
-    rows = [[getattr(claim, column) for column in CLAIM_COLUMNS] for claim in claims]
-    write_rows(out / "reproduction.csv", list(CLAIM_COLUMNS), rows)
+    write_claims(claims, out)
     kinds = {"table_1": found.printed, "calibrated": found.calibrated}
     names = list(found.printed["two bundles"].tension)
     write_rows(

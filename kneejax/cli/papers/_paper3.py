@@ -7,6 +7,7 @@ import argparse
 import numpy as np
 
 from kneejax.cli._progress import stages_on_terminal
+from kneejax.cli.papers._judged import say_claims, write_claims
 from kneejax.files import bundled_measurements, load_knee, write_rows
 from kneejax.files.tables import read_rows
 from kneejax.inference import versions
@@ -25,14 +26,7 @@ def run(arguments: argparse.Namespace) -> int:
         found = paper3_study(load_knee(_KNEE), flexion, displacement_mm, torque_Nm)
     claims, doubts = paper3_claims(found), _doubts(found)
     _write(found, claims, doubts, arguments.out, arguments.svg)
-    from kneejax.report import claims_summary
-
-    print(claims_summary(claims))
-    for doubt in doubts:
-        print(f"! {doubt}")
-    files = "reproduction.csv, drawer.csv, torsion.csv, report.html"
-    print(f"written: {arguments.out}/{files}, settings.json, figures/")
-    return 1 if doubts else 0
+    return say_claims(claims, arguments.out, ["drawer.csv", "torsion.csv"], doubts)
 
 
 def _conditions() -> tuple[np.ndarray, float, float]:
@@ -52,10 +46,9 @@ def _doubts(found: Paper3Study) -> list[str]:
 
 
 def _write(found: Paper3Study, claims: tuple[Claim, ...], doubts, out, svg: bool) -> None:
-    from kneejax.report import CLAIM_COLUMNS, drawer_figure, torsion_figure, write_reproduction
+    from kneejax.report import drawer_figure, torsion_figure, write_reproduction
 
-    rows = [[getattr(claim, column) for column in CLAIM_COLUMNS] for claim in claims]
-    write_rows(out / "reproduction.csv", list(CLAIM_COLUMNS), rows)
+    write_claims(claims, out)
     names = list(found.tension)
     write_rows(
         out / "drawer.csv",

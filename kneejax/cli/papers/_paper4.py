@@ -7,7 +7,8 @@ import dataclasses
 
 from kneejax.cli._progress import balances_on_terminal
 from kneejax.cli._sensitivity_knees import write_tables
-from kneejax.files import load_knee, write_rows
+from kneejax.cli.papers._judged import say_claims, write_claims
+from kneejax.files import load_knee
 from kneejax.mechanics import Knee
 from kneejax.reproduction import (
     VERDICTS,
@@ -34,13 +35,7 @@ def run(arguments: argparse.Namespace) -> int:
         found = compare_knees(_knees(), progress=progress)
     claims = paper4_claims(found, _KINSHIP)
     files = _write(found, claims, arguments.out, arguments.svg)
-    from kneejax.report import claims_summary
-
-    print(claims_summary(claims))
-    for doubt in found.doubts:
-        print(f"! {doubt}")
-    print(f"written: {arguments.out}/{', '.join(files)}, settings.json, figures/")
-    return 1 if found.doubts else 0
+    return say_claims(claims, arguments.out, files, found.doubts)
 
 
 def _knees() -> dict[str, Knee]:
@@ -50,10 +45,9 @@ def _knees() -> dict[str, Knee]:
 
 
 def _write(found: KneeComparison, claims: tuple[Claim, ...], out, svg: bool) -> list[str]:
-    from kneejax.report import CLAIM_COLUMNS, ramp_figure, score_figure, write_reproduction
+    from kneejax.report import ramp_figure, score_figure, write_reproduction
 
-    rows = [[getattr(claim, column) for column in CLAIM_COLUMNS] for claim in claims]
-    write_rows(out / "reproduction.csv", list(CLAIM_COLUMNS), rows)
+    write_claims(claims, out)
     figures = {
         "scores": (
             score_figure(found),
@@ -80,7 +74,7 @@ def _write(found: KneeComparison, claims: tuple[Claim, ...], out, svg: bool) -> 
         out,
         svg=svg,
     )
-    return ["reproduction.csv", "report.html", *write_tables(found, out)]
+    return write_tables(found, out)
 
 
 def _about(found: KneeComparison) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 
 from kneejax.cli._progress import stages_on_terminal
+from kneejax.cli.papers._judged import say_claims, write_claims
 from kneejax.files import load_knee, write_rows
 from kneejax.joints import MEASURES, Comparison, UnsuitableMotions
 from kneejax.parameters import UnsuitableData
@@ -34,28 +35,15 @@ def run(arguments: argparse.Namespace) -> int:
         raise UnsuitableData(str(problem)) from problem
     claims = paper5_claims(found)
     files = _write(found, claims, arguments.out, arguments.svg)
-    from kneejax.report import claims_summary
-
-    print(claims_summary(claims))
-    print(f"written: {arguments.out}/{', '.join(files)}, settings.json, figures/")
-    return 0
+    return say_claims(claims, arguments.out, files)
 
 
 def _write(found: Paper5Study, claims: tuple[Claim, ...], out, svg: bool) -> list[str]:
-    from kneejax.report import (
-        CLAIM_COLUMNS,
-        joint_comparison_figure,
-        paper5_figure,
-        write_reproduction,
-    )
+    from kneejax.report import joint_comparison_figure, paper5_figure, write_reproduction
     from kneejax.report import joint_comparison_text as text
 
     cohort = found.cohorts[_SHOWN][0]
     tables = {
-        "reproduction.csv": (
-            CLAIM_COLUMNS,
-            [[getattr(claim, column) for column in CLAIM_COLUMNS] for claim in claims],
-        ),
         "means.csv": (("motion", "source", "flexion_deg", *_columns()), list(_means(found))),
         "synthetic_summary.csv": (text.SUMMARY_COLUMNS, text.summary_rows(cohort)),
         "synthetic_differences.csv": (text.DIFFERENCE_COLUMNS, text.difference_rows(cohort)),
@@ -64,6 +52,7 @@ def _write(found: Paper5Study, claims: tuple[Claim, ...], out, svg: bool) -> lis
     }
     for name, (columns, rows) in tables.items():
         write_rows(out / name, list(columns), rows)
+    write_claims(claims, out)
     figures = {
         "means": (
             paper5_figure(found),
@@ -95,7 +84,7 @@ def _write(found: Paper5Study, claims: tuple[Claim, ...], out, svg: bool) -> lis
         out,
         svg=svg,
     )
-    return ["report.html", *tables]
+    return list(tables)
 
 
 def _labelled(cohort: Comparison) -> dict:

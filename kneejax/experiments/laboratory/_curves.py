@@ -16,7 +16,7 @@ from kneejax.experiments._motion import Motion, followed, passive_flexion
 from kneejax.experiments.laboratory._lab_test import LabTest
 from kneejax.geometry import CLINICAL, COORDINATES, table_units
 from kneejax.mechanics import Knee, Load
-from kneejax.statics import Stations
+from kneejax.statics import Stations, converged
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,6 +33,9 @@ class Curves:
         nodes: rows of the motion, one for each different load, `(flexions, loads)`.
         part: of the full load or displacement at each of them, in order of size, `(loads,)`.
         steps: the place among these of each step of the path, `(steps,)`.
+        intact: neutral poses of the knee before it was cut, from which displacements are counted;
+            None where they are counted from the knee's own.
+        intact_rows: of these, one for each flexion, `(flexions,)`.
     """
 
     test: LabTest
@@ -40,6 +43,13 @@ class Curves:
     nodes: np.ndarray
     part: np.ndarray
     steps: np.ndarray
+    intact: Motion | None = None
+    intact_rows: np.ndarray = dataclasses.field(default_factory=lambda: np.empty(0, int))
+
+    @property
+    def counted_from(self) -> str:
+        """Of displacements, one of `kneejax.experiments.COUNTED_FROM`."""
+        return "unloaded" if self.intact is None else "intact"
 
     def to_table(self, convention: str = "femoral") -> Array:
         """Poses in degrees and mm, `(flexions, steps, 6)`, in the order of pose tables."""
@@ -47,14 +57,17 @@ class Curves:
 
     @property
     def displacement(self) -> Array:
-        """Change of what is observed from the neutral pose, `(flexions, steps)`, mm or degrees."""
+        """Change of what is observed from the pose that counts as zero, `(flexions, steps)`, mm or
+        degrees: the neutral pose, or that of the intact knee."""
         return self.displacement_by_load[:, self.steps]
 
     @property
     def displacement_by_load(self) -> Array:
         """The same at every different load in order of its size, `(flexions, loads)`."""
-        observed = self._observed()
-        return observed[self.nodes] - observed[self._unloaded][:, None]
+        zero = self.neutral
+        if self.intact is not None:
+            zero = _observed(self.test, self.intact)[self.intact_rows]
+        return _observed(self.test, self.motion)[self.nodes] - zero[:, None]
 
     def load(self, name: str) -> Array:
         """A load at every step, what acts throughout included, `(flexions, steps)`.
@@ -84,7 +97,17 @@ class Curves:
     @property
     def neutral(self) -> Array:
         """What is observed without the test's load, `(flexions,)`, mm or degrees."""
-        return self._observed()[self._unloaded]
+        return _observed(self.test, self.motion)[self._unloaded]
+
+    @property
+    def searched(self) -> np.ndarray:
+        """What the search met at every load, `Status` values, `(flexions, loads)`; where the intact
+        knee does not balance nothing can be counted from it, and its status is told."""
+        found = np.asarray(self.motion.status)[self.nodes]
+        if self.intact is None:
+            return found
+        before = np.asarray(self.intact.status)[self.intact_rows, None]
+        return np.where(converged(before), found, np.maximum(before, found))
 
     def status(self, mechanics: Mechanics) -> np.ndarray:
         """What became of every load; fibres are compared along each curve.
@@ -95,8 +118,8 @@ class Curves:
         Returns:
             `Status` values, `(flexions, loads)`.
         """
-        status = np.asarray(self.motion.status)
-        return np.stack([with_flips(status[rows], _at(mechanics, rows)) for rows in self.nodes])
+        each = zip(self.searched, self.nodes, strict=True)
+        return np.stack([with_flips(status, _at(mechanics, rows)) for status, rows in each])
 
     def doubts(self, mechanics: Mechanics) -> list[tuple[str, ...]]:
         """What is wrong at every load of each flexion, in words and numbers.
@@ -117,9 +140,10 @@ class Curves:
     def _unloaded(self) -> np.ndarray:
         return self.nodes[:, int(np.argmin(np.abs(self.part)))]
 
-    def _observed(self) -> Array:
-        column = list(COORDINATES).index(self.test.observed)
-        return self.motion.to_table(CLINICAL)[:, column]
+
+def _observed(test: LabTest, motion: Motion) -> Array:
+    """What a test observes at every row of a motion, mm or degrees."""
+    return motion.to_table(CLINICAL)[:, list(COORDINATES).index(test.observed)]
 
 
 def _at(mechanics: Mechanics, rows: np.ndarray) -> Mechanics:
@@ -136,7 +160,9 @@ def mechanics_of(curves: Curves) -> Mechanics:
     return evaluate(motion.knee, motion.pose, motion.settled.meeting)
 
 
-def load_curves(knee: Knee, tests: LabTest | Sequence[LabTest]) -> tuple[Curves, ...]:
+def load_curves(
+    knee: Knee, tests: LabTest | Sequence[LabTest], intact: Knee | None = None
+) -> tuple[Curves, ...]:
     """Load a knee as some tests say, all of them in one batch.
 
     At each flexion the knee is bent without a load, takes what acts throughout, and then the
@@ -144,9 +170,14 @@ def load_curves(knee: Knee, tests: LabTest | Sequence[LabTest]) -> tuple[Curves,
     Where a machine moves or holds the tibia, it takes hold of it in the neutral pose, which is that
     under what acts throughout. No test depends on the others.
 
+    A robot repeats the passive path of the intact knee before and after a cut, and counts from it.
+    With `intact`, displacements are counted from that knee's neutral pose, and a machine takes hold
+    of the tibia there.
+
     Args:
         knee: any knee.
         tests: what is done.
+        intact: the knee before anything was cut; the knee's own neutral pose counts without it.
 
     Returns:
         The curves of each test, differentiable with respect to every number of the knee. Where the
@@ -180,11 +211,18 @@ def load_curves(knee: Knee, tests: LabTest | Sequence[LabTest]) -> tuple[Curves,
         raise ValueError(f"tests prescribe different coordinates ({kinds}); expected one call each")
     constant, grows = _loads(laid)
     first = [constant] if any(test.constant for test in tests) else []
+    before = None if intact is None else _neutral(intact, laid, first)
     if machine == {()}:
         motion = passive_flexion(knee, flexion, [*first, grows])
     else:
-        motion = _by_machine(knee, laid, first, grows)
-    return tuple(Curves(test, motion, nodes, part, steps) for test, nodes, part, steps in laid)
+        neutral = _neutral(knee, laid, first) if before is None else before
+        motion = _by_machine(knee, laid, neutral, first, grows)
+    ends = np.cumsum([len(nodes) for _, nodes, *_ in laid])
+    rows = np.split(np.arange(ends[-1]), ends[:-1])
+    return tuple(
+        Curves(test, motion, nodes, part, steps, before, own)
+        for (test, nodes, part, steps), own in zip(laid, rows, strict=True)
+    )
 
 
 def _loads(laid) -> list[Load]:
@@ -194,20 +232,24 @@ def _loads(laid) -> list[Load]:
     return [jax.tree.map(lambda *x: jnp.concatenate(x), *kind) for kind in both]
 
 
-def _by_machine(knee: Knee, laid, constant: list[Load], grows: Load) -> Motion:
-    """Tests in which a machine takes hold of the tibia in the neutral pose."""
-    tests, every = [test for test, *_ in laid], [nodes for _, nodes, *_ in laid]
-    flexion = np.concatenate([test.flexion_deg for test in tests])
-    # Of each flexion of each test, the first of its rows; and of each row its flexion.
-    begin = np.concatenate([nodes[:, 0] for nodes in every])
-    own = np.searchsorted(begin, np.arange(every[-1][-1, -1] + 1), "right") - 1
+def _neutral(knee: Knee, laid, constant: list[Load]) -> Motion:
+    """A knee under what acts throughout, at each flexion of each test."""
+    begin = np.concatenate([nodes[:, 0] for _, nodes, *_ in laid])
     held = [jax.tree.map(lambda x: x[begin], load) for load in constant]
-    neutral = passive_flexion(knee, flexion, held)
-    names = tests[0].machine
+    return passive_flexion(knee, np.concatenate([test.flexion_deg for test, *_ in laid]), held)
+
+
+def _by_machine(knee: Knee, laid, neutral: Motion, constant: list[Load], grows: Load) -> Motion:
+    """Tests in which a machine takes hold of the tibia in a neutral pose."""
+    # Of each row its flexion, by the first rows of each.
+    begin = np.concatenate([nodes[:, 0] for _, nodes, *_ in laid])
+    own = np.searchsorted(begin, np.arange(laid[-1][1][-1, -1] + 1), "right") - 1
+    names = laid[0][0].machine
     moved = np.concatenate(
         [np.tile(_displaced(test, part), len(nodes)) for test, nodes, part, _ in laid], axis=1
     )
     prescribed = dict(zip(names, neutral.settled.state.at(names)[:, own] + moved, strict=True))
+    flexion = np.concatenate([test.flexion_deg for test, *_ in laid])
     bent = jnp.deg2rad(jnp.asarray(flexion, float))[own]
     stations = Stations({"flexion": bent, **prescribed}, (*constant, grows), later=1)
     return followed(knee, stations)

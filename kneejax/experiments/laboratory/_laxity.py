@@ -20,7 +20,7 @@ class Laxity:
         test: its name.
         flexion_deg: at which it was made.
         coordinate: that was observed.
-        range: between the two ends, or from the neutral pose to the one end of a test one way.
+        range: between the two ends, or the size of the one end of a test one way.
         positive: displacement under the full positive load; NaN where the knee does not hold it.
         negative: under the full negative load, likewise; NaN in a test one way.
         neutral: value of the coordinate without the test's load.
@@ -31,6 +31,7 @@ class Laxity:
         held_positive: largest positive load that the knee held, N or N m; the force of a machine
             that moves the tibia at its last place that way.
         held_negative: the same of the negative load, negative.
+        counted_from: of `positive` and `negative`, one of `kneejax.experiments.COUNTED_FROM`.
         status: the worst of all steps.
     """
 
@@ -46,6 +47,7 @@ class Laxity:
     unit: str
     held_positive: float
     held_negative: float
+    counted_from: str
     status: Status
 
     @property
@@ -73,7 +75,7 @@ def laxity(curves: Curves, status: np.ndarray | None = None) -> tuple[Laxity, ..
         >>> bool(np.isclose(found.range, found.positive - found.negative)), found.unit
         (True, 'mm')
     """
-    status = np.asarray(curves.motion.status)[curves.nodes] if status is None else status
+    status = curves.searched if status is None else status
     reached = np.asarray(curves.motion.reached)[curves.nodes]
     moved, neutral = np.asarray(curves.displacement_by_load), np.asarray(curves.neutral)
     load = np.asarray(curves.driving_load)
@@ -97,7 +99,8 @@ def _of_flexion(curves: Curves, zero, flexion, load, moved, reached, status, neu
     return Laxity(
         curves.test.name, float(flexion), name, float(span), up.end, down.end, float(neutral),
         _mean([arm.first for arm in ways]), _mean([arm.last for arm in ways]),
-        coordinate(name).unit, up.held, down.held, Status(int(status.max())),
+        coordinate(name).unit, up.held, down.held, curves.counted_from,
+        Status(int(status.max())),
     )  # fmt: skip
 
 

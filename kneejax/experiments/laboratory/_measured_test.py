@@ -237,7 +237,8 @@ class MeasuredTest:
 
         Args:
             curves: of one test.
-            given: further attributes, for instance `sd_mm`.
+            given: further attributes, for instance `sd_mm`; `cut` too where the curves are counted
+                from the intact knee.
 
         Returns:
             The change of the test's coordinate at every step; a step without a load is left out.
@@ -265,7 +266,7 @@ class MeasuredTest:
             observed,
             constant=dict(test.constant),
             point_mm=test.point_mm,
-            **given,
+            **{"counted_from": curves.counted_from} | given,
         )
 
 

@@ -3,6 +3,7 @@
 from kneejax.inference.fit._bounded import BoundedLevenbergMarquardt as BoundedLevenbergMarquardt
 from kneejax.inference.fit._cut import balances_of as balances_of
 from kneejax.inference.fit._cut import slack_at as slack_at
+from kneejax.inference.fit._cut import without as without
 from kneejax.inference.fit._lbfgsb import minimise_bounded as minimise_bounded
 from kneejax.inference.fit._load_cases import DEFAULT_WEIGHTS as DEFAULT_WEIGHTS
 from kneejax.inference.fit._load_cases import TABLE_UNITS as TABLE_UNITS

@@ -12,6 +12,7 @@ import numpy as np
 from jax import Array
 
 from kneejax.geometry import CLINICAL, FEMORAL, FREE_COORDINATES, convert, table_units
+from kneejax.numerics import lanes_for
 from kneejax.statics import Slopes, Stations
 
 if TYPE_CHECKING:
@@ -134,8 +135,7 @@ class LoadCases:
         """
         q, slope = found.q, found.jacobian
         if self.clinical is not None and self.clinical.any():
-            flexion = np.broadcast_to(np.asarray(self.stations.flexion), q.shape[:2])
-            read, turn = map(np.asarray, _read(flexion, q))
+            read, turn = _read_all(np.asarray(self.stations.flexion), q)
             q = np.where(self.clinical[:, None], read, q)
             slope = np.where(self.clinical[:, None, None], turn @ slope, slope)
         value, slope = q * TABLE_UNITS, slope * TABLE_UNITS[:, None]
@@ -200,15 +200,26 @@ class LoadCases:
         return np.hstack(rows), np.concatenate(slopes, axis=1)
 
 
+def _read_all(flexion: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Free coordinates `(fits, stations, 5)` of Grood and Suntay, and by those of the package."""
+    shape = q.shape[:2]
+    count = shape[0] * shape[1]
+    # Arms of profiles end one by one: a program for each number of fits took a second each.
+    node = np.minimum(np.arange(lanes_for(count)), count - 1)
+    read, turn = _read(np.broadcast_to(flexion, shape).ravel()[node], q.reshape(count, -1)[node])
+    every = (np.asarray(x)[:count] for x in (read, turn))
+    read, turn = (x.reshape(*shape, *x.shape[1:]) for x in every)
+    return read, turn
+
+
 @jax.jit
 def _read(flexion: Array, q: Array) -> tuple[Array, Array]:
-    """Free coordinates `(fits, stations, 5)` of Grood and Suntay, and by those of the package."""
+    """The same of nodes, `(nodes, 5)`."""
 
     def one(flexion: Array, q: Array) -> Array:
         return convert(jnp.concatenate([flexion[None], q]), FEMORAL, CLINICAL)[1:]
 
-    over_all = jax.vmap(jax.vmap(lambda f, x: (one(f, x), jax.jacfwd(one, 1)(f, x))))
-    return over_all(flexion, q)
+    return jax.vmap(lambda f, x: (one(f, x), jax.jacfwd(one, 1)(f, x)))(flexion, q)
 
 
 def with_offsets(balance: Balance, offsets: Sequence[str], posed: np.ndarray) -> Balance:

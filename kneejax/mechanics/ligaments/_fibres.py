@@ -116,7 +116,7 @@ class Fibres(eqx.Module):
         """Rows of an array; all of them, or neighbours, without a gather."""
         first, last = (rows[0], rows[-1] + 1) if rows else (0, 0)
         if rows == tuple(range(first, last)):
-            return array if last - first == len(self.names) else array[first:last]
+            return array if last - first == len(self.names) else _neighbours(array, first, last)
         return array[np.array(rows)]
 
     def _ends(self, rows: tuple[int, ...]) -> tuple[Array, Array]:
@@ -149,6 +149,20 @@ class _Way(NamedTuple):
     length: Array
     pull: Wrench
     bent: list[TautPath]
+
+
+@functools.partial(jax.custom_jvp, nondiff_argnums=(1, 2))
+def _neighbours(array: Array, first: int, last: int) -> Array:
+    """Rows of an array that are next to each other."""
+    return array[first:last]
+
+
+@_neighbours.defjvp
+def _neighbours_jvp(first: int, last: int, primals, tangents):
+    # What is read backwards through a slice is padded, and kernels that XLA 0.10 makes of such
+    # pads, of stiffness and of slack length, abort the process.
+    (array,), (change,) = primals, tangents
+    return _neighbours(array, first, last), change[np.arange(first, last)]
 
 
 def _free(length: Array) -> WrapState:

@@ -12,8 +12,7 @@ from kneejax.report.calibration._notes import calibration_notes as calibration_n
 from kneejax.report.calibration._results import PARAMETER_COLUMNS as PARAMETER_COLUMNS
 from kneejax.report.calibration._results import parameters_rows as parameters_rows
 from kneejax.report.calibration._results import result_document as result_document
-from kneejax.report.calibration._tests import TEST_COLUMNS as TEST_COLUMNS
-from kneejax.report.calibration._tests import reading_rows as reading_rows
+from kneejax.report.calibration._tests import reading_table as reading_table
 from kneejax.report.calibration._tests import tests_figure as tests_figure
 from kneejax.report.calibration._text import calibration_summary as calibration_summary
 from kneejax.report.calibration._verdict import Outcome as Outcome

@@ -58,25 +58,35 @@ def laxity_errors(calibration: Calibration) -> list[LaxityError]:
     return found
 
 
-#: Columns of tests.csv; loads come between the flexion and the coordinate.
-TEST_COLUMNS = (
-    "test", "flexion_deg", *NAMED_LOADS, "coordinate", "unit", "counted_from", "measured", "start",
-    "fitted", "status",
-)  # fmt: skip
+#: Columns of tests.csv after what acted.
+_COMPARED_COLUMNS = ("coordinate", "unit", "counted_from", "measured", "start", "fitted", "status")
 
 
-def reading_rows(calibration: Calibration) -> list[list[Any]]:
-    """Every reading of every test beside what the knee does, under `TEST_COLUMNS`."""
+def reading_table(calibration: Calibration) -> tuple[tuple[str, ...], list[list[Any]]]:
+    """Columns and rows of tests.csv: every reading of every test beside what the knee does.
+
+    Args:
+        calibration: with tests.
+
+    Returns:
+        The header, in which each line whose tension a table gave has a column as in that table,
+        and a row for each reading.
+    """
+    tests = [own.test for own in calibration.fit.tests]
+    lines = tuple(dict.fromkeys(line for test in tests for line in test.tensions))
+    pulls = (f"{line}.tension_N" for line in lines)
+    header = ("test", "flexion_deg", *NAMED_LOADS, *pulls, *_COMPARED_COLUMNS)
     rows = []
     for own, before in zip(calibration.fit.tests, calibration.start_tests, strict=True):
         test = own.test
         nothing = np.zeros(len(test.flexion_deg))
-        loads = [
+        acting = [
             test.loads.get(name, nothing) + test.constant.get(name, 0.0) for name in NAMED_LOADS
         ]
+        acting += [test.tensions.get(line, nothing) for line in lines]
         rows += [
             [
-                test.name, test.flexion_deg[row], *(size[row] for size in loads), name,
+                test.name, test.flexion_deg[row], *(size[row] for size in acting), name,
                 unit_of(name), _counted_from(test, name), measured[row],
                 before.compared[name][1][row], fitted[row], Status(int(own.status[row])).word,
             ]
@@ -84,7 +94,7 @@ def reading_rows(calibration: Calibration) -> list[list[Any]]:
             for name, (measured, fitted) in own.compared.items()
             if np.isfinite(measured[row])
         ]  # fmt: skip
-    return rows
+    return header, rows
 
 
 def _counted_from(test: MeasuredTest, name: str) -> str:

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 _PANEL = 2.7  # inches high
 #: Flexions with a curve each; of more, evenly chosen ones are named.
 _MOST_NAMED = 8
+#: Of a displacement, by what it is counted from.
+_FROM = {"unloaded": "from the neutral pose", "intact": "from the intact knee"}
 
 
 @styled
@@ -66,7 +68,7 @@ def _curves_panel(axes: Axes, one: Curves, status: np.ndarray) -> None:
     axes.axhline(0.0, color=GREY, linewidth=0.5)
     axes.axvline(0.0, color=GREY, linewidth=0.5)
     axes.set_title(verbatim(f"{test.name}: {test.words}"))
-    axes.set_xlabel(f"Change from the neutral pose: {coordinate.phrase}, {coordinate.unit}")
+    axes.set_xlabel(f"Change {_FROM[one.counted_from]}: {coordinate.phrase}, {coordinate.unit}")
     axes.set_ylabel(f"{kind.positive.capitalize()}, {kind.unit}")
     handles, labels = axes.get_legend_handles_labels()
     if any(_ends(one.part, own) for own in status):
@@ -104,7 +106,8 @@ def laxity_figure(
             are left out, and ranges.
 
     Returns:
-        A panel for each test; published means, with two standard deviations where they are known.
+        A panel for each test; published means, with two standard deviations where they are known;
+        of cut knees the legend says what they are counted from.
     """
     from matplotlib.figure import Figure
 
@@ -134,7 +137,8 @@ def _laxity_panel(axes: Axes, one: Curves, rows: Sequence[Laxity], bands: Sequen
                 band.flexion_deg, band.mean, spread, fmt="s", color=GREY, markersize=3,
                 elinewidth=0.8, capsize=2, zorder=1,
             )  # fmt: skip
-            drawn.append((points, f"{band.label}:\nmean, two SD where known"))
+            counted = f",\n{_FROM[band.counted_from]}" if band.cut else ""
+            drawn.append((points, f"{band.label}:\nmean, two SD where known{counted}"))
     ends = ("positive", "negative") if by_load else ("held_positive", "held_negative")
     for name, word, color in zip(
         ends, (kind.positive, kind.negative), (BLUE, VERMILLION), strict=True
@@ -148,7 +152,7 @@ def _laxity_panel(axes: Axes, one: Curves, rows: Sequence[Laxity], bands: Sequen
     drawn += [(handle, entry) for entry, handle in marks.items()]
     axes.axhline(0.0, color=GREY, linewidth=0.5)
     axes.set_title(verbatim(f"{test.name}: {test.words}"))
-    change = f"Change: {coordinate.phrase}, {coordinate.unit}"
+    change = f"Change {_FROM[one.counted_from]}:\n{coordinate.phrase}, {coordinate.unit}"
     axes.set_ylabel(change if by_load else f"{kind.positive.capitalize()}, {kind.unit}")
     flexion_axis(axes, flexion)
     handles, labels = zip(*drawn, strict=True) if drawn else ((), ())

@@ -83,6 +83,25 @@ def test_a_displacement_counts_from_the_neutral_pose_along_the_floating_axis(kne
     )
 
 
+def test_a_robot_takes_a_cut_knee_where_it_had_the_intact_one(knee):
+    """At no displacement the tibia is on the intact path, where the cut knee is pushed back to."""
+    torn = kj.cut(knee, ["ACL"])
+    (test,) = kj.lab_tests("drawer", [30.0], displacement_mm=2.0, steps=1)
+    (from_intact,) = kj.load_curves(torn, test, knee)
+    intact, rest = (
+        float(np.asarray(kj.passive_flexion(k, [30.0]).to_table(CLINICAL))[0, 3])
+        for k in (knee, torn)
+    )
+    assert float(from_intact.neutral[0]) == pytest.approx(intact, abs=1e-8)
+    assert np.asarray(from_intact.displacement)[0] == pytest.approx([0.0, 2.0, 0.0], abs=1e-8)
+    # It takes what pulls the cut knee from where it rests to there, in the other sense.
+    force = float(from_intact.driving_load[0, 0])
+    assert rest > intact + 0.2
+    assert force < -0.1
+    (own,) = kj.load_curves(torn, dataclasses.replace(test, path=((intact - rest) / 2.0,)))
+    assert float(own.driving_load[0, 0]) == pytest.approx(force, rel=1e-6)
+
+
 def test_a_held_rotation_stays_where_it_is_without_the_load(knee):
     free = curves_of(knee, "drawer", [30.0], steps=2, force_N=80.0, both=True)
     held = curves_of(

@@ -107,15 +107,19 @@ def test_what_is_cut_does_not_pull_and_nothing_else_changes(problem):
 
 
 def test_a_robot_counts_from_the_intact_knee(knee, passive):
-    cut = kj.MeasuredTest.of(curves_of(kj.cut(knee, ["ACL"])))
+    """What a laboratory counts so is what a study of its numbers compares."""
+    own, torn = curves_of(kj.cut(knee, ["ACL"])), kj.cut(knee, ["ACL"])
+    counted = kj.load_curves(torn, own.test, knee)[0]
     column = [np.asarray(kj.passive_flexion(k, [20.0, 60.0]).to_table("grood-suntay"))[:, 3]
-              for k in (knee, kj.cut(knee, ["ACL"]))]  # fmt: skip
-    moved = np.repeat(column[1] - column[0], len(cut.flexion_deg) // 2)
-    shifted = cut.observed + np.where(np.arange(5) == ANTERIOR, moved[:, None], 0.0)
-    test = dataclasses.replace(cut, observed=shifted, cut=("ACL",), counted_from="intact")
+              for k in (knee, torn)]  # fmt: skip
+    moved = column[1] - column[0]
+    assert np.abs(moved).max() > 0.5
+    shift = np.asarray(counted.displacement - own.displacement)
+    assert shift == pytest.approx(np.tile(moved[:, None], shift.shape[1]), abs=1e-8)
+    test = kj.MeasuredTest.of(counted, cut=("ACL",))
+    assert test.counted_from == "intact"
     problem = problem_of(knee, passive, [test])
     residual, _ = problem.residual(problem.begin(start_of(problem)[None]))
-    assert np.abs(moved).max() > 0.5
     assert np.abs(residual).max() < 1e-4
 
 

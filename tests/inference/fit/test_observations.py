@@ -8,6 +8,7 @@ import pytest
 import kneejax as kj
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference.fit import LoadCases, Problem, fit_lanes
+from kneejax.inference.fit._load_cases import _read, _read_all
 from kneejax.parameters import UnsuitableData
 from kneejax.statics import Stations
 
@@ -204,3 +205,15 @@ def test_a_test_that_cannot_be_read_is_refused(changes, said):
     }  # fmt: skip
     with pytest.raises(ValueError, match=said):
         kj.MeasuredTest(**(given | changes))
+
+
+def test_numbers_of_fits_share_what_reads_them():
+    """Arms of profiles end one by one; a program for each number of fits took a second each."""
+    shape, rng = (len(FREE_COORDINATES),), np.random.default_rng(3)
+    flexion, q = np.deg2rad([10.0, 60.0]), 0.1 * rng.standard_normal((9, 2, *shape))
+    whole = _read_all(flexion, q)
+    programs = _read._cache_size()
+    for fits in (8, 3, 1):
+        for some, every in zip(_read_all(flexion, q[:fits]), whole, strict=True):
+            np.testing.assert_array_equal(some, every[:fits])
+    assert _read._cache_size() == programs

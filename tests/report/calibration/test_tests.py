@@ -1,13 +1,14 @@
 """Curves of tests in a report: whole, and broken only where the knee holds nothing."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 
 from kneejax.experiments import MeasuredTest
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference import FittedTest
-from kneejax.report.calibration._tests import _curve, laxity_doubts
+from kneejax.report.calibration._tests import _curve, laxity_doubts, reading_table
 from kneejax.statics import Status
 
 COLUMN = FREE_COORDINATES.index("anterior")
@@ -54,3 +55,23 @@ def test_a_test_outside_the_cartilage_is_named_with_its_flexions():
     assert said.startswith("Test drawer: 3 of 5 loads outside_region")
     assert said.endswith("at 130, 140 deg.")
     assert laxity_doubts((own,), (Status.OUTSIDE_REGION,)) == []
+
+
+def test_the_table_of_readings_says_which_tension_acted_in_each_row():
+    """Of a line that one of two tests pulled; the other's rows stand under no pull."""
+    pull = np.array([0.0, 100.0, 200.0, 300.0, 400.0])
+    still, pulled = fitted("unloaded"), fitted("unloaded")
+    test = dataclasses.replace(pulled.test, name="pulled", tensions={"patellar_tendon": pull})
+    pulled = dataclasses.replace(pulled, test=test)
+    tests = (still, pulled)
+    both = SimpleNamespace(fit=SimpleNamespace(tests=tests), start_tests=tests)
+    header, rows = reading_table(both)
+    assert {len(row) for row in rows} == {len(header)}
+    said = [dict(zip(header, row, strict=True)) for row in rows]
+    acted = {name: [row["patellar_tendon.tension_N"] for row in said if row["test"] == name]
+             for name in ("drawer", "pulled")}  # fmt: skip
+    assert acted == {"drawer": [0.0] * 5, "pulled": pull.tolist()}
+    assert [row["anterior_N"] for row in said] == 2 * LOAD.tolist()
+    # Where no line was pulled there is no such column.
+    alone = SimpleNamespace(fit=SimpleNamespace(tests=(still,)), start_tests=(still,))
+    assert "patellar_tendon.tension_N" not in reading_table(alone)[0]

@@ -1,0 +1,183 @@
+"""What maps of a call share: a grid is balanced in blocks, each point reduced to numbers."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+
+from kneejax.geometry import FREE_COORDINATES, convert
+from kneejax.inference.sensitivity._condition import worst_condition
+from kneejax.inference.sensitivity._map_cases import MapCases
+from kneejax.inference.sensitivity._parameter_map import BlockStore, ParameterMap
+from kneejax.mechanics import Knee
+from kneejax.parameters import Selection, UnsuitableData, unphysiological
+from kneejax.statics import (
+    Balances,
+    Progress,
+    Stations,
+    Status,
+    balance_lines,
+    converged,
+    own_motion,
+)
+
+#: Balances of a block, about: enough to fill all cores, few enough to hold in memory. A map that
+#: was stopped goes on with its next block.
+_BLOCK = 100_000
+#: Rows of a block at least, so that there are always lanes to fill.
+_FEWEST_ROWS = 16
+
+
+@dataclasses.dataclass
+class Maps:
+    """What all maps of a call share."""
+
+    knee: Knee
+    selection: Selection
+    base: np.ndarray
+    stations: Stations
+    weights: np.ndarray
+
+    def map(self, pair, x, y, store: BlockStore | None, report: Progress) -> ParameterMap:
+        column, row = (self.selection.names.index(name) for name in pair)
+        middle = int(np.abs(x - self.base[column]).argmin())
+        # One block's rows do not depend on another's: all begin at the same column.
+        spine = self._values(x[middle : middle + 1], y, column, row).swapaxes(0, 1)
+        begin = int(np.abs(y - self.base[row]).argmin())
+        near = None
+        rows = max(_FEWEST_ROWS, _BLOCK // (x.size * len(self.stations)))
+        parts, size = [], len(self.stations)
+        for first in range(0, y.size, rows):
+            block = slice(first, min(first + rows, y.size))
+            name = f"{pair[0]}-{pair[1]}-{first}"
+            known = store.load(name) if store else None
+            if known is None:
+                if near is None:
+                    near = self._lines(spine, np.array([begin]), None)
+                here = self._lines(
+                    self._values(x, y[block], column, row),
+                    np.full(y[block].size, middle),
+                    [one.at(0, block) for one in near],
+                    lambda done, _, before=first: report(before * x.size * size + done, 0),
+                )
+                known = self._reduced(self._values(x, y[block], column, row), here)
+                if store:
+                    store.save(name, known)
+            parts.append(known)
+            report(block.stop * x.size * size, 0)
+        whole = {key: np.concatenate([part[key] for part in parts], axis=-2) for key in parts[0]}
+        return ParameterMap(
+            (pair[0], pair[1]),
+            tuple(self.selection.unit(i) for i in (column, row)),
+            x,
+            y,
+            whole["objective"],
+            whole["partial"],
+            whole["condition"],
+            whole["lost"],
+            (float(self.base[column]), float(self.base[row])),
+            self.start_objective,
+            self.left_out,
+            self.weights,
+        )
+
+    def _values(self, x, y, column: int, row: int) -> np.ndarray:
+        values = np.tile(self.base, (y.size, x.size, 1))
+        values[..., column], values[..., row] = x, y[:, None]
+        return values
+
+
+
+@dataclasses.dataclass
+class LoadedMaps(Maps):
+    """Of poses and tests under load."""
+
+    cases: MapCases
+
+    def __post_init__(self) -> None:
+        self.left_out, self.start_objective = self.cases.left_out, self.cases.start_objective
+
+    def _lines(self, values, begin, near, progress=None) -> list[Balances]:
+        return self.cases.lines(values, begin, near, progress or (lambda *_: None))
+
+    def _reduced(self, values, found: list[Balances]) -> dict[str, np.ndarray]:
+        return self.cases.reduced(values, found)
+
+
+@dataclasses.dataclass
+class PassiveMaps(Maps):
+    """Of poses without loads: each flexion is balanced once, however many poses have it."""
+
+    back: np.ndarray
+    measured: np.ndarray
+    offsets: tuple[str, ...]
+    convention: str
+    failures: tuple[Status, ...]
+
+    def check_own_motion(self) -> None:
+        """The knee's own motion says what counts and what is physiological; searches begin at the
+        motion of `base`."""
+        vary, own = self.selection.apply, np.asarray(self.selection.read(self.knee))
+        here = own_motion(self.knee, vary, jnp.asarray(self.base), self.stations)
+        same = np.array_equal(own, self.base)
+        home = here if same else own_motion(self.knee, vary, jnp.asarray(own), self.stations)
+        self.own, self.own_table = here, home.table[0]
+        self.used = home.converged[0][self.back]
+        if not self.used.any():
+            raise UnsuitableData("no measured flexion has a balance with the knee's own parameters")
+        self.left_out = int((~self.used).sum())
+        self.start_objective = float(self.weights @ self._partial(here.table)[:, 0])
+
+    def _lines(self, values, begin, near, progress=None) -> list[Balances]:
+        vary, base = self.selection.apply, jnp.asarray(self.base)
+        found = balance_lines(
+            self.knee, vary, base, values, self.stations, begin,
+            near=near and near[0], own=self.own, progress=progress,
+        )  # fmt: skip
+        return [found]
+
+    def _reduced(self, values, found: list[Balances]) -> dict[str, np.ndarray]:
+        (own,) = found
+        partial, status = self._partial(own.table), own.status[..., np.unique(self.back[self.used])]
+        strange = unphysiological(own.table, self.own_table)
+        return {
+            # Not by a product of matrices, whose rounding depends on how arrays lie in memory.
+            "objective": (self.weights[:, None, None] * partial).sum(axis=0),
+            "partial": partial,
+            "condition": worst_condition(status, strange, self.failures),
+            "lost": (~converged(own.status[..., self.back[self.used]])).sum(axis=-1),
+        }
+
+    def _partial(self, table: np.ndarray) -> np.ndarray:
+        """Sums of squared errors, coordinates first; `table` is `(..., stations, 5)`."""
+        rows = self.back[self.used]
+        here = in_convention(table[..., rows, :], self.measured[self.used, 0], self.convention)
+        error = here - in_convention(
+            self.measured[self.used, 1:], self.measured[self.used, 0], self.convention
+        )
+        for name in self.offsets:
+            column = FREE_COORDINATES.index(name)
+            error[..., column] -= error[..., column].mean(axis=-1, keepdims=True)
+        return np.moveaxis((error**2).sum(axis=-2), -1, 0)
+
+
+def in_convention(table: np.ndarray, flexion_deg: np.ndarray, convention: str) -> np.ndarray:
+    """Free coordinates as another convention defines them.
+
+    Args:
+        table: femoral, degrees and mm, `(..., poses, 5)`.
+        flexion_deg: of the poses, `(poses,)`.
+        convention: one of `kneejax.geometry.CONVENTIONS`.
+
+    Returns:
+        Degrees and mm, `(..., poses, 5)`.
+    """
+    if convention == "femoral":
+        return table
+    flexion = np.broadcast_to(flexion_deg, table.shape[:-1])
+    units = np.r_[np.full(3, 180.0 / np.pi), np.ones(3)]
+    poses = np.moveaxis(np.concatenate([flexion[..., None], table], axis=-1) / units, -1, 0)
+    seen = np.moveaxis(np.asarray(convert(poses, "femoral", convention)), 0, -1)
+    return (seen * units)[..., 1:]
