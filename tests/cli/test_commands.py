@@ -222,6 +222,9 @@ TWIN = bundled_path("studies", "paper1").read_text()
 BAD = {
     "unknown command": (lambda t: ["calibrat"], "calibrate"),
     "unknown option": (lambda t: ["calibrate", "--outt", "x"], "did you mean --out?"),
+    "field of a study as an option": (
+        lambda t: ["calibrate", "--weigths", "x"], "did you mean the field weights of a study file?"
+    ),
     "misspelt option with a value": (
         lambda t: ["simulate", "passive-flexion", "--flx=3"], "did you mean --flexion?"
     ),
