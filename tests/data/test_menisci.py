@@ -56,7 +56,9 @@ def test_they_push_a_tibia_back_that_is_drawn_forwards(rims, forwards):
     assert max(back) < 1.0 and sum(back) < -50.0
 
 
-@pytest.mark.parametrize("name", RIMS)
+@pytest.mark.parametrize(
+    "name", [RIMS[0], pytest.param(RIMS[1], marks=pytest.mark.slow)]
+)
 def test_their_wrench_is_the_derivative_of_their_energy(rims, forwards, name):
     contact = rims[name]
     found, derived = jax.jit(
