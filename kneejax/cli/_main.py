@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import gc
 import os
 import sys
 
@@ -98,4 +99,7 @@ def _prepare_jax() -> None:
     from kneejax.numerics import configure, share_memory_between_threads
 
     share_memory_between_threads()
+    # Tracing makes millions of objects that stay: to look through all of them for circles again
+    # and again took a twelfth of a first run.
+    gc.set_threshold(100_000, 20, 20)
     configure()

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from kneejax.files import nearest_name
+from kneejax.studies import STUDY_FIELDS
 
 BAD_INPUT = 2
 #: As `kneejax.geometry.CONVENTIONS`, which would bring in JAX.
@@ -42,7 +43,7 @@ class Parser(argparse.ArgumentParser):
         raise SystemExit(BAD_INPUT)
 
     def _nearest(self, message: str) -> str | None:
-        """The option or choice most like the one that the message complains of."""
+        """The option, choice or field of a study most like what the message complains of."""
         choice = re.search(r"argument ([^:]+): invalid choice: '([^']+)'", message)
         if choice:
             own = [
@@ -56,8 +57,13 @@ class Parser(argparse.ArgumentParser):
                 named += [name for name in self._option_string_actions if name.startswith("--")]
             return nearest_name(choice.group(2), named)
         option = re.search(r"unrecognized arguments: -+([^ =]+)", message)
+        if option is None:
+            return None
         options = {name.lstrip("-"): name for name in self._option_string_actions}
-        near = nearest_name(option.group(1), options) if option else None
+        near = nearest_name(option.group(1), options)
+        if near is None and any(action.dest == "study" for action in self._actions):
+            field = nearest_name(option.group(1).replace("-", "_"), STUDY_FIELDS)
+            return f"the field {field} of a study file" if field else None
         return options.get(near or "")
 
 

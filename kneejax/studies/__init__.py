@@ -10,6 +10,7 @@ _MODULES = {
     "Identified": "kneejax.studies._answer_identify",
     "about_maps": "kneejax.studies._answer_map",
     "fingerprint": "kneejax.studies._answer_map",
+    "STUDY_FIELDS": "kneejax.studies._field_names",
     "measured_poses": "kneejax.studies._poses",
     "Identify": "kneejax.studies._questions",
     "Map": "kneejax.studies._questions",
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from kneejax.studies._answer_map import about_maps as about_maps
     from kneejax.studies._answer_map import fingerprint as fingerprint
     from kneejax.studies._answer_sensitivity import Sensitivities as Sensitivities
+    from kneejax.studies._field_names import STUDY_FIELDS as STUDY_FIELDS
     from kneejax.studies._poses import measured_poses as measured_poses
     from kneejax.studies._questions import Identify as Identify
     from kneejax.studies._questions import Map as Map

@@ -21,16 +21,10 @@ from kneejax.files import (
 from kneejax.files.reading import Field, load_yaml
 from kneejax.geometry import COLUMNS, CONVENTIONS, FEMORAL
 from kneejax.mechanics import RANGES
+from kneejax.studies._field_names import AS_THEY_ARE, OPTIONAL, REQUIRED
 from kneejax.studies._reading_tests import MIRROR, read_tests
 from kneejax.studies._study import Study
 from kneejax.studies._study_fields import Synthetic, parameter_values
-
-#: Fields of a file that a study takes as they are.
-_AS_THEY_ARE = (
-    "start", "bounds", "weights", "prior", "procedures", "stages", "starts", "seed", "noise_mm",
-    "noise_deg", "frame_offset", "method", "failures", "loads",
-)  # fmt: skip
-_OPTIONAL = ("measured", "synthetic", "tests", *_AS_THEY_ARE, "flexion_deg", "set")
 
 
 def read_study(name_or_path: str | os.PathLike[str]) -> Study:
@@ -56,9 +50,9 @@ def read_study(name_or_path: str | os.PathLike[str]) -> Study:
     """
     path = study_path(name_or_path)
     study = Field(os.fspath(path), "", load_yaml(path, "a study file"))
-    study.mapping(("title", "knee", "parameters"), _OPTIONAL)
+    study.mapping(REQUIRED, OPTIONAL)
     for name, value in study.value.items():
-        if value is None or (value == [] and name in _AS_THEY_ARE):
+        if value is None or (value == [] and name in AS_THEY_ARE):
             raise study[name].problem("a value, or this field left out")
     if "flexion_deg" in study and "synthetic" in study:
         expected = "no limits beside synthetic poses, which have their own flexion_deg"
@@ -81,7 +75,7 @@ def read_study(name_or_path: str | os.PathLike[str]) -> Study:
     if acted and "loads" in study:
         expected = f"no loads beside those of the measured table ({', '.join(acted)})"
         raise study["loads"].problem(expected)
-    given: dict[str, Any] = {name: study[name].value for name in _AS_THEY_ARE if name in study}
+    given: dict[str, Any] = {name: study[name].value for name in AS_THEY_ARE if name in study}
     return Study(
         title=study["title"].value,
         knee=knee,

@@ -54,6 +54,7 @@ def example(parser):
         ("--version", 0, set()),
         ("calibrat", 2, set()),
         ("calibrate --outt x", 2, set()),
+        ("calibrate --weigths x", 2, set()),
         ("knees", 0, {"yaml"}),
         ("completion fish", 0, {"shtab"}),
         (f"calibrate --out {os.devnull}/x", 2, set()),

@@ -56,7 +56,9 @@ def test_they_push_a_tibia_back_that_is_drawn_forwards(rims, forwards):
     assert max(back) < 1.0 and sum(back) < -50.0
 
 
-@pytest.mark.parametrize("name", RIMS)
+@pytest.mark.parametrize(
+    "name", [RIMS[0], pytest.param(RIMS[1], marks=pytest.mark.slow)]
+)
 def test_their_wrench_is_the_derivative_of_their_energy(rims, forwards, name):
     contact = rims[name]
     found, derived = jax.jit(
@@ -67,18 +69,29 @@ def test_their_wrench_is_the_derivative_of_their_energy(rims, forwards, name):
         np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-6 * 30.0 * size)
 
 
-@pytest.mark.parametrize("field", ["youngs_modulus", "layer_thickness"])
-def test_force_by_their_numbers_against_differences(rims, forwards, central_difference, field):
+def test_force_by_their_numbers_and_heights_against_differences(
+    rims, forwards, central_difference
+):
+    """At the border of a femoral surface its level bends most: there a ray's end is found last."""
     contact = rims["medial_meniscus"]
 
     @jax.jit
     def push(change):
-        value = getattr(contact, field) + change
-        return dataclasses.replace(contact, **{field: value}).wrench(forwards).force[0]
+        modulus, thickness, higher = change
+        tibial = dataclasses.replace(
+            contact.tibial, coefficients=contact.tibial.coefficients + higher
+        )
+        changed = dataclasses.replace(
+            contact,
+            tibial=tibial,
+            youngs_modulus=contact.youngs_modulus + modulus,
+            layer_thickness=contact.layer_thickness + thickness,
+        )
+        return changed.wrench(forwards).force[0]
 
-    slope = jax.jit(jax.jacfwd(push))(0.0)
-    assert abs(float(slope)) > 0.1
-    assert float(slope) == pytest.approx(float(central_difference(push, 0.0)), rel=1e-6)
+    slopes = jax.jit(jax.jacfwd(push))(jnp.zeros(3))
+    assert np.all(np.abs(slopes) > 0.1)
+    np.testing.assert_allclose(slopes, central_difference(push, np.zeros(3)), rtol=1e-6)
 
 
 def test_a_left_twin_has_the_same_menisci(knee, tmp_path):

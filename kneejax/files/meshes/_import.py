@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import os
 from pathlib import Path
 from typing import Any
@@ -132,35 +133,19 @@ def import_meshes(
         bones=femur_bone is not None,
     )  # fmt: skip
     choices.check_region(axis_point_mm, axis_rotation_deg, angle_deg)
-    left = side == "left"
-    findings: list[str] = []
+    left, findings = side == "left", []
+    read = functools.partial(_read, unit=unit, left=left, findings=findings)
     tibia = (Pose.from_table([0.0] * 6) if reference_pose is None else reference_pose).placement
-
-    def read(path) -> list[Sheet]:
-        sheets, said = read_sheets(path, unit)
-        findings.extend(said)
-        return [_mirrored(sheet) for sheet in sheets] if left else sheets
-
-    femoral, tibial = read(femoral_cartilage), read(tibial_cartilage)
-    for sheet in (*femoral, *tibial):
-        check_holes(sheet, findings)
-    axis = _given_axis(axis_point_mm, axis_rotation_deg, left)
-    sign = -1.0 if left else 1.0
-    notch, split = (None if at is None else sign * at for at in (notch_mm, split_mm))
-    femur = anatomy.find_femur(femoral, findings, axis, notch)
-    plateaus = anatomy.find_plateaus(tibial, femur, tibia, findings, split)
-    if split_mm is not None and len(plateaus) < 2:
-        expected = "a place along Z with cartilage of the tibia on both sides, mm"
-        raise InputProblem("--split", "compartments", split_mm, expected)
+    femur, plateaus = _bones(
+        read(femoral_cartilage), read(tibial_cartilage), tibia,
+        _given_axis(axis_point_mm, axis_rotation_deg, left), notch_mm, split_mm, left, findings,
+    )  # fmt: skip
     bones = None
     if layer_thickness_mm is None and femur_bone is not None and tibia_bone is not None:
         bones = read(femur_bone), read(tibia_bone)
     stated = source or ", ".join(Path(p).name for p in (femoral_cartilage, tibial_cartilage))
-    options = {
-        key: value
-        for key, value in (("cell_mm", cell_mm), ("smoothing_mm", smoothing_mm))
-        if value is not None
-    }
+    cells = {"cell_mm": cell_mm, "smoothing_mm": smoothing_mm}
+    options = {key: value for key, value in cells.items() if value is not None}
     material = {
         "form": QUADRATURE,
         "law": law,
@@ -168,43 +153,21 @@ def import_meshes(
         "poisson_ratio": float(poisson_ratio),
         "onset_width_mm": float(onset_width_mm),
     }
-    given = dict.fromkeys(("youngs_modulus_MPa", "poisson_ratio"), "given at import")
     contacts, fits = {}, {}
     for name, sheet in plateaus.items():
         condyle, plateau = _compartment(name, sheet, femur, tibia, angle_deg, options)
         for kind, part in (("condyle", condyle), ("plateau", plateau)):
             _judge(f"{name} {kind}", part, "in the contact region", stated, findings)
-        fits |= {f"{name} condyle": condyle, f"{name} plateau": plateau}
+            fits[f"{name} {kind}"] = part
         found = layer.find_layer(name, condyle, plateau, femur, sheet, bones, findings)
         found = layer.chosen(found, layer_thickness_mm, thickness, plateau, name, findings)
-        contact = {
-            **material,
-            "points": _points(plateau.fit.surface),
-            "layer_thickness_mm": round(found.thickness_mm, 3),
-            **({} if found.variation is None else {"layer_variation_mm": _listed(found.variation)}),
-            "femoral_surface": _condyle_document(condyle, stated),
-            "tibial_surface": _plateau_document(plateau, stated),
-            "source": {
-                **given,
-                "layer_thickness_mm": found.source,
-                **({} if found.variation is None else {"layer_variation_mm": found.source}),
-            },
-        }
+        contact = _contact_document(condyle, plateau, found, material, stated)
         contacts[name] = mirror_part(contact) if left else contact
     patellofemoral = None
     if patellar_cartilage is not None:
         on_patella = Path(patellar_cartilage).name
         fits |= _patellofemoral(read(patellar_cartilage), femur, options, on_patella, findings)
-        thickness_mm = layer_thickness_mm or layer.ASSUMED_MM
-        contact = {
-            **material,
-            "points": _points(fits["patella"].fit.surface),
-            "layer_thickness_mm": float(thickness_mm),
-            "femoral_surface": _condyle_document(fits["trochlea"], stated),
-            "patellar_surface": _plateau_document(fits["patella"], on_patella),
-            "source": given
-            | {"layer_thickness_mm": "given at import" if layer_thickness_mm else "assumed"},
-        }
+        contact = _patellofemoral_document(fits, layer_thickness_mm, material, stated, on_patella)
         patellofemoral = mirror_part(contact) if left else contact
     if layer_thickness_mm is None and bones is None:
         findings.append(
@@ -214,6 +177,76 @@ def import_meshes(
         findings.append("The layer's thickness was given: the bone meshes were not read.")
     doubtful = any(fit.quality.rms > TARGET_RMS_MM for fit in fits.values())
     return MeshImport(contacts, tuple(findings), fits, doubtful, patellofemoral)
+
+
+def _read(path, *, unit: str, left: bool, findings: list[str]) -> list[Sheet]:
+    """Sheets of a mesh; those of a left knee as in a mirror."""
+    sheets, said = read_sheets(path, unit)
+    findings.extend(said)
+    return [_mirrored(sheet) for sheet in sheets] if left else sheets
+
+
+def _bones(
+    femoral: list[Sheet],
+    tibial: list[Sheet],
+    tibia: Placement,
+    axis: Frame | None,
+    notch_mm: float | None,
+    split_mm: float | None,
+    left: bool,
+    findings: list[str],
+) -> tuple[anatomy.Femur, dict[str, Sheet]]:
+    """The femur and the tibia's compartments, by name."""
+    for sheet in (*femoral, *tibial):
+        check_holes(sheet, findings)
+    sign = -1.0 if left else 1.0
+    notch, split = (None if at is None else sign * at for at in (notch_mm, split_mm))
+    femur = anatomy.find_femur(femoral, findings, axis, notch)
+    plateaus = anatomy.find_plateaus(tibial, femur, tibia, findings, split)
+    if split_mm is not None and len(plateaus) < 2:
+        expected = "a place along Z with cartilage of the tibia on both sides, mm"
+        raise InputProblem("--split", "compartments", split_mm, expected)
+    return femur, plateaus
+
+
+_GIVEN = dict.fromkeys(("youngs_modulus_MPa", "poisson_ratio"), "given at import")
+
+
+def _contact_document(
+    condyle: SheetFit, plateau: SheetFit, found: layer.Layer, material: dict[str, Any], stated: str
+) -> dict[str, Any]:
+    varies = found.variation is not None
+    return {
+        **material,
+        "points": _points(plateau.fit.surface),
+        "layer_thickness_mm": round(found.thickness_mm, 3),
+        **({"layer_variation_mm": _listed(found.variation)} if varies else {}),
+        "femoral_surface": _condyle_document(condyle, stated),
+        "tibial_surface": _plateau_document(plateau, stated),
+        "source": {
+            **_GIVEN,
+            "layer_thickness_mm": found.source,
+            **({"layer_variation_mm": found.source} if varies else {}),
+        },
+    }
+
+
+def _patellofemoral_document(
+    fits: dict[str, SheetFit],
+    thickness_mm: float | None,
+    material: dict[str, Any],
+    stated: str,
+    on_patella: str,
+) -> dict[str, Any]:
+    said = "given at import" if thickness_mm else "assumed"
+    return {
+        **material,
+        "points": _points(fits["patella"].fit.surface),
+        "layer_thickness_mm": float(thickness_mm or layer.ASSUMED_MM),
+        "femoral_surface": _condyle_document(fits["trochlea"], stated),
+        "patellar_surface": _plateau_document(fits["patella"], on_patella),
+        "source": {**_GIVEN, "layer_thickness_mm": said},
+    }
 
 
 def _mirrored(sheet: Sheet) -> Sheet:
@@ -240,9 +273,7 @@ def _compartment(name, sheet: Sheet, femur: anatomy.Femur, tibia: Placement, ang
     angle, width = anatomy.condyle_region(femur, cloud, at_reference)
     angle = angle if angle_deg is None else tuple(float(a) for a in angle_deg)
     try:
-        condyle = fit_condyle_spline(
-            cloud.points, angle, width, femur.axis, cloud.areas, **options
-        )
+        condyle = fit_condyle_spline(cloud.points, angle, width, femur.axis, cloud.areas, **options)
         frame = anatomy.plateau_frame(tibial)
         local = anatomy.in_frame(frame, tibial.points)
         x, z = ((float(c.min()), float(c.max())) for c in (local[:, 0], local[:, 2]))

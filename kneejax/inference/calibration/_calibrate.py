@@ -33,7 +33,7 @@ from kneejax.inference.calibration._search import (
     run_procedure,
     several_starts,
 )
-from kneejax.inference.fit import DEFAULT_WEIGHTS, Problem, Progress
+from kneejax.inference.fit import DEFAULT_WEIGHTS, Problem, Progress, check_finite
 from kneejax.inference.intervals import Surety, check_all_stated, stated_noise
 from kneejax.mechanics import Knee, Load
 from kneejax.parameters import (
@@ -119,42 +119,54 @@ def calibrate(
     begun, procedures = time.perf_counter(), procedures_of(procedures, stages)
     if method not in METHODS:
         raise UnsuitableData(f"unknown method {method!r}: expected one of {', '.join(METHODS)}")
-    selection = select(knee, parameters)
-    stated = stated_noise(noise_mm, noise_deg)
-    if prior or any(test.readings for test in tests):
-        check_all_stated(stated, "prior" if prior else "readings")
-        # One over the variances: against these, what is not of a pose counts in its own.
-        counts = np.ones(5) if weights is None else np.asarray(weights, float) > 0
-        weights = np.where(counts, stated**-2.0, 0.0)
-    weights = DEFAULT_WEIGHTS if weights is None else np.asarray(weights, float)
+    selection, stated = select(knee, parameters), stated_noise(noise_mm, noise_deg)
+    weights = _weights(weights, stated, prior, tests)
     problem = Problem.of(knee, selection, measured, weights, offsets, loads, tests, stated)
-    if not np.isfinite(problem.measured).all():
-        row = int(np.flatnonzero(~np.isfinite(problem.measured).all(axis=1))[0])
-        raise UnsuitableData(f"measured row {row} is not finite: leave it out")
+    check_finite(problem.measured)
     box = _box(knee, selection, bounds or {}, len(offsets))
-    start = box[0]
     if prior:
-        problem = problem.with_prior(start, prior)
+        problem = problem.with_prior(box[0], prior)
 
     search = {"cycles": cycles, "method": method, "stages": stages, "progress": progress}
     _tell(search, "first balances")
-    first = problem.begin(start[None])
+    first = problem.begin(box[0][None])
     ready = time.perf_counter()
-    balanced = first.converged[0]
-    if not balanced.any():
-        raise UnsuitableData("nothing that was measured has a balance with the start's parameters")
-    problem = problem.with_used(balanced)
+    problem = problem.balanced_by(first)
     fits, surety = _fits(problem, first, box, procedures, stated, starts, seed, search)
-    error = problem.error(first)
+    answer = _calibration(problem, first, fits, surety, stated)
+    solved = time.perf_counter()
+    return dataclasses.replace(
+        answer,
+        title=title,
+        truth=dict(truth or {}),
+        settings=dict(settings or {}),
+        seconds={"total": solved - begun, "compile": ready - begun, "solve": solved - ready},
+    )
+
+
+def _weights(weights, stated: np.ndarray, prior, tests: Sequence[MeasuredTest]) -> np.ndarray:
+    """Of squared errors of poses, `(5,)`."""
+    if not prior and not any(test.readings for test in tests):
+        return DEFAULT_WEIGHTS if weights is None else np.asarray(weights, float)
+    check_all_stated(stated, "prior" if prior else "readings")
+    # One over the variances: against these, what is not of a pose counts in its own.
+    counts = np.ones(5) if weights is None else np.asarray(weights, float) > 0
+    return np.where(counts, stated**-2.0, 0.0)
+
+
+def _calibration(
+    problem: Problem, first: Slopes, fits: Sequence[Fit], surety: Surety, stated: np.ndarray
+) -> Calibration:
+    """What the fits tell, beside what the start was."""
+    knee, error = problem.knee, problem.error(first)
     start_rmse = rmse_of(problem, error)
     start_tests = fitted_tests(problem, first)
     poses = int(problem.used[problem.cases.posed].sum())
-    poor = misfits(fits[0].rmse, start_rmse, stated, weights, poses)
+    poor = misfits(fits[0].rmse, start_rmse, stated, problem.weights, poses)
     for own, before in zip(fits[0].tests, start_tests, strict=True):
-        poor += misfits_of_test(own, before, stated, weights)
-    total = time.perf_counter() - begun
+        poor += misfits_of_test(own, before, stated, problem.weights)
     return Calibration(
-        title=title,
+        title="",
         knee=knee.name,
         measured=problem.measured,
         start=motion_of(problem, first),
@@ -165,19 +177,15 @@ def calibrate(
         fits=tuple(fits),
         ligaments=knee.ligaments.names,
         contacts=knee.contact_names,
-        truth=dict(truth or {}),
+        truth={},
         noise=dict(zip(FREE_COORDINATES, map(float, surety.noise), strict=True)),
         noise_estimated=surety.noise_estimated,
         misfits=poor,
         weights=problem.weights,
         left_out=int((~problem.used).sum()),
-        seconds={
-            "total": total,
-            "compile": ready - begun,
-            "solve": total - (ready - begun),
-        },
+        seconds={},
         versions=versions(),
-        settings=dict(settings or {}),
+        settings={},
     )
 
 

@@ -18,6 +18,7 @@ from kneejax.inference.fit._many_fits import fit_lanes as fit_lanes
 from kneejax.inference.fit._observations import observations as observations
 from kneejax.inference.fit._problem import Problem as Problem
 from kneejax.inference.fit._problem import Progress as Progress
+from kneejax.inference.fit._problem import check_finite as check_finite
 from kneejax.inference.fit._problem import offset_units as offset_units
 from kneejax.inference.fit._readings import check_readable as check_readable
 from kneejax.inference.fit._synthetic import synthetic_motion as synthetic_motion

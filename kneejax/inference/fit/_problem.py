@@ -21,7 +21,7 @@ from kneejax.inference.fit._load_cases import (
 )
 from kneejax.inference.fit._observations import observations, readings_of, rows_of_tests
 from kneejax.mechanics import Knee, Load
-from kneejax.parameters import Selection, stated
+from kneejax.parameters import Selection, UnsuitableData, stated
 from kneejax.statics import Slopes
 
 #: Called now and then, from any thread: what is computed, how much of it is done and asked for;
@@ -123,6 +123,21 @@ class Problem:
             rows = rows & np.where(self.cases.neutral < 0, True, rows[self.cases.neutral])
         return dataclasses.replace(self, cases=dataclasses.replace(self.cases, used=rows))
 
+    def balanced_by(self, first: Slopes) -> Problem:
+        """The same with the load cases alone at which the start's model balances.
+
+        Args:
+            first: balances of the start's values.
+
+        Raises:
+            UnsuitableData: there is none.
+        """
+        if not first.converged[0].any():
+            raise UnsuitableData(
+                "nothing that was measured has a balance with the start's parameters"
+            )
+        return self.with_used(first.converged[0])
+
     def with_data(self, names: Sequence[str]) -> Problem:
         """The same with some of the data alone: names of tests, and `poses`; all without any."""
         if not names:
@@ -197,6 +212,17 @@ class Problem:
         """Weighted residuals of one fit, and by the values."""
         residual, slope = self.cases.residual(found)
         return residual[0], slope[0]
+
+
+def check_finite(measured: np.ndarray) -> None:
+    """Refuse measured poses with a number that is none.
+
+    Raises:
+        UnsuitableData: a row is not finite.
+    """
+    lost = np.flatnonzero(~np.isfinite(measured).all(axis=-1))
+    if len(lost):
+        raise UnsuitableData(f"measured row {lost[0]} is not finite: leave it out")
 
 
 def offset_units(offsets: tuple[str, ...]) -> list[tuple[str, str]]:

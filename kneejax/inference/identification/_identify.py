@@ -11,7 +11,14 @@ import numpy as np
 from kneejax.experiments import MeasuredTest
 from kneejax.geometry import State
 from kneejax.inference.calibration import Motion, motion_at
-from kneejax.inference.fit import DEFAULT_WEIGHTS, LoadCases, Problem, balances_of, best_offsets
+from kneejax.inference.fit import (
+    DEFAULT_WEIGHTS,
+    LoadCases,
+    Problem,
+    balances_of,
+    best_offsets,
+    check_finite,
+)
 from kneejax.inference.identification._information import Information, fit_information
 from kneejax.inference.intervals import (
     Interval,
@@ -123,31 +130,24 @@ def identify(
             parameters while the noise must be estimated, or no pose that balances.
     """
     measured = np.asarray(measured, float)
-    selection = select(knee, parameters)
-    if not np.isfinite(measured).all():
-        row = int(np.flatnonzero(~np.isfinite(measured).all(axis=1))[0])
-        raise UnsuitableData(f"measured row {row} is not finite: leave it out")
-    stated = stated_noise(noise_mm, noise_deg)
+    selection, stated = select(knee, parameters), stated_noise(noise_mm, noise_deg)
+    check_finite(measured)
     lower, upper = stated_bounds(knee, selection, bounds or {})
     start = start_within(knee, selection, lower, upper)
     weights = DEFAULT_WEIGHTS if weights is None else np.asarray(weights, float)
     problem = Problem.of(knee, selection, measured, weights, offsets, loads, tests, stated)
     balance = balances_of(knee, selection, problem.cases)
     begin = balance(start[None])
-    problem = problem.with_used(begin.converged[0])
-    used = problem.used
-    if not used.any():
-        raise UnsuitableData("nothing that was measured has a balance with the start's parameters")
-    estimated = bool(np.isnan(stated).any())
+    problem = problem.balanced_by(begin)
     if prior or problem.cases.readings is not None:
         check_all_stated(stated, "prior" if prior else "readings")
     if prior:
         problem = dataclasses.replace(problem, offsets=()).with_prior(start, prior)
     data = dataclasses.replace(problem.cases, offsets=offsets)
-    count = problem.counted_numbers
-    spare = count - int(data.taken[weights > 0].sum()) - len(selection)
+    spare = problem.counted_numbers - int(data.taken[weights > 0].sum()) - len(selection)
+    estimated = bool(np.isnan(stated).any())
     if estimated:
-        check_enough(count, len(selection) + len(offsets))
+        check_enough(problem.counted_numbers, len(selection) + len(offsets))
     fits, data = likeliest(balance, data, begin, stated, lower, upper, far=True)
     fit, followed = fits.slopes, ()
     if with_profiles:
@@ -155,33 +155,52 @@ def identify(
         fit, (followed,) = follow_to_the_lowest(
             balance, data, fits, lower, upper, threshold, named(selection)
         )
+    found = _identification(problem, data, fit, followed, (lower, upper))
+    return dataclasses.replace(
+        found, noise_estimated=estimated, converged=bool(fits.converged[0]), spare=spare
+    )
+
+
+def _identification(
+    problem: Problem, data: LoadCases, fit: Slopes, followed: tuple[Profile, ...], box
+) -> Identification:
+    """What the data say of a fit.
+
+    Args:
+        problem: as it was asked.
+        data: with the noise that the fit has left, and the offsets.
+        fit: the likeliest.
+        followed: its profiles.
+        box: lower and upper bounds, `(p,)`.
+    """
+    (lower, upper), selection, knee = box, problem.selection, problem.knee
     residual, _ = data.residual(fit)
     values, noise = fit.values[0], data.noise[0]
     at_bound = on_bounds(values, lower, upper)
     one = dataclasses.replace(data, noise=noise)
     alone = dataclasses.replace(one, prior=None)
-    cases = dataclasses.replace(alone, offsets=())
-    problem = dataclasses.replace(problem, cases=cases, offsets=offsets)
     told = fit_information(knee, selection, alone, fit, at_bound=at_bound)
     return Identification(
-        selection,
-        values,
-        lower,
-        upper,
-        at_bound,
-        dict(zip(offsets, best_offsets(one, fit), strict=True)),
-        noise,
-        estimated,
-        float(residual[0] @ residual[0]),
-        count,
-        bool(fits.converged[0]),
-        told,
-        followed,
-        tuple(map(Interval.of, followed, values, told.standard_error, lower, upper)),
-        _motion(selection.apply(knee, values), one, fit),
-        problem,
-        int((~used).sum()),
-        spare,
+        selection=selection,
+        values=values,
+        lower=lower,
+        upper=upper,
+        at_bound=at_bound,
+        offsets=dict(zip(data.offsets, best_offsets(one, fit), strict=True)),
+        noise=noise,
+        noise_estimated=False,
+        chi2=float(residual[0] @ residual[0]),
+        data=problem.counted_numbers,
+        converged=True,
+        information=told,
+        profiles=followed,
+        intervals=tuple(map(Interval.of, followed, values, told.standard_error, lower, upper)),
+        motion=_motion(selection.apply(knee, values), one, fit),
+        problem=dataclasses.replace(
+            problem, cases=dataclasses.replace(alone, offsets=()), offsets=data.offsets
+        ),
+        lost=int((~problem.used).sum()),
+        spare=0,
     )
 
 

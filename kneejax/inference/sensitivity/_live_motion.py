@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from kneejax.geometry import COLUMNS
-from kneejax.inference.fit import DEFAULT_WEIGHTS, TABLE_UNITS, Problem
+from kneejax.inference.fit import DEFAULT_WEIGHTS, TABLE_UNITS, Problem, check_finite
 from kneejax.inference.sensitivity._condition import Condition, worst_condition
 from kneejax.mechanics import Knee
 from kneejax.parameters import UnknownParameter, UnsuitableData, select, unphysiological
@@ -96,9 +96,7 @@ class LiveMotion:
             raise UnsuitableData(
                 f"measured poses of shape {measured.shape}: expected rows of {', '.join(COLUMNS)}"
             )
-        if not np.isfinite(measured).all():
-            row = int(np.flatnonzero(~np.isfinite(measured).all(axis=1))[0])
-            raise UnsuitableData(f"measured row {row} is not finite: leave it out")
+        check_finite(measured)
         self.selection = select(knee, parameters)
         weights = DEFAULT_WEIGHTS if weights is None else np.asarray(weights, float)
         problem = Problem.of(knee, self.selection, measured, weights)

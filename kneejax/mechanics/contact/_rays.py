@@ -26,15 +26,18 @@ from kneejax.numerics import instantiate
 
 #: Parts of Newton's first step up to which a depth is the ray's own, and at which it rests.
 STRAIGHT, HELD = 1.5, 1.8
-# The last step that may be left, mm, of a point that touches; how much more of one that is as far
-# apart as contact takes to fade out; and of a point that is searched thoroughly. It is taken too:
-# what is left then is its square.
-_ENOUGH, _APART_ENOUGH, _FADES, _THOROUGH = 5e-5, 3e-5, 0.02, 1e-7
+# The step that may be left, mm, of a point that touches; how much more of one that is as far
+# apart as contact takes to fade out; and of a point that is searched thoroughly. It is taken too,
+# as it is foreseen and once more by the look that uses the depth: a depth is off by the square of
+# what is left then, but its slope and what that changes by are off by this itself.
+_ENOUGH, _APART_ENOUGH, _FADES, _THOROUGH = 1e-5, 3e-5, 0.02, 1e-7
+# A step leaves its square, times half of what the level bends (1/mm) at least.
+_BENT = 0.03
 # Cosines between a line and the gradient: where the line counts as grazing, and as steep.
 _GRAZING, _STEEP = 0.1, 0.3
 #: Slope along the line that a usual ray has at least; below the second no step is taken at all.
 LEVEL, _FLAT = 0.05, 1e-3
-_QUICK_LOOKS, _MOST_QUICK_LOOKS, _NEWTON_LOOKS, _MOST_LOOKS = 2, 4, 6, 60
+_QUICK_LOOKS, _MOST_QUICK_LOOKS, _NEWTON_LOOKS, _MOST_LOOKS = 2, 5, 6, 60
 #: Beyond this distance, mm, contact has faded out: a depth need only be known to be less.
 APART = 2.5
 # Newton's first step where that is so, whatever the search finds.
@@ -82,16 +85,16 @@ def quick_exit(femoral: Surface, start: Vector, along: Vector) -> tuple[Array, A
     femoral, start, along = lax.stop_gradient((femoral, start, along))
 
     def nearer(state):
-        step, depth, _, first = state
+        step, depth, last, _, first = state
         level, _, steep = look(femoral, depth, start, along)
         newton = level / jnp.minimum(steep, -_STEEP)
-        return step + 1, depth + newton, depth, jnp.where(step == 0, newton, first)
+        return step + 1, depth + newton, newton, last, jnp.where(step == 0, newton, first)
 
     def goes_on(state) -> Array:
-        step, depth, before, first = state
+        step, depth, last, before, first = state
 
         def left() -> Array:
-            return jnp.any(_coarse(depth, before) & ~_apart(depth, first))
+            return jnp.any(_coarse(depth, last, before) & ~_apart(depth, first))
 
         return lax.cond(step < _QUICK_LOOKS, lambda: True, left) & (step < _MOST_QUICK_LOOKS)
 
@@ -99,22 +102,25 @@ def quick_exit(femoral: Surface, start: Vector, along: Vector) -> tuple[Array, A
     # each use of what they found, and three of them took minutes to compile. A look hands on
     # nothing but its step: with the level and its slope besides, it took twice the time.
     nothing = jnp.zeros(jnp.broadcast_shapes(jnp.shape(start[0]), jnp.shape(along[0])))
-    state = (jnp.asarray(0), nothing, nothing, nothing)
-    step, depth, before, first = lax.while_loop(goes_on, nearer, state)
-    # What the first step has left tells the level's bend: the second step goes along it.
-    second = jnp.where(step == _QUICK_LOOKS, depth - before, 0.0)
-    part = second / jnp.where(first == 0.0, 1.0, first)
-    found = depth + second * jnp.minimum(part * part, 0.5)
+    state = (jnp.asarray(0), nothing, nothing, nothing, nothing)
+    _, depth, last, before, first = lax.while_loop(goes_on, nearer, state)
+    found = depth + last * jnp.minimum(_leaves(last, before), 0.5)
     astray = (jnp.abs(found) > STRAIGHT * jnp.abs(first)) | (found * first < 0.0)
     # A number that is none is nobody's fault here: the solver refuses it.
-    unsound, far = astray | _coarse(depth, before), _apart(found, first)
+    unsound, far = astray | _coarse(depth, last, before), _apart(found, first)
     resting = jnp.clip(found, -FARTHEST, -APART - 2.0 * LAST_STEP)
     return jnp.where(unsound & far, resting, found), ~unsound | far
 
 
-def _coarse(depth: Array, before: Array) -> Array:
-    """Whether the step after the last one matters: some hundredths (1/mm) of its square."""
-    return 0.03 * (depth - before) ** 2 > _allowed(depth)
+def _leaves(last: Array, before: Array) -> Array:
+    """The next step as a part of the last: each is as much of the square of that before it."""
+    return (last / jnp.where(before == 0.0, 1.0, before)) ** 2
+
+
+def _coarse(depth: Array, last: Array, before: Array) -> Array:
+    """Whether the step after the last one matters."""
+    size = jnp.abs(last)
+    return size * jnp.maximum(_BENT * size, _leaves(last, before)) > _allowed(depth)
 
 
 def _apart(depth: Array, first: Array) -> Array:
@@ -286,6 +292,6 @@ follow.defjvp(_follow_jvp, symbolic_zeros=True)
 
 
 def _allowed(depth: Array) -> Array:
-    """The last step that may be left, mm: more, the farther apart."""
+    """The step that may be left, mm: more, the farther apart."""
     apart = jnp.minimum(depth, 0.0) / _FADES
     return _ENOUGH + _APART_ENOUGH * apart * apart

@@ -22,16 +22,21 @@ def measured(knee):
     return np.asarray(kj.passive_flexion(kj.with_values(knee, {NAME: TRUE}), FLEXION).to_table())
 
 
+@pytest.fixture(scope="module")
+def alone(knee, measured):
+    """What the data say by themselves."""
+    return fitted(knee, measured, None)
+
+
 def fitted(knee, measured, sd):
     prior = {"prior": {NAME: sd}} if sd else {"weights": np.full(5, 100.0)}
     fit = kj.calibrate(knee, measured, (NAME,), procedures=("III",), **NOISE, **prior)
     return fit[NAME]
 
 
-def test_an_estimate_lies_between_data_and_belief_as_each_is_worth(knee, measured):
+def test_an_estimate_lies_between_data_and_belief_as_each_is_worth(knee, measured, alone):
     """Of one value, precisions add and the estimate is their mean, weighed by them."""
-    alone, believed = fitted(knee, measured, None), knee_value(knee)
-    sd = alone.standard_error
+    believed, sd = knee_value(knee), alone.standard_error
     both = fitted(knee, measured, sd)
     assert both.standard_error == pytest.approx(alone.standard_error / np.sqrt(2.0), rel=0.1)
     assert both.value == pytest.approx(0.5 * (alone.value + believed), rel=0.03)
@@ -44,8 +49,8 @@ def knee_value(knee):
     return float(kj.select(knee, [NAME]).read(knee)[0])
 
 
-def test_a_vague_belief_leaves_the_data_alone(knee, measured):
-    alone, vague = fitted(knee, measured, None), fitted(knee, measured, 1e6)
+def test_a_vague_belief_leaves_the_data_alone(knee, measured, alone):
+    vague = fitted(knee, measured, 1e6)
     assert vague.value == pytest.approx(alone.value, rel=1e-5)
     assert vague.standard_error == pytest.approx(alone.standard_error, rel=1e-4)
 

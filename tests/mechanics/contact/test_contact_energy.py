@@ -18,9 +18,15 @@ def energy_at_pose(contact, c):
     return contact.energy(geo.Pose(*c).placement)
 
 
-energy = jax.jit(energy_at_pose, compiler_options=OPTIONS)
+placed = jax.jit(lambda c: geo.Pose(*c).placement)
 slope = jax.jit(jax.grad(energy_at_pose, 1), compiler_options=OPTIONS)
-energy_of_placement = jax.jit(lambda contact, tibia: contact.energy(tibia))
+energy_of_placement = jax.jit(
+    lambda contact, tibia: contact.energy(tibia), compiler_options=OPTIONS
+)
+
+
+def energy(contact, c):
+    return energy_of_placement(contact, placed(c))
 
 
 def knee_contact(form="elliptical_patch", mirrored=False, turned=True):
@@ -131,7 +137,7 @@ def test_the_force_between_two_spheres_acts_along_the_line_of_their_centres():
 
 @pytest.mark.parametrize("form", ["elliptical_patch", "quadrature"])
 def test_where_the_bones_frames_lie_does_not_change_the_energy(form, pressed, rng):
-    contact, tibia = knee_contact(form), geo.Pose(*pressed).placement
+    contact, tibia = knee_contact(form), placed(pressed)
 
     def motion(rotation, origin):
         m = np.eye(4)
@@ -156,8 +162,8 @@ def test_where_the_bones_frames_lie_does_not_change_the_energy(form, pressed, rn
             frame(h @ homogeneous(contact.tibial.frame.placement)),
         ),
     )
-    placed = frame(g @ homogeneous(tibia) @ np.linalg.inv(h)).placement
-    before, after = energy_of_placement(contact, tibia), energy_of_placement(moved, placed)
+    there = frame(g @ homogeneous(tibia) @ np.linalg.inv(h)).placement
+    before, after = energy_of_placement(contact, tibia), energy_of_placement(moved, there)
     assert float(before) > 1.0
     assert float(after) == pytest.approx(float(before), rel=1e-9)
 

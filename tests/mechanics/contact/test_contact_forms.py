@@ -82,7 +82,7 @@ def test_the_sum_over_points_reaches_the_spherical_cap_with_its_order(slope_on_l
     cap = np.pi * K / layer * (radius * depth**2 - depth**3 / 3)
     energy, force = exact_energy_and_force("linear", BALL, depth, layer)
     assert force == pytest.approx(cap, rel=1e-10)
-    counts = (8, 24, 72, 144)
+    counts = (8, 36, 144)
     answers = [ellipsoid_on_plane(BALL, depth, "linear", n, margin=1.1) for n in counts]
     errors = np.abs(np.array(answers) / [energy, force] - 1.0)
     # The force has a kink at the rim of the patch, the energy only in its second derivative.
@@ -179,7 +179,9 @@ def told(contact, tibia):
     return faults.too_deep | faults.outside | faults.lost, jax.tree.leaves(numbers)
 
 
-@every_law
+@pytest.mark.parametrize(
+    "law", ["ratio", *(pytest.param(law, marks=pytest.mark.slow) for law in ("linear", "log"))]
+)
 def test_off_the_cartilage_nothing_is_pressed_however_deep(law):
     """A ball over the rim: 7 mm deep where the fitted surface goes on, up to 5 mm on cartilage."""
     common = dict(law=law, form="quadrature", layer_thickness=6.0)
