@@ -15,6 +15,7 @@ _MODULES = {
     "Map": "kneejax.studies._questions",
     "Sensitivity": "kneejax.studies._questions",
     "read_study": "kneejax.studies._reading",
+    "study_of": "kneejax.studies._reading",
     "check": "kneejax.studies._run",
     "run": "kneejax.studies._run",
     "FAULTS": "kneejax.studies._study_fields",
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from kneejax.studies._questions import Map as Map
     from kneejax.studies._questions import Sensitivity as Sensitivity
     from kneejax.studies._reading import read_study as read_study
+    from kneejax.studies._reading import study_of as study_of
     from kneejax.studies._run import check as check
     from kneejax.studies._run import run as run
     from kneejax.studies._study import Study as Study
