@@ -9,8 +9,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from kneejax.files import InputProblem, bundled_knees, bundled_measurements, read_table
+from kneejax.files import InputProblem, bundled_knees, bundled_measurements
 from kneejax.files.reading import Field
+from kneejax.files.tables import read_rows
 
 _SIDES = ("right", "left", "r", "l")
 #: Fields of a study whose entries are named by a person, dots and all.
@@ -122,9 +123,9 @@ def read_knees(field: Field, folder: Path) -> list[Row]:
     path = folder / field.text()
     if not path.is_file():
         raise field.problem(f"a CSV table with one row a knee, or a list of knees; not at {path}")
-    header, rows = read_table(path, [_NAME])
+    header, rows = read_rows(os.fspath(path), [_NAME])
     found = []
-    for number, cells in enumerate(rows, 1):
+    for number, (_, cells) in enumerate(rows, 1):
         values = dict(zip(header, cells, strict=True))
         named = {column: _value(cell) for column, cell in values.items() if cell.strip()}
         # A name may be a number, or the word no.
