@@ -11,16 +11,13 @@ from kneejax.cli._calibrate import write_results
 from kneejax.cohorts import KneeDone, Member, Task
 from kneejax.files import InputProblem, write_text
 from kneejax.files.reading import read_text
-from kneejax.mechanics import Implausible
-from kneejax.parameters import UnknownParameter, UnsuitableData
-from kneejax.studies import run as run_study
+from kneejax.inference import Calibration
+from kneejax.studies import run_side_by_side
 
 #: Folders of the knees, in that of the cohort's results.
 KNEES = "knees"
 #: In a knee's folder, written last: which task wrote it.
 MARK = "task.json"
-#: What the data of a knee explain; trying again would end the same way.
-EXPLAINED = (UnsuitableData, UnknownParameter, Implausible)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,19 +35,26 @@ class CohortWork:
     def __call__(self, task: Task) -> list[KneeDone]:
         """Calibrate the knees of a task, unless their results are there."""
         done = finished(task, self.out)
-        return done if done is not None else [self._one(task, one) for one in task.members]
+        if done is not None:
+            return done
+        begun = time.perf_counter()
+        for member in task.members:
+            (self.out / KNEES / member.name / MARK).unlink(missing_ok=True)
+        answers = run_side_by_side([member.study for member in task.members])
+        share = (time.perf_counter() - begun) / len(answers)
+        pairs = zip(task.members, answers, strict=True)
+        return [self._one(task, member, answer, share) for member, answer in pairs]
 
-    def _one(self, task: Task, member: Member) -> KneeDone:
+    def _one(
+        self, task: Task, member: Member, answer: Calibration | Exception, seconds: float
+    ) -> KneeDone:
         begun = time.perf_counter()
         folder, failed = self.out / KNEES / member.name, ""
-        (folder / MARK).unlink(missing_ok=True)
-        try:
-            result = run_study(member.study)
-        except EXPLAINED as problem:
-            failed = " ".join(str(problem).split())
+        if isinstance(answer, Exception):
+            failed = " ".join(str(answer).split())
         else:
-            write_results(result, folder, self.svg)
-        done = KneeDone(member.name, failed, time.perf_counter() - begun)
+            write_results(answer, folder, self.svg)
+        done = KneeDone(member.name, failed, seconds + time.perf_counter() - begun)
         mark = {"task": task.fingerprint, "failed": failed, "seconds": done.seconds}
         write_text(folder / MARK, json.dumps(mark) + "\n")
         return done

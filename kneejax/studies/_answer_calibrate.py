@@ -6,13 +6,15 @@ import contextlib
 import dataclasses
 import threading
 import time
+from collections.abc import Sequence
 
 import numpy as np
 
 from kneejax.experiments import evaluate
 from kneejax.geometry import Pose
-from kneejax.inference import Calibration, calibrate, compile_step
+from kneejax.inference import Calibration, Question, calibrate_side_by_side, compile_step
 from kneejax.inference.fit import Problem, Progress
+from kneejax.parameters import UnsuitableData
 from kneejax.studies._poses import measured_poses
 from kneejax.studies._study import Study
 
@@ -22,8 +24,40 @@ def calibrated(study: Study, progress: Progress | None = None) -> Calibration:
     begun = time.perf_counter()
     # XLA compiles without holding Python: what comes last gets ready beside the search.
     threading.Thread(target=_get_ready, args=(study,)).start()
+    (result,) = calibrate_side_by_side([_question(study)], progress=progress)
+    if isinstance(result, Exception):
+        raise result
+    seconds = dict(result.seconds, total=time.perf_counter() - begun)
+    return dataclasses.replace(result, seconds=seconds)
+
+
+def run_side_by_side(studies: Sequence[Study]) -> list[Calibration | Exception]:
+    """Calibrate what several studies ask, those of one form in lanes of one search.
+
+    Args:
+        studies: one a knee.
+
+    Returns:
+        A `Calibration` each, or what its data explain that there is none.
+    """
+    questions: list[Question | Exception] = []
+    for study in studies:
+        try:
+            questions.append(_question(study))
+        except UnsuitableData as problem:
+            questions.append(problem)
+    found = iter(calibrate_side_by_side([q for q in questions if isinstance(q, Question)]))
+    return [next(found) if isinstance(q, Question) else q for q in questions]
+
+
+def _question(study: Study) -> Question:
+    """What a study asks of its knee; synthetic poses take a motion of it.
+
+    Raises:
+        UnsuitableData: the knee that should make the data does not balance.
+    """
     noise_mm, noise_deg = study.noise
-    result = calibrate(
+    return Question(
         study.knee_at_start,
         measured_poses(study),
         tuple(study.parameters),
@@ -43,10 +77,7 @@ def calibrated(study: Study, progress: Progress | None = None) -> Calibration:
         loads=study.acting,
         tests=tuple(study.tests),
         prior=dict(study.prior),
-        progress=progress,
     )
-    seconds = dict(result.seconds, total=time.perf_counter() - begun)
-    return dataclasses.replace(result, seconds=seconds)
 
 
 def _get_ready(study: Study) -> None:
