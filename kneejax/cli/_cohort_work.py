@@ -7,7 +7,7 @@ import json
 import time
 from pathlib import Path
 
-from kneejax.cli._calibrate import write_results
+from kneejax.cli._calibration_files import write_results
 from kneejax.cohorts import KneeDone, Member, Task
 from kneejax.files import InputProblem, write_text
 from kneejax.files.reading import read_text
