@@ -6,7 +6,6 @@ import argparse
 import re
 import sys
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 
 from tqdm import tqdm
 
@@ -17,14 +16,35 @@ from kneejax.cohorts import (
     CohortProblems,
     KneeDone,
     Task,
+    dashboard_of,
     in_process,
+    local_workers,
+    next_prior,
+    on_workers,
+    parameter_units,
     plan,
+    read_answers,
     read_cohort,
     shard_of,
     structures,
+    summed_up,
+    to_dataset,
+    workers_of,
 )
-from kneejax.files import InputProblem, check_new, counted
+from kneejax.files import (
+    InputProblem,
+    check_new,
+    counted,
+    write_netcdf,
+    write_rows,
+    write_text,
+)
+from kneejax.files.reading import format_yaml
+from kneejax.numerics import MissingPackage
 
+_PRIOR = """# What a cohort says of a knee of which nothing is measured: {}.
+# In a study: prior: prior.yaml
+"""
 _MOST_JOBS, _MOST_SHARDS = 1024, 100_000
 
 
@@ -43,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
     own = shard_of(tasks, *shard) if shard else tasks
     waiting = [task for task in own if finished(task, out) is None]
     _say_plan(cohort, tasks, own, waiting, arguments)
-    done = {one.name: one for task in own for one in finished(task, out) or ()}
+    done: dict[str, KneeDone] = {}
     work = CohortWork(out.resolve(), arguments.svg)
     with tqdm(
         total=sum(len(task.members) for task in waiting), unit=" knees", disable=None, leave=False
@@ -51,13 +71,35 @@ def run(arguments: argparse.Namespace) -> int:
         for task, ended in _computed(waiting, work, arguments):
             done |= {one.name: one for one in ended}
             bar.update(len(task.members))
-    return _summed_up(cohort, tasks, done, arguments)
+    # Other parts may have ended meanwhile.
+    for task in tasks:
+        done |= {one.name: one for one in finished(task, out) or ()}
+    missing = [name for task in tasks for name in task.names if name not in done]
+    if missing:
+        print(
+            f"{counted(len(done), 'knee')} done, {len(missing)} left to other parts: the last one "
+            "writes the report"
+        )
+        return int(any(one.failed for one in done.values()))
+    return _finish(cohort, done, arguments)
 
 
 def _computed(
     tasks: Sequence[Task], work: CohortWork, arguments: argparse.Namespace
 ) -> Iterator[tuple[Task, Sequence[KneeDone]]]:
-    return in_process(tasks, work)
+    if not tasks:
+        return
+    if arguments.scheduler is not None:
+        workers = workers_of(arguments.scheduler)
+    elif arguments.jobs is not None and arguments.jobs > 1:
+        workers = local_workers(min(arguments.jobs, len(tasks)))
+    else:
+        yield from in_process(tasks, work)
+        return
+    with workers as client:
+        if sys.stderr.isatty():
+            print(f"workers: {dashboard_of(client)}", flush=True)
+        yield from on_workers(client, tasks, work)
 
 
 def _refused(every: CohortProblems) -> int:
@@ -93,7 +135,8 @@ def _say_plan(
     cohort: Cohort, tasks: Sequence[Task], own: Sequence[Task], waiting: Sequence[Task], arguments
 ) -> None:
     kinds = counted(structures(tasks), "structure")
-    print(f"{cohort.title}: {counted(len(cohort), 'knee')} of {kinds} in {counted(len(tasks), 'task')}")
+    size = f"{counted(len(cohort), 'knee')} of {kinds} in {counted(len(tasks), 'task')}"
+    print(f"{cohort.title}: {size}")
     if arguments.shard:
         print(f"part {arguments.shard}: {counted(len(own), 'task')}")
     if len(waiting) < len(own):
@@ -101,8 +144,27 @@ def _say_plan(
     sys.stdout.flush()
 
 
-def _summed_up(cohort: Cohort, tasks, done, arguments: argparse.Namespace) -> int:
-    failed = [one for one in done.values() if one.failed]
-    for one in failed:
-        print(f"{one.name}: {one.failed}")
-    return 1 if failed else 0
+def _finish(cohort: Cohort, done: dict[str, KneeDone], arguments: argparse.Namespace) -> int:
+    """Write what the knees say together, and say it."""
+    from kneejax.report import cohort_exit_status, cohort_rows, cohort_text, write_cohort_report
+
+    out = arguments.out
+    answers = read_answers(cohort, done, out / KNEES)
+    summary = summed_up(cohort.title, answers, parameter_units(answers, out / KNEES))
+    write_rows(out / "cohort.csv", *cohort_rows(summary))
+    files, missing = ["report.html", "cohort.csv"], ""
+    if summary.populations:
+        text = _PRIOR.format(cohort.title) + format_yaml(next_prior(summary))
+        write_text(out / "prior.yaml", text)
+        files.append("prior.yaml")
+    try:
+        write_netcdf(out / "cohort.nc", to_dataset(summary))
+        files.append("cohort.nc")
+    except MissingPackage as problem:
+        missing = str(problem)
+    write_cohort_report(summary, out, KNEES, svg=arguments.svg)
+    print(cohort_text(summary))
+    print(f"written: {out}/{', '.join(files)}, {KNEES}/NAME/")
+    if missing:
+        print(f"not written: {out}/cohort.nc: {missing}")
+    return cohort_exit_status(summary)

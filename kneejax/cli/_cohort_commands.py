@@ -15,9 +15,8 @@ def add_cohort(commands, lazily) -> None:
     example = "kneejax cohort synthesise --knees 100 --out made-up && kneejax calibrate made-up"
     above = add_command(commands, "cohort", "Make up a cohort of knees.", example)
     kinds = above.add_subparsers(dest="kind", metavar="KIND", required=True)
-    made = add_command(
-        kinds, "synthesise", "Make up knees and their measurements; the truth is kept aside.", example
-    )
+    sentence = "Make up knees and their measurements; the truth is kept aside."
+    made = add_command(kinds, "synthesise", sentence, example)
     made.add_argument("--knees", type=int, default=100, help="how many")
     made.add_argument("--seed", type=int, default=0, help="of the random numbers")
     made.add_argument("--knee", default="four_ligament", help=f"that is varied: {KNEE}")
@@ -62,5 +61,8 @@ def check_single(arguments: argparse.Namespace) -> None:
     for name in _OF_COHORTS:
         if getattr(arguments, name) is not None:
             value, study = getattr(arguments, name), arguments.study
-            expected = f"this option with a cohort alone (a folder, a pattern or a cohort file), not {study}"
+            expected = (
+                "this option with a cohort alone (a folder, a pattern in quotes or a cohort file), "
+                f"not {study}"
+            )
             raise InputProblem(f"--{name}", "value", str(value), expected)

@@ -88,6 +88,8 @@ def _cohort_file(count: int, seed: int, spread: Spread, tests: tuple[MeasuredTes
         "parameters": ["*.stiffness", "*.reference_strain"],
         "bounds": _BOUNDS,
         "procedures": ["III"],
+        # One over the variances.
+        "weights": {"mm": spread.noise_mm**-2, "deg": spread.noise_deg**-2},
         "noise_mm": spread.noise_mm,
         "noise_deg": spread.noise_deg,
         "measured": {"file": "", "source": _SOURCE},

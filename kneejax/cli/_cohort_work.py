@@ -1,4 +1,4 @@
-"""What a worker does with a block of knees: calibrate, write each knee's results, say so on disk."""
+"""What a worker does with a block of knees: calibrate, write each knee's results, say it is done."""
 
 from __future__ import annotations
 

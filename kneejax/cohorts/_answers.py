@@ -15,6 +15,9 @@ from kneejax.cohorts._cohort import Cohort
 from kneejax.cohorts._execute import KneeDone
 from kneejax.files.reading import read_text
 
+#: What the result of a knee says of a fit that leaves more than noise.
+POOR = "Poor fit"
+
 
 @dataclasses.dataclass(frozen=True)
 class KneeEstimate:
@@ -55,6 +58,8 @@ class KneeAnswer:
         objective: weighted sum of squares.
         parameters: name -> what is known of it.
         correlation: of the estimates, `(p, p)`.
+        good: whether its search converged to a fit that is none of the poor ones: only such a knee
+            tells of the others.
     """
 
     name: str
@@ -68,6 +73,7 @@ class KneeAnswer:
     objective: float = math.nan
     parameters: Mapping[str, KneeEstimate] = dataclasses.field(default_factory=dict)
     correlation: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((0, 0)))
+    good: bool = False
 
 
 def read_answers(
@@ -124,6 +130,7 @@ def _answer(name: str, about, seconds: float, document: dict[str, Any]) -> KneeA
         objective=_number(document["objective"]),
         parameters=parameters,
         correlation=np.array(document["correlation"]["matrix"], float),
+        good=bool(document["success"]) and document["outcome"] != POOR,
     )
 
 

@@ -89,7 +89,10 @@ def summed_up(
 
 def _told(answers: Sequence[KneeAnswer], name: str) -> tuple[np.ndarray, np.ndarray]:
     """What each knee says of a parameter, or of its logarithm: value and standard error."""
-    pairs = [_one(answer.parameters.get(name), in_log(name)) for answer in answers]
+    pairs = [
+        _one(answer.parameters.get(name) if answer.good else None, in_log(name))
+        for answer in answers
+    ]
     values, errors = np.reshape(pairs, (-1, 2)).T
     return values, errors
 
@@ -118,8 +121,9 @@ def _outliers(answers, name: str, values, errors, found: Population) -> list[Out
 
 def _correlation(answers: Sequence[KneeAnswer], units: Mapping[str, str]) -> np.ndarray:
     table = np.array(
-        [[_one(one.parameters.get(name), in_log(name))[0] for one in answers] for name in units]
-    ).reshape(len(units), len(answers))
+        [[_one(one.parameters.get(name), in_log(name))[0] for one in answers if one.good]
+         for name in units]
+    ).reshape(len(units), -1)
     size = len(units)
     found = np.full((size, size), np.nan)
     for i in range(size):

@@ -32,7 +32,6 @@ from kneejax.parameters import UnsuitableData, with_values
 _NOT_SIZE = ("layer_thickness_mm", "layer_variation_mm", "onset_width_mm", "fit_rms_mm",
              "fit_max_mm")  # fmt: skip
 _ENDS = ("femoral_attachment_mm", "tibial_attachment_mm")
-_TESTS = ("drawer", "torsion", "varus-valgus")
 #: Draws without a balance somewhere, of each knee, after which the distributions are at fault.
 _MOST_DRAWS = 50
 
@@ -66,19 +65,31 @@ class Protocol:
         passive_deg: flexions of the passive motion.
         flexion_deg: at which drawer, torsion and varus-valgus are made.
         steps: loads of each curve, from full one way to full the other.
+        force_N: of a drawer; this and the next are small enough that contact stays on the fitted
+            surfaces.
+        torque_Nm: of a torsion.
+        varus_Nm: of a varus-valgus test.
     """
 
     passive_deg: tuple[float, ...] = tuple(np.arange(0.0, 91.0, 15.0).tolist())
     flexion_deg: tuple[float, ...] = (0.0, 30.0, 60.0, 90.0)
     steps: int = 11
+    force_N: float = 60.0
+    torque_Nm: float = 2.0
+    varus_Nm: float = 5.0
 
     def tests(self) -> list[LabTest]:
         """The tests under load."""
         path = tuple(np.linspace(-1.0, 1.0, self.steps).round(9).tolist())
+        full = (
+            ("drawer", {"force_N": self.force_N}),
+            ("torsion", {"moment_Nm": self.torque_Nm}),
+            ("varus-valgus", {"moment_Nm": self.varus_Nm}),
+        )
         return [
             dataclasses.replace(test, path=path)
-            for name in _TESTS
-            for test in lab_tests(name, self.flexion_deg)
+            for name, size in full
+            for test in lab_tests(name, self.flexion_deg, **size)
         ]
 
 

@@ -24,8 +24,8 @@ from kneejax.statics import Slopes
 PATIENT = 200
 #: Relative decrease of an objective, and relative step, that end a fit.
 _RTOL, _ATOL = 1e-9, 1e-8
-#: Called with fits, what a trial of each gave, its best sum of squares so far, and whether the trial
-#: was taken; says which of them end.
+#: Called with fits, what a trial of each gave, its best sum of squares so far, and whether the
+#: trial was taken; says which of them end.
 Watch = Callable[[np.ndarray, Slopes, np.ndarray, np.ndarray], np.ndarray]
 
 
@@ -80,7 +80,8 @@ def fit_lanes(
         far: whether the answers may be far from the starts; first steps are short then.
         rtol: relative decrease of the sum of squares that ends a fit.
         atol: relative step, of the width of the bounds, that ends a fit.
-        watch: called after every evaluation; may end fits, which does not count as an end by itself.
+        watch: called after every evaluation; may end fits, which does not count as an end by
+            itself.
 
     Returns:
         The `ManyFits`. A fit whose start has no balance at some pose that counts ends at once,
