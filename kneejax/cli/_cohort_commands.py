@@ -7,7 +7,7 @@ import argparse
 from kneejax.cli._parser import KNEE, add_command, add_out
 from kneejax.files import InputProblem
 
-_OF_COHORTS = ("jobs", "scheduler", "shard")
+_OF_COHORTS = ("bootstrap", "jobs", "scheduler", "shard")
 
 
 def add_cohort(commands, lazily) -> None:
@@ -32,6 +32,12 @@ def add_cohort(commands, lazily) -> None:
 
 def add_cohort_options(calibrate: argparse.ArgumentParser) -> None:
     """What may be asked where a cohort is calibrated."""
+    calibrate.add_argument(
+        "--bootstrap",
+        type=int,
+        metavar="N",
+        help="of a cohort: for each knee N fits of data that its answer would give, with noise",
+    )
     calibrate.add_argument(
         "--jobs",
         type=int,

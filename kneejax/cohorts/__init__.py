@@ -18,6 +18,7 @@ _MODULES = {
     "Work": "kneejax.cohorts._execute",
     "in_process": "kneejax.cohorts._execute",
     "Task": "kneejax.cohorts._plan",
+    "bootstraps": "kneejax.cohorts._plan",
     "plan": "kneejax.cohorts._plan",
     "shard_of": "kneejax.cohorts._plan",
     "structures": "kneejax.cohorts._plan",
@@ -54,6 +55,7 @@ if TYPE_CHECKING:
     from kneejax.cohorts._on_cluster import on_workers as on_workers
     from kneejax.cohorts._on_cluster import workers_of as workers_of
     from kneejax.cohorts._plan import Task as Task
+    from kneejax.cohorts._plan import bootstraps as bootstraps
     from kneejax.cohorts._plan import plan as plan
     from kneejax.cohorts._plan import shard_of as shard_of
     from kneejax.cohorts._plan import structures as structures

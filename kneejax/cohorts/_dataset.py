@@ -69,6 +69,15 @@ def to_dataset(summary: CohortSummary) -> Dataset:
         "logarithm": ("parameter", [n in over and over[n].log for n in names]),
         "correlation_over_knees": (("parameter", "other_parameter"), summary.correlation),
     }
+    if summary.draws:
+        longest = max(len(x) for x in summary.draws.values())
+        redrawn = np.full((size, longest, count), np.nan)
+        for row, one in enumerate(summary.answers):
+            if one.name in summary.draws:
+                own = [names.index(name) for name in one.parameters]
+                values = summary.draws[one.name][:, : len(own)]
+                redrawn[np.ix_([row], range(len(values)), own)] = values
+        data["bootstrap"] = (("knee", "draw", "parameter"), redrawn)
     places = {
         "knee": knees, "parameter": names, "other_parameter": names,
         "coordinate": list(FREE_COORDINATES),

@@ -20,7 +20,9 @@ from kneejax.inference import versions
 from kneejax.studies import Study
 
 #: Knees of a block. More share what an evaluation costs by itself; fewer are lost when a worker is.
-BLOCK = 16
+BLOCK = 8
+#: Draws of a bootstrap that are one task.
+DRAWS = 100
 #: Fields of a study of which knees that stand side by side must agree, beside their data's form.
 _ALIKE = ("parameters", "procedures", "stages", "starts", "seed", "weights", "noise_mm",
           "noise_deg", "frame_offset", "method")  # fmt: skip
@@ -35,10 +37,13 @@ class Task:
     Attributes:
         members: of one structure.
         fingerprint: of everything that their numbers depend on, and of the package's version.
+        draws: of a bootstrap, the numbers of the first one and of the one after the last; none of a
+            calibration.
     """
 
     members: tuple[Member, ...]
     fingerprint: str
+    draws: tuple[int, int] | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -65,6 +70,24 @@ def plan(cohort: Cohort, block: int = BLOCK) -> tuple[Task, ...]:
         for first in range(0, len(members), block)
     ]
     return tuple(Task(tuple(members), _fingerprint(members)) for members in blocks)
+
+
+def bootstraps(tasks: Sequence[Task], count: int, block: int = DRAWS) -> tuple[Task, ...]:
+    """Tasks that fit data which the answers of others would give, so many times for each knee.
+
+    Args:
+        tasks: calibrations, which must have ended.
+        count: of draws of each knee.
+        block: draws of a task at most.
+    """
+    found = []
+    for task in tasks:
+        for member in task.members:
+            for first in range(0, count, block):
+                draws = first, min(first + block, count)
+                words = f"{task.fingerprint} {member.name} bootstrap {draws}"
+                found.append(Task((member,), _digest(words.encode()).hex(), draws))
+    return tuple(found)
 
 
 def shard_of(tasks: Sequence[Task], number: int, count: int) -> tuple[Task, ...]:

@@ -14,6 +14,8 @@ from kneejax.inference.population import Population, in_log, population
 _HALF = 1.959964
 #: Deviations from the population beyond which a knee is said to be an outlier.
 OUTLIER = 3.0
+#: Draws of a bootstrap that tell limits.
+_FEWEST = 20
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -47,6 +49,7 @@ class CohortSummary:
         correlation: of the estimates over knees, `(p, p)` in the order of `units`; NaN where fewer
             than five knees have both.
         outliers: the farthest first.
+        draws: knee -> values of its bootstrap, `(draws, p)`, NaN where a draw did not converge.
     """
 
     title: str
@@ -55,6 +58,20 @@ class CohortSummary:
     populations: Mapping[str, Population]
     correlation: np.ndarray
     outliers: tuple[Outlier, ...]
+    draws: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
+
+    def redrawn(self, knee: str, parameter: str) -> tuple[float, float, float]:
+        """Standard deviation and 95 % limits of a parameter over a knee's bootstrap; NaN without
+        one, or with fewer than twenty draws that converged."""
+        every, answer = self.draws.get(knee), {one.name: one for one in self.answers}.get(knee)
+        if every is None or answer is None or parameter not in answer.parameters:
+            return np.nan, np.nan, np.nan
+        own = every[:, list(answer.parameters).index(parameter)]
+        own = own[np.isfinite(own)]
+        if len(own) < _FEWEST:
+            return np.nan, np.nan, np.nan
+        low, high = np.percentile(own, [2.5, 97.5])
+        return float(own.std(ddof=1)), float(low), float(high)
 
     @property
     def fitted(self) -> tuple[KneeAnswer, ...]:
@@ -63,7 +80,10 @@ class CohortSummary:
 
 
 def summed_up(
-    title: str, answers: Sequence[KneeAnswer], units: Mapping[str, str]
+    title: str,
+    answers: Sequence[KneeAnswer],
+    units: Mapping[str, str],
+    draws: Mapping[str, np.ndarray] | None = None,
 ) -> CohortSummary:
     """Bring the answers of a cohort together.
 
@@ -71,6 +91,7 @@ def summed_up(
         title: of the cohort.
         answers: of each knee.
         units: parameter -> unit.
+        draws: knee -> values of its bootstrap.
     """
     fitted = [one for one in answers if not one.failed]
     populations, outliers = {}, []
@@ -83,7 +104,7 @@ def summed_up(
     outliers.sort(key=lambda one: -abs(one.deviations))
     return CohortSummary(
         title, tuple(answers), dict(units), populations, _correlation(fitted, units),
-        tuple(outliers),
+        tuple(outliers), dict(draws or {}),
     )  # fmt: skip
 
 

@@ -8,6 +8,7 @@ from kneejax._lazy import lazy_names
 _MODULES = {
     "Sensitivities": "kneejax.studies._answer_sensitivity",
     "Identified": "kneejax.studies._answer_identify",
+    "bootstrapped": "kneejax.studies._answer_calibrate",
     "run_side_by_side": "kneejax.studies._answer_calibrate",
     "about_maps": "kneejax.studies._answer_map",
     "fingerprint": "kneejax.studies._answer_map",
@@ -25,6 +26,7 @@ _MODULES = {
 }
 
 if TYPE_CHECKING:
+    from kneejax.studies._answer_calibrate import bootstrapped as bootstrapped
     from kneejax.studies._answer_calibrate import run_side_by_side as run_side_by_side
     from kneejax.studies._answer_identify import Identified as Identified
     from kneejax.studies._answer_map import about_maps as about_maps

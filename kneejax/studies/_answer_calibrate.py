@@ -11,8 +11,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from kneejax.experiments import evaluate
-from kneejax.geometry import Pose
+from kneejax.files import Calibrated
+from kneejax.geometry import FREE_COORDINATES, Pose
 from kneejax.inference import Calibration, Question, calibrate_side_by_side, compile_step
+from kneejax.inference.bootstrap import bootstrap
 from kneejax.inference.fit import Problem, Progress
 from kneejax.parameters import UnsuitableData
 from kneejax.studies._poses import measured_poses
@@ -46,8 +48,44 @@ def run_side_by_side(studies: Sequence[Study]) -> list[Calibration | Exception]:
             questions.append(_question(study))
         except UnsuitableData as problem:
             questions.append(problem)
-    found = iter(calibrate_side_by_side([q for q in questions if isinstance(q, Question)]))
-    return [next(found) if isinstance(q, Question) else q for q in questions]
+    asked = [question for question in questions if isinstance(question, Question)]
+    found = iter(calibrate_side_by_side(_of_one_name(asked)))
+    return [
+        _named(next(found), q.knee.name) if isinstance(q, Question) else q for q in questions
+    ]
+
+
+def bootstrapped(study: Study, draws: Sequence[int], answer: Calibrated) -> np.ndarray:
+    """Make the data of a study again from its answer, and fit them again.
+
+    Args:
+        study: that was calibrated.
+        draws: numbers of the draws.
+        answer: what its result.json says.
+
+    Returns:
+        Values of each draw, `(draws, p)`, parameters, then constants between frames; NaN where its
+        fit did not converge.
+    """
+    values = [answer.found[name] for name in study.selection.names]
+    shifts = [answer.frame_offset[name] for name in study.frame_offset]
+    noise = [answer.noise[name] for name in FREE_COORDINATES]
+    return bootstrap(_question(study), [*values, *shifts], noise, draws, study.seed)
+
+
+def _of_one_name(questions: Sequence[Question]) -> list[Question]:
+    """Names steer compiling: knees that differ in nothing else share their programs."""
+    names = {(question.knee.name, question.knee.side) for question in questions}
+    if len(names) < 2:
+        return list(questions)
+    return [
+        dataclasses.replace(one, knee=dataclasses.replace(one.knee, name="knee", side="right"))
+        for one in questions
+    ]
+
+
+def _named(answer: Calibration | Exception, name: str) -> Calibration | Exception:
+    return dataclasses.replace(answer, knee=name) if isinstance(answer, Calibration) else answer
 
 
 def _question(study: Study) -> Question:

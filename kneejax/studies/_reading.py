@@ -21,6 +21,7 @@ from kneejax.files import (
 from kneejax.files.reading import Field, load_yaml
 from kneejax.geometry import COLUMNS, CONVENTIONS, FEMORAL
 from kneejax.mechanics import RANGES
+from kneejax.studies._prior_file import with_prior_file
 from kneejax.studies._reading_tests import MIRROR, read_tests
 from kneejax.studies._study import Study
 from kneejax.studies._study_fields import Synthetic, parameter_values
@@ -99,6 +100,8 @@ def study_of(study: Field, folder: Path) -> Study:
         expected = f"no loads beside those of the measured table ({', '.join(acted)})"
         raise study["loads"].problem(expected)
     given: dict[str, Any] = {name: study[name].value for name in _AS_THEY_ARE if name in study}
+    if isinstance(given.get("prior"), str):
+        given = with_prior_file(study, given, knee, folder)
     return Study(
         title=study["title"].value,
         knee=knee,

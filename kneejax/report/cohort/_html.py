@@ -34,8 +34,8 @@ _POPULATION = (
     "Mean over knees and standard deviation between them, each with 95 % limits: a normal "
     "distribution of values about the mean (of logarithms for stiffness, whose spread is in per "
     "cent), every knee with the standard error of its own data. A knee in the light of the others "
-    "is drawn to the mean as far as its data leave room. Knees whose fit is poor or did not converge "
-    "tell nothing of the others."
+    "is drawn to the mean as far as its data leave room. Knees whose fit is poor or did not "
+    "converge tell nothing of the others."
 )
 
 

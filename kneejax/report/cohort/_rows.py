@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 COHORT_COLUMNS = (
     "knee", "outcome", "kind", "name", "unit", "value", "low", "high", "standard_error",
     "interval", "at_bound", "start", "in_population", "in_population_sd", "own_share",
+    "bootstrap_sd", "bootstrap_low", "bootstrap_high",
 )  # fmt: skip
 
 
@@ -39,7 +40,7 @@ def cohort_rows(summary: CohortSummary) -> tuple[list[str], list[list[Any]]]:
 
 
 def _failed(one: KneeAnswer) -> list[list[Any]]:
-    return [["failed", one.failed, *[None] * 11]]
+    return [["failed", one.failed, *[None] * 14]]
 
 
 def _rows(summary: CohortSummary, one: KneeAnswer, row: int) -> list[list[Any]]:
@@ -59,13 +60,14 @@ def _rows(summary: CohortSummary, one: KneeAnswer, row: int) -> list[list[Any]]:
             beside = [middle, sd * middle if found.log else sd, float(found.own[row])]
         rows.append(
             ["parameter", name, summary.units.get(name, ""), own.value, own.low, own.high,
-             own.standard_error, own.interval, own.at_bound, own.start, *beside]
+             own.standard_error, own.interval, own.at_bound, own.start, *beside,
+             *summary.redrawn(one.name, name)]
         )  # fmt: skip
     return rows
 
 
 def _bare(kind: str, name: str, unit: str, value: float) -> list[Any]:
-    return [kind, name, unit, value, *[None] * 9]
+    return [kind, name, unit, value, *[None] * 12]
 
 
 def _population(summary: CohortSummary) -> list[list[Any]]:
@@ -73,8 +75,8 @@ def _population(summary: CohortSummary) -> list[list[Any]]:
     for name, found in summary.populations.items():
         unit = summary.units.get(name, "")
         middle, low, high = map(found.in_own_unit, (found.mean, *found.mean_limits))
-        rows.append(["mean", name, unit, middle, low, high, *[None] * 7])
+        rows.append(["mean", name, unit, middle, low, high, *[None] * 10])
         if found.log:  # a standard deviation of the logarithm is one in proportion
             unit = "of the logarithm"
-        rows.append(["spread", name, unit, found.spread, *found.spread_limits, *[None] * 7])
+        rows.append(["spread", name, unit, found.spread, *found.spread_limits, *[None] * 10])
     return rows
