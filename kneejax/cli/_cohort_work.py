@@ -19,7 +19,7 @@ from kneejax.files import InputProblem, read_calibrated, write_bytes, write_text
 from kneejax.files.reading import read_text
 from kneejax.inference import Calibration
 from kneejax.parameters import UnsuitableData
-from kneejax.studies import bootstrapped, run_side_by_side
+from kneejax.studies import Study, bootstrapped, run_side_by_side
 
 #: Folders of the knees, in that of the cohort's results.
 KNEES = "knees"
@@ -49,7 +49,7 @@ class CohortWork:
         begun = time.perf_counter()
         for member in task.members:
             (self.out / KNEES / member.name / MARK).unlink(missing_ok=True)
-        answers = run_side_by_side([member.study for member in task.members])
+        answers = _answers([member.study for member in task.members])
         share = (time.perf_counter() - begun) / len(answers)
         pairs = zip(task.members, answers, strict=True)
         return [self._one(task, member, answer, share) for member, answer in pairs]
@@ -85,6 +85,23 @@ class CohortWork:
         np.savez(stream, values=values, **said)
         write_bytes(draws_file(task, self.out), stream.getvalue())
         return KneeDone(member.name, failed, seconds)
+
+
+def _answers(studies: Sequence[Study]) -> list[Calibration | Exception]:
+    """Answers of studies; where one brings all down, each by itself, so that the others have theirs.
+
+    Raises:
+        OSError: of a machine, not of a knee; and so is MemoryError.
+    """
+    try:
+        return run_side_by_side(studies)
+    except (OSError, MemoryError):
+        raise
+    except Exception as problem:
+        if len(studies) == 1:
+            words = " ".join(str(problem).split())
+            return [RuntimeError(f"{type(problem).__name__}: {words}")]
+        return [answer for study in studies for answer in _answers([study])]
 
 
 def draws_file(task: Task, out: Path) -> Path:

@@ -141,11 +141,10 @@ def _outliers(answers, name: str, values, errors, found: Population) -> list[Out
 
 
 def _correlation(answers: Sequence[KneeAnswer], units: Mapping[str, str]) -> np.ndarray:
+    good, size = [one for one in answers if one.good], len(units)
     table = np.array(
-        [[_one(one.parameters.get(name), in_log(name))[0] for one in answers if one.good]
-         for name in units]
-    ).reshape(len(units), -1)
-    size = len(units)
+        [[_one(one.parameters.get(name), in_log(name))[0] for one in good] for name in units]
+    ).reshape(size, len(good))
     found = np.full((size, size), np.nan)
     for i in range(size):
         for j in range(size):
