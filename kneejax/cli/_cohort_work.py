@@ -88,7 +88,7 @@ class CohortWork:
 
 
 def _answers(studies: Sequence[Study]) -> list[Calibration | Exception]:
-    """Answers of studies; where one brings all down, each by itself, so that the others have theirs.
+    """Answers of studies; where one brings all down, each by itself, so that others have theirs.
 
     Raises:
         OSError: of a machine, not of a knee; and so is MemoryError.

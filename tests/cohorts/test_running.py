@@ -142,7 +142,8 @@ def test_what_ends_a_task_is_met_once_more_and_then_said(cohort, capsys, monkeyp
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("kneejax.cli._cohort_work.write_results", full)
-    monkeypatch.setattr("kneejax.cli._cohort_work.run_side_by_side", lambda many: [None] * len(many))
+    found = "kneejax.cli._cohort_work.run_side_by_side"
+    monkeypatch.setattr(found, lambda studies: [None] * len(studies))
     assert main(["calibrate", str(cohort), "--out", str(out)]) == 1
     assert len(met) == 4
     assert "K1: OSError: [Errno 28] No space left on device" in capsys.readouterr().out

@@ -39,14 +39,14 @@ class Population:
     Attributes:
         mean: of the population, posterior mean; of the logarithm where `log`.
         mean_limits: its 95 % limits.
-        spread: standard deviation between knees, posterior mean.
+        spread: standard deviation between knees, posterior median.
         spread_limits: its 95 % limits.
         shrunk: of each knee, posterior mean, `(knees,)`: what its own data say, drawn to the mean
             as far as they leave room.
         deviation: standard deviation of that, `(knees,)`.
         own: part of what is known of each knee that its own data bring, `(knees,)`: one minus the
             variance beside the others', as a share of the variance without its data.
-        next_deviation: standard deviation of a knee of which nothing is measured.
+        next_deviation: standard deviation of a knee of which nothing is measured, with that spread.
         log: whether all of it is of the logarithm.
         knees: how many bring an estimate.
     """
@@ -103,10 +103,11 @@ def population(value: ArrayLike, error: ArrayLike, log: bool = False) -> Populat
     tau, weight, mean, variance = _posterior(y[told], s[told])
     middle = float(weight @ mean)
     total = float(weight @ (variance + (mean - middle) ** 2))
-    between = float(weight @ tau)
+    between = float(np.interp(0.5, np.cumsum(weight) - 0.5 * weight, tau))
     shrunk, spread, alone = _knees(np.where(told, y, 0.0), np.where(told, s, np.inf),
                                    tau, weight, mean, variance)  # fmt: skip
-    following = float(np.sqrt(weight @ (variance + tau**2 + (mean - middle) ** 2)))
+    # With few knees the tail of the spread is heavy: its median says what to expect.
+    following = float(np.sqrt(total + between**2))
     return Population(
         middle,
         (middle - 1.96 * float(np.sqrt(total)), middle + 1.96 * float(np.sqrt(total))),
