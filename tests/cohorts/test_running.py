@@ -1,7 +1,6 @@
 """A cohort from its files to its report: bad knees among good ones, parts, and what is there."""
 
 import csv
-import json
 import math
 
 import numpy as np
@@ -58,17 +57,6 @@ def rows_of(out):
         return list(csv.DictReader(file))
 
 
-def numbers(out):
-    """Everything that was computed, without seconds."""
-    found = {}
-    for path in sorted(out.glob("knees/*/result.json")):
-        document = json.loads(path.read_text())
-        found[path.parent.name] = {k: x for k, x in document.items() if k != "seconds"}
-    for name in ("cohort.csv", "cohort.nc", "prior.yaml"):
-        found[name] = (out / name).read_bytes()
-    return found
-
-
 def test_good_knees_have_an_answer_beside_a_bad_one(calibrated):
     status, out = calibrated
     assert status == 1
@@ -117,7 +105,7 @@ def test_the_page_links_to_every_knee_that_has_a_report(calibrated):
 
 
 def test_parts_make_the_very_same_and_what_is_there_is_not_computed_again(
-    cohort, calibrated, capsys, monkeypatch
+    cohort, calibrated, numbers, capsys, monkeypatch
 ):
     out = cohort.parent / "parts"
     monkeypatch.setattr("kneejax.report.write_report", lambda *_, **__: None)  # pages of knees
