@@ -4,8 +4,8 @@
 
 Each knee has its own size and shape, and its own stiffness and reference strain of each ligament;
 measured are a passive motion and 12 laxity curves, with noise. Knees are calibrated side by side in
-blocks, each with its 95 % limits, as `kneejax calibrate COHORT` does before it writes. SciPy's least
-squares takes finite differences of the same balances, for a few of the knees. Seconds are those of
+blocks, each with its 95 % limits, as `kneejax calibrate COHORT` does before it writes. SciPy's
+least squares takes finite differences of the same balances, for a few knees. Seconds are those of
 processors, without compiling: what other programs do beside it does not count.
 """
 
