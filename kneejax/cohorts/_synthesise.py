@@ -25,7 +25,7 @@ from kneejax.experiments import (
 from kneejax.files import load_knee_file
 from kneejax.files.knee import build_knee
 from kneejax.geometry import FREE_COORDINATES
-from kneejax.mechanics import Knee
+from kneejax.mechanics import Implausible, Knee
 from kneejax.parameters import UnsuitableData, with_values
 
 #: Lengths of a knee file that do not grow with a knee: of the cartilage, of the law, of a fit.
@@ -159,7 +159,7 @@ def synthesise(
 def _drawn(
     name: str, document: dict[str, Any], base: Knee, spread: Spread, protocol: Protocol, draws
 ) -> MadeUpKnee | None:
-    """A knee and its data; None where it does not balance."""
+    """A knee and its data; None where there is no such knee, or it does not balance."""
     size = 1.0 + spread.size * _cut_normal(draws, ())
     own = _grown(document, size, spread, draws)
     own["description"] = (
@@ -167,7 +167,10 @@ def _drawn(
     )
     knee = build_knee(own, name).knee
     truth = _truth(base, spread, draws)
-    true = with_values(knee, truth)
+    try:
+        true = with_values(knee, truth)
+    except Implausible:  # a strain or a length that no knee has
+        return None
     motion = passive_flexion(true, list(protocol.passive_deg))
     curves = load_curves(true, protocol.tests())
     noise = {"mm": spread.noise_mm, "deg": spread.noise_deg}
