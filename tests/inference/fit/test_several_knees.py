@@ -1,7 +1,6 @@
 """Lanes of several knees: each is balanced as if it were alone, with its own derivative."""
 
 import equinox as eqx
-import jax
 import numpy as np
 import pytest
 
@@ -29,12 +28,8 @@ def several():
 
 def test_each_lane_is_its_own_knee(several):
     chosen, start = several.problems[0].selection, np.tile([4000.0, 3500.0, 7000.0, 5500.0], (3, 1))
-    assert list(several.own) == [
-        place
-        for place, leaf in enumerate(jax.tree.leaves(knees()[0]))
-        if leaf is not jax.tree.leaves(knees()[1])[place]
-        and np.shape(leaf) == (4, 3) and (leaf != jax.tree.leaves(knees()[1])[place]).any()
-    ]  # fmt: skip
+    (attachments,) = several.own.values()
+    assert attachments.shape == (3, 4, 3)
     found = several.begin(start)
     assert found.knee.tolist() == [0, 1, 2] and found.converged.all()
     # Later balances know whose they are from near ones, in any order.
@@ -45,7 +40,8 @@ def test_each_lane_is_its_own_knee(several):
             knees()[knee], chosen.apply, start[:1] * 1.05, Stations.at(FLEXION)
         )
         np.testing.assert_allclose(moved.q[row], alone.q[0], rtol=0, atol=1e-7)
-        np.testing.assert_allclose(moved.jacobian[row], alone.jacobian[0], rtol=1e-6, atol=1e-12)
+        scale = np.abs(alone.jacobian[0]).max()
+        np.testing.assert_allclose(moved.jacobian[row], alone.jacobian[0], atol=1e-6 * scale)
 
 
 def test_a_lane_s_derivative_is_that_of_its_own_knee(several):
