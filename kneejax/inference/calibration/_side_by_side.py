@@ -24,11 +24,13 @@ from kneejax.inference.calibration._question import Question, Ready, ready
 from kneejax.inference.calibration._result import Calibration, Fit
 from kneejax.inference.calibration._search import Trail, run_side_by_side, several_starts
 from kneejax.inference.calibration._versions import versions
-from kneejax.inference.fit import Progress, SeveralKnees, form_of
+from kneejax.inference.fit import Problem, Progress, SeveralKnees, form_of
 from kneejax.inference.intervals import Surety
 from kneejax.parameters import UnknownParameter, UnsuitableData
 from kneejax.statics import Slopes
 
+#: Part of a poor objective below which a walk to the same answer has found other balances.
+_LOWER = 0.9
 #: What the data of one knee explain: the others go on.
 _EXPLAINED = (UnsuitableData, UnknownParameter)
 
@@ -90,11 +92,11 @@ def _of_one_form(members: Sequence[Ready], progress: Progress | None) -> list:
     for rows in sets.values():
         # What has no balance counts for nothing; knees of one set of load cases go on together.
         some, at_start = knees.take(rows).with_used(first.converged[rows[0]]), first.take(rows)
-        own = [members[row] for row in rows]
-        fits, sure = _fits(some, own, at_start, progress)
-        for k, row in enumerate(rows):
-            one = dataclasses.replace(own[k], problem=some.problems[k])
-            found[row] = _answer(one, at_start.take([k]), fits[k], sure[k])
+        own = [
+            dataclasses.replace(members[row], problem=problem)
+            for row, problem in zip(rows, some.problems, strict=True)
+        ]
+        found |= dict(zip(rows, _answers(some, own, at_start, progress), strict=True))
     total = time.perf_counter() - seconds["begun"]
     waited = seconds["ready"] - seconds["begun"]
     share = {"total": total, "compile": waited, "solve": total - waited}
@@ -105,10 +107,57 @@ def _of_one_form(members: Sequence[Ready], progress: Progress | None) -> list:
     ]
 
 
-def _fits(
+def _answers(
     knees: SeveralKnees, members: Sequence[Ready], first: Slopes, progress: Progress | None
+) -> list[Calibration]:
+    """Answers of knees whose load cases that count are the same.
+
+    A search follows each balance from one step to the next, and may follow it past the end of its
+    branch to another. Where a fit is poor, the knee is walked to its answer as tests are made; if
+    that fits better, the search goes on from there.
+    """
+    begin = [first.take([row]) for row in range(len(members))]
+    fits, sure = _fits(knees, members, begin, progress)
+    answers = [
+        _answer(one, start, *rest)
+        for one, start, *rest in zip(members, begin, fits, sure, strict=True)
+    ]
+    anew = {}
+    for row, answer in enumerate(answers):
+        if answer.misfits and answer.fit.success:
+            walked = _walked(knees.problems[row], first.knee[row], _values(answer))
+            if objective_of(knees.problems[row], walked) < _LOWER * answer.fit.objective:
+                anew[row] = walked
+    if not anew:
+        return answers
+    _tell(progress, "a balance had left its branch: once more")
+    rows = list(anew)
+    own = [members[row] for row in rows]
+    fits, sure = _fits(knees.take(rows), own, list(anew.values()), progress)
+    for row, *rest in zip(rows, fits, sure, strict=True):
+        again = _answer(members[row], begin[row], *rest)
+        if again.fit.objective < answers[row].fit.objective:
+            answers[row] = again
+    return answers
+
+
+def _values(answer: Calibration) -> np.ndarray:
+    return np.array([one.value for one in (*answer.fit.estimates, *answer.fit.offsets)])
+
+
+def _walked(problem: Problem, knee: int, values: np.ndarray) -> Slopes:
+    """Balances of one knee at values, walked to from its reference pose."""
+    return dataclasses.replace(problem.begin(values[None]), knee=np.array([knee]))
+
+
+def _fits(
+    knees: SeveralKnees,
+    members: Sequence[Ready],
+    first: Sequence[Slopes],
+    progress: Progress | None,
 ) -> tuple[list[list[Fit]], list[Surety]]:
-    """The answers of each procedure, and how sure that of the first is, a knee each."""
+    """The answers of each procedure from given balances, and how sure that of the first is, a knee
+    each."""
     one, asked = members[0], members[0].question
     lower, upper = one.lower, one.upper
     search = {"cycles": asked.cycles, "method": asked.method, "stages": asked.stages,
@@ -116,11 +165,14 @@ def _fits(
     fits, sure = [[] for _ in members], []
     every = range(len(members))
     for number, procedure in enumerate(one.procedures):
-        begin, reached = [first.take([row]) for row in every], [None for _ in members]
+        begin, reached = list(first), [None for _ in members]
         if asked.starts > 1 and procedure == "III":
             _tell(progress, f"procedure III, {asked.starts} starts side by side")
             reached = [_from_several(knees.problems[row], members[row]) for row in every]
-            begin = [_best(knees, row, reached[row]) for row in every]
+            best = [ends[np.argmin(objectives)] for ends, objectives in reached]
+            begin = [
+                _walked(knees.problems[row], first[row].knee[0], best[row]) for row in every
+            ]
         trails = run_side_by_side(knees, procedure, begin, lower, upper, **search)
         if not number:
             _tell(progress, f"95 % limits of {len(lower)} numbers")
@@ -145,12 +197,6 @@ def _from_several(problem, one: Ready) -> tuple[np.ndarray, np.ndarray]:
     draws = np.random.default_rng(one.question.seed)
     more = draws.uniform(one.lower, one.upper, (count - 1, len(one.start)))
     return several_starts(problem, np.vstack([one.start, more]), one.lower, one.upper)
-
-
-def _best(knees: SeveralKnees, row: int, reached) -> Slopes:
-    """Balances of one knee where its best start ended."""
-    begin = knees.problems[row].begin(reached[0][[np.argmin(reached[1])]])
-    return dataclasses.replace(begin, knee=np.array([row]))
 
 
 def _answer(one: Ready, first: Slopes, fits: list[Fit], surety: Surety) -> Calibration:
