@@ -135,10 +135,11 @@ def _answer(name: str, about, seconds: float, document: dict[str, Any]) -> KneeA
 
 
 def _estimate(one: dict[str, Any]) -> KneeEstimate:
-    numbers = (_number(one[key]) for key in ("value", "low", "high", "standard_error"))
-    return KneeEstimate(
-        *numbers, one["interval"] or "", bool(one["at_bound"]), _number(one["start"])
+    value, low, high, error, start = (
+        _number(one[key]) for key in ("value", "low", "high", "standard_error", "start")
     )
+    interval, at_bound = one["interval"] or "", bool(one["at_bound"])
+    return KneeEstimate(value, low, high, error, interval, at_bound, start)
 
 
 def _number(value: float | None) -> float:

@@ -35,10 +35,10 @@ def local_workers(jobs: int) -> Iterator[Any]:
         MissingPackage: Dask is not installed.
     """
     check_installed("distributed", "cohorts")
-    import dask
+    from dask import config
     from distributed import Client, LocalCluster
 
-    with dask.config.set(_settings()):
+    with config.set(_settings()):
         cluster = LocalCluster(
             n_workers=jobs, threads_per_worker=1, processes=True, memory_limit=_MEMORY,
             env=_ONE_THREAD, dashboard_address=":0", silence_logs=50,
@@ -56,10 +56,10 @@ def workers_of(address: str) -> Iterator[Any]:
         InputProblem: no scheduler answers there.
     """
     check_installed("distributed", "cohorts")
-    import dask
+    from dask import config
     from distributed import Client
 
-    with dask.config.set(_settings()):
+    with config.set(_settings()):
         try:
             client = Client(address, timeout=_PATIENCE_S)
         except (OSError, ValueError, TimeoutError) as problem:

@@ -15,12 +15,18 @@ from typing import Any
 
 from kneejax.cohorts._cohort import Cohort, CohortProblems, Member
 from kneejax.cohorts._rows import Row, read_knees
-from kneejax.files import InputProblem, bundled_knees, bundled_measurements, bundled_studies
+from kneejax.files import (
+    InputProblem,
+    bundled_knees,
+    bundled_measurements,
+    bundled_studies,
+    study_path,
+)
 from kneejax.files.reading import Field, load_yaml
 from kneejax.mechanics import Implausible
 from kneejax.numerics import MissingPackage
 from kneejax.parameters import UnknownParameter, UnsuitableData
-from kneejax.studies import Study, study_of
+from kneejax.studies import study_of
 
 #: What a cohort that has a file of its own calls it.
 COHORT_FILE = "cohort.yaml"
@@ -144,7 +150,7 @@ def _template(field: Field, folder: Path) -> tuple[dict[str, Any], Path]:
         return copy.deepcopy(field.value), folder
     name = field.text()
     known = bundled_studies()
-    path = known[name] if name in known else folder / name
+    path = study_path(name) if name in known else folder / name
     if not path.is_file():
         expected = f"a study file, its fields, or a bundled study; not at {path}"
         raise field.problem(expected, known)
@@ -166,14 +172,10 @@ def _member(
     if missing:
         return
     try:
-        yield Member(name, _study(document, folder), dict(about or {}), document.file)
+        yield Member(name, study_of(document, folder), dict(about or {}), document.file)
     except _MISTAKES as problem:
         sentence = str(problem)
         yield sentence if sentence.startswith(document.file) else f"{document.file}: {sentence}"
-
-
-def _study(document: Field, folder: Path) -> Study:
-    return study_of(document, folder)
 
 
 def _missing_files(document: Field, folder: Path) -> Iterator[InputProblem]:

@@ -68,7 +68,7 @@ def bootstrapped(study: Study, draws: Sequence[int], answer: Calibrated) -> np.n
         fit did not converge.
     """
     values = [answer.found[name] for name in study.selection.names]
-    shifts = [answer.frame_offset[name] for name in study.frame_offset]
+    shifts = [answer.frame_offset[name] for name in tuple(study.frame_offset)]  # pyright: ignore
     noise = [answer.noise[name] for name in FREE_COORDINATES]
     return bootstrap(_question(study), [*values, *shifts], noise, draws, study.seed)
 

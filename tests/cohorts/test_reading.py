@@ -106,6 +106,19 @@ def test_blocks_are_those_of_the_plan_and_named_by_what_they_depend_on(tmp_path)
     )
 
 
+def test_a_bundled_study_or_a_file_may_be_the_template(tmp_path):
+    rows = ["name,set.ACL.stiffness", "one,4000", "two,5000"]
+    (first, _) = read_cohort(written(tmp_path, rows, "paper1")).members
+    assert first.study.truth["ACL.stiffness"] == 5876.0
+    (tmp_path / "templates").mkdir()
+    write_poses(tmp_path / "templates" / "shared.csv", POSES)
+    study = STUDY | {"measured": {"file": "shared.csv", "source": "made"}}
+    (tmp_path / "templates" / "study.yaml").write_text(yaml.safe_dump(study))
+    rows = ["name,measured.file", "one,", "two,poses.csv"]
+    members = read_cohort(written(tmp_path, rows, "templates/study.yaml")).members
+    assert [len(one.study.measured) for one in members] == [2, 2]
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

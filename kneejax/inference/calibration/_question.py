@@ -94,10 +94,10 @@ def ready(question: Question) -> Ready:
     if not np.isfinite(problem.measured).all():
         row = int(np.flatnonzero(~np.isfinite(problem.measured).all(axis=1))[0])
         raise UnsuitableData(f"measured row {row} is not finite: leave it out")
-    box = _box(knee, selection, question.bounds or {}, len(question.offsets))
+    start, lower, upper = _box(knee, selection, question.bounds or {}, len(question.offsets))
     if question.prior:
-        problem = problem.with_prior(box[0], question.prior)
-    return Ready(question, problem, stated, weights, *box, procedures)
+        problem = problem.with_prior(start, question.prior)
+    return Ready(question, problem, stated, weights, start, lower, upper, procedures)
 
 
 def _box(knee: Knee, selection: Selection, bounds, offsets: int) -> tuple[np.ndarray, ...]:

@@ -165,7 +165,7 @@ def _fits(
     fits, sure = [[] for _ in members], []
     every = range(len(members))
     for number, procedure in enumerate(one.procedures):
-        begin, reached = list(first), [None for _ in members]
+        begin, reached = list(first), []
         if asked.starts > 1 and procedure == "III":
             _tell(progress, f"procedure III, {asked.starts} starts side by side")
             reached = [_from_several(knees.problems[row], members[row]) for row in every]
@@ -180,7 +180,7 @@ def _fits(
         for row, trail in enumerate(trails):
             own = members[row]
             fit = _fit(knees.problems[row], procedure, trail, own, None if number else sure[row])
-            if reached[row] is not None:
+            if reached:
                 starts = starts_of(knees.problems[row], fit, *reached[row])
                 fit = dataclasses.replace(fit, starts=starts)
             fits[row].append(fit)
