@@ -49,7 +49,7 @@ def forest_figure(summary: CohortSummary) -> Figure:
         _panel(axes, summary, names[place])
         _name_knees(axes, [one.name for one in knees], place % across == 0)
     handles, labels = panels.flat[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="upper center", ncols=3, borderaxespad=0.1)
+    figure.legend(handles, labels, loc="upper center", ncols=4, borderaxespad=0.1)
     return figure
 
 
@@ -73,8 +73,12 @@ def _panel(axes, summary: CohortSummary, name: str) -> None:
         axes.axvspan(*ends, color=LIGHT, lw=0, label="95 % of the population")
         axes.axvline(found.in_own_unit(found.mean), color=GREY, lw=1.0)
     from_, to = np.where(np.isfinite(low), low, left), np.where(np.isfinite(high), high, right)
-    axes.hlines(rows[told], from_[told], to[told], color=BLUE, lw=0.8)
-    axes.plot(value[told], rows[told], "o", ms=2.4, color=BLUE, label="a knee, 95 % limits")
+    good = np.array([one.good for one in summary.fitted], bool)
+    for some, colour, label in (
+        (told & ~good, GREY, "a poor fit"), (told & good, BLUE, "a knee, 95 % limits"),
+    ):  # fmt: skip
+        axes.hlines(rows[some], from_[some], to[some], color=colour, lw=0.8)
+        axes.plot(value[some], rows[some], "o", ms=2.4, color=colour, label=label)
     for open_, edge, mark in ((~np.isfinite(low), left, "<"), (~np.isfinite(high), right, ">")):
         some = open_ & told
         axes.plot(np.full(some.sum(), edge), rows[some], mark, ms=2.6, color=BLUE, clip_on=False)
@@ -83,7 +87,7 @@ def _panel(axes, summary: CohortSummary, name: str) -> None:
         axes.plot(shrunk, rows, "|", ms=4.0, mew=1.0, color=VERMILLION, label="in their light")
     axes.set_xlim(left, right)
     axes.set_title(readable(name), fontsize=8)
-    axes.set_xlabel(unit or "-")
+    axes.set_xlabel(unit or "strain" if name.endswith("strain") else unit or "-")
     axes.tick_params(axis="x", labelsize=7)
     axes.locator_params(axis="x", nbins=4)
     axes.grid(axis="y", visible=False)
