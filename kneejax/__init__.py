@@ -69,6 +69,7 @@ _MODULES = {
     "Synthetic": "kneejax.studies",
     "read_study": "kneejax.studies",
     "run": "kneejax.studies",
+    "cohorts": "kneejax.cohorts",
     "experiments": "kneejax.experiments",
     "files": "kneejax.files",
     "geometry": "kneejax.geometry",

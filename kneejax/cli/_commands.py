@@ -7,8 +7,9 @@ import importlib
 from collections.abc import Callable
 from pathlib import Path
 
+from kneejax.cli._cohort_commands import add_cohort, add_cohort_options
 from kneejax.cli._parser import KNEE, Parser, add_command, add_convention, add_out, add_svg
-from kneejax.cli._study_commands import add_identify, add_map, add_sensitivity, add_study
+from kneejax.cli._study_commands import add_identify, add_map, add_sensitivity
 from kneejax.cli._test_options import EXTENSOR, TESTS, add_extensor_options, add_test_options
 from kneejax.cli._version import ShowVersion
 from kneejax.cli.joint import add_joint
@@ -42,7 +43,7 @@ def build_parser() -> Parser:
     for add in (
         _add_knees, _add_describe, _add_simulate, _add_evaluate, _add_calibrate, _add_map,
         _add_sensitivity, _add_identify, _add_reproduce, _add_view, _add_joint, _add_import,
-        _add_export, _add_rerun, _add_completion,
+        _add_export, _add_cohort, _add_rerun, _add_completion,
     ):  # fmt: skip
         add(commands)
     return parser
@@ -152,7 +153,14 @@ def _add_calibrate(commands) -> None:
         "Identify the parameters of ligaments from measured motion.",
         "kneejax calibrate paper1",
     )
-    add_study(calibrate)
+    calibrate.add_argument(
+        "study",
+        nargs="?",
+        default="paper1",
+        help="study file or bundled study; or a cohort: a folder of studies, a pattern in quotes, "
+        "or a file that names its knees",
+    )
+    add_cohort_options(calibrate)
     add_out(calibrate, "kneejax-calibration")
     add_svg(calibrate)
     calibrate.set_defaults(run=_lazily("_calibrate"))
@@ -345,6 +353,10 @@ def _add_export(commands) -> None:
     osim.add_argument("model", type=Path, help="the original model; it is not changed")
     osim.add_argument("--out", type=Path, required=True, help="the new model")
     osim.set_defaults(run=_lazily("_export_osim"))
+
+
+def _add_cohort(commands) -> None:
+    add_cohort(commands, _lazily)
 
 
 def _add_rerun(commands) -> None:

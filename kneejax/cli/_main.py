@@ -67,7 +67,8 @@ def _run(chosen: argparse.Namespace) -> int:
 
     settings = asked_for(chosen)  # before the command fills in what it was not told
     status = chosen.run(chosen)
-    record(settings, chosen.out)
+    if status != BAD_INPUT:
+        record(settings, chosen.out)
     return status
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import glob
 import json
 import math
 import os
@@ -211,6 +212,7 @@ def _check_there(
         is_file = action.type is Path
         if action.dest in NAME_OR_FILE:
             is_file = bool(Path(one).suffix) or len(Path(one).parts) > 1
-        if is_file and not os.path.exists(folder / one):
+        # A pattern names what is there when it is read.
+        if is_file and not glob.has_magic(one) and not os.path.exists(folder / one):
             expected = f"a file that is still there; {folder / one} is gone"
             raise InputProblem(file, name, one, expected)

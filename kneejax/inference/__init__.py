@@ -17,8 +17,10 @@ from kneejax.inference.calibration import FittedTest as FittedTest
 from kneejax.inference.calibration import Iteration as Iteration
 from kneejax.inference.calibration import Misfit as Misfit
 from kneejax.inference.calibration import Motion as Motion
+from kneejax.inference.calibration import Question as Question
 from kneejax.inference.calibration import Stage as Stage
 from kneejax.inference.calibration import calibrate as calibrate
+from kneejax.inference.calibration import calibrate_side_by_side as calibrate_side_by_side
 from kneejax.inference.calibration import procedures_of as procedures_of
 from kneejax.inference.calibration import run_procedure as run_procedure
 from kneejax.inference.calibration import versions as versions

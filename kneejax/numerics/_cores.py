@@ -13,7 +13,7 @@ Answer = TypeVar("Answer")
 
 
 def on_all_cores(work: Callable[[Part], Answer], parts: Iterable[Part]) -> list[Answer]:
-    """Do some work for each of several parts, on as many threads as there are cores.
+    """Do some work for each of several parts, on as many threads as this process has cores.
 
     Programs of JAX leave Python's lock while they compute. The threads stay for the next call:
     starting them took longer than evaluating 500 poses. Work must not deal out work itself.
@@ -43,4 +43,11 @@ def on_all_cores(work: Callable[[Part], Answer], parts: Iterable[Part]) -> list[
 
 @functools.cache
 def _threads() -> concurrent.futures.ThreadPoolExecutor:
-    return concurrent.futures.ThreadPoolExecutor(os.cpu_count(), "kneejax")
+    return concurrent.futures.ThreadPoolExecutor(_own_cores(), "kneejax")
+
+
+def _own_cores() -> int:
+    """Cores that this process may use: those of its affinity, where the system knows of any."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

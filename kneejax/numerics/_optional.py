@@ -13,6 +13,7 @@ class MissingPackage(ValueError):
 
 #: Extra of kneejax -> how a sentence on its packages begins.
 _WHO_NEEDS = {
+    "cohorts": "workers and cohort.nc need",
     "lbfgsb": "the method lbfgsb needs",
     "maps": "maps need",
     "tables": "tables need",

@@ -26,6 +26,13 @@ from kneejax.report.calibration import tests_figure as tests_figure
 from kneejax.report.calibration import verdict as verdict
 from kneejax.report.calibration import warnings as warnings
 from kneejax.report.calibration import write_report as write_report
+from kneejax.report.cohort import COHORT_COLUMNS as COHORT_COLUMNS
+from kneejax.report.cohort import cohort_exit_status as cohort_exit_status
+from kneejax.report.cohort import cohort_page as cohort_page
+from kneejax.report.cohort import cohort_rows as cohort_rows
+from kneejax.report.cohort import cohort_text as cohort_text
+from kneejax.report.cohort import forest_figure as forest_figure
+from kneejax.report.cohort import write_cohort_report as write_cohort_report
 from kneejax.report.design import CANDIDATE_COLUMNS as CANDIDATE_COLUMNS
 from kneejax.report.design import candidates_figure as candidates_figure
 from kneejax.report.design import candidates_rows as candidates_rows

@@ -22,6 +22,7 @@ from kneejax.statics._status import fails as fails
 from kneejax.statics._status import failures_of as failures_of
 from kneejax.statics._status import sound as sound
 from kneejax.statics.walk import Balances as Balances
+from kneejax.statics.walk import Own as Own
 from kneejax.statics.walk import Progress as Progress
 from kneejax.statics.walk import Slopes as Slopes
 from kneejax.statics.walk import Stations as Stations

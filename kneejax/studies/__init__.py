@@ -8,6 +8,8 @@ from kneejax._lazy import lazy_names
 _MODULES = {
     "Sensitivities": "kneejax.studies._answer_sensitivity",
     "Identified": "kneejax.studies._answer_identify",
+    "bootstrapped": "kneejax.studies._answer_calibrate",
+    "run_side_by_side": "kneejax.studies._answer_calibrate",
     "about_maps": "kneejax.studies._answer_map",
     "fingerprint": "kneejax.studies._answer_map",
     "STUDY_FIELDS": "kneejax.studies._field_names",
@@ -16,6 +18,7 @@ _MODULES = {
     "Map": "kneejax.studies._questions",
     "Sensitivity": "kneejax.studies._questions",
     "read_study": "kneejax.studies._reading",
+    "study_of": "kneejax.studies._reading",
     "check": "kneejax.studies._run",
     "run": "kneejax.studies._run",
     "FAULTS": "kneejax.studies._study_fields",
@@ -24,6 +27,8 @@ _MODULES = {
 }
 
 if TYPE_CHECKING:
+    from kneejax.studies._answer_calibrate import bootstrapped as bootstrapped
+    from kneejax.studies._answer_calibrate import run_side_by_side as run_side_by_side
     from kneejax.studies._answer_identify import Identified as Identified
     from kneejax.studies._answer_map import about_maps as about_maps
     from kneejax.studies._answer_map import fingerprint as fingerprint
@@ -34,6 +39,7 @@ if TYPE_CHECKING:
     from kneejax.studies._questions import Map as Map
     from kneejax.studies._questions import Sensitivity as Sensitivity
     from kneejax.studies._reading import read_study as read_study
+    from kneejax.studies._reading import study_of as study_of
     from kneejax.studies._run import check as check
     from kneejax.studies._run import run as run
     from kneejax.studies._study import Study as Study

@@ -6,13 +6,17 @@ import contextlib
 import dataclasses
 import threading
 import time
+from collections.abc import Sequence
 
 import numpy as np
 
 from kneejax.experiments import evaluate
-from kneejax.geometry import Pose
-from kneejax.inference import Calibration, calibrate, compile_step
+from kneejax.files import Calibrated
+from kneejax.geometry import FREE_COORDINATES, Pose
+from kneejax.inference import Calibration, Question, calibrate_side_by_side, compile_step
+from kneejax.inference.bootstrap import bootstrap
 from kneejax.inference.fit import Problem, Progress
+from kneejax.parameters import UnsuitableData
 from kneejax.studies._poses import measured_poses
 from kneejax.studies._study import Study
 
@@ -22,8 +26,76 @@ def calibrated(study: Study, progress: Progress | None = None) -> Calibration:
     begun = time.perf_counter()
     # XLA compiles without holding Python: what comes last gets ready beside the search.
     threading.Thread(target=_get_ready, args=(study,)).start()
+    (result,) = calibrate_side_by_side([_question(study)], progress=progress)
+    if isinstance(result, Exception):
+        raise result
+    seconds = dict(result.seconds, total=time.perf_counter() - begun)
+    return dataclasses.replace(result, seconds=seconds)
+
+
+def run_side_by_side(studies: Sequence[Study]) -> list[Calibration | Exception]:
+    """Calibrate what several studies ask, those of one form in lanes of one search.
+
+    Args:
+        studies: one a knee.
+
+    Returns:
+        A `Calibration` each, or what its data explain that there is none.
+    """
+    questions: list[Question | Exception] = []
+    for study in studies:
+        try:
+            questions.append(_question(study))
+        except UnsuitableData as problem:
+            questions.append(problem)
+    asked = [question for question in questions if isinstance(question, Question)]
+    found = iter(calibrate_side_by_side(_of_one_name(asked)))
+    return [
+        _named(next(found), q.knee.name) if isinstance(q, Question) else q for q in questions
+    ]
+
+
+def bootstrapped(study: Study, draws: Sequence[int], answer: Calibrated) -> np.ndarray:
+    """Make the data of a study again from its answer, and fit them again.
+
+    Args:
+        study: that was calibrated.
+        draws: numbers of the draws.
+        answer: what its result.json says.
+
+    Returns:
+        Values of each draw, `(draws, p)`, parameters, then constants between frames; NaN where its
+        fit did not converge.
+    """
+    values = [answer.found[name] for name in study.selection.names]
+    shifts = [answer.frame_offset[name] for name in tuple(study.frame_offset)]  # pyright: ignore
+    noise = [answer.noise[name] for name in FREE_COORDINATES]
+    return bootstrap(_question(study), [*values, *shifts], noise, draws, study.seed)
+
+
+def _of_one_name(questions: Sequence[Question]) -> list[Question]:
+    """Names steer compiling: knees that differ in nothing else share their programs."""
+    names = {(question.knee.name, question.knee.side) for question in questions}
+    if len(names) < 2:
+        return list(questions)
+    return [
+        dataclasses.replace(one, knee=dataclasses.replace(one.knee, name="knee", side="right"))
+        for one in questions
+    ]
+
+
+def _named(answer: Calibration | Exception, name: str) -> Calibration | Exception:
+    return dataclasses.replace(answer, knee=name) if isinstance(answer, Calibration) else answer
+
+
+def _question(study: Study) -> Question:
+    """What a study asks of its knee; synthetic poses take a motion of it.
+
+    Raises:
+        UnsuitableData: the knee that should make the data does not balance.
+    """
     noise_mm, noise_deg = study.noise
-    result = calibrate(
+    return Question(
         study.knee_at_start,
         measured_poses(study),
         tuple(study.parameters),
@@ -43,10 +115,7 @@ def calibrated(study: Study, progress: Progress | None = None) -> Calibration:
         loads=study.acting,
         tests=tuple(study.tests),
         prior=dict(study.prior),
-        progress=progress,
     )
-    seconds = dict(result.seconds, total=time.perf_counter() - begun)
-    return dataclasses.replace(result, seconds=seconds)
 
 
 def _get_ready(study: Study) -> None:

@@ -22,6 +22,7 @@ from kneejax.files.reading import Field, load_yaml
 from kneejax.geometry import COLUMNS, CONVENTIONS, FEMORAL
 from kneejax.mechanics import RANGES
 from kneejax.studies._field_names import AS_THEY_ARE, OPTIONAL, REQUIRED
+from kneejax.studies._prior_file import with_prior_file
 from kneejax.studies._reading_tests import MIRROR, read_tests
 from kneejax.studies._study import Study
 from kneejax.studies._study_fields import Synthetic, parameter_values
@@ -49,7 +50,24 @@ def read_study(name_or_path: str | os.PathLike[str]) -> Study:
         ('four_ligament', ('*.stiffness', '*.reference_strain'))
     """
     path = study_path(name_or_path)
-    study = Field(os.fspath(path), "", load_yaml(path, "a study file"))
+    return study_of(Field(os.fspath(path), "", load_yaml(path, "a study file")), path.parent)
+
+
+def study_of(study: Field, folder: Path) -> Study:
+    """Make a study of what a file says.
+
+    Args:
+        study: everything that the file says.
+        folder: to which paths in it are relative.
+
+    Returns:
+        The study, checked whole.
+
+    Raises:
+        InputProblem: as `read_study`, and so do the others.
+        UnknownParameter: likewise.
+        UnsuitableData: likewise.
+    """
     study.mapping(REQUIRED, OPTIONAL)
     for name, value in study.value.items():
         if value is None or (value == [] and name in AS_THEY_ARE):
@@ -58,7 +76,7 @@ def read_study(name_or_path: str | os.PathLike[str]) -> Study:
         expected = "no limits beside synthetic poses, which have their own flexion_deg"
         raise study["flexion_deg"].problem(expected)
     origin: dict[str, Any] = {
-        "knee": _knee(study["knee"], path.parent),
+        "knee": _knee(study["knee"], folder),
         "measured": None,
         "flexion_deg": study["flexion_deg"].interval(RANGES["flexion_deg"])
         if "flexion_deg" in study
@@ -67,15 +85,17 @@ def read_study(name_or_path: str | os.PathLike[str]) -> Study:
     }
     poses, acted = None, {}
     if "measured" in study and "synthetic" not in study:
-        origin["measured"] = _measured(study["measured"], path.parent)
+        origin["measured"] = _measured(study["measured"], folder)
         poses, acted = _read_poses(origin["measured"], origin["flexion_deg"], study.file)
-    knee = knee_with(load_knee(origin["knee"]), origin["overrides"], path)
+    knee = knee_with(load_knee(origin["knee"]), origin["overrides"], study.file)
     lines = [line.name for line in knee.lines]
-    tests = read_tests(study["tests"], path.parent, lines) if "tests" in study else []
+    tests = read_tests(study["tests"], folder, lines) if "tests" in study else []
     if acted and "loads" in study:
         expected = f"no loads beside those of the measured table ({', '.join(acted)})"
         raise study["loads"].problem(expected)
     given: dict[str, Any] = {name: study[name].value for name in AS_THEY_ARE if name in study}
+    if isinstance(given.get("prior"), str):
+        given = with_prior_file(study, given, knee, folder)
     return Study(
         title=study["title"].value,
         knee=knee,

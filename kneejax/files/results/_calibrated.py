@@ -25,6 +25,8 @@ class Calibrated:
         frame_offset: free coordinate -> what is added to the knee's motion to compare it with the
             measured one, mm or degrees.
         study: its title and its file; empty where the result does not say.
+        noise: free coordinate -> standard deviation of its measurement, degrees and mm, as stated
+            or estimated; empty where the result does not say.
     """
 
     knee: str
@@ -32,6 +34,7 @@ class Calibrated:
     found: dict[str, float]
     frame_offset: dict[str, float]
     study: str = ""
+    noise: dict[str, float] = dataclasses.field(default_factory=dict)
 
     @property
     def values(self) -> dict[str, float]:
@@ -74,7 +77,8 @@ def read_calibrated(path: str | os.PathLike[str]) -> Calibrated:
     words = [whole.value.get("title"), settings["path"].value if "path" in settings else None]
     title, path = [word if isinstance(word, str) else "" for word in words]
     study = f"{title} ({path})" if title and path else title or path
-    return Calibrated(knee.text(), fixed, found, _offsets(whole), study)
+    noise = {name: one.number() for name, one in _fields(whole, "noise").items() if one.value}
+    return Calibrated(knee.text(), fixed, found, _offsets(whole), study, noise)
 
 
 def _offsets(whole: Field) -> dict[str, float]:

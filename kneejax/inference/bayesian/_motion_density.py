@@ -90,8 +90,9 @@ class MotionDensity(eqx.Module):
         lower, upper = np.where(in_log, np.log(np.where(in_log, ends.T, 1.0)), ends.T)
         deviation = deviation / np.where(in_log, values, 1.0)
         rows = np.flatnonzero(problem.used)
-        arrays = {f.name: getattr(own, f.name)[0] for f in dataclasses.fields(own)}
-        known = {k: jnp.asarray(x if k == "values" else x[rows]) for k, x in arrays.items()}
+        counted = own.at(rows)
+        arrays = {f.name: getattr(counted, f.name)[0] for f in dataclasses.fields(counted)}
+        known = {name: jnp.asarray(x) for name, x in arrays.items() if name != "knee"}
         return cls(
             problem.selection,
             problem.offsets,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import jax
@@ -13,8 +14,14 @@ from kneejax.experiments import evaluate as evaluate_mechanics
 from kneejax.geometry import FREE_COORDINATES, Pose
 from kneejax.inference.calibration._fitted_test import fitted_tests
 from kneejax.inference.calibration._result import Estimate, Fit, Motion, Starts
-from kneejax.inference.calibration._search import Trail
-from kneejax.inference.fit import Problem, offset_units, slack_at, without_offsets
+from kneejax.inference.calibration._search import Trail, together
+from kneejax.inference.fit import (
+    Problem,
+    SeveralKnees,
+    offset_units,
+    slack_at,
+    without_offsets,
+)
 from kneejax.inference.intervals import Interval, IntervalKind, Surety, named, on_bounds, sureties
 from kneejax.mechanics import Knee
 from kneejax.statics import Slopes
@@ -23,21 +30,27 @@ from kneejax.statics import Slopes
 _APART = 3.84
 
 
-def surety_of(
-    problem: Problem, found: Slopes, stated: np.ndarray, lower: np.ndarray, upper: np.ndarray
-) -> Surety:
-    """How sure an answer is; constants between frames are values like the others.
+def sureties_of(
+    knees: SeveralKnees,
+    trails: Sequence[Trail],
+    stated: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+) -> list[Surety]:
+    """How sure the answers of several knees are; constants between frames are values like others.
 
     Args:
-        problem: what was fitted.
-        found: balances at the answer.
+        knees: what was fitted.
+        trails: of the searches, one a knee.
         stated: standard deviation of each coordinate, NaN where none is stated, `(5,)`.
         lower: bounds, `(p,)`.
         upper: bounds.
     """
-    names = named(problem.selection) + offset_units(problem.offsets)
-    data, balance = replace(problem.cases, noise=np.ones(5)), problem.balance
-    return sureties(balance, data, found, problem.weights, stated, lower, upper, names)[0]
+    first = knees.problems[0]
+    names = named(first.selection) + offset_units(first.offsets)
+    data = replace(knees.cases, noise=np.ones(5))
+    answers = together(trails)
+    return sureties(knees.balance, data, answers, first.weights, stated, lower, upper, names)
 
 
 def fit_of(

@@ -12,6 +12,7 @@ from kneejax.inference.calibration._result import Ending, Iteration
 from kneejax.inference.fit import (
     Problem,
     Progress,
+    SeveralKnees,
     balances_of,
     best_offsets,
     fit_lanes,
@@ -168,6 +169,44 @@ def run_procedure(
     return trail
 
 
+def run_side_by_side(
+    knees: SeveralKnees,
+    procedure: str,
+    starts: Sequence[Slopes],
+    lower: np.ndarray,
+    upper: np.ndarray,
+    cycles: int = USUAL_CYCLES,
+    method: str = "least_squares",
+    stages: Sequence[Stage] = (),
+    progress: Progress | None = None,
+) -> list[Trail]:
+    """As `run_procedure`, of several knees at once where the search allows it.
+
+    Args:
+        knees: what is fitted; and all others as there, one start a knee.
+
+    Returns:
+        A trail each.
+    """
+    several = PROCEDURES[procedure] or tuple(stages)
+    if len(knees) == 1 or method != "least_squares" or cycles > 1 and len(several) > 1:
+        search = {"cycles": cycles, "method": method, "stages": stages, "progress": progress}
+        return [
+            run_procedure(problem, procedure, start, lower, upper, **search)
+            for problem, start in zip(knees.problems, starts, strict=True)
+        ]
+    trails = [Trail(start, np.inf, [], {}) for start in starts]
+    for number, stage in enumerate(several, 1):
+        free = _free(knees.problems[0], stage)
+        if free.any():
+            name = f"{procedure}.{number}" if len(several) > 1 else procedure
+            own = knees.with_data(stage.data)
+            _stage_of_several(own, trails, free, lower, upper, name)
+    if any(stage.data for stage in several):
+        trails = [_of_all(*pair) for pair in zip(knees.problems, trails, strict=True)]
+    return trails
+
+
 def _accelerate(problem: Problem, trail: Trail, begun, ended, lower, upper) -> None:
     """Go on where the cycles were heading; kept only where it lowers the objective.
 
@@ -235,27 +274,47 @@ def _free(problem: Problem, stage: Stage) -> np.ndarray:
 
 
 def _stage(problem: Problem, trail: Trail, free, lower, upper, name: str) -> None:
-    box = (np.where(free, bound, trail.x)[None] for bound in (lower, upper))
-    reached: list[float] = []
-    spare = max(problem.cases.numbers - int(free.sum()), 1)
-    trail.flat = False
+    _stage_of_several(SeveralKnees.of([problem]), [trail], free, lower, upper, name)
 
-    def watch(found: Slopes, objective: float, taken: bool) -> bool:
+
+def _stage_of_several(
+    knees: SeveralKnees, trails: Sequence[Trail], free, lower, upper, name: str
+) -> None:
+    """A stage of several knees at once; each ends by itself."""
+    here = np.stack([trail.x for trail in trails])
+    box = (np.where(free, bound, here) for bound in (lower, upper))
+    reached: list[list[float]] = [[] for _ in trails]
+    spare = max(knees.cases.numbers - int(free.sum()), 1)
+    for trail in trails:
+        trail.flat = False
+
+    def watch(rows: np.ndarray, found: Slopes, objective: np.ndarray, taken: np.ndarray):
         """Note each step; end where steps gain less than the noise (in units of chi squared): a
         valley that the data cannot tell from flat."""
-        _count(problem, trail, found, name)
-        if taken:
-            _move(trail, found, objective, name)
-            reached.append(objective)
-            gain = reached[-_WINDOW] - reached[-1] if len(reached) >= _WINDOW else np.inf
-            trail.flat = gain < _INSIGNIFICANT * reached[-1] / spare
-        return trail.flat
+        for k, row in enumerate(rows):
+            trail, own = trails[row], found.take([k])
+            _count(knees.problems[row], trail, own, name)
+            if taken[k]:
+                _move(trail, own, float(objective[k]), name)
+                reached[row].append(trail.objective)
+                steps = reached[row]
+                gain = steps[-_WINDOW] - steps[-1] if len(steps) >= _WINDOW else np.inf
+                trail.flat = bool(gain < _INSIGNIFICANT * steps[-1] / spare)
+        return np.array([trails[row].flat for row in rows])
 
     fit = fit_lanes(
-        problem.balance, problem.cases, trail.known, trail.x[None], *box,
+        knees.balance, knees.cases, together(trails), here, *box,
         most=_MAX_EVALUATIONS, far=True, rtol=_RTOL, atol=_ATOL, watch=watch,
     )  # fmt: skip
-    trail.converged = trail.flat or bool(fit.converged[0])
+    for trail, converged in zip(trails, fit.converged, strict=True):
+        trail.converged = trail.flat or bool(converged)
+
+
+def together(trails: Sequence[Trail]) -> Slopes:
+    """Where several searches are, one variant each."""
+    fields = [field.name for field in dataclasses.fields(Slopes)]
+    known = [trail.known for trail in trails]
+    return Slopes(*(np.concatenate([getattr(one, name) for one in known]) for name in fields))
 
 
 def _stage_by_lbfgsb(problem: Problem, trail: Trail, free, lower, upper, name: str) -> None:

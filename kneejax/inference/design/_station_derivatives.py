@@ -40,13 +40,7 @@ class StationDerivatives:
 
     def take(self, rows: Sequence[int]) -> StationDerivatives:
         """Some of the load cases, in the order of `rows`."""
-        found, place = self.slopes, list(rows)
-        arrays = {
-            field.name: getattr(found, field.name)[:, place]
-            for field in dataclasses.fields(found)
-            if field.name != "values"
-        }
-        return StationDerivatives(dataclasses.replace(found, **arrays))
+        return StationDerivatives(self.slopes.at(list(rows)))
 
 
 def station_derivatives(

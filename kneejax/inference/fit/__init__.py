@@ -21,4 +21,6 @@ from kneejax.inference.fit._problem import Progress as Progress
 from kneejax.inference.fit._problem import check_finite as check_finite
 from kneejax.inference.fit._problem import offset_units as offset_units
 from kneejax.inference.fit._readings import check_readable as check_readable
+from kneejax.inference.fit._several_knees import SeveralKnees as SeveralKnees
+from kneejax.inference.fit._several_knees import form_of as form_of
 from kneejax.inference.fit._synthetic import synthetic_motion as synthetic_motion

@@ -15,7 +15,7 @@ from kneejax.geometry import State
 from kneejax.inference.fit._load_cases import Balance, LoadCases
 from kneejax.mechanics import Knee
 from kneejax.parameters import Selection, fibre_rows
-from kneejax.statics import Slopes, balance_with_slopes
+from kneejax.statics import Own, Slopes, balance_with_slopes
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,18 +41,24 @@ class CutKnee:
         return eqx.tree_at(lambda k: k.ligaments.stiffness, knee, left)
 
 
-def balances_of(knee: Knee, selection: Selection, cases: LoadCases) -> Balance:
+def balances_of(
+    knee: Knee, selection: Selection, cases: LoadCases, own: Own | None = None
+) -> Balance:
     """Balances of a knee's variants at load cases, many at a time.
 
     Args:
         knee: gives everything that is not free.
         selection: the free parameters.
         cases: each with what is cut there.
+        own: of several knees of one structure the numbers in which they differ
+            (`balance_with_slopes`).
 
     Returns:
         A function of values `(variants, p)` and of balances at near ones; without these each
         variant is walked to from the knee's reference pose.
     """
+    if own and any(cases.cuts):
+        raise ValueError("knees side by side have no ligament cut: one whole knee stands for all")
     every = cases.stations.of(knee)
     parts = []
     for number, names in enumerate(cases.cuts):
@@ -64,11 +70,11 @@ def balances_of(knee: Knee, selection: Selection, cases: LoadCases) -> Balance:
 
     def balance(values: np.ndarray, near: Slopes | None = None) -> Slopes:
         if len(parts) == 1:
-            _, own, vary, there = parts[0]
-            return balance_with_slopes(own, vary, values, there, near)
+            _, base, vary, there = parts[0]
+            return balance_with_slopes(base, vary, values, there, near, own)
         found = [
-            balance_with_slopes(own, vary, values, there, near and near.at(rows))
-            for rows, own, vary, there in parts
+            balance_with_slopes(base, vary, values, there, near and near.at(rows))
+            for rows, base, vary, there in parts
         ]
         return Slopes.joined(found, [rows for rows, *_ in parts])
 

@@ -38,8 +38,8 @@ class LoadCases:
             `(fits, 5)`; infinite for a coordinate that does not count.
         offsets: free coordinates whose constant difference to the measurement is free.
         used: load cases that count, `(stations,)`.
-        prior: means and standard deviations of the values, `(p,)` each, that count as observed too;
-            None where nothing is known of them beforehand.
+        prior: means and standard deviations of the values, `(p,)` each, that count as observed too,
+            means perhaps one set per fit `(fits, p)`; None where nothing is known beforehand.
         clinical: whose translations are those of Grood and Suntay, `(stations,)`; frame offsets
             are not of these. None where no case's are.
         neutral: load case from which each one is counted, `(stations,)`, -1 where the pose counts
@@ -79,7 +79,7 @@ class LoadCases:
     @property
     def count(self) -> int:
         """Rows of the residual."""
-        believed = 0 if self.prior is None else len(self.prior[0])
+        believed = 0 if self.prior is None else len(self.prior[1])
         return 5 * int(self.counted.sum()) + self._read + believed
 
     @property
@@ -122,7 +122,10 @@ class LoadCases:
         """The data of some of the fits."""
         target = self.target if self.target.ndim == 2 else self.target[rows]
         noise = self.noise if self.noise.ndim == 1 else self.noise[rows]
-        return dataclasses.replace(self, target=target, noise=noise)
+        prior = self.prior
+        if prior is not None and prior[0].ndim == 2:
+            prior = prior[0][rows], prior[1]
+        return dataclasses.replace(self, target=target, noise=noise, prior=prior)
 
     def observed(self, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
         """What the model gives to compare with the target, and its derivative by the values.

@@ -24,8 +24,9 @@ from kneejax.statics import Slopes
 PATIENT = 200
 #: Relative decrease of an objective, and relative step, that end a fit.
 _RTOL, _ATOL = 1e-9, 1e-8
-#: Called with what a trial gave, the best sum of squares so far, and whether the trial was taken.
-Watch = Callable[[Slopes, float, bool], bool]
+#: Called with fits, what a trial of each gave, its best sum of squares so far, and whether the
+#: trial was taken; says which of them end.
+Watch = Callable[[np.ndarray, Slopes, np.ndarray, np.ndarray], np.ndarray]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,7 +80,8 @@ def fit_lanes(
         far: whether the answers may be far from the starts; first steps are short then.
         rtol: relative decrease of the sum of squares that ends a fit.
         atol: relative step, of the width of the bounds, that ends a fit.
-        watch: called after every evaluation of a single fit; may end it.
+        watch: called after every evaluation; may end fits, which does not count as an end by
+            itself.
 
     Returns:
         The `ManyFits`. A fit whose start has no balance at some pose that counts ends at once,
@@ -110,9 +112,10 @@ def fit_lanes(
         better = after.accepted
         known.put(here[better], found.take(better))
         trial[here], ended[here] = following, stop
-        if watch is not None and watch(found, float(np.sum(after.residual[0] ** 2)), better[0]):
-            break
-        here = here[~stop & searching]
+        through = stop | ~searching
+        if watch is not None:
+            through |= watch(here, found, np.sum(after.residual**2, axis=1), better)
+        here = here[~through]
     chi2 = np.sum(state.residual**2, axis=1)
     return ManyFits(known, np.where(np.isfinite(chi2), chi2, np.inf), ended, evaluations)
 

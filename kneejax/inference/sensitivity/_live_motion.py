@@ -182,6 +182,7 @@ def _joined(first: Slopes, second: Slopes) -> Slopes:
     good, fields = first.converged, {}
     for field in dataclasses.fields(first):
         one, other = getattr(first, field.name), getattr(second, field.name)
-        here = good.reshape(*good.shape, *(1,) * (one.ndim - 2))
-        fields[field.name] = one if field.name == "values" else np.where(here, one, other)
+        here = good.reshape(*good.shape, *(1,) * max(one.ndim - 2, 0))
+        own = field.name in ("values", "knee")
+        fields[field.name] = one if own else np.where(here, one, other)
     return Slopes(**fields)

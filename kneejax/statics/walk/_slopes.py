@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import jax
@@ -22,6 +22,10 @@ from kneejax.statics.walk._variants import Variants, Vary, in_lanes
 #: Lanes of a call: XLA makes a slower program of fewer (four ligaments: 1.3 ms with 32 lanes, 2.6
 #: with 64, 0.6 with 128).
 _LANES = 128
+#: Fields of `Slopes` that stations do not have.
+_BY_VARIANT = ("values", "knee")
+#: Leaves in which knees differ, by their places; arrays begin with the knee.
+Own = Mapping[int, np.ndarray]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,6 +40,7 @@ class Slopes:
         meeting_jacobian: likewise, `(variants, stations, n, 2, p)`.
         tangent: stiffness, `(variants, stations, free, free)`.
         status: `Status` values, `(variants, stations)`.
+        knee: of several knees that which each variant is of, `(variants,)`; zeros by default.
     """
 
     values: np.ndarray
@@ -45,6 +50,11 @@ class Slopes:
     meeting_jacobian: np.ndarray
     tangent: np.ndarray
     status: np.ndarray
+    knee: np.ndarray = dataclasses.field(default=None)  # pyright: ignore[reportAssignmentType]
+
+    def __post_init__(self) -> None:
+        if self.knee is None:
+            object.__setattr__(self, "knee", np.zeros(len(self.values), int))
 
     @property
     def converged(self) -> np.ndarray:
@@ -58,7 +68,7 @@ class Slopes:
     def at(self, rows) -> Slopes:
         """All variants at some of the stations, in the order of `rows`."""
         arrays = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
-        return Slopes(**{k: x if k == "values" else x[:, rows] for k, x in arrays.items()})
+        return Slopes(**{k: x if k in _BY_VARIANT else x[:, rows] for k, x in arrays.items()})
 
     @classmethod
     def joined(cls, parts: Sequence[Slopes], places: Sequence[np.ndarray]) -> Slopes:
@@ -69,9 +79,10 @@ class Slopes:
             places: of each part's stations among all.
         """
         order = np.argsort(np.concatenate(places))
-        names = [f.name for f in dataclasses.fields(cls) if f.name != "values"]
+        names = [f.name for f in dataclasses.fields(cls) if f.name not in _BY_VARIANT]
         every = {k: np.concatenate([getattr(x, k) for x in parts], axis=1) for k in names}
-        return cls(parts[0].values, **{k: x[:, order] for k, x in every.items()})
+        own = {k: getattr(parts[0], k) for k in _BY_VARIANT}
+        return cls(**own, **{k: x[:, order] for k, x in every.items()})
 
     def put(self, rows, others: Slopes) -> None:
         """Replace some of the variants in place."""
@@ -79,13 +90,27 @@ class Slopes:
             getattr(self, field.name)[rows] = getattr(others, field.name)
 
 
+@dataclasses.dataclass(frozen=True)
+class _OfOwnKnee:
+    """Makes variants of several knees of one structure: the value is what is a knee's own, and what
+    varies."""
+
+    vary: Vary
+
+    def __call__(self, knee: Knee, value: Any) -> Knee:
+        own, rest = value
+        leaves, structure = jax.tree.flatten(knee)
+        here = [own.get(place, leaf) for place, leaf in enumerate(leaves)]
+        return self.vary(jax.tree.unflatten(structure, here), rest)
+
+
 @compiled(static_argnums=(0,))
-def _slopes(vary: Vary, knee: Knee, values, stations: Stations, known: dict[str, Any]):
+def _slopes(vary: Vary, knee: Knee, values, own, stations: Stations, known: dict[str, Any]):
     """Derivatives of coordinates and meeting points by each lane's values, lanes first."""
     settled = settled_of(stations, known)
 
     def poses(x):
-        lanes = stations.load(in_lanes(knee, vary, x))
+        lanes = stations.load(in_lanes(knee, vary, (own, x) if own else x))
         found = differentiable(lanes, stations.prescribed, settled)
         return found.q, found.meeting
 
@@ -122,6 +147,7 @@ def balance_with_slopes(
     values: np.ndarray,
     stations: Stations,
     near: Slopes | None = None,
+    own: Own | None = None,
 ) -> Slopes:
     """Balance variants of a knee at stations, with exact derivatives by their values.
 
@@ -132,31 +158,41 @@ def balance_with_slopes(
         stations: as in `balance_many`.
         near: of near values, one variant each, to predict from; by default each variant is
             walked to as in `balance_many`.
+        own: of several knees of one structure and reference pose the numbers in which they differ;
+            each variant is of the knee that `near` says, or without it of the one of its place.
 
     Returns:
         The `Slopes`; a node without a balance is NaN by itself.
     """
     values, stations = np.asarray(values, float), stations.of(knee)
     marks = jax.tree.map(np.asarray, stations.plain())
-    variants = Variants.of(knee, vary, values)
+    which = np.arange(len(values)) if own and near is None else None if near is None else near.knee
+    every: Any = values
+    if own:
+        vary, every = _OfOwnKnee(vary), ({leaf: x[which] for leaf, x in own.items()}, values)
+    variants = Variants.of(knee, vary, every)
     if near is not None:
         step = values - near.values
         q = near.q + np.einsum("vscp,vp->vsc", near.jacobian, step)
         meeting = near.meeting + np.einsum("vsncp,vp->vsnc", near.meeting_jacobian, step)
         found = balance_near(variants, marks, q, meeting, near.tangent)
     elif len(values) == 1:
-        found = own_motion(knee, vary, values[0], stations)
+        found = own_motion(knee, vary, jax.tree.map(lambda x: x[0], every), stations)
     else:
-        walked = balance_many(knee, vary, values[0], values, stations)
+        walked = balance_many(knee, vary, jax.tree.map(lambda x: x[0], every), every, stations)
         unknown = np.zeros((*walked.status.shape, *(len(stations.free),) * 2))
         found = balance_near(variants, marks, walked.q, walked.meeting, unknown)
         # Where walks found nothing, nothing is known: from there a search may end anywhere.
         found = found.only(walked.converged, walked.status)
-    return _with_slopes(variants, marks, found)
+    return dataclasses.replace(_with_slopes(variants, values, marks, found), knee=which)
 
 
-def _with_slopes(variants: Variants, stations: Stations, found: Balances) -> Slopes:
+def _with_slopes(
+    variants: Variants, values: np.ndarray, stations: Stations, found: Balances
+) -> Slopes:
     """Nodes dealt to lanes, calls of `_LANES` to threads."""
+    of_own = isinstance(variants.vary, _OfOwnKnee)
+    own = variants.values[0] if of_own else None
     count, size = found.status.shape
     nodes = found.in_nodes()
 
@@ -164,13 +200,13 @@ def _with_slopes(variants: Variants, stations: Stations, found: Balances) -> Slo
         rows = np.minimum(np.arange(first, first + _LANES), count * size - 1)
         at = jax.tree.map(lambda x: x[rows % size], stations)
         here = {name: np.moveaxis(x[rows], 0, -1) for name, x in nodes.items()}
-        values = variants.values[rows // size]
-        return tuple(map(np.asarray, _slopes(variants.vary, variants.knee, values, at, here)))
+        numbers = jax.tree.map(lambda x: x[rows // size], (values, own))
+        return tuple(map(np.asarray, _slopes(variants.vary, variants.knee, *numbers, at, here)))
 
     parts = on_all_cores(some, range(0, count * size, _LANES))
     whole = (np.concatenate(x)[: count * size] for x in zip(*parts, strict=True))
     slope, met_slope = (x.reshape(count, size, *x.shape[1:]) for x in whole)
     tangent = found.holding["tangent"]
     return Slopes(
-        variants.values, found.q, slope, found.meeting, met_slope, tangent, found.status
+        values, found.q, slope, found.meeting, met_slope, tangent, found.status
     )

@@ -1,0 +1,157 @@
+"""A made-up cohort: seconds of a knee, of a bootstrap and of SciPy's loop; how often limits hold.
+
+    python benchmarks/cohort.py [--knee four_ligament] [--knees 100] [--bootstrap 1000] [--scipy 3]
+
+Each knee has its own size and shape, and its own stiffness and reference strain of each ligament;
+measured are a passive motion and 12 laxity curves, with noise. Knees are calibrated side by side in
+blocks, each with its 95 % limits, as `kneejax calibrate COHORT` does before it writes. SciPy's
+least squares takes finite differences of the same balances, for a few knees. Seconds are those of
+processors, without compiling: what other programs do beside it does not count.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+from _protocol import arguments, finish, peak_memory_mb
+from scipy.optimize import least_squares
+
+from kneejax.cohorts import MadeUpKnee, Spread, synthesise
+from kneejax.files.knee import build_knee
+from kneejax.geometry import FREE_COORDINATES
+from kneejax.inference.bootstrap import bootstrap
+from kneejax.inference.calibration import Question, calibrate_side_by_side, ready
+from kneejax.inference.population import in_log, population
+
+#: Knees of a block, as `kneejax.cohorts` deals them.
+BLOCK = 8
+BOUNDS = {"stiffness": (100.0, 30000.0), "reference_strain": (-0.25, 0.25)}
+
+
+def asked(made: MadeUpKnee, spread: Spread) -> Question:
+    """What is asked of a made-up knee: the study that `kneejax cohort synthesise` writes."""
+    weights = np.array([spread.noise_deg] * 2 + [spread.noise_mm] * 3) ** -2.0
+    return Question(
+        build_knee(made.document, made.name).knee, made.passive, bounds=BOUNDS, weights=weights,
+        procedures=("III",), noise_mm=spread.noise_mm, noise_deg=spread.noise_deg,
+        tests=made.tests, title=made.name,
+    )  # fmt: skip
+
+
+def processor_seconds(function, *given):
+    """Seconds of processors, by the clock, and the answer."""
+    begun, clock = time.process_time(), time.perf_counter()
+    answer = function(*given)
+    return time.process_time() - begun, time.perf_counter() - clock, answer
+
+
+def calibrated(questions: list[Question]) -> list:
+    """All of them, in blocks."""
+    blocks = range(0, len(questions), BLOCK)
+    return [x for first in blocks for x in calibrate_side_by_side(questions[first : first + BLOCK])]
+
+
+def by_differences(question: Question) -> int:
+    """Evaluations of SciPy's least squares, which sees balances alone; no limits are made."""
+    own = ready(question)
+    begin = own.problem.begin(own.start[None])
+    problem = own.problem.with_used(begin.converged[0])
+    width, count = own.upper - own.lower, 0
+
+    def residual(x):
+        nonlocal count
+        count += 1
+        found = problem.balance((own.lower + x * width)[None], begin)
+        return np.nan_to_num(problem.residual(found)[0], nan=1e3)
+
+    least_squares(residual, (own.start - own.lower) / width, bounds=(0.0, 1.0), max_nfev=30)
+    return count
+
+
+def coverage(knees: list[MadeUpKnee], answers: list, spread: Spread) -> dict[str, float]:
+    """How often limits hold the truth, of knees and of the population."""
+    good = [k for k, one in enumerate(answers) if not isinstance(one, Exception)
+            and one.fit.success and not one.misfits]  # fmt: skip
+    rows: dict[str, float] = {"answers": float(len(good))}
+    names = list(knees[0].truth)
+    low, high = (
+        np.array([[getattr(answers[k][name], end) for name in names] for k in good])
+        for end in ("low", "high")
+    )
+    truth = np.array([[knees[k].truth[name] for name in names] for k in good])
+    told = np.isfinite(low) & np.isfinite(high)
+    held = (low <= truth) & (truth <= high)
+    rows |= {"limits_told": float(told.mean()), "limits_hold": float(held[told].mean())}
+    rows["limits_hold_worst_parameter"] = float(
+        min(held[told[:, i], i].mean() for i in range(len(names)) if told[:, i].any())
+    )
+    for what in ("mean", "spread", "shrunk"):
+        rows[f"population_{what}_holds"] = 0.0
+    for i, name in enumerate(names):
+        log = in_log(name)
+        ends = np.log([low[:, i], high[:, i]]) if log else np.array([low[:, i], high[:, i]])
+        found = population(ends.mean(axis=0), np.ptp(ends, axis=0) / 3.92, log)
+        own = np.log(truth[:, i]) if log else truth[:, i]
+        # What was drawn, not what was drawn from: knees without a balance were drawn again.
+        inside = np.abs(own - found.shrunk) <= 1.96 * found.deviation
+        rows["population_mean_holds"] += _within(own.mean(), found.mean_limits) / len(names)
+        deviation = own.std(ddof=1)
+        rows["population_spread_holds"] += _within(deviation, found.spread_limits) / len(names)
+        rows["population_shrunk_holds"] += float(inside.mean()) / len(names)
+    return rows
+
+
+def _within(x: float, limits: tuple[float, float]) -> float:
+    return float(limits[0] <= x <= limits[1])
+
+
+def main() -> None:
+    options = arguments("cohort", __doc__, knees=100, bootstrap=1000, scipy=3, seed=0)
+    spread = Spread()
+    made = list(synthesise(options.knees, options.seed, options.knee, spread))
+    questions = [asked(one, spread) for one in made]
+    first, _, _ = processor_seconds(calibrated, questions[:BLOCK])
+    one, _, _ = processor_seconds(calibrated, questions[:1])
+    alone, _, _ = processor_seconds(calibrated, questions[:1])
+    cpu, clock, answers = processor_seconds(calibrated, questions)
+    parameters = len(answers[0].fit.estimates)
+    rows: dict[str, float] = {
+        "knees": options.knees,
+        "parameters": parameters,
+        "load_cases": len(ready(questions[0]).problem.cases.stations),
+        "first_block_cpu_s": first,
+        "cohort_cpu_s": cpu,
+        "cohort_clock_s": clock,
+        "knee_cpu_s": cpu / options.knees,
+        "knee_by_itself_cpu_s": alone,
+        "redrawn": sum(x.redrawn for x in made),
+    }
+    rows |= coverage(made, answers, spread)
+    finish(options.out, "A made-up cohort", rows)
+    answer = answers[0]
+    values = [e.value for e in answer.fit.estimates]
+    noise = [answer.noise[name] for name in FREE_COORDINATES]
+    bootstrap(questions[0], values, noise, range(100))
+    cpu, clock, draws = processor_seconds(
+        bootstrap, questions[0], values, noise, range(options.bootstrap)
+    )
+    rows |= {
+        "bootstraps": options.bootstrap, "bootstraps_cpu_s": cpu, "bootstraps_clock_s": clock,
+        "bootstraps_converged": float(np.isfinite(draws).all(axis=1).mean()),
+    }  # fmt: skip
+    taken, evaluations = 0.0, 0
+    for question in questions[: options.scipy]:
+        cpu, _, count = processor_seconds(by_differences, question)
+        taken, evaluations = taken + cpu, evaluations + count
+    if options.scipy:
+        rows |= {
+            "scipy_knee_cpu_s": taken / options.scipy,
+            "scipy_evaluations": evaluations / options.scipy,
+            "scipy_over_cohort": taken / options.scipy / rows["knee_cpu_s"],
+        }
+    finish(options.out, "A made-up cohort", rows | {"peak_memory_mb": peak_memory_mb()})
+
+
+if __name__ == "__main__":
+    main()

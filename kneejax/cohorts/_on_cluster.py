@@ -1,0 +1,170 @@
+"""Tasks on workers of Dask: those of this machine, or of a cluster.
+
+Workers are spawned, compute one task at a time on a core of their own, and share compiled programs
+on disk. Which worker computes a task changes no number: a task is the same call everywhere.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from kneejax.cohorts._execute import KneeDone, Work, lost
+from kneejax.cohorts._plan import Task
+from kneejax.files import InputProblem
+from kneejax.inference import versions
+from kneejax.numerics import check_installed
+
+#: Memory of a worker on this machine; one that needs more is started anew.
+_MEMORY = "3GiB"
+#: What a library must know before it is imported in a worker.
+_ONE_THREAD = {
+    name: "1"
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+}
+_PATIENCE_S = 20.0
+
+
+@contextlib.contextmanager
+def local_workers(jobs: int) -> Iterator[Any]:
+    """A Dask client of so many workers on this machine.
+
+    Raises:
+        MissingPackage: Dask is not installed.
+    """
+    check_installed("distributed", "cohorts")
+    from dask import config
+    from distributed import Client, LocalCluster
+
+    with config.set(_settings()):
+        cluster = LocalCluster(
+            n_workers=jobs, threads_per_worker=1, processes=True, memory_limit=_MEMORY,
+            env=_ONE_THREAD, dashboard_address=":0", silence_logs=50,
+        )  # fmt: skip
+        with cluster, Client(cluster) as client:
+            yield client
+
+
+@contextlib.contextmanager
+def workers_of(address: str) -> Iterator[Any]:
+    """A Dask client of a cluster that runs already.
+
+    Raises:
+        MissingPackage: Dask is not installed.
+        InputProblem: no scheduler answers there.
+    """
+    check_installed("distributed", "cohorts")
+    from dask import config
+    from distributed import Client
+
+    with config.set(_settings()):
+        try:
+            client = Client(address, timeout=_PATIENCE_S)
+        except (OSError, ValueError, TimeoutError) as problem:
+            words = " ".join(str(problem).split())[:60] or type(problem).__name__
+            expected = f"the address of a Dask scheduler that answers ({words})"
+            raise InputProblem("--scheduler", "address", address, expected) from None
+        with client:
+            yield client
+
+
+def dashboard_of(client: Any) -> str:
+    """Where a person may watch the workers."""
+    return str(client.dashboard_link)
+
+
+def on_workers(
+    client: Any, tasks: Sequence[Task], work: Work
+) -> Iterator[tuple[Task, Sequence[KneeDone]]]:
+    """Compute tasks on workers; each is yielded when it has ended, in any order.
+
+    A task that ends without an answer, or whose worker dies, is met once more; what ends it again
+    is said of its knees.
+
+    Args:
+        client: of `local_workers` or `workers_of`.
+        tasks: to be computed.
+        work: of one task; results must lie where all workers see them.
+
+    Raises:
+        InputProblem: a worker runs another version of the package.
+    """
+    from distributed import as_completed
+
+    _prepare(client)
+    waiting = {client.submit(work, task, pure=False, retries=0): task for task in tasks}
+    tried: dict[str, int] = {}
+    following = as_completed(list(waiting))
+    for future in following:
+        task = waiting.pop(future)
+        problem = future.exception() if future.status != "finished" else None
+        if problem is None:
+            yield task, future.result()
+            continue
+        tried[task.fingerprint] = tried.get(task.fingerprint, 0) + 1
+        if tried[task.fingerprint] > 1:
+            yield task, lost(task, problem)
+            continue
+        again = client.submit(work, task, pure=False, retries=0)
+        waiting[again] = task
+        following.add(again)
+
+
+def _settings() -> dict[str, Any]:
+    return {
+        # A death is answered for here, by the task that the worker was at and by no other.
+        "distributed.scheduler.allowed-failures": 0,
+        "distributed.scheduler.worker-saturation": 1.0,
+        "distributed.worker.multiprocessing-method": "spawn",
+        # Answers are files: nothing that a worker holds is worth moving or spilling.
+        "distributed.worker.memory.target": False,
+        "distributed.worker.memory.spill": False,
+        "distributed.worker.memory.pause": False,
+        # A worker that computes does not answer for as long as a program compiles.
+        "distributed.comm.timeouts.connect": "60s",
+        "distributed.scheduler.worker-ttl": None,
+    }
+
+
+def _prepare(client: Any) -> None:
+    """Workers ready to compute, each one's core its own, of this version of the package."""
+    from distributed import WorkerPlugin
+
+    class Ready(WorkerPlugin):
+        """Prepares JAX before the first task is unpacked; also of workers that come later."""
+
+        name = "kneejax"
+
+        def setup(self, worker: Any) -> None:
+            _ready(worker.name if isinstance(worker.name, int) else os.getpid())
+
+    client.register_plugin(Ready())
+    own = versions()["kneejax"]
+    for worker, found in client.run(_version).items():
+        if found != own:
+            expected = f"workers with kneejax {own}, as here; {worker} has another"
+            raise InputProblem("--scheduler", "version", found, expected)
+
+
+def _ready(place: int) -> None:
+    from kneejax.numerics import configure, share_memory_between_threads
+
+    share_memory_between_threads()
+    _take_a_core(place)
+    configure()
+
+
+def _version() -> str:
+    return versions()["kneejax"]
+
+
+def _take_a_core(place: int) -> None:
+    """One core of those that this process may use, so that JAX makes one thread; by the worker's
+    number, which no other beside it has."""
+    if not hasattr(os, "sched_setaffinity"):
+        return
+    cores = sorted(os.sched_getaffinity(0))
+    if len(cores) > 1:
+        os.sched_setaffinity(0, {cores[place % len(cores)]})

@@ -1,0 +1,160 @@
+"""What is to be computed: blocks of knees, each named by everything that its numbers depend on.
+
+Knees of one structure stand in one block and are calibrated side by side. Blocks belong to the
+plan: who computes them, in which order and on how many cores, changes no number.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import jax
+import numpy as np
+
+from kneejax.cohorts._cohort import Cohort, Member
+from kneejax.inference import versions
+from kneejax.studies import Study
+
+#: Knees of a block. More share what an evaluation costs by itself; fewer are lost when a worker is.
+BLOCK = 8
+#: Draws of a bootstrap that are one task.
+DRAWS = 100
+#: Fields of a study of which knees that stand side by side must agree, beside their data's form.
+_ALIKE = ("parameters", "procedures", "stages", "starts", "seed", "weights", "noise_mm",
+          "noise_deg", "frame_offset", "method")  # fmt: skip
+#: Fields that its numbers do not depend on, or that arrays say better.
+_ELSEWHERE = ("title", "path", "knee", "measured", "tests", "synthetic")
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Task:
+    """A block of knees that are calibrated side by side.
+
+    Attributes:
+        members: of one structure.
+        fingerprint: of everything that their numbers depend on, and of the package's version.
+        draws: of a bootstrap, the numbers of the first one and of the one after the last; none of a
+            calibration.
+    """
+
+    members: tuple[Member, ...]
+    fingerprint: str
+    draws: tuple[int, int] | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of its knees."""
+        return tuple(one.name for one in self.members)
+
+
+def plan(cohort: Cohort, block: int = BLOCK) -> tuple[Task, ...]:
+    """Deal a cohort to blocks.
+
+    Args:
+        cohort: that was read.
+        block: knees of a block at most.
+
+    Returns:
+        The tasks, in the order in which their first knees stand.
+    """
+    alike: dict[bytes, list[Member]] = {}
+    for member in cohort.members:
+        alike.setdefault(_structure(member.study), []).append(member)
+    blocks = [
+        members[first : first + block]
+        for members in alike.values()
+        for first in range(0, len(members), block)
+    ]
+    return tuple(Task(tuple(members), _fingerprint(members)) for members in blocks)
+
+
+def bootstraps(tasks: Sequence[Task], count: int, block: int = DRAWS) -> tuple[Task, ...]:
+    """Tasks that fit data which the answers of others would give, so many times for each knee.
+
+    Args:
+        tasks: calibrations, which must have ended.
+        count: of draws of each knee.
+        block: draws of a task at most.
+    """
+    found = []
+    for task in tasks:
+        for member in task.members:
+            for first in range(0, count, block):
+                draws = first, min(first + block, count)
+                words = f"{task.fingerprint} {member.name} bootstrap {draws}"
+                found.append(Task((member,), _digest(words.encode()).hex(), draws))
+    return tuple(found)
+
+
+def shard_of(tasks: Sequence[Task], number: int, count: int) -> tuple[Task, ...]:
+    """Every `count`-th task from the `number`-th on, which counts from one.
+
+    Example:
+        >>> shard_of(("a", "b", "c"), 1, 2)
+        ('a', 'c')
+    """
+    return tuple(tasks[number - 1 :: count])
+
+
+def structures(tasks: Sequence[Task]) -> int:
+    """How many structures there are: each is compiled once."""
+    return len({_structure(task.members[0].study) for task in tasks})
+
+
+def _structure(study: Study) -> bytes:
+    """What knees have in common that stand in one block."""
+    leaves, tree = jax.tree.flatten(dataclasses.replace(study.knee, name="", side="right"))
+    pose = jax.tree.leaves(study.knee.reference_pose)
+    plain = study.settings()
+    words = [
+        str(tree),
+        [np.shape(leaf) for leaf in leaves],
+        {name: plain[name] for name in _ALIKE},
+        study.limits,
+        [_plain(test) | {"observed": np.isfinite(test.observed).tolist(), "readings": None}
+         for test in study.tests],
+        [bool(test.readings) for test in study.tests],
+        {name: sizes for name, sizes in plain["loads"].items()},
+        plain["prior"],
+    ]  # fmt: skip
+    flexion = np.asarray(study.flexion_deg, float).tobytes()
+    return _digest(json.dumps(words).encode(), flexion, *map(_bytes, pose))
+
+
+def _fingerprint(members: Sequence[Member]) -> str:
+    parts = [versions()["kneejax"].encode()]
+    for member in members:
+        study = member.study
+        leaves, tree = jax.tree.flatten((study.knee, study.knee_at_start))
+        settings = study.settings()
+        words = [member.name, study.title, str(tree)]
+        words += [{k: x for k, x in settings.items() if k not in _ELSEWHERE}, study.truth]
+        words += [[_plain(test) for test in study.tests], settings["synthetic"]]
+        poses = b"" if study.measured is None else _bytes(study.measured)
+        parts += [json.dumps(words).encode(), poses, *map(_bytes, leaves)]
+    return _digest(*parts).hex()
+
+
+def _plain(test: Any) -> dict[str, Any]:
+    """A test as lists and words."""
+    return json.loads(json.dumps(vars(test) | {}, default=_listed))
+
+
+def _listed(value: Any) -> Any:
+    return np.asarray(value).tolist() if hasattr(value, "__array__") else dict(value)
+
+
+def _bytes(array: Any) -> bytes:
+    return np.ascontiguousarray(array).tobytes()
+
+
+def _digest(*parts: bytes) -> bytes:
+    found = hashlib.sha256()
+    for part in parts:
+        found.update(len(part).to_bytes(8, "little"))
+        found.update(part)
+    return found.digest()

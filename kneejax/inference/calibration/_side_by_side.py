@@ -1,0 +1,237 @@
+"""Calibrations of several knees at once: questions of one form are lanes of one search."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Sequence
+
+import numpy as np
+
+from kneejax.geometry import FREE_COORDINATES
+from kneejax.inference.calibration._answers import (
+    fit_of,
+    motion_of,
+    objective_of,
+    partial_objectives_of,
+    rmse_of,
+    starts_of,
+    sureties_of,
+)
+from kneejax.inference.calibration._fitted_test import fitted_tests, misfits_of_test
+from kneejax.inference.calibration._quality import misfits
+from kneejax.inference.calibration._question import Question, Ready, ready
+from kneejax.inference.calibration._result import Calibration, Fit
+from kneejax.inference.calibration._search import Trail, run_side_by_side, several_starts
+from kneejax.inference.calibration._versions import versions
+from kneejax.inference.fit import Problem, Progress, SeveralKnees, form_of
+from kneejax.inference.intervals import Surety
+from kneejax.parameters import UnknownParameter, UnsuitableData
+from kneejax.statics import Slopes
+
+#: Part of a poor objective below which a walk to the same answer has found other balances.
+_LOWER = 0.9
+#: What the data of one knee explain: the others go on.
+_EXPLAINED = (UnsuitableData, UnknownParameter)
+
+
+def calibrate_side_by_side(
+    questions: Sequence[Question], *, progress: Progress | None = None
+) -> list[Calibration | UnsuitableData | UnknownParameter]:
+    """Calibrate several knees, those whose questions have one form in lanes of one search.
+
+    Args:
+        questions: one a knee.
+        progress: called now and then with what is computed.
+
+    Returns:
+        A `Calibration` each, or why there is none; those of one form share the seconds equally.
+    """
+    found: dict[int, Calibration | UnsuitableData | UnknownParameter] = {}
+    forms: dict[object, list[tuple[int, Ready]]] = {}
+    for place, question in enumerate(questions):
+        try:
+            one = ready(question)
+        except _EXPLAINED as problem:
+            found[place] = problem
+            continue
+        forms.setdefault(_form(place, one), []).append((place, one))
+    for members in forms.values():
+        places, alike = zip(*members, strict=True)
+        found |= dict(zip(places, _of_one_form(alike, progress), strict=True))
+    return [found[place] for place in range(len(questions))]
+
+
+def _form(place: int, one: Ready) -> object:
+    """What questions have in common that are answered side by side."""
+    form, asked = form_of(one.problem), one.question
+    if form is None:
+        return place
+    numbers = (one.stated, one.weights, one.lower, one.upper)
+    return (
+        form, *(x.tobytes() for x in numbers), one.procedures, tuple(asked.stages), asked.starts,
+        asked.seed, asked.method, asked.cycles,
+    )  # fmt: skip
+
+
+def _of_one_form(members: Sequence[Ready], progress: Progress | None) -> list:
+    """Answers of knees whose questions have one form."""
+    begun = time.perf_counter()
+    _tell(progress, "first balances")
+    knees = SeveralKnees.of([one.problem for one in members])
+    first = knees.begin(np.stack([one.start for one in members]))
+    seconds = {"begun": begun, "ready": time.perf_counter()}
+    found, sets = {}, {}
+    for row, balanced in enumerate(first.converged):
+        if balanced.any():
+            sets.setdefault(balanced.tobytes(), []).append(row)
+        else:
+            found[row] = UnsuitableData(
+                "nothing that was measured has a balance with the start's parameters"
+            )
+    for rows in sets.values():
+        # What has no balance counts for nothing; knees of one set of load cases go on together.
+        some, at_start = knees.take(rows).with_used(first.converged[rows[0]]), first.take(rows)
+        own = [
+            dataclasses.replace(members[row], problem=problem)
+            for row, problem in zip(rows, some.problems, strict=True)
+        ]
+        found |= dict(zip(rows, _answers(some, own, at_start, progress), strict=True))
+    total = time.perf_counter() - seconds["begun"]
+    waited = seconds["ready"] - seconds["begun"]
+    share = {"total": total, "compile": waited, "solve": total - waited}
+    share = {name: value / len(members) for name, value in share.items()}
+    return [
+        dataclasses.replace(one, seconds=share) if isinstance(one, Calibration) else one
+        for one in (found[row] for row in range(len(members)))
+    ]
+
+
+def _answers(
+    knees: SeveralKnees, members: Sequence[Ready], first: Slopes, progress: Progress | None
+) -> list[Calibration]:
+    """Answers of knees whose load cases that count are the same.
+
+    A search follows each balance from one step to the next, and may follow it past the end of its
+    branch to another. Where a fit is poor, the knee is walked to its answer as tests are made; if
+    that fits better, the search goes on from there.
+    """
+    begin = [first.take([row]) for row in range(len(members))]
+    fits, sure = _fits(knees, members, begin, progress)
+    answers = [
+        _answer(one, start, *rest)
+        for one, start, *rest in zip(members, begin, fits, sure, strict=True)
+    ]
+    anew = {}
+    for row, answer in enumerate(answers):
+        if answer.misfits and answer.fit.success:
+            walked = _walked(knees.problems[row], first.knee[row], _values(answer))
+            if objective_of(knees.problems[row], walked) < _LOWER * answer.fit.objective:
+                anew[row] = walked
+    if not anew:
+        return answers
+    _tell(progress, "a balance had left its branch: once more")
+    rows = list(anew)
+    own = [members[row] for row in rows]
+    fits, sure = _fits(knees.take(rows), own, list(anew.values()), progress)
+    for row, *rest in zip(rows, fits, sure, strict=True):
+        again = _answer(members[row], begin[row], *rest)
+        if again.fit.objective < answers[row].fit.objective:
+            answers[row] = again
+    return answers
+
+
+def _values(answer: Calibration) -> np.ndarray:
+    return np.array([one.value for one in (*answer.fit.estimates, *answer.fit.offsets)])
+
+
+def _walked(problem: Problem, knee: int, values: np.ndarray) -> Slopes:
+    """Balances of one knee at values, walked to from its reference pose."""
+    return dataclasses.replace(problem.begin(values[None]), knee=np.array([knee]))
+
+
+def _fits(
+    knees: SeveralKnees,
+    members: Sequence[Ready],
+    first: Sequence[Slopes],
+    progress: Progress | None,
+) -> tuple[list[list[Fit]], list[Surety]]:
+    """The answers of each procedure from given balances, and how sure that of the first is, a knee
+    each."""
+    one, asked = members[0], members[0].question
+    lower, upper = one.lower, one.upper
+    search = {"cycles": asked.cycles, "method": asked.method, "stages": asked.stages,
+              "progress": progress}  # fmt: skip
+    fits, sure = [[] for _ in members], []
+    every = range(len(members))
+    for number, procedure in enumerate(one.procedures):
+        begin, reached = list(first), []
+        if asked.starts > 1 and procedure == "III":
+            _tell(progress, f"procedure III, {asked.starts} starts side by side")
+            reached = [_from_several(knees.problems[row], members[row]) for row in every]
+            best = [ends[np.argmin(objectives)] for ends, objectives in reached]
+            begin = [
+                _walked(knees.problems[row], first[row].knee[0], best[row]) for row in every
+            ]
+        trails = run_side_by_side(knees, procedure, begin, lower, upper, **search)
+        if not number:
+            _tell(progress, f"95 % limits of {len(lower)} numbers")
+            sure = sureties_of(knees, trails, one.stated, lower, upper)
+        for row, trail in enumerate(trails):
+            own = members[row]
+            fit = _fit(knees.problems[row], procedure, trail, own, None if number else sure[row])
+            if reached:
+                starts = starts_of(knees.problems[row], fit, *reached[row])
+                fit = dataclasses.replace(fit, starts=starts)
+            fits[row].append(fit)
+    return fits, sure
+
+
+def _fit(problem, procedure: str, trail: Trail, one: Ready, surety: Surety | None) -> Fit:
+    return fit_of(problem, procedure, trail, one.start, one.lower, one.upper, surety)
+
+
+def _from_several(problem, one: Ready) -> tuple[np.ndarray, np.ndarray]:
+    """Where the starts of one knee end, and their objectives."""
+    count = one.question.starts
+    draws = np.random.default_rng(one.question.seed)
+    more = draws.uniform(one.lower, one.upper, (count - 1, len(one.start)))
+    return several_starts(problem, np.vstack([one.start, more]), one.lower, one.upper)
+
+
+def _answer(one: Ready, first: Slopes, fits: list[Fit], surety: Surety) -> Calibration:
+    """What is reported of one knee; seconds are those of all, and follow."""
+    problem, asked = one.problem, one.question
+    error = problem.error(first)
+    start_rmse, start_tests = rmse_of(problem, error), fitted_tests(problem, first)
+    poses = int(problem.used[problem.cases.posed].sum())
+    poor = misfits(fits[0].rmse, start_rmse, one.stated, one.weights, poses)
+    for own, before in zip(fits[0].tests, start_tests, strict=True):
+        poor += misfits_of_test(own, before, one.stated, one.weights)
+    return Calibration(
+        title=asked.title,
+        knee=asked.knee.name,
+        measured=problem.measured,
+        start=motion_of(problem, first),
+        start_rmse=start_rmse,
+        start_partial_objectives=partial_objectives_of(problem, error),
+        start_objective=objective_of(problem, first),
+        start_tests=start_tests,
+        fits=tuple(fits),
+        ligaments=asked.knee.ligaments.names,
+        contacts=asked.knee.contact_names,
+        truth=dict(asked.truth or {}),
+        noise=dict(zip(FREE_COORDINATES, map(float, surety.noise), strict=True)),
+        noise_estimated=surety.noise_estimated,
+        misfits=poor,
+        weights=problem.weights,
+        left_out=int((~problem.used).sum()),
+        seconds={},
+        versions=versions(),
+        settings=dict(asked.settings or {}),
+    )
+
+
+def _tell(progress: Progress | None, what: str) -> None:
+    if progress is not None:
+        progress(what, 0, 0)

@@ -1,0 +1,147 @@
+"""A cohort from its files to its report: bad knees among good ones, parts, and what is there."""
+
+import csv
+import math
+
+import numpy as np
+import pytest
+import yaml
+
+import kneejax as kj
+from kneejax.cli import main
+from kneejax.cohorts import read_cohort
+from kneejax.files import load_knee, write_poses
+from kneejax.inference import synthetic_motion
+from kneejax.parameters import with_values
+from kneejax.studies import read_study, run_side_by_side
+
+FLEXION = np.linspace(0.0, 120.0, 25)
+TRUTHS = [{"ACL.stiffness": 4000.0 + 600.0 * k, "MCL.stiffness": 7000.0 + 400.0 * k}
+          for k in range(3)]  # fmt: skip
+KNEES = [f"K{k}" for k in range(3)]
+
+
+@pytest.fixture(scope="module")
+def cohort(tmp_path_factory):
+    """Knees that differ in what is known of their LCL, and one whose ligaments are all slack."""
+    folder = tmp_path_factory.mktemp("cohort")
+    rows = ["name,measured.file,set.LCL.stiffness,set.*.reference_strain"]
+    for k, (name, truth) in enumerate(zip(KNEES, TRUTHS, strict=True)):
+        lcl = 5500.0 + 200.0 * k
+        knee = with_values(load_knee("four_ligament"), {"LCL.stiffness": lcl})
+        table = synthetic_motion(knee, truth, FLEXION, noise_mm=0.02, noise_deg=0.02, seed=k)
+        write_poses(folder / f"{name}.csv", table)
+        rows.append(f"{name},{name}.csv,{lcl},")
+    # Where a knee whose ligaments are all slack has no balance.
+    write_poses(folder / "bad.csv", np.eye(6)[:1] * np.array([[110.0], [115.0], [120.0]]))
+    rows.append("bad,bad.csv,,-0.5")
+    (folder / "knees.csv").write_text("\n".join(rows) + "\n")
+    study = {
+        "title": "Knee", "knee": "four_ligament", "parameters": list(TRUTHS[0]),
+        "measured": {"file": "", "source": "made"}, "procedures": ["III"],
+        "noise_mm": 0.02, "noise_deg": 0.02,
+    }  # fmt: skip
+    document = {"title": "Three knees", "study": study, "knees": "knees.csv"}
+    (folder / "cohort.yaml").write_text(yaml.safe_dump(document))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def calibrated(cohort):
+    out = cohort.parent / "calibrated"
+    return main(["calibrate", str(cohort), "--out", str(out), "--bootstrap", "25"]), out
+
+
+def rows_of(out):
+    with open(out / "cohort.csv") as file:
+        return list(csv.DictReader(file))
+
+
+def test_good_knees_have_an_answer_beside_a_bad_one(calibrated):
+    status, out = calibrated
+    assert status == 1
+    rows = rows_of(out)
+    (failed,) = [row for row in rows if row["kind"] == "failed"]
+    assert failed["knee"] == "bad" and "balance" in failed["name"]
+    known = [row for row in rows if row["kind"] == "parameter"]
+    assert len(known) == 6
+    held = [
+        float(row["low"]) <= TRUTHS[KNEES.index(row["knee"])][row["name"]] <= float(row["high"])
+        for row in known
+    ]
+    assert sum(held) >= 5
+    for row in known:  # what linear limits say, data that are made again say too
+        assert float(row["bootstrap_low"]) < float(row["value"]) < float(row["bootstrap_high"])
+        half = 0.5 * (float(row["high"]) - float(row["low"]))
+        assert float(row["bootstrap_sd"]) == pytest.approx(half / 1.96, rel=0.5)
+
+
+def test_what_knees_say_together_is_a_prior_for_the_next(cohort, calibrated):
+    out = calibrated[1]
+    said = yaml.safe_load((out / "prior.yaml").read_text())
+    values = [truth["ACL.stiffness"] for truth in TRUTHS]
+    assert said["start"]["ACL.stiffness"] == pytest.approx(np.mean(values), rel=0.2)
+    assert said["prior"]["ACL.stiffness"] == pytest.approx(np.std(values, ddof=1), rel=3.0)
+    study = yaml.safe_load((cohort / "cohort.yaml").read_text())["study"]
+    study |= {"measured": {"file": "K0.csv", "source": "made"}, "prior": str(out / "prior.yaml")}
+    (cohort.parent / "next.yaml").write_text(yaml.safe_dump(study))
+    write_poses(cohort.parent / "K0.csv", np.zeros((2, 6)) + [[0.0], [30.0]])
+    read = read_study(cohort.parent / "next.yaml")
+    assert read.prior["ACL.stiffness"] == said["prior"]["ACL.stiffness"]
+    assert read.start["MCL.stiffness"] == said["start"]["MCL.stiffness"]
+    own = study | {"start": {"ACL.stiffness": 4000.0}}
+    (cohort.parent / "next.yaml").write_text(yaml.safe_dump(own))
+    with pytest.raises(kj.InputProblem, match="this start left out"):
+        read_study(cohort.parent / "next.yaml")
+
+
+def test_the_page_links_to_every_knee_that_has_a_report(calibrated):
+    out = calibrated[1]
+    page = (out / "report.html").read_text()
+    for name in KNEES:
+        assert f'href="knees/{name}/report.html"' in page
+        assert (out / "knees" / name / "report.html").is_file()
+    assert 'href="knees/bad' not in page and "No answer" in page
+
+
+def test_parts_make_the_very_same_and_what_is_there_is_not_computed_again(
+    cohort, calibrated, numbers, capsys, monkeypatch
+):
+    out = cohort.parent / "parts"
+    monkeypatch.setattr("kneejax.report.write_report", lambda *_, **__: None)  # pages of knees
+    for number in (2, 1):
+        words = ["--shard", f"{number}/2", "--bootstrap", "25"]
+        main(["calibrate", str(cohort), "--out", str(out), *words])
+    assert "left to other parts" in capsys.readouterr().out
+    assert numbers(out) == numbers(calibrated[1])
+    monkeypatch.setattr("kneejax.cli._cohort_work.run_side_by_side", None)
+    monkeypatch.setattr("kneejax.cli._cohort_work.bootstrapped", None)
+    for path in (out / "cohort.csv", out / "cohort.nc", out / "prior.yaml"):
+        path.unlink()
+    assert main(["calibrate", str(cohort), "--out", str(out), "--bootstrap", "25"]) == 1
+    assert numbers(out) == numbers(calibrated[1])
+
+
+def test_what_ends_a_task_is_met_once_more_and_then_said(cohort, capsys, monkeypatch):
+    out, met = cohort.parent / "full", []
+
+    def full(*_):
+        met.append(1)
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("kneejax.cli._cohort_work.write_results", full)
+    found = "kneejax.cli._cohort_work.run_side_by_side"
+    monkeypatch.setattr(found, lambda studies: [None] * len(studies))
+    assert main(["calibrate", str(cohort), "--out", str(out)]) == 1
+    assert len(met) == 4
+    assert "K1: OSError: [Errno 28] No space left on device" in capsys.readouterr().out
+
+
+def test_a_knee_among_others_is_what_it_is_alone(cohort):
+    studies = [member.study for member in read_cohort(cohort).members][:3]
+    together = run_side_by_side(studies)
+    (alone,) = run_side_by_side(studies[1:2])
+    for own, other in zip(together[1].fit.estimates, alone.fit.estimates, strict=True):
+        assert own.value == pytest.approx(other.value, rel=1e-6)
+        assert (own.low, own.high) == pytest.approx((other.low, other.high), rel=1e-5)
+        assert own.interval is other.interval and math.isfinite(own.low)

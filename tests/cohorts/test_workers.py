@@ -1,0 +1,91 @@
+"""Workers of Dask: the very same numbers, whoever computes them and whoever is killed."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from kneejax.cli import main
+from kneejax.files import InputProblem
+from kneejax.numerics import MissingPackage
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def made_up(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("made_up")
+    assert main(["cohort", "synthesise", "--knees", "9", "--out", str(folder)]) == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def undisturbed(made_up, numbers):
+    out = made_up.parent / "undisturbed"
+    assert command(made_up, out).wait() in (0, 1)
+    return numbers(out)
+
+
+def command(cohort, out, *words):
+    """A process of its own: what it computes does not depend on the settings of tests."""
+    environment = {k: x for k, x in os.environ.items() if k != "XLA_FLAGS"}
+    return subprocess.Popen(
+        [sys.executable, "-m", "kneejax", "calibrate", str(cohort), "--out", str(out), *words],
+        env=environment, stdout=subprocess.DEVNULL, start_new_session=True,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("jobs", [1, 2, 4])
+def test_any_number_of_workers_gives_the_same_bits(made_up, undisturbed, numbers, jobs):
+    out = made_up.parent / f"jobs{jobs}"
+    assert command(made_up, out, "--jobs", str(jobs)).wait() in (0, 1)
+    assert numbers(out) == undisturbed
+
+
+@pytest.mark.parametrize("words", [(), ("--jobs", "2")])
+def test_a_command_that_is_killed_goes_on_where_it_was(made_up, undisturbed, numbers, words):
+    out, draws = made_up.parent / f"killed{len(words)}", random.Random(0)
+    for _ in range(4):
+        process = command(made_up, out, *words)
+        time.sleep(draws.uniform(3.0, 20.0))
+        if process.poll() is not None:
+            break
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+    assert command(made_up, out, *words).wait() in (0, 1)
+    assert numbers(out) == undisturbed
+    assert not [path for path in out.rglob(".*") if path.is_file() and path.suffix != ".tmp"]
+
+
+def test_a_scheduler_that_does_not_answer_is_one_line(made_up, capsys, monkeypatch):
+    monkeypatch.setattr("kneejax.cohorts._on_cluster._PATIENCE_S", 1.0)
+    words = ["--scheduler", "tcp://127.0.0.1:9", "--out", str(made_up.parent / "none")]
+    assert main(["calibrate", str(made_up), *words]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()[-1:]
+    assert line.startswith("kneejax: --scheduler: address: tcp://127.0.0.1:9: expected")
+
+
+def test_workers_of_another_version_are_refused(monkeypatch):
+    from kneejax.cohorts import _on_cluster
+
+    class Client:
+        def register_plugin(self, _):
+            pass
+
+        def run(self, _):
+            return {"tcp://a": "0.0.1"}
+
+    with pytest.raises(InputProblem, match=r"version: 0.0.1: expected workers with kneejax"):
+        _on_cluster._prepare(Client())
+
+
+def test_without_dask_workers_are_no_traceback(monkeypatch, made_up):
+    monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
+    from kneejax.cohorts import local_workers
+
+    with pytest.raises(MissingPackage, match=r"kneejax\[cohorts\]"), local_workers(2):
+        pass
