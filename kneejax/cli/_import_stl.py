@@ -57,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
             reference_pose=pose,
         )
     document = _contacts_only(arguments, found) if knee is None else _replaced(knee, found)
-    if found.patellofemoral is not None and "patella" in document:
+    if found.patellofemoral is not None and "muscles" in document.get("patella", {}):
         document["patella"]["contacts"] = {"patellofemoral": found.patellofemoral}
     elif found.patellofemoral is not None:
         # Without ligaments and muscles there is no patella yet: its surface waits for them.

@@ -40,8 +40,11 @@ def test_contacts_alone(words, tmp_path, capsys):
         rows = list(csv.DictReader(file))
     assert [row["surface"] for row in rows] == [
         "medial condyle", "medial plateau", "lateral condyle", "lateral plateau", "patella",
+        "trochlea",
     ]  # fmt: skip
-    assert all(float(row["rms_mm"]) < 0.01 for row in rows)
+    # The groove falls off into the notch, which no cartilage covers.
+    most = {"trochlea": 0.1}
+    assert all(float(row["rms_mm"]) < most.get(row["surface"], 0.01) for row in rows)
     assert list(knee.surfaces) == ["patella"]
     assert main(["describe", str(out / "knee.yaml")]) == 0
     assert "Surface of the patella, not in contact: plateau, " in capsys.readouterr().out

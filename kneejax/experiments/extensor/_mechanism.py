@@ -43,7 +43,8 @@ def forces_on_tibia(motion: Motion, contact_force: np.ndarray) -> dict[str, np.n
     for k, contact in enumerate(knee.contacts):
         if contact.bodies == FEMUR_AND_TIBIA:
             answer[knee.contact_names[k]] = contact_force[:, k]
-    acting = [load for load in (*knee.loads, *motion.stations.loads) if not load.line]
+    every_load = (*knee.loads, *motion.stations.loads)
+    acting = [load for load in every_load if isinstance(load, Load) and not load.line]
     for load, force in zip(acting, loads, strict=True):
         answer[load.name] = answer.get(load.name, 0.0) + force
     return answer
@@ -80,7 +81,8 @@ def arm_and_tendon(knee: Knee, stations: Stations, settled: Settled) -> tuple[Ar
     muscles = lanes.muscles
     assert muscles is not None
     heads = np.array(muscles.quadriceps)
-    share = muscles.tension[heads] / jnp.sum(muscles.tension[heads], axis=0)
+    tension = muscles.tension[heads]
+    share = tension / jnp.sum(tension, axis=0)
 
     def length(flexion: Array) -> Array:
         prescribed = {**stations.prescribed, "flexion": flexion}

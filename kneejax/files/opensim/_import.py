@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from kneejax.files.knee import ENDS, check_knee
-from kneejax.files.opensim._contact import OsimContact, find_contacts
+from kneejax.files.opensim._contact import FORCE, OsimContact, find_contacts
 from kneejax.files.opensim._joints import Joint
 from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, find_knee
 from kneejax.files.opensim._ligaments import Found, OsimLigament, find_ligaments
@@ -139,6 +139,9 @@ def import_osim(
     contacts = tuple(c for c in every if c.other.bone != PATELLA)
     on_patella = tuple(c for c in every if c.other.bone == PATELLA)
     section = _patella(model, knee, patellar) if patella else PatellaSection({}, ())
+    if not section.document:
+        found.outside.update((one.key, f"attached to {knee.patella}") for one in patellar)
+        others += [f"{one.name} ({FORCE}): between femur and patella" for one in on_patella]
     answer = OsimImport(
         {}, model, knee, ligaments, wraps, found, contacts, tuple(others), left_out, on_patella,
         section.notes,

@@ -152,7 +152,7 @@ def test_a_patella_is_fitted_and_kept(tmp_path):
     right = import_meshes(femur, tibia, patellar_cartilage=sheet, side="r", **QUICK)
     assert right.fits["patella"].region.all() and not right.doubtful
     assert any(line.startswith("patella: ") for line in right.findings)
-    surface = right.surfaces["patella"]
+    surface = right.patellofemoral["patellar_surface"]
     # Corners between which a ridge of radius 5 mm is flattened by 0.04 mm.
     assert np.abs(patella_at(build_surface(surface), *grid)).max() < 0.08
     drawn = surface_fit_figure({name: part.fit for name, part in right.fits.items()}).axes
@@ -167,7 +167,7 @@ def test_a_patella_is_fitted_and_kept(tmp_path):
     )  # fmt: skip
     words = " ".join(left.findings)
     assert "normals faced the bone" in words and "a second sheet behind the first" in words
-    twin = mirror_part(left.surfaces["patella"])
+    twin = mirror_part(left.patellofemoral["patellar_surface"])
     for field, value in surface.items():
         if not isinstance(value, str):
             np.testing.assert_allclose(twin[field], value, rtol=0, atol=1e-9, err_msg=field)

@@ -397,17 +397,19 @@ def test_every_number_of_a_published_model_to_the_last_digit():
     assert time.perf_counter() - start < 2.0
     document = read.document
     bodies = {"femur_distal_r": "femoral_attachment_mm", "tibia_proximal_r": "tibial_attachment_mm"}
+    ends = bodies | {"patella_r": "patellar_attachment_mm"}
+    every = document["ligaments"] | document["patella"]["ligaments"]
     checked = set()
     for row in _rows("ligaments.csv"):
         name = row["name"]
-        if {row["p1_body"], row["p2_body"]} != set(bodies) or row["npts"] != "2":
+        if not {row["p1_body"], row["p2_body"]} <= set(ends) or row["npts"] != "2":
             assert name in read.found.outside
             continue
-        entry = document["ligaments"][name]
+        entry = every[name]
         checked.add(name)
         for i in ("1", "2"):
             place = [float(Decimal(row[f"p{i}_{c}_m"]) * 1000) for c in "xyz"]
-            assert entry[bodies[row[f"p{i}_body"]]] == place
+            assert entry[ends[row[f"p{i}_body"]]] == place
         assert entry["stiffness_N"] == float(row["linear_stiffness_N_per_strain"])
         assert entry["slack_length_mm"] == float(Decimal(row["slack_length_m"]) * 1000)
         assert entry["transition_strain"] == float(row["transition_strain"].split()[0])
@@ -415,7 +417,14 @@ def test_every_number_of_a_published_model_to_the_last_digit():
         # One fibre begins inside its ellipsoid, where OpenSim leaves the ellipsoid out.
         inside = any(note.startswith(f"{name}:") for note in read.found.notes)
         assert entry.get("wrap", "") == ("" if inside else row["wrap"])
-    assert checked == set(document["ligaments"]) and len(checked) == 55
+    assert checked == set(every) and len(document["ligaments"]) == 55 and len(checked) == 75
+    muscles = document["patella"]["muscles"]
+    heads = {name for name, x in muscles.items() if x["insertion_bone"] == "patella"}
+    assert heads == {"recfem", "vasint", "vaslat", "vasmed"} and len(muscles) == 13
+    assert sum(x["tension_N"] for x in muscles.values()) == pytest.approx(19.61, abs=1e-3)
+    alone = import_osim(DATA / "lenhart2015.osim", side="r", patella=False)
+    assert "patella" not in alone.document and "PT1" in alone.found.outside
+    assert alone.document["ligaments"] == document["ligaments"]
     for row in _rows("wraps.csv"):
         if row["body"] not in bodies:
             continue
