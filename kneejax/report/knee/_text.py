@@ -48,6 +48,8 @@ def knee_text(knee: Knee, document: Mapping[str, Any], every_fibre: bool = False
         lines += ["", *_contact(name, contact, document["contacts"][name])]
     for bone, surface in document.get("surfaces", {}).items():
         lines += ["", f"Surface of the {bone}, not in contact: {_surface(surface)}"]
+    if "patella" in document:
+        lines += ["", *_patella(document["patella"])]
     lines += [""] * bool(knee.lines or knee.loads)
     for line in knee.lines:
         lines.append(f"Line {line.name}: {float(line.tension):g} N")
@@ -64,6 +66,20 @@ def knee_text(knee: Knee, document: Mapping[str, Any], every_fibre: bool = False
     if "notes" in document:
         lines += ["", "Notes", *wrapped(_one_line(document["notes"]), "  ")]
     return "\n".join(lines)
+
+
+def _patella(section: Mapping[str, Any]) -> list[str]:
+    """What stands in a knee file for where the patella is asked for."""
+    if "same_as" in section:
+        return [f"Patella: that of {section['same_as']}; acts where the quadriceps pulls"]
+    heads = {n: x for n, x in section["muscles"].items() if x["insertion_bone"] == "patella"}
+    others = [name for name in section["muscles"] if name not in heads]
+    rest = sum(part["tension_N"] for part in heads.values())
+    lines = ["Patella: acts where the quadriceps pulls"]
+    lines += wrapped(f"ligaments: {', '.join(section['ligaments'])}", "  ")
+    lines += wrapped(f"contact: {', '.join(section['contacts']) or 'none'}", "  ")
+    lines += wrapped(f"quadriceps: {', '.join(heads)}; {rest:.2f} N at rest", "  ")
+    return lines + wrapped(f"other muscles: {', '.join(others)}", "  ") if others else lines
 
 
 def _one_line(text: Any) -> str:
