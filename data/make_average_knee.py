@@ -157,7 +157,7 @@ def refined(document: dict) -> dict:
     start = np.clip(np.r_[bundled, 0.0 * frame], low, high)[None]
     begin = problem.begin(start)
     fits = fit_lanes(problem.balance, problem.cases, begin, start, low[None], high[None])
-    print(f"objective {float(fits.chi2[0]):.2f}, {int(fits.evaluations[0])} evaluations")
+    print(f"objective {float(fits.chi2[0]):.2f}, {fits.evaluations} evaluations")
     ends = problem.knee_at(fits.values[0]).ligaments
     numbers = zip(ends.names, ends.stiffness, ends.slack_length, strict=True)
     found = {name: {"stiffness_N": a, "slack_length_mm": b} for name, a, b in numbers}
