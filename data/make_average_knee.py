@@ -156,7 +156,10 @@ def refined(document: dict) -> dict:
     low, high = np.r_[low, -frame], np.r_[high, frame]
     start = np.clip(np.r_[bundled, 0.0 * frame], low, high)[None]
     begin = problem.begin(start)
-    fits = fit_lanes(problem.balance, problem.cases, begin, start, low[None], high[None])
+    # To a thousandth: to rounding it gains another 0.2 per cent.
+    fits = fit_lanes(
+        problem.balance, problem.cases, begin, start, low[None], high[None], rtol=1e-3
+    )
     print(f"objective {float(fits.chi2[0]):.2f}, {fits.evaluations} evaluations")
     ends = problem.knee_at(fits.values[0]).ligaments
     numbers = zip(ends.names, ends.stiffness, ends.slack_length, strict=True)
