@@ -3,6 +3,11 @@
     python data/make_average_knee.py start      # data/studies/average_knee*, and the knee unfitted
     kneejax calibrate average_knee --out OUT
     python data/make_average_knee.py knee OUT   # data/knees/average_knee.yaml
+    python data/make_average_knee.py refine     # the same, searched on from that file's numbers
+
+The search has two ends, and from the published numbers, about which the prior lies, it finds the
+worse one (an objective of 62.5). The bundled numbers are those of the other end (49.1): `refine`
+begins at the knee file and keeps the study's data, prior and bounds.
 
 To lenhart2015 come what stands on its plateaus and is not in it, menisci (`menisci.py`), and the
 anterolateral ligament; both have published numbers that are not fitted. Fitted are passive motion
@@ -26,6 +31,8 @@ from walker import coupled_motion
 
 import kneejax as kj
 from kneejax.files import read_poses, write_poses
+from kneejax.inference.fit import Problem, fit_lanes
+from kneejax.inference.intervals import stated_noise
 
 HERE = Path(__file__).parent
 START, NAME = "lenhart2015", "average_knee"
@@ -119,13 +126,45 @@ def unfitted() -> dict:
 
 def fitted(document: dict, folder: Path) -> dict:
     """A knee document with what a calibration found of its bundles."""
-    found = yaml.safe_load((folder / "knee.yaml").read_text())["ligaments"]
+    return with_bundles(document, yaml.safe_load((folder / "knee.yaml").read_text())["ligaments"])
+
+
+def with_bundles(document: dict, found: dict) -> dict:
+    """A knee document with other stiffnesses and slack lengths of its bundles' fibres."""
     for name, fibre in document["ligaments"].items():
         if name != "ALL":
             for field in ("stiffness_N", "slack_length_mm"):
                 fibre[field] = float(f"{found[name][field]:.6g}")
             fibre["source"] += "; stiffness and slack length: calibrated, study average_knee"
     return document
+
+
+def refined(document: dict) -> dict:
+    """The bundled knee's document with bundles at the end of a search that begins at them."""
+    asked = kj.read_study(NAME)
+    names, noise = asked.selection.names, stated_noise(*asked.noise)
+    weights = np.where(asked.weight_vector > 0, noise**-2.0, 0.0)
+    offsets = tuple(asked.frame_offset)
+    problem = Problem.of(
+        asked.knee_at_start, asked.selection, asked.measured, weights, offsets, (), asked.tests,
+        noise,
+    )  # fmt: skip
+    published, bundled = (asked.selection.read(k) for k in (asked.knee_at_start, asked.knee))
+    frame = np.full(len(offsets), 10.0)
+    problem = problem.with_prior(np.r_[published, 0.0 * frame], dict(asked.prior))
+    low, high = np.array([asked.limits[name] for name in names]).T
+    low, high = np.r_[low, -frame], np.r_[high, frame]
+    start = np.clip(np.r_[bundled, 0.0 * frame], low, high)[None]
+    begin = problem.begin(start)
+    # To a thousandth: to rounding it gains another 0.2 per cent.
+    fits = fit_lanes(
+        problem.balance, problem.cases, begin, start, low[None], high[None], rtol=1e-3
+    )
+    print(f"objective {float(fits.chi2[0]):.2f}, {fits.evaluations} evaluations")
+    ends = problem.knee_at(fits.values[0]).ligaments
+    numbers = zip(ends.names, ends.stiffness, ends.slack_length, strict=True)
+    found = {name: {"stiffness_N": a, "slack_length_mm": b} for name, a, b in numbers}
+    return with_bundles(document, found)
 
 
 def write_knee(document: dict) -> None:
@@ -140,12 +179,14 @@ def write_knee(document: dict) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("what", choices=["start", "knee"])
+    parser.add_argument("what", choices=["start", "knee", "refine"])
     parser.add_argument("folder", type=Path, nargs="?")
     given = parser.parse_args()
     kj.configure()
     if given.what == "knee":
         return write_knee(fitted(unfitted(), given.folder))
+    if given.what == "refine":
+        return write_knee(refined(unfitted()))
     write_knee(unfitted())
     straight = np.asarray(kj.passive_flexion(kj.load_knee(START), [0.0]).to_table())[0]
     poses = np.round(coupled_motion(straight), 4)

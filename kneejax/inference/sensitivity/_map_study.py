@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import abc
 import dataclasses
 
 import jax.numpy as jnp
@@ -31,16 +32,45 @@ _FEWEST_ROWS = 16
 
 
 @dataclasses.dataclass
-class Maps:
-    """What all maps of a call share."""
+class Maps(abc.ABC):
+    """What all maps of a call share.
+
+    Attributes:
+        knee: gives all that does not vary.
+        selection: parameters of all pairs.
+        base: their values where searches begin, `(p,)`.
+        stations: at which every grid point is balanced.
+        weights: of the objective, `(5,)`, per degree^2 and per mm^2.
+        left_out: number of poses or load cases that count nowhere.
+        start_objective: at `base`.
+    """
 
     knee: Knee
     selection: Selection
     base: np.ndarray
     stations: Stations
     weights: np.ndarray
+    left_out: int = dataclasses.field(init=False)
+    start_objective: float = dataclasses.field(init=False)
+
+    @abc.abstractmethod
+    def _lines(self, values, begin, near, progress=None) -> list[Balances]:
+        """Balance lines of grid points, as `kneejax.statics.balance_lines`."""
+
+    @abc.abstractmethod
+    def _reduced(self, values, found: list[Balances]) -> dict[str, np.ndarray]:
+        """What a map keeps of grid points: `objective`, `partial`, `condition`, `lost`."""
 
     def map(self, pair, x, y, store: BlockStore | None, report: Progress) -> ParameterMap:
+        """One map, block by block.
+
+        Args:
+            pair: names of the parameters along x and y.
+            x: values of the first, `(nx,)`.
+            y: values of the second, `(ny,)`.
+            store: keeps finished blocks.
+            report: called now and then with balances done.
+        """
         column, row = (self.selection.names.index(name) for name in pair)
         middle = int(np.abs(x - self.base[column]).argmin())
         # One block's rows do not depend on another's: all begin at the same column.
@@ -87,7 +117,6 @@ class Maps:
         values = np.tile(self.base, (y.size, x.size, 1))
         values[..., column], values[..., row] = x, y[:, None]
         return values
-
 
 
 @dataclasses.dataclass

@@ -1,0 +1,25 @@
+"""Figures of laxity: what a cut knee is counted from stands beside the curve and the band."""
+
+import pytest
+
+import kneejax as kj
+from kneejax.files import bundled_bands
+from kneejax.report import laxity_figure, load_figure
+
+
+@pytest.mark.parametrize(("from_intact", "said"), [(True, "intact knee"), (False, "neutral pose")])
+def test_a_figure_says_what_a_cut_knee_is_counted_from(from_intact, said):
+    knee = kj.load_knee("four_ligament")
+    tests = kj.lab_tests("drawer", [30.0], force_N=90.0, steps=1)
+    curves = kj.load_curves(kj.cut(knee, ["ACL"]), tests, knee if from_intact else None)
+    found = kj.laxity(curves[0])
+    (axes,) = laxity_figure(curves, found, bundled_bands(["ACL"])).axes
+    assert axes.get_ylabel().startswith(f"Change from the {said}:")
+    # The published knees' own counting, whatever that of the curve.
+    (band, _) = (text.get_text() for text in axes.get_legend().get_texts())
+    assert band.endswith("from the intact knee")
+    (axes,) = load_figure(curves, [one.searched for one in curves]).axes
+    assert axes.get_xlabel().startswith(f"Change from the {said}:")
+    (whole,) = kj.load_curves(knee, tests)
+    (axes,) = laxity_figure([whole], kj.laxity(whole), bundled_bands([])).axes
+    assert "from" not in axes.get_legend().get_texts()[0].get_text()
