@@ -94,5 +94,5 @@ def arm_and_tendon(knee: Knee, stations: Stations, settled: Settled) -> tuple[Ar
     state = settled.state
     rows = np.array([k for k, p in enumerate(knee.ligaments.bodies) if p == (PATELLA, TIBIA)])
     tension = lanes.ligaments.tension(state)[rows]
-    pull = [jnp.sum(tension * x[rows], axis=0) for x in lanes.ligaments.unit_pulls(state)]
-    return arm, jnp.sqrt(sum(x * x for x in pull))
+    pull = jnp.sum(tension * jnp.stack(lanes.ligaments.unit_pulls(state))[:, rows], axis=1)
+    return arm, jnp.sqrt(jnp.sum(pull**2, axis=0))
