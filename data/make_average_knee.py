@@ -117,6 +117,7 @@ def unfitted() -> dict:
     document["ligaments"]["ALL"] = copy.deepcopy(ANTEROLATERAL)
     rims = {name: contact_of(document, knee, rim, poses) for name, rim in RIMS.items()}
     document["contacts"] |= rims
+    document["patella"] = {"same_as": "lenhart2015_reduced"}
     document["description"] += (
         "; menisci as rims and the anterolateral ligament added; its bundles calibrated to the "
         "coupled motion of Walker (1988) and the anterior laxity of 12 cadaver knees (PMC7148266)"

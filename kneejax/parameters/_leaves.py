@@ -1,4 +1,4 @@
-"""Numbers of compartments, lines, loads and wraps by name: any leaf of a knee.
+"""Numbers of compartments, lines, muscles, loads and wraps by name: any leaf of a knee.
 
 A name leads from a part through its fields to one number: `medial.youngs_modulus`,
 `medial.tibial_surface.superior`, `quadriceps.tension`, `PatTen.radius`. Fields are those of the
@@ -28,6 +28,7 @@ _ALSO_CALLED = {
     "radius": "obstacle.radius",
     "semi_axes": "obstacle.semi_axes",
 }
+_OF_MUSCLES = {"origin": "femoral_attachment", "insertion": "tibial_attachment"}
 #: Units by the last field that has one.
 _UNITS = {
     "youngs_modulus": "MPa",
@@ -58,7 +59,7 @@ class Leaf:
     """One number of a knee, or all numbers of one array of it; hashable.
 
     Attributes:
-        part: `contacts`, `lines`, `loads` or `courses`.
+        part: `contacts`, `lines`, `muscles`, `loads` or `courses`.
         row: which of them.
         fields: from the part to the array.
         place: of the number in the array; empty for a number by itself.
@@ -71,8 +72,11 @@ class Leaf:
 
     def array(self, knee: Knee) -> Array:
         """The array in which the number stands."""
-        parts = knee.ligaments.courses if self.part == "courses" else getattr(knee, self.part)
-        found: Any = parts[self.row]
+        if self.part == "muscles":  # one object; the row stands first in the place
+            found: Any = knee.muscles
+        else:
+            courses = self.part == "courses"
+            found = (knee.ligaments.courses if courses else getattr(knee, self.part))[self.row]
         for field in self.fields:
             found = getattr(found, field)
         return found
@@ -93,6 +97,7 @@ def parts_of(knee: Knee) -> dict[str, list[tuple[str, int]]]:
     for part, names in (
         ("contacts", knee.contact_names),
         ("lines", [line.name for line in knee.lines]),
+        ("muscles", knee.muscles.names if knee.muscles is not None else ()),
         ("loads", [getattr(load, "name", "") for load in knee.loads]),
     ):
         for row, name in enumerate(names):
@@ -118,6 +123,8 @@ def leaves_called(knee: Knee, owner: str, quantity: str) -> dict[str, Leaf]:
     for part, row in parts_of(knee).get(owner, []):
         words = quantity.split(".")
         fields = tuple(_ALSO_CALLED.get(words[0], words[0]).split("."))
+        if part == "muscles":
+            fields = (_OF_MUSCLES.get(words[0], words[0]),)
         if part != "courses" and words[0] in ("wrap", "radius", "semi_axes"):
             fields = (words[0],)
         found = _descended(Leaf(part, row, ()), (*fields, *words[1:]), knee)
@@ -132,6 +139,7 @@ def quantities_of(knee: Knee, owner: str) -> tuple[str, ...]:
         "contacts": ("youngs_modulus", "poisson_ratio", "layer_thickness", "onset_width",
                      "femoral_surface", "tibial_surface"),
         "lines": ("tension", "insertion", "origin"),
+        "muscles": ("tension", "insertion", "origin"),
         "loads": ("force", "moment", "point"),
         "courses": ("radius", "semi_axes", "wrap"),
     }  # fmt: skip
@@ -162,6 +170,10 @@ def _descended(leaf: Leaf, words: tuple[str, ...], knee: Knee) -> Leaf | None:
             return None
         found = getattr(found, word)
         leaf = dataclasses.replace(leaf, fields=(*leaf.fields, word))
+        if leaf.part == "muscles":
+            if not isinstance(found, jax.Array | np.ndarray):
+                return None
+            leaf, found = dataclasses.replace(leaf, place=(leaf.row,)), found[leaf.row]
     return leaf if isinstance(found, jax.Array | np.ndarray) else None
 
 
@@ -176,7 +188,7 @@ def _at(leaf: Leaf, words: tuple[str, ...], array: Array) -> Leaf | None:
         else:
             return None
     too_many = len(words) > array.ndim
-    return None if too_many else dataclasses.replace(leaf, place=tuple(place))
+    return None if too_many else dataclasses.replace(leaf, place=(*leaf.place, *place))
 
 
 def _components(leaf: Leaf, knee: Knee) -> dict[str, Leaf]:

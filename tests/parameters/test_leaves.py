@@ -119,3 +119,21 @@ def test_every_parameter_has_bounds_and_a_width_of_its_prior(knee):
     assert (np.asarray(lower) < np.asarray(values)).all()
     assert (np.asarray(values) < np.asarray(upper)).all()
     assert (prior_scales(selection, values) > 0).all()
+
+
+def test_muscles_and_the_patella_have_numbers_with_names():
+    knee = kj.load_knee("lenhart2015_reduced", patella=True)
+    row = knee.muscles.names.index("vasint")
+    given = {"vasint.tension": 50.0, "vasint.insertion.lateral": 3.0, "PTc.stiffness": 5000.0,
+             "patellofemoral.layer_thickness": 5.0}  # fmt: skip
+    changed = kj.with_values(knee, given)
+    assert changed.muscles.tension[row] == 50.0
+    assert changed.muscles.tibial_attachment[row, 2] == 3.0
+    assert changed.contacts[-1].layer_thickness == 5.0
+    others = np.delete(np.arange(len(knee.muscles.names)), row)
+    np.testing.assert_array_equal(changed.muscles.tension[others], knee.muscles.tension[others])
+    assert select(knee, ["recfem.origin"]).names == tuple(
+        f"recfem.origin.{axis}" for axis in ("anterior", "superior", "lateral")
+    )
+    with pytest.raises(UnknownParameter, match="one of tension, insertion, origin"):
+        select(knee, ["vasint.courses"])
