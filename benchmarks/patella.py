@@ -1,0 +1,93 @@
+"""A patella beside the tibia: what it costs, and how many random knees balance under a quadriceps.
+
+    python benchmarks/patella.py [--knee lenhart2015_reduced] [--knees 500] [--seed 0]
+
+Rates: the motion of the knee of two bones and of three, in turns, warm. Random knees: attachments
+on the patella moved by up to 3 mm along each axis, tendon longer or shorter by up to 5 %, pulls of
+20 to 1,500 N at 0 to 120 degrees. A balance counts that is stable and on its surfaces.
+"""
+
+from __future__ import annotations
+
+import collections
+import dataclasses
+import time
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from _protocol import arguments, finish
+
+import kneejax as kj
+from kneejax.geometry import PATELLA, TIBIA
+from kneejax.mechanics import QUADRICEPS, Knee, pull_of
+from kneejax.statics import Stations, Status, balance_many
+
+FLEXION_DEG = (0.0, 30.0, 60.0, 90.0, 120.0)
+PULLS_N = (20.0, 100.0, 500.0, 1500.0)
+MOVED_MM, LONGER = 3.0, 0.05
+_SOUND = (Status.BALANCED, Status.OVERSTRETCHED)
+
+
+def with_patella_changed(knee: Knee, value: jax.Array) -> Knee:
+    """A knee whose patellar attachments and tendon are others: mm for each, then a part."""
+    ligaments = knee.ligaments
+    first = np.array([k for k, pair in enumerate(ligaments.bodies) if pair[0] == PATELLA])
+    second = np.array([k for k, pair in enumerate(ligaments.bodies) if pair[1] == PATELLA])
+    moved = value[:-1].reshape(-1, 3, *value.shape[1:])
+    tendon = [k for k in first if ligaments.bodies[k] == (PATELLA, TIBIA)]
+    return dataclasses.replace(
+        knee,
+        ligaments=dataclasses.replace(
+            ligaments,
+            femoral_attachment=ligaments.femoral_attachment.at[first].add(moved[: len(first)]),
+            tibial_attachment=ligaments.tibial_attachment.at[second].add(moved[len(first) :]),
+            slack_length=ligaments.slack_length.at[jnp.array(tendon)].multiply(1.0 + value[-1]),
+        ),
+    )
+
+
+def seconds(knees: dict[str, Knee], flexion: np.ndarray, rounds: int = 5) -> dict[str, float]:
+    """Median seconds of a motion of each knee, in turns; what compiles is left out."""
+    taken: dict[str, list[float]] = {name: [] for name in knees}
+    for turn in range(rounds + 1):
+        for name, knee in knees.items():
+            begun = time.perf_counter()
+            jax.block_until_ready(kj.passive_flexion(knee, flexion).pose.anterior)
+            if turn:
+                taken[name].append(time.perf_counter() - begun)
+    return {name: float(np.median(one)) for name, one in taken.items()}
+
+
+def main() -> None:
+    options = arguments("patella", __doc__, knees=500, seed=0)
+    name = "lenhart2015_reduced" if options.knee == "four_ligament" else options.knee
+    knees = {"two": kj.load_knee(name), "three": kj.load_knee(name, patella=True)}
+    taken = seconds(knees, np.arange(0.0, 121.0, 5.0))
+    rows: dict[str, float] = {f"{bones}_bones_s": s for bones, s in taken.items()}
+    rows["rate_of_three"] = taken["two"] / taken["three"]
+
+    knee = knees["three"]
+    count = 3 * sum(PATELLA in pair for pair in knee.ligaments.bodies)
+    rng = np.random.default_rng(options.seed)
+    values = np.c_[
+        rng.uniform(-MOVED_MM, MOVED_MM, (options.knees, count)),
+        rng.uniform(-LONGER, LONGER, options.knees),
+    ]
+    rest = float(knee.muscles.tension.sum())
+    flexion, pull = (x.ravel() for x in np.meshgrid(FLEXION_DEG, PULLS_N, indexing="ij"))
+    stations = Stations.at(flexion, [pull_of(QUADRICEPS, pull - rest)])
+    begun = time.perf_counter()
+    found = balance_many(knee, with_patella_changed, np.zeros(count + 1), values, stations)
+    rows["random_s"] = time.perf_counter() - begun
+    status = np.asarray(found.status)
+    rows["balanced"] = float(np.isin(status, _SOUND).mean())
+    for kind, many in collections.Counter(status.ravel().tolist()).items():
+        rows[Status(kind).word.replace(" ", "_")] = many
+    silent = ~np.isfinite(found.q).all(axis=-1) & np.isin(status, _SOUND)
+    rows["silent"] = int(silent.sum())
+    finish(options.out, f"a patella beside the tibia, {name}", rows)
+
+
+if __name__ == "__main__":
+    main()
