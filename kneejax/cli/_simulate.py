@@ -49,7 +49,8 @@ _OF_EXTENSOR = ("quadriceps_N", "body_kg", "height_m", "ankle_kg", "femur_deg")
 def run(arguments: argparse.Namespace) -> int:
     """Move a knee through flexion, run a test under load, or let its quadriceps pull."""
     if arguments.experiment in EXTENSOR:
-        _refuse(arguments, (*_OF_TESTS[:-1], "branches"), "a test under load with it")
+        _refuse(arguments, _OF_TESTS[:-1], "a test under load with it")
+        _refuse(arguments, ("branches",), "passive-flexion with it")
         from kneejax.cli._extensor import run_extensor
 
         return run_extensor(arguments)

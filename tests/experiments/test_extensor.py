@@ -8,6 +8,7 @@ import pytest
 
 import kneejax as kj
 import kneejax.geometry as geo
+from kneejax import report
 from kneejax.experiments import TENDON
 from kneejax.experiments.extensor import weight_of
 from kneejax.mechanics import Contact, Knee, Ligaments, Muscles, add_lane_axis
@@ -130,6 +131,22 @@ def test_a_raised_leg_is_held_and_nothing_is_left_over(knee):
     forces = held.forces_on_tibia
     np.testing.assert_allclose(sum(forces.values()), 0.0, atol=1e-4)
     assert np.linalg.norm(forces[TENDON], axis=1) == pytest.approx(held.tendon_N)
+
+
+def test_tables_and_figures_tell_what_was_found(tracked):
+    status = np.asarray(tracked.motion.status)
+    rows = list(report.extensor_rows(tracked, status))
+    named = [dict(zip(report.EXTENSOR_COLUMNS, row, strict=True)) for row in rows]
+    assert [row["flexion_deg"] for row in named] == pytest.approx(list(FLEXION))
+    assert named[0]["tendon_by_quadriceps"] == pytest.approx(tracked.tendon_N[0] / PULL_N)
+    assert named[1]["patella_flexion_deg"] == pytest.approx(tracked.patella[1, 0])
+    assert {row["status"] for row in named} == {"balanced"}
+    assert len(report.extensor_lines(tracked, status)) == 2 + len(FLEXION)
+    figure = report.extensor_figure(tracked, status, "a ball: tracking")
+    assert [axes.get_ylabel() for axes in figure.axes][3] == "Patella, deg"
+    lines = report.shear_figure(tracked).axes[0].get_lines()
+    total = next(line for line in lines if line.get_label() == "sum")
+    np.testing.assert_allclose(total.get_ydata(), 0.0, atol=1e-3)
 
 
 def test_ankle_and_shank_are_one_weight():
