@@ -153,8 +153,10 @@ def test_ankle_and_shank_are_one_weight():
     one = kj.Shank(4.0, (1.0, -250.0, 2.0), 2.0, (4.0, -400.0, -1.0)).load()
     np.testing.assert_allclose(one.force, [-6.0 * 9.80665, 0.0, 0.0], atol=1e-12)
     np.testing.assert_allclose(one.point, [2.0, -300.0, 1.0])
-    lying = kj.Shank(4.0, (0.0, -250.0, 0.0), femur_deg=90.0).load()
-    np.testing.assert_allclose(lying.force, [0.0, -4.0 * 9.80665, 0.0], atol=1e-12)
+    # Standing, the femur's superior axis points up; with the knee above the hip, down in part.
+    standing = kj.Shank(4.0, (0.0, -250.0, 0.0), femur_deg=-90.0).load()
+    np.testing.assert_allclose(standing.force, [0.0, -4.0 * 9.80665, 0.0], atol=1e-12)
+    assert kj.Shank(4.0, (0.0, -250.0, 0.0), femur_deg=30.0).load().force[1] > 0.0
     assert not np.any(weight_of(np.zeros(3), np.zeros(3)).force)
 
 

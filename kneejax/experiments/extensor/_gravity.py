@@ -28,8 +28,8 @@ class Shank:
         center_mm: of mass, tibia frame, shape `(3,)`.
         ankle_kg: a weight at the ankle besides.
         ankle_mm: where that is, tibia frame, shape `(3,)`.
-        femur_deg: of the femur from the horizontal, hip lower than knee positive: 0 for a person
-            who sits, 90 for one whose thigh points up.
+        femur_deg: of the femur from the horizontal, knee above hip positive: 0 for a person who
+            sits, -90 for one who stands.
 
     Example:
         >>> shank = Shank.of_person(75.0, 1.78)
@@ -67,7 +67,7 @@ class Shank:
     def load(self) -> Load:
         """Both weights as one force in the direction that it keeps in the femur's frame."""
         turn = np.deg2rad(self.femur_deg)
-        down = -np.array([np.cos(turn), np.sin(turn), 0.0])
+        down = np.array([-np.cos(turn), np.sin(turn), 0.0])
         mass = self.mass_kg + self.ankle_kg
         moments = self.mass_kg * np.array(self.center_mm) + self.ankle_kg * np.array(self.ankle_mm)
         return weight_of(GRAVITY * mass * down, moments / mass if mass else np.zeros(3))
