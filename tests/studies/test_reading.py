@@ -213,6 +213,9 @@ def test_a_file_that_is_no_study(tmp_path, content):
 
 
 def test_measurements_carry_title_and_source(folder, monkeypatch):
+    (folder / "knees").mkdir()
+    # Of which the study's knee has its patella.
+    shutil.copy(bundled_path("knees", "lenhart2015_reduced"), folder / "knees")
     monkeypatch.setattr("kneejax.files._bundled._data_folder", lambda: folder)
     (folder / "measurements").mkdir()
     table = folder / "measurements" / "walker.csv"

@@ -52,7 +52,7 @@ def test_bundles_of_a_whole_knee_vary_in_stiffness_and_strain_together(
         "fault": jnp.zeros(_LANES, int), "steps": jnp.zeros(_LANES, int),
     }  # fmt: skip
     in_lanes = np.tile(values, (_LANES, 1))
-    given = knee, in_lanes, stations.of(knee).plain(), known
+    given = knee, in_lanes, None, stations.of(knee).plain(), known
     slope, _ = _slopes(chosen.apply, *given)
     monkeypatch.setattr(Contact, "press_points", lambda *_: pytest.fail("a contact was asked"))
     jax.eval_shape(functools.partial(_slopes.__wrapped__, chosen.apply), *given)
