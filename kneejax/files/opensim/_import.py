@@ -18,6 +18,8 @@ from kneejax.files.opensim._joints import Joint
 from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, find_knee
 from kneejax.files.opensim._ligaments import Found, OsimLigament, find_ligaments
 from kneejax.files.opensim._model import Model, read_model
+from kneejax.files.opensim._muscles import find_muscles
+from kneejax.files.opensim._names import file_names
 from kneejax.files.opensim._numbers import METRES_TO_MM, shifted
 from kneejax.files.opensim._patella import PatellaSection, patella_section
 from kneejax.files.opensim._wraps import OsimWrap, depth_inside, wrap_document
@@ -132,9 +134,9 @@ def import_osim(
     patellar = [x for x in found.ligaments if _on_patella(x, knee)]
     found.ligaments[:] = [x for x in found.ligaments if not _on_patella(x, knee)]
     keys = [ligament.key for ligament in found.ligaments]
-    ligaments = dict(zip(_names(keys, "L"), found.ligaments, strict=True))
+    ligaments = dict(zip(file_names(keys, "L"), found.ligaments, strict=True))
     used = {id(x.wrap.element): x.wrap for x in found.ligaments if x.wrap is not None}
-    wraps = dict(zip(_names([w.key for w in used.values()], "W"), used.values(), strict=True))
+    wraps = dict(zip(file_names([w.key for w in used.values()], "W"), used.values(), strict=True))
     every, others = find_contacts(model, knee)
     contacts = tuple(c for c in every if c.other.bone != PATELLA)
     on_patella = tuple(c for c in every if c.other.bone == PATELLA)
@@ -161,13 +163,16 @@ def _on_patella(ligament: OsimLigament, knee: OsimKneeJoint) -> bool:
 def _patella(
     model: Model, knee: OsimKneeJoint, ligaments: list[OsimLigament]
 ) -> PatellaSection:
-    used = {id(x.wrap.element): x.wrap for x in ligaments if x.wrap is not None}
-    names = {key: wrap.key for key, wrap in used.items()}
+    """The section of the patella, with the muscles over the knee."""
+    muscles, file = find_muscles(model, knee), model.file.path.name
+    every = [x.wrap for x in (*ligaments, *muscles.muscles) if x.wrap is not None]
+    used = {id(wrap.element): wrap for wrap in every}
+    names = dict(zip(used, file_names([w.key for w in used.values()], "W"), strict=True))
     entries = {
-        name: _ligament(one, knee, model.file.path.name, names)
-        for name, one in zip(_names([x.key for x in ligaments], "L"), ligaments, strict=True)
+        name: _ligament(one, knee, file, names)
+        for name, one in zip(file_names([x.key for x in ligaments], "L"), ligaments, strict=True)
     }
-    return patella_section(model, knee, entries, list(used.values()))
+    return patella_section(model, knee, entries, muscles, [*used.values()], names)
 
 
 def _document(read: OsimImport) -> dict[str, Any]:
@@ -311,20 +316,6 @@ def _check_lengths(model: Model, knee: OsimKneeJoint, ligaments: list[OsimLigame
                 "1 to 300 mm: another unit than metres, or a default pose in which the knee is "
                 "apart, are suspected",
             )  # fmt: skip
-
-
-def _names(keys: list[str], prefix: str) -> list[str]:
-    """Names that a knee file allows, each once."""
-    answer: list[str] = []
-    for key in keys:
-        name = re.sub(r"[^A-Za-z0-9_+-]", "_", key)
-        name = name if re.match(r"[A-Za-z]", name) else f"{prefix}{name}"
-        stem, count = name, 1
-        while name in answer:
-            count += 1
-            name = f"{stem}_{count}"
-        answer.append(name)
-    return answer
 
 
 def _groups(names: list[str]) -> dict[str, list[str]]:

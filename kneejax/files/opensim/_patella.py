@@ -9,7 +9,8 @@ import numpy as np
 
 from kneejax.files.opensim._knee import OsimKneeJoint
 from kneejax.files.opensim._model import Model
-from kneejax.files.opensim._muscles import OsimMuscle, find_muscles, quadriceps
+from kneejax.files.opensim._muscles import OsimMuscle, OsimMuscles, quadriceps
+from kneejax.files.opensim._names import file_names
 from kneejax.files.opensim._numbers import METRES_TO_MM, shifted
 from kneejax.files.opensim._wraps import OsimWrap, depth_inside, wrap_document
 from kneejax.geometry import BODIES, PATELLA
@@ -34,7 +35,12 @@ class PatellaSection:
 
 
 def patella_section(
-    model: Model, knee: OsimKneeJoint, ligaments: dict[str, dict[str, Any]], used: list[OsimWrap]
+    model: Model,
+    knee: OsimKneeJoint,
+    ligaments: dict[str, dict[str, Any]],
+    found: OsimMuscles,
+    wraps: list[OsimWrap],
+    names: dict[int, str],
 ) -> PatellaSection:
     """Make the section of the patella.
 
@@ -42,25 +48,27 @@ def patella_section(
         model: the model.
         knee: its bones.
         ligaments: of the patella, as entries of a knee document.
-        used: wrap objects of these ligaments.
+        found: the muscles over the knee.
+        wraps: what these ligaments and muscles go around.
+        names: identity of a wrap object's element -> its name in the section.
     """
-    found = find_muscles(model, knee)
     heads = quadriceps(found.muscles, found.knee)
     if not knee.patella or not ligaments or not heads:
         lacks = "a patella" if not knee.patella else "its ligaments" if not ligaments else "muscles"
         return PatellaSection({}, (f"Read without a patella: the model has not {lacks}.",))
     file, notes = model.file.path.name, list(found.notes)
-    obstacles = {wrap.key: wrap for wrap in used}
     whole = sum(head.strongest_N for head in heads)
     muscles = {}
-    for muscle in found.muscles:
-        entry = _muscle(muscle, found.knee, file)
+    for name, muscle in zip(file_names([m.name for m in found.muscles], "M"), found.muscles,
+                            strict=True):  # fmt: skip
+        muscles[name] = entry = _muscle(muscle, found.knee, file)
         if muscle in heads:
             entry["tension_N"] = round(AT_REST_N * muscle.strongest_N / whole, 4)
         if muscle.wrap is not None and _is_outside(model, muscle, found.knee, notes):
-            entry["wrap"] = muscle.wrap.key
-            obstacles[muscle.wrap.key] = muscle.wrap
-        muscles[muscle.name] = entry
+            entry["wrap"] = names[id(muscle.wrap.element)]
+    asked = {part.get("wrap") for part in (*ligaments.values(), *muscles.values())}
+    obstacles = {names[id(wrap.element)]: wrap for wrap in wraps}
+    obstacles = {name: wrap for name, wrap in obstacles.items() if name in asked}
     pose = zip(BODIES[PATELLA].values(), knee.patella_pose, strict=True)
     document: dict[str, Any] = {
         "reference_pose": {one.column: value for one, value in pose}
@@ -69,10 +77,10 @@ def patella_section(
         "contacts": {},
         "muscles": muscles,
         "wraps": {
-            key: wrap_document(
-                model, wrap, found.knee, f"{file}, {wrap.element.tag} {key} of {wrap.body}"
+            name: wrap_document(
+                model, wrap, found.knee, f"{file}, {wrap.element.tag} {wrap.key} of {wrap.body}"
             )
-            for key, wrap in obstacles.items()
+            for name, wrap in obstacles.items()
         },
     }
     if not obstacles:

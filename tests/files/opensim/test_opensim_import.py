@@ -459,3 +459,14 @@ def test_motions_undo_each_other():
                      motion.inverse().point(motion.point(point)),
                      motion.inverse().after(motion).point(point)):  # fmt: skip
             np.testing.assert_allclose(np.array(back, float), np.array(point, float), atol=1e-15)
+
+
+@needs_data
+def test_names_that_a_knee_file_does_not_allow_are_changed_in_the_patella_too():
+    text = (DATA / "lenhart2015.osim").read_bytes()
+    for name in (b"PatTen_r", b"KnExt_at_fem_r"):
+        text = text.replace(name, name.replace(b"_", b" "))
+    section = import_osim("odd.osim", side="r", data=text).document["patella"]
+    assert {"PatTen_r", "KnExt_at_fem_r"} <= set(section["wraps"])
+    assert section["ligaments"]["PT1"]["wrap"] == "PatTen_r"
+    assert section["muscles"]["vasmed"]["wrap"] == "KnExt_at_fem_r"
