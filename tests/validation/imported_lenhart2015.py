@@ -24,20 +24,23 @@ def import_both(data: Path, second: SecondKnee, out: Path) -> tuple[KneeFile, Kn
     """
     orders = (
         (data / "lenhart2015.osim", "r", data / "meshes", out / "first"),
-        (second.model, second.side, second.model.parent, out / "second"),
+        # The twin has the two meshes of the tibiofemoral joint only.
+        (second.model, second.side, second.model.parent, out / "second", "--without-patella"),
     )
     for process in [_import(*order) for order in orders]:
         said = process.communicate(timeout=600)[0]
         if process.returncode != 0:
             raise RuntimeError(said)
-    first, twin = (load_knee_file(order[-1] / "knee.yaml") for order in orders)
+    first, twin = (load_knee_file(order[3] / "knee.yaml") for order in orders)
     return first, twin
 
 
-def _import(model: Path, side: str, geometry: Path, out: Path) -> subprocess.Popen[str]:
+def _import(
+    model: Path, side: str, geometry: Path, out: Path, *more: str
+) -> subprocess.Popen[str]:
     command = [sys.executable, "-m", "kneejax.cli", "import", "osim", str(model), "--side", side]
     return subprocess.Popen(
-        [*command, "--geometry", str(geometry), "--out", str(out)],
+        [*command, "--geometry", str(geometry), "--out", str(out), *more],
         # The fits are many small systems: threads of the linear algebra only wait for each other.
         env=os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
         stdout=subprocess.PIPE,

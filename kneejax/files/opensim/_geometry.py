@@ -15,7 +15,7 @@ from kneejax.files.opensim._contact import OsimContact, OsimMesh
 from kneejax.files.opensim._import import OsimImport
 from kneejax.files.opensim._knee import SIDES
 from kneejax.files.reading import InputProblem
-from kneejax.geometry import Pose
+from kneejax.geometry import PATELLA, Pose
 
 _THICKNESS = ("layer_thickness_mm",)
 
@@ -132,8 +132,10 @@ def _mesh(folder: Path, mesh: OsimMesh, scratch: Path, back: bool = False) -> Pa
     path = by_lower.get(name.lower())
     if path is None:
         present = ", ".join(sorted(by_lower)[:6]) or "nothing"
+        without = "; --without-patella does without it" if mesh.bone == PATELLA else ""
+        expected = f"this file; there is {present}{without}"
         raise InputProblem(
-            folder, f"mesh of {mesh.name}", name or "not named", f"this file; there is {present}",
+            folder, f"mesh of {mesh.name}", name or "not named", expected,
             sorted(path.name for path in by_lower.values()),
         )  # fmt: skip
     if not mesh.moved:

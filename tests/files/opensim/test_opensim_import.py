@@ -10,7 +10,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kneejax.files import InputProblem, format_import_report, import_osim, read_knee, write_knee
+from kneejax.files import (
+    InputProblem,
+    add_osim_contacts,
+    format_import_report,
+    import_osim,
+    read_knee,
+    write_knee,
+)
 from kneejax.files.opensim._contact import OsimMesh
 from kneejax.files.opensim._model import Offset
 from kneejax.files.opensim._numbers import (
@@ -470,3 +477,13 @@ def test_names_that_a_knee_file_does_not_allow_are_changed_in_the_patella_too():
     assert {"PatTen_r", "KnExt_at_fem_r"} <= set(section["wraps"])
     assert section["ligaments"]["PT1"]["wrap"] == "PatTen_r"
     assert section["muscles"]["vasmed"]["wrap"] == "KnExt_at_fem_r"
+
+
+@needs_data
+def test_a_patella_without_its_mesh_is_refused_in_one_line(tmp_path):
+    for name in ("femur-cartilage", "tibia-cartilage"):
+        file = f"lenhart2015-R-{name}.stl"
+        (tmp_path / file).symlink_to(DATA / "meshes" / file)
+    read = import_osim(DATA / "lenhart2015.osim", side="r")
+    with pytest.raises(InputProblem, match="mesh of patella_cartilage.*--without-patella"):
+        add_osim_contacts(read, tmp_path)
