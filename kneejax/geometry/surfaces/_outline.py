@@ -7,6 +7,9 @@ from jax import Array
 
 from kneejax.numerics import safe_sqrt
 
+#: A share that is but rounding: half a rectangle off, none of it counts, whatever the compiler.
+_NOTHING = 1e-9
+
 
 def covered(outline: Array, a: Array, b: Array, spacing: tuple[Array, Array]) -> Array:
     """Share of small rectangles that lies within a closed outline, to first order.
@@ -44,4 +47,5 @@ def covered(outline: Array, a: Array, b: Array, spacing: tuple[Array, Array]) ->
     spans = (z0 > b) != (z1 > b)
     crosses = spans & (a < x0 + (b - z0) * dx / jnp.where(spans, dz, 1.0))
     inside = jnp.sum(crosses, axis=0) % 2 == 1
-    return jnp.clip(0.5 + jnp.where(inside, nearest, -nearest), 0.0, 1.0)
+    share = jnp.clip(0.5 + jnp.where(inside, nearest, -nearest), 0.0, 1.0)
+    return jnp.where(share > _NOTHING, share, 0.0)

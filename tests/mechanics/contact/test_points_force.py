@@ -48,9 +48,7 @@ def both(contact, state, flexion):
 
 
 # The other basis against differences, where rays graze: test_rays.py.
-@pytest.mark.parametrize(
-    "basis", ["cubic_spline", pytest.param("power", marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("basis", ["cubic_spline", "power"])
 def test_stiffness_over_points_is_the_derivative_of_the_wrench(basis, rng):
     contact = condyle_on_plateau(basis, rng)
     state = jnp.array([0.02, -0.05, 0.7, 1.5, -0.6])
