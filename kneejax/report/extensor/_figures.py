@@ -63,7 +63,7 @@ def extensor_figure(found: Extensor, status: np.ndarray, title: str) -> Figure:
             )
     panels[1].set_ylabel("Force by quadriceps force")
     panels[1].set_ylim(bottom=0.0)
-    panels[1].legend(fontsize=7.5, frameon=False)
+    _legend_above(panels[1])
     _draw(panels[2], curves, found.arm_mm, "Moment arm of the quadriceps, mm")
     _patella_panel(panels[3], curves, patella)
     _ligament_panel(panels[4], curves, found)
@@ -151,7 +151,14 @@ def _patella_panel(axes: Axes, curves: _Lines, patella: np.ndarray) -> None:
             label = name if k == 0 else None
             axes.plot(curves.x[rows], patella[rows, column], color=color, label=label)
     axes.set_ylabel("Patella, deg")
-    axes.legend(fontsize=7.5, frameon=False)
+    _legend_above(axes)
+
+
+def _legend_above(axes: Axes) -> None:
+    axes.legend(
+        fontsize=7.5, frameon=False, ncol=3, loc="lower left", bbox_to_anchor=(0.0, 1.0),
+        borderaxespad=0.1,
+    )  # fmt: skip
 
 
 def _ligament_panel(axes: Axes, curves: _Lines, found: Extensor) -> None:
