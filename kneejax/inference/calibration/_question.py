@@ -10,7 +10,7 @@ import numpy as np
 
 from kneejax.experiments import MeasuredTest
 from kneejax.inference.calibration._search import METHODS, USUAL_CYCLES, Stage, procedures_of
-from kneejax.inference.fit import DEFAULT_WEIGHTS, Problem
+from kneejax.inference.fit import DEFAULT_WEIGHTS, Problem, check_finite
 from kneejax.inference.intervals import check_all_stated, stated_noise
 from kneejax.mechanics import Knee, Load
 from kneejax.parameters import Selection, UnsuitableData, select, start_within, stated_bounds
@@ -91,9 +91,7 @@ def ready(question: Question) -> Ready:
     problem = Problem.of(
         knee, selection, question.measured, weights, question.offsets, question.loads, tests, stated
     )
-    if not np.isfinite(problem.measured).all():
-        row = int(np.flatnonzero(~np.isfinite(problem.measured).all(axis=1))[0])
-        raise UnsuitableData(f"measured row {row} is not finite: leave it out")
+    check_finite(problem.measured)
     start, lower, upper = _box(knee, selection, question.bounds or {}, len(question.offsets))
     if question.prior:
         problem = problem.with_prior(start, question.prior)

@@ -82,13 +82,13 @@ def _of_one_form(members: Sequence[Ready], progress: Progress | None) -> list:
     first = knees.begin(np.stack([one.start for one in members]))
     seconds = {"begun": begun, "ready": time.perf_counter()}
     found, sets = {}, {}
-    for row, balanced in enumerate(first.converged):
-        if balanced.any():
-            sets.setdefault(balanced.tobytes(), []).append(row)
+    for row, one in enumerate(members):
+        try:
+            one.problem.balanced_by(first.take([row]))
+        except UnsuitableData as problem:
+            found[row] = problem
         else:
-            found[row] = UnsuitableData(
-                "nothing that was measured has a balance with the start's parameters"
-            )
+            sets.setdefault(first.converged[row].tobytes(), []).append(row)
     for rows in sets.values():
         # What has no balance counts for nothing; knees of one set of load cases go on together.
         some, at_start = knees.take(rows).with_used(first.converged[rows[0]]), first.take(rows)

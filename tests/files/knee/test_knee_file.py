@@ -1,5 +1,7 @@
 import copy
 import pickle
+import sys
+from pathlib import Path
 
 import jax
 import numpy as np
@@ -22,27 +24,13 @@ from kneejax.files import (
 from kneejax.geometry import Pose, State
 from kneejax.mechanics import AXES, ligament_law
 
+sys.path.insert(0, str(Path(__file__).parent))
+from knee_documents import changed, write
+
 WRAP = {
     "kind": "sphere", "bone": "tibia", "center_mm": [0, 0, 0], "radius_mm": 9.0,
     "source": "assumed",
 }  # fmt: skip
-
-
-def write(path, document):
-    path.write_text(format_knee(document), encoding="utf-8")
-    return path
-
-
-def changed(document, place, value):
-    part = document
-    *way, last = place
-    for name in way:
-        part = part[name]
-    if value is None:
-        del part[last]
-    else:
-        part[last] = value
-    return document
 
 
 def test_round_trip(tmp_path, knee_document):

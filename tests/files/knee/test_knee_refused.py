@@ -1,23 +1,23 @@
 """Knee files that are refused, each in a line that says what was expected."""
 
 import copy
+import sys
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from kneejax.files import InputProblem, format_knee, read_knee
+from kneejax.files import InputProblem, read_knee
 from kneejax.mechanics import RANGES
+
+sys.path.insert(0, str(Path(__file__).parent))
+from knee_documents import changed, write
 
 WRAP = {
     "kind": "sphere", "bone": "tibia", "center_mm": [0, 0, 0], "radius_mm": 9.0,
     "source": "assumed",
 }  # fmt: skip
-
-
-def write(path, document):
-    path.write_text(format_knee(document), encoding="utf-8")
-    return path
 
 
 def refusal(path):
@@ -26,18 +26,6 @@ def refusal(path):
     line = str(caught.value)
     assert "\n" not in line and line.startswith(f"{path}: ") and "expected " in line
     return line
-
-
-def changed(document, place, value):
-    part = document
-    *way, last = place
-    for name in way:
-        part = part[name]
-    if value is None:
-        del part[last]
-    else:
-        part[last] = value
-    return document
 
 
 ACL, MEDIAL = ["ligaments", "ACL"], ["contacts", "medial"]

@@ -1,6 +1,8 @@
 """The section of the patella in a knee file: what it may say, and the knee of three bones."""
 
 import copy
+import sys
+from pathlib import Path
 
 import jax
 import numpy as np
@@ -12,30 +14,26 @@ from kneejax.files.knee import build_knee
 from kneejax.geometry import Pose, State
 from kneejax.mechanics import add_lane_axis
 
+sys.path.insert(0, str(Path(__file__).parent))
+from knee_documents import changed
+
 
 @pytest.fixture(scope="module")
 def document():
     return load_knee_file("lenhart2015_reduced").document
 
 
-def changed(document, **changes):
-    """The document with other values at places `patella__muscles__field`; None takes away."""
+def with_changes(document, **changes):
+    """A copy with other values at places `patella__muscles__field`; None takes away."""
     answer = copy.deepcopy(document)
     for place, value in changes.items():
-        *way, last = place.split("__")
-        part = answer
-        for name in way:
-            part = part[name]
-        if value is None:
-            del part[last]
-        else:
-            part[last] = value
+        changed(answer, place.split("__"), value)
     return answer
 
 
 def test_the_two_bones_know_nothing_of_the_patella(document):
     """A knee goes on as before: none of its numbers comes from the section."""
-    without = build_knee(changed(document, patella=None), "knee.yaml").knee
+    without = build_knee(with_changes(document, patella=None), "knee.yaml").knee
     with_section = build_knee(document, "knee.yaml")
     assert with_section.knee.bodies == ("tibia",) and with_section.knee.muscles is None
     for a, b in zip(_leaves(without), _leaves(with_section.knee), strict=True):
@@ -120,7 +118,7 @@ def test_the_tendon_runs_around_its_ellipsoid_and_is_longer_than_straight(docume
 )  # fmt: skip
 def test_what_no_patella_has_is_refused_in_one_line(document, changes, words):
     with pytest.raises(InputProblem) as caught:
-        build_knee(changed(document, **changes), "knee.yaml")
+        build_knee(with_changes(document, **changes), "knee.yaml")
     text = str(caught.value)
     assert "\n" not in text and all(word in text for word in ("knee.yaml", *words)), text
 
@@ -138,7 +136,7 @@ def test_what_no_patella_has_is_refused_in_one_line(document, changes, words):
     ],
 )  # fmt: skip
 def test_a_knee_that_cannot_be_is_refused_before_it_moves(document, changes, tension, words):
-    read = build_knee(changed(document, **changes), "knee.yaml")
+    read = build_knee(with_changes(document, **changes), "knee.yaml")
     with pytest.raises(InputProblem) as caught:
         read.with_patella(tension)
     text = str(caught.value)
