@@ -68,7 +68,6 @@ class CohortWork:
         write_text(folder / MARK, json.dumps(mark) + "\n")
         return done
 
-
     def _bootstrap(self, task: Task, member: Member) -> KneeDone:
         """Fit what the answer of a knee would give; nothing for a knee without one."""
         begun, folder, failed = time.perf_counter(), self.out / KNEES / member.name, ""
