@@ -49,7 +49,7 @@ def forest_figure(summary: CohortSummary) -> Figure:
         _panel(axes, summary, names[place])
         _name_knees(axes, [one.name for one in knees], place % across == 0)
     handles, labels = panels.flat[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="upper center", ncols=4, borderaxespad=0.1)
+    figure.legend(handles, labels, loc="upper center", ncols=5, borderaxespad=0.1)
     return figure
 
 
@@ -71,20 +71,22 @@ def _panel(axes, summary: CohortSummary, name: str) -> None:
         ends = [found.in_own_unit(found.mean + sign * 1.96 * found.spread) for sign in (-1, 1)]
         left, right = min(left, ends[0]), max(right, ends[1])
         axes.axvspan(*ends, color=LIGHT, lw=0, label="95 % of the population")
-        axes.axvline(found.in_own_unit(found.mean), color=GREY, lw=1.0)
+        axes.axvline(found.in_own_unit(found.mean), color=GREY, lw=1.0, label="its mean")
     from_, to = np.where(np.isfinite(low), low, left), np.where(np.isfinite(high), high, right)
     good = np.array([one.good for one in summary.fitted], bool)
     for some, colour, label in (
         (told & ~good, GREY, "a poor fit"), (told & good, BLUE, "a knee, 95 % limits"),
     ):  # fmt: skip
         axes.hlines(rows[some], from_[some], to[some], color=colour, lw=0.8)
-        axes.plot(value[some], rows[some], "o", ms=2.4, color=colour, label=label)
+        shown = label if some.any() else None
+        axes.plot(value[some], rows[some], "o", ms=2.4, color=colour, label=shown)
     for open_, edge, mark in ((~np.isfinite(low), left, "<"), (~np.isfinite(high), right, ">")):
         some = open_ & told
         axes.plot(np.full(some.sum(), edge), rows[some], mark, ms=2.6, color=BLUE, clip_on=False)
     if found is not None:
         shrunk = [found.in_own_unit(x) for x in found.shrunk]
-        axes.plot(shrunk, rows, "|", ms=4.0, mew=1.0, color=VERMILLION, label="in their light")
+        light = "in the others' light"
+        axes.plot(shrunk, rows, "|", ms=4.0, mew=1.0, color=VERMILLION, label=light)
     axes.set_xlim(left, right)
     axes.set_title(readable(name), fontsize=8)
     axes.set_xlabel(unit or "strain" if name.endswith("strain") else unit or "-")
