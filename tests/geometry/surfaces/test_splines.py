@@ -237,3 +237,12 @@ def test_an_unknown_basis_and_a_small_table_are_refused(kind):
         kind(np.ones((5, 5)), (0.0, 1.0), (0.0, 1.0), basis="cubic")
     with pytest.raises(ValueError, match="at least 4 x 4"):
         kind(np.ones((3, 5)), (0.0, 1.0), (0.0, 1.0), basis="cubic_spline")
+
+
+def test_a_cell_half_a_cell_off_the_border_counts_nothing_whatever_rounds_it():
+    """Compilers differ in the last digit; a share of 1e-13 would make a point one that touches."""
+    rim = np.array([[-20.0, -10.0], [0.0, -10.0], [0.0, 10.0], [-20.0, 10.0]])
+    plateau = geo.Plateau([[0.0]], (-20, 20), (-10, 10), outline=rim)
+    a, b = jnp.array([0.5 - 1e-12, 0.5, 0.25]), jnp.zeros(3)
+    share = plateau.covered(a, b, (1.0, 1.0))
+    assert share[:2].tolist() == [0.0, 0.0] and float(share[2]) == pytest.approx(0.25)
