@@ -5,6 +5,7 @@ from kneejax.mechanics._dislocation import LIMITS as LIMITS
 from kneejax.mechanics._dislocation import WIDEST_GAP_MM as WIDEST_GAP_MM
 from kneejax.mechanics._dislocation import dislocated as dislocated
 from kneejax.mechanics._dislocation import displacement as displacement
+from kneejax.mechanics._knee import Held as Held
 from kneejax.mechanics._knee import Knee as Knee
 from kneejax.mechanics._knee import add_lane_axis as add_lane_axis
 from kneejax.mechanics._loads import AXES as AXES
@@ -36,6 +37,7 @@ from kneejax.mechanics.contact import QUADRATURE as QUADRATURE
 from kneejax.mechanics.contact import Border as Border
 from kneejax.mechanics.contact import Contact as Contact
 from kneejax.mechanics.contact import Gap as Gap
+from kneejax.mechanics.contact import PointFaults as PointFaults
 from kneejax.mechanics.contact import Pressed as Pressed
 from kneejax.mechanics.contact import Sampled as Sampled
 from kneejax.mechanics.contact import cartilage_law as cartilage_law

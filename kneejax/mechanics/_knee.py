@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import operator
 from collections.abc import Sequence
 from functools import partial
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -16,8 +18,26 @@ from kneejax.geometry import FEMUR, TIBIA, Pair, Pose, State
 from kneejax.mechanics._loads import ConstantTensionLine, Load, Support
 from kneejax.mechanics._muscles import Muscles
 from kneejax.mechanics._wrench import Wrenches
-from kneejax.mechanics.contact import Contact, Pressed
+from kneejax.mechanics.contact import Contact, PointFaults, Pressed
 from kneejax.mechanics.ligaments import FibreFaults, Ligaments
+
+
+class Held(NamedTuple):
+    """What the parts of a knee do to its bones, but for the loads.
+
+    Attributes:
+        wrenches: between the bones.
+        energy: N mm.
+        patches: of the contacts that have one, along a leading axis of length `n`; None without.
+        points: what is wrong with the contacts over points together; None without any.
+        fibres: what is wrong with any fibre.
+    """
+
+    wrenches: Wrenches
+    energy: Array
+    patches: Pressed | None
+    points: PointFaults | None
+    fibres: FibreFaults
 
 
 class Knee(eqx.Module):
@@ -86,9 +106,7 @@ class Knee(eqx.Module):
             total = total + contact.energy(state.between(contact.bodies))
         return total
 
-    def press(
-        self, state: State, meeting: tuple[Array, Array]
-    ) -> tuple[Wrenches, Array, Pressed | None, FibreFaults]:
+    def press(self, state: State, meeting: tuple[Array, Array]) -> Held:
         """What all parts but the loads do to the bones, each patch centred at a given point.
 
         Balance is computed from it with the meeting points as further unknowns: no solve hides
@@ -98,24 +116,23 @@ class Knee(eqx.Module):
             state: as in `energy`.
             meeting: the two parameters of the meeting points, each `(n, ...)` for the `n`
                 contacts that have a patch.
-
-        Returns:
-            Wrenches; energy in N mm; the patches, with a leading axis of length `n`, or None if
-            there are none; and what is wrong with any fibre.
         """
         wrenches, energy, fibres = self.pull(state)
+        each = []
         for contact in self.contacts:
             if not contact.has_patch:
-                of_contact, wrench = contact.press_points(state.between(contact.bodies))
-                energy = energy + of_contact
+                own, wrench, faults = contact.press_points(state.between(contact.bodies))
+                energy = energy + own
                 wrenches.add(contact.bodies, wrench.alone())
+                each.append(faults)
+        points = functools.reduce(PointFaults.and_of, each) if each else None
         if not self.patch_count:
-            return wrenches, energy, None, fibres
+            return Held(wrenches, energy, None, points, fibres)
         pressed = self.map_patches(Contact.press, state, meeting)
         energy = energy + jnp.sum(pressed.energy, axis=0)
         for pair, rows in self.patches.items():
             wrenches.add(pair, pressed.of(rows).wrench)
-        return wrenches, energy, pressed, fibres
+        return Held(wrenches, energy, pressed, points, fibres)
 
     def for_many_poses(self) -> Knee:
         """The same knee with what does not depend on the pose computed once."""

@@ -22,3 +22,4 @@ from kneejax.numerics._safe import branch as branch
 from kneejax.numerics._safe import positive_part as positive_part
 from kneejax.numerics._safe import safe_sqrt as safe_sqrt
 from kneejax.numerics._tangents import instantiate as instantiate
+from kneejax.numerics._tangents import none_of as none_of

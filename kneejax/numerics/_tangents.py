@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.custom_derivatives import SymbolicZero
 
 
@@ -18,3 +19,16 @@ def instantiate(tree):
         tree,
         is_leaf=lambda t: isinstance(t, SymbolicZero),
     )
+
+
+def none_of(tree):
+    """Tangents of answers that have no derivative, truth values among them, as a rule returns them.
+
+    Args:
+        tree: the answers.
+    """
+    return jax.tree.map(
+        lambda x: jnp.zeros_like(x) if jnp.issubdtype(x.dtype, jnp.floating)
+        else np.zeros(jnp.shape(x), jax.dtypes.float0),
+        tree,
+    )  # fmt: skip

@@ -17,7 +17,16 @@ import jax.numpy as jnp
 from jax import Array, lax
 
 from kneejax.geometry import Prescribed, State, Vector, free_of
-from kneejax.mechanics import Contact, FibreFaults, Knee, Pressed, Wrenches, generalised_force
+from kneejax.mechanics import (
+    Contact,
+    FibreFaults,
+    Held,
+    Knee,
+    PointFaults,
+    Pressed,
+    Wrenches,
+    generalised_force,
+)
 from kneejax.numerics import identity
 
 
@@ -35,6 +44,7 @@ class Forces(eqx.Module):
         meeting: their parameters after one Newton step towards the smallest gap, two `(n, lanes)`.
         flat: whether no elliptical patch fits there, `(n, lanes)`.
         known: whether all of the patch lies where both surfaces are known, `(n, lanes)`.
+        points: what is wrong with the contacts over points together; None without any.
         fibres: what is wrong with any fibre.
     """
 
@@ -47,6 +57,7 @@ class Forces(eqx.Module):
     meeting: tuple[Array, Array]
     flat: Array
     known: Array
+    points: PointFaults | None
     fibres: FibreFaults
 
 
@@ -88,9 +99,8 @@ def rows_of_force(
 ) -> tuple[tuple[Array, ...], Forces]:
     """As `force`, the residual in rows of lanes."""
     state, free = _where(knee, prescribed, q)
-    wrenches, energy, pressed, fibres = knee.press(state, meeting)
-    rows = _unbalanced(knee, state, wrenches, free)
-    return rows, _forces(knee, state, energy, pressed, fibres, free)
+    held = knee.press(state, meeting)
+    return _unbalanced(knee, state, held.wrenches, free), _forces(knee, state, held, free)
 
 
 def force_along(
@@ -103,7 +113,7 @@ def force_along(
         state: where the bodies are.
         names: of the coordinates, free or prescribed.
     """
-    return jnp.stack(_unbalanced(knee, state, knee.press(state, meeting)[0], names))
+    return jnp.stack(_unbalanced(knee, state, knee.press(state, meeting).wrenches, names))
 
 
 def balance(knee: Knee, prescribed: Prescribed, q: Array, meeting: tuple[Array, Array]) -> Balance:
@@ -220,25 +230,20 @@ def _unbalanced(
     return tuple(-w - load for w, load in zip(work, knee.load_work(state, free), strict=True))
 
 
-def _forces(
-    knee: Knee,
-    state: State,
-    energy: Array,
-    pressed: Pressed | None,
-    fibres: FibreFaults,
-    free: tuple[str, ...],
-) -> Forces:
-    load = knee.load_work(state, free)
+def _forces(knee: Knee, state: State, held: Held, free: tuple[str, ...]) -> Forces:
+    load, pressed, faults = knee.load_work(state, free), held.patches, (held.points, held.fibres)
     if pressed is None:
         none = jnp.zeros((0, *state.shape))
         drift, point, pair = ((none, none),) * len(free), (none,) * 3, (none, none)
-        return Forces(energy, load, drift, none, none, point, pair, none > 0, none > 0, fibres)
+        return Forces(
+            held.energy, load, drift, none, none, point, pair, none > 0, none > 0, *faults
+        )
     gap = pressed.gap
     moved = (_slopes_moved(knee, state, pressed, k, free) for k in (0, 1))
     drift = tuple(gap.newton(a, b) for a, b in zip(*moved, strict=True))
     met = pressed.miss, gap.depth, gap.point, pressed.renewed
     fits = ~gap.has_ellipse, pressed.known
-    return Forces(energy, load, drift, *met, *fits, fibres)
+    return Forces(held.energy, load, drift, *met, *fits, *faults)
 
 
 def _slopes_moved(

@@ -227,24 +227,21 @@ def fault_of(knee: Knee, prescribed: Prescribed, here: SearchState, pivots: Arra
 def _faults(knee: Knee, prescribed: Prescribed, here: SearchState) -> Faults:
     """What is wrong with the poses, from what their search has computed already."""
     state, forces = State.of(prescribed, here.guess.q, knee.bodies), here.forces
-    found, row = [], 0
-    for contact in knee.contacts:
-        tibia = state.between(contact.bodies)
-        if contact.has_patch:
-            depth, known = forces.depth[row], forces.known[row]
-            touches = depth > 0
-            outside, deep = touches & ~known, depth >= contact.layer_thickness
-            # Off the fitted surfaces a shape says nothing, and that has been said.
-            flat = touches & known & forces.flat[row]
-            through = _passed_through(contact, tibia, deep | ~known)
-            row += 1
-        else:
-            sampled = contact.sample(tibia)
-            faults = contact.faults(tibia, sampled)
-            deep, outside = faults.too_deep | faults.lost, faults.outside
-            depth, flat = jnp.max(sampled.depth, axis=0), jnp.zeros_like(deep)
-            through = contact.passed_through(tibia)
+    found = []
+    for row, contact in enumerate(one for one in knee.contacts if one.has_patch):
+        depth, known = forces.depth[row], forces.known[row]
+        touches = depth > 0
+        outside, deep = touches & ~known, depth >= contact.layer_thickness
+        # Off the fitted surfaces a shape says nothing, and that has been said.
+        flat = touches & known & forces.flat[row]
+        through = _passed_through(contact, state.between(contact.bodies), deep | ~known)
         found.append(ContactFaults(depth, outside, deep, flat, through))
+    if (points := forces.points) is not None:
+        through = jnp.zeros_like(points.lost)
+        for contact in (one for one in knee.contacts if not one.has_patch):
+            through = through | contact.passed_through(state.between(contact.bodies))
+        deep = points.too_deep | points.lost
+        found.append(ContactFaults(points.depth, points.outside, deep, deep & False, through))
     return Faults.of(found, forces.fibres, displacement(knee, state.tibia))
 
 

@@ -32,9 +32,9 @@ def energies(knee, pose):
     parts = parts + sum(line.energy(state) for line in knee.lines)
     parts = parts + sum(c.patch_energy(gap) for c, gap in zip(patches, gaps, strict=True))
     parts = parts + sum(c.energy(tibia) for c in knee.contacts if not c.has_patch)
-    _, at_meeting, pressed, _ = knee.press(state, (meeting[:, 0], meeting[:, 1]))
+    held = knee.press(state, (meeting[:, 0], meeting[:, 1]))
     depths = jnp.stack([gap.depth for gap in gaps])
-    return knee.energy(state), at_meeting, pressed.gap, parts, depths
+    return knee.energy(state), held.energy, held.patches.gap, parts, depths
 
 
 def test_energy_is_the_sum_of_the_parts_and_that_at_the_meeting_points(knee):
@@ -71,7 +71,7 @@ def test_a_knee_on_planes_alone_answers_in_lanes(knee):
     on_planes = eqx.tree_at(lambda k: k.contacts, knee, tuple(map(add_lane_axis, contacts)))
     tibia = POSE.placement
     meeting = jnp.stack([contact.meeting(tibia) for contact in on_planes.contacts], axis=1)
-    pressed = on_planes.press(geo.State({"tibia": POSE}), (meeting[0], meeting[1]))[2]
+    pressed = on_planes.press(geo.State({"tibia": POSE}), (meeting[0], meeting[1])).patches
     assert {leaf.shape for leaf in jax.tree.leaves(pressed)} == {(2, 2)}
 
 

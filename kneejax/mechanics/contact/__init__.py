@@ -8,6 +8,7 @@ from kneejax.mechanics.contact._contact import QUADRATURE as QUADRATURE
 from kneejax.mechanics.contact._contact import Contact as Contact
 from kneejax.mechanics.contact._patch import Gap as Gap
 from kneejax.mechanics.contact._patch_force import Pressed as Pressed
+from kneejax.mechanics.contact._points_force import PointFaults as PointFaults
 from kneejax.mechanics.contact._quadrature import Sampled as Sampled
 
 __all__ = ["cartilage_law"]

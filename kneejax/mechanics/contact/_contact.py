@@ -29,7 +29,12 @@ from kneejax.mechanics.contact import _cartilage_law as law
 from kneejax.mechanics.contact._border import Border
 from kneejax.mechanics.contact._patch import Gap
 from kneejax.mechanics.contact._patch_force import Pressed, press
-from kneejax.mechanics.contact._points_force import press_points, sampled_wrench
+from kneejax.mechanics.contact._points_force import (
+    PointFaults,
+    faults_of_points,
+    press_points,
+    sampled_wrench,
+)
 from kneejax.mechanics.contact._quadrature import (
     Answer,
     Points,
@@ -44,20 +49,6 @@ from kneejax.numerics import positive_part
 #: The two ways to compute a contact.
 ELLIPTICAL_PATCH, QUADRATURE = "elliptical_patch", "quadrature"
 FORMS = (ELLIPTICAL_PATCH, QUADRATURE)
-
-
-class Faults(eqx.Module):
-    """What is wrong with a contact, each `(...)` for the lanes.
-
-    Attributes:
-        too_deep: the overlap is the whole layer somewhere.
-        outside: points touch outside the region in which the femoral surface is known.
-        lost: the depth of a point could not be found.
-    """
-
-    too_deep: Array
-    outside: Array
-    lost: Array
 
 
 class Contact(eqx.Module):
@@ -198,12 +189,9 @@ class Contact(eqx.Module):
         steep = self.touching(sampled.depth)
         return self.modulus * law.relative_pressure(self.law, relative) * steep
 
-    def faults(self, tibia: Placement, sampled: Sampled) -> Faults:
+    def faults(self, tibia: Placement, sampled: Sampled) -> PointFaults:
         """What is wrong with a contact summed over points."""
-        deep = jnp.any(sampled.depth >= self.layer(sampled.points), axis=0)
-        hit = self.femur_to_plateau(tibia).apply_inverse(sampled.hit)
-        outside = jnp.any((sampled.depth > 0) & ~self.femoral.knows(hit), axis=0)
-        return Faults(deep, outside, jnp.any(sampled.lost, axis=0))
+        return faults_of_points(self, sampled, self.femur_to_plateau(tibia))
 
     def has_no_patch(self, gap: Gap) -> Array:
         """Whether surfaces that overlap have no elliptical patch: the gap is nearly flat or not
@@ -265,11 +253,11 @@ class Contact(eqx.Module):
             return self.press(tibia, self.meeting(tibia)).wrench
         return self.press_points(tibia)[1]
 
-    def press_points(self, tibia: Placement) -> tuple[Array, Wrench]:
-        """Energy over points, N mm, and the wrench on the tibia as in `wrench`."""
+    def press_points(self, tibia: Placement) -> tuple[Array, Wrench, PointFaults]:
+        """Energy over points, N mm, the wrench on the tibia as in `wrench`, and what is wrong."""
         motion = self.femur_to_plateau(tibia)
-        energy, wrench = press_points(self, self.quadrature_points(), motion)
-        return energy, wrench.moved(self.tibial.frame.placement).turned(tibia)
+        energy, wrench, faults = press_points(self, self.quadrature_points(), motion)
+        return energy, wrench.moved(self.tibial.frame.placement).turned(tibia), faults
 
     def sampled_wrench(self, tibia: Placement, sampled: Sampled) -> Wrench:
         """As `wrench`, from depths at the quadrature points."""

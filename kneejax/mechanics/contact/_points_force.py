@@ -19,6 +19,7 @@ import dataclasses
 from functools import partial
 from typing import TYPE_CHECKING
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import Array, lax
@@ -45,13 +46,38 @@ from kneejax.mechanics.contact._quadrature import (
     Sampled,
     over_rays,
     quick_depths,
-    quickly,
+    quickly_with_bend,
     thoroughly,
 )
-from kneejax.numerics import instantiate
+from kneejax.numerics import instantiate, none_of
 
 if TYPE_CHECKING:
     from kneejax.mechanics.contact._contact import Contact
+
+class PointFaults(eqx.Module):
+    """What is wrong with a contact over points, or with several; each `(...)` for the lanes.
+
+    Attributes:
+        depth: the largest overlap, mm, of the contact that is least deep; negative apart.
+        too_deep: the overlap is the whole layer somewhere.
+        outside: points touch outside the region in which the femoral surface is known.
+        lost: the depth of a point could not be found.
+    """
+
+    depth: Array
+    too_deep: Array
+    outside: Array
+    lost: Array
+
+    def and_of(self, other: PointFaults) -> PointFaults:
+        """Those of two contacts together."""
+        return PointFaults(
+            jnp.minimum(self.depth, other.depth),
+            self.too_deep | other.too_deep,
+            self.outside | other.outside,
+            self.lost | other.lost,
+        )
+
 
 _UNITS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
@@ -71,9 +97,26 @@ def sampled_wrench(contact: Contact, sampled: Sampled) -> Wrench:
     return _sum(Wrench.at(sampled.hit, scale(share, sampled.slope), couple))
 
 
+def faults_of_points(contact: Contact, sampled: Sampled, motion: Placement) -> PointFaults:
+    """What is wrong with a contact, from depths at its points.
+
+    Args:
+        contact: whose layer and femoral region are meant.
+        sampled: depths at the points.
+        motion: from the femoral to the tibial surface's frame.
+    """
+    depth = sampled.depth
+    deep = jnp.any(depth >= contact.layer(sampled.points), axis=0)
+    known = contact.femoral.knows(motion.apply_inverse(sampled.hit))
+    outside = jnp.any((depth > 0) & ~known, axis=0)
+    return PointFaults(jnp.max(depth, axis=0), deep, outside, jnp.any(sampled.lost, axis=0))
+
+
 @jax.custom_jvp
-def press_points(contact: Contact, points: Points, motion: Placement) -> tuple[Array, Wrench]:
-    """Energy and wrench of a layer over points.
+def press_points(
+    contact: Contact, points: Points, motion: Placement
+) -> tuple[Array, Wrench, PointFaults]:
+    """Energy and wrench of a layer over points, and what is wrong with it.
 
     Args:
         contact: gives the femoral surface and the pressure law.
@@ -81,9 +124,15 @@ def press_points(contact: Contact, points: Points, motion: Placement) -> tuple[A
         motion: from the femoral to the tibial surface's frame.
 
     Returns:
-        N mm, and the wrench on the tibia in its surface's frame.
+        N mm; the wrench on the tibia in its surface's frame; faults, which have no derivative.
     """
-    return over_rays(contact.femoral, points, motion, partial(_pressed, contact))
+    answer = partial(_pressed_and_faults, contact, motion)
+    (energy, wrench), faults = over_rays(contact.femoral, points, motion, answer)
+    return energy, wrench, lax.stop_gradient(faults)
+
+
+def _pressed_and_faults(contact: Contact, motion: Placement, sampled: Sampled):
+    return _pressed(contact, sampled), faults_of_points(contact, sampled, motion)
 
 
 def _pressed(contact: Contact, sampled: Sampled) -> tuple[Array, Wrench]:
@@ -95,21 +144,22 @@ def _press_points_jvp(primals, tangents):
     *of_parts, of_motion = tangents
     if not all(isinstance(t, SymbolicZero) for t in jax.tree.leaves(of_parts)):
         return jax.jvp(press_points.fun, primals, instantiate(tangents))
-    (energy, wrench), by_twist = _stiff(contact, points, motion)
+    (energy, wrench), faults, by_twist = _stiff(contact, points, motion)
     shift, turn = _twist(motion, instantiate(of_motion))
     change = Wrench((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     for rate, by in zip((*shift, *turn), by_twist, strict=True):
         change = change + Wrench(scale(rate, by.force), scale(rate, by.moment))
     # The work of the wrench on the tibia, as the femur moves instead.
     work = plus(dot(shift, wrench.force), dot(turn, wrench.moment))
-    return (energy, wrench), (work, change)
+    return (energy, wrench, faults), (work, change, none_of(faults))
 
 
 def _stiff(contact: Contact, points: Points, motion: Placement):
-    """Energy and wrench, and the wrench's change by three shifts and three turns."""
+    """Energy and wrench, faults, and the wrench's change by three shifts and three turns."""
     quick, sound = quick_depths(contact.femoral, points, motion)
-    sampled = quickly(contact.femoral, points, motion, quick)
-    usual = _pressed(contact, sampled), stiffness(contact, sampled, motion)
+    sampled, *level = quickly_with_bend(contact.femoral, points, motion, quick)
+    stiff = stiffness(contact, sampled, motion, *level)
+    usual = *_pressed_and_faults(contact, motion, sampled), stiff
 
     def again():
         nowhere = (jnp.zeros(jnp.shape(motion.translation[0])),) * 6
@@ -119,11 +169,12 @@ def _stiff(contact: Contact, points: Points, motion: Placement):
 
             def pressed(*twist: Array):
                 moved = _displaced(motion, twist)
-                return _pressed(contact, thoroughly(contact.femoral, own, moved, known, is_known))
+                sampled = thoroughly(contact.femoral, own, moved, known, is_known)
+                return _pressed_and_faults(contact, motion, sampled)
 
             def by(unit: Array):
                 rates = tuple(x + rate for x, rate in zip(nowhere, unit, strict=True))
-                return jax.jvp(pressed, nowhere, rates)
+                return jax.jvp(pressed, nowhere, rates, has_aux=True)
 
             return lax.map(by, jnp.eye(6))
 
@@ -133,10 +184,11 @@ def _stiff(contact: Contact, points: Points, motion: Placement):
         split = jax.tree.map(
             lambda x: _by_rows(x, count, shape), (points, quick, sound), is_leaf=_is_number
         )
-        sums = jax.tree.map(lambda x: jnp.sum(x, axis=0), lax.map(of_row, split))
-        (energies, wrenches), (_, changes) = sums
-        first = jax.tree.map(lambda x: x[0], (energies, wrenches))
-        return first, [jax.tree.map(lambda x, k=k: x[k], changes) for k in range(6)]
+        held, changes, faults = lax.map(of_row, split)
+        worst = jax.tree.map(lambda x: jnp.max(x[:, 0], axis=0), faults)
+        held, changes = jax.tree.map(lambda x: jnp.sum(x, axis=0), (held, changes[1]))
+        first = jax.tree.map(lambda x: x[0], held)
+        return first, worst, [jax.tree.map(lambda x, k=k: x[k], changes) for k in range(6)]
 
     return lax.cond(jnp.all(sound), lambda: usual, again)
 
@@ -164,13 +216,17 @@ def _displaced(motion: Placement, twist: tuple[Array, ...]) -> Placement:
 press_points.defjvp(_press_points_jvp, symbolic_zeros=True)
 
 
-def stiffness(contact: Contact, sampled: Sampled, motion: Placement) -> list[Wrench]:
+def stiffness(
+    contact: Contact, sampled: Sampled, motion: Placement, gradient: Vector, bend: Rotation
+) -> list[Wrench]:
     """Change of the wrench on the tibia by motions of the femur, in the tibial surface's frame.
 
     Args:
         contact: gives the femoral surface and the pressure law.
         sampled: depths at the points of the tibial surface, none of them held.
         motion: from the femoral to the tibial surface's frame.
+        gradient: of the femoral level where the rays end, in the femoral surface's frame.
+        bend: its derivative, rows by x, y, z.
 
     Returns:
         Per mm along X, Y and Z; per rad about them, through the origin.
@@ -179,7 +235,7 @@ def stiffness(contact: Contact, sampled: Sampled, motion: Placement) -> list[Wre
     pressure, by_depth = _pressure_and_slope(contact, sampled)
     force, firm = -pressure * sampled.points.area, by_depth * sampled.points.area
     # Force by a motion of the femoral point, if the slope keeps its direction: symmetric.
-    bent = _bend_along_layer(contact, sampled, motion)
+    bent = _bend_along_layer(sampled, motion, gradient, bend)
     spring = tuple(
         tuple(firm * slope[i] * slope[j] - force * bent[i][j] for j in range(3)) for i in range(3)
     )
@@ -207,10 +263,11 @@ def _pressure_and_slope(contact: Contact, sampled: Sampled):
     return jax.jvp(pressure, (sampled.depth,), (jnp.ones_like(sampled.depth),))
 
 
-def _bend_along_layer(contact: Contact, sampled: Sampled, motion: Placement) -> Rotation:
+def _bend_along_layer(
+    sampled: Sampled, motion: Placement, gradient: Vector, bend: Rotation
+) -> Rotation:
     """The matrix `M` of the file's first lines, 1/mm."""
     slope, normal = sampled.slope, sampled.points.normal
-    _, gradient, bend = contact.femoral.level_slope_and_bend(motion.apply_inverse(sampled.hit))
     if motion.rotation is not None:
         gradient = motion.turn(gradient)
         bend = compose(motion.rotation, compose(bend, transpose(motion.rotation)))

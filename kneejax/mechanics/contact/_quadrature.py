@@ -10,7 +10,18 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
-from kneejax.geometry import Placement, Surface, Vector, add, cross, full, scale, subtract
+from kneejax.geometry import (
+    Placement,
+    Rotation,
+    Surface,
+    Vector,
+    add,
+    cross,
+    dot,
+    full,
+    scale,
+    subtract,
+)
 from kneejax.mechanics.contact import _rays as rays
 
 Answer = TypeVar("Answer")
@@ -152,6 +163,28 @@ def quickly(femoral: Surface, points: Points, motion: Placement, quick: Array) -
     lines = lines_of(points, motion)
     own = rays.follow(femoral, *lines, quick)
     level, gradient, steep = rays.look(femoral, own, *lines)
+    return _usual(points, motion, own, level, gradient, steep)
+
+
+def quickly_with_bend(
+    femoral: Surface, points: Points, motion: Placement, quick: Array
+) -> tuple[Sampled, Vector, Rotation]:
+    """As `quickly`, with gradient and bend of the femoral level where the rays end.
+
+    The surface is asked once for all of it, where the last step is taken: 3e-8 mm from the end at
+    most over the motion of a knee with splines, 2e-13 mm at most points.
+    """
+    start, along = lines_of(points, motion)
+    own = rays.follow(femoral, start, along, quick)
+    level, gradient, bend = femoral.level_slope_and_bend(subtract(start, scale(own, along)))
+    usual = _usual(points, motion, own, level, gradient, dot(gradient, along))
+    return usual, gradient, bend
+
+
+def _usual(
+    points: Points, motion: Placement, own: Array, level: Array, gradient: Vector, steep: Array
+) -> Sampled:
+    """What points see along usual rays that have been looked at near their ends."""
     per_steep = 1.0 / jnp.minimum(steep, -rays.LEVEL)
     depth = own + jnp.clip(level * per_steep, -rays.LAST_STEP, rays.LAST_STEP)
     lost = jnp.zeros(jnp.shape(depth), bool)

@@ -231,7 +231,11 @@ def any_depth(
     Returns:
         Depth, mm; its derivatives by a motion of the start and by one of the direction.
     """
-    level, gradient, bend = femoral.level_slope_and_bend(start)
+    # The surface is asked at both ends of the line at once: half of what there is to compile.
+    end = subtract(start, scale(found.depth, along))
+    ends = tuple(jnp.stack(jnp.broadcast_arrays(*pair)) for pair in zip(start, end, strict=True))
+    (level, left), gradients, bends = femoral.level_slope_and_bend(ends)
+    (gradient, there), (bend, bend_there) = _of_each(gradients), _of_each(bends)
     rises, by_size, by_slope = rise(gradient, along)
     first = -level / rises
     size = jnp.sqrt(dot(gradient, gradient))
@@ -239,11 +243,13 @@ def any_depth(
     first_by_start = scale(-1.0 / rises, add(gradient, scale(first, rotate(bend, of_rise))))
     first_by_along = scale(first * by_slope / rises, gradient)
 
-    own = follow(femoral, start, along, found.depth)
-    left, there, steep = look(femoral, own, start, along)
-    steep = jnp.where(steep < -_FLAT, steep, -1.0)
-    own = own + jnp.where(found.held, 0.0, left / steep)
-    own_by_start = scale(1.0 / steep, there)
+    steep = dot(there, along)
+    step = jnp.where(found.held, 0.0, left / jnp.where(steep < -_FLAT, steep, -1.0))
+    own = found.depth + step
+    # A step that is nothing in length: it is how the end follows the line.
+    there = subtract(there, scale(step, rotate(bend_there, along)))
+    steep = dot(there, along)
+    own_by_start = scale(1.0 / jnp.where(steep < -_FLAT, steep, -1.0), there)
 
     some = found.first != 0.0
     ratio = jnp.where(some, own / jnp.where(some, first, 1.0), 1.0)
@@ -254,6 +260,11 @@ def any_depth(
     by_start = add(scale(by_ratio, own_by_start), scale(rest, first_by_start))
     by_along = add(scale(-by_ratio * own, own_by_start), scale(rest, first_by_along))
     return depth, by_start, by_along
+
+
+def _of_each(stacked):
+    """What was computed for two places, apart."""
+    return (jax.tree.map(lambda x, k=k: x[k] if jnp.ndim(x) else x, stacked) for k in (0, 1))
 
 
 @jax.custom_jvp
