@@ -11,17 +11,20 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.custom_derivatives import SymbolicZero
 
 from kneejax.experiments import Motion, Shank, passive_flexion
 from kneejax.geometry import FREE_COORDINATES, Pose, State, scales
-from kneejax.mechanics import Contact, Knee, Load, add_lane_axis
-from kneejax.numerics import compiled
-from kneejax.reproduction.paper3._rigid_patella import SCALES, UNKNOWNS, RigidPatella, root
+from kneejax.mechanics import Knee, Load, add_lane_axis
+from kneejax.numerics import compiled, instantiate
+from kneejax.reproduction.paper3._rigid_patella import SCALES, RigidPatella
 from kneejax.statics import force_along
 
 #: Before the unknowns of the patella: the tibia's free coordinates, and the pull, N.
 _TIBIA = len(FREE_COORDINATES)
 _PULL, _FIRST = _TIBIA, _TIBIA + 1
+#: What is left over at a root, N; steps of a search at most, and how long one may be: 1 mm, 1 N/N.
+_ENOUGH_N, _MOST_STEPS, _LONGEST = 1e-8, 40, 3.0
 #: The quadriceps' arm where nothing is known of it, mm, and N of pull that count as 1.
 _ARM_MM, _PULL_N = 40.0, 100.0
 #: Forces on a patella by the pull where nothing is known of them: medial, lateral, tendon.
@@ -75,9 +78,8 @@ def rigid_leg(
     """
     flexion, weight = jnp.deg2rad(jnp.asarray(flexion_deg, float)), shank.load()
     begin = _beginnings(knee, patella, start, flexion_deg, weight)
-    found = _found(knee, patella, weight, flexion, begin)
-    arm = _arms(knee, patella, weight, flexion, found)
-    return _told(patella, weight, np.asarray(flexion_deg, float), found, arm)
+    found, slope = _searched(knee, patella, weight, flexion, begin)
+    return _told(patella, weight, np.asarray(flexion_deg, float), found, _arms(np.asarray(slope)))
 
 
 def held_by_rigid_patella(
@@ -86,48 +88,111 @@ def held_by_rigid_patella(
     """Where a leg is held, as unknowns of tibia, pull and patella.
 
     Args:
-        knee: as in `rigid_leg`; likewise `patella`.
+        knee: as in `rigid_leg`; likewise `patella`. Its contacts are sums over points.
         weight: of the leg.
         flexion: rad, `(poses,)`.
         near: where to search, `(poses, unknowns)`.
 
     Returns:
         The unknowns, `(poses, unknowns)`: the tibia's free coordinates, rad and mm, the pull, N,
-        those of the patella, the meeting points; differentiable by every number but `near`.
+        those of the patella; differentiable by every number but `near`.
     """
-    return jax.vmap(lambda a, x: root(_unbalanced, x, _units(knee), (knee, patella, weight, a)))(
-        flexion, near
-    )
+    still = jax.lax.stop_gradient((knee, patella, weight, flexion))
+    found, slope = _searched(*still, near)
+    # One step of Newton's method from a root has the root's derivative.
+    left = _unbalanced_at(knee, patella, weight, flexion, found)
+    return found - jnp.linalg.solve(slope, left[..., None])[..., 0]
 
 
-_found = compiled()(held_by_rigid_patella)
+def _searched(knee, patella, weight, flexion, near: Array) -> tuple[Array, Array]:
+    """The roots, and the derivatives of what vanishes there; both NaN where there is none."""
+    unknowns, units = np.asarray(near), np.array(_UNITS)
+    lost, slope = np.ones(len(unknowns), bool), np.zeros((*unknowns.shape, len(units)))
+    for _ in range(_MOST_STEPS):
+        # Numbers that no program has handed out: for those it would be compiled anew.
+        left, slope = map(np.asarray, _linear(knee, patella, weight, flexion, unknowns))
+        lost = ~(np.abs(left).max(axis=-1) < _ENOUGH_N)
+        if not lost.any():
+            break
+        step = np.linalg.solve(slope, -left[..., None])[..., 0]
+        size = np.abs(step / units).max(axis=-1, keepdims=True)
+        unknowns = unknowns + step * np.minimum(1.0, _LONGEST / size)
+    unknowns = np.where(lost[:, None], np.nan, unknowns)
+    return jnp.asarray(unknowns), jnp.asarray(np.where(lost[:, None, None], np.nan, slope))
 
 
-def _units(knee: Knee) -> tuple[float, ...]:
-    return (*scales(FREE_COORDINATES), _PULL_N, *SCALES, *(1.0,) * (2 * knee.patch_count))
+@compiled()
+def _unbalanced_at(knee, patella, weight, flexion, unknowns: Array) -> Array:
+    return jax.vmap(lambda a, x: _unbalanced(x, (knee, patella, weight, a)))(flexion, unknowns)
+
+
+@compiled()
+def _linear(knee, patella, weight, flexion, unknowns: Array) -> tuple[Array, Array]:
+    """What is unbalanced, `(poses, n)`, and its derivative by the unknowns, `(poses, n, n)`."""
+
+    def one(a: Array, x: Array) -> tuple[Array, Array]:
+        def twice(y: Array) -> tuple[Array, Array]:
+            left = _unbalanced(y, (knee, patella, weight, a))
+            return left, left
+
+        slope, left = jax.jacfwd(twice, has_aux=True)(x)
+        return left, slope
+
+    return jax.vmap(one)(flexion, unknowns)
+
+
+#: What counts as 1 of each unknown.
+_UNITS = (*scales(FREE_COORDINATES), _PULL_N, *SCALES)
+#: What is balanced on the tibia.
+_BALANCED = (*FREE_COORDINATES, "flexion")
 
 
 def _unbalanced(unknowns: Array, args) -> Array:
     """What vanishes where the leg is held: forces on the tibia, the moment about the flexion axis,
-    all of the patella, and the slopes of the gaps where patches touch."""
+    and all of the patella."""
     knee, patella, weight, flexion = args
-    pull, own = unknowns[_PULL], unknowns[_FIRST : _FIRST + UNKNOWNS]
-    meeting = unknowns[_FIRST + UNKNOWNS :].reshape(2, knee.patch_count, 1)
-    prescribed = {"flexion": flexion[None]}
-    state = State.of(prescribed, unknowns[:_TIBIA, None])
+    pull, own = unknowns[_PULL], unknowns[_FIRST:]
+    state = State.of({"flexion": flexion[None]}, unknowns[:_TIBIA, None])
     attached = _attached(patella, state)
     along = patella.tendon(Pose(*own[:6]).placement, attached)
-    force = pull * own[12] * along / jnp.linalg.norm(along)
-    tendon = Load(force, point=patella.tibial_attachment)
-    loads = add_lane_axis((*knee.loads, weight, tendon))
-    lanes = dataclasses.replace(add_lane_axis(knee), loads=loads)
-    names = (*FREE_COORDINATES, "flexion")
-    left = force_along(lanes, state, (meeting[0], meeting[1]), names)[:, 0]
-    rows = [left * jnp.array(scales(names)), patella.stationary(own, attached)]
-    if knee.patch_count:
-        slopes = lanes.map_patches(Contact.gap, state, (meeting[0], meeting[1])).slope
-        rows += [slope.ravel() for slope in slopes]
-    return jnp.concatenate(rows)
+    tendon = Load(pull * own[12] * along / jnp.linalg.norm(along), point=patella.tibial_attachment)
+    left = _by_knee(knee, flexion, unknowns[:_TIBIA])
+    for load in (weight, tendon):
+        left = left - jnp.stack([x[0] for x in add_lane_axis(load).work(state, _BALANCED)])
+    return jnp.concatenate([left * jnp.array(scales(_BALANCED)), patella.stationary(own, attached)])
+
+
+@jax.custom_jvp
+def _by_knee(knee: Knee, flexion: Array, q: Array) -> Array:
+    """What the knee itself leaves unbalanced on the tibia, `(6,)`.
+
+    Its derivative by the coordinates is taken one after the other: all directions of a larger
+    system at once would copy every point of a contact for each of them, and compile for minutes.
+    """
+    state, none = State.of({"flexion": flexion[None]}, q[:, None]), jnp.zeros((0, 1))
+    return force_along(add_lane_axis(knee), state, (none, none), _BALANCED)[:, 0]
+
+
+def _by_knee_jvp(primals, tangents):
+    knee, flexion, q = primals
+    *of_knee, of_q = tangents
+    value = _by_knee(knee, flexion, q)
+    change = jnp.zeros_like(value)
+    if not isinstance(of_q, SymbolicZero):
+
+        def along(way: Array) -> Array:
+            return jax.jvp(lambda x: _by_knee.fun(knee, flexion, x), (q,), (way,))[1]
+
+        change = jax.lax.map(along, jnp.eye(len(q))).T @ of_q
+    if not all(isinstance(t, SymbolicZero) for t in jax.tree.leaves(of_knee)):
+        moved = jax.jvp(
+            lambda k, a: _by_knee.fun(k, a, q), (knee, flexion), instantiate(tuple(of_knee))
+        )
+        change = change + moved[1]
+    return value, change
+
+
+_by_knee.defjvp(_by_knee_jvp, symbolic_zeros=True)
 
 
 def _attached(patella: RigidPatella, state: State) -> Array:
@@ -160,9 +225,7 @@ def _beginnings(
     along *= (carried * own[:, 12] / np.linalg.norm(along, axis=1))[:, None]
     tendon = Load(along, np.zeros_like(along), np.tile(patella.tibial_attachment, (len(along), 1)))
     loaded: Motion = passive_flexion(knee, flexion_deg, [weight, tendon])
-    met = np.moveaxis(np.asarray(loaded.settled.meeting), -1, 0)
-    met = np.moveaxis(met, 2, 1).reshape(len(along), -1)
-    return jnp.asarray(np.c_[np.asarray(loaded.settled.q).T, carried, own, met])
+    return jnp.asarray(np.c_[np.asarray(loaded.settled.q).T, carried, own])
 
 
 def _first(patella: RigidPatella, start: Pose) -> Array:
@@ -180,30 +243,24 @@ def _pull_that_carries(weight: Load, flexion_deg: np.ndarray) -> np.ndarray:
     return np.maximum(moment / _ARM_MM, 1.0)
 
 
-@compiled()
-def _arms(
-    knee: Knee, patella: RigidPatella, weight: Load, flexion: Array, found: Array
-) -> Array:
-    """How fast the moment about the flexion axis grows with the pull, all else balanced, mm."""
-    units = np.array(_units(knee))
+def _arms(slope: np.ndarray) -> np.ndarray:
+    """How fast the moment about the flexion axis grows with the pull, all else balanced, mm.
 
-    def arm(a: Array, x: Array) -> Array:
-        slope = jax.jacfwd(_unbalanced)(x, (knee, patella, weight, a))
-        others = np.array([k for k in range(len(units)) if k != _PULL])
-        kept = np.array([k for k in range(len(units)) if k != _TIBIA])
-        # Row `_TIBIA` is the moment, at its scale; column `_PULL` the pull.
-        moves = jnp.linalg.solve(slope[kept][:, others], slope[kept, _PULL])
-        grows = slope[_TIBIA, _PULL] - slope[_TIBIA, others] @ moves
-        return grows / scales(["flexion"])[0]
-
-    return jax.vmap(arm)(flexion, found)
+    Row `_TIBIA` of the derivative is the moment, at its scale; column `_PULL` the pull.
+    """
+    every = range(slope.shape[-1])
+    others = np.array([k for k in every if k != _PULL])
+    kept = np.array([k for k in every if k != _TIBIA])
+    moves = np.linalg.solve(slope[:, kept][:, :, others], slope[:, kept, _PULL, None])[..., 0]
+    grows = slope[:, _TIBIA, _PULL] - np.einsum("ij,ij->i", slope[:, _TIBIA, others], moves)
+    return grows / scales(["flexion"])[0]
 
 
 def _told(
-    patella: RigidPatella, weight: Load, flexion_deg: np.ndarray, found: Array, arm: Array
+    patella: RigidPatella, weight: Load, flexion_deg: np.ndarray, found: Array, arm: np.ndarray
 ) -> RigidLeg:
     table = np.asarray(found)
-    pull, own = table[:, _PULL], table[:, _FIRST : _FIRST + UNKNOWNS]
+    pull, own = table[:, _PULL], table[:, _FIRST:]
     tibia = State.of({"flexion": jnp.deg2rad(flexion_deg)}, found[:, :_TIBIA].T).tibia
     there = Pose(*(found[:, _FIRST + k] for k in range(6)))
     end = tibia.placement.apply(tuple(patella.tibial_attachment))
@@ -219,8 +276,9 @@ def _told(
     normals = np.array([_outwards(facet) for facet in patella.facets])
     pressed = own[:, 10:12, None] * normals
     return RigidLeg(
-        flexion_deg, tibia, np.asarray(there.to_table()), pull, tendon, pull[:, None] * own[:, 10:12],
-        pull * np.linalg.norm(pressed.sum(axis=1), axis=1), np.asarray(arm), *turned,
+        flexion_deg, tibia, np.asarray(there.to_table()), pull, tendon,
+        pull[:, None] * own[:, 10:12], pull * np.linalg.norm(pressed.sum(axis=1), axis=1), arm,
+        *turned,
     )  # fmt: skip
 
 

@@ -7,8 +7,6 @@ the paper's own numbers are asked for.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -120,27 +118,11 @@ class RigidPatella(eqx.Module):
         Returns:
             The unknowns, differentiable by every number of this patella and by `attached`.
         """
-        return root(lambda x, args: args[0].stationary(x, args[1]), near, SCALES, (self, attached))
-
-
-def root(function, near: Array, units: Sequence[float], args) -> Array:
-    """Where a function vanishes, by Powell's dogleg; its derivative is that of the implicit function.
-
-    Args:
-        function: of unknowns and `args`.
-        near: where the search begins; not differentiated.
-        units: size of each unknown that counts as 1.
-        args: by which the root is differentiable.
-
-    Returns:
-        The root; NaN where none was found.
-    """
-    size = jnp.array(units)
-    solver = optx.Dogleg(rtol=_TOLERANCE, atol=_TOLERANCE)
-    begin = jax.lax.stop_gradient(near) / size
-    found = optx.root_find(
-        lambda x, every: function(x * size, every),
-        solver, begin, args, max_steps=_MOST_STEPS, throw=False,
-    )  # fmt: skip
-    left = jnp.max(jnp.abs(function(found.value * size, args)))
-    return jnp.where(left < 1e3 * _TOLERANCE, found.value * size, jnp.nan)
+        size, begin = jnp.array(SCALES), jax.lax.stop_gradient(near)
+        solver = optx.Dogleg(rtol=_TOLERANCE, atol=_TOLERANCE)
+        found = optx.root_find(
+            lambda x, args: args[0].stationary(x * size, args[1]),
+            solver, begin / size, (self, attached), max_steps=_MOST_STEPS, throw=False,
+        )  # fmt: skip
+        left = jnp.max(jnp.abs(self.stationary(found.value * size, attached)))
+        return jnp.where(left < 1e3 * _TOLERANCE, found.value * size, jnp.nan)

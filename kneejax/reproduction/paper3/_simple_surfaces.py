@@ -13,7 +13,7 @@ import numpy as np
 
 from kneejax.geometry import FEMUR, PATELLA, TIBIA, Condyle, Frame, Plane, Surface
 from kneejax.geometry.fitting import fit_condyle
-from kneejax.mechanics import Contact, Knee
+from kneejax.mechanics import Knee
 from kneejax.reproduction.paper3._rigid_patella import RigidPatella
 
 #: Between the patella's facets (section 2), degrees.
