@@ -32,7 +32,7 @@ def raised_leg_figure(found: RaisedLeg) -> Figure:
 
     figure = Figure(figsize=(WIDTH, 7.6))
     panels = figure.subplots(3, 2).ravel()
-    figure.subplots_adjust(left=0.085, right=0.985, top=0.95, bottom=0.065, wspace=0.24, hspace=0.4)
+    figure.subplots_adjust(left=0.085, right=0.985, top=0.95, bottom=0.065, wspace=0.24, hspace=0.5)
     leg, held = found.leg, found.held
 
     def of_held(values: np.ndarray) -> np.ndarray:

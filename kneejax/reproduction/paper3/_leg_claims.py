@@ -58,9 +58,8 @@ def _pull(found: RaisedLeg) -> Claim:
     gone = _at(found, pull, 90.0) < NONE * middle.mean()
     holds = bool(steady < STEADY and gone and pull.argmax() == 0)
     why = [] if steady < STEADY else [
-        f"from 20 to 60 degrees it falls by {1.0 - middle.min() / middle.max():.0%}: beyond 40 "
-        "degrees the leg's moment falls faster than the arm of this knee's quadriceps, and the "
-        "ligaments carry a part of it"
+        f"from 20 to 60 degrees it falls by {1.0 - middle.min() / middle.max():.0%}, with "
+        "the moment of the leg, which halves there; the arm does not fall along with it. " + _OTHER
     ]  # fmt: skip
     return Claim(
         "3.6",
@@ -129,8 +128,8 @@ def _patella(found: RaisedLeg) -> Claim:
         judged(holds),
         ""
         if holds
-        else f"{last:.0f} degrees at 90, counted in the axes of the record of this "
-        f"person, whose own patella comes to 62 degrees there; {_OTHER}",
+        else f"{last:.0f} degrees at 90, counted in this person's axes, in which the "
+        f"patella of the record, passive, comes to 72; {_OTHER}",
     )
 
 
