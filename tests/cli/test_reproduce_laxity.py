@@ -44,7 +44,7 @@ def raised():
     pull, three = np.array([300.0, 200.0, 200.0, 200.0, -1.0]), np.zeros((5, 3))
     leg = RigidLeg(
         x, Pose.from_table(np.c_[x, np.zeros((5, 5))]), np.zeros((5, 6)), pull, pull,
-        np.ones((5, 2)), pull, 40.0 + 0 * x, three, three,
+        np.ones((5, 2)), pull, 40.0 + 0 * x, three, three, np.zeros((5, 19)),
     )  # fmt: skip
     parts = {name: x for name in ("patellar tendon", "contact", "weight", "a", "b", "c")}
     return RaisedLeg(leg, {"ACL": x, "PCL": x}, parts)

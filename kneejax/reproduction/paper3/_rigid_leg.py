@@ -47,6 +47,7 @@ class RigidLeg:
         arm_mm: how fast the extension moment grows with the pull, `(poses,)`.
         tendon_force: on the tibia in the tibia's axes, `(poses, 3)`, N.
         weight_force: likewise of the leg's weight.
+        unknowns: all that was solved for, see `held_by_rigid_patella`.
     """
 
     flexion_deg: np.ndarray
@@ -59,6 +60,7 @@ class RigidLeg:
     arm_mm: np.ndarray
     tendon_force: np.ndarray
     weight_force: np.ndarray
+    unknowns: np.ndarray
 
 
 def rigid_leg(
@@ -278,7 +280,7 @@ def _told(
     return RigidLeg(
         flexion_deg, tibia, np.asarray(there.to_table()), pull, tendon,
         pull[:, None] * own[:, 10:12], pull * np.linalg.norm(pressed.sum(axis=1), axis=1), arm,
-        *turned,
+        turned[0], turned[1], table,
     )  # fmt: skip
 
 

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import optimistix as optx
 from jax import Array
 
-from kneejax.geometry import PATELLA, Placement, Pose, Surface, coordinates_of, scales
+from kneejax.geometry import PATELLA, Condyle, Placement, Pose, Surface, coordinates_of, scales
 
 #: Where a search ends, mm and N per N of pull; and after how many steps it is given up.
 _TOLERANCE, _MOST_STEPS = 1e-11, 100
@@ -37,7 +37,7 @@ class RigidPatella(eqx.Module):
         insertion: of the quadriceps, `(3,)`, mm, patella frame.
     """
 
-    groove: tuple[Surface, Surface]
+    groove: tuple[Condyle, Condyle]
     facets: tuple[Surface, Surface]
     patellar_attachment: Array
     tibial_attachment: Array

@@ -39,6 +39,7 @@ def rigid_patella_of(knee: Knee) -> RigidPatella:
         attachments of its fibres and heads; the tendon as long as its fibres are on the whole.
     """
     (contact,) = (one for one in knee.contacts if one.bodies == (FEMUR, PATELLA))
+    assert isinstance(contact.femoral, Condyle)
     fibres, muscles = knee.ligaments, knee.muscles
     rows = np.array([k for k, pair in enumerate(fibres.bodies) if pair == (PATELLA, TIBIA)])
     assert muscles is not None
@@ -56,7 +57,7 @@ def rigid_patella_of(knee: Knee) -> RigidPatella:
     )
 
 
-def _groove(whole: Surface) -> tuple[Condyle, Condyle]:
+def _groove(whole: Condyle) -> tuple[Condyle, Condyle]:
     """Medial and lateral polynomial through points of a groove on both sides of its floor."""
     angle = np.deg2rad(np.linspace(*_ANGLE_DEG, _POINTS))
     across = np.linspace(-8.0, 8.0, 81)

@@ -51,6 +51,7 @@ def leg(**changed):
         "arm_mm": 50.0 - 0.01 * (X - 35.0) ** 2, "tibia": geo.Pose.from_table(jnp.asarray(tibia)),
         "contact_N": np.stack([0.4 * contact, 0.6 * contact], axis=1),
         "tendon_force": np.c_[tendon, 0 * X, 0 * X], "weight_force": np.c_[-tendon, 0 * X, 0 * X],
+        "unknowns": np.zeros((len(X), 19)),
     }  # fmt: skip
     found = RigidLeg(X, **{name: changed.pop(name, value) for name, value in parts.items()})
     tension = {
