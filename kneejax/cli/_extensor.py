@@ -103,6 +103,11 @@ def _report(arguments, knee: Knee, found: Extensor, status: np.ndarray) -> None:
     title = f"{knee.name}{without}: {arguments.experiment}"
     print(title)
     print("\n".join(extensor_lines(found, status)))
+    if found.walked.any():
+        places = ", ".join(f"{x:g}" for x in found.flexion_deg[found.walked])
+        print(
+            f"walked to anew, the balance lay farther than 1 mm from where expected: {places} deg"
+        )
     out = arguments.out
     write_rows(out / "extensor.csv", list(EXTENSOR_COLUMNS), extensor_rows(found, status))
     key = ["flexion_deg", "quadriceps_N", "part"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
@@ -24,12 +25,14 @@ from kneejax.mechanics import Knee, Load, add_lane_axis
 from kneejax.numerics import compiled, imported, traced
 from kneejax.parameters import fibre_rows
 from kneejax.statics import (
+    Balances,
     Settled,
     Stations,
     Status,
     differentiable,
     force_along,
     own_motion,
+    own_motion_near,
     settled_of,
     walked_in_trace,
 )
@@ -213,14 +216,52 @@ def followed(knee: Knee, stations: Stations) -> Motion:
     stations = stations.of(knee)
     still = jax.lax.stop_gradient((knee, stations))
     found = _found_in_trace(*still) if traced(still) else _found(*still)
-    return _described(knee, stations, *found)
+    return again(knee, stations, *found)
+
+
+def expected(
+    knee: Knee, stations: Stations, q: ArrayLike, meeting: ArrayLike, tangent: ArrayLike
+) -> Motion:
+    """Where a knee is balanced near where it is expected, without a walk there.
+
+    Args:
+        knee: any knee, its numbers known; likewise those of the `stations`.
+        q: free coordinates that are expected, `(free, poses)`, rad and mm.
+        meeting: parameters of the meeting points, `(n, 2, poses)`.
+        tangent: stiffness near there, `(free, free, poses)`.
+
+    Returns:
+        The motion. It may lie on another branch than the one that was expected: compare.
+    """
+    stations = stations.of(knee)
+    near = (np.moveaxis(np.asarray(x), -1, 0) for x in (q, meeting, tangent))
+    found = own_motion_near(knee, _itself, np.zeros(()), stations, *near)
+    return again(knee, stations, *_of_walk(stations, found))
+
+
+def again(knee: Knee, stations: Stations, settled: Settled, reached: Array) -> Motion:
+    """A motion that has been found, as a function of the knee and of what is prescribed.
+
+    Args:
+        knee: with which it was found, or of which a derivative is asked: of equal numbers.
+        stations: likewise.
+        settled: its balances.
+        reached: as in `Motion`.
+    """
+    stations = stations.of(knee)
+    motion = _described(knee, stations, settled, reached)
+    # What a program hands through would have others compiled anew for it.
+    return dataclasses.replace(motion, knee=knee, stations=stations)
+
+
+def _of_walk(stations: Stations, found: Balances) -> tuple[Settled, Array]:
+    nodes = {name: np.moveaxis(x, 0, -1) for name, x in found.in_nodes().items()}
+    return settled_of(stations, nodes), jnp.asarray(found.reached[0])
 
 
 def _found(knee: Knee, stations: Stations) -> tuple[Settled, Array]:
     """The balances, and how much of the load was reached."""
-    found = own_motion(knee, _itself, np.zeros(()), stations)
-    nodes = {name: np.moveaxis(x, 0, -1) for name, x in found.in_nodes().items()}
-    return settled_of(stations, nodes), jnp.asarray(found.reached[0])
+    return _of_walk(stations, own_motion(knee, _itself, np.zeros(()), stations))
 
 
 def _found_in_trace(knee: Knee, stations: Stations) -> tuple[Settled, Array]:

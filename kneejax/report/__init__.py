@@ -89,6 +89,7 @@ from kneejax.report.reproduction import drawer_figure as drawer_figure
 from kneejax.report.reproduction import knee_comparison_text as knee_comparison_text
 from kneejax.report.reproduction import lachman_figure as lachman_figure
 from kneejax.report.reproduction import paper5_figure as paper5_figure
+from kneejax.report.reproduction import raised_leg_figure as raised_leg_figure
 from kneejax.report.reproduction import ramp_figure as ramp_figure
 from kneejax.report.reproduction import score_figure as score_figure
 from kneejax.report.reproduction import torsion_figure as torsion_figure

@@ -12,8 +12,10 @@ from kneejax.reproduction.paper2 import Paper2Study as Paper2Study
 from kneejax.reproduction.paper2 import paper2_claims as paper2_claims
 from kneejax.reproduction.paper2 import paper2_study as paper2_study
 from kneejax.reproduction.paper3 import Paper3Study as Paper3Study
+from kneejax.reproduction.paper3 import RaisedLeg as RaisedLeg
 from kneejax.reproduction.paper3 import paper3_claims as paper3_claims
 from kneejax.reproduction.paper3 import paper3_study as paper3_study
+from kneejax.reproduction.paper3 import raised_leg as raised_leg
 from kneejax.reproduction.paper4 import LIMITS as LIMITS
 from kneejax.reproduction.paper4 import Change as Change
 from kneejax.reproduction.paper4 import Influence as Influence

@@ -32,5 +32,6 @@ from kneejax.statics.walk import balance_many as balance_many
 from kneejax.statics.walk import balance_with_slopes as balance_with_slopes
 from kneejax.statics.walk import in_lanes as in_lanes
 from kneejax.statics.walk import own_motion as own_motion
+from kneejax.statics.walk import own_motion_near as own_motion_near
 from kneejax.statics.walk import settled_of as settled_of
 from kneejax.statics.walk import walked_in_trace as walked_in_trace

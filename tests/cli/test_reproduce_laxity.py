@@ -7,9 +7,10 @@ import pytest
 
 from kneejax.cli import main
 from kneejax.cli.papers import _paper2, _paper3
-from kneejax.reproduction import VERDICTS, Paper2Study, Paper3Study
+from kneejax.geometry import Pose
+from kneejax.reproduction import VERDICTS, Paper2Study, Paper3Study, RaisedLeg
 from kneejax.reproduction.paper2 import Lachman
-from kneejax.reproduction.paper3 import TORSION_DEG
+from kneejax.reproduction.paper3 import TORSION_DEG, RigidLeg
 from kneejax.statics import Status
 
 
@@ -37,6 +38,18 @@ def drawer_study(status, flexion):
     )  # fmt: skip
 
 
+def raised():
+    """A leg at some flexions, the quadriceps slack at the last."""
+    x = np.array([0.0, 20.0, 40.0, 60.0, 90.0])
+    pull, three = np.array([300.0, 200.0, 200.0, 200.0, -1.0]), np.zeros((5, 3))
+    leg = RigidLeg(
+        x, Pose.from_table(np.c_[x, np.zeros((5, 5))]), np.zeros((5, 6)), pull, pull,
+        np.ones((5, 2)), pull, 40.0 + 0 * x, three, three, np.zeros((5, 19)),
+    )  # fmt: skip
+    parts = {name: x for name in ("patellar tendon", "contact", "weight", "a", "b", "c")}
+    return RaisedLeg(leg, {"ACL": x, "PCL": x}, parts)
+
+
 @pytest.mark.parametrize("paper", ["2", "3"])
 @pytest.mark.parametrize(("status", "code"), [(Status.GIVES_WAY, 0), (Status.OUTSIDE_REGION, 1)])
 def test_claims_tables_and_figures_are_written(paper, status, code, tmp_path, monkeypatch, capsys):
@@ -46,12 +59,13 @@ def test_claims_tables_and_figures_are_written(paper, status, code, tmp_path, mo
         _paper3, "paper3_study",
         lambda knee, flexion, mm, Nm: asked.append((mm, Nm)) or drawer_study(status, flexion),
     )  # fmt: skip
+    monkeypatch.setattr(_paper3, "raised_leg", lambda knee, with_patella: raised())
     assert main(["reproduce", paper, "--out", str(tmp_path)]) == code
     with (tmp_path / "reproduction.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert {row["verdict"] for row in rows} <= set(VERDICTS)
     assert all(row["number"].startswith(f"{paper}.") for row in rows)
-    drawn = {"2": ["lachman"], "3": ["drawer", "torsion"]}[paper]
+    drawn = {"2": ["lachman"], "3": ["drawer", "raised_leg", "torsion"]}[paper]
     assert sorted(x.stem for x in (tmp_path / "figures").iterdir()) == drawn
     table = {"2": "lachman.csv", "3": "drawer.csv"}[paper]
     with (tmp_path / table).open() as file:

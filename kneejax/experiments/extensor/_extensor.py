@@ -5,21 +5,26 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jax import Array
 from jax.typing import ArrayLike
 
 from kneejax.experiments._evaluate import Mechanics, evaluate
 from kneejax.experiments._motion import Motion, followed
 from kneejax.experiments.extensor._gravity import Shank, weight_of
-from kneejax.experiments.extensor._mechanism import arm_and_tendon, forces_on_tibia
-from kneejax.geometry import FEMUR, PATELLA, TIBIA, State
-from kneejax.mechanics import QUADRICEPS, Knee, Load, pull_of
-from kneejax.statics import Stations, converged
-
-#: What moments are balanced to, N mm; pulls that are tried at most; and the first arm, mm.
-_ENOUGH_NMM, _MOST_TRIES, _ARM_MM = 1e-3, 12, 40.0
-#: No quadriceps pulls more, N.
-STRONGEST_N = 12000.0
+from kneejax.experiments.extensor._held_leg import STRONGEST_N, held_leg, pulled_at
+from kneejax.experiments.extensor._mechanism import (
+    by_pull,
+    forces_on_tibia,
+    known_only,
+    tendon_of,
+)
+from kneejax.geometry import FEMUR, PATELLA
+from kneejax.mechanics import Knee, Load
+from kneejax.numerics import traced
+from kneejax.statics import converged
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,27 +41,31 @@ class Extensor:
             extend, `(poses,)`: a machine that holds it there exerts as much towards flexion.
         weight_Nm: how much the weight of the leg bends the knee, `(poses,)`.
         arm_mm: effective moment arm by virtual work, `(poses,)`: how much shorter the quadriceps
-            becomes per rad of flexion, all other coordinates staying balanced.
+            becomes per rad of flexion, all other coordinates staying balanced. It is a derivative
+            already: its own is NaN.
+        walked: where a pull was found by a walk of its own, since the balance under it lay farther
+            than 1 mm from where it was expected, `(poses,)`.
     """
 
     motion: Motion
     mechanics: Mechanics
-    quadriceps_N: np.ndarray
-    tendon_N: np.ndarray
-    contact_N: np.ndarray
-    extension_Nm: np.ndarray
-    weight_Nm: np.ndarray
-    arm_mm: np.ndarray
+    quadriceps_N: Array
+    tendon_N: Array
+    contact_N: Array
+    extension_Nm: Array
+    weight_Nm: Array
+    arm_mm: Array
+    walked: np.ndarray
 
     @property
-    def flexion_deg(self) -> np.ndarray:
+    def flexion_deg(self) -> Array:
         """Of the tibia, `(poses,)`."""
-        return np.asarray(self.motion.flexion_deg)
+        return self.motion.flexion_deg
 
     @property
-    def patella(self) -> np.ndarray:
+    def patella(self) -> Array:
         """Poses of the patella, degrees and mm, `(poses, 6)`, in the order of its columns."""
-        return np.asarray(self.motion.settled.state.poses[PATELLA].to_table())
+        return self.motion.settled.state.poses[PATELLA].to_table()
 
     @property
     def forces_on_tibia(self) -> dict[str, np.ndarray]:
@@ -108,8 +117,9 @@ def patellar_tracking(
     flexion, pull = np.broadcast_arrays(np.asarray(flexion_deg, float), quadriceps_N)
     _check_pull(pull)
     weightless = weight_of(np.zeros(3), np.zeros(3))
-    motion = _pulled(knee, flexion, pull, (weightless, *loads))
-    return _described(motion, np.asarray(pull, float), weightless)
+    motion = followed(knee, pulled_at(knee, flexion, pull, (weightless, *loads)))
+    nowhere = np.zeros(len(motion.status), bool)
+    return _described(motion, jnp.asarray(pull, float), nowhere, weightless)
 
 
 def isometric_extension(
@@ -152,46 +162,8 @@ def leg_raise(knee: Knee, flexion_deg: ArrayLike, shank: Shank) -> Extensor:
         patella
     """
     _needs_patella(knee)
-    flexion = np.atleast_1d(np.asarray(flexion_deg, float))
-    weight, rest = shank.load(), _at_rest(knee)
-
-    def left(pull: np.ndarray) -> tuple[Motion, np.ndarray]:
-        motion = _pulled(knee, flexion, pull, (weight,))
-        return motion, np.asarray(motion.reaction("flexion"))
-
-    # The moment is nearly proportional to the pull: a secant ends in a few walks. It begins where
-    # the weight is carried, since a leg that hangs from a slack quadriceps may have no balance.
-    before = np.clip(_bending(knee, flexion, weight) / _ARM_MM, rest, STRONGEST_N)
-    motion, moment = left(before)
-    guess = np.where(np.isfinite(moment), before - moment / _ARM_MM, 1.5 * before)
-    pull = np.clip(guess, rest, STRONGEST_N)
-    for _ in range(_MOST_TRIES):
-        motion, now = left(pull)
-        lost, away = ~np.isfinite(now), pull - before
-        slope = (now - moment) / np.where(away != 0.0, away, 1.0)
-        slope = np.where(np.isfinite(slope) & (slope > 0.0), slope, _ARM_MM)
-        further = np.where(lost, 0.5 * (pull + before), pull - now / slope)
-        further = np.clip(further, rest, STRONGEST_N)
-        goes_on = (lost | (np.abs(now) > _ENOUGH_NMM)) & (further != pull)
-        if not goes_on.any():
-            break
-        before, moment = np.where(lost, before, pull), np.where(lost, moment, now)
-        pull = np.where(goes_on, further, pull)
-    else:
-        motion, _ = left(pull)
-    return _described(motion, pull, weight)
-
-
-def _bending(knee: Knee, flexion: np.ndarray, weight: Load) -> np.ndarray:
-    """Moment of a weight about the flexion axis of a tibia that only bends, N mm."""
-    reference, turned = knee.reference_pose, np.deg2rad(flexion)
-    bent = State({TIBIA: dataclasses.replace(reference, flexion=turned)})
-    return np.asarray(weight.work(bent, ("flexion",))[0])
-
-
-def _at_rest(knee: Knee) -> float:
-    assert knee.muscles is not None
-    return float(sum(knee.muscles.tension[row] for row in knee.muscles.quadriceps))
+    weight, flexion = shank.load(), jnp.atleast_1d(jnp.asarray(flexion_deg, float))
+    return _described(*held_leg(knee, flexion, weight), weight)
 
 
 def _check_pull(pull: np.ndarray) -> None:
@@ -201,33 +173,32 @@ def _check_pull(pull: np.ndarray) -> None:
         raise ValueError(f"the quadriceps pulls with {wrong[0]:g} N: expected {expected}")
 
 
-def _pulled(knee: Knee, flexion: np.ndarray, pull: np.ndarray, loads: Sequence[Load]) -> Motion:
-    more = pull_of(QUADRICEPS, np.asarray(pull) - _at_rest(knee))
-    return followed(knee, Stations.at(flexion, [more, *loads]))
-
-
-def _described(motion: Motion, pull: np.ndarray, weight: Load) -> Extensor:
+def _described(motion: Motion, pull: Array, walked: np.ndarray, weight: Load) -> Extensor:
     mechanics = evaluate(motion.knee, motion.settled.state)
-    forces = np.linalg.norm(np.asarray(mechanics.contact_force), axis=-1)
+    forces = jnp.linalg.norm(mechanics.contact_force, axis=-1)
     on_patella = [k for k, c in enumerate(motion.knee.contacts) if c.bodies == (FEMUR, PATELLA)]
-    arm, tendon = arm_and_tendon(motion.knee, motion.stations, motion.settled)
-    holds = converged(np.asarray(motion.status))
+    known = motion.knee, motion.stations, motion.settled
+    moment, arm, *_ = by_pull(*jax.lax.stop_gradient(known))
+    if traced(known):
+        moment = motion.reaction("flexion")
+    holds = converged(motion.status)
 
-    def where(x) -> np.ndarray:
-        return np.where(holds, np.asarray(x), np.nan)
+    def where(x: Array) -> Array:
+        return jnp.where(holds, x, jnp.nan)
 
     return Extensor(
         motion,
         mechanics,
         pull,
-        where(tendon),
-        where(forces[:, on_patella].sum(axis=1)),
-        where(motion.reaction("flexion")) / 1000.0,
+        where(tendon_of(motion)),
+        where(jnp.sum(forces[:, np.array(on_patella, int)], axis=1)),
+        where(moment) / 1000.0,
         where(_moment(motion, weight)) / 1000.0,
-        where(arm),
+        known_only(where(arm), motion.settled.q),
+        walked,
     )
 
 
-def _moment(motion: Motion, weight: Load) -> np.ndarray:
+def _moment(motion: Motion, weight: Load) -> Array:
     """How much a weight bends the knee about the flexion axis, N mm."""
-    return np.asarray(weight.work(motion.settled.state, ("flexion",))[0])
+    return weight.work(motion.settled.state, ("flexion",))[0]

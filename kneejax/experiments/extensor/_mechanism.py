@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
+from typing import NamedTuple
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,9 +12,9 @@ from jax import Array
 
 from kneejax.experiments._motion import Motion
 from kneejax.geometry import FEMUR_AND_TIBIA, PATELLA, TIBIA, Vector
-from kneejax.mechanics import Knee, Load, add_lane_axis
+from kneejax.mechanics import QUADRICEPS, Knee, Load, add_lane_axis, pull_of
 from kneejax.numerics import compiled
-from kneejax.statics import Settled, Stations, differentiable
+from kneejax.statics import Settled, Stations, differentiable, force_along
 
 TENDON = "patellar tendon"
 
@@ -38,8 +41,7 @@ def forces_on_tibia(motion: Motion, contact_force: np.ndarray) -> dict[str, np.n
         for name, pair, force in zip(parts.names, parts.bodies, forces, strict=True)
         if pair == FEMUR_AND_TIBIA
     }
-    rows = [k for k, pair in enumerate(knee.ligaments.bodies) if pair == (PATELLA, TIBIA)]
-    answer[TENDON] = ligaments[rows].sum(axis=0)
+    answer[TENDON] = ligaments[tendon_rows(knee)].sum(axis=0)
     for k, contact in enumerate(knee.contacts):
         if contact.bodies == FEMUR_AND_TIBIA:
             answer[knee.contact_names[k]] = contact_force[:, k]
@@ -48,6 +50,18 @@ def forces_on_tibia(motion: Motion, contact_force: np.ndarray) -> dict[str, np.n
     for load, force in zip(acting, loads, strict=True):
         answer[load.name] = answer.get(load.name, 0.0) + force
     return answer
+
+
+def tendon_of(motion: Motion) -> Array:
+    """Size of what the patellar tendon does to the tibia, `(poses,)`, N."""
+    ligaments, _, _ = _pulls(motion.knee, motion.stations, motion.settled)
+    rows = tendon_rows(motion.knee)
+    return jnp.linalg.norm(jnp.sum(ligaments[:, rows], axis=1), axis=0)
+
+
+def tendon_rows(knee: Knee) -> np.ndarray:
+    """Which ligaments are the patellar tendon's."""
+    return np.array([k for k, p in enumerate(knee.ligaments.bodies) if p == (PATELLA, TIBIA)], int)
 
 
 @compiled()
@@ -69,30 +83,48 @@ def _pulls(knee: Knee, stations: Stations, settled: Settled) -> tuple[Array, Arr
     return ligaments, muscles, jnp.stack(loads, axis=1) if loads else nothing
 
 
-@compiled()
-def arm_and_tendon(knee: Knee, stations: Stations, settled: Settled) -> tuple[Array, Array]:
-    """Moment arm of the quadriceps by virtual work, mm, and force of the tendon, N, `(poses,)`.
+class ByPull(NamedTuple):
+    """What a stronger quadriceps does at flexions that are held.
 
-    The arm is the rate at which the quadriceps becomes longer with flexion while all that is free
-    stays balanced: exactly how much the moment about the flexion axis grows with its pull, since
-    both are mixed derivatives of one energy.
+    Attributes:
+        moment: about the flexion axis that holds them, `(poses,)`, N mm: that of extension.
+        arm: how fast it grows with the pull, `(poses,)`, mm. As both are mixed derivatives of one
+            energy, this is also how fast the quadriceps becomes longer with flexion while all that
+            is free stays balanced: the moment arm by virtual work.
+        q: how fast the free coordinates move with the pull, `(free, poses)`.
+        meeting: likewise the meeting points, `(n, 2, poses)`.
     """
-    lanes = stations.load(add_lane_axis(knee))
-    muscles = lanes.muscles
-    assert muscles is not None
-    heads = np.array(muscles.quadriceps)
-    tension = muscles.tension[heads]
-    share = tension / jnp.sum(tension, axis=0)
 
-    def length(flexion: Array) -> Array:
-        prescribed = {**stations.prescribed, "flexion": flexion}
-        state = differentiable(lanes, prescribed, settled).state
-        return jnp.sum(share * muscles.length(state)[heads], axis=0)
+    moment: Array
+    arm: Array
+    q: Array
+    meeting: Array
 
-    flexion = stations.prescribed["flexion"]
-    _, arm = jax.jvp(length, (flexion,), (jnp.ones_like(flexion),))
-    state = settled.state
-    rows = np.array([k for k, p in enumerate(knee.ligaments.bodies) if p == (PATELLA, TIBIA)])
-    tension = lanes.ligaments.tension(state)[rows]
-    pull = jnp.sum(tension * jnp.stack(lanes.ligaments.unit_pulls(state))[:, rows], axis=1)
-    return arm, jnp.sqrt(jnp.sum(pull**2, axis=0))
+
+@compiled()
+def by_pull(knee: Knee, stations: Stations, settled: Settled) -> ByPull:
+    """See `ByPull`: exact, from the stiffness that a balance already has."""
+    more = jnp.zeros(len(stations))
+
+    def answer(pull: Array) -> tuple[Array, Array, Array]:
+        loads = (*stations.loads, pull_of(QUADRICEPS, pull))
+        lanes = dataclasses.replace(stations, loads=loads).load(add_lane_axis(knee))
+        there = differentiable(lanes, stations.prescribed, settled)
+        meeting = there.meeting[:, 0], there.meeting[:, 1]
+        moment = force_along(lanes, there.state, meeting, ("flexion",))[0]
+        return moment, there.q, there.meeting
+
+    (moment, *_), (arm, q, meeting) = jax.jvp(answer, (more,), (jnp.ones_like(more),))
+    return ByPull(moment, arm, q, meeting)
+
+
+@jax.custom_jvp
+def known_only(value: Array, of: Array) -> Array:
+    """A number that is itself a derivative: its own derivative is NaN, not wrong."""
+    return value
+
+
+@known_only.defjvp
+def _not_known(primals, tangents):
+    value, _ = primals
+    return value, jnp.full_like(value, jnp.nan)

@@ -15,6 +15,7 @@ from kneejax.report.reproduction._knee_comparison_text import (
 from kneejax.report.reproduction._laxity_figures import drawer_figure as drawer_figure
 from kneejax.report.reproduction._laxity_figures import lachman_figure as lachman_figure
 from kneejax.report.reproduction._laxity_figures import torsion_figure as torsion_figure
+from kneejax.report.reproduction._leg_figure import raised_leg_figure as raised_leg_figure
 from kneejax.report.reproduction._paper5_figure import paper5_figure as paper5_figure
 
 __all__ = ["knee_comparison_text"]

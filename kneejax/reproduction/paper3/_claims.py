@@ -11,6 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from kneejax.reproduction._claims import CANNOT_BE_JUDGED, Claim, judged
+from kneejax.reproduction.paper3._leg_claims import leg_claims
+from kneejax.reproduction.paper3._leg_study import RaisedLeg
 from kneejax.reproduction.paper3._study import Paper3Study
 
 EXTREME_DEG, MIDDLE_DEG = (0.0, 90.0), (20.0, 30.0)
@@ -20,18 +22,19 @@ NEAR_MM, SMALL = 1.5, 0.5
 BEARS_N, NEARLY_ALL = 1.0, 0.8
 
 
-def paper3_claims(found: Paper3Study) -> tuple[Claim, ...]:
-    """Judge the claims of paper 3 on laxity.
+def paper3_claims(found: Paper3Study, raised: RaisedLeg) -> tuple[Claim, ...]:
+    """Judge the claims of paper 3.
 
     Args:
         found: drawer and torsion of a knee with its twelve bundles.
+        raised: the leg that its quadriceps holds.
 
     Returns:
         One claim a statement, then those that cannot be judged.
     """
     return (
         _stiffer(found), _lax_region(found), _cruciates(found), _torsion_least(found),
-        _torsion_grows(found), *_not_judged(),
+        _torsion_grows(found), *leg_claims(raised), *_not_judged(),
     )  # fmt: skip
 
 
@@ -122,7 +125,9 @@ def _torsion_least(found: Paper3Study) -> Claim:
         "minimum in this configuration (5.2, Figure 11)",
         _turned(found),
         judged(holds),
-        "" if holds else "collaterals that are taut in extension are what resists torsion; with "
+        ""
+        if holds
+        else "collaterals that are taut in extension are what resists torsion; with "
         "these attachments some stay taut in flexion",
     )
 
@@ -167,20 +172,12 @@ def _turned(found: Paper3Study) -> str:
 
 def _not_judged() -> tuple[Claim, ...]:
     drawn = "the curves of cadavers (Markolf, Blankevoort and others) are drawn, not printed"
-    patella = "needs patella and quadriceps, which this knee has not"
     rows = (
-        ("3.6", "Drawer and torsion compare favourably with cadavers; torsion in flexion is larger "
-         "than in real knees.", "Figures 10 and 11", drawn),
-        ("3.7", "Quadriceps leg raise: quadriceps force 280 N at full extension, about constant "
-         "from 20 to 60 degrees, none at 90.", "6.1, Figure 12", patella),
-        ("3.8", "Patellar tendon over quadriceps force above 1 at 0 degrees, largest near 20; "
-         "patellofemoral over quadriceps force 0.5 at 0 to slightly above 1.0 at 90 degrees.",
-         "7.1, Figures 16 and 17", patella),
-        ("3.9", "Patellar flexion about 65 degrees at 90 of the knee; extensor moment arm "
-         "bell-shaped, 50 mm near 35 degrees.", "6.2, 6.3, Figures 14 and 15", patella),
-        ("3.10", "In the leg raise ACL is loaded from 0 to 60 degrees, PCL from 55 up; shear "
-         "forces on the tibia sum to zero; the tibia turns inwards by up to 20 degrees.",
-         "6.2, 7.2, 7.3, Figures 13, 18 and 19", patella),
+        ("3.14", "Drawer and torsion compare favourably with cadavers; torsion in flexion is "
+         "larger than in real knees.", "Figures 10 and 11", drawn),
+        ("3.15", "Quadriceps force of 280 N at full extension, and as measured on three cadavers; "
+         "motions, patella and moment arm as theirs.", "6.1 to 6.3, Figures 12 to 15",
+         "mass and length of the leg are not printed, nor the curves of the cadavers"),
     )  # fmt: skip
     return tuple(
         Claim(number, said, "None.", printed, "-", CANNOT_BE_JUDGED, reason)

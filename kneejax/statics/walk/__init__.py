@@ -6,6 +6,7 @@ from kneejax.statics.walk._batch import Progress as Progress
 from kneejax.statics.walk._batch import balance_lines as balance_lines
 from kneejax.statics.walk._batch import balance_many as balance_many
 from kneejax.statics.walk._batch import own_motion as own_motion
+from kneejax.statics.walk._batch import own_motion_near as own_motion_near
 from kneejax.statics.walk._in_trace import walked_in_trace as walked_in_trace
 from kneejax.statics.walk._slopes import Own as Own
 from kneejax.statics.walk._slopes import Slopes as Slopes

@@ -203,6 +203,33 @@ def own_motion(knee: Knee, vary: Vary, base: Any, stations: Stations) -> Balance
     return _by_themselves(knee, vary, one, stations, {})
 
 
+def own_motion_near(
+    knee: Knee, vary: Vary, base: Any, stations: Stations, q, meeting, tangent
+) -> Balances:
+    """Balance the knee itself at stations, each by itself near where it is expected: no walk.
+
+    A search that begins near a balance may end at another one: compare what is found with what was
+    expected.
+
+    Args:
+        knee: as in `own_motion`; likewise `vary`, `base`, `stations`.
+        q: free coordinates to begin with, `(stations, free)`, rad and mm.
+        meeting: parameters of the meeting points, `(stations, n, 2)`.
+        tangent: stiffness near there, `(stations, free, free)`.
+
+    Returns:
+        The balances of one variant, by the program that walks to them.
+
+    Raises:
+        RuntimeError: float64 is switched off.
+    """
+    needs_float64()
+    one = jax.tree.map(lambda x: np.asarray(x)[None], base)
+    plain = stations.of(knee).plain()
+    begin = (np.asarray(x)[None] for x in (q, meeting, tangent))
+    return balance_near(Variants.of(knee, vary, one), plain, *begin)
+
+
 def balance_near(variants: Variants, stations: Stations, q, meeting, tangent) -> Balances:
     """Balance variants at stations, each node by itself near where it is expected.
 
