@@ -9,17 +9,19 @@ computed anew from the moments before it: memory grows with the moments, not wit
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array, lax
 
 from kneejax.dynamics._history import History, Moment, Step
 from kneejax.dynamics._moving import MovingKnee
 from kneejax.geometry import Prescribed, coordinates_of, free_of, scales
 from kneejax.mechanics import Load
-from kneejax.numerics import compiled
+from kneejax.numerics import compiled, traced
 from kneejax.statics import (
     EnergyNewton,
     Guess,
@@ -29,6 +31,8 @@ from kneejax.statics import (
     settle,
 )
 
+#: Steps that are computed by one call.
+BLOCK = 256
 #: mm; what a step may leave of its search. Its own error is larger in any motion of interest.
 SEARCH = EnergyNewton(atol=1e-9)
 
@@ -39,7 +43,7 @@ class Given(eqx.Module):
     Attributes:
         q: of all coordinates at the start, `(6 bodies, lanes)`, rad and mm.
         rate: of them, rad/s and mm/s.
-        length_s: of each step, `(steps,)`; those of no length at the end are not taken.
+        length_s: of each step, `(steps,)`.
         ratio: of each step to the one before.
         loads: at the end of each step; arrays `(steps, 3, lanes)`.
         held: coordinate -> its value at the end of each step, `(steps, lanes)`.
@@ -77,82 +81,113 @@ class Moments(eqx.Module):
     surprise: Array
 
 
-def march(moving: MovingKnee, given: Given) -> Moments:
+class Carry(eqx.Module):
+    """What goes from step to step: the past, whether a motion has ended, and with what status."""
+
+    history: History
+    ended: Array
+    status: Array
+
+
+def march(
+    moving: MovingKnee, given: Given, progress: Callable[[int], None] | None = None
+) -> Moments:
     """Compute a motion.
 
     Args:
         moving: leaves end in a lane axis.
         given: what is given.
+        progress: is told how many steps are done.
 
     Returns:
         The motion, differentiable by every number of the knee and of what is given, forward and
         backward; the lengths of steps are fixed.
     """
+    count = len(given.length_s)
     still = lax.stop_gradient((moving, given))
-    return follow(moving, given, found(*still))
+    if traced(still):
+        _, settled = found(still[0], still[1].steps, begun(*still))
+    else:
+        settled = _in_blocks(found, still[0], (still[1].steps,), begun(*still), progress)
+    whole = (given.steps, jax.tree.map(lambda x: x[:count], settled))
+    if traced((moving, given)):
+        return follow(moving, *whole, begun(moving, given))[1]
+    moments = _in_blocks(follow, moving, whole, begun(moving, given))
+    return jax.tree.map(lambda x: x[:count], moments)
+
+
+def _in_blocks(program, moving: MovingKnee, rows, carry: Carry, progress=None):
+    """Steps by the block: one compiled program serves motions of any length."""
+    count, blocks = len(jax.tree.leaves(rows)[0]), []
+    rows = jax.tree.map(np.asarray, rows)
+    for first in range(0, count, BLOCK):
+        block = jax.tree.map(lambda x, k=first: _block(x[k : k + BLOCK]), rows)
+        carry, answer = program(moving, *block, carry)
+        blocks.append(answer)
+        if progress is not None:
+            jax.block_until_ready(answer)
+            progress(min(first + BLOCK, count))
+    return jax.tree.map(lambda *x: jnp.concatenate(x), *blocks)
+
+
+def _block(rows: np.ndarray) -> np.ndarray:
+    """Filled up with rows of zeros: steps of no length."""
+    return np.pad(rows, [(0, BLOCK - len(rows))] + [(0, 0)] * (rows.ndim - 1))
 
 
 @compiled()
-def found(moving: MovingKnee, given: Given) -> Settled:
+def found(moving: MovingKnee, steps: Step, carry: Carry) -> tuple[Carry, Settled]:
     """The balance of every step; the first axis counts them."""
 
-    def advance(carry, step: Step):
-        history, ended = carry
+    def advance(before: Carry, step: Step):
         step, idle = _filled(step)
 
         def taken():
-            settled = _searched(moving, history, step)
-            return settled, _moved_on(moving, history, step, settled, ended)
+            return _searched(moving, before.history, step)
 
         def rested():
-            settled = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shape)
-            return settled, history
+            return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(taken))
 
-        shape = jax.eval_shape(lambda: _searched(moving, history, step))
-        settled, history = lax.cond(jnp.all(ended) | idle, rested, taken)
-        return (history, ended | ~converged(settled.status)), settled
+        settled = lax.cond(jnp.all(before.ended) | idle, rested, taken)
+        return _moved_on(moving, before, step, settled, idle), settled
 
-    first = _beginning(moving, given)
-    nothing = jnp.zeros(given.q.shape[1:], bool)
-    return lax.scan(advance, (first, nothing), given.steps)[1]
+    return lax.scan(advance, carry, steps)
 
 
 @compiled()
-def follow(moving: MovingKnee, given: Given, settled: Settled) -> Moments:
+def follow(
+    moving: MovingKnee, steps: Step, settled: Settled, carry: Carry
+) -> tuple[Carry, Moments]:
     """The motion whose balances were found, as a function of all that it depends on."""
+    scale = jnp.array(scales(coordinates_of(moving.knee.bodies)))[:, None]
 
     @jax.checkpoint  # pyright: ignore[reportPrivateImportUsage]
-    def advance(carry, each: tuple[Step, Settled]):
-        history, ended, status = carry
-        (step, idle), balance = _filled(each[0]), each[1]
-        ended = ended | idle
-        knee = history.knee_of(moving, step)
-        balance = differentiable(knee, step.held, balance)
-        after = _moved_on(moving, history, step, balance, ended)
-        status = jnp.where(ended, status, balance.status)
-        ended = ended | ~converged(balance.status)
-        off = (after.last.q - history.guess(step)) / scale
+    def advance(before: Carry, each: tuple[Step, Settled]):
+        step, idle = _filled(each[0])
+        balance = differentiable(before.history.knee_of(moving, step), step.held, each[1])
+        after = _moved_on(moving, before, step, balance, idle)
+        there = after.history
+        off = (there.last.q - before.history.guess(step)) / scale
+        known = jax.tree.map(lambda x: jnp.where(after.ended, jnp.nan, x), there.last)
         surprise = jnp.max(jnp.abs(off), axis=0)
-        known = jax.tree.map(lambda x: jnp.where(ended, jnp.nan, x), after.last)
-        rows = Moments(known, after.meeting, status, balance.steps, surprise)
-        return (after, ended, status), rows
+        return after, Moments(known, there.meeting, after.status, balance.steps, surprise)
 
-    lanes = given.q.shape[1:]
-    scale = jnp.array(scales(coordinates_of(moving.knee.bodies)))[:, None]
-    begin = _beginning(moving, given), jnp.zeros(lanes, bool), jnp.zeros(lanes, int)
-    return lax.scan(advance, begin, (given.steps, settled))[1]
+    return lax.scan(advance, carry, (steps, settled))
 
 
-def _beginning(moving: MovingKnee, given: Given) -> History:
+@compiled()
+def begun(moving: MovingKnee, given: Given) -> Carry:
+    """What goes into the first step."""
     first = Moment.at_first(moving, given.q, given.rate)
     lanes, count = given.q.shape[1:], moving.knee.patch_count
     free = len(free_of(given.held, moving.knee.bodies))
     nowhere = jnp.full((count, 2, *lanes), jnp.nan)
-    return History(first, first, nowhere, jnp.zeros((free, free, *lanes)))
+    history = History(first, first, nowhere, jnp.zeros((free, free, *lanes)))
+    return Carry(history, jnp.zeros(lanes, bool), jnp.zeros(lanes, int))
 
 
 def _filled(step: Step) -> tuple[Step, Array]:
-    """A step, and whether it only fills up an array (`Grid.filled`): it has no length."""
+    """A step, and whether it only fills up an block: it has no length."""
     idle = step.length_s == 0.0
     return dataclasses.replace(step, length_s=jnp.where(idle, 1.0, step.length_s)), idle
 
@@ -167,13 +202,15 @@ def _searched(moving: MovingKnee, history: History, step: Step) -> Settled:
 
 
 def _moved_on(
-    moving: MovingKnee, history: History, step: Step, settled: Settled, ended: Array
-) -> History:
-    """The history with a step's end in it, in lanes where the motion goes on."""
-    names = coordinates_of(moving.knee.bodies)
-    goes_on = ~ended & converged(settled.status)
+    moving: MovingKnee, before: Carry, step: Step, settled: Settled, idle: Array
+) -> Carry:
+    """With a step's end in the past, in lanes where the motion goes on."""
+    history, still = before.history, before.ended | idle
+    goes_on = ~still & converged(settled.status)
     # Nothing is made of coordinates that are NaN: their derivatives would be so everywhere.
-    q = jnp.where(goes_on, settled.state.at(names), history.last.q)
-    moment = history.after(moving, step, q)
+    q = settled.state.at(coordinates_of(moving.knee.bodies))
+    moment = history.after(moving, step, jnp.where(goes_on, q, history.last.q))
     there = History(moment, history.last, settled.meeting, settled.tangent)
-    return jax.tree.map(lambda new, old: jnp.where(goes_on, new, old), there, history)
+    there = jax.tree.map(lambda new, old: jnp.where(goes_on, new, old), there, history)
+    status = jnp.where(still, before.status, settled.status)
+    return Carry(there, before.ended | (~goes_on & ~idle), status)

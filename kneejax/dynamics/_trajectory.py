@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import equinox as eqx
 import jax
@@ -19,7 +19,6 @@ from kneejax.dynamics._march import Given, Moments, march
 from kneejax.dynamics._moving import MovingKnee
 from kneejax.geometry import Pose, State, coordinate, coordinates_of, table_units
 from kneejax.mechanics import Load, add_lane_axis
-from kneejax.numerics import lanes_for
 from kneejax.statics import Status, converged, with_meeting
 
 
@@ -165,6 +164,7 @@ def move(
     loads: LoadCurve | None = None,
     held: Mapping[str, ArrayLike] | tuple[str, ...] = (),
     within: int = 1,
+    progress: Callable[[int], None] | None = None,
 ) -> Trajectory:
     """Let a knee move.
 
@@ -177,6 +177,7 @@ def move(
         held: names of coordinates that stay where they are, or name -> values at the end of
             every step of a `Grid`, rad or mm.
         within: steps between two of the times.
+        progress: is told how many steps are done.
 
     Returns:
         The motion, differentiable by every number of the knee, by start, rates and loads, forward
@@ -186,19 +187,19 @@ def move(
         ValueError: times that do not rise.
 
     Example:
-        >>> import kneejax as kj
-        >>> shank = kj.Mass(3.5, [0.0, -250.0, 0.0], np.diag([6e4, 6e3, 6e4]))
-        >>> knee = kj.load_knee("four_ligament")
-        >>> moving = MovingKnee.of(knee, shank).critically_damped()
-        >>> start = kj.passive_flexion(knee, 20.0).settled.state.at(kj.COORDINATES)[:, 0]
-        >>> let_go = move(moving, start, [0.0, 0.001, 0.002], held=("flexion",))
-        >>> let_go.q.shape, let_go.ended.word
-        ((3, 6), 'balanced')
+        >>> from kneejax.mechanics import Knee, Ligaments, Mass
+        >>> alone = Knee(Ligaments([], [], [], [], [], [], []), (), (), (), State.of(
+        ...     {}, jnp.zeros(6)).tibia, ())
+        >>> rod = Mass(3.0, [0.0, -200.0, 0.0], np.diag([4e4, 0.0, 4e4]))
+        >>> swinging = MovingKnee.of(alone, rod, gravity_m_s2=(0.0, -9.8, 0.0))
+        >>> pivot = ("adduction", "internal_rotation", "anterior", "superior", "lateral")
+        >>> let_go = move(swinging, [0.5, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 0.01, 0.02], held=pivot)
+        >>> let_go.q.shape, bool(let_go.pose.flexion[-1] < 0.5)
+        ((3, 6), True)
     """
     grid = time_s if isinstance(time_s, Grid) else Grid.of(time_s, within)
     begin = 0.0 if isinstance(time_s, Grid) else float(np.asarray(time_s)[0])
     knee, count = moving.knee, len(grid.time_s)
-    fill = lanes_for(count) - count
     times = np.concatenate([[0.0], grid.time_s]) + begin
     acting = () if loads is None else loads.at(jnp.asarray(times))
     names = coordinates_of(knee.bodies)
@@ -206,13 +207,11 @@ def move(
     rates = jnp.broadcast_to(jnp.asarray(rate, float), q.shape)
     given_held = held if isinstance(held, Mapping) else {name: None for name in held}
     ways = {name: _way(values, q[names.index(name)], count) for name, values in given_held.items()}
-    lengths, ratios = (np.pad(x, (0, fill)) for x in (grid.length_s, grid.ratio))
     given = Given(
-        q[:, None], rates[:, None], jnp.asarray(lengths), jnp.asarray(ratios),
-        *jax.tree.map(lambda x: _filled(x, fill), (acting, ways)),
+        q[:, None], rates[:, None], jnp.asarray(grid.length_s), jnp.asarray(grid.ratio),
+        *jax.tree.map(lambda x: x[1:], (acting, ways)),
     )  # fmt: skip
-    found = march(add_lane_axis(moving), given)
-    found = jax.tree.map(lambda x: x[:count], found)
+    found = march(add_lane_axis(moving), given, progress)
     moments = _with_start(moving, given, found)
     asked = np.concatenate([[0], 1 + grid.asked])
     return Trajectory(
@@ -225,11 +224,6 @@ def _way(values, there: Array, count: int) -> Array:
     """Of a held coordinate at all moments, `(moments, 1)`."""
     after = jnp.broadcast_to(there if values is None else jnp.asarray(values, float), (count,))
     return jnp.concatenate([there[None], after])[:, None]
-
-
-def _filled(x: Array, fill: int) -> Array:
-    """At the ends of steps, with the last row for those that fill up."""
-    return jnp.concatenate([x[1:], jnp.broadcast_to(x[-1], (fill, *x.shape[1:]))])
 
 
 def _with_start(moving: MovingKnee, given: Given, found: Moments) -> Moments:
