@@ -9,6 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 #: Parts of the first step: it begins with order one, and the errors of that shrink with its square.
 _FIRST = (1, 1, 2, 4, 8)
+#: Growth of a step against the one before; the formula is stable up to 2.4.
+_LONGER = 2.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -24,12 +26,13 @@ class Grid:
     asked: NDArray[np.int64]
 
     @classmethod
-    def of(cls, time_s: ArrayLike, within: int = 1) -> Grid:
-        """Equal steps between the times asked for.
+    def of(cls, time_s: ArrayLike, within: ArrayLike = 1) -> Grid:
+        """Equal steps between two of the times asked for.
 
         Args:
             time_s: rising, from the start on, `(times,)`; two at least.
-            within: steps between two of them.
+            within: steps between two of them, one number or one for each pair. No step is made
+                more than about twice as long as the one before it.
 
         Raises:
             ValueError: times that do not rise, or fewer than one step.
@@ -47,14 +50,27 @@ class Grid:
             raise ValueError(
                 f"time {times[at + 1]:g} s follows {times[at]:g} s; expected times that rise"
             )
-        if within < 1:
-            raise ValueError(f"{within} steps between two times; expected one at least")
-        parts = np.arange(1, within + 1) / within
-        ends = times[:-1, None] + np.diff(times)[:, None] * parts
-        first = np.cumsum(_FIRST[:-1]) / sum(_FIRST) * (ends[0, 0] - times[0])
-        every = np.concatenate([times[0] + first, ends.ravel()])
-        asked = len(first) + within * np.arange(1, len(times)) - 1
-        return cls(every - times[0], asked)
+        count = len(times) - 1
+        parts = np.broadcast_to(np.asarray(within, int), (count,)).copy()
+        if parts.min() < 1:
+            raise ValueError(f"{parts.min()} steps between two times; expected one at least")
+        span = np.diff(times)
+        for k in range(1, count):
+            longest = _LONGER * span[k - 1] / parts[k - 1]
+            parts[k] = max(parts[k], int(np.ceil(span[k] / longest - 1e-9)))
+        first = np.cumsum(_FIRST[:-1]) / sum(_FIRST) * span[0] / parts[0]
+        ends = [
+            t + length * np.arange(1, n + 1) / n
+            for t, length, n in zip(times[:-1], span, parts, strict=True)
+        ]
+        every = np.concatenate([times[0] + first, *ends])
+        return cls(every - times[0], len(first) + np.cumsum(parts) - 1)
+
+    def within(self) -> NDArray[np.int64]:
+        """Steps between two of the times asked for."""
+        found = np.diff(self.asked, prepend=-1)
+        found[0] -= len(_FIRST) - 1
+        return found
 
     @property
     def length_s(self) -> NDArray[np.float64]:

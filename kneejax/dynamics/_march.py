@@ -123,11 +123,11 @@ def _in_blocks(program, moving: MovingKnee, rows, carry: Carry, progress=None):
     for first in range(0, count, BLOCK):
         block = jax.tree.map(lambda x, k=first: _block(x[k : k + BLOCK]), rows)
         carry, answer = program(moving, *block, carry)
-        blocks.append(answer)
+        blocks.append(jax.tree.map(np.asarray, answer))
         if progress is not None:
-            jax.block_until_ready(answer)
             progress(min(first + BLOCK, count))
-    return jax.tree.map(lambda *x: jnp.concatenate(x), *blocks)
+    # By NumPy: each length of a motion would compile its own.
+    return jax.tree.map(lambda *x: np.concatenate(x), *blocks)
 
 
 def _block(rows: np.ndarray) -> np.ndarray:

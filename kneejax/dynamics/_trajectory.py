@@ -19,6 +19,7 @@ from kneejax.dynamics._march import Given, Moments, march
 from kneejax.dynamics._moving import MovingKnee
 from kneejax.geometry import Pose, State, coordinate, coordinates_of, table_units
 from kneejax.mechanics import Load, add_lane_axis
+from kneejax.numerics import traced
 from kneejax.statics import Status, converged, with_meeting
 
 
@@ -64,6 +65,10 @@ class LoadCurve(eqx.Module):
         return jax.tree.map(lambda x: columns(x)[..., None], self.loads)
 
 
+#: Coordinates that do not move freely: their names, or name -> where it is over time.
+Held = Mapping[str, Callable[[np.ndarray], ArrayLike]] | tuple[str, ...]
+
+
 class Trajectory(eqx.Module):
     """A motion through time.
 
@@ -78,6 +83,8 @@ class Trajectory(eqx.Module):
         moving: the knee.
         loads: at all moments, arrays `(moments, 3, 1)`.
         held: coordinate -> its value at all moments.
+        error_mm: how far poses are from those of ever shorter steps, by doubling them, at worst
+            (rotations at 30 mm); NaN where nobody asked (`move_within`).
     """
 
     time_s: Array
@@ -90,6 +97,7 @@ class Trajectory(eqx.Module):
     loads: tuple[Load, ...]
     held: dict[str, Array]
     grid: Grid = eqx.field(static=True)
+    error_mm: Array | float = float("nan")
 
     @property
     def pose(self) -> Pose:
@@ -162,7 +170,7 @@ def move(
     *,
     rate: ArrayLike = 0.0,
     loads: LoadCurve | None = None,
-    held: Mapping[str, ArrayLike] | tuple[str, ...] = (),
+    held: Held = (),
     within: int = 1,
     progress: Callable[[int], None] | None = None,
 ) -> Trajectory:
@@ -174,8 +182,8 @@ def move(
         time_s: at which the motion is asked for, rising, the start first; or the steps themselves.
         rate: of the coordinates at the start, rad/s and mm/s.
         loads: over time, besides those of the knee.
-        held: names of coordinates that stay where they are, or name -> values at the end of
-            every step of a `Grid`, rad or mm.
+        held: names of coordinates that stay where they are, or name -> a function of time, s, on
+            which it is led, rad or mm (the start is taken from `start`).
         within: steps between two of the times.
         progress: is told how many steps are done.
 
@@ -199,14 +207,14 @@ def move(
     """
     grid = time_s if isinstance(time_s, Grid) else Grid.of(time_s, within)
     begin = 0.0 if isinstance(time_s, Grid) else float(np.asarray(time_s)[0])
-    knee, count = moving.knee, len(grid.time_s)
+    knee = moving.knee
     times = np.concatenate([[0.0], grid.time_s]) + begin
     acting = () if loads is None else loads.at(jnp.asarray(times))
     names = coordinates_of(knee.bodies)
     q = jnp.asarray(start, float)
     rates = jnp.broadcast_to(jnp.asarray(rate, float), q.shape)
-    given_held = held if isinstance(held, Mapping) else {name: None for name in held}
-    ways = {name: _way(values, q[names.index(name)], count) for name, values in given_held.items()}
+    led = held if isinstance(held, Mapping) else {name: None for name in held}
+    ways = {name: _way(lead, q[names.index(name)], times) for name, lead in led.items()}
     given = Given(
         q[:, None], rates[:, None], jnp.asarray(grid.length_s), jnp.asarray(grid.ratio),
         *jax.tree.map(lambda x: x[1:], (acting, ways)),
@@ -220,10 +228,10 @@ def move(
     )  # fmt: skip
 
 
-def _way(values, there: Array, count: int) -> Array:
+def _way(lead: Callable | None, there: Array, times: np.ndarray) -> Array:
     """Of a held coordinate at all moments, `(moments, 1)`."""
-    after = jnp.broadcast_to(there if values is None else jnp.asarray(values, float), (count,))
-    return jnp.concatenate([there[None], after])[:, None]
+    after = there if lead is None else jnp.asarray(lead(times[1:]), float)
+    return jnp.concatenate([there[None], jnp.broadcast_to(after, times[1:].shape)])[:, None]
 
 
 def _with_start(moving: MovingKnee, given: Given, found: Moments) -> Moments:
@@ -236,4 +244,5 @@ def _with_start(moving: MovingKnee, given: Given, found: Moments) -> Moments:
         first, jnp.full(found.meeting.shape[1:], jnp.nan), jnp.zeros_like(found.status[0]),
         jnp.zeros_like(found.looks[0]), jnp.zeros_like(found.surprise[0]),
     )  # fmt: skip
-    return jax.tree.map(lambda x, y: jnp.concatenate([x[None], y]), start, found)
+    both = jnp if traced((start, found)) else np
+    return jax.tree.map(lambda x, y: both.concatenate([both.asarray(x)[None], y]), start, found)
