@@ -155,7 +155,8 @@ def _loads(arguments: argparse.Namespace, flexion: float):
 
 def _times(arguments: argparse.Namespace, load_s: np.ndarray) -> np.ndarray:
     first = load_s[0] if arguments.loads is not None else 0.0
-    usual = load_s[-1] - first if arguments.loads is not None else 1.0
+    usual = 2.0 if arguments.experiment == "settle" else 1.0
+    usual = load_s[-1] - first if arguments.loads is not None else usual
     duration = usual if arguments.duration_s is None else arguments.duration_s
     every = 1.0 if arguments.every_ms is None else arguments.every_ms
     count = round(duration / (1e-3 * every))

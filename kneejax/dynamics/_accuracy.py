@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from kneejax.dynamics._account import CLOSES_WITHIN
 from kneejax.dynamics._grid import Grid
 from kneejax.dynamics._moving import MovingKnee
 from kneejax.dynamics._trajectory import Trajectory, move
@@ -14,7 +15,7 @@ from kneejax.geometry import scales
 from kneejax.statics import converged
 
 #: Steps between two times at most: what still cannot be taken then ends the motion.
-MOST_WITHIN = 64
+MOST_WITHIN = 256
 
 
 def move_within(
@@ -24,8 +25,8 @@ def move_within(
 
     The motion is computed twice, with every step halved the second time. A formula of second order
     leaves a third of the difference as the error of the second. Where that is too large, steps
-    become shorter where they surprised most, and where one could not be taken; no more than 64 are
-    made between two times.
+    become shorter where they surprised most, and where one could not be taken, and so where the
+    account of energy does not close; no more than 256 are made between two times.
 
     Args:
         most_mm: that is left of the error at any of the times, mm (rotations at 30 mm).
@@ -45,11 +46,16 @@ def move_within(
         fine = move(moving, start, time_s, **options, within=grid.within())
         error = error_of(coarse, fine)
         fine = dataclasses.replace(fine, error_mm=error)
-        good = error <= most_mm and bool(converged(np.asarray(fine.status)).all())
-        shorter = _shorter(fine, most_mm, error)
-        if good or shorter.max() > MOST_WITHIN or np.array_equal(shorter, within):
+        going_on = bool(converged(np.asarray(fine.status)).all())
+        # Energy that steps lose tells of what is over before the next time that was asked for.
+        missing = float(fine.account().part_missing) if going_on else 0.0
+        factor = max(error / most_mm, missing / CLOSES_WITHIN)
+        good = factor <= 1.0 and going_on
+        made = grid.within()
+        wanted = np.maximum(made, np.minimum(_shorter(fine, factor), MOST_WITHIN))
+        if good or np.array_equal(wanted, made):
             return fine
-        within = np.maximum(shorter // 2, 1)
+        within = -(-wanted // 2)
 
 
 def error_of(coarse: Trajectory, fine: Trajectory) -> float:
@@ -62,17 +68,17 @@ def error_of(coarse: Trajectory, fine: Trajectory) -> float:
     return float(np.abs(off[known]).max() / 3.0) if known[1:].any() else float("inf")
 
 
-def _shorter(fine: Trajectory, most_mm: float, error: float) -> NDArray[np.int64]:
-    """Steps between two times that promise an error: each should surprise alike."""
+def _shorter(fine: Trajectory, factor: float) -> NDArray[np.int64]:
+    """Steps between two times that promise an error so much less: each should surprise alike."""
     within = fine.grid.within()
     ends = np.concatenate([[0], fine.grid.asked + 1])
     surprise = np.nan_to_num(np.asarray(fine.moments.surprise)[1:, 0])
     each = np.array([surprise[a:b].max() for a, b in zip(ends[:-1], ends[1:], strict=True)])
     # What is left of an error falls with the square of the steps, a surprise with the cube.
-    factor = 1.0 if not np.isfinite(error) else max(1.2 * error / most_mm, 1.0)
-    allowed = max(each.max(), 1e-12) / factor**1.5
+    less = max(1.2 * factor, 1.0) if np.isfinite(factor) else 1.0
+    allowed = max(each.max(), 1e-12) / less**1.5
     times = np.ceil(np.cbrt(np.maximum(each / allowed, 1.0)) - 1e-9).astype(int)
-    lost = ~converged(np.asarray(fine.status))[1:]
+    lost = np.asarray(~converged(np.asarray(fine.status)))[1:]
     if lost.any():
         first = int(np.flatnonzero(lost)[0])
         times[max(first - 1, 0) : first + 1] *= 4

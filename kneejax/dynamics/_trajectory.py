@@ -15,7 +15,7 @@ from jax.typing import ArrayLike
 from kneejax.dynamics._account import Account, Flow, account_of, flow
 from kneejax.dynamics._grid import Grid
 from kneejax.dynamics._history import Moment
-from kneejax.dynamics._march import Given, Moments, march
+from kneejax.dynamics._march import BLOCK, Given, Moments, march
 from kneejax.dynamics._moving import MovingKnee
 from kneejax.geometry import Pose, State, coordinate, coordinates_of, table_units
 from kneejax.mechanics import Load, add_lane_axis
@@ -148,15 +148,23 @@ class Trajectory(eqx.Module):
     def flow(self) -> Flow:
         """Energies and powers at every moment."""
         known = self.moments.known
-        lanes = jax.tree.map(lambda x: jnp.moveaxis(x[..., 0], 0, -1), known)
-        loads = jax.tree.map(lambda x: jnp.moveaxis(x[..., 0], 0, -1), self.loads)
-        points = jnp.moveaxis(self.moments.meeting[..., 0], 0, -1)
+        lanes, loads, points = jax.tree.map(_last_first, (known, self.loads, self.moments.meeting))
         moving = add_lane_axis(self.moving)
         if moving.knee.patch_count:
             first = with_meeting(moving.knee, {}, lanes.q[:, :1]).meeting
-            points = jnp.concatenate([first, points[..., 1:]], axis=-1)
-        every = (lanes.q, lanes.rate, lanes.velocities, lanes.accelerations, lanes.length_rates)
-        return flow(moving, loads, *every, points, tuple(self.held))
+            both = jnp if traced((first, points)) else np
+            points = both.concatenate([first, points[..., 1:]], axis=-1)
+        rows = (loads, lanes.q, lanes.rate, lanes.velocities, lanes.accelerations,
+                lanes.length_rates, points)  # fmt: skip
+        held = tuple(self.held)
+        if traced((moving, rows)):
+            return flow(moving, *rows, held)
+        count = len(self.moments.status)
+        blocks = [
+            flow(moving, *jax.tree.map(lambda x, k=k: _filled(x, k), rows), held)
+            for k in range(0, count, BLOCK)
+        ]
+        return jax.tree.map(lambda *x: np.concatenate(x, axis=-1)[..., :count], *blocks)
 
     def account(self) -> Account:
         """Energies, what was dissipated, and work, at every moment."""
@@ -232,6 +240,18 @@ def _way(lead: Callable | None, there: Array, times: np.ndarray) -> Array:
     """Of a held coordinate at all moments, `(moments, 1)`."""
     after = there if lead is None else jnp.asarray(lead(times[1:]), float)
     return jnp.concatenate([there[None], jnp.broadcast_to(after, times[1:].shape)])[:, None]
+
+
+def _last_first(x):
+    """Moments as lanes."""
+    return (jnp if traced(x) else np).moveaxis(x[..., 0], 0, -1)
+
+
+def _filled(x, first: int) -> np.ndarray:
+    """A block of lanes, filled up with the last: one program serves motions of any length."""
+    lanes = np.asarray(x)[..., first : first + BLOCK]
+    more = BLOCK - lanes.shape[-1]
+    return np.pad(lanes, [(0, 0)] * (lanes.ndim - 1) + [(0, more)], "edge")
 
 
 def _with_start(moving: MovingKnee, given: Given, found: Moments) -> Moments:
