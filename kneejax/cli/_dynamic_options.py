@@ -25,7 +25,9 @@ def add_dynamic_options(simulate: argparse.ArgumentParser) -> None:
         "columns like flexion_deg lead a coordinate",
     )
     simulate.add_argument(
-        "--duration_s", type=float, help="of a motion through time (default: 1; settle 2; as --loads)"
+        "--duration_s",
+        type=float,
+        help="of a motion through time (default: 1; settle 2; that of --loads)",
     )
     simulate.add_argument(
         "--every_ms", type=float, help="between two rows of its tables (default: 1)"
