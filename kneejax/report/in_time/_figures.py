@@ -126,7 +126,7 @@ def _ligaments(axes: Axes, found: Transient) -> None:
         sorted(shown, key=lambda x: -size[x])[:_MOST_LINES], PARTS, strict=False
     ):
         axes.plot(found.time_s, drawn[name], color=color, label=verbatim(name))
-    axes.set_ylabel("Ligament force with damping, N")
+    axes.set_ylabel("Ligament force, N")
     _above(axes)
 
 
