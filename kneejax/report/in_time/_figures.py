@@ -43,8 +43,8 @@ def transient_figure(found: Transient, title: str) -> Figure:
         title: of the whole.
 
     Returns:
-        Six panels: translations and rotations as changes from the start, with the balance under
-        the last loads dashed; loads or flexion; ligaments; contacts; energies.
+        Six panels: translations, and rotations but flexion, as changes from the start, with the
+        balance under the last loads dashed; loads or flexion; ligaments; contacts; energies.
     """
     from matplotlib.figure import Figure
 
@@ -54,7 +54,7 @@ def transient_figure(found: Transient, title: str) -> Figure:
     figure.suptitle(verbatim(title), x=0.09, ha="left", fontsize=9.5)
     coordinates = list(COORDINATES)
     _changes(panels[0], found, coordinates[3:], "Change of translation, mm")
-    turned = coordinates[1:3] if found.rest is not None else coordinates[:3]
+    turned = coordinates[1:3]
     _changes(panels[1], found, turned, "Change of rotation, deg")
     _loads(panels[2], found)
     _ligaments(panels[3], found)
