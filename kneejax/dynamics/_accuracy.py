@@ -78,8 +78,8 @@ def _shorter(fine: Trajectory, factor: float) -> NDArray[np.int64]:
     less = max(1.2 * factor, 1.0) if np.isfinite(factor) else 1.0
     allowed = max(each.max(), 1e-12) / less**1.5
     times = np.ceil(np.cbrt(np.maximum(each / allowed, 1.0)) - 1e-9).astype(int)
-    lost = np.logical_not(converged(np.asarray(fine.status)[1:]))
+    lost = ~np.asarray(converged(np.asarray(fine.status)))
     if lost.any():
-        first = int(np.flatnonzero(lost)[0])
+        first = int(np.flatnonzero(lost)[0]) - 1
         times[max(first - 1, 0) : first + 1] *= 4
     return np.asarray(within * times)
