@@ -64,7 +64,7 @@ def error_of(coarse: Trajectory, fine: Trajectory) -> float:
     Over the times that both reach; infinite where none is.
     """
     off = (np.asarray(fine.q) - np.asarray(coarse.q)) / np.array(scales(fine.names))
-    known = np.isfinite(off).all(axis=1)
+    known = np.asarray(np.isfinite(off).all(axis=1))
     return float(np.abs(off[known]).max() / 3.0) if known[1:].any() else float("inf")
 
 
