@@ -14,6 +14,10 @@ __version__ = "0.1.0"
 #: Public name -> the room that it comes from, and every room itself. Editors and type checkers
 #: read the same names from the imports below.
 _MODULES = {
+    "LoadCurve": "kneejax.dynamics",
+    "MovingKnee": "kneejax.dynamics",
+    "Trajectory": "kneejax.dynamics",
+    "move": "kneejax.dynamics",
     "Curves": "kneejax.experiments",
     "LabTest": "kneejax.experiments",
     "Laxity": "kneejax.experiments",
@@ -57,6 +61,7 @@ _MODULES = {
     "moving_axis": "kneejax.joints",
     "Knee": "kneejax.mechanics",
     "Load": "kneejax.mechanics",
+    "Mass": "kneejax.mechanics",
     "load_of": "kneejax.mechanics",
     "write_report": "kneejax.report",
     "Status": "kneejax.statics",
@@ -70,6 +75,7 @@ _MODULES = {
     "read_study": "kneejax.studies",
     "run": "kneejax.studies",
     "cohorts": "kneejax.cohorts",
+    "dynamics": "kneejax.dynamics",
     "experiments": "kneejax.experiments",
     "files": "kneejax.files",
     "geometry": "kneejax.geometry",
@@ -85,6 +91,10 @@ _MODULES = {
 }
 
 if TYPE_CHECKING:
+    from kneejax.dynamics import LoadCurve as LoadCurve
+    from kneejax.dynamics import MovingKnee as MovingKnee
+    from kneejax.dynamics import Trajectory as Trajectory
+    from kneejax.dynamics import move as move
     from kneejax.experiments import Curves as Curves
     from kneejax.experiments import LabTest as LabTest
     from kneejax.experiments import Laxity as Laxity
@@ -125,6 +135,7 @@ if TYPE_CHECKING:
     from kneejax.joints import moving_axis as moving_axis
     from kneejax.mechanics import Knee as Knee
     from kneejax.mechanics import Load as Load
+    from kneejax.mechanics import Mass as Mass
     from kneejax.mechanics import load_of as load_of
     from kneejax.numerics import configure as configure
     from kneejax.numerics import use_shared_fusion as use_shared_fusion

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from kneejax.cli._cohort_commands import add_cohort, add_cohort_options
+from kneejax.cli._dynamic_options import IN_TIME, add_dynamic_options
 from kneejax.cli._parser import KNEE, Parser, add_command, add_convention, add_out, add_svg
 from kneejax.cli._study_commands import add_identify, add_map, add_sensitivity
 from kneejax.cli._test_options import EXTENSOR, TESTS, add_extensor_options, add_test_options
@@ -81,12 +82,13 @@ def _add_simulate(commands) -> None:
     )
     simulate.add_argument(
         "experiment",
-        choices=["passive-flexion", *TESTS, *EXTENSOR],
+        choices=["passive-flexion", *TESTS, *EXTENSOR, *IN_TIME],
         action=_NamesOut,
         metavar="EXPERIMENT",
         help=f"passive-flexion, or a test under load: {', '.join(TESTS)}; `load` makes the load "
         "that --load says grow from nothing, `envelope` is drawer, varus-valgus and torsion; or "
-        f"with the patella, {', '.join(EXTENSOR)}",
+        f"with the patella, {', '.join(EXTENSOR)}; or through time, {', '.join(IN_TIME)}, or a "
+        "test with --dynamic",
     )
     simulate.add_argument("--knee", default="four_ligament", help=KNEE)
     simulate.add_argument(
@@ -96,6 +98,7 @@ def _add_simulate(commands) -> None:
     )
     add_test_options(simulate)
     add_extensor_options(simulate)
+    add_dynamic_options(simulate)
     simulate.add_argument(
         "--set",
         action="append",

@@ -12,6 +12,7 @@ from kneejax.cli._displacement import (
     displacement_table,
     pose_lines,
 )
+from kneejax.cli._dynamic_options import IN_TIME
 from kneejax.cli._given import read_loads, read_pairs
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli._say_status import say_status
@@ -44,10 +45,23 @@ _OF_TESTS = (
 )  # fmt: skip
 #: Options of experiments in which the quadriceps pulls.
 _OF_EXTENSOR = ("quadriceps_N", "body_kg", "height_m", "ankle_kg", "femur_deg")
+#: Options of motions through time.
+_OF_TIME = (
+    "loads", "duration_s", "every_ms", "ramp_s", "critical", "damping_N_s_per_mm", "offset",
+    "error_mm",
+)  # fmt: skip
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Move a knee through flexion, run a test under load, or let its quadriceps pull."""
+    """Move a knee through flexion or time, load it, or let its quadriceps pull."""
+    if arguments.experiment in IN_TIME or arguments.dynamic:
+        _refuse(arguments, _OF_EXTENSOR[:1], f"{' or '.join(EXTENSOR[:2])} with it")
+        if arguments.experiment in EXTENSOR:
+            raise InputProblem("simulate", "--dynamic", arguments.experiment, "a test under load")
+        from kneejax.cli._in_time import run_in_time
+
+        return run_in_time(arguments)
+    _refuse(arguments, _OF_TIME, f"--dynamic, or {' or '.join(IN_TIME)}, with it")
     if arguments.experiment in EXTENSOR:
         _refuse(arguments, _OF_TESTS[:-1], "a test under load with it")
         _refuse(arguments, ("branches",), "passive-flexion with it")
@@ -65,7 +79,8 @@ def run(arguments: argparse.Namespace) -> int:
 def _refuse(arguments: argparse.Namespace, options: tuple[str, ...], expected: str) -> None:
     for option in options:
         if getattr(arguments, option) not in (None, False, []):
-            raise InputProblem("simulate", f"--{option}", arguments.experiment, expected)
+            word = {"offset": "from"}.get(option, option)
+            raise InputProblem("simulate", f"--{word}", arguments.experiment, expected)
 
 
 def _passive_flexion(arguments: argparse.Namespace) -> int:

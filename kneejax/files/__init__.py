@@ -72,6 +72,7 @@ _MODULES = {
     "LabTable": "kneejax.files.tables",
     "read_lab_table": "kneejax.files.tables",
     "read_loads": "kneejax.files.tables",
+    "read_loads_over_time": "kneejax.files.tables",
     "read_poses": "kneejax.files.tables",
     "write_poses": "kneejax.files.tables",
     "write_rows": "kneejax.files.tables",
@@ -144,6 +145,7 @@ if TYPE_CHECKING:
     from kneejax.files.tables import read_candidates as read_candidates
     from kneejax.files.tables import read_lab_table as read_lab_table
     from kneejax.files.tables import read_loads as read_loads
+    from kneejax.files.tables import read_loads_over_time as read_loads_over_time
     from kneejax.files.tables import read_poses as read_poses
     from kneejax.files.tables import write_poses as write_poses
     from kneejax.files.tables import write_rows as write_rows

@@ -15,6 +15,8 @@ from kneejax.mechanics._loads import ConstantTensionLine as ConstantTensionLine
 from kneejax.mechanics._loads import Load as Load
 from kneejax.mechanics._loads import Support as Support
 from kneejax.mechanics._loads import pull_of as pull_of
+from kneejax.mechanics._mass import InertiaOfStep as InertiaOfStep
+from kneejax.mechanics._mass import Mass as Mass
 from kneejax.mechanics._muscles import QUADRICEPS as QUADRICEPS
 from kneejax.mechanics._muscles import Muscles as Muscles
 from kneejax.mechanics._named_loads import NAMED_LOADS as NAMED_LOADS
@@ -28,6 +30,8 @@ from kneejax.mechanics._plausible import Range as Range
 from kneejax.mechanics._plausible import at_reference as at_reference
 from kneejax.mechanics._plausible import check_fibres as check_fibres
 from kneejax.mechanics._plausible import range_of_parameter as range_of_parameter
+from kneejax.mechanics._step import CoordinateDampers as CoordinateDampers
+from kneejax.mechanics._step import TimeStep as TimeStep
 from kneejax.mechanics._wrench import Wrench as Wrench
 from kneejax.mechanics._wrench import Wrenches as Wrenches
 from kneejax.mechanics._wrench import generalised_force as generalised_force
@@ -43,8 +47,12 @@ from kneejax.mechanics.contact import Sampled as Sampled
 from kneejax.mechanics.contact import cartilage_law as cartilage_law
 from kneejax.mechanics.ligaments import FAILURE_SOURCE as FAILURE_SOURCE
 from kneejax.mechanics.ligaments import Course as Course
+from kneejax.mechanics.ligaments import Dampers as Dampers
 from kneejax.mechanics.ligaments import FibreFaults as FibreFaults
 from kneejax.mechanics.ligaments import Ligaments as Ligaments
 from kneejax.mechanics.ligaments import WrapState as WrapState
+from kneejax.mechanics.ligaments import critical_damping as critical_damping
+from kneejax.mechanics.ligaments import damping_force as damping_force
 from kneejax.mechanics.ligaments import ligament_law as ligament_law
+from kneejax.mechanics.ligaments import tautness as tautness
 from kneejax.mechanics.ligaments import usual_failure_strain as usual_failure_strain

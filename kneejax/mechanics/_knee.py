@@ -17,6 +17,7 @@ from jax import Array
 from kneejax.geometry import FEMUR, TIBIA, Pair, Pose, State
 from kneejax.mechanics._loads import ConstantTensionLine, Load, Support
 from kneejax.mechanics._muscles import Muscles
+from kneejax.mechanics._step import TimeStep
 from kneejax.mechanics._wrench import Wrenches
 from kneejax.mechanics.contact import Contact, PointFaults, Pressed
 from kneejax.mechanics.ligaments import FibreFaults, Ligaments
@@ -60,6 +61,7 @@ class Knee(eqx.Module):
         groups: names that stand for several fibres each.
         name: of the knee.
         side: `right` or `left`, the side it was read from.
+        step: inertia and dampers of a step through time; None of a knee at rest.
     """
 
     ligaments: Ligaments
@@ -73,6 +75,7 @@ class Knee(eqx.Module):
     side: str = eqx.field(static=True, default="right")
     other_bones: dict[str, Pose] = eqx.field(default_factory=dict)
     muscles: Muscles | None = None
+    step: TimeStep | None = None
 
     def __check_init__(self):
         known = {FEMUR, *self.bodies}
@@ -104,7 +107,7 @@ class Knee(eqx.Module):
             total = total + self.muscles.energy(state)
         for contact in self.contacts:
             total = total + contact.energy(state.between(contact.bodies))
-        return total
+        return total if self.step is None else total + self.step.pull(state, Wrenches())
 
     def press(self, state: State, meeting: tuple[Array, Array]) -> Held:
         """What all parts but the loads do to the bones, each patch centred at a given point.
@@ -204,6 +207,8 @@ class Knee(eqx.Module):
         for line in self.lines:
             energy = energy + line.energy(state)
             wrenches.add(line.bodies, line.wrench(state).alone())
+        if self.step is not None:
+            energy = energy + self.step.pull(state, wrenches)
         return wrenches, energy, fibres
 
     def load_work(self, state: State, names: Sequence[str]) -> Array:
@@ -233,6 +238,9 @@ class Knee(eqx.Module):
             One array each, as in `load_work`.
         """
         rows = wrenches.work(state, names)
+        if self.step is not None and self.step.coordinates is not None:
+            damped = self.step.work(state, names)
+            rows = tuple(x + force for x, force in zip(rows, damped, strict=True))
         if "flexion" not in names or not self.lines:
             return rows
         # The upper end of a line travels with flexion: it does work that no wrench tells.

@@ -88,7 +88,7 @@ RANGES: dict[str, Range] = {
     "transition_strain": Range(1e-4, 0.5, too_large=_PERCENT),
     "transition_width": Range(1e-7, 0.5, too_large=_PERCENT),
     "failure_strain": Range(1e-3, 1.0, too_large=_PERCENT),
-    "damping_s": Range(1e-9, 1e3, "s", or_zero=True),
+    "damping_N_s": Range(1e-9, 1e5, "N s", or_zero=True),
     # of places and sizes
     "point_mm": Range(-1000.0, 1000.0, "mm"),
     "scan_mm": Range(-1e4, 1e4, "mm"),  # from a scanner's origin
@@ -137,7 +137,7 @@ _FIELDS = {
     "transition_strain": "transition_strain",
     "transition_width": "transition_width",
     "failure_strain": "failure_strain",
-    "damping": "damping_s",
+    "damping": "damping_N_s",
 }
 #: Quantity of any part -> what its numbers may be.
 _OTHERS = {

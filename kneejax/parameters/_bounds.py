@@ -20,7 +20,7 @@ DEFAULT_BOUNDS = {
     "transition_strain": (0.005, 0.2),
     "transition_width": (1e-4, 0.02),
     "failure_strain": (0.05, 0.5),
-    "damping": (0.0, 0.1),
+    "damping": (0.0, 200.0),
 }
 
 

@@ -42,7 +42,7 @@ QUANTITIES = {
     "transition_strain": "",
     "transition_width": "",
     "failure_strain": "",
-    "damping": "s",
+    "damping": "N s",
 } | {f"{end}_attachment.{axis}": "mm" for end in ("femoral", "tibial") for axis in AXES}
 _MOST_SHOWN = 12  # names in an error
 

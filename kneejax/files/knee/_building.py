@@ -169,7 +169,7 @@ def _ligaments(
             _courses([_Way(x, _bones(e)) for x, e in zip(ligaments.values(), ends, strict=True)],
                      wraps),
             [part.get("failure_strain", usual) for part, usual in tears],
-            damping=[part.get("damping_s", 0.0) for part in ligaments.values()],
+            damping=[part.get("damping_N_s", 0.0) for part in ligaments.values()],
             bodies=tuple(_bones(fields) for fields in ends),
         )  # fmt: skip
 

@@ -22,7 +22,7 @@ _FIBRE = {
     "transition_strain": "transition_strain",
     "transition_width": "transition_width",
     "failure_strain": "failure_strain",
-    "damping_s": "damping",
+    "damping_N_s": "damping",
 }
 _CONTACT = {
     "youngs_modulus_MPa": "youngs_modulus",
@@ -120,7 +120,7 @@ def _fibres(parts: dict[str, dict[str, Any]], knee: Knee, source: str) -> None:
     usual = usual_failure_strain(tuple(parts))
     for row, part in enumerate(parts.values()):
         found = {field: values[row] for field, values in numbers.items()}
-        changed = _put(part, found, {"failure_strain": usual[row], "damping_s": 0.0})
+        changed = _put(part, found, {"failure_strain": usual[row], "damping_N_s": 0.0})
         if not _same(slack[row], slack_length(part, lengths[row])):
             given = next(name for name in SLACK_FIELDS if name in part)
             del part[given]

@@ -32,10 +32,10 @@ LIGAMENT_FIELDS = (
     "transition_strain",
     "transition_width",
     "failure_strain",
-    "damping_s",
+    "damping_N_s",
     "source",
 )
-_OPTIONAL_OF_LIGAMENT = ("via_points", "wrap", "failure_strain", "damping_s", *SLACK_FIELDS)
+_OPTIONAL_OF_LIGAMENT = ("via_points", "wrap", "failure_strain", "damping_N_s", *SLACK_FIELDS)
 _FEMUR_AND_TIBIA = ("femoral_attachment_mm", "tibial_attachment_mm")
 VIA_FIELDS = ("bone", "point_mm")
 CONTACT_FIELDS = (
@@ -125,8 +125,8 @@ def check_ligament(
     for end in ends:
         check_point(ligament[end])
     check_course(ligament, wraps, tuple(ENDS[end] for end in ends))
-    if "damping_s" in ligament:
-        ligament["damping_s"].number(RANGES["damping_s"])
+    if "damping_N_s" in ligament:
+        ligament["damping_N_s"].number(RANGES["damping_N_s"])
     given = [name for name in SLACK_FIELDS if name in ligament]
     if len(given) != 1:
         what = f"exactly one of {', '.join(SLACK_FIELDS)}"

@@ -17,7 +17,7 @@ NUMBERS = {
     "stiffness_N": ("linear_stiffness", "1"),
     "slack_length_mm": ("slack_length", "0"),
     "transition_strain": ("transition_strain", "0.06"),
-    "damping_s": ("damping_coefficient", "0.003"),
+    "damping_N_s": ("damping_coefficient", "0.003"),
 }
 
 
@@ -262,8 +262,8 @@ def _numbers(
         if not owner.word(tag):
             assumed.append(field)
         values[field] = model.numbers(owner, tag, 1, own)[0]
-        limit = ">= 0" if field == "damping_s" else "> 0"
-        if values[field] < 0 or (values[field] == 0 and field != "damping_s"):
+        limit = ">= 0" if field == "damping_N_s" else "> 0"
+        if values[field] < 0 or (values[field] == 0 and field != "damping_N_s"):
             unit = {"stiffness_N": " N", "slack_length_mm": " m"}.get(field, "")
             raise model.file.problem(
                 element, tag, owner.word(tag) or f"{own} (OpenSim's default)",

@@ -146,7 +146,7 @@ def _notes(read: OsimImport) -> list[str]:
     notes = [
         f"transition_width {TRANSITION_WIDTH:g} rounds the corners of the law, which OpenSim's has "
         f"not: a force errs by at most {error:.2g} N.",
-        "damping_s is kept; nothing at rest depends on it.",
+        "damping_N_s is kept; nothing at rest depends on it.",
     ]
     if read.wraps:
         notes.append(

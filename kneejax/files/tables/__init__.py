@@ -11,6 +11,7 @@ _MODULES = {
     "LabTable": "kneejax.files.tables._lab_table",
     "read_lab_table": "kneejax.files.tables._lab_table",
     "read_loads": "kneejax.files.tables._loads",
+    "read_loads_over_time": "kneejax.files.tables._loads",
     "cell_number": "kneejax.files.tables._tables",
     "read_poses": "kneejax.files.tables._tables",
     "read_rows": "kneejax.files.tables._tables",
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from kneejax.files.tables._lab_table import LabTable as LabTable
     from kneejax.files.tables._lab_table import read_lab_table as read_lab_table
     from kneejax.files.tables._loads import read_loads as read_loads
+    from kneejax.files.tables._loads import read_loads_over_time as read_loads_over_time
     from kneejax.files.tables._tables import cell_number as cell_number
     from kneejax.files.tables._tables import read_poses as read_poses
     from kneejax.files.tables._tables import read_rows as read_rows

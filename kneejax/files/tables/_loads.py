@@ -8,6 +8,7 @@ import numpy as np
 
 from kneejax.files.reading import InputProblem
 from kneejax.files.tables._tables import cell_number, read_rows
+from kneejax.geometry import COLUMNS
 from kneejax.mechanics import NAMED_LOADS, RANGES, load_called
 
 
@@ -47,3 +48,59 @@ def read_loads(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
         ])
         for place, name in enumerate(header) if name in NAMED_LOADS
     }  # fmt: skip
+
+
+#: Column of the times of a table over time.
+TIME = "time_s"
+
+
+def read_loads_over_time(
+    path: str | os.PathLike[str],
+) -> tuple[np.ndarray, dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Read loads over time, and coordinates that are led.
+
+    Args:
+        path: a CSV table with a column `time_s` that rises; further columns have the name of a load
+            (`kneejax.mechanics.NAMED_LOADS`) or of a coordinate (`kneejax.geometry.COLUMNS`).
+
+    Returns:
+        Times, s; name of a load -> its sizes; column of a coordinate -> degrees or mm.
+
+    Raises:
+        InputProblem: the file cannot be read, a cell is no number or out of range, times that do
+            not rise, fewer than two of them, or a column that is neither.
+
+    Example:
+        >>> import tempfile
+        >>> from pathlib import Path
+        >>> path = Path(tempfile.mkdtemp()) / "pull.csv"
+        >>> _ = path.write_text("time_s, anterior_N\\n0, 0\\n0.1, 100\\n")
+        >>> read_loads_over_time(path)[1]["anterior_N"].tolist()
+        [0.0, 100.0]
+    """
+    file = os.fspath(path)
+    header, rows = read_rows(file, [TIME])
+    sizes = read_loads(path)
+    led = {name: k for k, name in enumerate(header) if name in COLUMNS}
+    for name in header:
+        if name not in (TIME, *sizes, *led):
+            known = (TIME, *NAMED_LOADS, *COLUMNS)
+            raise InputProblem(file, "header", name, f"one of {', '.join(known)}", known)
+    place = header.index(TIME)
+    where = [f"row {number} (line {line}), {TIME}" for number, (line, _) in enumerate(rows, 1)]
+    times = [
+        cell_number(file, at, cells[place]) for at, (_, cells) in zip(where, rows, strict=True)
+    ]
+    for at, before, after in zip(where[1:], times[:-1], times[1:], strict=True):
+        if not after > before:
+            raise InputProblem(file, at, f"{after:g}", f"later than {before:g}: times that rise")
+    if len(times) < 2:
+        raise InputProblem(file, TIME, f"{times[0]:g}", "two times at least")
+    ways = {
+        name: np.array([
+            cell_number(file, f"row {number} (line {line}), {name}", cells[k])
+            for number, (line, cells) in enumerate(rows, 1)
+        ])
+        for name, k in led.items()
+    }  # fmt: skip
+    return np.array(times), sizes, ways

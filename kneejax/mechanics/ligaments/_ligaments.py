@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import jax
 import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
@@ -10,6 +11,7 @@ from kneejax.geometry import FEMUR_AND_TIBIA, Pair, State, full, scale
 from kneejax.mechanics._wrench import Wrench, Wrenches
 from kneejax.mechanics.ligaments import _law as law
 from kneejax.mechanics.ligaments._courses import Course
+from kneejax.mechanics.ligaments._dampers import Dampers
 from kneejax.mechanics.ligaments._failure_strain import FibreFaults, usual_failure_strain
 from kneejax.mechanics.ligaments._fibres import Fibres
 
@@ -27,8 +29,9 @@ class Ligaments(Fibres):
         transition_width: shape `(n, ...)`; rounding of the law's corners, in strain.
         failure_strain: shape `(n, ...)`; beyond it a fibre would tear. No force depends on it. The
             published value of each fibre's kind by default (`usual_failure_strain`).
-        damping: shape `(n, ...)`, s: stiffness times it times the rate of strain is the force that
-            resists stretching. Nothing at rest depends on it. 0 by default.
+        damping: shape `(n, ...)`, N s: times the rate of strain it is the force that resists
+            stretching. Nothing at rest depends on it. 0 by default.
+        dampers: during a step through time; None at rest.
         courses: of the fibres that have via points or an obstacle; the others are straight.
         names: one name per fibre.
         bodies: the two bones that each fibre joins; femur and tibia where none are named.
@@ -45,6 +48,7 @@ class Ligaments(Fibres):
     transition_width: Array
     failure_strain: Array
     damping: Array
+    dampers: Dampers | None
 
     def __init__(
         self,
@@ -59,6 +63,7 @@ class Ligaments(Fibres):
         failure_strain: ArrayLike | None = None,
         bodies: tuple[Pair, ...] | None = None,
         damping: ArrayLike | None = None,
+        dampers: Dampers | None = None,
     ):
         # No fibres at all come as empty lists.
         ends = [jnp.asarray(x, float) for x in (femoral_attachment, tibial_attachment)]
@@ -74,6 +79,7 @@ class Ligaments(Fibres):
         self.failure_strain = jnp.asarray(failure_strain, float)
         nothing = jnp.zeros_like(self.stiffness)
         self.damping = nothing if damping is None else jnp.asarray(damping, float)
+        self.dampers = dampers
         self.courses = tuple(courses)
         self.names = tuple(names)
         self.bodies = (FEMUR_AND_TIBIA,) * len(self.names) if bodies is None else tuple(bodies)
@@ -114,9 +120,14 @@ class Ligaments(Fibres):
             )
             strain = length / slack_length - 1.0
             tension = law.tension(strain, stiffness, transition_strain, transition_width)
+            each = law.energy(strain, stiffness, transition_strain, transition_width, slack_length)
+            if self.dampers is not None:
+                rows = course.rows
+                dampers = jax.tree.map(lambda x, rows=rows: self._of(rows, x), self.dampers)
+                tension = tension + dampers.tension(length)
+                each = each + dampers.energy(length)
             forces = Wrench(full(scale(tension, pull.force)), full(scale(tension, pull.moment)))
             answer.add(course.bodies, forces)
-            each = law.energy(strain, stiffness, transition_strain, transition_width, slack_length)
             energy = energy + jnp.sum(each, axis=0)
             over = over | jnp.any(strain > failure_strain, axis=0)
             for path in bent:

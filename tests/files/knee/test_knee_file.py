@@ -224,13 +224,13 @@ def test_a_problem_is_one_line_and_can_be_pickled():
 
 def test_the_damping_of_a_fibre_is_a_number_of_the_knee(tmp_path, knee_document):
     document = copy.deepcopy(knee_document)
-    document["ligaments"]["ACL"]["damping_s"] = 0.003
+    document["ligaments"]["ACL"]["damping_N_s"] = 0.003
     write_knee(document, tmp_path / "knee.yaml")
     knee = read_knee(tmp_path / "knee.yaml").knee
     damping = dict(zip(knee.ligaments.names, knee.ligaments.damping.tolist(), strict=True))
     assert damping.pop("ACL") == 0.003 and set(damping.values()) == {0.0}
     changed = kj.with_values(knee, {"ACL.damping": 0.01})
-    assert restated(document, changed, "a test")["ligaments"]["ACL"]["damping_s"] == 0.01
+    assert restated(document, changed, "a test")["ligaments"]["ACL"]["damping_N_s"] == 0.01
 
 
 def test_a_failure_strain_is_kept_and_has_a_published_default(tmp_path, knee_document):

@@ -70,7 +70,7 @@ CONDYLE, PLATEAU = [*MEDIAL, "femoral_surface"], [*MEDIAL, "tibial_surface"]
         (["wraps"], {"W": {**WRAP, "bone": "pelvis"}}, "one of femur, tibia"),
         (["ligaments", "ACL", "wrap"], "W", "no section wraps"),
         (["ligaments", "ACL", "via_points"], [{"bone": "fibula", "point_mm": [0, 0, 0]}], "femur"),
-        (["ligaments", "ACL", "damping_s"], -1, "0, or between 1e-09 and 1000 s"),
+        (["ligaments", "ACL", "damping_N_s"], -1, "0, or between 1e-09 and 100,000 N s"),
         (["groups"], {"ACL": ["MCL"]}, "not a ligament's"),
         (["groups"], {"cruciates": ["ACL", "PLC"]}, "did you mean PCL"),
         ([*MEDIAL, "layer_variation_mm"], [[0.0]], "no layer_variation_mm unless"),

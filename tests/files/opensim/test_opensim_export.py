@@ -73,7 +73,7 @@ def _shaken(document, rng):
     """Every number of a knee that an export writes, changed at random."""
     new = copy.deepcopy(document)
     for entry in new["ligaments"].values():
-        for field in ("stiffness_N", "slack_length_mm", "transition_strain", "damping_s"):
+        for field in ("stiffness_N", "slack_length_mm", "transition_strain", "damping_N_s"):
             entry[field] *= 1 + 0.1 * rng.uniform()
         for field in ("femoral_attachment_mm", "tibial_attachment_mm"):
             entry[field] = [x + 0.2 * rng.uniform() for x in entry[field]]
@@ -98,7 +98,7 @@ def test_import_export_import_gives_the_same_knee(model, rng, tmp_path):
     (tmp_path / path.name).write_bytes(data)
     again = import_osim(tmp_path / path.name, side=side, inside="straight").document
     for name, entry in new["ligaments"].items():
-        for field in ("stiffness_N", "slack_length_mm", "transition_strain", "damping_s"):
+        for field in ("stiffness_N", "slack_length_mm", "transition_strain", "damping_N_s"):
             assert again["ligaments"][name][field] == entry[field]
     # In a turned frame a rotation rounds; everywhere else each digit returns.
     turned = {"outer", "back_of_knee"}

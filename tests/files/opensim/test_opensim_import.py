@@ -89,11 +89,11 @@ def test_schema_4_left_knee():
     assert first["femoral_attachment_mm"] == [-7.0, 3.5, -5.5]
     assert first["tibial_attachment_mm"] == [12.3456789012345, -22.0, 1.0]
     assert (first["stiffness_N"], first["slack_length_mm"]) == (1234.5, 30.3)
-    assert (first["transition_strain"], first["damping_s"]) == (0.04, 0.002)
+    assert (first["transition_strain"], first["damping_N_s"]) == (0.04, 0.002)
     # From the tibia to a body welded to the femur; the rest from <defaults> and OpenSim.
     second = ligaments["cross2"]
     assert second["femoral_attachment_mm"] == [2.0, -3.0, -6.0]
-    assert (second["transition_strain"], second["damping_s"]) == (0.05, 0.003)
+    assert (second["transition_strain"], second["damping_N_s"]) == (0.05, 0.003)
     band = ligaments["inner_band"]
     assert band["via_points"] == [{"bone": "tibia", "point_mm": [4.0, -20.0, 41.0]}]
     assert band["wrap"] == "rim"

@@ -41,7 +41,7 @@ def test_every_number_of_a_published_model_to_the_last_digit():
         assert entry["stiffness_N"] == float(row["linear_stiffness_N_per_strain"])
         assert entry["slack_length_mm"] == float(Decimal(row["slack_length_m"]) * 1000)
         assert entry["transition_strain"] == float(row["transition_strain"].split()[0])
-        assert entry["damping_s"] == float(row["damping"].split()[0])
+        assert entry["damping_N_s"] == float(row["damping"].split()[0])
         # One fibre begins inside its ellipsoid, where OpenSim leaves the ellipsoid out.
         inside = any(note.startswith(f"{name}:") for note in read.found.notes)
         assert entry.get("wrap", "") == ("" if inside else row["wrap"])

@@ -87,7 +87,7 @@ def test_every_point_is_where_opensim_has_it_in_its_bone(both):
         assert entry["stiffness_N"] == force.get_linear_stiffness()
         assert entry["slack_length_mm"] == pytest.approx(1e3 * force.get_slack_length(), rel=1e-15)
         assert entry["transition_strain"] == force.get_transition_strain()
-        assert entry["damping_s"] == force.get_damping_coefficient()
+        assert entry["damping_N_s"] == force.get_damping_coefficient()
 
 
 def test_wrap_objects_stand_as_in_opensim(both):

@@ -1,0 +1,62 @@
+"""What `kneejax simulate` may be told of a motion through time."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+#: Experiments through time; tests under load are with `--dynamic`.
+IN_TIME = ("settle", "drop")
+
+
+def add_dynamic_options(simulate: argparse.ArgumentParser) -> None:
+    """Time, loads over it, damping and how exact."""
+    simulate.add_argument(
+        "--dynamic",
+        action="store_true",
+        help="of a test by load, at one flexion: with mass, damping and time; the load grows in "
+        "--ramp_s and stays. settle and drop are so anyway",
+    )
+    simulate.add_argument(
+        "--loads",
+        type=Path,
+        metavar="FILE.csv",
+        help="of `load --dynamic`: loads over time, a column time_s and columns like anterior_N; "
+        "columns like flexion_deg lead a coordinate",
+    )
+    simulate.add_argument(
+        "--duration_s",
+        type=float,
+        help="of a motion through time (default: 1; settle 2; that of --loads)",
+    )
+    simulate.add_argument(
+        "--every_ms", type=float, help="between two rows of its tables (default: 1)"
+    )
+    simulate.add_argument(
+        "--ramp_s", type=float, help="in which the load of a test grows (default: 0.1)"
+    )
+    simulate.add_argument(
+        "--critical",
+        type=float,
+        help="damping of each fibre, as part of sqrt(4 k m) (default: 1; paper 2)",
+    )
+    simulate.add_argument(
+        "--damping_N_s_per_mm",
+        type=float,
+        help="of every coordinate, rotations at 30 mm (default: 0; settle 1)",
+    )
+    simulate.add_argument(
+        "--from",
+        action="append",
+        default=[],
+        metavar="NAME=SIZE",
+        dest="offset",
+        help="how far from its balance the knee is let go, as anterior_mm=3 or adduction_deg=2; "
+        "once for each (default of settle: anterior_mm=3)",
+    )
+    simulate.add_argument(
+        "--error_mm",
+        type=float,
+        help="that the steps may leave in any pose (default: 0.01); they become as short as it "
+        "takes",
+    )

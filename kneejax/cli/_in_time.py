@@ -1,0 +1,247 @@
+"""`kneejax simulate settle | drop`, and tests with `--dynamic`: mass, damping and time."""
+
+from __future__ import annotations
+
+import argparse
+import functools
+from collections.abc import Mapping
+
+import numpy as np
+
+from kneejax.cli._given import check_within, read_loads, read_pairs
+from kneejax.cli._progress import stages_on_terminal
+from kneejax.dynamics import MovingKnee, gravity_of
+from kneejax.experiments import (
+    MOST_ERROR_MM,
+    Transient,
+    lab_tests,
+    leg_of_person,
+    transient,
+)
+from kneejax.files import (
+    InputProblem,
+    knee_with,
+    load_knee,
+    parse_flexion,
+    read_loads_over_time,
+    write_rows,
+)
+from kneejax.geometry import COLUMNS, FEMORAL, convert_table, coordinate
+from kneejax.mechanics import Knee, Range, load_words
+from kneejax.parameters import cut
+from kneejax.statics import Status
+
+_FLEXION = {"settle": 20.0, "drop": 60.0, "lachman": 20.0}
+_OTHER_FLEXION = 30.0
+_MOST_TIMES = 20_000
+_SIZES = {
+    "duration_s": Range(1e-4, 120.0, "s"),
+    "every_ms": Range(1e-3, 1e3, "ms"),
+    "ramp_s": Range(0.0, 60.0, "s"),
+    "critical": Range(0.0, 100.0, ""),
+    "damping_N_s_per_mm": Range(0.0, 1e3, "N s/mm"),
+    "error_mm": Range(1e-6, 10.0, "mm"),
+    "body_kg": Range(20.0, 300.0, "kg"),
+    "height_m": Range(1.0, 2.5, "m", too_large="cm are suspected"),
+    "ankle_kg": Range(0.0, 100.0, "kg"),
+    "femur_deg": Range(-90.0, 90.0, "degrees"),
+}
+#: Of a test by load that nobody can ask for through time.
+_NOT_IN_TIME = (
+    "displacement_mm",
+    "rotation_deg",
+    "hold",
+    "both",
+    "counted_from",
+    "steps",
+    "branches",
+)
+
+
+def run_in_time(arguments: argparse.Namespace) -> int:
+    """Move, print what happened, write motion.csv, forces.csv, energy.csv and a figure."""
+    name = arguments.experiment
+    _check(arguments)
+    flexion = _flexion(arguments)
+    load_s, sizes, led = _loads(arguments, flexion)
+    times = _times(arguments, load_s)
+    offset = _offset(arguments)
+    values = read_pairs("--set", arguments.values)
+    knee = cut(knee_with(load_knee(arguments.knee), values, "--set"), arguments.cut)
+    moving = _moving(arguments, knee)
+    with stages_on_terminal(knee.name) as show:
+        told = functools.partial(_told, show, times)
+        try:
+            found = transient(
+                moving, flexion, times, load_s=load_s, sizes=sizes, led=led, offset=offset,
+                flexion_is_free=name == "drop", most_mm=arguments.error_mm or MOST_ERROR_MM,
+                progress=told,
+            )  # fmt: skip
+        except ValueError as problem:
+            raise InputProblem("simulate", name, f"{flexion:g}", str(problem)) from None
+    _report(arguments, knee, found)
+    _write(arguments, knee, found)
+    ended = found.trajectory.ended is Status.BALANCED
+    files = "motion.csv, forces.csv, energy.csv, settings.json"
+    print(f"written: {arguments.out}/{files}, figures/motion.png")
+    return int(not (ended and found.account.closes))
+
+
+def _told(show, times: np.ndarray, done: int) -> None:
+    """The line on a terminal: steps stand for the simulated time."""
+    show(f"{times[-1] - times[0]:g} s of motion", done, max(done, len(times)))
+
+
+def _check(arguments: argparse.Namespace) -> None:
+    name = arguments.experiment
+    for option in _NOT_IN_TIME:
+        if getattr(arguments, option) not in (None, False, []):
+            raise InputProblem("simulate", f"--{option}", name, "a test without --dynamic with it")
+    if name in ("envelope", "passive-flexion"):
+        raise InputProblem("simulate", "--dynamic", name, "one test under load with it")
+    for option, allowed in _SIZES.items():
+        value = getattr(arguments, option)
+        if value is not None:
+            check_within(f"--{option}", option, [value], allowed)
+    if arguments.loads is not None and name != "load":
+        raise InputProblem("simulate", "--loads", name, "load --dynamic with it")
+    if name in _FLEXION and name != "lachman":
+        for option in ("force_N", "moment_Nm", "ramp_s"):
+            if getattr(arguments, option) is not None:
+                raise InputProblem("simulate", f"--{option}", name, "a test under load with it")
+
+
+def _flexion(arguments: argparse.Namespace) -> float:
+    name = arguments.experiment
+    if arguments.flexion is None:
+        return _FLEXION.get(name, _OTHER_FLEXION)
+    angles = parse_flexion(arguments.flexion)
+    if len(angles) != 1:
+        raise InputProblem("--flexion", "flexion", arguments.flexion, "one angle through time")
+    return float(angles[0])
+
+
+def _loads(arguments: argparse.Namespace, flexion: float):
+    """Times, sizes of loads at these, and coordinates that are led."""
+    name = arguments.experiment
+    constant = {k: v for k, v in read_loads(arguments.load).items() if v}
+    if arguments.loads is not None:
+        load_s, sizes, led = read_loads_over_time(arguments.loads)
+        both = set(constant).intersection(sizes)
+        if both:
+            expected = "a load in --load or in --loads"
+            raise InputProblem("simulate", "--load", min(both), expected)
+        sizes = {**{k: np.full_like(load_s, v) for k, v in constant.items()}, **sizes}
+        return load_s, sizes, {column: (load_s, way) for column, way in led.items()}
+    if name in ("settle", "drop"):
+        return np.zeros(1), {k: np.full(1, v) for k, v in constant.items()}, {}
+    full = constant
+    if name != "load":
+        asked = {k: getattr(arguments, k) for k in ("force_N", "moment_Nm")}
+        asked = {k: v for k, v in asked.items() if v is not None}
+        try:
+            (test,) = lab_tests(name, [flexion], **asked, constant=constant)
+        except ValueError as problem:
+            raise InputProblem("simulate", "--dynamic", name, str(problem)) from None
+        full = dict(test.full)
+    elif not full:
+        raise InputProblem("simulate", "--load", "load", "loads as NAME=SIZE, or --loads FILE.csv")
+    ramp = 0.1 if arguments.ramp_s is None else arguments.ramp_s
+    load_s = np.array([0.0, max(ramp, 1e-9)])
+    sizes = {k: v * np.array([0.0, 1.0]) for k, v in full.items()}
+    rest = {k: np.full(2, v) for k, v in constant.items() if k not in full}
+    return load_s, {**sizes, **rest}, {}
+
+
+def _times(arguments: argparse.Namespace, load_s: np.ndarray) -> np.ndarray:
+    first = load_s[0] if arguments.loads is not None else 0.0
+    usual = 2.0 if arguments.experiment == "settle" else 1.0
+    usual = load_s[-1] - first if arguments.loads is not None else usual
+    duration = usual if arguments.duration_s is None else arguments.duration_s
+    every = 1.0 if arguments.every_ms is None else arguments.every_ms
+    count = round(duration / (1e-3 * every))
+    if not 1 <= count <= _MOST_TIMES:
+        expected = f"1 to {_MOST_TIMES} rows in {duration:g} s"
+        raise InputProblem("--every_ms", "every_ms", f"{every:g}", expected)
+    return first + np.linspace(0.0, duration, count + 1)
+
+
+def _offset(arguments: argparse.Namespace) -> Mapping[str, float]:
+    given = read_pairs("--from", arguments.offset)
+    for column in given:
+        if column not in COLUMNS:
+            expected = f"one of {', '.join(COLUMNS)}"
+            raise InputProblem("--from", "name", column, expected, COLUMNS)
+    usual = {"anterior_mm": 3.0} if arguments.experiment == "settle" else {}
+    return given or usual
+
+
+def _moving(arguments: argparse.Namespace, knee: Knee) -> MovingKnee:
+    leg = leg_of_person(
+        75.0 if arguments.body_kg is None else arguments.body_kg,
+        1.75 if arguments.height_m is None else arguments.height_m,
+        arguments.ankle_kg or 0.0,
+    )
+    attitude = arguments.femur_deg
+    if attitude is None and arguments.experiment == "drop":
+        attitude = 0.0
+    gravity = (0.0, 0.0, 0.0) if attitude is None else gravity_of(attitude)
+    part = 1.0 if arguments.critical is None else arguments.critical
+    moving = MovingKnee.of(knee, leg, gravity_m_s2=gravity).critically_damped(part)
+    usual = 1.0 if arguments.experiment == "settle" else 0.0
+    everywhere = arguments.damping_N_s_per_mm
+    return moving.damped_everywhere(usual if everywhere is None else everywhere)
+
+
+def _report(arguments: argparse.Namespace, knee: Knee, found: Transient) -> None:
+    from kneejax.report import save_figure, transient_figure, transient_lines
+
+    without = f" without {', '.join(arguments.cut)}" if arguments.cut else ""
+    last = {name: size[-1] for name, size in found.sizes.items()}
+    under = f", {load_words(last)}" if any(last.values()) else ""
+    bent = f"{found.trajectory.to_table()[0, 0]:.3g} degrees"
+    title = f"{knee.name}{without}: {arguments.experiment} at {bent}{under}"
+    print(title)
+    print("\n".join(transient_lines(found)))
+    folder = arguments.out / "figures"
+    folder.mkdir(parents=True, exist_ok=True)
+    save_figure(transient_figure(found, title), folder, "motion", svg=arguments.svg)
+
+
+def _write(arguments: argparse.Namespace, knee: Knee, found: Transient) -> None:
+    out, motion = arguments.out, found.trajectory
+    poses = convert_table(motion.to_table()[:, :6], FEMORAL, arguments.convention)
+    rates = motion.rates_to_table()
+    words = [Status(int(x)).word for x in np.asarray(motion.status)]
+    loads = np.stack(list(found.sizes.values()), 1) if found.sizes else np.zeros((len(poses), 0))
+    header = [
+        "time_s", *COLUMNS, *motion.columns[6:],
+        *(f"{coordinate(name).column}_per_s" for name in motion.names), *found.sizes, "status",
+    ]  # fmt: skip
+    others = motion.to_table()[:, 6:]
+    rows = np.hstack([found.time_s[:, None], poses, others, rates, loads]).tolist()
+    extra = [] if arguments.convention == FEMORAL else ["convention"]
+    told = [
+        [*row, word, *[arguments.convention] * len(extra)]
+        for row, word in zip(rows, words, strict=True)
+    ]
+    write_rows(out / "motion.csv", header + extra, told)
+    write_rows(out / "forces.csv", ["time_s", "part", "force_N", "damping_N"], _forces(knee, found))
+    account, at = found.account, motion.rows
+    energies = np.stack([
+        np.asarray(x)[at] for x in (
+            account.work, account.kinetic, account.potential, account.dissipated, account.missing)
+    ], 1)  # fmt: skip
+    columns = ["work", "kinetic", "potential", "dissipated", "missing"]
+    table = np.hstack([found.time_s[:, None], energies]).tolist()
+    write_rows(out / "energy.csv", ["time_s", *(f"{x}_Nmm" for x in columns)], table)
+
+
+def _forces(knee: Knee, found: Transient):
+    tension = np.asarray(found.mechanics.tension)
+    contact = np.linalg.norm(np.asarray(found.mechanics.contact_force), axis=-1)
+    for i, time in enumerate(found.time_s.tolist()):
+        for k, name in enumerate(knee.ligaments.names):
+            yield [time, name, tension[i, k], found.damping_N[i, k]]
+        for k, name in enumerate(knee.contact_names):
+            yield [time, name, contact[i, k], 0.0]

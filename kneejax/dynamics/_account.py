@@ -1,0 +1,179 @@
+"""Where the energy of a motion is, where it came from and where it went."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import Array
+
+from kneejax.dynamics._history import damping_of
+from kneejax.dynamics._moving import MovingKnee
+from kneejax.geometry import Placement, State, coordinates_of
+from kneejax.mechanics import (
+    CoordinateDampers,
+    Dampers,
+    InertiaOfStep,
+    Knee,
+    Load,
+    TimeStep,
+    damping_force,
+)
+from kneejax.numerics import compiled
+from kneejax.statics import force, force_along
+
+#: Part of all energy that changed hands which an account may miss before it is said.
+CLOSES_WITHIN = 0.01
+
+
+class Flow(eqx.Module):
+    """Energies and powers at each of some moments, `(moments,)`, N mm and N mm/s.
+
+    Attributes:
+        kinetic: of all bones.
+        potential: of ligaments, contacts, lines and muscles.
+        dissipation: by all dampers.
+        by_loads: what loads and weights do.
+        by_drives: what those who move held coordinates do.
+        damping: force of the dampers of each fibre, `(n, moments)`, N.
+        holding: coordinate -> what holds it, N mm or N.
+    """
+
+    kinetic: Array
+    potential: Array
+    dissipation: Array
+    by_loads: Array
+    by_drives: Array
+    damping: Array
+    holding: dict[str, Array]
+
+
+class Account(eqx.Module):
+    """The energy of a motion, `(times,)` each, N mm.
+
+    Attributes:
+        kinetic: of all bones.
+        potential: of ligaments, contacts, lines and muscles, from the start on.
+        dissipated: by dampers.
+        work: of loads, weights and drives.
+        missing: what is there and was dissipated, less what was there and what work brought.
+        turnover: all that has changed hands so far, by which `missing` is judged.
+    """
+
+    kinetic: Array
+    potential: Array
+    dissipated: Array
+    work: Array
+    missing: Array
+    turnover: Array
+
+    @property
+    def part_missing(self) -> Array:
+        """Largest part of the turnover that is missing at any time."""
+        part = jnp.abs(self.missing) / jnp.maximum(jnp.max(self.turnover), 1e-9)
+        return jnp.nanmax(part)
+
+    @property
+    def closes(self) -> bool:
+        """Whether no more than a hundredth is missing."""
+        return bool(self.part_missing <= CLOSES_WITHIN)
+
+
+@compiled(static_argnums=(8,))
+def flow(
+    moving: MovingKnee,
+    loads: tuple[Load, ...],
+    q: Array,
+    rate: Array,
+    velocities: dict[str, Placement],
+    accelerations: dict[str, Placement],
+    length_rates: Array,
+    meeting: Array,
+    held: tuple[str, ...],
+) -> Flow:
+    """Energies and powers.
+
+    Args:
+        moving: leaves end in a lane axis of length one.
+        loads: at each moment, arrays `(3, moments)`.
+        q: all coordinates, `(6 bodies, moments)`.
+        rate: of them.
+        velocities: of each bone with mass.
+        accelerations: of these.
+        length_rates: of the fibres, `(n, moments)`.
+        meeting: of contacts, `(n, 2, moments)`.
+        held: names of the coordinates that are.
+    """
+    names = coordinates_of(moving.knee.bodies)
+    state = State.of({}, q, moving.knee.bodies)
+    rates = dict(zip(names, rate, strict=True))
+    lengths = moving.knee.ligaments.length(state)
+    coefficients = damping_of(moving, lengths)
+    damping = damping_force(length_rates, *coefficients)
+    lost = jnp.sum(damping * length_rates, axis=0)
+    lost = lost + sum(c * rates[name] ** 2 for name, c in moving.coordinate_damping.items())
+    kinetic = sum(m.kinetic_energy(velocities[bone]) for bone, m in moving.masses.items())
+    points = meeting[:, 0], meeting[:, 1]
+    whole = dataclasses.replace(moving.knee, loads=(*moving.loads, *loads))
+    _, forces = force(whole, {}, q, points)
+    in_motion = _in_motion(moving, whole, state, rates, accelerations, coefficients, length_rates)
+    pulls = force_along(in_motion, state, points, held) if held else jnp.zeros((0, *state.shape))
+    holding = dict(zip(held, pulls, strict=True))
+    return Flow(
+        kinetic, forces.energy, lost, jnp.sum(forces.load * rate, axis=0),
+        sum((holding[name] * rates[name] for name in held), jnp.zeros(state.shape)),
+        damping, holding,
+    )  # fmt: skip
+
+
+def _in_motion(
+    moving: MovingKnee, whole: Knee, state: State, rates, accelerations, coefficients, length_rates
+) -> Knee:
+    """The knee with inertia and dampers at known rates: as in steps, of one second each."""
+    one = jnp.ones(state.shape)
+    inertia = []
+    for bone, mass in moving.masses.items():
+        there = state.poses[bone].placement
+        expected = jax.tree.map(lambda x, a: x - a, there, accelerations[bone])
+        inertia.append(InertiaOfStep(mass, expected, one, bone))
+    coordinates = None
+    if moving.coordinate_damping:
+        there = state.at(moving.coordinate_damping)
+        damped = zip(moving.coordinate_damping, there, strict=True)
+        before = {name: x - rates[name] for name, x in damped}
+        coordinates = CoordinateDampers(moving.coordinate_damping, before, one)
+    fibres = whole.ligaments
+    if fibres.names:
+        before = fibres.length(state) - length_rates
+        lengthening, both_ways = coefficients
+        dampers = Dampers(lengthening, both_ways, before, jnp.ones_like(before))
+        fibres = dataclasses.replace(fibres, dampers=dampers)
+    return dataclasses.replace(whole, ligaments=fibres, step=TimeStep(tuple(inertia), coordinates))
+
+
+def account_of(time_s: Array, flow: Flow) -> Account:
+    """Add up what flows, by the trapezoidal rule between neighbouring moments.
+
+    Args:
+        time_s: of each moment, `(moments,)`.
+        flow: at these.
+    """
+    lost, by_loads, by_drives = (
+        _summed(time_s, x) for x in (flow.dissipation, flow.by_loads, flow.by_drives)
+    )
+    work, potential = by_loads + by_drives, flow.potential - flow.potential[0]
+    missing = flow.kinetic - flow.kinetic[0] + potential + lost - work
+    moved = [flow.kinetic, flow.potential]
+    turned = sum(_summed_changes(x) for x in (*moved, lost, by_loads, by_drives))
+    return Account(flow.kinetic, potential, lost, work, missing, 0.5 * turned + flow.kinetic[0])
+
+
+def _summed(time_s: Array, power: Array) -> Array:
+    parts = 0.5 * jnp.diff(time_s) * (power[1:] + power[:-1])
+    return jnp.concatenate([jnp.zeros(1), jnp.cumsum(parts)])
+
+
+def _summed_changes(x: Array) -> Array:
+    return jnp.concatenate([jnp.zeros(1), jnp.cumsum(jnp.abs(jnp.diff(x)))])

@@ -1,0 +1,171 @@
+"""What an implicit step must know of the past, and the parts of a knee that follow from it.
+
+The formula is BDF2 with variable steps. Of a quantity `y` the rate at the end of a step `h` is
+
+    rate = per_s (y - before),   per_s = (1 + 2 r) / (1 + r) / h,
+    before = ((1 + r) y_1 - r^2 / (1 + r) y_0) / (h per_s)
+
+with `y_1` and `y_0` its last two values and `r` the ratio of `h` to the step between them; `r = 0`
+is the step of order one with which a motion begins. Inertia follows the formula twice, for every
+point of a bone (positions make velocities, velocities accelerations), dampers once.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import Array
+
+from kneejax.dynamics._moving import MovingKnee
+from kneejax.geometry import Placement, Prescribed, State, coordinates_of
+from kneejax.mechanics import (
+    CoordinateDampers,
+    Dampers,
+    InertiaOfStep,
+    Knee,
+    Load,
+    TimeStep,
+    tautness,
+)
+
+
+class Step(eqx.Module):
+    """One step through time.
+
+    Attributes:
+        length_s: s, `(lanes,)` or one number.
+        ratio: to the step before it; 0 at the beginning.
+        loads: at the end of the step, besides those of the knee; arrays `(3, lanes)`.
+        held: coordinate -> its prescribed value at the end, rad or mm.
+    """
+
+    length_s: Array
+    ratio: Array
+    loads: tuple[Load, ...]
+    held: Prescribed
+
+    @property
+    def per_s(self) -> Array:
+        """Factor between a displacement and its rate, 1/s."""
+        return (1.0 + 2.0 * self.ratio) / (1.0 + self.ratio) / self.length_s
+
+    def before(self, last: Any, older: Any) -> Any:
+        """Values from which displacements are counted, of the last two."""
+        r = self.ratio
+        a = (1.0 + r) ** 2 / (1.0 + 2.0 * r)
+        b = -r * r / (1.0 + 2.0 * r)
+        return jax.tree.map(lambda x, y: a * x + b * y, last, older)
+
+
+class Moment(eqx.Module):
+    """What is known of a knee at a time; arrays end in lanes.
+
+    Attributes:
+        q: all coordinates, rad and mm, `(6 bodies, lanes)`.
+        rate: of them, rad/s and mm/s.
+        places: bone with mass -> its placement.
+        velocities: bone with mass -> rate of its placement.
+        accelerations: bone with mass -> rate of its velocity; 0 at the start.
+        lengths: of all fibres, mm, `(n, lanes)`.
+        length_rates: of these, mm/s.
+    """
+
+    q: Array
+    rate: Array
+    places: dict[str, Placement]
+    velocities: dict[str, Placement]
+    accelerations: dict[str, Placement]
+    lengths: Array
+    length_rates: Array
+
+    @classmethod
+    def at_first(cls, moving: MovingKnee, q: Array, rate: Array) -> Moment:
+        """Of a motion's start: positions and rates of all coordinates, `(6 bodies, lanes)`."""
+        bones = tuple(moving.masses)
+
+        def places(x: Array) -> dict[str, Placement]:
+            state = State.of({}, x, moving.knee.bodies)
+            return {bone: state.poses[bone].placement for bone in bones}
+
+        there, velocities = jax.jvp(places, (q,), (rate,))
+
+        def lengths(x: Array) -> Array:
+            return moving.knee.ligaments.length(State.of({}, x, moving.knee.bodies))
+
+        nothing = jax.tree.map(jnp.zeros_like, velocities)
+        return cls(q, rate, there, velocities, nothing, *jax.jvp(lengths, (q,), (rate,)))
+
+
+class History(eqx.Module):
+    """The last two moments of a motion, the last one first, and where its contacts met."""
+
+    last: Moment
+    older: Moment
+    meeting: Array
+    tangent: Array
+
+    def knee_of(self, moving: MovingKnee, step: Step) -> Knee:
+        """The knee whose balance is the end of a step."""
+        last, older, knee = self.last, self.older, moving.knee
+        inertia = []
+        for bone, mass in moving.masses.items():
+            place = step.before(last.places[bone], older.places[bone])
+            speed = step.before(last.velocities[bone], older.velocities[bone])
+            expected = jax.tree.map(lambda x, v: x + v / step.per_s, place, speed)
+            inertia.append(InertiaOfStep(mass, expected, step.per_s, bone))
+        fibres, coordinates = knee.ligaments, None
+        if fibres.names:
+            fibres = dataclasses.replace(fibres, dampers=self._dampers(moving, step))
+        if moving.coordinate_damping:
+            names = coordinates_of(knee.bodies)
+            before = dict(zip(names, step.before(last.q, older.q), strict=True))
+            damped = moving.coordinate_damping
+            before = {name: before[name] for name in damped}
+            coordinates = CoordinateDampers(damped, before, step.per_s)
+        return dataclasses.replace(
+            knee,
+            ligaments=fibres,
+            loads=(*moving.loads, *step.loads),
+            step=TimeStep(tuple(inertia), coordinates),
+        )
+
+    def _dampers(self, moving: MovingKnee, step: Step) -> Dampers:
+        """How taut a fibre is at the end of the step is extrapolated, which keeps the order."""
+        last, older = self.last.lengths, self.older.lengths
+        ahead = last + step.ratio * (last - older)
+        lengthening, both_ways = damping_of(moving, ahead)
+        before = step.before(last, older)
+        per_s = jnp.broadcast_to(step.per_s, before.shape)
+        return Dampers(lengthening, both_ways, before, per_s)
+
+    def guess(self, step: Step) -> Array:
+        """Where all coordinates are expected at the end of a step."""
+        last, older, h = self.last, self.older, step.length_s
+        bend = 0.5 * step.ratio * (last.rate - older.rate)
+        return last.q + h * (last.rate + bend)
+
+    def after(self, moving: MovingKnee, step: Step, q: Array) -> Moment:
+        """The moment at the end of a step."""
+        last, older = self.last, self.older
+        state = State.of({}, q, moving.knee.bodies)
+        places = {bone: state.poses[bone].placement for bone in moving.masses}
+        lengths = moving.knee.ligaments.length(state)
+        was = [(x.places, x.q, x.lengths) for x in (last, older)]
+        speeds, rate, length_rates = _rates(step, (places, q, lengths), step.before(*was))
+        faster = _rates(step, speeds, step.before(last.velocities, older.velocities))
+        return Moment(q, rate, places, speeds, faster, lengths, length_rates)
+
+
+def _rates(step: Step, there: Any, before: Any) -> Any:
+    return jax.tree.map(lambda x, y: step.per_s * (x - y), there, before)
+
+
+def damping_of(moving: MovingKnee, length: Array) -> tuple[Array, Array]:
+    """Damping of fibres of given lengths, N s/mm: while they lengthen, and both ways."""
+    fibres = moving.knee.ligaments
+    taut = tautness(length / fibres.slack_length - 1.0)
+    return taut * fibres.damping / fibres.slack_length, taut * moving.fibre_damping

@@ -1,0 +1,216 @@
+"""Steps through time, one after the other: balances of a knee with inertia, and their derivative.
+
+A motion is found first (`found`: a search in every step) and then followed (`follow`: the same
+steps as functions of every number, by the implicit rule of statics, without a search). So one
+compiled search serves every choice of what is differentiated. Going backwards, each step is
+computed anew from the moments before it: memory grows with the moments, not with the mechanics.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array, lax
+
+from kneejax.dynamics._history import History, Moment, Step
+from kneejax.dynamics._moving import MovingKnee
+from kneejax.geometry import Prescribed, coordinates_of, free_of, scales
+from kneejax.mechanics import Load
+from kneejax.numerics import compiled, traced
+from kneejax.statics import (
+    EnergyNewton,
+    Guess,
+    Settled,
+    converged,
+    differentiable,
+    settle,
+)
+
+#: Steps that are computed by one call.
+BLOCK = 256
+#: mm; what a step may leave of its search. Its own error is larger in any motion of interest.
+SEARCH = EnergyNewton(atol=1e-9)
+
+
+class Given(eqx.Module):
+    """What is given of a motion; the first axis of all but the start counts the steps.
+
+    Attributes:
+        q: of all coordinates at the start, `(6 bodies, lanes)`, rad and mm.
+        rate: of them, rad/s and mm/s.
+        length_s: of each step, `(steps,)`.
+        ratio: of each step to the one before.
+        loads: at the end of each step; arrays `(steps, 3, lanes)`.
+        held: coordinate -> its value at the end of each step, `(steps, lanes)`.
+    """
+
+    q: Array
+    rate: Array
+    length_s: Array
+    ratio: Array
+    loads: tuple[Load, ...]
+    held: Prescribed
+
+    @property
+    def steps(self) -> Step:
+        """All of them."""
+        return Step(self.length_s, self.ratio, self.loads, dict(self.held))
+
+
+class Moments(eqx.Module):
+    """A motion: what is known at the end of each step, `(steps, ..., lanes)`.
+
+    Attributes:
+        known: see `Moment`; NaN from where a step could not be taken.
+        meeting: points where contacts meet.
+        status: of the step; that of the one that could not be taken is kept to the end.
+        looks: of its search.
+        surprise: how far the step ended from where it was expected, mm (rotations at 30 mm): its
+            error is a part of that.
+    """
+
+    known: Moment
+    meeting: Array
+    status: Array
+    looks: Array
+    surprise: Array
+
+
+class Carry(eqx.Module):
+    """What goes from step to step: the past, whether a motion has ended, and with what status."""
+
+    history: History
+    ended: Array
+    status: Array
+
+
+def march(
+    moving: MovingKnee, given: Given, progress: Callable[[int], None] | None = None
+) -> Moments:
+    """Compute a motion.
+
+    Args:
+        moving: leaves end in a lane axis.
+        given: what is given.
+        progress: is told how many steps are done.
+
+    Returns:
+        The motion, differentiable by every number of the knee and of what is given, forward and
+        backward; the lengths of steps are fixed.
+    """
+    count = len(given.length_s)
+    still = lax.stop_gradient((moving, given))
+    if traced(still):
+        _, settled = found(still[0], still[1].steps, begun(*still))
+    else:
+        settled = _in_blocks(found, still[0], (still[1].steps,), begun(*still), progress)
+    whole = (given.steps, jax.tree.map(lambda x: x[:count], settled))
+    if traced((moving, given)):
+        return follow(moving, *whole, begun(moving, given))[1]
+    moments = _in_blocks(follow, moving, whole, begun(moving, given))
+    return jax.tree.map(lambda x: x[:count], moments)
+
+
+def _in_blocks(program, moving: MovingKnee, rows, carry: Carry, progress=None):
+    """Steps by the block: one compiled program serves motions of any length."""
+    count, blocks = len(jax.tree.leaves(rows)[0]), []
+    rows = jax.tree.map(np.asarray, rows)
+    for first in range(0, count, BLOCK):
+        block = jax.tree.map(lambda x, k=first: _block(x[k : k + BLOCK]), rows)
+        carry, answer = program(moving, *block, carry)
+        blocks.append(jax.tree.map(np.asarray, answer))
+        if progress is not None:
+            progress(min(first + BLOCK, count))
+    # By NumPy: each length of a motion would compile its own.
+    return jax.tree.map(lambda *x: np.concatenate(x), *blocks)
+
+
+def _block(rows: np.ndarray) -> np.ndarray:
+    """Filled up with rows of zeros: steps of no length."""
+    return np.pad(rows, [(0, BLOCK - len(rows))] + [(0, 0)] * (rows.ndim - 1))
+
+
+@compiled()
+def found(moving: MovingKnee, steps: Step, carry: Carry) -> tuple[Carry, Settled]:
+    """The balance of every step; the first axis counts them."""
+
+    def advance(before: Carry, step: Step):
+        step, idle = _filled(step)
+
+        def taken():
+            return _searched(moving, before.history, step)
+
+        def rested():
+            return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(taken))
+
+        settled = lax.cond(jnp.all(before.ended) | idle, rested, taken)
+        return _moved_on(moving, before, step, settled, idle), settled
+
+    return lax.scan(advance, carry, steps)
+
+
+@compiled()
+def follow(
+    moving: MovingKnee, steps: Step, settled: Settled, carry: Carry
+) -> tuple[Carry, Moments]:
+    """The motion whose balances were found, as a function of all that it depends on."""
+    scale = jnp.array(scales(coordinates_of(moving.knee.bodies)))[:, None]
+
+    @jax.checkpoint  # pyright: ignore[reportPrivateImportUsage]
+    def advance(before: Carry, each: tuple[Step, Settled]):
+        step, idle = _filled(each[0])
+        balance = differentiable(before.history.knee_of(moving, step), step.held, each[1])
+        after = _moved_on(moving, before, step, balance, idle)
+        there = after.history
+        off = (there.last.q - before.history.guess(step)) / scale
+        known = jax.tree.map(lambda x: jnp.where(after.ended, jnp.nan, x), there.last)
+        surprise = jnp.max(jnp.abs(off), axis=0)
+        return after, Moments(known, there.meeting, after.status, balance.steps, surprise)
+
+    return lax.scan(advance, carry, (steps, settled))
+
+
+@compiled()
+def begun(moving: MovingKnee, given: Given) -> Carry:
+    """What goes into the first step."""
+    first = Moment.at_first(moving, given.q, given.rate)
+    lanes, count = given.q.shape[1:], moving.knee.patch_count
+    free = len(free_of(given.held, moving.knee.bodies))
+    nowhere = jnp.full((count, 2, *lanes), jnp.nan)
+    history = History(first, first, nowhere, jnp.zeros((free, free, *lanes)))
+    return Carry(history, jnp.zeros(lanes, bool), jnp.zeros(lanes, int))
+
+
+def _filled(step: Step) -> tuple[Step, Array]:
+    """A step, and whether it only fills up an block: it has no length."""
+    idle = step.length_s == 0.0
+    return dataclasses.replace(step, length_s=jnp.where(idle, 1.0, step.length_s)), idle
+
+
+def _searched(moving: MovingKnee, history: History, step: Step) -> Settled:
+    """The balance at the end of a step."""
+    names = coordinates_of(moving.knee.bodies)
+    expected = dict(zip(names, history.guess(step), strict=True))
+    q = jnp.stack([expected[name] for name in free_of(step.held, moving.knee.bodies)])
+    guess = Guess(q, history.meeting, history.tangent)
+    return settle(history.knee_of(moving, step), step.held, guess, SEARCH)
+
+
+def _moved_on(
+    moving: MovingKnee, before: Carry, step: Step, settled: Settled, idle: Array
+) -> Carry:
+    """With a step's end in the past, in lanes where the motion goes on."""
+    history, still = before.history, before.ended | idle
+    goes_on = ~still & converged(settled.status)
+    # Nothing is made of coordinates that are NaN: their derivatives would be so everywhere.
+    q = settled.state.at(coordinates_of(moving.knee.bodies))
+    moment = history.after(moving, step, jnp.where(goes_on, q, history.last.q))
+    there = History(moment, history.last, settled.meeting, settled.tangent)
+    there = jax.tree.map(lambda new, old: jnp.where(goes_on, new, old), there, history)
+    status = jnp.where(still, before.status, settled.status)
+    return Carry(there, before.ended | (~goes_on & ~idle), status)

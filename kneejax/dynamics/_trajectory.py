@@ -1,0 +1,268 @@
+"""A motion through time, as people ask for it and read it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike
+
+from kneejax.dynamics._account import Account, Flow, account_of, flow
+from kneejax.dynamics._grid import Grid
+from kneejax.dynamics._history import Moment
+from kneejax.dynamics._march import BLOCK, Given, Moments, march
+from kneejax.dynamics._moving import MovingKnee
+from kneejax.geometry import Pose, State, coordinate, coordinates_of, table_units
+from kneejax.mechanics import Load, add_lane_axis
+from kneejax.numerics import traced
+from kneejax.statics import Status, converged, with_meeting
+
+
+class LoadCurve(eqx.Module):
+    """Loads over time, straight between the times at which they are known.
+
+    Attributes:
+        time_s: rising, `(k,)`; before and after the loads are what they are at the ends.
+        loads: with arrays `(k, 3)`, N, N mm and mm.
+
+    Example:
+        >>> import kneejax as kj
+        >>> pull = kj.load_of(anterior_N=jnp.array([0.0, 100.0]))
+        >>> curve = LoadCurve.of([0.0, 0.1], pull)
+        >>> curve.at(jnp.array([0.05])).__class__.__name__
+        'tuple'
+    """
+
+    time_s: Array
+    loads: tuple[Load, ...]
+
+    @classmethod
+    def of(cls, time_s: ArrayLike, *loads: Load) -> LoadCurve:
+        """Make one; arrays of the loads may be of one time, `(3,)`.
+
+        Raises:
+            ValueError: times that do not rise.
+        """
+        times = np.asarray(time_s, float)
+        back = np.flatnonzero(~(np.diff(times) > 0.0))
+        if len(back):
+            at = back[0]
+            raise ValueError(
+                f"time {times[at + 1]:g} s follows {times[at]:g} s; expected times that rise"
+            )
+        shape = (len(times), 3)
+        every = (jax.tree.map(lambda x: jnp.broadcast_to(x, shape), load) for load in loads)
+        return cls(jnp.asarray(times), tuple(every))
+
+    def at(self, time_s: Array) -> tuple[Load, ...]:
+        """At other times, with arrays `(times, 3, 1)`."""
+        columns = jax.vmap(lambda row: jnp.interp(time_s, self.time_s, row), 1, 1)
+        return jax.tree.map(lambda x: columns(x)[..., None], self.loads)
+
+
+#: Coordinates that do not move freely: their names, or name -> where it is over time.
+Held = Mapping[str, Callable[[np.ndarray], ArrayLike]] | tuple[str, ...]
+
+
+class Trajectory(eqx.Module):
+    """A motion through time.
+
+    Attributes:
+        time_s: `(times,)`, the first of them the start.
+        q: all coordinates, rad and mm, `(times, 6 bodies)`; NaN from where no step could be taken.
+        rate: of them, rad/s and mm/s.
+        status: `Status` values; that of the step that could not be taken is kept to the end.
+        looks: evaluations of the knee in each step's search, `(steps,)`.
+        moments: of all steps, the start first.
+        grid: the steps.
+        moving: the knee.
+        loads: at all moments, arrays `(moments, 3, 1)`.
+        held: coordinate -> its value at all moments.
+        error_mm: how far poses are from those of ever shorter steps, by doubling them, at worst
+            (rotations at 30 mm); NaN where nobody asked (`move_within`).
+    """
+
+    time_s: Array
+    q: Array
+    rate: Array
+    status: Array
+    looks: Array
+    moments: Moments
+    moving: MovingKnee
+    loads: tuple[Load, ...]
+    held: dict[str, Array]
+    grid: Grid = eqx.field(static=True)
+    error_mm: Array | float = float("nan")
+
+    @property
+    def pose(self) -> Pose:
+        """Of the tibia, `(times,)`."""
+        return State.of({}, self.q.T, self.moving.knee.bodies).tibia
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the coordinates, in the order of `q`."""
+        return coordinates_of(self.moving.knee.bodies)
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Of `to_table`."""
+        return tuple(coordinate(name).column for name in self.names)
+
+    def to_table(self) -> np.ndarray:
+        """All coordinates in degrees and mm, `(times, 6 bodies)`."""
+        return np.asarray(self.q) * table_units(self.names)
+
+    def rates_to_table(self) -> np.ndarray:
+        """Their rates in degrees/s and mm/s, `(times, 6 bodies)`."""
+        return np.asarray(self.rate) * table_units(self.names)
+
+    @property
+    def rows(self) -> np.ndarray:
+        """Of the moments, those at `time_s`."""
+        return np.concatenate([[0], 1 + self.grid.asked])
+
+    @property
+    def ended(self) -> Status:
+        """How the motion ended: balanced in every step, or the status of the last that was not."""
+        bad = np.asarray(self.status)[~converged(np.asarray(self.status))]
+        return Status(int(bad[0])) if len(bad) else Status.BALANCED
+
+    @property
+    def ended_s(self) -> float:
+        """The last time at which there is a pose."""
+        known = np.flatnonzero(converged(np.asarray(self.moments.status)[:, 0]))
+        times = np.concatenate([[0.0], self.grid.time_s])
+        return float(times[known[-1]]) if len(known) else 0.0
+
+    @property
+    def meeting(self) -> Array:
+        """Where contacts meet, `(contacts, 2, times)`."""
+        return jnp.moveaxis(self.moments.meeting[self.rows, ..., 0], 0, -1)
+
+    def flow(self) -> Flow:
+        """Energies and powers at every moment."""
+        known = self.moments.known
+        lanes, loads, points = jax.tree.map(_last_first, (known, self.loads, self.moments.meeting))
+        moving = add_lane_axis(self.moving)
+        if moving.knee.patch_count:
+            first = with_meeting(moving.knee, {}, lanes.q[:, :1]).meeting
+            both = jnp if traced((first, points)) else np
+            points = both.concatenate([first, points[..., 1:]], axis=-1)
+        rows = (loads, lanes.q, lanes.rate, lanes.velocities, lanes.accelerations,
+                lanes.length_rates, points)  # fmt: skip
+        held = tuple(self.held)
+        if traced((moving, rows)):
+            return flow(moving, *rows, held)
+        count = len(self.moments.status)
+        blocks = [
+            flow(moving, *jax.tree.map(lambda x, k=k: _filled(x, k), rows), held)
+            for k in range(0, count, BLOCK)
+        ]
+        return jax.tree.map(lambda *x: np.concatenate(x, axis=-1)[..., :count], *blocks)
+
+    def account(self) -> Account:
+        """Energies, what was dissipated, and work, at every moment."""
+        return account_of(jnp.concatenate([jnp.zeros(1), self.grid.time_s]), self.flow())
+
+
+def move(
+    moving: MovingKnee,
+    start: ArrayLike,
+    time_s: ArrayLike | Grid,
+    *,
+    rate: ArrayLike = 0.0,
+    loads: LoadCurve | None = None,
+    held: Held = (),
+    within: int = 1,
+    progress: Callable[[int], None] | None = None,
+) -> Trajectory:
+    """Let a knee move.
+
+    Args:
+        moving: the knee, with mass and damping.
+        start: all coordinates at the start, rad and mm, `(6 bodies,)`.
+        time_s: at which the motion is asked for, rising, the start first; or the steps themselves.
+        rate: of the coordinates at the start, rad/s and mm/s.
+        loads: over time, besides those of the knee.
+        held: names of coordinates that stay where they are, or name -> a function of time, s, on
+            which it is led, rad or mm (the start is taken from `start`).
+        within: steps between two of the times.
+        progress: is told how many steps are done.
+
+    Returns:
+        The motion, differentiable by every number of the knee, by start, rates and loads, forward
+        and backward. Where a step has no balance it ends: NaN from there on, with a status.
+
+    Raises:
+        ValueError: times that do not rise.
+
+    Example:
+        >>> from kneejax.mechanics import Knee, Ligaments, Mass
+        >>> alone = Knee(Ligaments([], [], [], [], [], [], []), (), (), (), State.of(
+        ...     {}, jnp.zeros(6)).tibia, ())
+        >>> rod = Mass(3.0, [0.0, -200.0, 0.0], np.diag([4e4, 0.0, 4e4]))
+        >>> swinging = MovingKnee.of(alone, rod, gravity_m_s2=(0.0, -9.8, 0.0))
+        >>> pivot = ("adduction", "internal_rotation", "anterior", "superior", "lateral")
+        >>> let_go = move(swinging, [0.5, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 0.01, 0.02], held=pivot)
+        >>> let_go.q.shape, bool(let_go.pose.flexion[-1] < 0.5)
+        ((3, 6), True)
+    """
+    grid = time_s if isinstance(time_s, Grid) else Grid.of(time_s, within)
+    begin = 0.0 if isinstance(time_s, Grid) else float(np.asarray(time_s)[0])
+    knee = moving.knee
+    times = np.concatenate([[0.0], grid.time_s]) + begin
+    acting = () if loads is None else loads.at(jnp.asarray(times))
+    names = coordinates_of(knee.bodies)
+    q = jnp.asarray(start, float)
+    rates = jnp.broadcast_to(jnp.asarray(rate, float), q.shape)
+    led = held if isinstance(held, Mapping) else {name: None for name in held}
+    ways = {name: _way(lead, q[names.index(name)], times) for name, lead in led.items()}
+    given = Given(
+        q[:, None], rates[:, None], jnp.asarray(grid.length_s), jnp.asarray(grid.ratio),
+        *jax.tree.map(lambda x: x[1:], (acting, ways)),
+    )  # fmt: skip
+    found = march(add_lane_axis(moving), given, progress)
+    moments = _with_start(moving, given, found)
+    asked = np.concatenate([[0], 1 + grid.asked])
+    return Trajectory(
+        jnp.asarray(times[asked]), moments.known.q[asked, :, 0], moments.known.rate[asked, :, 0],
+        moments.status[asked, 0], moments.looks[1:, 0], moments, moving, acting, ways, grid,
+    )  # fmt: skip
+
+
+def _way(lead: Callable | None, there: Array, times: np.ndarray) -> Array:
+    """Of a held coordinate at all moments, `(moments, 1)`."""
+    after = there if lead is None else jnp.asarray(lead(times[1:]), float)
+    return jnp.concatenate([there[None], jnp.broadcast_to(after, times[1:].shape)])[:, None]
+
+
+def _last_first(x):
+    """Moments as lanes."""
+    return (jnp if traced(x) else np).moveaxis(x[..., 0], 0, -1)
+
+
+def _filled(x, first: int) -> np.ndarray:
+    """A block of lanes, filled up with the last: one program serves motions of any length."""
+    lanes = np.asarray(x)[..., first : first + BLOCK]
+    more = BLOCK - lanes.shape[-1]
+    return np.pad(lanes, [(0, 0)] * (lanes.ndim - 1) + [(0, more)], "edge")
+
+
+def _with_start(moving: MovingKnee, given: Given, found: Moments) -> Moments:
+    """The moments with the start before them; its accelerations are those of the first step."""
+    first = Moment.at_first(add_lane_axis(moving), given.q, given.rate)
+    first = dataclasses.replace(
+        first, accelerations=jax.tree.map(lambda x: x[0], found.known.accelerations)
+    )
+    start = Moments(
+        first, jnp.full(found.meeting.shape[1:], jnp.nan), jnp.zeros_like(found.status[0]),
+        jnp.zeros_like(found.looks[0]), jnp.zeros_like(found.surprise[0]),
+    )  # fmt: skip
+    both = jnp if traced((start, found)) else np
+    return jax.tree.map(lambda x, y: both.concatenate([both.asarray(x)[None], y]), start, found)

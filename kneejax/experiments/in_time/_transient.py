@@ -1,0 +1,183 @@
+"""A knee that is loaded, led or let go, and what it does until it is at rest."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kneejax.dynamics import Account, LoadCurve, MovingKnee, Trajectory, move_within
+from kneejax.experiments._evaluate import Mechanics, evaluate
+from kneejax.experiments._motion import Motion, passive_flexion
+from kneejax.geometry import COORDINATES, State, coordinates_of, prescribed_of, scales
+from kneejax.mechanics import Load, load_of
+from kneejax.statics import Status
+
+#: mm, at any time: what is left of the error of a motion's steps.
+MOST_ERROR_MM = 0.01
+
+
+@dataclasses.dataclass(frozen=True)
+class Transient:
+    """A motion through time with what holds it.
+
+    Attributes:
+        trajectory: poses and rates.
+        mechanics: of ligaments and contacts at each time.
+        damping_N: force of the dampers of each fibre, `(times, n)`.
+        account: of energies, at each time.
+        sizes: load -> its size at each time, in the unit of its name.
+        rest: the balance under the loads of the end; None where flexion is free.
+        from_rest_mm: how far the last pose is from that, mm (rotations at 30 mm); NaN without.
+    """
+
+    trajectory: Trajectory
+    mechanics: Mechanics
+    damping_N: np.ndarray
+    account: Account
+    sizes: Mapping[str, np.ndarray]
+    rest: Motion | None
+    from_rest_mm: float
+
+    @property
+    def time_s(self) -> np.ndarray:
+        """At which all is told."""
+        return np.asarray(self.trajectory.time_s)
+
+    @property
+    def overshoot(self) -> Mapping[str, float]:
+        """Coordinate -> by how much it went beyond where it comes to rest, degrees or mm."""
+        if self.rest is None:
+            return {}
+        table, last = self.trajectory.to_table()[:, :6], np.asarray(self.rest.to_table())[0]
+        sense = np.sign(last - table[0])
+        return dict(zip(COORDINATES, np.nanmax((table - last) * sense, axis=0), strict=True))
+
+
+def transient(
+    moving: MovingKnee,
+    flexion_deg: float,
+    time_s: ArrayLike,
+    *,
+    load_s: ArrayLike = (0.0,),
+    sizes: Mapping[str, ArrayLike] | None = None,
+    led: Mapping[str, tuple[ArrayLike, ArrayLike]] | None = None,
+    offset: Mapping[str, float] | None = None,
+    flexion_is_free: bool = False,
+    most_mm: float = MOST_ERROR_MM,
+    progress: Callable[[int], None] | None = None,
+) -> Transient:
+    """Load, lead or let go a knee that is in balance.
+
+    It begins at rest where it balances at a flexion under its own loads, its weight and the loads
+    of the first moment.
+
+    Args:
+        moving: the knee, with mass and damping.
+        flexion_deg: at which it begins.
+        time_s: at which the motion is told; the first is the start.
+        load_s: times at which the loads are known; straight lines between.
+        sizes: load -> its size at these, in the unit of its name (`kneejax.mechanics.NAMED_LOADS`).
+        led: column -> times and values, degrees or mm, of a coordinate that is led: smoothly, from
+            where it is.
+        offset: column -> by how much, degrees or mm, the knee is moved before it is let go.
+        flexion_is_free: whether it may bend; it stays bent as it is otherwise.
+        most_mm: that is left of the error of the steps.
+        progress: is told how many steps are done, of each of several passes.
+
+    Returns:
+        The motion; where it could not go on, NaN with a status.
+
+    Raises:
+        ValueError: times that do not rise; a column that is no coordinate; a start without balance.
+
+    Example:
+        >>> from kneejax.experiments.in_time import leg_of_person
+        >>> leg_of_person(75.0, 1.75).mass_kg.round(3).item()
+        4.575
+    """
+    times, load_s = np.asarray(time_s, float), np.asarray(load_s, float)
+    sizes = {name: np.asarray(size, float) for name, size in (sizes or {}).items()}
+    curve = LoadCurve.of(load_s, load_of(**{k: jnp.asarray(v) for k, v in sizes.items()}))
+    weights = moving.loads[len(moving.knee.loads) :]
+    begin = _balance(moving, flexion_deg, weights, sizes, load_s, times[0])
+    names = coordinates_of(moving.knee.bodies)
+    start = np.array(begin.settled.state.at(names))[:, 0]
+    for name, more in prescribed_of(offset or {}).items():
+        start[names.index(name)] += float(more)
+    held = {} if flexion_is_free else {"flexion": lambda t, x=start[0]: np.full_like(t, x)}
+    for column, (at_s, values) in (led or {}).items():
+        ((name, way),) = prescribed_of({column: values}).items()
+        held[name] = smooth_way(at_s, np.asarray(way), start[names.index(name)])
+    found = move_within(most_mm, moving, start, times, loads=curve, held=held, progress=progress)
+    state = State.of({}, found.q.T, moving.knee.bodies)
+    mechanics = evaluate(moving.knee, state, _meeting(found))
+    rest, far = None, float("nan")
+    if not flexion_is_free and set(held) == {"flexion"}:
+        rest = _balance(moving, flexion_deg, weights, sizes, load_s, times[-1], check=False)
+        there = np.asarray(rest.settled.state.at(names))[:, 0]
+        far = float(np.abs((np.asarray(found.q[-1]) - there) / np.array(scales(names))).max())
+    flow = found.flow()
+    at = {k: np.interp(times, load_s, np.broadcast_to(v, load_s.shape)) for k, v in sizes.items()}
+    damping = np.asarray(flow.damping).T[found.rows]
+    return Transient(found, mechanics, damping, found.account(), at, rest, far)
+
+
+def _meeting(found: Trajectory) -> jnp.ndarray | None:
+    """Where contacts meet, with the first step's points at the start."""
+    if not found.moving.knee.patch_count:
+        return None
+    points = np.nan_to_num(np.asarray(found.meeting))
+    points[..., 0] = points[..., 1]
+    return jnp.asarray(points)
+
+
+def smooth_way(time_s: ArrayLike, values: np.ndarray, start: float) -> Callable:
+    """A function of time through given values, from where a coordinate is, without overshoot.
+
+    Args:
+        time_s: rising.
+        values: at these, rad or mm.
+        start: where it is; a way that begins elsewhere is moved there.
+
+    Raises:
+        ValueError: times that do not rise.
+    """
+    from scipy.interpolate import PchipInterpolator
+
+    times = np.asarray(time_s, float)
+    back = np.flatnonzero(~(np.diff(times) > 0.0))
+    if len(back):
+        at = back[0]
+        raise ValueError(
+            f"time {times[at + 1]:g} s follows {times[at]:g} s; expected times that rise"
+        )
+    through = PchipInterpolator(times, values - values[0] + start)
+    return lambda t: through(np.clip(t, times[0], times[-1]))
+
+
+def _balance(
+    moving: MovingKnee,
+    flexion_deg: float,
+    weights: tuple[Load, ...],
+    sizes,
+    load_s,
+    at_s,
+    check=True,
+) -> Motion:
+    """Where the knee balances under what acts at a time."""
+    acting = {
+        k: float(np.interp(at_s, load_s, np.broadcast_to(v, load_s.shape)))
+        for k, v in sizes.items()
+    }
+    loads = [*weights, *([load_of(**acting)] if acting else [])]
+    motion = passive_flexion(moving.knee, [flexion_deg], loads)
+    if check and not bool(motion.settled.converged[0]):
+        raise ValueError(
+            f"no balance to begin from at {flexion_deg:g} degrees: "
+            f"{Status(int(motion.status[0])).sentence}"
+        )
+    return motion

@@ -1,0 +1,52 @@
+"""What `kneejax simulate` refuses of a motion through time, before a knee is read."""
+
+import pytest
+
+from kneejax.cli import main
+from kneejax.files import InputProblem, read_loads_over_time
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["lachman", "--duration_s", "2"], "expected --dynamic, or settle or drop, with it"),
+        (["lachman", "--from", "anterior_mm=2"], "--from: lachman: expected --dynamic"),
+        (["lachman", "--dynamic", "--flexion", "0,20"], "one angle through time"),
+        (["lachman", "--dynamic", "--both"], "a test without --dynamic with it"),
+        (["lachman", "--dynamic", "--displacement_mm", "5"], "a test without --dynamic with it"),
+        (["lachman", "--dynamic", "--body_kg", "-75"], "between 20 and 300 kg"),
+        (["lachman", "--dynamic", "--critical", "-1"], "between 0 and 100"),
+        (["lachman", "--dynamic", "--every_ms", "0.01"], "1 to 20000 rows in 1 s"),
+        (["lachman", "--dynamic", "--loads", "x.csv"], "load --dynamic with it"),
+        (["load", "--dynamic"], "loads as NAME=SIZE, or --loads FILE.csv"),
+        (["envelope", "--dynamic"], "one test under load with it"),
+        (["passive-flexion", "--dynamic"], "one test under load with it"),
+        (["leg-raise", "--dynamic"], "expected a test under load"),
+        (["settle", "--force_N", "10"], "a test under load with it"),
+        (["settle", "--from", "anterior=2"], "did you mean anterior_mm?"),
+        (["drop", "--quadriceps_N", "100"], "patellar-tracking or extension with it"),
+    ],
+)
+def test_options_that_mean_nothing_are_refused_in_one_line(words, said, tmp_path, capsys):
+    assert main(["simulate", *words, "--out", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        ("time_s,anterior_N\n0,0\n0.2,50\n0.1,100\n", r"row 3 \(line 4\), time_s: 0.1"),
+        ("time_s,anterior_N\n0,0\n", "two times at least"),
+        ("anterior_N\n0\n", "time_s"),
+        ("time_s,anterior\n0,0\n1,2\n", "did you mean anterior_N"),
+        ("time_s,flexion\n0,0\n1,2\n", "did you mean flexion_deg"),
+        ("time_s,anterior_N\n0,0\n1,many\n", "expected a number"),
+    ],
+)
+def test_a_table_over_time_that_is_none_is_refused(table, said, tmp_path):
+    path = tmp_path / "loads.csv"
+    path.write_text(table)
+    with pytest.raises(InputProblem, match=said):
+        read_loads_over_time(path)
