@@ -151,8 +151,8 @@ _OTHERS = {
     "force": "force_N",
     "moment": "moment_Nmm",
 } | dict.fromkeys(
-    ("femoral_attachment", "tibial_attachment", "femoral_surface", "tibial_surface", "wrap",
-     "origin", "insertion", "point", "via"), "point_mm",
+    ("femoral_attachment", "tibial_attachment", "patellar_attachment", "femoral_surface",
+     "tibial_surface", "wrap", "origin", "insertion", "point", "via"), "point_mm",
 )  # fmt: skip
 
 

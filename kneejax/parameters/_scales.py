@@ -34,6 +34,7 @@ FIXED_SCALES = {
     "reference_strain": 0.02,
     "femoral_attachment": 2.0,
     "tibial_attachment": 2.0,
+    "patellar_attachment": 2.0,
 }
 
 

@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from kneejax.geometry import FEMUR, PATELLA, TIBIA
 from kneejax.mechanics import (
     Implausible,
     Knee,
@@ -34,6 +35,12 @@ from kneejax.parameters._leaves import (
     unit_of,
 )
 
+#: Ends of a ligament, by the bones that they are on.
+_BONES = {
+    "femoral_attachment": FEMUR,
+    "tibial_attachment": TIBIA,
+    "patellar_attachment": PATELLA,
+}
 #: Quantities of a ligament that may be named, with their units.
 QUANTITIES = {
     "stiffness": "N",
@@ -43,7 +50,7 @@ QUANTITIES = {
     "transition_width": "",
     "failure_strain": "",
     "damping": "N s",
-} | {f"{end}_attachment.{axis}": "mm" for end in ("femoral", "tibial") for axis in AXES}
+} | {f"{end}.{axis}": "mm" for end in _BONES for axis in AXES}
 _MOST_SHOWN = 12  # names in an error
 
 
@@ -195,12 +202,24 @@ def _numbers_called(
     knee: Knee, owner: str, quantity: str, is_fibre: bool
 ) -> dict[str, Leaf | None]:
     """Names of single numbers that a name stands for; with the number where it is no ligament's."""
-    if is_fibre and quantity in QUANTITIES:
+    known = _quantities_of_fibres(knee, owner) if is_fibre else ()
+    if quantity in known:
         return {f"{owner}.{quantity}": None}
-    if is_fibre and f"{quantity}.{AXES[0]}" in QUANTITIES:
+    if f"{quantity}.{AXES[0]}" in known:
         return {f"{owner}.{quantity}.{axis}": None for axis in AXES}
     leaves = leaves_called(knee, owner, quantity)
     return {f"{owner}.{end}": leaf for end, leaf in leaves.items()}
+
+
+def _quantities_of_fibres(knee: Knee, name: str) -> tuple[str, ...]:
+    """Quantities of a ligament or of a group: of attachments, those to the bones that it joins."""
+    pairs = [knee.ligaments.bodies[row] for row in fibre_rows(knee, name)]
+    known = []
+    for quantity in QUANTITIES:
+        bone = _BONES.get(quantity.split(".")[0])
+        if bone is None or all(bone in pair for pair in pairs):
+            known.append(quantity)
+    return tuple(known)
 
 
 def _meant(knee: Knee, owner: str, quantity: str) -> str:
@@ -209,7 +228,14 @@ def _meant(knee: Knee, owner: str, quantity: str) -> str:
     fibres = (*knee.ligaments.names, *(name for name, _ in knee.groups))
     owners = tuple(dict.fromkeys((*fibres, *parts_of(knee))))
     near_owner = owner if owner == "*" else nearest_of(owner, owners)
-    known = QUANTITIES if near_owner == "*" or near_owner in fibres else {}
+    if owner in fibres and quantity.split(".")[0] in _BONES:
+        joined = {bone for row in fibre_rows(knee, owner) for bone in knee.ligaments.bodies[row]}
+        if _BONES[quantity.split(".")[0]] not in joined:
+            ends = " and ".join(end for end, bone in _BONES.items() if bone in joined)
+            return f": {owner} joins {' and '.join(sorted(joined))}; its ends are {ends}"
+    known: tuple[str, ...] = tuple(QUANTITIES) if near_owner == "*" else ()
+    if near_owner in fibres:
+        known = _quantities_of_fibres(knee, near_owner)
     quantities = (*known, *quantities_of(knee, near_owner or ""))
     near_quantity = nearest_of(quantity, quantities)
     if near_owner and near_quantity:
@@ -325,21 +351,38 @@ def _numbers(knee: Knee, quantity: str) -> Array:
     """A quantity of every fibre."""
     if quantity == "reference_strain":
         return knee.reference_strain()
-    if "." in quantity:
-        end, axis = quantity.split(".")
-        return getattr(knee.ligaments, end)[:, AXES.index(axis)]
-    return getattr(knee.ligaments, quantity)
+    end, _, axis = quantity.partition(".")
+    if not axis:
+        return getattr(knee.ligaments, quantity)
+    column, first = AXES.index(axis), _is_first(knee, end)
+    ends = knee.ligaments.femoral_attachment[:, column], knee.ligaments.tibial_attachment[:, column]
+    if first.all() or not first.any():
+        return ends[not first.any()]
+    return jnp.where(first.reshape(-1, *(1,) * (ends[0].ndim - 1)), *ends)
+
+
+def _is_first(knee: Knee, end: str) -> np.ndarray:
+    """Whether the bone of an end is the first of the two that each fibre joins, `(fibres,)`."""
+    return np.array([pair[0] == _BONES[end] for pair in knee.ligaments.bodies])
 
 
 def _write(knee: Knee, rows: tuple[int, ...], quantity: str, value: Array) -> Knee:
-    field, _, axis = quantity.partition(".")
-    old, own = getattr(knee.ligaments, field), _rows_of(knee, rows)
-    if axis:
-        column, own = AXES.index(axis), own[:, None] & (np.arange(len(AXES)) == AXES.index(axis))
-        changed = _shared(old[:, column], rows, value, shifts=True)[:, None]
-    else:
-        changed = _shared(old, rows, value, shifts=False)
-    return eqx.tree_at(lambda k: getattr(k.ligaments, field), knee, jnp.where(own, changed, old))
+    end, _, axis = quantity.partition(".")
+    old, own = _numbers(knee, quantity), _rows_of(knee, rows)
+    changed = _shared(old, rows, value, shifts=bool(axis))
+    if not axis:
+        return _with(knee, quantity, jnp.where(own, changed, old))
+    column, first = np.arange(len(AXES)) == AXES.index(axis), _is_first(knee, end)
+    for field, at in (("femoral_attachment", first), ("tibial_attachment", ~first)):
+        place = (own & at)[:, None] & column
+        if place.any():
+            array = getattr(knee.ligaments, field)
+            knee = _with(knee, field, jnp.where(place, changed[:, None], array))
+    return knee
+
+
+def _with(knee: Knee, field: str, values: Array) -> Knee:
+    return eqx.tree_at(lambda k: getattr(k.ligaments, field), knee, values)
 
 
 def _strained(knee: Knee, strains: Sequence[tuple[tuple[int, ...], Array]]) -> Knee:

@@ -1,11 +1,14 @@
 """Any number of a knee is a parameter by name."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import kneejax as kj
+from kneejax.geometry import FEMUR, PATELLA, TIBIA
 from kneejax.mechanics import Implausible
 from kneejax.parameters import UnknownParameter, default_bounds, prior_scales, select
 from kneejax.statics import Stations, balance_with_slopes
@@ -137,3 +140,26 @@ def test_muscles_and_the_patella_have_numbers_with_names():
     )
     with pytest.raises(UnknownParameter, match="one of tension, insertion, origin"):
         select(knee, ["vasint.courses"])
+
+
+def test_ends_are_named_by_the_bones_that_they_are_on():
+    knee = kj.load_knee("lenhart2015_reduced", patella=True)
+    fibres = knee.ligaments
+    of_pairs = {pair: row for row, pair in enumerate(fibres.bodies)}
+    tendon, band = of_pairs[PATELLA, TIBIA], of_pairs[FEMUR, PATELLA]
+    for row, name, array in (
+        (tendon, "patellar_attachment", "femoral_attachment"),
+        (tendon, "tibial_attachment", "tibial_attachment"),
+        (band, "femoral_attachment", "femoral_attachment"),
+        (band, "patellar_attachment", "tibial_attachment"),
+    ):
+        free = select(knee, [f"{fibres.names[row]}.{name}"])
+        assert free.read(knee).tolist() == np.asarray(getattr(fibres, array))[row].tolist()
+        moved = free.apply(knee, free.read(knee) + 1.0).ligaments
+        expected = dataclasses.replace(
+            fibres, **{array: getattr(fibres, array).at[row].add(1.0)}
+        )
+        assert jax.tree.all(jax.tree.map(np.array_equal, moved, expected))
+    ends = "joins patella and tibia; its ends are tibial_attachment and patellar_attachment"
+    with pytest.raises(UnknownParameter, match=ends):
+        select(knee, [f"{fibres.names[tendon]}.femoral_attachment"])
