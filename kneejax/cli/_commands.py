@@ -232,7 +232,12 @@ def _add_view(commands) -> None:
     )
     view.add_argument("knee", help=KNEE)
     view.add_argument("poses", nargs="?", type=Path, help="CSV of poses; the reference pose else")
-    for bone in ("femur", "tibia"):
+    view.add_argument(
+        "--patella",
+        action="store_true",
+        help="with the patella and the quadriceps, as where a table has the patella's columns",
+    )
+    for bone in ("femur", "tibia", "patella"):
         view.add_argument(
             f"--{bone}-bone",
             type=Path,

@@ -73,6 +73,7 @@ _MODULES = {
     "read_lab_table": "kneejax.files.tables",
     "read_loads": "kneejax.files.tables",
     "read_loads_over_time": "kneejax.files.tables",
+    "read_patella_poses": "kneejax.files.tables",
     "read_poses": "kneejax.files.tables",
     "write_poses": "kneejax.files.tables",
     "write_rows": "kneejax.files.tables",
@@ -146,6 +147,7 @@ if TYPE_CHECKING:
     from kneejax.files.tables import read_lab_table as read_lab_table
     from kneejax.files.tables import read_loads as read_loads
     from kneejax.files.tables import read_loads_over_time as read_loads_over_time
+    from kneejax.files.tables import read_patella_poses as read_patella_poses
     from kneejax.files.tables import read_poses as read_poses
     from kneejax.files.tables import write_poses as write_poses
     from kneejax.files.tables import write_rows as write_rows

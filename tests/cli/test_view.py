@@ -6,6 +6,7 @@ import pytest
 
 from kneejax import report
 from kneejax.cli import main
+from kneejax.files import read_patella_poses
 from kneejax.statics import Status
 
 POSES = (
@@ -117,3 +118,19 @@ def test_a_bone_in_another_frame_is_refused(drawn, poses, tmp_path, capsys):
     said = capsys.readouterr().err
     assert "--femur-bone" in said and "frame" in said and said.count("\n") == 1
     assert not out.exists()
+
+
+def test_a_table_says_where_the_patella_is_or_which_column_is_missing(tmp_path, capsys):
+    names = POSES.splitlines()[0]
+    own = ("flexion_deg", "rotation_deg", "tilt_deg", "anterior_mm", "superior_mm", "lateral_mm")
+    columns = [f"patella_{name}" for name in own]
+    table = tmp_path / "poses.csv"
+    table.write_text(f"{names},{','.join(columns)}\n30,1,4,2,-0.5,0.5,20,1,-2,45,3,4\n")
+    assert read_patella_poses(table).tolist() == [[20.0, 1.0, -2.0, 45.0, 3.0, 4.0]]
+    table.write_text(f"{names},{','.join(columns[:2])}\n30,1,4,2,-0.5,0.5,20,1\n")
+    assert main(["view", "four_ligament", str(table), "--out", str(tmp_path / "out")]) == 2
+    assert "patella_tilt_deg: missing" in capsys.readouterr().err
+    table.write_text(f"{names}\n30,1,4,2,-0.5,0.5\n")
+    assert read_patella_poses(table) is None
+    assert main(["view", "four_ligament", str(table), "--patella", "--out", str(tmp_path)]) == 2
+    assert "patella_flexion_deg: missing" in capsys.readouterr().err

@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -228,3 +229,45 @@ def test_ankle_and_shank_are_one_weight():
 def test_what_cannot_be_is_refused(knee, call, words):
     with pytest.raises(ValueError, match=words):
         call(knee)
+
+
+def test_three_bones_are_drawn_where_they_are(knee, tracked):
+    state, row = tracked.motion.settled.state, 1
+    corner = report.BoneMesh("patella", np.array([[0.0, 0.0, 0.0]]), np.zeros((0, 3), int))
+    sizes = [jnp.full(2, 12.0)] * 3
+    small = eqx.tree_at(lambda k: [c.tibial.half_extent for c in k.contacts], knee, sizes)
+    scene = report.scenes(small, state, [corner], points=(24, 24))[row]
+    turn = jnp.stack([jnp.stack(x) for x in state.poses["tibia"].placement.rotation])[..., row]
+
+    def on_tibia(point, bone):
+        """A point of the patella or of the femur, in the tibia's frame."""
+        if bone == "patella":
+            place = state.poses["patella"].placement
+            point = np.array([float(jnp.asarray(x)[row]) for x in place.apply(tuple(point))])
+        shift = [float(x[row]) for x in state.poses["tibia"].placement.translation]
+        return (np.asarray(point) - shift) @ np.asarray(turn)
+
+    lines, fibres = {fibre.name: fibre for fibre in scene.fibres}, knee.ligaments
+    for name in ("PT0", "PFL2", "cage3"):
+        i = fibres.names.index(name)
+        (first, second), line = fibres.bodies[i], lines[name].points_mm
+        begins, ends = fibres.femoral_attachment[i], fibres.tibial_attachment[i]
+        np.testing.assert_allclose(line[0], on_tibia(begins, first), atol=1e-9)
+        ends = ends if second == "tibia" else on_tibia(ends, second)
+        np.testing.assert_allclose(line[-1], ends, atol=1e-9)
+    np.testing.assert_allclose(scene.bones[0].points_mm[0], on_tibia(np.zeros(3), "patella"))
+    # What is pressed lies in the ball, and the middle of that on the line through its centre.
+    (facet,) = (one for one in scene.plateaus if one.bone == "patella")
+    ball = on_tibia(CENTER, "femur")
+    pressed = facet.points_mm[facet.pressure_MPa > 0]
+    assert len(pressed) and np.linalg.norm(pressed - ball, axis=-1).max() < 30.0
+    normal = on_tibia([-1.0, 0.0, 0.0], "patella") - on_tibia(np.zeros(3), "patella")
+    away = facet.center_mm - ball
+    assert np.linalg.norm(away - (away @ normal) * normal) < 2.0
+    # A head is shown near the knee, from its insertion on; its origin is far.
+    head = lines["vaslat"]
+    assert head.is_muscle and head.group == "quadriceps" and not head.slack
+    np.testing.assert_allclose(head.points_mm[-1], on_tibia([2.0, 18.0, 5.0], "patella"), atol=1e-9)
+    assert np.linalg.norm(np.ptp(head.points_mm, axis=0)) < 150.0
+    with pytest.raises(ValueError, match="'fibula'; expected one of 'femur', 'tibia', 'patella'"):
+        report.scenes(knee, state, [dataclasses.replace(corner, bone="fibula")])

@@ -13,6 +13,7 @@ _MODULES = {
     "read_loads": "kneejax.files.tables._loads",
     "read_loads_over_time": "kneejax.files.tables._loads",
     "cell_number": "kneejax.files.tables._tables",
+    "read_patella_poses": "kneejax.files.tables._tables",
     "read_poses": "kneejax.files.tables._tables",
     "read_rows": "kneejax.files.tables._tables",
     "write_poses": "kneejax.files.tables._tables",
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from kneejax.files.tables._loads import read_loads as read_loads
     from kneejax.files.tables._loads import read_loads_over_time as read_loads_over_time
     from kneejax.files.tables._tables import cell_number as cell_number
+    from kneejax.files.tables._tables import read_patella_poses as read_patella_poses
     from kneejax.files.tables._tables import read_poses as read_poses
     from kneejax.files.tables._tables import read_rows as read_rows
     from kneejax.files.tables._tables import write_poses as write_poses

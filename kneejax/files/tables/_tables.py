@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 
 from kneejax.files.reading import InputProblem, counted, nearest_name, read_text, write_text
-from kneejax.geometry import COLUMNS, CONVENTIONS, FEMORAL, convert_table
+from kneejax.geometry import BODIES, COLUMNS, CONVENTIONS, FEMORAL, PATELLA, convert_table
 from kneejax.mechanics import RANGES, Range
 
 # No knee moves less than this in mm; one given in metres does.
 _METRES_BELOW = 0.1
 #: Columns of the patellofemoral joint, as laboratories call them.
-_PATELLA = re.compile(r"(?:^|[^a-z])(?:pf|patell)", re.IGNORECASE)
+_OF_PATELLA = re.compile(r"(?:^|[^a-z])(?:pf|patell)", re.IGNORECASE)
 
 
 def read_poses(
@@ -69,9 +69,18 @@ def read_poses(
                 if said in CONVENTIONS:
                     expected += f"; give --convention {said}, in a study convention: {said}"
                 raise InputProblem(file, f"row {number}, convention", said, expected)
+    table = _numbers(file, header, rows, sought)
+    _check_units(file, table, sought)
+    return convert_table(table, convention, FEMORAL)
+
+
+def _numbers(
+    file: str, header: list[str], rows: list[tuple[int, list[str]]], sought: list[str]
+) -> np.ndarray:
+    """Three rotations and three translations of each row."""
     positions = [header.index(name) for name in sought]
     limits = [RANGES["rotation_deg"]] * 3 + [RANGES["point_mm"]] * 3
-    table = np.array(
+    return np.array(
         [
             [
                 cell_number(file, f"row {number} (line {line}), {header[i]}", cells[i], allowed)
@@ -80,8 +89,29 @@ def read_poses(
             for number, (line, cells) in enumerate(rows, 1)
         ]
     )
-    _check_units(file, table, sought)
-    return convert_table(table, convention, FEMORAL)
+
+
+def read_patella_poses(path: str | os.PathLike[str], *, needed: bool = False) -> np.ndarray | None:
+    """Read where the patella is from a table of poses.
+
+    Args:
+        path: the table.
+        needed: whether a table without its columns is refused.
+
+    Returns:
+        Shape `(n, 6)`, degrees and mm, in the order of `kneejax.geometry.BODIES["patella"]`; None
+        where the table has none of these columns.
+
+    Raises:
+        InputProblem: as `read_poses`; also where some of the columns are missing.
+    """
+    file = os.fspath(path)
+    columns = [one.column for one in BODIES[PATELLA].values()]
+    header, rows = read_rows(file, [])
+    if not needed and not set(columns) & set(header):
+        return None
+    header, rows = read_rows(file, columns)
+    return _numbers(file, header, rows, columns)
 
 
 def write_poses(
@@ -204,8 +234,8 @@ def _check_column(file: str, header: list[str], name: str, sought: list[str]) ->
         raise InputProblem(file, name, f"{count} columns", "one column of this name")
     if count == 0:
         # A column that is needed itself is no misspelling of another, nor is one of another joint.
-        joint = bool(_PATELLA.search(name))
-        others = [x for x in header if x not in sought and bool(_PATELLA.search(x)) == joint]
+        joint = bool(_OF_PATELLA.search(name))
+        others = [x for x in header if x not in sought and bool(_OF_PATELLA.search(x)) == joint]
         found = nearest_name(name, others)
         what = f"this column among {', '.join(header)}"
         raise InputProblem(file, name, "missing", what, found)

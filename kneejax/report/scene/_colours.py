@@ -7,18 +7,20 @@ from collections.abc import Sequence
 import numpy as np
 
 from kneejax.report.scene._pressure_map import PRESSURE_COLOURS
-from kneejax.report.scene._scene import Plateau, Scene
+from kneejax.report.scene._scene import Fibre, Plateau, Scene
 
 #: A slack fibre carries nothing, and fades: thin and grey. Strained ones are the redder the more.
 SLACK = "#A9ADB2"
 _REDS, _PALEST = "coolwarm", 0.58
 CONDYLE, GROUND, BONE, OBSTACLE = "#EADFCB", "#DDD6C8", "#E9E4D8", "#6FA8A0"
-BONE_OPACITY = {"femur": 0.25, "tibia": 0.4}
+MUSCLE = "#8E6A9E"
+BONE_OPACITY = {"femur": 0.25, "tibia": 0.4, "patella": 0.3}
 
 
 def strain_limit(every: Sequence[Scene]) -> float:
     """Strain at the end of the colours: the largest pull in full percent, at least 2 %."""
-    most = max((fibre.strain for scene in every for fibre in scene.fibres), default=0.0)
+    fibres = (fibre for scene in every for fibre in scene.fibres if not fibre.is_muscle)
+    most = max((fibre.strain for fibre in fibres), default=0.0)
     return max(0.02, float(np.ceil(most * 100.0)) / 100.0)
 
 
@@ -35,6 +37,11 @@ def strain_colours():
     from matplotlib.colors import ListedColormap
 
     return ListedColormap(colormaps[_REDS](np.linspace(_PALEST, 1.0, 256)))
+
+
+def fibre_colour(fibre: Fibre, limit: float) -> str:
+    """Colour of a fibre: a muscle's, or that of its strain (`strain_colour`)."""
+    return MUSCLE if fibre.is_muscle else strain_colour(fibre.strain, limit)
 
 
 def strain_colour(strain: float, limit: float) -> str:

@@ -29,6 +29,10 @@ _MOST_LABELS = 24
 #: Colours of a film that each scale takes.
 _STEPS = 44
 _LABEL_SIZE = 7.0
+#: Inches that a letter of a label takes.
+_LETTER = 0.065
+#: Length of the axes in the corner, as a part of half a picture.
+_TRIAD = 0.2
 #: Inches: the page, room for the names beside a view, head, foot, words at the left, gaps.
 _PAGE_WIDTH, _LABELS, _HEAD, _FOOT, _SIDE, _GAP = 1.25 * WIDTH, 0.48, 0.3, 0.75, 0.5, 0.08
 
@@ -55,16 +59,17 @@ def scene_figure(scene: Scene, views: Sequence[str] = STILL) -> Figure:
     limits = strain_limit([scene]), pressure_limit([scene])
     cameras = [camera(view, [scene]) for view in views]
     page = _PAGE_WIDTH
-    scale = (page - 2 * _LABELS * len(views)) / sum(2 * c.half_mm[0] for c in cameras)
+    room = max(_LABELS, _LETTER * max(map(len, scene.groups), default=0))
+    scale = (page - 2 * room * len(views)) / sum(2 * c.half_mm[0] for c in cameras)
     tallest = max(2 * c.half_mm[1] for c in cameras) * scale
     figure = Figure(figsize=(page, tallest + _HEAD + 0.2 + _FOOT))
     left = 0.0
     for name, view in zip(views, cameras, strict=True):
         width, height = (2 * half * scale for half in view.half_mm)
-        left += _LABELS
+        left += room
         bottom = _FOOT + 0.5 * (tallest - height)
         axes = _panel(figure, left, bottom, width, height)
-        left += width + _LABELS
+        left += width + room
         _show(axes, render(scene, view, *limits), view)
         axes.text(
             0.5, 1 + (tallest + 0.1 - 0.5 * (tallest + height)) / height, _sentence(name),
@@ -238,7 +243,9 @@ def _name_groups(axes: Axes, scene: Scene, view: Camera) -> None:
     ))  # fmt: skip
     half = min(max(half, len(order) // 2), -(-len(order) // 2))
     for side, names in ((-1.0, order[:half]), (1.0, order[half:])):
-        places = _apart([float(target[name][1]) for name in names], h, 2 * h / 22.0)
+        # In the lower left corner stand the axes.
+        low = -h + 2.9 * _TRIAD * min(w, h) if side < 0 else -h
+        places = _apart([float(target[name][1]) for name in names], low, h, 2 * h / 22.0)
         for name, y in zip(names, places, strict=True):
             axes.annotate(
                 verbatim(name),
@@ -254,11 +261,11 @@ def _name_groups(axes: Axes, scene: Scene, view: Camera) -> None:
             )  # fmt: skip
 
 
-def _apart(wanted: list[float], half: float, gap: float) -> list[float]:
-    """Heights near the wanted ones, at least a gap from each other and within the picture.
+def _apart(wanted: list[float], low: float, high: float, gap: float) -> list[float]:
+    """Heights near the wanted ones, at least a gap from each other and between two heights.
 
     Example:
-        >>> [round(y, 2) for y in _apart([0.0, 0.1, 5.0], 6.0, 1.0)]
+        >>> [round(y, 2) for y in _apart([0.0, 0.1, 5.0], -6.0, 6.0, 1.0)]
         [-0.45, 0.55, 5.0]
     """
     order = np.argsort(wanted, kind="stable")
@@ -271,8 +278,8 @@ def _apart(wanted: list[float], half: float, gap: float) -> list[float]:
             last = blocks.pop()
             blocks[-1] += last
     found = np.array([np.mean(block) for block in blocks for _ in block])
-    top = half - gap * max(len(wanted) - 1, 0)
-    found = np.clip(found, -half, max(top, -half)) + gap * np.arange(len(wanted))
+    top = high - gap * max(len(wanted) - 1, 0)
+    found = np.clip(found, low, max(top, low)) + gap * np.arange(len(wanted))
     answer = np.empty(len(wanted))
     answer[order] = found
     return answer.tolist()
@@ -295,7 +302,7 @@ def _central(fibres: Sequence[Fibre]) -> np.ndarray:
 def _triad(axes: Axes, scene: Scene, view: Camera, inset: float = 0.0) -> None:
     """The anatomical axes in the lower left corner, drawn in by a multiple of their length."""
     w, h = view.half_mm
-    size = 0.2 * min(w, h)
+    size = _TRIAD * min(w, h)
     start = np.array([-w + inset * size, -h + 0.9 * size])
     for word in ("anterior", "superior", "lateral"):
         flat = np.array([scene.directions[word] @ view.right, scene.directions[word] @ view.up])

@@ -10,13 +10,14 @@ from typing import Any
 
 import numpy as np
 
+from kneejax.geometry import TIBIA
 from kneejax.report.scene._colours import (
     BONE,
     CONDYLE,
     GROUND,
     OBSTACLE,
+    fibre_colour,
     pressure_limit,
-    strain_colour,
     strain_colours,
     strain_limit,
 )
@@ -33,6 +34,7 @@ _SHAFT_MM = 15.0
 #: On a screen narrower than this, pixels, the legend stands below the knee, not upon it, and words
 #: take the place of the scales of colours.
 _NARROW = 600
+_ON_TIBIA = "tibial surfaces"
 _VIEWPORT = '<meta name="viewport" content="width=device-width, initial-scale=1">'
 
 
@@ -59,7 +61,7 @@ def scene_page(every: Sequence[Scene], most: int = 41) -> str:
     go = plotly()
     shown = _with_short_shafts([every[row] for row in spread(len(every), most)])
     limits = strain_limit(shown), pressure_limit(shown)
-    tibial = [bone for bone in shown[0].bones if bone.bone == "tibia"]
+    tibial = [bone for bone in shown[0].bones if bone.bone == TIBIA]
     still = [_bone(go, bone, number) for number, bone in enumerate(tibial)]
     still += _axes(go, shown[0])
     figure = go.Figure([*_traces(go, shown[0], *limits, first=True), *still])
@@ -118,7 +120,7 @@ def _cut(bone: BoneMesh, low: float, high: float):
 
 def _traces(go, scene: Scene, strain: float, pressure: float, first: bool) -> list[Any]:
     """What changes with the pose, always in the same order."""
-    bones = [bone for bone in scene.bones if bone.bone == "femur"]
+    bones = [bone for bone in scene.bones if bone.bone != TIBIA]
     started: set[str] = set()
     traces = [_bone(go, bone, number) for number, bone in enumerate(bones)]
     traces += [_plateau(go, plateau, pressure) for plateau in scene.plateaus]
@@ -143,10 +145,12 @@ def _moved(go, traces: list[Any]) -> list[Any]:
     for trace in traces:
         if not isinstance(trace, go.Mesh3d):
             answer.append(trace)
-        elif trace.intensity is not None:  # the tibia stands still, its pressure changes
+        elif trace.legendgroup == _ON_TIBIA:  # it stands still, its pressure changes
             answer.append(go.Mesh3d(intensity=trace.intensity))
         else:
-            answer.append(go.Mesh3d(x=trace.x, y=trace.y, z=trace.z))
+            moved = {"x": trace.x, "y": trace.y, "z": trace.z}
+            pressed = {} if trace.intensity is None else {"intensity": trace.intensity}
+            answer.append(go.Mesh3d(**moved, **pressed))
     return answer
 
 
@@ -193,6 +197,7 @@ def _bone(go, bone, number: int):
 
 def _plateau(go, plateau: Plateau, limit: float):
     pressure = np.round(np.nan_to_num(plateau.pressure_MPa, nan=limit), 3).ravel()
+    group = _ON_TIBIA if plateau.bone == TIBIA else f"{plateau.bone}'s surface"
     return go.Mesh3d(
         **_places(plateau.points_mm),
         **_triangles(plateau.faces),
@@ -200,8 +205,8 @@ def _plateau(go, plateau: Plateau, limit: float):
         coloraxis="coloraxis2",
         lighting=_LIGHT,
         hovertemplate="%{intensity:.2f} MPa<extra>" + _escaped(plateau.name) + "</extra>",
-        legendgroup="tibial surfaces",
-        name="tibial surfaces",
+        legendgroup=group,
+        name=group,
     )
 
 
@@ -220,13 +225,15 @@ def _center(go, plateau: Plateau):
 
 def _fibre(go, fibre: Fibre, limit: float, first: bool, count: int):
     thick = 9 if count <= FEW_FIBRES else 5
-    says = f"strain {100 * fibre.strain:.2f} %<br>tension {fibre.tension_N:.1f} N"
+    strain = "" if fibre.is_muscle else f"strain {100 * fibre.strain:.2f} %<br>"
+    says = f"{strain}tension {fibre.tension_N:.1f} N"
+    owner = "muscle" if fibre.is_muscle else "ligament"
     return go.Scatter3d(
         **_places(fibre.points_mm),
         mode="lines",
-        line={"width": 2 if fibre.slack else thick, "color": strain_colour(fibre.strain, limit)},
+        line={"width": 2 if fibre.slack else thick, "color": fibre_colour(fibre, limit)},
         hovertemplate=f"{_escaped(fibre.name)}<br>{says}<extra></extra>",
-        legendgroup=f"ligament {fibre.group}",
+        legendgroup=f"{owner} {fibre.group}",
         name=_escaped(fibre.group),
         showlegend=first,
     )

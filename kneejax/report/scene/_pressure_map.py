@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from kneejax.geometry import Pose, Surface
+from kneejax.geometry import TIBIA, Pose, State, Surface, vector
 from kneejax.mechanics import QUADRATURE, Contact, Knee, add_lane_axis
 from kneejax.report.look import BLACK, GREY, WIDTH, styled, verbatim
 from kneejax.report.scene._grids import surface_grid
@@ -28,21 +30,23 @@ _LOT = 8
 
 @dataclasses.dataclass(frozen=True)
 class PlateauPressure:
-    """Pressure over one tibial surface, at poses.
+    """Pressure over one tibial surface, or over the patella's, at poses.
 
     A left knee is given as the left knee that it is: Z points to the person's right.
 
     Attributes:
         name: of the compartment.
-        points_mm: grid on the surface in the tibia's frame, `(m, n, 3)`.
+        bone: whose surface it is.
+        points_mm: grid on the surface in the bone's frame, `(m, n, 3)`.
         pressure_MPa: `(poses, m, n)`; zero where the surfaces are apart, NaN where a law has no
             answer (overlap beyond the layer).
-        center_mm: centre of pressure in the tibia's frame, `(poses, 3)`; NaN without contact.
+        center_mm: centre of pressure in the bone's frame, `(poses, 3)`; NaN without contact.
         covered: whether there is cartilage at a point of the grid, `(m, n)`.
         rim_mm: border of the cartilage, `(k, 3)`.
     """
 
     name: str
+    bone: str
     points_mm: np.ndarray
     pressure_MPa: np.ndarray
     center_mm: np.ndarray
@@ -56,16 +60,16 @@ class PlateauPressure:
 
 
 def plateau_pressures(
-    knee: Knee, poses: Pose, points: tuple[int, int] = (48, 48)
+    knee: Knee, poses: Pose | State, points: tuple[int, int] = (48, 48)
 ) -> tuple[PlateauPressure, ...]:
-    """Pressure over every tibial surface.
+    """Pressure over every tibial surface, and over the patella's where there is one.
 
     A contact of the form `elliptical_patch` has no field of pressure of its own: what is shown
     is the pressure law on the depth of the same two surfaces, around the point where they meet.
 
     Args:
         knee: any knee.
-        poses: fields of shape `(poses,)`.
+        poses: of the tibia, fields of shape `(poses,)`; a `State` where other bones move too.
         points: grid on each surface, along its two parameters (middles of rectangles).
 
     Returns:
@@ -78,21 +82,20 @@ def plateau_pressures(
         >>> medial.pressure_MPa.shape
         (1, 48, 48)
     """
-    poses = Pose.from_table(jnp.reshape(poses.to_table(), (-1, 6)))
-    count = np.shape(poses.flexion)[0]
-    fields = []
+    state = state_of(poses)
+    count, fields = state.shape[0], []
     for name, contact in zip(knee.contact_names, knee.contacts, strict=True):
         lanes = add_lane_axis(_over_points(contact, points))
-        parts = [[np.asarray(x) for x in _field(lanes, some)] for some in lots(poses)]
+        parts = [[np.asarray(x) for x in _field(lanes, some)] for some in lots(state)]
         place, pressure, area = (
             np.concatenate(part, axis=-1)[..., :count] for part in zip(*parts, strict=True)
         )
         if contact.has_patch:
-            meeting = [np.asarray(_meeting(lanes, some)) for some in lots(poses)]
+            meeting = [np.asarray(_meeting(lanes, some)) for some in lots(state)]
             meeting = np.concatenate(meeting, axis=-1)[..., :count]
             pressure = _around(pressure, place, meeting, points)
         rim = rim_of(contact.tibial, points)
-        covered = _inside(rim, place[:, :, 0])
+        covered = _inside(contact.tibial, rim, place[:, :, 0])
         pressure = np.where(covered[:, None], pressure, 0.0)
         share = np.where(np.isfinite(pressure), pressure * area, 0.0)
         total = share.sum(axis=0)
@@ -102,6 +105,7 @@ def plateau_pressures(
         fields.append(
             PlateauPressure(
                 name,
+                contact.bodies[1],
                 place[:, :, 0].reshape(*points, 3) * drawn,
                 np.moveaxis(pressure, -1, 0).reshape(-1, *points),
                 center * drawn,
@@ -112,18 +116,27 @@ def plateau_pressures(
     return tuple(fields)
 
 
-def lots(poses: Pose) -> list[Pose]:
+def state_of(poses: Pose | State) -> State:
+    """Where all bones are at poses of the tibia, or of all bones; fields of shape `(poses,)`."""
+    state = poses if isinstance(poses, State) else State({TIBIA: poses})
+    return jax.tree.map(jnp.atleast_1d, state)
+
+
+def lots(state: State) -> list[State]:
     """Poses in lots of one size, the last one filled up with its last pose.
 
     Whatever the number of poses, the same program computes them: it is compiled once.
 
     Example:
-        >>> [len(lot.flexion) for lot in lots(Pose.from_table(np.zeros((9, 6))))]
-        [8, 8]
+        >>> [lot.shape for lot in lots(state_of(Pose.from_table(np.zeros((9, 6)))))]
+        [(8,), (8,)]
     """
-    table = np.asarray(poses.to_table())
-    rows = np.minimum(np.arange(-(-len(table) // _LOT) * _LOT), len(table) - 1)
-    return [Pose.from_table(table[rows[i : i + _LOT]]) for i in range(0, len(rows), _LOT)]
+    count = state.shape[0]
+    rows = np.minimum(np.arange(-(-count // _LOT) * _LOT), count - 1)
+    return [
+        jax.tree.map(lambda x, own=rows[i : i + _LOT]: x[own], state)
+        for i in range(0, len(rows), _LOT)
+    ]
 
 
 def _over_points(contact: Contact, points: tuple[int, int]) -> Contact:
@@ -138,12 +151,13 @@ def _over_points(contact: Contact, points: tuple[int, int]) -> Contact:
         form=QUADRATURE,
         points=points,
         layer_variation=contact.layer_variation,
+        bodies=contact.bodies,
     )
 
 
 @eqx.filter_jit
-def _field(contact: Contact, poses: Pose) -> tuple[Array, Array, Array]:
-    sampled = contact.sample(poses.placement)
+def _field(contact: Contact, state: State) -> tuple[Array, Array, Array]:
+    sampled = contact.sample(state.between(contact.bodies))
     pressure = jnp.where(sampled.depth > 0, contact.point_pressure(sampled), 0.0)
     place = contact.tibial.frame.placement.apply(sampled.points.point)
     shape = sampled.depth.shape
@@ -152,11 +166,11 @@ def _field(contact: Contact, poses: Pose) -> tuple[Array, Array, Array]:
 
 
 @eqx.filter_jit
-def _meeting(contact: Contact, poses: Pose) -> Array:
-    tibia = poses.placement
+def _meeting(contact: Contact, state: State) -> Array:
+    tibia = state.between(contact.bodies)
     gap = contact.gap(tibia, contact.meeting(tibia))
     point = contact.tibial.frame.placement.apply(gap.point)
-    return jnp.stack([jnp.broadcast_to(x, jnp.shape(poses.flexion)) for x in point])
+    return jnp.stack([jnp.broadcast_to(x, state.shape) for x in point])
 
 
 def _around(
@@ -198,7 +212,7 @@ def _patch_at(pressed: np.ndarray, seed: int) -> np.ndarray:
 
 
 def rim_of(surface: Surface, points: tuple[int, int] = (48, 48)) -> np.ndarray:
-    """Border of a tibial surface in the tibia's frame, `(k, 3)`, mm: its outline or its region."""
+    """Border of a surface in its bone's frame, `(k, 3)`, mm: its outline or its region."""
     outline = getattr(surface, "outline", None)
     if outline is None:
         grid = surface_grid(surface, points)
@@ -208,11 +222,15 @@ def rim_of(surface: Surface, points: tuple[int, int] = (48, 48)) -> np.ndarray:
     return np.stack([np.broadcast_to(np.asarray(x), len(corners)) for x in place], axis=-1)
 
 
-def _inside(rim: np.ndarray, points_mm: np.ndarray) -> np.ndarray:
-    """Which points lie within a border, seen from above."""
+def _inside(surface: Surface, rim: np.ndarray, points_mm: np.ndarray) -> np.ndarray:
+    """Which points lie within a border, seen from where the surface faces."""
     from matplotlib.path import Path
 
-    return Path(rim[:, [2, 0]]).contains_points(points_mm[:, [2, 0]])
+    def above(of_bone: np.ndarray) -> np.ndarray:
+        x, _, z = surface.frame.placement.apply_inverse(vector(of_bone.T))
+        return np.stack([np.asarray(z), np.asarray(x)], axis=-1)
+
+    return Path(above(rim)).contains_points(above(points_mm))
 
 
 def lateral_sign(knee: Knee) -> float:
@@ -241,7 +259,7 @@ def degrees(angle_deg: float) -> str:
 
 
 @styled
-def pressure_figure(knee: Knee, poses: Pose, most: int = 8) -> Figure:
+def pressure_figure(knee: Knee, poses: Pose | State, most: int = 8) -> Figure:
     """Pressure on the tibial plateaux from above, one panel per pose, on one scale of colours.
 
     Anterior is up, the person's right is right: lateral is right on a right knee, left on a left
@@ -250,7 +268,7 @@ def pressure_figure(knee: Knee, poses: Pose, most: int = 8) -> Figure:
 
     Args:
         knee: any knee that has contacts.
-        poses: fields of shape `(poses,)`.
+        poses: as in `plateau_pressures`.
         most: panels at most; of more poses, evenly spaced ones are shown.
 
     Returns:
@@ -265,9 +283,10 @@ def pressure_figure(knee: Knee, poses: Pose, most: int = 8) -> Figure:
 
     if not knee.contacts:
         raise ValueError(f"the knee {knee.name!r} has no contacts: there is no pressure to draw")
-    table = np.reshape(np.asarray(poses.to_table()), (-1, 6))
-    rows = spread(len(table), min(most, _MOST_PANELS))
-    fields = plateau_pressures(knee, Pose.from_table(table[rows]))
+    state = state_of(poses)
+    rows = spread(state.shape[0], min(most, _MOST_PANELS))
+    state = jax.tree.map(lambda x: x[rows], state)
+    fields = [one for one in plateau_pressures(knee, state) if one.bone == TIBIA]
     box = _outline(fields)
     columns = min(4, len(rows))
     lines = -(-len(rows) // columns)
@@ -287,7 +306,8 @@ def pressure_figure(knee: Knee, poses: Pose, most: int = 8) -> Figure:
         axes.set_axis_off()
         if number < len(rows):
             _draw(axes, fields, number, scale, box)
-            axes.set_title(f"{degrees(table[rows[number], 0])} flexion", loc="center")
+            flexion = np.rad2deg(float(state.tibia.flexion[number]))
+            axes.set_title(f"{degrees(flexion)} flexion", loc="center")
     _compass(panels[0, 0], knee, box)
     bar = figure.colorbar(
         ScalarMappable(scale, PRESSURE_COLOURS), ax=panels, shrink=0.9, aspect=22, pad=0.02
@@ -312,14 +332,14 @@ def _lines(most: float) -> np.ndarray:
     return most * np.linspace(0.2, 0.8, 4)
 
 
-def _outline(fields: tuple[PlateauPressure, ...]) -> tuple[float, float, float, float]:
+def _outline(fields: Sequence[PlateauPressure]) -> tuple[float, float, float, float]:
     """Left, right, lower and upper end of a panel, mm, with room for its words."""
     every = np.concatenate([field.rim_mm for field in fields])
     (x0, _, z0), (x1, _, z1) = every.min(axis=0), every.max(axis=0)
     return z0 - 2.0, z1 + 2.0, x0 - 7.0, x1 + 2.0
 
 
-def _draw(axes: Axes, fields: tuple[PlateauPressure, ...], pose: int, scale, box) -> None:
+def _draw(axes: Axes, fields: Sequence[PlateauPressure], pose: int, scale, box) -> None:
     for field in fields:
         z, x = field.points_mm[..., 2], field.points_mm[..., 0]
         rim = field.rim_mm[:, 2], field.rim_mm[:, 0]

@@ -15,8 +15,8 @@ from kneejax.report.scene._colours import (
     BONE_OPACITY,
     CONDYLE,
     OBSTACLE,
+    fibre_colour,
     pressure_colours,
-    strain_colour,
 )
 from kneejax.report.scene._grids import grid_triangles
 from kneejax.report.scene._scene import BoneMesh, Scene
@@ -251,7 +251,7 @@ def _fibres(pv, scene: Scene, limit: float):
     for fibre in scene.fibres:
         thick = 0.4 * radius if fibre.slack else radius
         tube = pv.lines_from_points(fibre.points_mm).tube(radius=thick, n_sides=12)
-        shapes = [(tube, strain_colour(fibre.strain, limit))]
+        shapes = [(tube, fibre_colour(fibre, limit))]
         if not fibre.slack:
             balls = (fibre.points_mm[0], fibre.points_mm[-1])
             shapes += [(_ball(pv, 1.4 * radius, end), _END) for end in balls]

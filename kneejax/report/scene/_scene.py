@@ -5,23 +5,31 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 
-import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
 
-from kneejax.geometry import TIBIA, Pose, State
-from kneejax.mechanics import Knee, Ligaments, add_lane_axis
-from kneejax.report.scene._grids import grid_triangles, obstacle_grid, surface_grid
+from kneejax.geometry import FEMUR, PATELLA, TIBIA, Pose, State
+from kneejax.mechanics import Knee
+from kneejax.report.scene._grids import grid_triangles, surface_grid
+from kneejax.report.scene._lines import (
+    Line,
+    Places,
+    ligament_lines,
+    obstacles,
+    quadriceps_lines,
+)
 from kneejax.report.scene._pressure_map import (
     PlateauPressure,
     lateral_sign,
-    lots,
     plateau_pressures,
+    state_of,
 )
 
-#: Points on a piece of a fibre that goes around an obstacle.
-_AROUND = 14
+#: Bones whose meshes may be shown.
+BONES = (FEMUR, TIBIA, PATELLA)
+#: A muscle is shown as far as this beyond what else is, mm: its origin may be at the hip.
+_MUSCLE_MM = 15.0
+#: Points along it.
+_ALONG = 80
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,7 +37,7 @@ class BoneMesh:
     """A bone for the picture, as scanned: a left bone stays a left bone.
 
     Attributes:
-        bone: `femur` or `tibia`, whose frame it is in.
+        bone: one of `BONES`, whose frame it is in.
         points_mm: corners, `(n, 3)`.
         faces: rows of three corners, `(m, 3)`.
     """
@@ -49,13 +57,14 @@ class Sheet:
 
 @dataclasses.dataclass(frozen=True)
 class Plateau:
-    """A tibial surface with the pressure on it, `(m, n)`, and its centre, `(3,)`.
+    """A tibial surface, or the patella's, with the pressure on it, `(m, n)`.
 
-    `faces` are the triangles of its points (row by row) that are cartilage; points just outside
-    its border have been moved there.
+    `center_mm` is the centre of pressure, `(3,)`. `faces` are the triangles of its points (row by
+    row) that are cartilage; points just outside its border have been moved there.
     """
 
     name: str
+    bone: str
     points_mm: np.ndarray
     faces: np.ndarray
     pressure_MPa: np.ndarray
@@ -69,8 +78,8 @@ class Fibre:
     Attributes:
         name: of the fibre.
         group: first group that has it; its own name if none has.
-        points_mm: in the tibia's frame, from femur to tibia.
-        strain: length over slack length, minus one.
+        points_mm: in the tibia's frame, from the first of its two bones to the second.
+        strain: length over slack length, minus one; NaN of a muscle.
         tension_N: force.
     """
 
@@ -83,7 +92,12 @@ class Fibre:
     @property
     def slack(self) -> bool:
         """Whether the fibre is not pulled."""
-        return not self.strain > 0
+        return self.strain <= 0
+
+    @property
+    def is_muscle(self) -> bool:
+        """Whether it is a muscle, which has no strain of its own."""
+        return bool(np.isnan(self.strain))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -95,9 +109,9 @@ class Scene:
         flexion_deg: of the pose.
         lateral: sign of the lateral direction along Z: 1 on a right knee, -1 on a left one.
         condyles: the femoral surfaces.
-        plateaus: the tibial surfaces with their pressure.
-        fibres: all ligament fibres.
-        obstacles: what fibres wrap around.
+        plateaus: the tibial surfaces, and the patella's, with their pressure.
+        fibres: all ligament fibres, then the heads of the quadriceps near the knee.
+        obstacles: what ligaments wrap around.
         bones: meshes, placed.
     """
 
@@ -138,7 +152,10 @@ class Scene:
 
 
 def scenes(
-    knee: Knee, poses: Pose, bones: Sequence[BoneMesh] = (), points: tuple[int, int] = (48, 48)
+    knee: Knee,
+    poses: Pose | State,
+    bones: Sequence[BoneMesh] = (),
+    points: tuple[int, int] = (48, 48),
 ) -> tuple[Scene, ...]:
     """Place everything that a picture of a knee shows, in the tibia's frame.
 
@@ -146,7 +163,8 @@ def scenes(
 
     Args:
         knee: any knee.
-        poses: fields of shape `(poses,)`, or one pose.
+        poses: of the tibia, fields of shape `(poses,)`, or one pose; a `State` where other bones
+            move too.
         bones: meshes to show with it, in the frames of the knee's own side.
         points: on each articular surface, along its two parameters.
 
@@ -154,7 +172,7 @@ def scenes(
         One scene a pose.
 
     Raises:
-        ValueError: a mesh belongs to a bone that is neither femur nor tibia.
+        ValueError: a mesh belongs to a bone that the knee does not have.
 
     Example:
         >>> import kneejax as kj
@@ -163,65 +181,76 @@ def scenes(
         >>> [fibre.name for fibre in scene.fibres], [plateau.name for plateau in scene.plateaus]
         (['ACL', 'PCL', 'MCL', 'LCL'], ['medial', 'lateral'])
     """
-    table = np.reshape(np.asarray(poses.to_table()), (-1, 6))
-    batch = Pose.from_table(table)
-    turn, shift = _rigid(batch)
-    sign = lateral_sign(knee)
+    for mesh in bones:
+        if mesh.bone not in (FEMUR, *knee.bodies):
+            known = f"expected one of {FEMUR!r}, {', '.join(map(repr, knee.bodies))}"
+            raise ValueError(f"a mesh belongs to {mesh.bone!r}; {known}")
+    state = state_of(poses)
+    places, sign = Places.of(state), lateral_sign(knee)
     mirror = np.array([1.0, 1.0, sign])
     condyles = [
         Sheet(name, surface_grid(contact.femoral, points))
         for name, contact in zip(knee.contact_names, knee.contacts, strict=True)
     ]
-    pressures = plateau_pressures(knee, batch, points) if knee.contacts else ()
+    pressures = plateau_pressures(knee, state, points) if knee.contacts else ()
     drawn = [_to_the_rim(field) for field in pressures]
-    lines, strain, tension = _fibres(knee, batch)
-    groups = {fibre: name for name, members in reversed(knee.groups) for fibre in members}
-    answer = []
-    for i, row in enumerate(table):
+    courses, muscles = ligament_lines(knee, state), quadriceps_lines(knee, state)
+    grids = obstacles(knee, courses, places)
 
-        def seen(points_mm: np.ndarray, bone: str, i: int = i) -> np.ndarray:
+    def at(i: int) -> Scene:
+        def seen(points_mm: np.ndarray, bone: str) -> np.ndarray:
             """From a bone of the stored twin to the tibia as it is drawn."""
-            if bone == "femur":
-                points_mm = (points_mm - shift[i]) @ turn[i]
-            return points_mm * mirror
+            return places.moved(points_mm, bone, TIBIA, i) * mirror
 
-        fibres = tuple(
-            Fibre(
-                name,
-                groups.get(name, name),
-                seen(lines[j][:, :, i], "femur"),
-                float(strain[j, i]),
-                float(tension[j, i]),
-            )
-            for j, name in enumerate(knee.ligaments.names)
+        def pressed(field: PlateauPressure, shown) -> Plateau:
+            plateau = _at_pose(field, i, shown)
+            if field.bone == TIBIA:
+                return plateau
+            # Its points are mirrored already.
+            own = (plateau.points_mm * mirror, plateau.center_mm * mirror)
+            there, center = (seen(x, field.bone) for x in own)
+            return dataclasses.replace(plateau, points_mm=there, center_mm=center)
+
+        def line(course: Line) -> Fibre:
+            points_mm = seen(course.points_mm[:, :, i], course.bone)
+            numbers = float(course.strain[i]), float(course.tension_N[i])
+            return Fibre(course.name, course.group, points_mm, *numbers)
+
+        scene = Scene(
+            title=f"{knee.name}, {knee.side} knee",
+            flexion_deg=float(np.rad2deg(state.tibia.flexion[i])),
+            lateral=sign,
+            condyles=tuple(Sheet(sheet.name, seen(sheet.points_mm, FEMUR)) for sheet in condyles),
+            plateaus=tuple(map(pressed, pressures, drawn)),
+            fibres=tuple(map(line, courses)),
+            obstacles=tuple(Sheet("", seen(grid, bone)) for grid, bone in grids),
+            bones=tuple(
+                dataclasses.replace(
+                    mesh, points_mm=seen(np.asarray(mesh.points_mm, float) * mirror, mesh.bone)
+                )
+                for mesh in bones
+            ),
         )
-        answer.append(
-            Scene(
-                title=f"{knee.name}, {knee.side} knee",
-                flexion_deg=float(row[0]),
-                lateral=sign,
-                condyles=tuple(
-                    Sheet(sheet.name, seen(sheet.points_mm, "femur")) for sheet in condyles
-                ),
-                plateaus=tuple(map(_at_pose, pressures, [i] * len(pressures), drawn)),
-                fibres=fibres,
-                obstacles=tuple(
-                    Sheet("", seen(grid, bone))
-                    for grid, bone in _obstacles(knee, lines, turn, shift)
-                ),
-                bones=tuple(_placed(mesh, seen, mirror) for mesh in bones),
-            )
-        )
+        near = _near(tuple(map(line, muscles)), scene.points_mm) if muscles else ()
+        return dataclasses.replace(scene, fibres=(*scene.fibres, *near))
+
+    return tuple(at(i) for i in range(state.shape[0]))
+
+
+def _near(muscles: Sequence[Fibre], points_mm: np.ndarray) -> tuple[Fibre, ...]:
+    """The parts of muscles that are near everything else."""
+    middle = points_mm.mean(axis=0)
+    reach = np.linalg.norm(points_mm - middle, axis=1).max() + _MUSCLE_MM
+    answer = []
+    for muscle in muscles:
+        line = muscle.points_mm
+        way = np.append(0.0, np.linalg.norm(np.diff(line, axis=0), axis=1).cumsum())
+        places = np.linspace(0.0, way[-1], _ALONG)
+        fine = np.stack([np.interp(places, way, x) for x in line.T], axis=1)
+        kept = fine[np.linalg.norm(fine - middle, axis=1) < reach]
+        if len(kept) > 1:
+            answer.append(dataclasses.replace(muscle, points_mm=kept))
     return tuple(answer)
-
-
-def _rigid(poses: Pose) -> tuple[np.ndarray, np.ndarray]:
-    """Rotations from tibia to femur, `(poses, 3, 3)`, and translations, `(poses, 3)`."""
-    place = poses.placement
-    rotation = place.rotation or ()  # a pose always has one
-    turn = [np.stack([np.asarray(x) for x in row], axis=-1) for row in rotation]
-    shift = np.stack([np.asarray(x) for x in place.translation], axis=-1)
-    return np.stack(turn, axis=-2), shift
 
 
 def _to_the_rim(field: PlateauPressure) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -253,78 +282,4 @@ def _at_pose(field: PlateauPressure, row: int, drawn) -> Plateau:
     points, faces, own = drawn
     pressure = field.pressure_MPa[row]
     pressure = pressure.ravel()[own].reshape(pressure.shape)
-    return Plateau(field.name, points, faces, pressure, field.center_mm[row])
-
-
-def _placed(mesh: BoneMesh, seen, mirror: np.ndarray) -> BoneMesh:
-    if mesh.bone not in ("femur", "tibia"):
-        raise ValueError(f"a mesh belongs to {mesh.bone!r}; expected 'femur' or 'tibia'")
-    twin = np.asarray(mesh.points_mm, float) * mirror
-    return dataclasses.replace(mesh, points_mm=seen(twin, mesh.bone))
-
-
-def _fibres(knee: Knee, poses: Pose):
-    """Courses in femur axes, each `(k, 3, poses)`; strains and tensions, `(fibres, poses)`."""
-    if not knee.ligaments.names:
-        return [], np.zeros((0, 1)), np.zeros((0, 1))
-    ligaments = add_lane_axis(knee.ligaments)
-    kinds = [course.rows for course in ligaments.kinds]
-    parts = [_drawn(ligaments, some) for some in lots(poses)]
-    count = np.shape(poses.flexion)[0]
-
-    def joined(arrays) -> np.ndarray:
-        return np.concatenate([np.asarray(x) for x in arrays], axis=-1)[..., :count]
-
-    lines = {}
-    for rows, *drawn in zip(kinds, *(part[0] for part in parts), strict=True):
-        points = joined(drawn)
-        lines |= {row: points[:, :, i] for i, row in enumerate(rows)}
-    strain, tension = (joined(part[k] for part in parts) for k in (1, 2))
-    return [lines[row] for row in range(len(lines))], strain, tension
-
-
-@eqx.filter_jit
-def _drawn(ligaments: Ligaments, poses: Pose):
-    """Fibres of one kind of course together, `(k, 3, fibres, poses)`; strain and tension.
-
-    One array a kind: each point as a result of its own would take minutes to compile.
-    """
-    state, drawn = State({TIBIA: poses}), []
-    for course in ligaments.kinds:
-        rows = np.array(course.rows)
-        ends = ligaments.femoral_attachment[rows], ligaments.tibial_attachment[rows]
-        shape = (len(rows), *jnp.shape(poses.flexion))
-        points = []
-        for piece in course.polylines(*ends, state.between(course.bodies), _AROUND):
-            points += piece[1:] if points else piece
-        stacked = [
-            jnp.stack([jnp.broadcast_to(jnp.asarray(c), shape) for c in point]) for point in points
-        ]
-        drawn.append(jnp.stack(stacked))
-    length = ligaments.length(state)
-    return drawn, length / ligaments.slack_length - 1.0, ligaments.tension_at(length)
-
-
-def _obstacles(knee: Knee, lines: list[np.ndarray], turn: np.ndarray, shift: np.ndarray):
-    """Grids of the obstacles in their bones' frames, each drawn once, with their bones."""
-    found: dict[tuple, tuple[np.ndarray, str]] = {}
-    passing: dict[tuple, list[np.ndarray]] = {}
-    for course in knee.ligaments.courses:
-        if course.obstacle is None:
-            continue
-        leaves = jax.tree.leaves(course.obstacle)
-        key = (
-            type(course.obstacle),
-            course.obstacle_bone,
-            *(np.asarray(x).tobytes() for x in leaves),
-        )
-        for row in course.rows:
-            for i in range(len(shift)):
-                line = lines[row][:, :, i]
-                on_tibia = course.obstacle_bone == "tibia"
-                passing.setdefault(key, []).append(
-                    (line - shift[i]) @ turn[i] if on_tibia else line
-                )
-        grid = obstacle_grid(course.obstacle, np.concatenate(passing[key]))
-        found[key] = grid, course.obstacle_bone
-    return list(found.values())
+    return Plateau(field.name, field.bone, points, faces, pressure, field.center_mm[row])

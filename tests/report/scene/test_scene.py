@@ -186,7 +186,7 @@ def test_cameras_see_the_knee_as_a_clinician_does(left, scenes):
 
 @pytest.mark.parametrize("wanted", [[0.0, 0.0, 0.0], [9.5, 9.9, 3.0], [-9.9, -9.8], [], [1.0]])
 def test_labels_keep_apart_and_inside(wanted):
-    places = _apart(wanted, 10.0, 1.0)
+    places = _apart(wanted, -10.0, 10.0, 1.0)
     assert all(
         b - a >= 1.0 - 1e-9 for a, b in zip(sorted(places), sorted(places)[1:], strict=False)
     )
@@ -326,7 +326,7 @@ def test_plateaus_end_at_the_cartilages_border():
     points = np.stack([x, 0.0 * x, z], axis=-1)
     covered = (x / 10.0) ** 2 + (z / 7.0) ** 2 < 1.0
     pressure = np.where(covered, 1.0, 0.0)[None]
-    field = PlateauPressure("round", points, pressure, np.zeros((1, 3)), covered, rim)
+    field = PlateauPressure("round", "tibia", points, pressure, np.zeros((1, 3)), covered, rim)
     placed, faces, own = _to_the_rim(field)
     a, b, c = np.moveaxis(placed.reshape(-1, 3)[faces], 1, 0)
     area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
