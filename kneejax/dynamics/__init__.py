@@ -15,3 +15,4 @@ from kneejax.dynamics._moving import gravity_of as gravity_of
 from kneejax.dynamics._trajectory import LoadCurve as LoadCurve
 from kneejax.dynamics._trajectory import Trajectory as Trajectory
 from kneejax.dynamics._trajectory import move as move
+from kneejax.dynamics._trajectory import rising as rising

@@ -187,7 +187,7 @@ def begun(moving: MovingKnee, given: Given) -> Carry:
 
 
 def _filled(step: Step) -> tuple[Step, Array]:
-    """A step, and whether it only fills up an block: it has no length."""
+    """A step, and whether it only fills up a block: it has no length."""
     idle = step.length_s == 0.0
     return dataclasses.replace(step, length_s=jnp.where(idle, 1.0, step.length_s)), idle
 

@@ -48,13 +48,7 @@ class LoadCurve(eqx.Module):
         Raises:
             ValueError: times that do not rise.
         """
-        times = np.asarray(time_s, float)
-        back = np.flatnonzero(~(np.diff(times) > 0.0))
-        if len(back):
-            at = back[0]
-            raise ValueError(
-                f"time {times[at + 1]:g} s follows {times[at]:g} s; expected times that rise"
-            )
+        times = rising(time_s)
         shape = (len(times), 3)
         every = (jax.tree.map(lambda x: jnp.broadcast_to(x, shape), load) for load in loads)
         return cls(jnp.asarray(times), tuple(every))
@@ -63,6 +57,18 @@ class LoadCurve(eqx.Module):
         """At other times, with arrays `(times, 3, 1)`."""
         columns = jax.vmap(lambda row: jnp.interp(time_s, self.time_s, row), 1, 1)
         return jax.tree.map(lambda x: columns(x)[..., None], self.loads)
+
+
+def rising(time_s: ArrayLike) -> np.ndarray:
+    """Times in s as numbers; raises `ValueError` where one is not later than that before it."""
+    times = np.asarray(time_s, float)
+    back = np.flatnonzero(~(np.diff(times) > 0.0))
+    if len(back):
+        at = back[0]
+        raise ValueError(
+            f"time {times[at + 1]:g} s follows {times[at]:g} s; expected times that rise"
+        )
+    return times
 
 
 #: Coordinates that do not move freely: their names, or name -> where it is over time.

@@ -148,7 +148,8 @@ def generalised_force(
             wanted = [one for one in map(coordinate, names) if one.body == body]
             ways = _work(state.poses[body], whole, [one.way for one in wanted])
             work |= {one.name: row for one, row in zip(wanted, ways, strict=True)}
-    nothing = jnp.zeros(state.shape)
+    # Several wrenches have none on other bones too, each by itself.
+    nothing = jnp.zeros(jnp.broadcast_shapes(state.shape, *map(jnp.shape, wrench.force)))
     rows = jnp.broadcast_arrays(*(work.get(name, nothing) for name in names), nothing)
     return tuple(rows[: len(names)])
 

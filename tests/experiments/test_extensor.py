@@ -14,6 +14,7 @@ from kneejax import report
 from kneejax.experiments import TENDON
 from kneejax.experiments.extensor import held_leg, weight_of
 from kneejax.mechanics import Contact, Knee, Ligaments, Muscles, add_lane_axis
+from kneejax.statics import settle, with_meeting
 
 #: Flexions and one pull: what all tests look at, so that one compiled program serves them.
 FLEXION, PULL_N = np.array([30.0, 45.0]), 300.0
@@ -271,3 +272,30 @@ def test_three_bones_are_drawn_where_they_are(knee, tracked):
     assert np.linalg.norm(np.ptp(head.points_mm, axis=0)) < 150.0
     with pytest.raises(ValueError, match="'fibula'; expected one of 'femur', 'tibia', 'patella'"):
         report.scenes(knee, state, [dataclasses.replace(corner, bone="fibula")])
+
+
+@pytest.mark.slow
+def test_a_patella_without_mass_is_in_balance_at_every_moment_of_a_motion(knee, tracked):
+    pulled = dataclasses.replace(knee, muscles=knee.muscles.pulling({"quadriceps": PULL_N - 20.0}))
+    names = geo.coordinates_of(knee.bodies)
+    start = tracked.motion.settled.state.at(names)[:, 0]
+    shank = kj.Mass(3.5, [0.0, -200.0, 0.0], np.diag([5e4, 5e3, 5e4]))
+    moving = kj.MovingKnee.of(pulled, shank).critically_damped()
+    on_patella = np.array(["patella" in pair for pair in knee.ligaments.bodies])
+    moving = dataclasses.replace(
+        moving, fibre_damping=jnp.where(on_patella, 0.0, moving.fibre_damping)
+    )
+    times = np.linspace(0.0, 0.03, 31)
+    still = kj.move(moving, start, times, held=("flexion",))
+    assert np.abs(np.asarray(still.q) - np.asarray(start)).max() < 1e-6
+    pull = kj.LoadCurve.of([0.0, 0.01], kj.load_of(anterior_N=jnp.array([0.0, 60.0])))
+    moved = kj.move(moving, start, times, loads=pull, held=("flexion",))
+    assert moved.account().closes
+    assert np.abs(moved.to_table()[-1] - moved.to_table()[0])[6:].max() > 0.05
+    # With the tibia held where it is, nothing is left to move the patella.
+    q = jnp.asarray(moved.q)[np.array([10, 20, 30])].T
+    prescribed = dict(zip(names[:6], q[:6], strict=True))
+    lanes = add_lane_axis(pulled)
+    there = settle(lanes, prescribed, with_meeting(lanes, prescribed, q[6:]))
+    assert bool(jnp.all(there.stable))
+    np.testing.assert_allclose(there.q, q[6:], atol=1e-6)

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kneejax.dynamics import Account, LoadCurve, MovingKnee, Trajectory, move_within
+from kneejax.dynamics import Account, LoadCurve, MovingKnee, Trajectory, move_within, rising
 from kneejax.experiments._evaluate import Mechanics, evaluate
 from kneejax.experiments._motion import Motion, passive_flexion
 from kneejax.geometry import COORDINATES, State, coordinates_of, prescribed_of, scales
@@ -148,13 +148,7 @@ def smooth_way(time_s: ArrayLike, values: np.ndarray, start: float) -> Callable:
     """
     from scipy.interpolate import PchipInterpolator
 
-    times = np.asarray(time_s, float)
-    back = np.flatnonzero(~(np.diff(times) > 0.0))
-    if len(back):
-        at = back[0]
-        raise ValueError(
-            f"time {times[at + 1]:g} s follows {times[at]:g} s; expected times that rise"
-        )
+    times = rising(time_s)
     through = PchipInterpolator(times, values - values[0] + start)
     return lambda t: through(np.clip(t, times[0], times[-1]))
 
