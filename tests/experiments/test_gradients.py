@@ -4,7 +4,9 @@ Each lane holds a random knee at a random flexion, and a random direction of cha
 leaves. A single call then moves every number of a knee at once.
 """
 
-import time
+import os
+import subprocess
+import sys
 
 import equinox as eqx
 import jax
@@ -280,25 +282,44 @@ def test_the_mechanics_of_a_pose_follow_each_number_and_the_pose(case, central_d
         np.testing.assert_allclose(ours / scale, theirs / scale, atol=1e-6, err_msg=field)
 
 
-def test_a_motion_with_its_jacobian_costs_hardly_more_than_the_motion():
-    """1.6 times (benchmarks/jacobian.py), in seconds of the processor.
+COST = """
+import time
+import kneejax as kj
+kj.configure()
+import jax
+import numpy as np
 
-    A machine with much else to do shows 1.8, at worst 2.2. A motion that is searched twice, or
-    parameters written operation by operation, would be above what is allowed.
+knee, flexion = kj.load_knee("four_ligament"), np.arange(0.0, 121.0, 5.0)
+selection = kj.select(knee, ["*.stiffness", "*.reference_strain"])
+values = np.asarray(selection.read(knee))
+
+def motion(x):
+    return kj.passive_flexion(selection.apply(knee, x), flexion).settled.q
+
+def seconds(way):
+    begun = time.process_time()
+    jax.block_until_ready(way(1.01 * values))
+    return time.process_time() - begun
+
+ways = motion, jax.jacfwd(motion)
+turns = [[seconds(way) for way in ways] for _ in range(32)]
+alone, with_jacobian = np.min(turns[2:], axis=0)
+print(with_jacobian / alone)
+"""
+
+
+def test_a_motion_with_its_jacobian_costs_hardly_more_than_the_motion(tmp_path):
+    """1.4 to 1.6 times, in seconds of the processor, of a process that compiles nothing.
+
+    One that has compiled the same programs itself shows 2.0 to 2.6, before and after any change. A
+    motion that is searched twice, or parameters written operation by operation, would be above
+    what is allowed.
     """
-    knee, flexion = kj.load_knee("four_ligament"), np.arange(0.0, 121.0, 5.0)
-    selection = kj.select(knee, ["*.stiffness", "*.reference_strain"])
-    values = np.asarray(selection.read(knee))
-
-    def motion(x):
-        return kj.passive_flexion(selection.apply(knee, x), flexion).settled.q
-
-    def seconds(way):
-        begun = time.process_time()
-        jax.block_until_ready(way(1.01 * values))
-        return time.process_time() - begun
-
-    ways = motion, jax.jacfwd(motion)
-    turns = [[seconds(way) for way in ways] for _ in range(12)]
-    alone, with_jacobian = np.min(turns[2:], axis=0)
-    assert with_jacobian < 2.4 * alone
+    own = {k: x for k, x in os.environ.items() if k != "XLA_FLAGS"}
+    own["JAX_COMPILATION_CACHE_DIR"] = str(tmp_path)
+    own["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
+    for _ in ("compiles", "computes"):
+        done = subprocess.run(
+            [sys.executable, "-c", COST], env=own, capture_output=True, text=True, check=True
+        )
+    assert float(done.stdout) < 2.0
