@@ -1,5 +1,7 @@
 """Motions whose ends are known: pendulum, spring, a body that tumbles, a bounce, a settling."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -7,6 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from kneejax.dynamics import Grid, MovingKnee, gravity_of, move
+from kneejax.experiments import Mechanics, Transient
 from kneejax.geometry import Frame, Plane, Sphere
 from kneejax.mechanics import Contact, Load, Mass, add_lane_axis
 from kneejax.statics import Guess, Status, settle
@@ -46,12 +49,32 @@ def test_a_pendulum_swings_as_its_equation_says_with_errors_of_second_order(slop
     assert off[-1] < 3e-3 and abs(float(found[-1].rate[-1, 0]) - exact[1]) < 0.03
     account = found[-1].account()
     assert account.closes and found[-1].ended is Status.BALANCED
+    _has_all_over_time(found[-1], account)
     # The pivot holds the weight and makes the centre go round: N of 2 kg and mm/s^2.
     c, s = np.cos(-exact[0]), np.sin(-exact[0])
     turning = -equation(0.0, exact)[1]
     along = turning * (c * x - s * y) - exact[1] ** 2 * (s * x + c * y)
     holds = found[-1].flow().holding["superior"]
     assert float(holds[-1]) == pytest.approx(2e-3 * (9806.65 + along), rel=0.02)
+
+
+def _has_all_over_time(found, account):
+    """A data set with a unit for everything."""
+    count = len(found.time_s)
+    nothing = Mechanics(*[None] * len(dataclasses.fields(Mechanics)))
+    held = dataclasses.replace(
+        nothing, tension=np.zeros((count, 0)), contact_force=np.zeros((count, 0, 3))
+    )
+    pull = {"anterior_N": np.linspace(0.0, 5.0, count)}
+    data = Transient(found, held, np.zeros((count, 0)), account, pull, None, np.nan).to_dataset()
+    assert all("units" in x.attrs for name, x in data.variables.items()
+               if name not in ("status", "ligament", "contact"))  # fmt: skip
+    np.testing.assert_allclose(data["flexion"], np.rad2deg(found.q[:, 0]))
+    np.testing.assert_allclose(data["flexion_rate"], np.rad2deg(found.rate[:, 0]))
+    assert data["flexion_rate"].units == "deg s-1" and data["load_anterior_N"].units == "N"
+    total = data["energy_kinetic"] + data["energy_potential"] + data["energy_dissipated"]
+    gained = total - data["energy_kinetic"][0]
+    np.testing.assert_allclose(gained + data["energy_missing"], data["energy_work"], atol=1e-9)
 
 
 def test_a_mass_on_a_damped_fibre_swings_as_in_closed_form(slope_on_log_axes):

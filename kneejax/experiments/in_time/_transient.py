@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -12,9 +13,20 @@ from numpy.typing import ArrayLike
 from kneejax.dynamics import Account, LoadCurve, MovingKnee, Trajectory, move_within, rising
 from kneejax.experiments._evaluate import Mechanics, evaluate
 from kneejax.experiments._motion import Motion, passive_flexion
-from kneejax.geometry import COORDINATES, State, coordinates_of, prescribed_of, scales
+from kneejax.geometry import (
+    COORDINATES,
+    State,
+    coordinate,
+    coordinates_of,
+    prescribed_of,
+    scales,
+)
 from kneejax.mechanics import Load, load_of
+from kneejax.numerics import check_installed
 from kneejax.statics import Status
+
+if TYPE_CHECKING:
+    from xarray import Dataset
 
 #: mm, at any time: what is left of the error of a motion's steps.
 MOST_ERROR_MM = 0.01
@@ -55,6 +67,44 @@ class Transient:
         table, last = self.trajectory.to_table()[:, :6], np.asarray(self.rest.to_table())[0]
         sense = np.sign(last - table[0])
         return dict(zip(COORDINATES, np.nanmax((table - last) * sense, axis=0), strict=True))
+
+    def to_dataset(self, attributes: Mapping[str, Any] | None = None) -> Dataset:
+        """Poses, rates, forces, loads and energies over time, each with its unit.
+
+        Args:
+            attributes: of the whole, e.g. the versions.
+
+        Raises:
+            MissingPackage: xarray is not installed.
+        """
+        check_installed("xarray", "maps")
+        import xarray
+
+        motion, knee, over = self.trajectory, self.trajectory.moving.knee, "time_s"
+        content: dict[str, Any] = {}
+        for i, name in enumerate(motion.names):
+            one = coordinate(name)
+            content[name] = over, motion.to_table()[:, i], {"units": one.unit}
+            rate = motion.rates_to_table()[:, i]
+            content[f"{name}_rate"] = over, rate, {"units": f"{one.unit} s-1"}
+        newtons, per = {"units": "N"}, (over, "ligament")
+        content["tension"] = per, np.asarray(self.mechanics.tension), newtons
+        content["damping"] = per, self.damping_N, newtons
+        pressed = np.linalg.norm(np.asarray(self.mechanics.contact_force), axis=-1)
+        content["contact_force"] = (over, "contact"), pressed, newtons
+        for name, size in self.sizes.items():
+            content[f"load_{name}"] = over, size, {"units": name.rsplit("_", 1)[1]}
+        for name in ("work", "kinetic", "potential", "dissipated", "missing"):
+            energy = np.asarray(getattr(self.account, name))[motion.rows]
+            content[f"energy_{name}"] = over, energy, {"units": "N mm"}
+        words = [Status(int(x)).word for x in np.asarray(motion.status)]
+        content["status"] = over, words
+        places = {
+            over: (over, self.time_s, {"units": "s"}),
+            "ligament": list(knee.ligaments.names),
+            "contact": list(knee.contact_names),
+        }
+        return xarray.Dataset(content, places, {"knee": knee.name, **(attributes or {})})
 
 
 def transient(
