@@ -15,22 +15,24 @@ def add_dynamic_options(simulate: argparse.ArgumentParser) -> None:
         "--dynamic",
         action="store_true",
         help="of a test by load, at one flexion: with mass, damping and time; the load grows in "
-        "--ramp_s and stays. settle and drop are so anyway",
+        "--ramp_s and stays; of leg-raise: a motor shortens the quadriceps. settle and drop are so "
+        "anyway",
     )
     simulate.add_argument(
         "--loads",
         type=Path,
         metavar="FILE.csv",
         help="of `load --dynamic`: loads over time, a column time_s and columns like anterior_N; "
-        "columns like flexion_deg lead a coordinate",
+        "columns like flexion_deg lead a coordinate; of `leg-raise --dynamic`: a column "
+        "quadriceps_mm, what a motor makes of its length",
     )
     simulate.add_argument(
         "--duration_s",
         type=float,
-        help="of a motion through time (default: 1; settle 2; that of --loads)",
+        help="of a motion through time (default: 1; settle 2; leg-raise 20; that of --loads)",
     )
     simulate.add_argument(
-        "--every_ms", type=float, help="between two rows of its tables (default: 1)"
+        "--every_ms", type=float, help="between two rows of its tables (default: 1; leg-raise 100)"
     )
     simulate.add_argument(
         "--ramp_s", type=float, help="in which the load of a test grows (default: 0.1)"

@@ -62,15 +62,16 @@ def run_in_time(arguments: argparse.Namespace) -> int:
     """Move, print what happened, write motion.csv, forces.csv, energy.csv and a figure."""
     name = arguments.experiment
     _check(arguments)
+    check_in_time(arguments)
     flexion = _flexion(arguments)
     load_s, sizes, led = _loads(arguments, flexion)
     times = _times(arguments, load_s)
     offset = _offset(arguments)
     values = read_pairs("--set", arguments.values)
     knee = cut(knee_with(load_knee(arguments.knee), values, "--set"), arguments.cut)
-    moving = _moving(arguments, knee)
+    moving = moving_knee(arguments, knee)
     with stages_on_terminal(knee.name) as show:
-        told = functools.partial(_told, show, times)
+        told = functools.partial(told_in_time, show, times)
         try:
             found = transient(
                 moving, flexion, times, load_s=load_s, sizes=sizes, led=led, offset=offset,
@@ -80,29 +81,38 @@ def run_in_time(arguments: argparse.Namespace) -> int:
         except ValueError as problem:
             raise InputProblem("simulate", name, f"{flexion:g}", str(problem)) from None
     _report(arguments, knee, found)
-    _write(arguments, knee, found)
-    ended = found.trajectory.ended is Status.BALANCED
+    write_motion(arguments, found)
     files = "motion.csv, forces.csv, energy.csv, settings.json"
     print(f"written: {arguments.out}/{files}, figures/motion.png")
-    return int(not (ended and found.account.closes))
+    return doubtful_motion(found)
 
 
-def _told(show, times: np.ndarray, done: int) -> None:
+def doubtful_motion(found: Transient) -> int:
+    """1 where a motion ended early or its energies do not add up, otherwise 0."""
+    return int(found.trajectory.ended is not Status.BALANCED or not found.account.closes)
+
+
+def told_in_time(show, times: np.ndarray, done: int) -> None:
     """The line on a terminal: steps stand for the simulated time."""
     show(f"{times[-1] - times[0]:g} s of motion", done, max(done, len(times)))
 
 
-def _check(arguments: argparse.Namespace) -> None:
+def check_in_time(arguments: argparse.Namespace) -> None:
+    """Refuse sizes that nothing has, and options of tests that nobody asks for through time."""
     name = arguments.experiment
     for option in _NOT_IN_TIME:
         if getattr(arguments, option) not in (None, False, []):
             raise InputProblem("simulate", f"--{option}", name, "a test without --dynamic with it")
-    if name in ("envelope", "passive-flexion"):
-        raise InputProblem("simulate", "--dynamic", name, "one test under load with it")
     for option, allowed in _SIZES.items():
         value = getattr(arguments, option)
         if value is not None:
             check_within(f"--{option}", option, [value], allowed)
+
+
+def _check(arguments: argparse.Namespace) -> None:
+    name = arguments.experiment
+    if name in ("envelope", "passive-flexion"):
+        raise InputProblem("simulate", "--dynamic", name, "one test under load with it")
     if arguments.loads is not None and name != "load":
         raise InputProblem("simulate", "--loads", name, "load --dynamic with it")
     if name in _FLEXION and name != "lachman":
@@ -157,13 +167,18 @@ def _times(arguments: argparse.Namespace, load_s: np.ndarray) -> np.ndarray:
     first = load_s[0] if arguments.loads is not None else 0.0
     usual = 2.0 if arguments.experiment == "settle" else 1.0
     usual = load_s[-1] - first if arguments.loads is not None else usual
-    duration = usual if arguments.duration_s is None else arguments.duration_s
-    every = 1.0 if arguments.every_ms is None else arguments.every_ms
+    return first + times_of(arguments, usual, 1.0)
+
+
+def times_of(arguments: argparse.Namespace, duration_s: float, every_ms: float) -> np.ndarray:
+    """Rows of the tables, s, of what was asked for or else of these."""
+    duration = duration_s if arguments.duration_s is None else arguments.duration_s
+    every = every_ms if arguments.every_ms is None else arguments.every_ms
     count = round(duration / (1e-3 * every))
     if not 1 <= count <= _MOST_TIMES:
         expected = f"1 to {_MOST_TIMES} rows in {duration:g} s"
         raise InputProblem("--every_ms", "every_ms", f"{every:g}", expected)
-    return first + np.linspace(0.0, duration, count + 1)
+    return np.linspace(0.0, duration, count + 1)
 
 
 def _offset(arguments: argparse.Namespace) -> Mapping[str, float]:
@@ -176,14 +191,15 @@ def _offset(arguments: argparse.Namespace) -> Mapping[str, float]:
     return given or usual
 
 
-def _moving(arguments: argparse.Namespace, knee: Knee) -> MovingKnee:
+def moving_knee(arguments: argparse.Namespace, knee: Knee) -> MovingKnee:
+    """With the mass of a person's leg, gravity where a thigh has an attitude, and damping."""
     leg = leg_of_person(
         75.0 if arguments.body_kg is None else arguments.body_kg,
         1.75 if arguments.height_m is None else arguments.height_m,
         arguments.ankle_kg or 0.0,
     )
     attitude = arguments.femur_deg
-    if attitude is None and arguments.experiment == "drop":
+    if attitude is None and arguments.experiment in ("drop", "leg-raise"):
         attitude = 0.0
     gravity = (0.0, 0.0, 0.0) if attitude is None else gravity_of(attitude)
     part = 1.0 if arguments.critical is None else arguments.critical
@@ -208,15 +224,16 @@ def _report(arguments: argparse.Namespace, knee: Knee, found: Transient) -> None
     save_figure(transient_figure(found, title), folder, "motion", svg=arguments.svg)
 
 
-def _write(arguments: argparse.Namespace, knee: Knee, found: Transient) -> None:
-    out, motion = arguments.out, found.trajectory
+def write_motion(arguments: argparse.Namespace, found: Transient) -> None:
+    """Write motion.csv, forces.csv and energy.csv."""
+    out, motion, more = arguments.out, found.trajectory, {**found.sizes, **found.quadriceps}
     poses = convert_table(motion.to_table()[:, :6], FEMORAL, arguments.convention)
     rates = motion.rates_to_table()
     words = [Status(int(x)).word for x in np.asarray(motion.status)]
-    loads = np.stack(list(found.sizes.values()), 1) if found.sizes else np.zeros((len(poses), 0))
+    loads = np.stack(list(more.values()), 1) if more else np.zeros((len(poses), 0))
     header = [
         "time_s", *COLUMNS, *motion.columns[6:],
-        *(f"{coordinate(name).column}_per_s" for name in motion.names), *found.sizes, "status",
+        *(f"{coordinate(name).column}_per_s" for name in motion.names), *more, "status",
     ]  # fmt: skip
     others = motion.to_table()[:, 6:]
     rows = np.hstack([found.time_s[:, None], poses, others, rates, loads]).tolist()
@@ -226,7 +243,7 @@ def _write(arguments: argparse.Namespace, knee: Knee, found: Transient) -> None:
         for row, word in zip(rows, words, strict=True)
     ]
     write_rows(out / "motion.csv", header + extra, told)
-    write_rows(out / "forces.csv", ["time_s", "part", "force_N", "damping_N"], _forces(knee, found))
+    write_rows(out / "forces.csv", ["time_s", "part", "force_N", "damping_N"], _forces(found))
     account, at = found.account, motion.rows
     energies = np.stack([
         np.asarray(x)[at] for x in (
@@ -237,7 +254,8 @@ def _write(arguments: argparse.Namespace, knee: Knee, found: Transient) -> None:
     write_rows(out / "energy.csv", ["time_s", *(f"{x}_Nmm" for x in columns)], table)
 
 
-def _forces(knee: Knee, found: Transient):
+def _forces(found: Transient):
+    knee = found.trajectory.moving.knee
     tension = np.asarray(found.mechanics.tension)
     contact = np.linalg.norm(np.asarray(found.mechanics.contact_force), axis=-1)
     for i, time in enumerate(found.time_s.tolist()):

@@ -56,8 +56,13 @@ def run(arguments: argparse.Namespace) -> int:
     """Move a knee through flexion or time, load it, or let its quadriceps pull."""
     if arguments.experiment in IN_TIME or arguments.dynamic:
         _refuse(arguments, _OF_EXTENSOR[:1], f"{' or '.join(EXTENSOR[:2])} with it")
+        if arguments.experiment == "leg-raise":
+            from kneejax.cli._raised_leg import run_raised_leg
+
+            return run_raised_leg(arguments)
         if arguments.experiment in EXTENSOR:
-            raise InputProblem("simulate", "--dynamic", arguments.experiment, "a test under load")
+            expected = "leg-raise, or a test under load"
+            raise InputProblem("simulate", "--dynamic", arguments.experiment, expected)
         from kneejax.cli._in_time import run_in_time
 
         return run_in_time(arguments)

@@ -13,11 +13,13 @@ from kneejax.dynamics._history import damping_of
 from kneejax.dynamics._moving import MovingKnee
 from kneejax.geometry import Placement, State, coordinates_of
 from kneejax.mechanics import (
+    QUADRICEPS,
     CoordinateDampers,
     Dampers,
     InertiaOfStep,
     Knee,
     Load,
+    Muscles,
     TimeStep,
     damping_force,
 )
@@ -36,9 +38,9 @@ class Flow(eqx.Module):
         potential: of ligaments, contacts, lines and muscles.
         dissipation: by all dampers.
         by_loads: what loads and weights do.
-        by_drives: what those who move held coordinates do.
+        by_drives: what those who move held coordinates, or the quadriceps, do.
         damping: force of the dampers of each fibre, `(n, moments)`, N.
-        holding: coordinate -> what holds it, N mm or N.
+        holding: coordinate -> what holds it, N mm or N; `QUADRICEPS` -> the pull of its cable.
     """
 
     kinetic: Array
@@ -81,7 +83,7 @@ class Account(eqx.Module):
         return bool(self.part_missing <= CLOSES_WITHIN)
 
 
-@compiled(static_argnums=(8,))
+@compiled(static_argnums=(9,))
 def flow(
     moving: MovingKnee,
     loads: tuple[Load, ...],
@@ -90,6 +92,7 @@ def flow(
     velocities: dict[str, Placement],
     accelerations: dict[str, Placement],
     length_rates: Array,
+    pull: Array,
     meeting: Array,
     held: tuple[str, ...],
 ) -> Flow:
@@ -103,8 +106,9 @@ def flow(
         velocities: of each bone with mass.
         accelerations: of these.
         length_rates: of the fibres, `(n, moments)`.
+        pull: of the cable on the quadriceps, `(moments,)`.
         meeting: of contacts, `(n, 2, moments)`.
-        held: names of the coordinates that are.
+        held: names of the coordinates that are, `QUADRICEPS` where a motor gives it its length.
     """
     names = coordinates_of(moving.knee.bodies)
     state = State.of({}, q, moving.knee.bodies)
@@ -119,13 +123,28 @@ def flow(
     whole = dataclasses.replace(moving.knee, loads=(*moving.loads, *loads))
     _, forces = force(whole, {}, q, points)
     in_motion = _in_motion(moving, whole, state, rates, accelerations, coefficients, length_rates)
-    pulls = force_along(in_motion, state, points, held) if held else jnp.zeros((0, *state.shape))
-    holding = dict(zip(held, pulls, strict=True))
-    return Flow(
-        kinetic, forces.energy, lost, jnp.sum(forces.load * rate, axis=0),
-        sum((holding[name] * rates[name] for name in held), jnp.zeros(state.shape)),
-        damping, holding,
-    )  # fmt: skip
+    still = tuple(name for name in held if name != QUADRICEPS)
+    holding, driven = {}, jnp.zeros(state.shape)
+    if QUADRICEPS in held:
+        muscles = whole.muscles
+        assert muscles is not None
+        holding[QUADRICEPS] = pull
+        driven = -pull * _rate_of(muscles, moving.knee.bodies, q, rate)
+        in_motion = dataclasses.replace(in_motion, muscles=muscles.pulling({QUADRICEPS: pull}))
+    if still:
+        holding |= zip(still, force_along(in_motion, state, points, still), strict=True)
+    driven = driven + sum((holding[name] * rates[name] for name in still), jnp.zeros(state.shape))
+    by_loads = jnp.sum(forces.load * rate, axis=0)
+    return Flow(kinetic, forces.energy, lost, by_loads, driven, damping, holding)
+
+
+def _rate_of(muscles: Muscles, bodies: tuple[str, ...], q: Array, rate: Array) -> Array:
+    """At which the quadriceps becomes longer, mm/s."""
+
+    def length(x: Array) -> Array:
+        return muscles.quadriceps_length(State.of({}, x, bodies))
+
+    return jax.jvp(length, (q,), (rate,))[1]
 
 
 def _in_motion(

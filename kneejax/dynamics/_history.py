@@ -23,11 +23,13 @@ from jax import Array
 from kneejax.dynamics._moving import MovingKnee
 from kneejax.geometry import Placement, Prescribed, State, coordinates_of
 from kneejax.mechanics import (
+    Cable,
     CoordinateDampers,
     Dampers,
     InertiaOfStep,
     Knee,
     Load,
+    Muscles,
     TimeStep,
     tautness,
 )
@@ -41,12 +43,14 @@ class Step(eqx.Module):
         ratio: to the step before it; 0 at the beginning.
         loads: at the end of the step, besides those of the knee; arrays `(3, lanes)`.
         held: coordinate -> its prescribed value at the end, rad or mm.
+        cable: length of the quadriceps at the end, mm; None where no motor gives it.
     """
 
     length_s: Array
     ratio: Array
     loads: tuple[Load, ...]
     held: Prescribed
+    cable: Array | None = None
 
     @property
     def per_s(self) -> Array:
@@ -72,6 +76,7 @@ class Moment(eqx.Module):
         accelerations: bone with mass -> rate of its velocity; 0 at the start.
         lengths: of all fibres, mm, `(n, lanes)`.
         length_rates: of these, mm/s.
+        pull: of the cable on the quadriceps, N, `(lanes,)`; 0 without one.
     """
 
     q: Array
@@ -81,9 +86,10 @@ class Moment(eqx.Module):
     accelerations: dict[str, Placement]
     lengths: Array
     length_rates: Array
+    pull: Array
 
     @classmethod
-    def at_first(cls, moving: MovingKnee, q: Array, rate: Array) -> Moment:
+    def at_first(cls, moving: MovingKnee, q: Array, rate: Array, pull: Array) -> Moment:
         """Of a motion's start: positions and rates of all coordinates, `(6 bodies, lanes)`."""
         bones = tuple(moving.masses)
 
@@ -97,7 +103,9 @@ class Moment(eqx.Module):
             return moving.knee.ligaments.length(State.of({}, x, moving.knee.bodies))
 
         nothing = jax.tree.map(jnp.zeros_like, velocities)
-        return cls(q, rate, there, velocities, nothing, *jax.jvp(lengths, (q,), (rate,)))
+        length, length_rate = jax.jvp(lengths, (q,), (rate,))
+        pulls = jnp.broadcast_to(pull, q.shape[1:])
+        return cls(q, rate, there, velocities, nothing, length, length_rate, pulls)
 
 
 class History(eqx.Module):
@@ -129,9 +137,18 @@ class History(eqx.Module):
         return dataclasses.replace(
             knee,
             ligaments=fibres,
+            muscles=self._on_cable(knee, step),
             loads=(*moving.loads, *step.loads),
             step=TimeStep(tuple(inertia), coordinates),
         )
+
+    def _on_cable(self, knee: Knee, step: Step) -> Muscles | None:
+        """The cable expects its last pulls to go on along a straight line."""
+        if step.cable is None or knee.muscles is None:
+            return knee.muscles
+        last, older = self.last.pull, self.older.pull
+        expected = last + step.ratio * (last - older)
+        return dataclasses.replace(knee.muscles, cable=Cable(step.cable, expected))
 
     def _dampers(self, moving: MovingKnee, step: Step) -> Dampers:
         """How taut a fibre is at the end of the step is extrapolated, which keeps the order."""
@@ -157,7 +174,10 @@ class History(eqx.Module):
         was = [(x.places, x.q, x.lengths) for x in (last, older)]
         speeds, rate, length_rates = _rates(step, (places, q, lengths), step.before(*was))
         faster = _rates(step, speeds, step.before(last.velocities, older.velocities))
-        return Moment(q, rate, places, speeds, faster, lengths, length_rates)
+        pull, driven = last.pull, self._on_cable(moving.knee, step)
+        if driven is not None and driven.cable is not None:
+            pull = driven.cable.pull(driven.quadriceps_length(state))
+        return Moment(q, rate, places, speeds, faster, lengths, length_rates, pull)
 
 
 def _rates(step: Step, there: Any, before: Any) -> Any:

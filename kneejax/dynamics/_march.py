@@ -47,6 +47,9 @@ class Given(eqx.Module):
         ratio: of each step to the one before.
         loads: at the end of each step; arrays `(steps, 3, lanes)`.
         held: coordinate -> its value at the end of each step, `(steps, lanes)`.
+        cable: length of the quadriceps at the end of each step, mm, `(steps, lanes)`; None where
+            no motor gives it.
+        pull: of the quadriceps at the start besides its tension at rest, N, `(lanes,)`.
     """
 
     q: Array
@@ -55,11 +58,13 @@ class Given(eqx.Module):
     ratio: Array
     loads: tuple[Load, ...]
     held: Prescribed
+    cable: Array | None = None
+    pull: Array | float = 0.0
 
     @property
     def steps(self) -> Step:
         """All of them."""
-        return Step(self.length_s, self.ratio, self.loads, dict(self.held))
+        return Step(self.length_s, self.ratio, self.loads, dict(self.held), self.cable)
 
 
 class Moments(eqx.Module):
@@ -178,7 +183,7 @@ def follow(
 @compiled()
 def begun(moving: MovingKnee, given: Given) -> Carry:
     """What goes into the first step."""
-    first = Moment.at_first(moving, given.q, given.rate)
+    first = Moment.at_first(moving, given.q, given.rate, jnp.asarray(given.pull))
     lanes, count = given.q.shape[1:], moving.knee.patch_count
     free = len(free_of(given.held, moving.knee.bodies))
     nowhere = jnp.full((count, 2, *lanes), jnp.nan)

@@ -18,7 +18,7 @@ from kneejax.dynamics._history import Moment
 from kneejax.dynamics._march import BLOCK, Given, Moments, march
 from kneejax.dynamics._moving import MovingKnee
 from kneejax.geometry import Pose, State, coordinate, coordinates_of, table_units
-from kneejax.mechanics import Load, add_lane_axis
+from kneejax.mechanics import QUADRICEPS, Knee, Load, add_lane_axis
 from kneejax.numerics import traced
 from kneejax.statics import Status, converged, with_meeting
 
@@ -71,7 +71,8 @@ def rising(time_s: ArrayLike) -> np.ndarray:
     return times
 
 
-#: Coordinates that do not move freely: their names, or name -> where it is over time.
+#: What does not move freely: names of coordinates, or name -> where it is over time;
+#: `kneejax.mechanics.QUADRICEPS` stands for the length of the quadriceps, mm.
 Held = Mapping[str, Callable[[np.ndarray], ArrayLike]] | tuple[str, ...]
 
 
@@ -88,7 +89,7 @@ class Trajectory(eqx.Module):
         grid: the steps.
         moving: the knee.
         loads: at all moments, arrays `(moments, 3, 1)`.
-        held: coordinate -> its value at all moments.
+        held: coordinate, or `QUADRICEPS`, -> its value at all moments.
         error_mm: how far poses are from those of ever shorter steps, by doubling them, at worst
             (rotations at 30 mm); NaN where nobody asked (`move_within`).
     """
@@ -134,6 +135,11 @@ class Trajectory(eqx.Module):
         return np.concatenate([[0], 1 + self.grid.asked])
 
     @property
+    def pull_N(self) -> np.ndarray:
+        """Of the cable on the quadriceps, `(times,)`; 0 without one."""
+        return np.asarray(self.moments.known.pull)[self.rows, 0]
+
+    @property
     def ended(self) -> Status:
         """How the motion ended: balanced in every step, or the status of the last that was not."""
         bad = np.asarray(self.status)[~converged(np.asarray(self.status))]
@@ -161,7 +167,7 @@ class Trajectory(eqx.Module):
             both = jnp if traced((first, points)) else np
             points = both.concatenate([first, points[..., 1:]], axis=-1)
         rows = (loads, lanes.q, lanes.rate, lanes.velocities, lanes.accelerations,
-                lanes.length_rates, points)  # fmt: skip
+                lanes.length_rates, lanes.pull, points)  # fmt: skip
         held = tuple(self.held)
         if traced((moving, rows)):
             return flow(moving, *rows, held)
@@ -183,6 +189,7 @@ def move(
     time_s: ArrayLike | Grid,
     *,
     rate: ArrayLike = 0.0,
+    pull_N: ArrayLike = 0.0,
     loads: LoadCurve | None = None,
     held: Held = (),
     within: int = 1,
@@ -195,9 +202,12 @@ def move(
         start: all coordinates at the start, rad and mm, `(6 bodies,)`.
         time_s: at which the motion is asked for, rising, the start first; or the steps themselves.
         rate: of the coordinates at the start, rad/s and mm/s.
+        pull_N: of the quadriceps at the start besides its tension at rest, where a motor gives it
+            its length.
         loads: over time, besides those of the knee.
         held: names of coordinates that stay where they are, or name -> a function of time, s, on
-            which it is led, rad or mm (the start is taken from `start`).
+            which it is led, rad or mm (the start is taken from `start`). With `QUADRICEPS` a
+            motor gives that muscle its length (`kneejax.mechanics.Cable`); its pull is a result.
         within: steps between two of the times.
         progress: is told how many steps are done.
 
@@ -206,7 +216,7 @@ def move(
         and backward. Where a step has no balance it ends: NaN from there on, with a status.
 
     Raises:
-        ValueError: times that do not rise.
+        ValueError: times that do not rise; a quadriceps that the knee does not have.
 
     Example:
         >>> from kneejax.mechanics import Knee, Ligaments, Mass
@@ -224,14 +234,15 @@ def move(
     knee = moving.knee
     times = np.concatenate([[0.0], grid.time_s]) + begin
     acting = () if loads is None else loads.at(jnp.asarray(times))
-    names = coordinates_of(knee.bodies)
     q = jnp.asarray(start, float)
     rates = jnp.broadcast_to(jnp.asarray(rate, float), q.shape)
     led = held if isinstance(held, Mapping) else {name: None for name in held}
-    ways = {name: _way(lead, q[names.index(name)], times) for name, lead in led.items()}
+    ways = {name: _way(lead, _where(knee, name, q), times) for name, lead in led.items()}
+    acts, leads = jax.tree.map(lambda x: x[1:], (acting, ways))
+    cable = leads.pop(QUADRICEPS, None)
     given = Given(
         q[:, None], rates[:, None], jnp.asarray(grid.length_s), jnp.asarray(grid.ratio),
-        *jax.tree.map(lambda x: x[1:], (acting, ways)),
+        acts, leads, cable, jnp.asarray(pull_N, float),
     )  # fmt: skip
     found = march(add_lane_axis(moving), given, progress)
     moments = _with_start(moving, given, found)
@@ -240,6 +251,15 @@ def move(
         jnp.asarray(times[asked]), moments.known.q[asked, :, 0], moments.known.rate[asked, :, 0],
         moments.status[asked, 0], moments.looks[1:, 0], moments, moving, acting, ways, grid,
     )  # fmt: skip
+
+
+def _where(knee: Knee, name: str, q: Array) -> Array:
+    """A coordinate, or the length of the quadriceps, in a pose."""
+    if name != QUADRICEPS:
+        return q[coordinates_of(knee.bodies).index(name)]
+    if knee.muscles is None or not knee.muscles.quadriceps:
+        raise ValueError(f"{knee.name} has no quadriceps that could be given a length")
+    return knee.muscles.quadriceps_length(State.of({}, q, knee.bodies))
 
 
 def _way(lead: Callable | None, there: Array, times: np.ndarray) -> Array:
@@ -262,7 +282,7 @@ def _filled(x, first: int) -> np.ndarray:
 
 def _with_start(moving: MovingKnee, given: Given, found: Moments) -> Moments:
     """The moments with the start before them; its accelerations are those of the first step."""
-    first = Moment.at_first(add_lane_axis(moving), given.q, given.rate)
+    first = Moment.at_first(add_lane_axis(moving), given.q, given.rate, jnp.asarray(given.pull))
     first = dataclasses.replace(
         first, accelerations=jax.tree.map(lambda x: x[0], found.known.accelerations)
     )

@@ -29,8 +29,10 @@ from kneejax.experiments.extensor import isometric_extension as isometric_extens
 from kneejax.experiments.extensor import leg_raise as leg_raise
 from kneejax.experiments.extensor import patellar_tracking as patellar_tracking
 from kneejax.experiments.in_time import MOST_ERROR_MM as MOST_ERROR_MM
+from kneejax.experiments.in_time import RaisedLeg as RaisedLeg
 from kneejax.experiments.in_time import Transient as Transient
 from kneejax.experiments.in_time import leg_of_person as leg_of_person
+from kneejax.experiments.in_time import raised_leg as raised_leg
 from kneejax.experiments.in_time import transient as transient
 from kneejax.experiments.laboratory import COUNTED_FROM as COUNTED_FROM
 from kneejax.experiments.laboratory import HELD as HELD

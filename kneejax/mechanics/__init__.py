@@ -1,5 +1,6 @@
 """Scalar laws, the parts made of them, and the knee made of the parts. Knows no solver."""
 
+from kneejax.mechanics._cable import Cable as Cable
 from kneejax.mechanics._condyle_points import condyle_points as condyle_points
 from kneejax.mechanics._dislocation import LIMITS as LIMITS
 from kneejax.mechanics._dislocation import WIDEST_GAP_MM as WIDEST_GAP_MM

@@ -10,6 +10,7 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from kneejax.geometry import FEMUR_AND_TIBIA, PATELLA, Pair, State, full, scale
+from kneejax.mechanics._cable import Cable
 from kneejax.mechanics._wrench import Wrench, Wrenches
 from kneejax.mechanics.ligaments import Course, FibreFaults, Fibres
 
@@ -26,7 +27,8 @@ class Muscles(Fibres):
     Attributes:
         femoral_attachment: origin, shape `(n, 3, ...)`, mm, femur frame.
         tibial_attachment: insertion, `(n, 3, ...)`, mm, in the frame of the second bone.
-        tension: shape `(n, ...)`, N.
+        tension: shape `(n, ...)`, N; of a head of the quadriceps on a cable, what it has besides.
+        cable: on the quadriceps while a motor gives it its length; None without.
         courses: of the muscles that have via points or an obstacle; the others are straight.
         names: one name per muscle.
         bodies: the two bones that each joins; femur and tibia where none are named.
@@ -38,6 +40,7 @@ class Muscles(Fibres):
     """
 
     tension: Array
+    cable: Cable | None
 
     def __init__(
         self,
@@ -47,10 +50,12 @@ class Muscles(Fibres):
         names: tuple[str, ...] | list[str],
         courses: tuple[Course, ...] | list[Course] = (),
         bodies: tuple[Pair, ...] | None = None,
+        cable: Cable | None = None,
     ):
         self.femoral_attachment = jnp.asarray(femoral_attachment, float)
         self.tibial_attachment = jnp.asarray(tibial_attachment, float)
         self.tension = jnp.asarray(tension, float)
+        self.cable = cable
         self.courses = tuple(courses)
         self.names = tuple(names)
         self.bodies = (FEMUR_AND_TIBIA,) * len(self.names) if bodies is None else tuple(bodies)
@@ -60,6 +65,17 @@ class Muscles(Fibres):
         """Rows of the muscles that pull on the patella."""
         return tuple(row for row, (_, bone) in enumerate(self.bodies) if bone == PATELLA)
 
+    @property
+    def shares(self) -> Array:
+        """Of each muscle in the pull of the quadriceps, `(n, ...)`: as tensions at rest."""
+        heads = jnp.array([row in self.quadriceps for row in range(len(self.names))])
+        of_heads = jnp.where(heads.reshape(-1, *(1,) * (self.tension.ndim - 1)), self.tension, 0.0)
+        return of_heads / jnp.sum(of_heads, axis=0)
+
+    def quadriceps_length(self, state: State) -> Array:
+        """Mean length of the heads with their shares, `(...)`, mm."""
+        return jnp.sum(self.shares * self.length(state), axis=0)
+
     def pulling(self, more_N: Mapping[str, ArrayLike]) -> Muscles:
         """The same with more tension in some of them.
 
@@ -68,12 +84,11 @@ class Muscles(Fibres):
                 is added.
         """
         rows = list(self.tension)
-        heads = self.quadriceps
-        whole = sum(rows[row] for row in heads)
         for name, more in more_N.items():
             if name == QUADRICEPS:
-                for row in heads:
-                    rows[row] = rows[row] + more * self.tension[row] / whole
+                shares = self.shares
+                for row in self.quadriceps:
+                    rows[row] = rows[row] + more * shares[row]
             elif name in self.names:
                 row = self.names.index(name)
                 rows[row] = rows[row] + more
@@ -86,18 +101,25 @@ class Muscles(Fibres):
             Wrenches, each of several muscles along its first axis; their energy, N mm; and whether
             any lies wrongly on its obstacle. None tears.
         """
-        answer, energy = Wrenches(), jnp.zeros(state.shape)
+        kinds, answer, energy = self.kinds, Wrenches(), jnp.zeros(state.shape)
         past = inside = jnp.zeros_like(energy, bool)
-        for course, length, pull, bent in self._ways(self.kinds, state):
+        ways, more = self._ways(kinds, state), None
+        if self.cable is not None:
+            length = jnp.sum(self.shares * self._joined(kinds, [x.length for x in ways]), axis=0)
+            energy = energy + self.cable.energy(length)
+            more = self.shares * self.cable.pull(length)
+        for course, length, pull, bent in ways:
             tension = self._of(course.rows, self.tension)
+            energy = energy + jnp.sum(tension * length, axis=0)
+            if more is not None:
+                tension = tension + self._of(course.rows, more)
             forces = Wrench(full(scale(tension, pull.force)), full(scale(tension, pull.moment)))
             answer.add(course.bodies, forces)
-            energy = energy + jnp.sum(tension * length, axis=0)
             for path in bent:
                 past = past | jnp.any(path.beyond_ends, axis=0)
                 inside = inside | jnp.any(path.inside, axis=0)
         return answer, energy, FibreFaults(jnp.zeros_like(past), past, inside)
 
     def energy(self, state: State) -> Array:
-        """Tension times length of all together, shape `(...)`, N mm."""
+        """Tension times length of all together, and of the cable, shape `(...)`, N mm."""
         return self.pull(state)[1]

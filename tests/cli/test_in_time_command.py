@@ -21,7 +21,11 @@ from kneejax.files import InputProblem, read_loads_over_time
         (["load", "--dynamic"], "loads as NAME=SIZE, or --loads FILE.csv"),
         (["envelope", "--dynamic"], "one test under load with it"),
         (["passive-flexion", "--dynamic"], "one test under load with it"),
-        (["leg-raise", "--dynamic"], "expected a test under load"),
+        (["extension", "--dynamic"], "expected leg-raise, or a test under load"),
+        (["leg-raise", "--dynamic", "--flexion", "0,20"], "four angles at least"),
+        (["leg-raise", "--dynamic", "--load", "anterior_N=5"], "a test under load with it"),
+        (["leg-raise", "--dynamic", "--from", "anterior_mm=5"], "--from: leg-raise"),
+        (["leg-raise", "--dynamic", "--femur_deg", "120"], "between -90 and 90 degrees"),
         (["settle", "--force_N", "10"], "a test under load with it"),
         (["settle", "--from", "anterior=2"], "did you mean anterior_mm?"),
         (["drop", "--quadriceps_N", "100"], "patellar-tracking or extension with it"),
@@ -32,6 +36,17 @@ def test_options_that_mean_nothing_are_refused_in_one_line(words, said, tmp_path
     error = capsys.readouterr().err
     assert said in error and error.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_a_table_for_a_motor_holds_nothing_but_lengths(tmp_path, capsys):
+    words = ["simulate", "leg-raise", "--dynamic", "--loads", str(tmp_path / "way.csv")]
+    for header, said in (
+        ("quadricep_mm", "did you mean quadriceps_mm?"), ("anterior_N", "expected time_s, quad"),
+    ):  # fmt: skip
+        (tmp_path / "way.csv").write_text(f"time_s,{header}\n0,210\n5,200\n")
+        assert main([*words, "--out", str(tmp_path / "out")]) == 2
+        error = capsys.readouterr().err
+        assert said in error and error.count("\n") == 1
 
 
 @pytest.mark.parametrize(

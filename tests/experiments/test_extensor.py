@@ -11,7 +11,8 @@ import pytest
 import kneejax as kj
 import kneejax.geometry as geo
 from kneejax import report
-from kneejax.experiments import TENDON
+from kneejax.dynamics import gravity_of
+from kneejax.experiments import TENDON, leg_of_person, raised_leg
 from kneejax.experiments.extensor import held_leg, weight_of
 from kneejax.mechanics import Contact, Knee, Ligaments, Muscles, add_lane_axis
 from kneejax.statics import settle, with_meeting
@@ -272,6 +273,37 @@ def test_three_bones_are_drawn_where_they_are(knee, tracked):
     assert np.linalg.norm(np.ptp(head.points_mm, axis=0)) < 150.0
     with pytest.raises(ValueError, match="'fibula'; expected one of 'femur', 'tibia', 'patella'"):
         report.scenes(knee, state, [dataclasses.replace(corner, bone="fibula")])
+
+
+@pytest.mark.slow
+def test_a_leg_that_a_motor_raises_slowly_is_one_that_is_held(knee):
+    person = leg_of_person(75.0, 1.75)
+    moving = kj.MovingKnee.of(knee, person, gravity_m_s2=gravity_of(0.0)).critically_damped()
+    flexion = [45.0, 40.0, 35.0, 30.0]
+
+    def raised(seconds, **options):
+        found = raised_leg(moving, flexion, np.linspace(0.0, seconds, 101), **options)
+        assert found.transient.trajectory.ended.word == "balanced"
+        assert found.transient.account.closes
+        return found
+
+    slow, quick = raised(20.0), raised(2.0)
+    np.testing.assert_allclose(np.asarray(slow.held.flexion_deg)[[0, -1]], [45, 30], atol=0.01)
+    assert slow.farthest < 0.1
+    # What is left is of inertia and of damping, which fall with the speed or with its square.
+    assert 5.0 * slow.farthest < quick.farthest < 5.0
+    pulls = slow.transient.quadriceps["quadriceps_N"]
+    np.testing.assert_allclose(pulls[slow.rows], slow.held.quadriceps_N, rtol=5e-3)
+    lines = list(report.motor_raise_lines(slow))
+    assert any("farthest from a leg that is held" in line for line in lines)
+    data = slow.transient.to_dataset()
+    np.testing.assert_allclose(data["quadriceps_force"], pulls)
+    assert data["quadriceps_length"].units == "mm" and not np.isnan(data["flexion"]).any()
+    length = slow.held.quadriceps_mm
+    back = raised(20.0, lengths=([0.0, 10.0, 20.0], [0.0, float(length[2] - length[0]), 0.0]))
+    assert back.transient.trajectory.to_table()[-1, 0] == pytest.approx(45.0, abs=0.05)
+    with pytest.raises(ValueError, match=r"a quadriceps that is \+1 mm longer than at the start"):
+        raised(20.0, lengths=([0.0, 20.0], [200.0, 201.0]))
 
 
 @pytest.mark.slow

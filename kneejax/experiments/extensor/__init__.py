@@ -6,5 +6,6 @@ from kneejax.experiments.extensor._extensor import leg_raise as leg_raise
 from kneejax.experiments.extensor._extensor import patellar_tracking as patellar_tracking
 from kneejax.experiments.extensor._gravity import Shank as Shank
 from kneejax.experiments.extensor._gravity import weight_of as weight_of
+from kneejax.experiments.extensor._held_leg import at_rest as at_rest
 from kneejax.experiments.extensor._held_leg import held_leg as held_leg
 from kneejax.experiments.extensor._mechanism import TENDON as TENDON

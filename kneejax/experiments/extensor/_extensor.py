@@ -22,7 +22,7 @@ from kneejax.experiments.extensor._mechanism import (
     tendon_of,
 )
 from kneejax.geometry import FEMUR, PATELLA
-from kneejax.mechanics import Knee, Load
+from kneejax.mechanics import Knee, Load, add_lane_axis
 from kneejax.numerics import traced
 from kneejax.statics import converged
 
@@ -61,6 +61,12 @@ class Extensor:
     def flexion_deg(self) -> Array:
         """Of the tibia, `(poses,)`."""
         return self.motion.flexion_deg
+
+    @property
+    def quadriceps_mm(self) -> Array:
+        """Length of the quadriceps: mean of its heads by their shares of the pull, `(poses,)`."""
+        muscles = add_lane_axis(self.motion.knee.muscles)
+        return muscles.quadriceps_length(self.motion.settled.state)
 
     @property
     def patella(self) -> Array:
@@ -141,13 +147,13 @@ def isometric_extension(
     return patellar_tracking(knee, *every, loads)
 
 
-def leg_raise(knee: Knee, flexion_deg: ArrayLike, shank: Shank) -> Extensor:
+def leg_raise(knee: Knee, flexion_deg: ArrayLike, shank: Shank | Load) -> Extensor:
     """Hold shank and foot against gravity at each flexion: the quadriceps pulls as much as it must.
 
     Args:
         knee: as in `patellar_tracking`.
         flexion_deg: `(poses,)`.
-        shank: what is held.
+        shank: what is held, or its weight as a load.
 
     Returns:
         Poses, the quadriceps' pull and all forces. Where the leg would not sink, the quadriceps is
@@ -162,7 +168,8 @@ def leg_raise(knee: Knee, flexion_deg: ArrayLike, shank: Shank) -> Extensor:
         patella
     """
     _needs_patella(knee)
-    weight, flexion = shank.load(), jnp.atleast_1d(jnp.asarray(flexion_deg, float))
+    weight = shank.load() if isinstance(shank, Shank) else shank
+    flexion = jnp.atleast_1d(jnp.asarray(flexion_deg, float))
     return _described(*held_leg(knee, flexion, weight), weight)
 
 

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from kneejax.dynamics import Account, LoadCurve, MovingKnee, Trajectory, move_within, rising
 from kneejax.experiments._evaluate import Mechanics, evaluate
 from kneejax.experiments._motion import Motion, passive_flexion
+from kneejax.experiments.extensor import at_rest
 from kneejax.geometry import (
     COORDINATES,
     State,
@@ -21,7 +22,7 @@ from kneejax.geometry import (
     prescribed_of,
     scales,
 )
-from kneejax.mechanics import Load, load_of
+from kneejax.mechanics import QUADRICEPS, Load, load_of
 from kneejax.numerics import check_installed
 from kneejax.statics import Status
 
@@ -60,6 +61,16 @@ class Transient:
         return np.asarray(self.trajectory.time_s)
 
     @property
+    def quadriceps(self) -> Mapping[str, np.ndarray]:
+        """Pull and length, by column, of a quadriceps that a motor gives its length."""
+        motion = self.trajectory
+        if QUADRICEPS not in motion.held:
+            return {}
+        pull = motion.pull_N + float(at_rest(motion.moving.knee))
+        length = np.asarray(motion.held[QUADRICEPS])[motion.rows, 0]
+        return {"quadriceps_N": pull, "quadriceps_mm": length}
+
+    @property
     def overshoot(self) -> Mapping[str, float]:
         """Coordinate -> by how much it went beyond where it comes to rest, degrees or mm."""
         if self.rest is None:
@@ -94,6 +105,10 @@ class Transient:
         content["contact_force"] = (over, "contact"), pressed, newtons
         for name, size in self.sizes.items():
             content[f"load_{name}"] = over, size, {"units": name.rsplit("_", 1)[1]}
+        for column, size in self.quadriceps.items():
+            name, unit = column.rsplit("_", 1)
+            told = {"N": "force", "mm": "length"}[unit]
+            content[f"{name}_{told}"] = over, size, {"units": unit}
         for name in ("work", "kinetic", "potential", "dissipated", "missing"):
             energy = np.asarray(getattr(self.account, name))[motion.rows]
             content[f"energy_{name}"] = over, energy, {"units": "N mm"}
@@ -163,17 +178,33 @@ def transient(
         ((name, way),) = prescribed_of({column: values}).items()
         held[name] = smooth_way(at_s, np.asarray(way), start[names.index(name)])
     found = move_within(most_mm, moving, start, times, loads=curve, held=held, progress=progress)
-    state = State.of({}, found.q.T, moving.knee.bodies)
-    mechanics = evaluate(moving.knee, state, _meeting(found))
     rest, far = None, float("nan")
     if not flexion_is_free and set(held) == {"flexion"}:
         rest = _balance(moving, flexion_deg, weights, sizes, load_s, times[-1], check=False)
         there = np.asarray(rest.settled.state.at(names))[:, 0]
         far = float(np.abs((np.asarray(found.q[-1]) - there) / np.array(scales(names))).max())
-    flow = found.flow()
     at = {k: np.interp(times, load_s, np.broadcast_to(v, load_s.shape)) for k, v in sizes.items()}
-    damping = np.asarray(flow.damping).T[found.rows]
-    return Transient(found, mechanics, damping, found.account(), at, rest, far)
+    return described(found, at, rest, far)
+
+
+def described(
+    found: Trajectory,
+    sizes: Mapping[str, np.ndarray],
+    rest: Motion | None = None,
+    from_rest_mm: float = float("nan"),
+) -> Transient:
+    """A motion with its forces and energies.
+
+    Args:
+        found: the motion.
+        sizes: as in `Transient`; likewise the others.
+        rest: likewise.
+        from_rest_mm: likewise.
+    """
+    knee = found.moving.knee
+    mechanics = evaluate(knee, State.of({}, found.q.T, knee.bodies), _meeting(found))
+    damping = np.asarray(found.flow().damping).T[found.rows]
+    return Transient(found, mechanics, damping, found.account(), sizes, rest, from_rest_mm)
 
 
 def _meeting(found: Trajectory) -> jnp.ndarray | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -55,16 +56,17 @@ TIME = "time_s"
 
 
 def read_loads_over_time(
-    path: str | os.PathLike[str],
+    path: str | os.PathLike[str], may_lead: Sequence[str] = COLUMNS
 ) -> tuple[np.ndarray, dict[str, np.ndarray], dict[str, np.ndarray]]:
     """Read loads over time, and coordinates that are led.
 
     Args:
         path: a CSV table with a column `time_s` that rises; further columns have the name of a load
-            (`kneejax.mechanics.NAMED_LOADS`) or of a coordinate (`kneejax.geometry.COLUMNS`).
+            (`kneejax.mechanics.NAMED_LOADS`) or of what is led.
+        may_lead: names of columns that may be, in degrees or mm.
 
     Returns:
-        Times, s; name of a load -> its sizes; column of a coordinate -> degrees or mm.
+        Times, s; name of a load -> its sizes; column of what is led -> degrees or mm.
 
     Raises:
         InputProblem: the file cannot be read, a cell is no number or out of range, times that do
@@ -81,10 +83,10 @@ def read_loads_over_time(
     file = os.fspath(path)
     header, rows = read_rows(file, [TIME])
     sizes = read_loads(path)
-    led = {name: k for k, name in enumerate(header) if name in COLUMNS}
+    led = {name: k for k, name in enumerate(header) if name in may_lead}
     for name in header:
         if name not in (TIME, *sizes, *led):
-            known = (TIME, *NAMED_LOADS, *COLUMNS)
+            known = (TIME, *NAMED_LOADS, *may_lead)
             raise InputProblem(file, "header", name, f"one of {', '.join(known)}", known)
     place = header.index(TIME)
     where = [f"row {number} (line {line}), {TIME}" for number, (line, _) in enumerate(rows, 1)]

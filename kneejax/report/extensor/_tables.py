@@ -14,8 +14,8 @@ from kneejax.statics import Status
 _PATELLA = tuple(one.column for one in BODIES[PATELLA].values())
 #: One row a pose.
 EXTENSOR_COLUMNS = (
-    "flexion_deg", "quadriceps_N", "tendon_N", "patellofemoral_N", "tendon_by_quadriceps",
-    "patellofemoral_by_quadriceps", "extension_Nm", "weight_Nm", "arm_mm",
+    "flexion_deg", "quadriceps_N", "quadriceps_mm", "tendon_N", "patellofemoral_N",
+    "tendon_by_quadriceps", "patellofemoral_by_quadriceps", "extension_Nm", "weight_Nm", "arm_mm",
     "patellofemoral_area_mm2", "patellofemoral_max_pressure_MPa", *COLUMNS[1:], *_PATELLA,
     "converged", "stable", "status",
 )  # fmt: skip
@@ -28,7 +28,7 @@ def extensor_rows(found: Extensor, status: np.ndarray) -> Iterator[list[Any]]:
         found: of any of the experiments.
         status: `Status` values, one a pose.
     """
-    motion, pull = found.motion, found.quadriceps_N
+    motion, pull, length = found.motion, found.quadriceps_N, np.asarray(found.quadriceps_mm)
     contacts = motion.knee.contacts
     here = [k for k, one in enumerate(contacts) if one.bodies == (FEMUR, PATELLA)]
     area = np.asarray(found.mechanics.area)[:, here].sum(axis=1)
@@ -37,10 +37,10 @@ def extensor_rows(found: Extensor, status: np.ndarray) -> Iterator[list[Any]]:
     for i, flexion in enumerate(found.flexion_deg):
         tendon, contact = found.tendon_N[i], found.contact_N[i]
         yield [
-            flexion, pull[i], tendon, contact, tendon / pull[i], contact / pull[i],
-            found.extension_Nm[i], found.weight_Nm[i], found.arm_mm[i], area[i], peak[i],
-            *tibia[i, 1:], *patella[i], bool(motion.settled.converged[i]), bool(motion.stable[i]),
-            Status(int(status[i])).word,
+            round(float(flexion), 9), pull[i], length[i], tendon, contact, tendon / pull[i],
+            contact / pull[i], found.extension_Nm[i], found.weight_Nm[i], found.arm_mm[i], area[i],
+            peak[i], *tibia[i, 1:], *patella[i], bool(motion.settled.converged[i]),
+            bool(motion.stable[i]), Status(int(status[i])).word,
         ]  # fmt: skip
 
 

@@ -57,12 +57,12 @@ def transient_figure(found: Transient, title: str) -> Figure:
     turned = coordinates[1:3]
     _changes(panels[1], found, turned, "Change of rotation, deg")
     _loads(panels[2], found)
-    _ligaments(panels[3], found)
+    draw_ligaments(panels[3], found.time_s, found)
     contact = np.linalg.norm(np.asarray(found.mechanics.contact_force), axis=-1)
     for k, name in enumerate(found.trajectory.moving.knee.contact_names):
         panels[4].plot(found.time_s, contact[:, k], color=PARTS[k % len(PARTS)], label=name)
     panels[4].set_ylabel("Contact force, N")
-    _above(panels[4])
+    legend_above(panels[4])
     _energies(panels[5], found)
     for axes in panels[-2:]:
         axes.set_xlabel("Time, s")
@@ -72,10 +72,11 @@ def transient_figure(found: Transient, title: str) -> Figure:
     return figure
 
 
-def _above(axes: Axes) -> None:
+def legend_above(axes: Axes, columns: int = 4) -> None:
+    """Put the legend above a panel, if it has one."""
     if axes.get_legend_handles_labels()[0]:
         axes.legend(
-            fontsize=7.5, ncol=4, loc="lower left", bbox_to_anchor=(0.0, 1.0),
+            fontsize=7.5, ncol=columns, loc="lower left", bbox_to_anchor=(0.0, 1.0),
             borderaxespad=0.1, columnspacing=1.0, handlelength=1.4,
         )  # fmt: skip
 
@@ -89,7 +90,7 @@ def _changes(axes: Axes, found: Transient, names: list[str], label: str) -> None
         if rest is not None:
             axes.axhline(rest[k] - table[0, k], color=color, linestyle="--", linewidth=0.8)
     axes.set_ylabel(label)
-    _above(axes)
+    legend_above(axes)
 
 
 def _short(name: str) -> str:
@@ -108,10 +109,11 @@ def _loads(axes: Axes, found: Transient) -> None:
         label = f"{load.positive}" + (f", {load.unit}" if len(units) > 1 else "")
         axes.plot(found.time_s, sizes, color=color, label=label)
     axes.set_ylabel(f"Load, {' and '.join(sorted(units))}")
-    _above(axes)
+    legend_above(axes)
 
 
-def _ligaments(axes: Axes, found: Transient) -> None:
+def draw_ligaments(axes: Axes, x: np.ndarray, found: Transient) -> None:
+    """Draw the ligaments that carry most, the fibres of a group together."""
     knee = found.trajectory.moving.knee
     whole = np.asarray(found.mechanics.tension) + found.damping_N
     row = {name: k for k, name in enumerate(knee.ligaments.names)}
@@ -125,9 +127,9 @@ def _ligaments(axes: Axes, found: Transient) -> None:
     for name, color in zip(
         sorted(shown, key=lambda x: -size[x])[:_MOST_LINES], PARTS, strict=False
     ):
-        axes.plot(found.time_s, drawn[name], color=color, label=verbatim(name))
+        axes.plot(x, drawn[name], color=color, label=verbatim(name))
     axes.set_ylabel("Ligament force, N")
-    _above(axes)
+    legend_above(axes)
 
 
 def _bundles(knee: Knee) -> Mapping[str, list[str]]:

@@ -39,6 +39,12 @@ def transient_lines(found: Transient) -> Iterator[str]:
     yield from _loads(found.sizes)
     if rest is not None:
         yield f"from the balance under the last loads: {found.from_rest_mm:.2g} mm"
+    yield from how_exact(found)
+
+
+def how_exact(found: Transient) -> Iterator[str]:
+    """Steps and their error, energies and what is missing of them, and where it ended too early."""
+    motion = found.trajectory
     grid = motion.grid
     yield (
         f"{len(grid.time_s)} steps, {int(grid.within().max())} at most between two times; "

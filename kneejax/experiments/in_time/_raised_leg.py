@@ -1,0 +1,151 @@
+"""A leg that a motor raises by its quadriceps: given lengths over time (paper 3, section 4.4)."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kneejax.dynamics import MovingKnee, move_within
+from kneejax.experiments.extensor import Extensor, at_rest, leg_raise
+from kneejax.experiments.in_time._transient import (
+    MOST_ERROR_MM,
+    Transient,
+    described,
+    smooth_way,
+)
+from kneejax.geometry import TIBIA, coordinates_of, table_units
+from kneejax.mechanics import QUADRICEPS
+from kneejax.statics import converged
+
+#: N m; a leg that would turn with more is not held by its quadriceps: it would not sink.
+_HELD_NM = 1e-3
+
+
+@dataclasses.dataclass(frozen=True)
+class RaisedLeg:
+    """A leg that is raised in some time, and the same leg held where it comes by.
+
+    Attributes:
+        transient: the motion.
+        rows: of its times, those at which the leg is held too, `(poses,)`.
+        held: the leg that its quadriceps holds at the flexions of these times.
+        from_held: how far the motion is from that, degrees and mm, `(poses, coordinates)`, columns
+            as of the motion; of flexion, how far it is from where the leg would be held with the
+            quadriceps as long as it is.
+    """
+
+    transient: Transient
+    rows: np.ndarray
+    held: Extensor
+    from_held: np.ndarray
+
+    @property
+    def farthest(self) -> float:
+        """Of `from_held`, degrees or mm."""
+        return float(np.nanmax(np.abs(self.from_held)))
+
+
+def raised_leg(
+    moving: MovingKnee,
+    flexion_deg: ArrayLike,
+    time_s: ArrayLike,
+    *,
+    lengths: tuple[ArrayLike, ArrayLike] | None = None,
+    most_mm: float = MOST_ERROR_MM,
+    progress: Callable[[int], None] | None = None,
+) -> RaisedLeg:
+    """Raise a leg by a motor on its quadriceps.
+
+    By itself the motor shortens the quadriceps from its length where the leg is held at the first
+    flexion to that at the last, along a polynomial of degree 5 that begins and ends at rest. Its
+    pull is a result.
+
+    Args:
+        moving: a knee of three bones with mass, damping and gravity.
+        flexion_deg: from most to least, `(poses,)`; at as many the motion is compared with a leg
+            that is held. Where a leg would not sink the quadriceps has nothing to do: the motion
+            begins at the first flexion at which it has.
+        time_s: at which the motion is told; it begins with the first and ends with the last.
+        lengths: times, and lengths of the quadriceps at these, mm, smoothly joined; only their
+            changes count, since the leg begins where it is held.
+        most_mm: that is left of the error of the steps.
+        progress: is told how many steps are done, of each of several passes.
+
+    Raises:
+        ValueError: the knee has no patella, flexions that do not fall, fewer than two at which the
+            quadriceps holds the leg, or lengths beyond those with which it does.
+
+    Source: paper 3, Eqs 19 and 20.
+    """
+    flexions, times = np.asarray(flexion_deg, float), np.asarray(time_s, float)
+    if (np.diff(flexions) >= 0.0).any():
+        raise ValueError("raised_leg: expected flexions that fall, from the hanging leg on")
+    weights = moving.loads[len(moving.knee.loads) :]
+    others = tuple(load for load in weights if load.bone != TIBIA)
+    (weight,) = (load for load in weights if load.bone == TIBIA)
+    knee = dataclasses.replace(moving.knee, loads=(*moving.knee.loads, *others))
+    ahead = leg_raise(knee, flexions, weight)
+    first, last = _ends(ahead)
+    way = _way(times, np.asarray(ahead.quadriceps_mm)[[first, last]], lengths)
+    names = coordinates_of(knee.bodies)
+    start = np.asarray(ahead.motion.settled.state.at(names))[:, first]
+    found = move_within(
+        most_mm, moving, start, times, held={QUADRICEPS: way},
+        pull_N=float(ahead.quadriceps_N[first] - at_rest(knee)), progress=progress,
+    )  # fmt: skip
+    table = found.to_table()
+    passed = np.where(np.isfinite(table[:, 0]), table[:, 0], np.inf)
+    wanted = np.linspace(flexions[first], flexions[last], len(flexions))
+    rows = np.argmin(np.abs(passed - wanted[:, None]), axis=1)
+    held = leg_raise(knee, passed[rows], weight)
+    there = np.asarray(held.motion.settled.state.at(names)).T * table_units(names)
+    away = table[rows] - there
+    longer = np.asarray(way(times))[rows] - np.asarray(held.quadriceps_mm)
+    away[:, 0] = np.rad2deg(longer / np.asarray(held.arm_mm))
+    away[~_holds(held)] = np.nan
+    return RaisedLeg(described(found, {}), rows, held, away)
+
+
+def _holds(leg: Extensor) -> np.ndarray:
+    """Where the quadriceps holds the leg."""
+    rest = float(at_rest(leg.motion.knee))
+    good = np.asarray(converged(leg.motion.status)) & (np.asarray(leg.quadriceps_N) > rest)
+    return good & (np.abs(np.asarray(leg.extension_Nm)) < _HELD_NM)
+
+
+def _ends(leg: Extensor) -> tuple[int, int]:
+    """First and last row of the longest stretch of flexions at which the leg is held."""
+    rows = np.flatnonzero(_holds(leg))
+    stretch = max(np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1), key=len)
+    if len(stretch) < 2:
+        at = leg.flexion_deg
+        raise ValueError(
+            f"{leg.motion.knee.name}: the quadriceps holds the leg at fewer than two of the "
+            f"flexions {at[0]:g} to {at[-1]:g} degrees"
+        )
+    return int(stretch[0]), int(stretch[-1])
+
+
+def _way(times: np.ndarray, ends: np.ndarray, lengths) -> Callable:
+    """Length over time: as given, or along a polynomial that is at rest at both ends."""
+    first, last = ends
+    if lengths is not None:
+        given = np.asarray(lengths[1], float)
+        changes = given - given[0]
+        for change in (changes.max(), changes.min()):
+            if not last <= first + change <= first:
+                raise ValueError(
+                    f"a quadriceps that is {change:+.4g} mm longer than at the start, where it has "
+                    f"{first:.4g} mm: expected between {last - first:.4g} and 0 mm, with which it "
+                    "holds the leg"
+                )
+        return smooth_way(lengths[0], given, first)
+
+    def way(t):
+        part = np.clip((t - times[0]) / (times[-1] - times[0]), 0.0, 1.0)
+        return first + (last - first) * part**3 * (10.0 + part * (6.0 * part - 15.0))
+
+    return way
