@@ -7,7 +7,7 @@ import dataclasses
 import importlib.metadata
 import json
 
-from kneejax import planning
+from kneejax import planning, studies
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.files import InputProblem, write_netcdf, write_rows, write_text
 from kneejax.inference import versions
@@ -20,7 +20,7 @@ _MAP_PACKAGES = ("xarray", "h5netcdf", "h5py")
 def run(arguments: argparse.Namespace) -> int:
     """Carry out a plan; print, write tables, maps and the report."""
     check_installed("dtaidistance", "planning")
-    plan = planning.read_plan(arguments.plan)
+    plan = studies.read_plan(arguments.plan)
     points = arguments.points
     if points is not None:
         if points != 0 and not 3 <= points <= _MOST_POINTS:

@@ -5,21 +5,31 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from scipy.optimize import minimize
+from scipy.optimize import linprog
 
 from kneejax.planning._surgery import CHOICES, Near, Outcome, Surgery
+from kneejax.planning._warping import alignment
 from kneejax.statics import converged
 
 #: Evaluations in all, and how many starts are looked at before the best of them are followed.
 MOST_EVALUATIONS, STARTS = 60, 8
-#: How many of the starts are followed.
-_FOLLOWED = 3
+#: Starts are followed, the best first, until a step promises less than this part of the strain
+#: distance; the evaluations kept for the best of them, and how many of all are found again.
+_ROUGHLY, _TO_POLISH, _FOUND_AGAIN = 0.05, 12, 3
 #: By how much a constraint may be missed, as a part of its limit.
 _TOLERANCE = 1e-6
 #: What counts as one step of each choice: 1 mm, 10 N.
 _STEP = np.array([1.0, 1.0, 1.0, 1.0, 10.0])
-#: Farthest that a balance is predicted from that of other choices, in such steps.
-_NEAR = 3.0
+#: Farthest that a balance is predicted from that of other choices, and that a linear model is
+#: believed at first, in such steps; where it is believed no more.
+_NEAR, _BELIEVED, _NOTHING = 3.0, 2.0, 1e-4
+#: What missing a limit by all of it costs, as strain distance.
+_PRICE = 20.0
+#: Of strain distance, below which a step is not worth an evaluation.
+_GAINED = 1e-6
+#: Part of what the linear model promised below which a step is not taken, is shortened, and above
+#: which the next one may be longer.
+_TAKEN, _SHORTER, _LONGER = 0.05, 0.25, 0.7
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,7 +44,7 @@ class Optimum:
         starts: choices that were looked at first, `(starts, choices)`.
         start_totals: their strain distances.
         followed: rows of the starts that were followed.
-        ends: strain distance where each of these ended; infinite where no limit was kept.
+        ends: strain distance where each of these ended, roughly; infinite where no limit was kept.
     """
 
     outcome: Outcome
@@ -104,9 +114,16 @@ def optimise(
     search.note(first)
     far = missed(surgery, first)
     order = np.lexsort((np.nan_to_num(first.total, nan=np.inf), np.round(far, 3)))
-    followed = order[: min(_FOLLOWED, len(order))]
-    ends = np.array([search.follow(begin[row], len(followed) - k)
-                     for k, row in enumerate(followed)])  # fmt: skip
+    ends, lasts = [], []
+    for row in order[:-1] if len(order) > 1 else order:
+        if search.left <= _TO_POLISH:
+            break
+        least, last = search.follow(begin[row], search.left - _TO_POLISH, _ROUGHLY)
+        ends.append(least)
+        lasts.append(last)
+    followed, ends = order[: len(ends)], np.array(ends)
+    if lasts:
+        search.follow(lasts[int(np.argmin(ends))], search.left, 0.0)
     best = search.best()
     return Optimum(
         best, bool(missed(surgery, best)[0] <= _TOLERANCE), float(missed(surgery, best)[0]),
@@ -180,7 +197,7 @@ class _Search:
     def __init__(self, surgery: Surgery, base: np.ndarray, free: np.ndarray, most: int):
         self.surgery, self.base, self.free, self.most = surgery, base, free, most
         self.count, self.known = 0, {}
-        self.step = np.tile(_STEP, len(base) // len(CHOICES))[free]
+        self.step = np.tile(_STEP, len(base) // len(CHOICES))
 
     def note(self, outcome: Outcome) -> None:
         """Keep the outcomes of some choices, one by one."""
@@ -188,60 +205,93 @@ class _Search:
             self.known[outcome.choices[row].tobytes()] = _row(outcome, row)
             self.count += 1
 
-    def at(self, unknowns: np.ndarray) -> Outcome:
-        """The outcome of the free choices, in steps."""
-        choices = self.base.copy()
-        choices[self.free] = unknowns * self.step
+    def at(self, choices: np.ndarray) -> Outcome:
+        """The outcome of some choices."""
         key = choices.tobytes()
         if key not in self.known:
-            if self.count >= self.most:
-                raise _Spent
             self.note(self.surgery.try_out(choices, slopes=True, near=self._near(choices)))
         return self.known[key]
 
     def _near(self, choices: np.ndarray) -> Near | None:
         """Balances of the nearest choices that are known, if they are near enough."""
-        step = np.tile(_STEP, len(choices) // len(CHOICES))
         every = [one for one in self.known.values() if converged(one.followed.status).all()]
-        away = [np.abs((one.choices[0] - choices) / step).max() for one in every]
+        away = [np.abs((one.choices[0] - choices) / self.step).max() for one in every]
         if not away or min(away) > _NEAR:
             return None
         return every[int(np.argmin(away))].near
 
-    def follow(self, start: np.ndarray, shares: int) -> float:
-        """Descend from a start with its share of the evaluations that are left."""
-        before, most = len(self.known), self.most
-        self.most = self.count + (most - self.count) // shares
-        lower, upper = _bounds(self.surgery, len(self.base))
-        bounds = np.stack([lower[self.free], upper[self.free]], axis=1) / self.step[:, None]
-        try:
-            minimize(
-                lambda x: float(self.at(x).total[0]),
-                start[self.free] / self.step,
-                jac=lambda x: self._slope(x)[0],
-                bounds=bounds,
-                constraints={
-                    "type": "ineq",
-                    "fun": lambda x: _room(self.surgery, self.at(x))[0],
-                    "jac": lambda x: self._slope(x)[1],
-                },
-                method="SLSQP",
-                options={"maxiter": 100, "ftol": 1e-7},
-            )  # fmt: skip
-        except (_Spent, _Lost):
-            pass
-        self.most = most
-        own = [self.known[start.tobytes()], *list(self.known.values())[before:]]
-        kept = [one.total[0] for one in own if missed(self.surgery, one)[0] <= _TOLERANCE]
-        return float(min(kept, default=np.inf))
+    @property
+    def left(self) -> int:
+        """Evaluations."""
+        return self.most - self.count
 
-    def _slope(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        outcome = self.at(unknowns)
-        if not np.isfinite(missed(self.surgery, outcome)[0]):
-            raise _Lost
-        assert outcome.slopes is not None
-        by = outcome.slopes["total"][0], _room_slope(self.surgery, outcome)
-        return by[0][self.free] * self.step, by[1][:, self.free] * self.step
+    def follow(
+        self, start: np.ndarray, most: int, roughly: float
+    ) -> tuple[float, np.ndarray]:
+        """Descend from a start.
+
+        Args:
+            start: choices.
+            most: evaluations.
+            roughly: part of the strain distance below which a step is not worth one.
+
+        Returns:
+            The least strain distance with all limits kept (infinite without), and the last choices.
+
+        The strain distance is a sum of absolute offsets, which has corners where curves cross:
+        quasi-Newton methods crawl there. With exact derivatives of every offset and limit the
+        best step of the linear model is a linear programme, solved within a trust region.
+        """
+        most = self.count + most
+        here, radius = self.at(start), _BELIEVED
+        least = here.total[0] if missed(self.surgery, here)[0] <= _TOLERANCE else np.inf
+        while self.count < most and radius > _NOTHING and np.isfinite(self._merit(here)):
+            step, promised = self._step(here, radius)
+            if promised < max(_GAINED, roughly * here.total[0]):
+                break
+            there = self.at(here.choices[0] + step)
+            gained = (self._merit(here) - self._merit(there)) / promised
+            size = float(np.abs(step / self.step).max())
+            if not gained > _SHORTER:
+                radius = 0.4 * size
+            elif gained > _LONGER:
+                radius = max(radius, 2.0 * size)
+            if gained > _TAKEN:
+                here = there
+                if missed(self.surgery, here)[0] <= _TOLERANCE:
+                    least = min(least, here.total[0])
+        return float(least), here.choices[0]
+
+    def _merit(self, outcome: Outcome) -> float:
+        return float(outcome.total[0] + _PRICE * missed(self.surgery, outcome)[0])
+
+    def _step(self, outcome: Outcome, radius: float) -> tuple[np.ndarray, float]:
+        """The best step of the linear model `(choices,)`, and how much it promises."""
+        offset, by = _offsets(self.surgery, outcome)
+        room, room_by = _room(self.surgery, outcome)[0], _room_slope(self.surgery, outcome)
+        scale = self.step[self.free]
+        by, room_by = by[:, self.free] * scale, room_by[:, self.free] * scale
+        rows, size = by.shape
+        eye, none, one = -np.eye(rows), np.zeros((rows, 1)), np.ones((len(room), 1))
+        above = np.block([
+            [by, eye, none], [-by, eye, none], [-room_by, np.zeros((len(room), rows)), -one]
+        ])  # fmt: skip
+        lower, upper = (
+            (x - outcome.choices[0])[self.free] / scale
+            for x in _bounds(self.surgery, len(self.base))
+        )
+        low, high = np.maximum(lower, -radius), np.minimum(upper, radius)
+        limits = [*zip(np.minimum(low, 0.0), np.maximum(high, 0.0), strict=True)]
+        found = linprog(
+            np.r_[np.zeros(size), np.ones(rows), _PRICE],
+            A_ub=above, b_ub=np.r_[-offset, offset, room],
+            bounds=[*limits, *[(0.0, None)] * (rows + 1)],
+        )  # fmt: skip
+        if found.x is None:
+            return np.zeros(len(self.base)), 0.0
+        step = np.zeros(len(self.base))
+        step[self.free] = found.x[:size] * scale
+        return step, self._merit(outcome) - float(found.fun)
 
     def best(self) -> Outcome:
         """The best of all that is known, found again by the way that a test takes."""
@@ -250,7 +300,7 @@ class _Search:
         total = np.array([one.total[0] for one in every])
         kept = far <= _TOLERANCE
         order = np.argsort(np.where(kept, total, np.inf) if kept.any() else far)
-        for row in order[:_FOLLOWED]:
+        for row in order[:_FOUND_AGAIN]:
             again = self.surgery.try_out(every[row].choices, slopes=True)
             same = np.allclose(again.followed.anterior_mm, every[row].followed.anterior_mm,
                                atol=1e-4, equal_nan=True)  # fmt: skip
@@ -259,12 +309,17 @@ class _Search:
         return again  # pyright: ignore[reportPossiblyUnboundVariable]
 
 
-class _Spent(Exception):
-    """No evaluations are left."""
-
-
-class _Lost(Exception):
-    """A knee has no balance where a derivative is wanted."""
+def _offsets(surgery: Surgery, outcome: Outcome) -> tuple[np.ndarray, np.ndarray]:
+    """Offsets of all strain curves of one variant along their alignments `(pairs,)`, and their
+    derivative by the choices, `(pairs, choices)`."""
+    assert outcome.slopes is not None
+    strain, intact = surgery.strain(outcome.followed)[0], surgery.intact_strain
+    offsets, slopes = [], []
+    for k in range(strain.shape[1]):
+        path = alignment(strain[:, k], intact[:, k], surgery.window)
+        offsets.append(strain[path[:, 0], k] - intact[path[:, 1], k])
+        slopes.append(outcome.slopes["strain"][0, path[:, 0], k])
+    return np.concatenate(offsets), np.concatenate(slopes)
 
 
 def _row(outcome: Outcome, row: int) -> Outcome:

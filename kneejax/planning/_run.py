@@ -8,8 +8,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from kneejax.files import InputProblem
 from kneejax.geometry import FEMUR, TIBIA
+from kneejax.parameters import UnsuitableData
 from kneejax.planning._footprints import octagon
 from kneejax.planning._maps import TunnelMap, over_tension, tunnel_map
 from kneejax.planning._optimum import Optimum, optimise
@@ -60,7 +60,7 @@ def run_plan(plan: AclPlan, show: Show | None = None) -> PlanResult:
         show: called now and then with what is done.
 
     Raises:
-        InputProblem: the intact knee does not move through the plan's flexions, or no knee holds
+        UnsuitableData: the intact knee does not move through the plan's flexions, or no knee holds
             the tension of fixation.
     """
     show = show or (lambda *_: None)
@@ -77,14 +77,17 @@ def run_plan(plan: AclPlan, show: Show | None = None) -> PlanResult:
     if not before.converged[0].all():
         lost = surgery.protocol.flexion_deg[~before.converged[0]]
         angles = ", ".join(f"{x:g}" for x in np.unique(lost))
-        expected = f"an intact knee that balances through the plan; none at {angles} degrees"
-        raise InputProblem(plan.file, "knee", plan.own.name, expected)
+        raise UnsuitableData(
+            f"{plan.file}: knee: {plan.own.name} has no balance at {angles} degrees, intact: "
+            "expected one that balances through the plan"
+        )
     planned = timed("planned tunnels", lambda: surgery.try_out(plan.base, slopes=True))
     if not np.isfinite(planned.slack_mm).all():
         tension = plan.base[len(CHOICES) - 1 :: len(CHOICES)].tolist()
-        at = f"{surgery.fixation_deg:g} degrees"
-        expected = f"a tension under which the knee balances at {at}, so that a length follows"
-        raise InputProblem(plan.file, "fixation.tension_N", tension, expected)
+        raise UnsuitableData(
+            f"{plan.file}: fixation.tension_N: {tension}: expected a tension under which the knee "
+            f"balances at {surgery.fixation_deg:g} degrees; without one no zero-load length follows"
+        )
     corners = np.tile(plan.base, (8, 1))
     corners[:, :2] = octagon(plan.octagon_mm)
     around = timed("octagon", lambda: surgery.try_out(corners))

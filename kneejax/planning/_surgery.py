@@ -58,8 +58,8 @@ class Outcome:
         isometry_mm: by how much each graft's length changes through the motion, `(v, bundles)`.
         status: the worst of all balances, `Status` values, `(v,)`.
         followed: all that was read.
-        slopes: derivatives of `total`, `laxity_mm` and `graft_N` by the choices, by name; None
-            where none were asked for.
+        slopes: derivatives of `total`, `laxity_mm`, `graft_N` and of the `strain` of
+            `Surgery.strain` by the choices, by name; None where none were asked for.
         near: None likewise.
     """
 
@@ -133,6 +133,10 @@ class Surgery:
         of_grafts = [strain[:, self.plan.rows(names)].mean(axis=1) for names in self.replaced]
         return np.column_stack([own, *of_grafts])
 
+    def strain(self, followed: Followed) -> np.ndarray:
+        """Strain of each ligament through the motion, `(v, angles, ligaments)`."""
+        return followed.strain[:, self.protocol.motion][..., self.plan.rows(self.ligaments)]
+
     def laxity(self, followed: Followed) -> np.ndarray:
         """How far the full force draws the tibia forwards, `(v, tests)`, mm."""
         ends = [self.protocol.test(k)[[0, -1]] for k in range(len(self.protocol.lachman_deg))]
@@ -203,7 +207,7 @@ class Surgery:
     ) -> Outcome:
         grafts = self.plan.rows(self.plan.bundles)
         motion = self.protocol.motion
-        strain = followed.strain[:, motion][..., self.plan.rows(self.ligaments)]
+        strain = self.strain(followed)
         distance = np.stack(
             [
                 warped_distances(strain[..., k], self.intact_strain[:, k], self.window)
@@ -212,13 +216,15 @@ class Surgery:
             axis=1,
         )
         length = followed.length_mm[:, motion][..., grafts]
+        # Of grafts that were not fixed nothing is known.
+        fixed = np.where(np.isnan(slack).any(axis=1), np.nan, 1.0)[:, None]
         # Where a Lachman test gives way, the motion stands all the same.
         moves = np.array(converged(followed.status[:, motion].max(axis=1)))
-        distance[~moves | np.isnan(slack).any(axis=1)] = np.nan
+        distance[~moves | np.isnan(fixed[:, 0])] = np.nan
         return Outcome(
-            choices, slack, distance, self.laxity(followed),
-            followed.tension_N[..., grafts],
-            length.max(axis=1) - length.min(axis=1), worst, followed,
+            choices, slack, distance, self.laxity(followed) * fixed,
+            followed.tension_N[..., grafts] * fixed[..., None],
+            (length.max(axis=1) - length.min(axis=1)) * fixed, worst, followed,
         )  # fmt: skip
 
     def _slopes(self, outcome: Outcome, turn: np.ndarray) -> dict[str, np.ndarray]:
@@ -226,17 +232,18 @@ class Surgery:
         by = outcome.followed.slopes
         assert by is not None
         grafts, rows = self.plan.rows(self.plan.bundles), self.plan.rows(self.ligaments)
-        strain = outcome.followed.strain[:, self.protocol.motion][..., rows]
-        by_strain = by["strain"][:, self.protocol.motion][:, :, rows]
+        strain = self.strain(outcome.followed)
+        by_strain = by["strain"][:, self.protocol.motion][:, :, rows] @ turn[:, None]
         total = np.zeros(turn.shape[::2])
         for v in range(len(total)):
             for k in range(len(rows)):
                 _, slope = warped(strain[v, :, k], self.intact_strain[:, k], self.window)
-                total[v] += slope @ (by_strain[v, :, k] @ turn[v])
+                total[v] += slope @ by_strain[v, :, k]
         tests = [self.protocol.test(k)[[0, -1]] for k in range(outcome.laxity_mm.shape[1])]
         drawn = np.stack([np.diff(by["anterior_mm"][:, r, 0], axis=1)[:, 0] for r in tests], axis=1)
         return {
             "total": total,
+            "strain": by_strain,
             "laxity_mm": drawn @ turn,
             "graft_N": by["tension_N"][:, :, grafts] @ turn[:, None],
         }

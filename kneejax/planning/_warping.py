@@ -38,18 +38,29 @@ def warped(
         >>> warped(np.array([0.0, 1.0, 0.0]), np.array([0.0, 3.0, 0.0]))[0]
         2.0
     """
-    dtw = imported("dtaidistance.dtw", "dtaidistance", "planning")
-    curve, reference = (np.ascontiguousarray(x, float) for x in (curve, reference))
     if not (np.isfinite(curve).all() and np.isfinite(reference).all()):
         return np.nan, np.full(len(curve), np.nan)
-    # The first place counts as within the window.
-    options = {"window": window + 1, "inner_dist": "euclidean"}
-    path = np.array(dtw.warping_path(curve, reference, **options), int)
+    path = alignment(curve, reference, window)
     offset = curve[path[:, 0]] - reference[path[:, 1]]
-    # Where alignments are discrete, that of the least sum is kept under a small change, so the
-    # derivative is that of the sum along it.
+    # Of many alignments the best one stays the best under a small change, so the derivative is
+    # that of the sum along it.
     slope = np.bincount(path[:, 0], np.sign(offset), minlength=len(curve))
     return float(np.abs(offset).sum()), slope
+
+
+def alignment(curve: np.ndarray, reference: np.ndarray, window: int = WINDOW) -> np.ndarray:
+    """Places of a curve and of the reference that belong together, `(pairs, 2)`.
+
+    Args:
+        curve: `(n,)`, finite.
+        reference: `(m,)`, finite.
+        window: as in `warped`.
+    """
+    dtw = imported("dtaidistance.dtw", "dtaidistance", "planning")
+    curve, reference = (np.ascontiguousarray(x, float) for x in (curve, reference))
+    # dtaidistance counts the place itself as within the window.
+    path = dtw.warping_path(curve, reference, window=window + 1, inner_dist="euclidean")
+    return np.array(path, int)
 
 
 def warped_distances(curves: np.ndarray, reference: np.ndarray, window: int = WINDOW) -> np.ndarray:

@@ -6,6 +6,8 @@ from kneejax._lazy import lazy_names
 
 #: Public name -> its module: what may be asked, with its defaults, is known without JAX.
 _MODULES = {
+    "plan_of": "kneejax.studies._acl_plan",
+    "read_plan": "kneejax.studies._acl_plan",
     "Sensitivities": "kneejax.studies._answer_sensitivity",
     "Identified": "kneejax.studies._answer_identify",
     "bootstrapped": "kneejax.studies._answer_calibrate",
@@ -27,6 +29,8 @@ _MODULES = {
 }
 
 if TYPE_CHECKING:
+    from kneejax.studies._acl_plan import plan_of as plan_of
+    from kneejax.studies._acl_plan import read_plan as read_plan
     from kneejax.studies._answer_calibrate import bootstrapped as bootstrapped
     from kneejax.studies._answer_calibrate import run_side_by_side as run_side_by_side
     from kneejax.studies._answer_identify import Identified as Identified

@@ -60,6 +60,27 @@ def test_lanes_and_one_knee_give_the_same_slack_length(plan, ends):
     assert found.status[0] == 0
 
 
+def test_slack_length_follows_force_and_ends_as_central_differences_say(plan, ends):
+    at = fix(plan, ends[None], np.array([[TENSION]]), FLEXION, slopes=True)
+    numbers = plan.value(ends[None], tension_N=TENSION, elastic=False).shape[1]
+    assert at.slope.shape == (1, 1, numbers)
+    places = [*range(1, 7), 9]  # the ends, and the tension
+    for column, h in zip(places, [*[1e-3] * 6, 0.1], strict=True):
+        away, more = np.zeros((1, 1, 6)), 0.0
+        if column == 9:
+            more = h
+        else:
+            away[..., column - 1] = h
+        up, down = (
+            fix(plan, ends[None] + way * away, np.array([[TENSION + way * more]]), FLEXION,
+                slopes=True, near=at.near).slack_mm[0, 0]
+            for way in (1.0, -1.0)
+        )  # fmt: skip
+        rise = (up - down) / (2.0 * h)
+        assert at.slope[0, 0, column] == pytest.approx(rise, rel=1e-6, abs=1e-8), column
+
+
+@pytest.mark.slow
 def test_slack_length_follows_force_pose_and_ends_as_central_differences_say(plan, ends):
     def slack(numbers):
         knee = fixed_knee(plan, ends + numbers[2:8], numbers[:1], numbers[1])
