@@ -15,9 +15,11 @@ from kneejax.statics import converged
 MOST_EVALUATIONS, STARTS = 60, 8
 #: Starts are followed, the best first, until a step promises less than this part of the strain
 #: distance; the evaluations kept for the best of them, and how many of all are found again.
-_ROUGHLY, _TO_POLISH, _FOUND_AGAIN = 0.05, 12, 3
+_ROUGHLY, _TO_POLISH, _FOUND_AGAIN = 0.05, 20, 3
 #: By how much a constraint may be missed, as a part of its limit.
-_TOLERANCE = 1e-6
+_TOLERANCE = 1e-4
+#: Of the polygons that stand for ellipses: within 0.001 of them.
+_SIDES = 64
 #: What counts as one step of each choice: 1 mm, 10 N.
 _STEP = np.array([1.0, 1.0, 1.0, 1.0, 10.0])
 #: Farthest that a balance is predicted from that of other choices, and that a linear model is
@@ -122,8 +124,9 @@ def optimise(
         ends.append(least)
         lasts.append(last)
     followed, ends = order[: len(ends)], np.array(ends)
-    if lasts:
-        search.follow(lasts[int(np.argmin(ends))], search.left, 0.0)
+    for row in np.argsort(ends):
+        if search.left:
+            search.follow(lasts[row], search.left, 0.0)
     best = search.best()
     return Optimum(
         best, bool(missed(surgery, best)[0] <= _TOLERANCE), float(missed(surgery, best)[0]),
@@ -164,26 +167,41 @@ def _room(surgery: Surgery, outcome: Outcome) -> np.ndarray:
         1.0 - footprint.outside(each[..., columns]) ** 2
         for footprint, columns in _tunnels(surgery)
     ]
-    limits = surgery.limits
+    return np.hstack([*inside, _limits_room(surgery, outcome)])
+
+
+def _limits_room(surgery: Surgery, outcome: Outcome) -> np.ndarray:
+    """The same of graft forces and laxity alone."""
+    count, limits = len(outcome.choices), surgery.limits
     graft = 1.0 - outcome.graft_N.reshape(count, -1) / limits.graft_N
     off = (outcome.laxity_mm - surgery.laxity(surgery.before)[0]) / limits.band_mm
-    return np.hstack([*inside, graft, 1.0 - off, 1.0 + off])
+    return np.hstack([graft, 1.0 - off, 1.0 + off])
 
 
 def _room_slope(surgery: Surgery, outcome: Outcome) -> np.ndarray:
-    """Derivative of `_room` of one variant by the choices, `(limits, choices)`."""
+    """Derivative of `_limits_room` of one variant by the choices, `(limits, choices)`."""
     assert outcome.slopes is not None
     size, limits = outcome.choices.shape[1], surgery.limits
-    each = outcome.choices.reshape(-1, len(CHOICES))
-    rows = []
-    for footprint, columns in _tunnels(surgery):
-        for bundle, choice in enumerate(each):
-            row = np.zeros((len(each), len(CHOICES)))
-            row[bundle, columns] = -2.0 * choice[columns] / np.array(footprint.semi_axes_mm) ** 2
-            rows.append(row.ravel())
     graft = -outcome.slopes["graft_N"][0].reshape(-1, size) / limits.graft_N
     off = outcome.slopes["laxity_mm"][0] / limits.band_mm
-    return np.vstack([*rows, graft, -off, off])
+    return np.vstack([graft, -off, off])
+
+
+def _polygons(surgery: Surgery, size: int) -> tuple[np.ndarray, np.ndarray]:
+    """The footprints as polygons within their ellipses: `sides @ choices <= inside`.
+
+    A limit that is curved would be missed a little by every step of a linear model along it.
+    """
+    angle = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
+    normals = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    rows = []
+    for bundle in range(size // len(CHOICES)):
+        for footprint, columns in _tunnels(surgery):
+            row = np.zeros((_SIDES, size // len(CHOICES), len(CHOICES)))
+            row[:, bundle, columns] = normals / np.array(footprint.semi_axes_mm)
+            rows.append(row.reshape(_SIDES, size))
+    sides = np.vstack(rows)
+    return sides, np.full(len(sides), np.cos(np.pi / _SIDES))
 
 
 def _tunnels(surgery: Surgery):
@@ -268,13 +286,17 @@ class _Search:
     def _step(self, outcome: Outcome, radius: float) -> tuple[np.ndarray, float]:
         """The best step of the linear model `(choices,)`, and how much it promises."""
         offset, by = _offsets(self.surgery, outcome)
-        room, room_by = _room(self.surgery, outcome)[0], _room_slope(self.surgery, outcome)
+        room, room_by = _limits_room(self.surgery, outcome)[0], _room_slope(self.surgery, outcome)
+        sides, inside = _polygons(self.surgery, len(self.base))
+        inside = inside - sides @ outcome.choices[0]
         scale = self.step[self.free]
-        by, room_by = by[:, self.free] * scale, room_by[:, self.free] * scale
+        by, room_by, sides = (x[:, self.free] * scale for x in (by, room_by, sides))
         rows, size = by.shape
-        eye, none, one = -np.eye(rows), np.zeros((rows, 1)), np.ones((len(room), 1))
         above = np.block([
-            [by, eye, none], [-by, eye, none], [-room_by, np.zeros((len(room), rows)), -one]
+            [by, -np.eye(rows), np.zeros((rows, 1))],
+            [-by, -np.eye(rows), np.zeros((rows, 1))],
+            [-room_by, np.zeros((len(room), rows)), -np.ones((len(room), 1))],
+            [sides, np.zeros((len(sides), rows + 1))],
         ])  # fmt: skip
         lower, upper = (
             (x - outcome.choices[0])[self.free] / scale
@@ -284,7 +306,7 @@ class _Search:
         limits = [*zip(np.minimum(low, 0.0), np.maximum(high, 0.0), strict=True)]
         found = linprog(
             np.r_[np.zeros(size), np.ones(rows), _PRICE],
-            A_ub=above, b_ub=np.r_[-offset, offset, room],
+            A_ub=above, b_ub=np.r_[-offset, offset, room, np.maximum(inside, 0.0)],
             bounds=[*limits, *[(0.0, None)] * (rows + 1)],
         )  # fmt: skip
         if found.x is None:
