@@ -101,7 +101,7 @@ def test_the_octagon_is_regular():
 
 @pytest.mark.slow
 def test_the_optimum_is_never_worse_than_the_best_of_a_grid():
-    surgery = surgery_of(kj.load_knee("four_ligament"), 33)
+    surgery = surgery_of(kj.load_knee("four_ligament"), 9)
     found = optimise(surgery, BASE, np.ones(5, bool))
     assert found.feasible and found.evaluations <= 60 and len(found.starts) == 8
     along = np.linspace(-7.0, 7.0, 41)
