@@ -17,6 +17,9 @@ _MODULES = {
     "octagon": "kneejax.planning._footprints",
     "GRAFTS": "kneejax.planning._grafts",
     "GraftType": "kneejax.planning._grafts",
+    "Intervals": "kneejax.planning._intervals",
+    "intervals": "kneejax.planning._intervals",
+    "on_knee": "kneejax.planning._intervals",
     "TunnelMap": "kneejax.planning._maps",
     "over_tension": "kneejax.planning._maps",
     "tunnel_map": "kneejax.planning._maps",
@@ -62,6 +65,9 @@ if TYPE_CHECKING:
     from kneejax.planning._footprints import octagon as octagon
     from kneejax.planning._grafts import GRAFTS as GRAFTS
     from kneejax.planning._grafts import GraftType as GraftType
+    from kneejax.planning._intervals import Intervals as Intervals
+    from kneejax.planning._intervals import intervals as intervals
+    from kneejax.planning._intervals import on_knee as on_knee
     from kneejax.planning._maps import TunnelMap as TunnelMap
     from kneejax.planning._maps import over_tension as over_tension
     from kneejax.planning._maps import tunnel_map as tunnel_map

@@ -34,7 +34,8 @@ class AclPlan:
         free: what the optimum may change, of `FREE`; empty for no optimum.
         starts: of the optimum.
         evaluations: of the optimum, in all.
-        draws: knees that are drawn from a calibration's uncertainty; 0 for none.
+        drawn: knees as the uncertainty of a calibration leaves them possible; none by default.
+        held: parameters that the calibration does not determine, so that no draw changes them.
         said: the plan as it was given, for the records.
         file: that it was read from.
     """
@@ -53,7 +54,8 @@ class AclPlan:
     free: tuple[str, ...] = tuple(FREE)
     starts: int = STARTS
     evaluations: int = MOST_EVALUATIONS
-    draws: int = 0
+    drawn: tuple[Knee, ...] = ()
+    held: tuple[str, ...] = ()
     said: dict[str, Any] = dataclasses.field(default_factory=dict)
     file: str = ""
 

@@ -100,6 +100,7 @@ class Reconstruction:
     Attributes:
         knee: with the grafts' fibres, whose numbers mean nothing until `vary` sets them.
         vary: sets them.
+        ligament: that is replaced, a fibre or a group.
         torn: names of the ligament's own fibres.
         bundles: names of the grafts.
         stiffness_N: of each bundle, N per unit strain.
@@ -108,6 +109,7 @@ class Reconstruction:
 
     knee: Knee
     vary: Operated
+    ligament: str
     torn: tuple[str, ...]
     bundles: tuple[str, ...]
     stiffness_N: tuple[float, ...]
@@ -188,6 +190,7 @@ def reconstruction_of(
             tuple(range(first, first + bundles)),
             tuple(range(pulled, pulled + bundles)),
         ),
+        ligament,
         tuple(own.names[row] for row in rows),
         names,
         (stiffness,) * bundles,

@@ -11,6 +11,7 @@ import numpy as np
 from kneejax.geometry import FEMUR, TIBIA
 from kneejax.parameters import UnsuitableData
 from kneejax.planning._footprints import octagon
+from kneejax.planning._intervals import Intervals, intervals
 from kneejax.planning._maps import TunnelMap, over_tension, tunnel_map
 from kneejax.planning._optimum import Optimum, optimise
 from kneejax.planning._plan import AclPlan
@@ -33,6 +34,7 @@ class PlanResult:
         tension: the plan's tunnels under other tensions.
         maps: of the first bundle's tunnels on tibia and femur; empty where none were asked for.
         optimum: None where none was asked for.
+        intervals: what the uncertainty of the knee leaves open; None where no knees were drawn.
         tolerances: how far tunnels may be off, of the optimum, or of the plan where there is none.
         seconds: stage -> time.
     """
@@ -43,6 +45,7 @@ class PlanResult:
     tension: Outcome
     maps: tuple[TunnelMap, ...]
     optimum: Optimum | None
+    intervals: Intervals | None
     tolerances: tuple[Tolerance, ...]
     seconds: dict[str, float]
 
@@ -102,11 +105,18 @@ def run_plan(plan: AclPlan, show: Show | None = None) -> PlanResult:
         )  # fmt: skip
     best = planned if optimum is None else optimum.outcome
     allowed = timed("tolerance", lambda: tolerances(surgery, best))
+    done = {"planned": plan.base} | ({} if optimum is None else {"optimum": best.choices[0]})
+    open_ = None
+    if plan.drawn:
+        open_ = timed("intervals", lambda: intervals(surgery, plan.drawn, done))
     maps = [
         timed(f"map of the {bone}", lambda bone=bone: _map(plan, bone, show))
         for bone in ((TIBIA, FEMUR) if plan.map_points else ())
     ]
-    return PlanResult(plan, planned, around, by_tension, tuple(maps), optimum, allowed, seconds)
+    return PlanResult(
+        plan, planned, around, by_tension, tuple(maps), optimum, open_, allowed,
+        seconds,
+    )  # fmt: skip
 
 
 def _map(plan: AclPlan, bone: str, show: Show) -> TunnelMap:

@@ -13,6 +13,8 @@ from kneejax.planning._surgery import CHOICES, Outcome, Surgery
 _STEPS, _NEAR_ENOUGH_MM = 6, 0.01
 #: Farther off than this nobody asks, mm.
 _FARTHEST_MM = 10.0
+#: Farthest that a balance is predicted from that of another place, mm.
+_NEAR_MM = 3.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -91,37 +93,33 @@ class _Line:
     test: int
     sign: float
 
-    def beyond(self, distance: float) -> float:
-        """By how much the laxity is outside of the band there, mm."""
+    def excess(self, outcome: Outcome) -> float:
+        """By how much the laxity of one variant is outside of the band, mm."""
+        own = self.surgery.laxity(self.surgery.before)[0, self.test]
+        return self.sign * (outcome.laxity_mm[0, self.test] - own) - self.surgery.limits.band_mm
+
+    def at(self, distance: float, near: Outcome | None) -> Outcome:
+        """The outcome there, predicted from a near one."""
         choices = self.outcome.choices[0].copy()
         choices[self.columns] += distance * self.direction
-        found = self.surgery.try_out(choices).laxity_mm[0, self.test]
-        own = self.surgery.laxity(self.surgery.before)[0, self.test]
-        return self.sign * (found - own) - self.surgery.limits.band_mm
+        return self.surgery.try_out(choices, slopes=True, near=near and near.near)
 
     def to_edge(self, expected: float, steep: float) -> tuple[float, float]:
         """The distance at which the laxity is at the edge (NaN if farther than asked), and the
         farthest that was evaluated."""
-        last = 0.0
-        here = self.sign * (
-            self.outcome.laxity_mm[0, self.test]
-            - self.surgery.laxity(self.surgery.before)[0, self.test]
-        )
-        left = here - self.surgery.limits.band_mm
+        last, left, known = 0.0, self.excess(self.outcome), self.outcome
         distance, farthest = min(expected, _FARTHEST_MM), 0.0
         for _ in range(_STEPS):
-            now = self.beyond(distance)
-            farthest = max(farthest, distance)
+            there = self.at(distance, known if abs(distance - last) <= _NEAR_MM else None)
+            now, farthest = self.excess(there), max(farthest, distance)
             if not np.isfinite(now):
                 distance = 0.5 * (last + distance)
                 continue
             if abs(now) < _NEAR_ENOUGH_MM * steep:
                 return distance, farthest
-            if distance >= _FARTHEST_MM and now < 0.0:
-                return np.nan, farthest
             change = (now - left) / (distance - last) if distance != last else steep
-            last, left = distance, now
-            if change <= 0.0:
+            last, left, known = distance, now, there
+            if change <= 0.0 or (distance >= _FARTHEST_MM and now < 0.0):
                 return np.nan, farthest
             distance = float(np.clip(distance - now / change, 0.0, _FARTHEST_MM))
-        return (distance if abs(left) < 0.1 else np.nan), farthest
+        return np.nan, farthest

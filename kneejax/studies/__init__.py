@@ -8,6 +8,7 @@ from kneejax._lazy import lazy_names
 _MODULES = {
     "plan_of": "kneejax.studies._acl_plan",
     "read_plan": "kneejax.studies._acl_plan",
+    "drawn_parameters": "kneejax.studies._drawn_knees",
     "Sensitivities": "kneejax.studies._answer_sensitivity",
     "Identified": "kneejax.studies._answer_identify",
     "bootstrapped": "kneejax.studies._answer_calibrate",
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from kneejax.studies._answer_map import about_maps as about_maps
     from kneejax.studies._answer_map import fingerprint as fingerprint
     from kneejax.studies._answer_sensitivity import Sensitivities as Sensitivities
+    from kneejax.studies._drawn_knees import drawn_parameters as drawn_parameters
     from kneejax.studies._field_names import STUDY_FIELDS as STUDY_FIELDS
     from kneejax.studies._poses import measured_poses as measured_poses
     from kneejax.studies._questions import Identify as Identify

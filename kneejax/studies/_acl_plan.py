@@ -14,6 +14,7 @@ from kneejax.files import (
     load_knee,
     named_path,
     parse_flexion,
+    read_calibrated,
 )
 from kneejax.files.reading import Field, load_yaml
 from kneejax.geometry import FEMUR, TIBIA
@@ -38,6 +39,7 @@ from kneejax.planning import (
     footprint_of,
     reconstruction_of,
 )
+from kneejax.studies._drawn_knees import drawn_parameters
 
 _REQUIRED = ("title", "knee", "graft")
 _OPTIONAL = (
@@ -95,7 +97,7 @@ def plan_of(plan: Field, folder: Path = Path()) -> AclPlan:
         folder: to which paths in it are relative.
     """
     plan.mapping(_REQUIRED, _OPTIONAL)
-    knee = _knee(plan, folder)
+    knee, drawn, held = _knee(plan, folder)
     ligament = _ligament(plan, knee)
     graft, stiffness, bundles = _graft(plan["graft"])
     reconstruction = reconstruction_of(knee, ligament, bundles, stiffness, graft.failure_N)
@@ -122,19 +124,29 @@ def plan_of(plan: Field, folder: Path = Path()) -> AclPlan:
         free=free,
         starts=starts,
         evaluations=most,
-        draws=plan["draws"].integer(0, 4096) if "draws" in plan else 0,
+        drawn=drawn,
+        held=held,
         said=plan.value,
         file=plan.file,
     )
 
 
-def _knee(plan: Field, folder: Path) -> Knee:
+def _knee(plan: Field, folder: Path) -> tuple[Knee, tuple[Knee, ...], tuple[str, ...]]:
+    """The knee; those drawn from its calibration; parameters that no draw changes."""
     name = plan["knee"].text()
     beside = folder / name
-    knee = load_knee(beside if beside.is_file() else name)
-    if "set" not in plan:
-        return knee
-    return knee_with(knee, {k: f.number() for k, f in plan["set"].named("a number")}, plan.file)
+    path = beside if beside.is_file() else Path(name)
+    own = {k: f.number() for k, f in plan["set"].named("a number")} if "set" in plan else {}
+    knee = knee_with(load_knee(path if beside.is_file() else name), own, plan.file)
+    if "draws" not in plan:
+        return knee, (), ()
+    count = plan["draws"].integer(2, 4096)
+    if path.suffix.lower() != ".json":
+        expected = f"no draws of {name}: a knee that is the result.json of a calibration has them"
+        raise plan["draws"].problem(expected)
+    values, held = drawn_parameters(read_calibrated(path), count)
+    knees = tuple(knee_with(knee, one | own, plan.file) for one in values)
+    return knee, knees, held
 
 
 def _ligament(plan: Field, knee: Knee) -> str:

@@ -26,7 +26,12 @@ from kneejax.report.look import (
 from kneejax.report.planning._figures import strain_figure, tension_figure
 from kneejax.report.planning._maps import tunnel_map_figure
 from kneejax.report.planning._tables import NOT_FOR_PATIENTS, octagon_rows, plan_doubts, variants
-from kneejax.report.planning._text import said_of_optimum, said_of_plan, said_of_tolerances
+from kneejax.report.planning._text import (
+    interval_rows,
+    said_of_optimum,
+    said_of_plan,
+    said_of_tolerances,
+)
 from kneejax.statics import Status
 
 if TYPE_CHECKING:
@@ -101,6 +106,7 @@ def _page(result: PlanResult, pictures: Mapping[str, str], versions: Mapping[str
         _head(result),
         section("What the knee does", _knees(result)),
         _optimum(result, pictures),
+        _intervals(result),
         section("The tension", picture(pictures["tension"], _CAPTIONS["tension"])),
         section("Eight places on the tibia", _octagon(result, pictures)),
         section("What was assumed", _assumed(result)),
@@ -191,6 +197,23 @@ def _optimum(result: PlanResult, pictures: Mapping[str, str]) -> str:
         caption = _OF_MAP.format(bone=one.bone, view=_VIEWS[one.bone == TIBIA])
         text += picture(pictures[f"map_{one.bone}"], caption)
     return section("Where to place the graft", text)
+
+
+def _intervals(result: PlanResult) -> str:
+    if result.intervals is None:
+        return ""
+    header, *rows = interval_rows(result)
+    held = ""
+    if result.plan.held:
+        names = ", ".join(result.plan.held)
+        held = f" The data do not determine {names}: no draw changes them, and limits are too near."
+    words = (
+        f"<p>The same surgery on {result.intervals.draws} knees that the calibration leaves "
+        "possible: drawn from the normal distribution of its parameters, with their correlation. "
+        "Lengths in mm, forces in N; the limits of laxity are those of each knee's own intact "
+        f"state.{escape(held)}</p>\n"
+    )
+    return section("How well it is known", words + table(header, rows))
 
 
 def _sentence(text: str) -> str:

@@ -185,6 +185,22 @@ def plan_document(result: PlanResult, versions: dict[str, str]) -> dict[str, Any
         "seconds": result.seconds,
         "versions": versions,
     }  # fmt: skip
+    if result.intervals is not None:
+        own = result.intervals
+        document["intervals"] = {
+            "draws": own.draws,
+            "parts": [0.025, 0.5, 0.975],
+            "held": list(plan.held),
+            "knees": {
+                knee: {
+                    "limits_kept_in": own.kept[row],
+                    **{name: own.limits[row, k] for k, name in enumerate(own.quantities)},
+                    **{f"{name}_known_in": own.known[row, k]
+                       for k, name in enumerate(own.quantities)},
+                }
+                for row, knee in enumerate(own.knees)
+            },
+        }  # fmt: skip
     if optimum is not None:
         document["optimum"] = {
             "free": list(plan.free),

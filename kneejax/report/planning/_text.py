@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kneejax.report.look import aligned, number, wrapped
+from kneejax.report.look import NONE, aligned, number, wrapped
 from kneejax.report.planning._tables import NOT_FOR_PATIENTS, plan_doubts, variants
 from kneejax.statics import Status
 
@@ -34,6 +34,7 @@ def plan_text(result: PlanResult) -> str:
     lines = [plan.title, *wrapped(said_of_plan(result)), *aligned([header, *rows])]
     for one in (*said_of_optimum(result), *said_of_tolerances(result)):
         lines += wrapped(one)
+    lines += aligned(interval_rows(result)) if result.intervals is not None else []
     for one in plan_doubts(result):
         lines += wrapped(one, "note: ")
     return "\n".join([*lines, *wrapped(NOT_FOR_PATIENTS)])
@@ -50,6 +51,26 @@ def said_of_plan(result: PlanResult) -> str:
         f"({how}, {sum(surgery.plan.stiffness_N) / 1000:.3g} kN per unit strain), fixed at "
         f"{surgery.fixation_deg:g} degrees under {tension} N"
     )
+
+
+def interval_rows(result: PlanResult) -> list[list[str]]:
+    """Medians with 95 % intervals over the knees that a calibration leaves possible, a header
+    first."""
+    own = result.intervals
+    assert own is not None
+    tests = [f"laxity {angle:g} deg" for angle in result.plan.surgery.protocol.lachman_deg]
+    header = [f"median (95 %) of {own.draws} draws", *tests, "graft peak", "strain distance",
+              "limits kept in"]  # fmt: skip
+    rows = []
+    for row, name in enumerate(own.knees):
+        cells = []
+        for (low, middle, high), known in zip(own.limits[row], own.known[row], strict=True):
+            few = f" in {known}" if 0 < known < own.draws else ""
+            limits = f"{number(middle, 3)} ({number(low, 3)} to {number(high, 3)}){few}"
+            cells.append(limits if known else NONE)
+        kept = own.kept[row]
+        rows.append([name, *cells, f"{kept:.0%}" if np.isfinite(kept) else NONE])
+    return [header, *rows]
 
 
 def said_of_optimum(result: PlanResult) -> list[str]:
