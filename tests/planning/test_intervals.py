@@ -63,7 +63,7 @@ def test_draws_that_are_all_alike_leave_no_interval(tmp_path):
     (tmp_path / "result.json").write_text(
         json.dumps({"knee": "four_ligament", "parameters": {NAMES[0]: {"value": 0.07}}})
     )
-    plan = plan_in(tmp_path, flexion_deg="80:0:-20", lachman={"flexion_deg": [20]})
+    plan = plan_in(tmp_path, flexion_deg="40:0:-20", lachman={"flexion_deg": [20]})
     found = intervals(plan.surgery, [plan.own, plan.own], {"planned": plan.base})
     assert found.knees == ("intact", "deficient", "planned")
     laxity = plan.surgery.laxity(plan.surgery.before)

@@ -16,11 +16,12 @@ PLAN = {
     "title": "One graft",
     "knee": "four_ligament",
     "graft": {"type": "hamstring"},
-    "flexion_deg": "80:0:-20",
+    "flexion_deg": "40:0:-10",
+    "lachman": {"flexion_deg": [20]},
     "fixation": {"tension_N": 50},
     "limits": {"laxity_band_mm": 1.0},
     "map": {"points": 3},
-    "optimum": {"starts": 2, "evaluations": 6},
+    "optimum": {"free": ["tension"], "starts": 2, "evaluations": 4},
 }
 
 
@@ -45,7 +46,7 @@ def test_everything_is_written_and_says_that_it_is_for_no_patient(written):
     assert (out / "report.html").read_text().count(sentence) == 2
     document = json.loads((out / "plan.json").read_text())
     assert sentence in document["note"]
-    assert document["optimum"]["evaluations"] <= 6
+    assert document["optimum"]["evaluations"] <= 4
     assert document["versions"]["dtaidistance"]
 
 
