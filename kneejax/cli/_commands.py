@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import functools
 import importlib
 from collections.abc import Callable
 from pathlib import Path
@@ -10,6 +11,7 @@ from pathlib import Path
 from kneejax.cli._cohort_commands import add_cohort, add_cohort_options
 from kneejax.cli._dynamic_options import IN_TIME, add_dynamic_options
 from kneejax.cli._parser import KNEE, Parser, add_command, add_convention, add_out, add_svg
+from kneejax.cli._plan_commands import add_plan
 from kneejax.cli._study_commands import add_identify, add_map, add_sensitivity
 from kneejax.cli._test_options import EXTENSOR, TESTS, add_extensor_options, add_test_options
 from kneejax.cli._version import ShowVersion
@@ -44,7 +46,7 @@ def build_parser() -> Parser:
     for add in (
         _add_knees, _add_describe, _add_simulate, _add_evaluate, _add_calibrate, _add_map,
         _add_sensitivity, _add_identify, _add_reproduce, _add_view, _add_joint, _add_import,
-        _add_export, _add_cohort, _add_rerun, _add_completion,
+        _add_export, _add_cohort, _add_plan, _add_rerun, _add_completion,
     ):  # fmt: skip
         add(commands)
     return parser
@@ -363,10 +365,6 @@ def _add_export(commands) -> None:
     osim.set_defaults(run=_lazily("_export_osim"))
 
 
-def _add_cohort(commands) -> None:
-    add_cohort(commands, _lazily)
-
-
 def _add_rerun(commands) -> None:
     rerun = add_command(
         commands,
@@ -398,3 +396,8 @@ def _lazily(module: str) -> Callable[[argparse.Namespace], int]:
         return importlib.import_module(f"kneejax.cli.{module}").run(arguments)
 
     return run
+
+
+_add_cohort, _add_plan = (
+    functools.partial(add, lazily=_lazily) for add in (add_cohort, add_plan)
+)

@@ -23,7 +23,7 @@ _EXPECTED = "settings.json of a kneejax command"
 #: What stands for a number by name, so that it can be recorded as one.
 _NUMBERS = ("NAME=VALUE", "NAME=SIZE")
 #: Arguments that are a name of the package's data, or a file.
-NAME_OR_FILE = ("knee", "knees", "study")
+NAME_OR_FILE = ("knee", "knees", "study", "plan")
 
 
 def asked_for(chosen: argparse.Namespace) -> dict[str, Any]:

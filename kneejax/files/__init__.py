@@ -16,6 +16,7 @@ _MODULES = {
     "bundled_measurements": "kneejax.files._bundled",
     "bundled_path": "kneejax.files._bundled",
     "bundled_studies": "kneejax.files._bundled",
+    "named_path": "kneejax.files._bundled",
     "study_path": "kneejax.files._bundled",
     "parse_flexion": "kneejax.files._flexion",
     "check_new": "kneejax.files._knees",
@@ -48,6 +49,7 @@ _MODULES = {
     "MeshImport": "kneejax.files.meshes",
     "MeshPoints": "kneejax.files.meshes",
     "SheetFit": "kneejax.files.meshes",
+    "bone_surface": "kneejax.files.meshes",
     "import_meshes": "kneejax.files.meshes",
     "read_mesh_points": "kneejax.files.meshes",
     "SMALLEST_MODEL": "kneejax.files.opensim",
@@ -88,6 +90,7 @@ if TYPE_CHECKING:
     from kneejax.files._bundled import bundled_measurements as bundled_measurements
     from kneejax.files._bundled import bundled_path as bundled_path
     from kneejax.files._bundled import bundled_studies as bundled_studies
+    from kneejax.files._bundled import named_path as named_path
     from kneejax.files._bundled import study_path as study_path
     from kneejax.files._flexion import parse_flexion as parse_flexion
     from kneejax.files._knees import check_new as check_new
@@ -122,6 +125,7 @@ if TYPE_CHECKING:
     from kneejax.files.meshes import MeshImport as MeshImport
     from kneejax.files.meshes import MeshPoints as MeshPoints
     from kneejax.files.meshes import SheetFit as SheetFit
+    from kneejax.files.meshes import bone_surface as bone_surface
     from kneejax.files.meshes import import_meshes as import_meshes
     from kneejax.files.meshes import read_mesh_points as read_mesh_points
     from kneejax.files.opensim import SMALLEST_MODEL as SMALLEST_MODEL

@@ -10,8 +10,14 @@ from typing import Any
 
 from kneejax.files.reading import Field, InputProblem, load_yaml, nearest_name, neighbour
 
-_ENDINGS = {"knees": ".yaml", "laxity": ".yaml", "measurements": ".csv", "studies": ".yaml"}
-_ONE = {"knees": "knee", "studies": "study"}
+_ENDINGS = {
+    "knees": ".yaml",
+    "laxity": ".yaml",
+    "measurements": ".csv",
+    "plans": ".yaml",
+    "studies": ".yaml",
+}
+_ONE = {"knees": "knee", "plans": "plan", "studies": "study"}
 
 
 @dataclasses.dataclass(frozen=True)

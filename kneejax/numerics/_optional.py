@@ -16,6 +16,7 @@ _WHO_NEEDS = {
     "cohorts": "workers and cohort.nc need",
     "lbfgsb": "the method lbfgsb needs",
     "maps": "maps need",
+    "planning": "a plan needs",
     "tables": "tables need",
     "sensitivity": "global indices need",
 }

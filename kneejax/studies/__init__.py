@@ -6,6 +6,9 @@ from kneejax._lazy import lazy_names
 
 #: Public name -> its module: what may be asked, with its defaults, is known without JAX.
 _MODULES = {
+    "plan_of": "kneejax.studies._acl_plan",
+    "read_plan": "kneejax.studies._acl_plan",
+    "drawn_parameters": "kneejax.studies._drawn_knees",
     "Sensitivities": "kneejax.studies._answer_sensitivity",
     "Identified": "kneejax.studies._answer_identify",
     "bootstrapped": "kneejax.studies._answer_calibrate",
@@ -27,12 +30,15 @@ _MODULES = {
 }
 
 if TYPE_CHECKING:
+    from kneejax.studies._acl_plan import plan_of as plan_of
+    from kneejax.studies._acl_plan import read_plan as read_plan
     from kneejax.studies._answer_calibrate import bootstrapped as bootstrapped
     from kneejax.studies._answer_calibrate import run_side_by_side as run_side_by_side
     from kneejax.studies._answer_identify import Identified as Identified
     from kneejax.studies._answer_map import about_maps as about_maps
     from kneejax.studies._answer_map import fingerprint as fingerprint
     from kneejax.studies._answer_sensitivity import Sensitivities as Sensitivities
+    from kneejax.studies._drawn_knees import drawn_parameters as drawn_parameters
     from kneejax.studies._field_names import STUDY_FIELDS as STUDY_FIELDS
     from kneejax.studies._poses import measured_poses as measured_poses
     from kneejax.studies._questions import Identify as Identify

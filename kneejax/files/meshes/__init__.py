@@ -6,6 +6,7 @@ from kneejax._lazy import lazy_names
 
 #: Public name -> its module, imported when one of its names is first asked for.
 _MODULES = {
+    "bone_surface": "kneejax.files.meshes._bone",
     "THICKNESSES": "kneejax.files.meshes._choices",
     "MeshImport": "kneejax.files.meshes._import",
     "import_meshes": "kneejax.files.meshes._import",
@@ -17,6 +18,7 @@ _MODULES = {
 }
 
 if TYPE_CHECKING:
+    from kneejax.files.meshes._bone import bone_surface as bone_surface
     from kneejax.files.meshes._choices import THICKNESSES as THICKNESSES
     from kneejax.files.meshes._import import MeshImport as MeshImport
     from kneejax.files.meshes._import import import_meshes as import_meshes

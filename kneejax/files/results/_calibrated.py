@@ -27,6 +27,10 @@ class Calibrated:
         study: its title and its file; empty where the result does not say.
         noise: free coordinate -> standard deviation of its measurement, degrees and mm, as stated
             or estimated; empty where the result does not say.
+        standard_error: parameter -> its standard error; those that the data do not determine are
+            left out.
+        correlation: parameters, and the correlation of their estimates as rows; empty where the
+            result does not say.
     """
 
     knee: str
@@ -35,6 +39,8 @@ class Calibrated:
     frame_offset: dict[str, float]
     study: str = ""
     noise: dict[str, float] = dataclasses.field(default_factory=dict)
+    standard_error: dict[str, float] = dataclasses.field(default_factory=dict)
+    correlation: tuple[tuple[str, ...], tuple[tuple[float, ...], ...]] = ((), ())
 
     @property
     def values(self) -> dict[str, float]:
@@ -78,7 +84,27 @@ def read_calibrated(path: str | os.PathLike[str]) -> Calibrated:
     title, path = [word if isinstance(word, str) else "" for word in words]
     study = f"{title} ({path})" if title and path else title or path
     noise = {name: one.number() for name, one in _fields(whole, "noise").items() if one.value}
-    return Calibrated(knee.text(), fixed, found, _offsets(whole), study, noise)
+    errors = {
+        name: one["standard_error"].number()
+        for name, one in _fields(whole, "parameters").items()
+        if one.value.get("standard_error") is not None
+    }
+    return Calibrated(
+        knee.text(), fixed, found, _offsets(whole), study, noise, errors, _correlation(whole)
+    )
+
+
+def _correlation(whole: Field) -> tuple[tuple[str, ...], tuple[tuple[float, ...], ...]]:
+    """Names, and rows of a matrix in which nothing stands for zero; empty where it is missing."""
+    own = _fields(whole, "correlation")
+    if not own or not own["matrix"].value:
+        return (), ()
+    names = tuple(item.text() for item in own["parameters"].items("names"))
+    rows = [
+        tuple(0.0 if x.value is None else x.number() for x in row.items("numbers", len(names)))
+        for row in own["matrix"].items("rows", len(names))
+    ]
+    return names, tuple(rows)
 
 
 def _offsets(whole: Field) -> dict[str, float]:

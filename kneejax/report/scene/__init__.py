@@ -3,6 +3,7 @@
 from kneejax.report.scene._figure import film as film
 from kneejax.report.scene._figure import scene_figure as scene_figure
 from kneejax.report.scene._figure import scenes_figure as scenes_figure
+from kneejax.report.scene._grids import surface_grid as surface_grid
 from kneejax.report.scene._html import scene_page as scene_page
 from kneejax.report.scene._pressure_map import PlateauPressure as PlateauPressure
 from kneejax.report.scene._pressure_map import plateau_pressures as plateau_pressures

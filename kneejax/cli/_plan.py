@@ -1,0 +1,70 @@
+"""`kneejax plan acl [PLAN.yaml]`."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import importlib.metadata
+import json
+
+from kneejax import planning, studies
+from kneejax.cli._progress import stages_on_terminal
+from kneejax.files import InputProblem, write_netcdf, write_rows, write_text
+from kneejax.inference import versions
+from kneejax.numerics import check_installed
+
+_MOST_POINTS = 401
+_MAP_PACKAGES = ("xarray", "h5netcdf", "h5py")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Carry out a plan; print, write tables, maps and the report."""
+    check_installed("dtaidistance", "planning")
+    plan = studies.read_plan(arguments.plan)
+    points = arguments.points
+    if points is not None:
+        if points != 0 and not 3 <= points <= _MOST_POINTS:
+            raise InputProblem("--points", "points", points, f"0, or 3 to {_MOST_POINTS}")
+        plan = dataclasses.replace(plan, map_points=points)
+    if plan.map_points:
+        for package in _MAP_PACKAGES:
+            check_installed(package, "maps")
+    with stages_on_terminal(plan.title) as show:
+        result = planning.run_plan(plan, show)
+    from kneejax.report import plan_failed, plan_text
+
+    print(plan_text(result))
+    files = _write(arguments, result)
+    print(f"written: {arguments.out}/{', '.join(files)}")
+    return int(plan_failed(result))
+
+
+def _write(arguments: argparse.Namespace, result: planning.PlanResult) -> list[str]:
+    from kneejax.report import (
+        curve_rows,
+        octagon_rows,
+        plan_columns,
+        plan_document,
+        plan_rows,
+        write_plan_report,
+    )
+
+    out, plan = arguments.out, result.plan
+    packages = versions() | {"dtaidistance": importlib.metadata.version("dtaidistance")}
+    document = plan_document(result, packages)
+    write_text(out / "plan.json", json.dumps(document, indent=1) + "\n")
+    write_rows(out / "plan.csv", plan_columns(plan), plan_rows(result))
+    header = ["position", *plan.surgery.ligaments, "total"]
+    write_rows(out / "octagon.csv", header, octagon_rows(result))
+    columns = ["knee", "flexion_deg", "ligament", "strain", "tension_N"]
+    write_rows(out / "curves.csv", columns, curve_rows(result))
+    maps = []
+    about = {"title": plan.title, "knee": plan.own.name, "versions": json.dumps(packages)}
+    for one in result.maps:
+        write_netcdf(out / f"map_{one.bone}.nc", one.to_dataset(about))
+        maps.append(f"map_{one.bone}.nc")
+    write_plan_report(result, packages, out, svg=arguments.svg)
+    return [
+        "report.html", "plan.json", "plan.csv", "octagon.csv", "curves.csv", *maps, "figures/",
+        "settings.json",
+    ]  # fmt: skip

@@ -1,0 +1,24 @@
+"""Arguments of `kneejax plan`."""
+
+from __future__ import annotations
+
+from kneejax.cli._parser import add_command, add_out, add_svg
+
+
+def add_plan(commands, lazily) -> None:
+    """`kneejax plan acl`."""
+    example = "kneejax plan acl ten_bundle --points 11"
+    above = add_command(commands, "plan", "Plan an operation on a knee.", example)
+    kinds = above.add_subparsers(dest="kind", metavar="KIND", required=True)
+    sentence = "Say where, and how tight, to place a graft for the anterior cruciate ligament."
+    acl = add_command(kinds, "acl", sentence, example)
+    acl.add_argument("plan", nargs="?", default="ten_bundle", help="plan file or bundled plan")
+    acl.add_argument(
+        "--points",
+        type=int,
+        metavar="N",
+        help="of a map along each axis, 0 for no maps (default: what the plan says)",
+    )
+    add_out(acl, "kneejax-plan")
+    add_svg(acl)
+    acl.set_defaults(run=lazily("_plan"))

@@ -1,0 +1,104 @@
+"""Planning a reconstruction of the anterior cruciate ligament: grafts, tunnels, tension."""
+
+from typing import TYPE_CHECKING
+
+from kneejax._lazy import lazy_names
+
+#: Public name -> its module, imported when one of its names is first asked for.
+_MODULES = {
+    "Followed": "kneejax.planning._followed",
+    "Protocol": "kneejax.planning._followed",
+    "follow": "kneejax.planning._followed",
+    "DIRECTIONS": "kneejax.planning._footprints",
+    "FARTHEST_MM": "kneejax.planning._footprints",
+    "Footprint": "kneejax.planning._footprints",
+    "SEMI_AXES_MM": "kneejax.planning._footprints",
+    "footprint_of": "kneejax.planning._footprints",
+    "octagon": "kneejax.planning._footprints",
+    "GRAFTS": "kneejax.planning._grafts",
+    "GraftType": "kneejax.planning._grafts",
+    "Intervals": "kneejax.planning._intervals",
+    "intervals": "kneejax.planning._intervals",
+    "on_knee": "kneejax.planning._intervals",
+    "TunnelMap": "kneejax.planning._maps",
+    "over_tension": "kneejax.planning._maps",
+    "tunnel_map": "kneejax.planning._maps",
+    "MOST_EVALUATIONS": "kneejax.planning._optimum",
+    "Optimum": "kneejax.planning._optimum",
+    "STARTS": "kneejax.planning._optimum",
+    "best_of": "kneejax.planning._optimum",
+    "missed": "kneejax.planning._optimum",
+    "optimise": "kneejax.planning._optimum",
+    "AclPlan": "kneejax.planning._plan",
+    "FREE": "kneejax.planning._plan",
+    "graft_types": "kneejax.planning._plan",
+    "Fixed": "kneejax.planning._pretension",
+    "fix": "kneejax.planning._pretension",
+    "fixed_knee": "kneejax.planning._pretension",
+    "slack_length": "kneejax.planning._pretension",
+    "Operated": "kneejax.planning._reconstruction",
+    "Reconstruction": "kneejax.planning._reconstruction",
+    "reconstruction_of": "kneejax.planning._reconstruction",
+    "PlanResult": "kneejax.planning._run",
+    "run_plan": "kneejax.planning._run",
+    "CHOICES": "kneejax.planning._surgery",
+    "Limits": "kneejax.planning._surgery",
+    "Near": "kneejax.planning._surgery",
+    "Outcome": "kneejax.planning._surgery",
+    "Surgery": "kneejax.planning._surgery",
+    "Tolerance": "kneejax.planning._tolerance",
+    "tolerances": "kneejax.planning._tolerance",
+    "WINDOW": "kneejax.planning._warping",
+    "warped": "kneejax.planning._warping",
+    "warped_distances": "kneejax.planning._warping",
+}
+
+if TYPE_CHECKING:
+    from kneejax.planning._followed import Followed as Followed
+    from kneejax.planning._followed import Protocol as Protocol
+    from kneejax.planning._followed import follow as follow
+    from kneejax.planning._footprints import DIRECTIONS as DIRECTIONS
+    from kneejax.planning._footprints import FARTHEST_MM as FARTHEST_MM
+    from kneejax.planning._footprints import SEMI_AXES_MM as SEMI_AXES_MM
+    from kneejax.planning._footprints import Footprint as Footprint
+    from kneejax.planning._footprints import footprint_of as footprint_of
+    from kneejax.planning._footprints import octagon as octagon
+    from kneejax.planning._grafts import GRAFTS as GRAFTS
+    from kneejax.planning._grafts import GraftType as GraftType
+    from kneejax.planning._intervals import Intervals as Intervals
+    from kneejax.planning._intervals import intervals as intervals
+    from kneejax.planning._intervals import on_knee as on_knee
+    from kneejax.planning._maps import TunnelMap as TunnelMap
+    from kneejax.planning._maps import over_tension as over_tension
+    from kneejax.planning._maps import tunnel_map as tunnel_map
+    from kneejax.planning._optimum import MOST_EVALUATIONS as MOST_EVALUATIONS
+    from kneejax.planning._optimum import STARTS as STARTS
+    from kneejax.planning._optimum import Optimum as Optimum
+    from kneejax.planning._optimum import best_of as best_of
+    from kneejax.planning._optimum import missed as missed
+    from kneejax.planning._optimum import optimise as optimise
+    from kneejax.planning._plan import FREE as FREE
+    from kneejax.planning._plan import AclPlan as AclPlan
+    from kneejax.planning._plan import graft_types as graft_types
+    from kneejax.planning._pretension import Fixed as Fixed
+    from kneejax.planning._pretension import fix as fix
+    from kneejax.planning._pretension import fixed_knee as fixed_knee
+    from kneejax.planning._pretension import slack_length as slack_length
+    from kneejax.planning._reconstruction import Operated as Operated
+    from kneejax.planning._reconstruction import Reconstruction as Reconstruction
+    from kneejax.planning._reconstruction import reconstruction_of as reconstruction_of
+    from kneejax.planning._run import PlanResult as PlanResult
+    from kneejax.planning._run import run_plan as run_plan
+    from kneejax.planning._surgery import CHOICES as CHOICES
+    from kneejax.planning._surgery import Limits as Limits
+    from kneejax.planning._surgery import Near as Near
+    from kneejax.planning._surgery import Outcome as Outcome
+    from kneejax.planning._surgery import Surgery as Surgery
+    from kneejax.planning._tolerance import Tolerance as Tolerance
+    from kneejax.planning._tolerance import tolerances as tolerances
+    from kneejax.planning._warping import WINDOW as WINDOW
+    from kneejax.planning._warping import warped as warped
+    from kneejax.planning._warping import warped_distances as warped_distances
+else:
+    __all__ = [*_MODULES]
+    __getattr__, __dir__ = lazy_names(__name__, _MODULES)

@@ -1,0 +1,206 @@
+"""Reconstructed knees through extension and Lachman tests: what is read of each balance."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from kneejax.geometry import CLINICAL, COORDINATES, FEMORAL, State, convert
+from kneejax.mechanics import Knee, load_of
+from kneejax.numerics import lanes_for
+from kneejax.planning._balanced import balanced
+from kneejax.planning._reconstruction import Operated, Reconstruction
+from kneejax.statics import (
+    Progress,
+    Slopes,
+    Stations,
+    balance_with_slopes,
+    converged,
+)
+
+#: Nodes whose readings are computed in one call.
+_CHUNK = 8192
+
+
+@dataclasses.dataclass(frozen=True)
+class Protocol:
+    """What a knee is put through.
+
+    Attributes:
+        extension_deg: flexions of the motion, in order, `(angles,)`.
+        lachman_deg: flexions of the tests.
+        force_N: anterior force of the tests.
+        steps: in which it grows.
+
+    Example:
+        >>> protocol = Protocol(np.array([80.0, 0.0]), (20.0,), 100.0, steps=2)
+        >>> protocol.flexion_deg.tolist(), protocol.force.tolist()
+        ([80.0, 0.0, 20.0, 20.0, 20.0], [0.0, 0.0, 0.0, 50.0, 100.0])
+    """
+
+    extension_deg: np.ndarray
+    lachman_deg: tuple[float, ...]
+    force_N: float
+    steps: int = 1
+
+    @functools.cached_property
+    def flexion_deg(self) -> np.ndarray:
+        """Of all stations: the motion, then each test from no load to the full one."""
+        tests = np.repeat(self.lachman_deg, self.steps + 1)
+        return np.r_[self.extension_deg, tests]
+
+    @functools.cached_property
+    def force(self) -> np.ndarray:
+        """Anterior force at each station, N."""
+        grows = self.force_N * np.linspace(0.0, 1.0, self.steps + 1)
+        nothing = np.zeros(len(self.extension_deg))
+        return np.r_[nothing, np.tile(grows, len(self.lachman_deg))]
+
+    @property
+    def motion(self) -> slice:
+        """Stations of the motion."""
+        return slice(0, len(self.extension_deg))
+
+    def test(self, number: int) -> np.ndarray:
+        """Stations of a test, from no load to the full one."""
+        each = self.steps + 1
+        return len(self.extension_deg) + each * number + np.arange(each)
+
+    @functools.cached_property
+    def stations(self) -> Stations:
+        """Where knees are balanced."""
+        return Stations.at(self.flexion_deg, [load_of(anterior_N=self.force)])
+
+
+@dataclasses.dataclass(frozen=True)
+class Followed:
+    """Balances of variants; arrays begin with variant and station.
+
+    Attributes:
+        length_mm: of each fibre, `(v, s, fibres)`.
+        strain: likewise.
+        tension_N: likewise.
+        anterior_mm: of the tibia along the floating axis of Grood and Suntay, `(v, s)`.
+        status: `Status` values, `(v, s)`.
+        slopes: of each of these by the numbers of the variants, by name,
+            `(v, s, fibres or 1, numbers)`; None where none were asked for.
+        near: balances to predict others from; likewise.
+    """
+
+    length_mm: np.ndarray
+    strain: np.ndarray
+    tension_N: np.ndarray
+    anterior_mm: np.ndarray
+    status: np.ndarray
+    slopes: dict[str, np.ndarray] | None = None
+    near: Slopes | None = None
+
+    @property
+    def converged(self) -> np.ndarray:
+        """Where forces balance, `(v, s)`."""
+        return converged(self.status)
+
+
+def follow(
+    plan: Reconstruction,
+    values: np.ndarray,
+    protocol: Protocol,
+    *,
+    slopes: bool = False,
+    near: Slopes | None = None,
+    grid: tuple[int, int] | None = None,
+    progress: Progress | None = None,
+) -> Followed:
+    """Put variants through a protocol.
+
+    Args:
+        plan: the knee and its grafts.
+        values: numbers of the variants, `(v, numbers)`.
+        protocol: flexions and loads.
+        slopes: whether derivatives are wanted.
+        near: of near variants, to begin from.
+        grid: rows and columns in which the variants stand, see `balanced`.
+        progress: called now and then with balances done and asked for.
+
+    Returns:
+        What was read; NaN where a knee has no balance.
+    """
+    stations = protocol.stations
+    if slopes:
+        near = balance_with_slopes(plan.knee, plan.vary, values, stations, near)
+        found, status = near, near.status
+    else:
+        found = balanced(plan, values, stations, grid, progress)
+        status = found.status
+    q = np.where(converged(status)[..., None], found.q, np.nan)
+    read = read_balances(plan.knee, plan.vary, values, np.deg2rad(protocol.flexion_deg), q, slopes)
+    by_value = None
+    if slopes:
+        assert near is not None
+        by_value = {
+            name: own + by_pose @ near.jacobian for name, (own, by_pose) in read.pop("by").items()
+        }
+    return Followed(**read, status=status, slopes=by_value, near=near if slopes else None)
+
+
+def read_balances(
+    knee: Knee, vary: Operated, values: np.ndarray, flexion: np.ndarray, q: np.ndarray, by: bool
+) -> dict:
+    """Lengths, strains, tensions and the anterior place of poses, `(variants, stations, ...)`.
+
+    Args:
+        knee: gives all numbers that do not vary.
+        vary: sets those that do.
+        values: `(v, numbers)`.
+        flexion: of the stations, rad.
+        q: free coordinates, `(v, s, free)`.
+        by: whether to give, under `by`, derivatives by values and pose.
+    """
+    count, size = q.shape[:2]
+    nodes = np.arange(count * size)
+    parts = []
+    for first in range(0, len(nodes), _CHUNK):
+        own = nodes[first : first + _CHUNK]
+        rows = own[np.minimum(np.arange(lanes_for(len(own))), len(own) - 1)]
+        here = values[rows // size], flexion[rows % size], q.reshape(-1, q.shape[-1])[rows]
+        found = _read_with_slopes(vary, knee, *here) if by else _read(vary, knee, *here)
+        kept = slice(0, len(own))
+        parts.append(jax.tree.map(lambda x, kept=kept: np.asarray(x)[kept], found))
+    return jax.tree.map(
+        lambda *x: np.concatenate(x).reshape(count, size, *x[0].shape[1:]), *parts
+    )
+
+
+def _one(vary: Operated, knee: Knee, value: Array, flexion: Array, q: Array) -> dict[str, Array]:
+    """What is read of one balance."""
+    ligaments = vary(knee, value).ligaments
+    length = ligaments.length(State.of({"flexion": flexion}, q, knee.bodies))
+    every = convert(jnp.concatenate([flexion[None], q]), FEMORAL, CLINICAL)
+    return {
+        "length_mm": length,
+        "strain": length / ligaments.slack_length - 1.0,
+        "tension_N": ligaments.tension_at(length),
+        "anterior_mm": every[list(COORDINATES).index("anterior")],
+    }
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _read(vary: Operated, knee: Knee, values, flexion, q):
+    return jax.vmap(lambda *x: _one(vary, knee, *x))(values, flexion, q)
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _read_with_slopes(vary: Operated, knee: Knee, values, flexion, q):
+    def both(value: Array, flexion: Array, q: Array):
+        found = _one(vary, knee, value, flexion, q)
+        slopes = jax.jacfwd(lambda x, p: _one(vary, knee, x, flexion, p), (0, 1))(value, q)
+        by = {name: tuple(map(jnp.atleast_2d, pair)) for name, pair in slopes.items()}
+        return found | {"by": by}
+
+    return jax.vmap(both)(values, flexion, q)
+

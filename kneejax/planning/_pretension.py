@@ -1,0 +1,155 @@
+"""How long a graft is without load that carries a given tension where it is fixed.
+
+While it is tightened, a graft pulls with the tension that the surgeon gives it, whatever its
+length: the knee is balanced with that. There the graft's length is known, and with its law its
+slack length, in closed form. Fixed with that length, it pulls at the same pose with the same force:
+no second search.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike
+
+from kneejax.experiments import passive_flexion
+from kneejax.geometry import State
+from kneejax.mechanics import Knee, ligament_law
+from kneejax.planning._balanced import balanced
+from kneejax.planning._grafts import TRANSITION_STRAIN, TRANSITION_WIDTH
+from kneejax.planning._reconstruction import BUNDLE_NUMBERS, Reconstruction
+from kneejax.statics import Slopes, Stations, balance_with_slopes, converged
+
+
+@dataclasses.dataclass(frozen=True)
+class Fixed:
+    """Grafts that were fixed under a tension.
+
+    Attributes:
+        slack_mm: zero-load length of each bundle, `(variants, bundles)`; NaN where the knee has no
+            balance with the grafts pulling.
+        slope: its derivative by the numbers of the variants under tension,
+            `(variants, bundles, numbers)`; None where none was asked for.
+        status: `Status` values of the balances at fixation, `(variants,)`.
+        near: the balances, to predict others from; None where no slope was asked for.
+    """
+
+    slack_mm: np.ndarray
+    slope: np.ndarray | None
+    status: np.ndarray
+    near: Slopes | None
+
+
+def slack_length(length_mm: ArrayLike, tension_N: ArrayLike, stiffness_N: ArrayLike) -> Array:
+    """Zero-load length of a graft that carries a tension at a length.
+
+    Args:
+        length_mm: between its ends.
+        tension_N: there, positive.
+        stiffness_N: N per unit strain.
+
+    Returns:
+        mm, differentiable by all three.
+
+    Example:
+        >>> short = slack_length(30.0, 80.0, 7140.0)
+        >>> tension = ligament_law.tension(30.0 / short - 1.0, 7140.0, 0.06, 0.0001)
+        >>> round(float(tension), 9)
+        80.0
+    """
+    return ligament_law.slack_length_from_force(
+        length_mm, tension_N, stiffness_N, TRANSITION_STRAIN, TRANSITION_WIDTH
+    )
+
+
+def fix(
+    plan: Reconstruction,
+    ends: np.ndarray,
+    tension_N: np.ndarray,
+    flexion_deg: float,
+    *,
+    slopes: bool = False,
+    near: Slopes | None = None,
+    grid: tuple[int, int] | None = None,
+) -> Fixed:
+    """Fix the grafts of many variants, each under its own tension.
+
+    Args:
+        plan: the knee and its grafts.
+        ends: femoral and tibial, `(variants, bundles, 6)`, mm.
+        tension_N: of each bundle, `(variants, bundles)`.
+        flexion_deg: at which they are fixed.
+        slopes: whether derivatives are wanted.
+        near: of near variants, to begin from.
+        grid: rows and columns in which the variants stand, see `balanced`.
+
+    Returns:
+        The fixed grafts.
+    """
+    values = plan.value(ends, tension_N=tension_N, elastic=False)
+    stations = Stations.at([flexion_deg])
+    if not slopes:
+        found = balanced(plan, values, stations, grid)
+        q, status, by_values = found.q[:, 0], found.status[:, 0], None
+    else:
+        near = balance_with_slopes(plan.knee, plan.vary, values, stations, near)
+        q, status, by_values = near.q[:, 0], near.status[:, 0], near.jacobian[:, 0]
+    q = np.where(converged(status)[:, None], q, np.nan)
+    slack, by_value, by_pose = (
+        np.asarray(x) for x in _fixed(plan.knee.bodies, np.deg2rad(flexion_deg), values, q,
+                                      np.array(plan.stiffness_N))
+    )  # fmt: skip
+    slope = None if by_values is None else by_value + by_pose @ by_values
+    return Fixed(slack, slope, status, near)
+
+
+@jax.jit(static_argnums=0)
+def _fixed(bodies: tuple[str, ...], flexion, values, q, stiffness_N):
+    """Slack lengths and their derivatives by numbers and pose, `(variants, bundles, ...)`."""
+
+    def one(value: Array, q: Array) -> Array:
+        bundle = value[1:].reshape(-1, BUNDLE_NUMBERS)
+        length = _length(State.of({"flexion": flexion}, q, bodies), bundle[:, :6])
+        return slack_length(length, bundle[:, 8], stiffness_N)
+
+    def both(value: Array, q: Array):
+        return one(value, q), *jax.jacfwd(one, (0, 1))(value, q)
+
+    return jax.vmap(both)(values, q)
+
+
+def _length(state: State, ends: Array) -> Array:
+    """Straight length between femoral and tibial ends, `(bundles, 6)`, at one pose."""
+    placement = state.tibia.placement
+    tibial = placement.apply(tuple(ends[:, 3 + k] for k in range(3)))
+    across = jnp.stack([point - ends[:, k] for k, point in enumerate(tibial)])
+    return jnp.sqrt(jnp.sum(across * across, axis=0))
+
+
+def fixed_knee(
+    plan: Reconstruction, ends: ArrayLike, tension_N: ArrayLike, flexion_deg: ArrayLike
+) -> Knee:
+    """The reconstructed knee of one variant, as JAX sees it: differentiable by all arguments.
+
+    Args:
+        plan: the knee and its grafts.
+        ends: femoral and tibial, `(bundles, 6)`, mm.
+        tension_N: of each bundle, `(bundles,)`.
+        flexion_deg: at which the grafts are fixed.
+    """
+    ends, tension = jnp.asarray(ends, float), jnp.asarray(tension_N, float)
+    stiffness, nothing = jnp.array(plan.stiffness_N), jnp.zeros(len(plan.bundles))
+
+    def numbers(slack: Array, spring: Array, pull: Array) -> Array:
+        each = jnp.stack([slack, spring, pull], axis=1)
+        return jnp.concatenate([jnp.zeros(1), jnp.hstack([ends, each]).ravel()])
+
+    tight = plan.vary(plan.knee, numbers(nothing + 1.0, nothing, tension))
+    pose = passive_flexion(tight, jnp.atleast_1d(flexion_deg)).settled.state
+    at_fixation = jax.tree.map(lambda x: x[0], pose)
+    slack = slack_length(_length(at_fixation, ends), tension, stiffness)
+    return plan.vary(plan.knee, numbers(slack, stiffness, nothing))

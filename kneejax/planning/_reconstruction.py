@@ -1,0 +1,235 @@
+"""A knee with grafts put in: one structure that is intact, torn or reconstructed by its numbers.
+
+A graft is a fibre whose pull is either elastic or, while a surgeon tightens it, a given tension:
+it stands among the ligaments and among the muscles, and one of both is nothing. So the intact knee,
+the knee at fixation and the reconstructed knee are variants of one structure, found by one program.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Sequence
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from kneejax.geometry import FEMUR_AND_TIBIA
+from kneejax.mechanics import Knee, Ligaments, Muscles
+from kneejax.parameters import fibre_rows
+from kneejax.planning._grafts import TRANSITION_STRAIN, TRANSITION_WIDTH
+
+#: Numbers of a bundle; before them all stands how much of the torn ligament acts.
+BUNDLE_NUMBERS = 9
+
+
+@dataclasses.dataclass(frozen=True)
+class Operated:
+    """Makes a knee of its numbers; hashable, since it steers compiling.
+
+    A value is `1 + 9 x bundles` numbers: whether the torn ligament acts (1) or not (0), then of
+    each bundle its femoral and its tibial end (3 each, mm), slack length (mm), stiffness (N per
+    unit strain) and given tension (N).
+
+    Attributes:
+        torn: rows of the ligament's own fibres.
+        grafts: rows of the grafts among the ligaments.
+        pulls: rows of the grafts among the muscles.
+    """
+
+    torn: tuple[int, ...]
+    grafts: tuple[int, ...]
+    pulls: tuple[int, ...]
+
+    def __call__(self, knee: Knee, value: Any) -> Knee:
+        """The knee with these numbers."""
+        value = jnp.asarray(value)
+        bundle = value[1:].reshape(len(self.grafts), BUNDLE_NUMBERS)
+        slack, stiffness, tension = bundle[:, 6], bundle[:, 7], bundle[:, 8]
+        own, pulls = knee.ligaments, knee.muscles
+        assert pulls is not None
+        put = functools.partial(_put, self.grafts)
+        torn = np.isin(np.arange(len(own.names)), self.torn)
+        acts = jnp.where(torn, value[0] * own.stiffness, own.stiffness)
+        # What does not act does not tear.
+        tears = jnp.where(torn & (value[0] == 0.0), jnp.inf, own.failure_strain)
+        idle = jnp.where(stiffness > 0.0, own.failure_strain[-1], jnp.inf)
+        ligaments = eqx.tree_at(
+            lambda x: (x.femoral_attachment, x.tibial_attachment, x.slack_length, x.stiffness,
+                       x.failure_strain),
+            own,
+            (
+                put(own.femoral_attachment, bundle[:, :3]),
+                put(own.tibial_attachment, bundle[:, 3:6]),
+                put(own.slack_length, slack),
+                put(acts, stiffness),
+                put(tears, idle),
+            ),
+        )  # fmt: skip
+        put = functools.partial(_put, self.pulls)
+        muscles = eqx.tree_at(
+            lambda x: (x.femoral_attachment, x.tibial_attachment, x.tension),
+            pulls,
+            (
+                put(pulls.femoral_attachment, bundle[:, :3]),
+                put(pulls.tibial_attachment, bundle[:, 3:6]),
+                put(pulls.tension, tension),
+            ),
+        )
+        return dataclasses.replace(knee, ligaments=ligaments, muscles=muscles)
+
+
+def _put(rows: tuple[int, ...], array: Array, new: Array) -> Array:
+    """An array with other rows in some places.
+
+    By masks and sums: where such arrays are scattered, XLA 0.10 aborts the process.
+    """
+    where = np.arange(len(array))[:, None] == np.array(rows)
+    across = (slice(None), *(None,) * (array.ndim - 1))
+    spread = sum(where[:, k][across] * new[k] for k in range(len(rows)))
+    return jnp.where(where.any(axis=1)[across], spread, array)
+
+
+@dataclasses.dataclass(frozen=True)
+class Reconstruction:
+    """A knee in which a ligament is to be replaced.
+
+    Attributes:
+        knee: with the grafts' fibres, whose numbers mean nothing until `vary` sets them.
+        vary: sets them.
+        ligament: that is replaced, a fibre or a group.
+        torn: names of the ligament's own fibres.
+        bundles: names of the grafts.
+        stiffness_N: of each bundle, N per unit strain.
+        failure_N: of each bundle.
+    """
+
+    knee: Knee
+    vary: Operated
+    ligament: str
+    torn: tuple[str, ...]
+    bundles: tuple[str, ...]
+    stiffness_N: tuple[float, ...]
+    failure_N: tuple[float, ...]
+
+    @property
+    def others(self) -> tuple[str, ...]:
+        """Fibres that neither are torn nor grafts."""
+        gone = {*self.torn, *self.bundles}
+        return tuple(name for name in self.knee.ligaments.names if name not in gone)
+
+    def rows(self, names: Sequence[str]) -> np.ndarray:
+        """Rows of some fibres."""
+        return np.array([self.knee.ligaments.names.index(name) for name in names], int)
+
+    def value(
+        self, ends: np.ndarray, slack_mm: np.ndarray | float = 1.0, tension_N: Any = 0.0,
+        elastic: bool = True, torn: bool = True,
+    ) -> np.ndarray:
+        """Numbers of variants.
+
+        Args:
+            ends: femoral and tibial, `(variants, bundles, 6)`, mm.
+            slack_mm: slack lengths, `(variants, bundles)` or one.
+            tension_N: given tensions, likewise.
+            elastic: whether the grafts' springs act.
+            torn: whether the ligament itself is gone.
+
+        Returns:
+            `(variants, numbers)`.
+        """  # fmt: skip
+        shape = ends.shape[:2]
+        bundles = np.concatenate(
+            [ends, *(np.broadcast_to(x, shape)[..., None] for x in (
+                slack_mm, np.array(self.stiffness_N) if elastic else 0.0, tension_N))],
+            axis=-1,
+        )  # fmt: skip
+        acts = np.full((shape[0], 1), 0.0 if torn else 1.0)
+        return np.hstack([acts, bundles.reshape(shape[0], -1)])
+
+
+def reconstruction_of(
+    knee: Knee,
+    ligament: str = "ACL",
+    bundles: int = 1,
+    stiffness_N: float = 7140.0,
+    failure_N: float = 2422.0,
+) -> Reconstruction:
+    """Put grafts in the place of a ligament; several share stiffness and strength evenly.
+
+    Args:
+        knee: any knee.
+        ligament: that is torn: a fibre or a group of fibres.
+        bundles: of the graft.
+        stiffness_N: of the whole graft, N per unit strain.
+        failure_N: load at which the whole graft fails.
+
+    Raises:
+        UnknownParameter: the knee has no such ligament.
+
+    Example:
+        >>> import kneejax as kj
+        >>> reconstruction_of(kj.load_knee("ten_bundle")).others[:2]
+        ('aPCL', 'pPCL')
+    """
+    rows = fibre_rows(knee, ligament)
+    own = knee.ligaments
+    names = ("graft",) if bundles == 1 else tuple(f"graft{k + 1}" for k in range(bundles))
+    stiffness, failure = stiffness_N / bundles, failure_N / bundles
+    with_grafts = _with_fibres(own, names, rows[0], failure / stiffness + 0.5 * TRANSITION_STRAIN)
+    pulls = _with_muscles(knee.muscles, own, names, rows[0])
+    groups = (*knee.groups, ("graft", names)) if bundles > 1 else knee.groups
+    first, pulled = len(own.names), len(pulls.names) - bundles
+    return Reconstruction(
+        dataclasses.replace(knee, ligaments=with_grafts, muscles=pulls, groups=groups),
+        Operated(
+            tuple(rows),
+            tuple(range(first, first + bundles)),
+            tuple(range(pulled, pulled + bundles)),
+        ),
+        ligament,
+        tuple(own.names[row] for row in rows),
+        names,
+        (stiffness,) * bundles,
+        (failure,) * bundles,
+    )
+
+
+def _with_fibres(own: Ligaments, names: tuple[str, ...], row: int, tears: float) -> Ligaments:
+    """Ligaments and, at the end, fibres that begin where one of them does."""
+
+    def more(x: Array, value: float | None = None) -> Array:
+        new = x[row] if value is None else jnp.full_like(x[row], value)
+        return jnp.concatenate([x, jnp.broadcast_to(new, (len(names), *jnp.shape(x)[1:]))])
+
+    return Ligaments(
+        more(own.femoral_attachment), more(own.tibial_attachment), more(own.stiffness, 0.0),
+        more(own.slack_length), more(own.transition_strain, TRANSITION_STRAIN),
+        more(own.transition_width, TRANSITION_WIDTH), (*own.names, *names), own.courses,
+        more(own.failure_strain, tears), (*own.bodies, *(FEMUR_AND_TIBIA,) * len(names)),
+        more(own.damping, 0.0), own.dampers,
+    )  # fmt: skip
+
+
+def _with_muscles(
+    muscles: Muscles | None, own: Ligaments, names: tuple[str, ...], row: int
+) -> Muscles:
+    """Muscles and, at the end, lines of no tension along a fibre."""
+    count = len(names)
+    femoral, tibial = (
+        jnp.tile(x[row], (count, 1)) for x in (own.femoral_attachment, own.tibial_attachment)
+    )
+    nothing = jnp.zeros(count)
+    if muscles is None:
+        return Muscles(femoral, tibial, nothing, names)
+    return Muscles(
+        jnp.concatenate([muscles.femoral_attachment, femoral]),
+        jnp.concatenate([muscles.tibial_attachment, tibial]),
+        jnp.concatenate([muscles.tension, nothing]),
+        (*muscles.names, *names),
+        muscles.courses,
+        (*muscles.bodies, *(FEMUR_AND_TIBIA,) * count),
+    )

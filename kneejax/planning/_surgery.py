@@ -1,0 +1,271 @@
+"""A planned reconstruction, and what a choice of tunnels and tension does to the knee."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+
+import numpy as np
+
+from kneejax.geometry import FEMUR, TIBIA
+from kneejax.planning._followed import Followed, Protocol, follow
+from kneejax.planning._footprints import Footprint
+from kneejax.planning._pretension import fix
+from kneejax.planning._reconstruction import BUNDLE_NUMBERS, Reconstruction
+from kneejax.planning._warping import warped, warped_distances
+from kneejax.statics import Progress, Slopes, converged
+
+#: Choices of a bundle, in this order; lengths in mm from the middle of the footprint, tension in N.
+CHOICES = ("tibia_first", "tibia_second", "femur_first", "femur_second", "tension")
+
+_ANY_LENGTH_MM = 1000.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Limits:
+    """What a reconstruction must keep.
+
+    Attributes:
+        graft_N: largest force of a bundle.
+        band_mm: how far the laxity may be from the intact knee's.
+        tension_N: smallest and largest pretension.
+    """
+
+    graft_N: float
+    band_mm: float
+    tension_N: tuple[float, float]
+
+
+@dataclasses.dataclass(frozen=True)
+class Near:
+    """Balances of some choices, from which those of near ones are predicted."""
+
+    fixed: Slopes
+    followed: Slopes
+
+
+@dataclasses.dataclass(frozen=True)
+class Outcome:
+    """What choices do; arrays begin with the variant.
+
+    Attributes:
+        choices: `(v, 5 bundles)`, see `CHOICES`.
+        slack_mm: zero-load lengths of the grafts, `(v, bundles)`.
+        distance: of each strain curve from the intact knee's, `(v, ligaments)`, see
+            `Surgery.ligaments`; NaN where the knee has no balance somewhere.
+        laxity_mm: how far the full force draws the tibia forwards, `(v, tests)`.
+        graft_N: tension of the grafts at all stations, `(v, s, bundles)`.
+        isometry_mm: by how much each graft's length changes through the motion, `(v, bundles)`.
+        status: the worst of all balances, `Status` values, `(v,)`.
+        followed: all that was read.
+        slopes: derivatives of `total`, `laxity_mm`, `graft_N` and of the `strain` of
+            `Surgery.strain` by the choices, by name; None where none were asked for.
+        near: None likewise.
+    """
+
+    choices: np.ndarray
+    slack_mm: np.ndarray
+    distance: np.ndarray
+    laxity_mm: np.ndarray
+    graft_N: np.ndarray
+    isometry_mm: np.ndarray
+    status: np.ndarray
+    followed: Followed
+    slopes: dict[str, np.ndarray] | None = None
+    near: Near | None = None
+
+    @property
+    def total(self) -> np.ndarray:
+        """Distance of all strain curves together, `(v,)`."""
+        return self.distance.sum(axis=1)
+
+    @property
+    def peak_N(self) -> np.ndarray:
+        """Largest force of any bundle, through the motion and under the tests, `(v,)`."""
+        return self.graft_N.max(axis=(1, 2))
+
+
+@dataclasses.dataclass(frozen=True)
+class Surgery:
+    """A reconstruction that is planned on one knee.
+
+    Attributes:
+        plan: the knee and its grafts.
+        tibia: insertion there.
+        femur: likewise.
+        replaced: of each bundle, the torn fibres whose strain it should have.
+        fixation_deg: flexion at which the grafts are fixed.
+        protocol: what knees are put through.
+        window: of the alignment of strain curves, in stations.
+        limits: what must be kept.
+    """
+
+    plan: Reconstruction
+    tibia: Footprint
+    femur: Footprint
+    replaced: tuple[tuple[str, ...], ...]
+    fixation_deg: float
+    protocol: Protocol
+    window: int
+    limits: Limits
+
+    @property
+    def ligaments(self) -> tuple[str, ...]:
+        """Whose strain curves are compared: all that are not torn, then the grafts."""
+        return *self.plan.others, *self.plan.bundles
+
+    def footprint(self, bone: str) -> Footprint:
+        """The insertion on a bone."""
+        return {TIBIA: self.tibia, FEMUR: self.femur}[bone]
+
+    @functools.cached_property
+    def before(self) -> Followed:
+        """The intact knee, and that without the ligament: two variants."""
+        ends, _ = self.ends(np.zeros((1, len(CHOICES) * len(self.plan.bundles))))
+        values = [self.plan.value(ends, elastic=False, torn=torn) for torn in (False, True)]
+        return follow(self.plan, np.vstack(values), self.protocol)
+
+    @functools.cached_property
+    def intact_strain(self) -> np.ndarray:
+        """Strain that each ligament should have through the motion, `(angles, ligaments)`."""
+        strain = self.before.strain[0, self.protocol.motion]
+        own = strain[:, self.plan.rows(self.plan.others)]
+        of_grafts = [strain[:, self.plan.rows(names)].mean(axis=1) for names in self.replaced]
+        return np.column_stack([own, *of_grafts])
+
+    def strain(self, followed: Followed) -> np.ndarray:
+        """Strain of each ligament through the motion, `(v, angles, ligaments)`."""
+        return followed.strain[:, self.protocol.motion][..., self.plan.rows(self.ligaments)]
+
+    def laxity(self, followed: Followed) -> np.ndarray:
+        """How far the full force draws the tibia forwards, `(v, tests)`, mm."""
+        ends = [self.protocol.test(k)[[0, -1]] for k in range(len(self.protocol.lachman_deg))]
+        return np.stack([np.diff(followed.anterior_mm[:, rows])[:, 0] for rows in ends], axis=1)
+
+    def ends(self, choices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Where tunnels are.
+
+        Args:
+            choices: `(v, 5 bundles)`.
+
+        Returns:
+            Femoral and tibial points `(v, bundles, 6)`, mm, and their derivative by the bundle's
+            four coordinates, `(v, bundles, 6, 4)`.
+        """
+        each = choices.reshape(-1, len(CHOICES))
+        tibial, by_tibia = self.tibia.place(each[:, 0:2])
+        femoral, by_femur = self.femur.place(each[:, 2:4])
+        slope = np.zeros((len(each), 6, 4))
+        slope[:, :3, 2:], slope[:, 3:, :2] = by_femur, by_tibia
+        shape = len(choices), len(self.plan.bundles)
+        return np.hstack([femoral, tibial]).reshape(*shape, 6), slope.reshape(*shape, 6, 4)
+
+    def try_out(
+        self,
+        choices: np.ndarray,
+        *,
+        slopes: bool = False,
+        near: Near | None = None,
+        grid: tuple[int, int] | None = None,
+        progress: Progress | None = None,
+    ) -> Outcome:
+        """Fix grafts and put the knees through the protocol.
+
+        Args:
+            choices: `(v, 5 bundles)`, see `CHOICES`.
+            slopes: whether derivatives by the choices are wanted.
+            near: balances of near choices.
+            grid: rows and columns in which the choices stand, if they are near each other.
+            progress: called now and then with balances done and asked for.
+        """
+        choices = np.atleast_2d(np.asarray(choices, float))
+        ends, ends_slope = self.ends(choices)
+        tension = choices.reshape(*ends.shape[:2], -1)[..., 4]
+        fixed = fix(
+            self.plan, ends, tension, self.fixation_deg, slopes=slopes,
+            near=near and near.fixed, grid=grid,
+        )  # fmt: skip
+        # A graft that was not fixed is slack: its variant does not count.
+        known = np.isfinite(fixed.slack_mm)
+        slack = np.where(known, fixed.slack_mm, _ANY_LENGTH_MM)
+        followed = follow(
+            self.plan, self.plan.value(ends, slack), self.protocol, slopes=slopes,
+            near=near and near.followed, grid=grid, progress=progress,
+        )  # fmt: skip
+        worst = np.maximum(fixed.status, followed.status.max(axis=1))
+        outcome = self._judged(choices, fixed.slack_mm, followed, worst)
+        if not slopes:
+            return outcome
+        assert fixed.slope is not None and fixed.near is not None and followed.near is not None
+        turn = _by_choices(ends_slope, fixed.slope)
+        return dataclasses.replace(
+            outcome, slopes=self._slopes(outcome, turn), near=Near(fixed.near, followed.near)
+        )
+
+    def _judged(
+        self, choices: np.ndarray, slack: np.ndarray, followed: Followed, worst: np.ndarray
+    ) -> Outcome:
+        grafts = self.plan.rows(self.plan.bundles)
+        motion = self.protocol.motion
+        strain = self.strain(followed)
+        distance = np.stack(
+            [
+                warped_distances(strain[..., k], self.intact_strain[:, k], self.window)
+                for k in range(strain.shape[-1])
+            ],
+            axis=1,
+        )
+        length = followed.length_mm[:, motion][..., grafts]
+        # Of grafts that were not fixed nothing is known.
+        fixed = np.where(np.isnan(slack).any(axis=1), np.nan, 1.0)[:, None]
+        # Where a Lachman test gives way, the motion stands all the same.
+        moves = np.array(converged(followed.status[:, motion].max(axis=1)))
+        distance[~moves | np.isnan(fixed[:, 0])] = np.nan
+        return Outcome(
+            choices, slack, distance, self.laxity(followed) * fixed,
+            followed.tension_N[..., grafts] * fixed[..., None],
+            (length.max(axis=1) - length.min(axis=1)) * fixed, worst, followed,
+        )  # fmt: skip
+
+    def _slopes(self, outcome: Outcome, turn: np.ndarray) -> dict[str, np.ndarray]:
+        """Derivatives by the choices; `turn` is that of the numbers, `(v, numbers, choices)`."""
+        by = outcome.followed.slopes
+        assert by is not None
+        grafts, rows = self.plan.rows(self.plan.bundles), self.plan.rows(self.ligaments)
+        strain = self.strain(outcome.followed)
+        by_strain = by["strain"][:, self.protocol.motion][:, :, rows] @ turn[:, None]
+        total = np.zeros(turn.shape[::2])
+        for v in range(len(total)):
+            for k in range(len(rows)):
+                _, slope = warped(strain[v, :, k], self.intact_strain[:, k], self.window)
+                total[v] += slope @ by_strain[v, :, k]
+        tests = [self.protocol.test(k)[[0, -1]] for k in range(outcome.laxity_mm.shape[1])]
+        drawn = np.stack([np.diff(by["anterior_mm"][:, r, 0], axis=1)[:, 0] for r in tests], axis=1)
+        return {
+            "total": total,
+            "strain": by_strain,
+            "laxity_mm": drawn @ turn,
+            "graft_N": by["tension_N"][:, :, grafts] @ turn[:, None],
+        }
+
+
+def _by_choices(ends_slope: np.ndarray, slack_slope: np.ndarray) -> np.ndarray:
+    """Derivative of a fixed knee's numbers by the choices, `(v, numbers, choices)`.
+
+    Args:
+        ends_slope: of each bundle's ends by its coordinates, `(v, bundles, 6, 4)`.
+        slack_slope: of the slack lengths by the numbers of the knee under tension,
+            `(v, bundles, numbers)`.
+    """
+    count, bundles = ends_slope.shape[:2]
+    numbers, choices = 1 + BUNDLE_NUMBERS * bundles, len(CHOICES) * bundles
+    ends = np.zeros((count, numbers, choices))
+    pulling = np.zeros_like(ends)
+    for k in range(bundles):
+        row, column = 1 + BUNDLE_NUMBERS * k, len(CHOICES) * k
+        ends[:, row : row + 6, column : column + 4] = ends_slope[:, k]
+        pulling[:, row + 8, column + 4] = 1.0
+    slack = slack_slope @ (ends + pulling)
+    for k in range(bundles):
+        ends[:, 1 + BUNDLE_NUMBERS * k + 6] = slack[:, k]
+    return ends

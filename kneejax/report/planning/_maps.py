@@ -1,0 +1,188 @@
+"""Maps of a tunnel's place on the plateau or on the wall of the notch."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kneejax.geometry import FEMUR, TIBIA
+from kneejax.report.look import BLACK, BLUE, GREY, LIGHT, VERMILLION, WIDTH, styled
+from kneejax.report.scene import surface_grid
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from kneejax.planning import Footprint, PlanResult, TunnelMap
+
+#: Of the first panel, from the middle of the footprint, mm.
+_FARTHEST_MM = 32.0
+
+
+@styled
+def tunnel_map_figure(result: PlanResult, found: TunnelMap) -> Figure:
+    """Draw what a tunnel's place does, and where on the bone that is.
+
+    Args:
+        result: of the plan.
+        found: one of its maps.
+
+    Returns:
+        The bone with the region, then a panel for each quantity. The tibia is seen from above,
+        the notch's lateral wall from its medial side, of a right knee.
+    """
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
+
+    tests = [f"Laxity at {angle:g} deg, mm" for angle in found.lachman_deg]
+    shown = [
+        ("Strain distance", found.total),
+        *zip(tests, found.laxity_mm, strict=True),
+        ("Graft force, N", found.peak_N),
+        ("Length change, mm", found.isometry_mm),
+    ]
+    rows = -(-(len(shown) + 1) // 3)
+    figure = Figure(figsize=(WIDTH, 2.15 * rows + 0.35), layout="constrained")
+    panels = figure.subplots(rows, 3, squeeze=False)
+    for axes in panels.flat[len(shown) + 1 :]:
+        axes.set_axis_off()
+    _bone_panel(panels.flat[0], result, found)
+    for axes, (title, values) in zip(panels.flat[1:], shown, strict=False):
+        axes.set_title(title)
+        _map_panel(figure, axes, found, values)
+        _marks(axes, result, found)
+        _axes(axes, found)
+    handles, labels = panels.flat[1].get_legend_handles_labels()
+    hatched = Patch(facecolor="none", hatch="////", edgecolor=BLACK, linewidth=0)
+    handles, labels = [*handles, hatched], [*labels, "a limit is missed"]
+    figure.legend(
+        handles, labels, loc="outside lower center", ncols=6, fontsize=7.5, handlelength=1.4
+    )
+    return figure
+
+
+def _across(bone: str) -> tuple[int, int]:
+    """Which coordinate goes to the right, which upwards."""
+    return (1, 0) if bone == TIBIA else (0, 1)
+
+
+def _map_panel(figure: Figure, axes: Axes, found: TunnelMap, values: np.ndarray) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    coordinates = (found.first, found.second)
+    right, up = _across(found.bone)
+    drawn = values if right == 0 else values.T
+    axes.set_facecolor("#D8DADC")
+    known = drawn[np.isfinite(drawn)]
+    if known.size and np.ptp(known) > 0:
+        # A few steep corners would leave the rest without colours.
+        low, high = float(known.min()), float(np.quantile(known, 0.95))
+        levels = MaxNLocator(10).tick_values(low, high if high > low else float(known.max()))
+        filled = axes.contourf(
+            coordinates[right], coordinates[up], drawn, levels, cmap="viridis", extend="both"
+        )
+        bar = figure.colorbar(filled, ax=axes, fraction=0.05, pad=0.03)
+        bar.ax.tick_params(labelsize=7)
+        bar.set_ticks(list(levels[::2]))
+    over = np.nan_to_num(found.excess if right == 0 else found.excess.T, posinf=1.0)
+    if (over > 0).any():
+        place = coordinates[right], coordinates[up], over
+        hatched = axes.contourf(*place, [0.0, np.inf], colors="none", hatches=["////"])
+        hatched.set_edgecolor("#FFFFFF90")
+        hatched.set_linewidth(0.0)
+        axes.contour(*place, [0.0], colors="white", linewidths=0.7)
+
+
+def _marks(axes: Axes, result: PlanResult, found: TunnelMap, small: bool = False) -> None:
+    footprint = result.plan.surgery.footprint(found.bone)
+    right, up = _across(found.bone)
+    angle = np.linspace(0.0, 2.0 * np.pi, 100)
+    ring = np.stack([np.cos(angle), np.sin(angle)]) * np.array(footprint.semi_axes_mm)[:, None]
+    axes.plot(ring[right], ring[up], color="white", linewidth=2.2)
+    axes.plot(ring[right], ring[up], color=BLACK, linewidth=1.0, label="footprint")
+    if found.bone == TIBIA and not small:
+        for number, corner in enumerate(result.octagon.choices[:, :2], 1):
+            if np.abs(corner).max() <= found.first.max():
+                axes.text(corner[right], corner[up], str(number), ha="center", va="center",
+                          fontsize=6.5, bbox={"boxstyle": "circle,pad=0.15", "fc": "white",
+                                              "ec": GREY, "lw": 0.5})  # fmt: skip
+    first = 0 if found.bone == TIBIA else 2
+    planned = result.planned.choices[0, first : first + 2]
+    axes.plot(planned[right], planned[up], "P", color=BLUE, markersize=5 if small else 7,
+              markeredgecolor="white",
+              markeredgewidth=0.8, linestyle="none", label="planned")  # fmt: skip
+    if result.optimum is not None:
+        best = result.best.choices[0, first : first + 2]
+        axes.plot(best[right], best[up], "*", color=VERMILLION, markersize=7 if small else 10,
+                  markeredgecolor="white", markeredgewidth=0.8, linestyle="none",
+                  label="optimum (all choices free)")  # fmt: skip
+
+
+def _axes(axes: Axes, found: TunnelMap) -> None:
+    coordinates = (found.first, found.second)
+    right, up = _across(found.bone)
+    axes.set_aspect("equal")
+    axes.grid(False)
+    # Medial, and in the notch anterior, is on the left.
+    axes.set_xlim(coordinates[right].max(), coordinates[right].min())
+    axes.set_ylim(coordinates[up].min(), coordinates[up].max())
+    axes.set_xlabel(f"mm {found.names[right]}", labelpad=1)
+    axes.set_ylabel(f"mm {found.names[up]}", labelpad=0)
+
+
+def _bone_panel(axes: Axes, result: PlanResult, found: TunnelMap) -> None:
+    """The surfaces of the bone in the plane of the footprint, and the region of the map."""
+    footprint = result.plan.surgery.footprint(found.bone)
+    right, up = _across(found.bone)
+    reach = 0.0
+    for contact in result.plan.own.contacts:
+        surface = contact.tibial if found.bone == TIBIA else contact.femoral
+        if found.bone == FEMUR and _beside(surface, footprint):
+            continue
+        flat = _flat(surface, footprint)
+        _shade(axes, flat[..., right], flat[..., up])
+        reach = max(reach, float(np.nanmax(np.abs(flat))))
+    half = found.first.max(), found.second.max()
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]) * half
+    axes.plot(corners[:, right], corners[:, up], color=BLACK, linewidth=0.8)
+    _marks(axes, result, found, small=True)
+    for x, y in footprint.fibres[:, (right, up)]:
+        axes.plot(x, y, ".", color=BLACK, markersize=3.5)
+    axes.set_aspect("equal")
+    axes.grid(False)
+    far = min(max(reach, 15.0) + 2.0, _FARTHEST_MM)
+    axes.set_xlim(far, -far)
+    axes.set_ylim(-far, far)
+    names = found.names
+    axes.set_title("Tibia from above" if found.bone == TIBIA else "Lateral wall of the notch")
+    axes.set_xlabel(f"mm {names[right]}", labelpad=1)
+    axes.set_ylabel(f"mm {names[up]}", labelpad=0)
+
+
+def _beside(surface, footprint: Footprint) -> bool:
+    """Whether a condyle is not the one in whose notch the footprint is."""
+    middle = surface_grid(surface, (5, 5)).mean(axis=(0, 1))
+    return bool((middle[2] - footprint.middle[2]) * max(footprint.middle[2], 1.0) < 0)
+
+
+def _flat(surface, footprint: Footprint) -> np.ndarray:
+    """Points of a surface in the plane of a footprint, `(m, n, 2)`; NaN beyond its border."""
+    grid = surface_grid(surface, (60, 60))
+    (a0, a1), (b0, b1) = surface.bounds()
+    a, b = np.meshgrid(np.linspace(a0, a1, 60), np.linspace(b0, b1, 60), indexing="ij")
+    spacing = np.array((a1 - a0) / 59), np.array((b1 - b0) / 59)
+    known = np.broadcast_to(np.asarray(surface.covered(a, b, spacing)), a.shape) > 0.5
+    flat = (grid - footprint.middle) @ footprint.axes.T
+    return np.where(known[..., None], flat, np.nan)
+
+
+def _shade(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:
+    from matplotlib.collections import PolyCollection
+
+    cells = np.stack(
+        [np.stack([z[:-1, :-1], z[1:, :-1], z[1:, 1:], z[:-1, 1:]], axis=-1) for z in (x, y)],
+        axis=-1,
+    ).reshape(-1, 4, 2)
+    cells = cells[np.isfinite(cells).all(axis=(1, 2))]
+    axes.add_collection(PolyCollection(cells, facecolors=LIGHT, edgecolors=LIGHT, linewidths=0.3))

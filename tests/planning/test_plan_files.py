@@ -1,0 +1,111 @@
+"""Plan files: what is refused, in one line, before a knee moves."""
+
+import copy
+
+import numpy as np
+import pytest
+import trimesh
+import yaml
+
+from kneejax.cli import main
+from kneejax.files import InputProblem, bone_surface
+from kneejax.parameters import UnknownParameter
+from kneejax.studies import read_plan
+
+PLAN = {"title": "a plan", "knee": "four_ligament", "graft": {"type": "hamstring"}}
+
+
+def read(folder, **fields):
+    plan = copy.deepcopy(PLAN) | fields
+    path = folder / "plan.yaml"
+    path.write_text(yaml.safe_dump(plan))
+    return read_plan(path)
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ({"graft": {"type": "hamstrings"}}, "graft.type: hamstrings"),
+        ({"graft": {"type": "hamstring", "bundles": 3}}, "graft.bundles: 3"),
+        ({"tunnel": {}}, "did you mean tunnels"),
+        ({"fixation": {"tension_N": 0}}, "a graft that is not pulled has no zero-load length"),
+        ({"fixation": {"tension_N": -40}}, "a graft that is not pulled has no zero-load length"),
+        ({"fixation": {"tension_N": [40, 40]}}, "a list of 1 numbers"),
+        ({"graft": {"type": "patellar_tendon", "bundles": 2}, "fixation": {"tension_N": 900}},
+         "less than the 892 N at which a bundle fails"),
+        ({"tunnels": {"tibia_mm": [[9.0, 0.0]]}}, "on the bone: anterior and medial within"),
+        ({"tunnels": {"femur_mm": [[0.0, 0.0], [1.0, 1.0]]}}, "two numbers each"),
+        ({"bones": {"femur": "nowhere.stl"}}, "a mesh of the femur; not at"),
+        ({"bones": {"patella": "patella.stl"}}, "bones.patella"),
+        ({"limits": {"graft_N": 4000}}, "at most the 2422 N at which it fails"),
+        ({"limits": {"tension_N": [90, 30]}}, "a lower and a larger upper limit"),
+        ({"lachman": {"flexion_deg": [200]}}, "lachman.flexion_deg"),
+        ({"flexion_deg": "80:0:5"}, "a step that leads from the first angle to the last"),
+        ({"map": {"points": 2}}, "map.points: 2"),
+        ({"optimum": {"free": ["patella"]}}, "one of tibia, femur, tension"),
+    ],
+)  # fmt: skip
+def test_one_line_says_what_is_wrong(tmp_path, fields, said):
+    with pytest.raises(InputProblem) as problem:
+        read(tmp_path, **fields)
+    assert said in str(problem.value)
+    assert "\n" not in str(problem.value)
+
+
+def test_a_ligament_that_the_knee_has_not(tmp_path):
+    with pytest.raises(UnknownParameter, match="no ligament 'ACI'; did you mean"):
+        read(tmp_path, ligament="ACI")
+
+
+def test_a_tunnel_lies_on_the_mesh_or_is_refused(tmp_path):
+    knee = read(tmp_path).surgery
+    plate = trimesh.creation.box((60.0, 2.0, 60.0))
+    plate.apply_translation(knee.tibia.middle - [0.0, 3.5, 0.0])
+    plate.export(tmp_path / "near.stl")
+    near = read(tmp_path, bones={"tibia": "near.stl"}, tunnels={"tibia_mm": [[9.0, 0.0]]})
+    point, slope = near.surgery.tibia.place(np.array([[9.0, 0.0]]))
+    assert point[0] - knee.tibia.middle == pytest.approx([9.0, -2.5, 0.0], abs=1e-6)
+    assert slope[0] == pytest.approx(knee.tibia.axes.T, abs=1e-9)
+    plate.apply_translation([0.0, -3.0, 0.0])
+    plate.export(tmp_path / "far.stl")
+    with pytest.raises(InputProblem, match=r"within 3 mm of the tibia's mesh; this is 5.5 mm off"):
+        read(tmp_path, bones={"tibia": "far.stl"})
+
+
+def test_the_nearest_point_of_a_ball_is_towards_its_middle(tmp_path):
+    ball = trimesh.creation.icosphere(4, radius=25.0)
+    ball.export(tmp_path / "ball.stl")
+    lay = bone_surface(tmp_path / "ball.stl")
+    points = np.array([[30.0, 0.0, 0.0], [10.0, 20.0, 5.0]])
+    laid, normals, far = lay(points)
+    away = points / np.linalg.norm(points, axis=1)[:, None]
+    assert laid == pytest.approx(25.0 * away, abs=0.1)
+    assert (normals * away).sum(axis=1) == pytest.approx([1.0, 1.0], abs=1e-3)
+    assert far == pytest.approx(np.abs(np.linalg.norm(points, axis=1) - 25.0), abs=0.1)
+
+
+def test_the_bundled_plan_is_paper_2s(tmp_path):
+    plan = read_plan("ten_bundle")
+    assert plan.surgery.plan.torn == ("aACL", "pACL")
+    assert len(plan.surgery.protocol.extension_deg) == 33
+    assert plan.octagon_mm == 10.0
+    assert plan.free_choices.all()
+
+
+def test_two_bundles_stand_where_the_halves_of_the_ligament_do(tmp_path):
+    plan = read(tmp_path, knee="ten_bundle", graft={"type": "hamstring", "bundles": 2})
+    assert plan.surgery.replaced == (("aACL",), ("pACL",))
+    ends, _ = plan.surgery.ends(plan.base[None])
+    own = plan.own.ligaments
+    # On the plane of the footprint, which passes through the middle of both.
+    assert ends[0, :, 3] == pytest.approx(np.asarray(own.tibial_attachment)[:2, 0])
+
+
+def test_bad_input_writes_nothing_and_ends_with_2(tmp_path, capsys):
+    (tmp_path / "plan.yaml").write_text(yaml.safe_dump(PLAN | {"graft": {"type": "wool"}}))
+    out = tmp_path / "out"
+    assert main(["plan", "acl", str(tmp_path / "plan.yaml"), "--out", str(out)]) == 2
+    assert "graft.type" in capsys.readouterr().err
+    assert not out.exists()
+    assert main(["plan", "acl", "--points", "2", "--out", str(out)]) == 2
+    assert "--points" in capsys.readouterr().err
