@@ -1,0 +1,189 @@
+"""A recorded movement as a row of balances: at each instant the knee holds what acts on it."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from kneejax.experiments._evaluate import Mechanics, evaluate
+from kneejax.experiments._motion import Motion, followed
+from kneejax.experiments.activity._tendon import tendon_of_quadriceps
+from kneejax.geometry import PATELLA, TIBIA, Pose, State
+from kneejax.mechanics import (
+    QUADRICEPS,
+    ConstantTensionLine,
+    Knee,
+    LegRecord,
+    Load,
+    Wrench,
+    add_lane_axis,
+    pull_of,
+)
+from kneejax.numerics import compiled
+from kneejax.statics import Stations, converged
+
+#: What pulls on the tibia for the quadriceps, among what acts.
+TENDON = "patellar tendon"
+#: Muscles are lines towards a tibia that moves a little under them: balances are found anew until
+#: no force changes by more, N (moments at 30 mm), and at most so often.
+_SAME_N, _MOST_ROUNDS, _ARM_MM = 0.05, 8, 30.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Activity:
+    """Balances of a knee over a recorded movement.
+
+    Attributes:
+        record: what was recorded.
+        motion: the balances, one an instant; NaN with its status where there is none.
+        mechanics: ligaments and contacts there.
+        acting: what acts on the tibia by name, about its origin along its axes, `(n, 6)` each, N
+            and N mm: record and muscles, without what the knee's own parts do.
+        rounds: how often all balances were found, for muscles whose lines moved with the tibia.
+        moved_N: by how much what acts changed in the last round, `(n,)`, N (moments at 30 mm).
+    """
+
+    record: LegRecord
+    motion: Motion
+    mechanics: Mechanics
+    acting: dict[str, np.ndarray]
+    rounds: int
+    moved_N: np.ndarray
+
+    @property
+    def holds(self) -> np.ndarray:
+        """Where there is a balance, `(n,)`."""
+        return np.asarray(converged(self.motion.status))
+
+    @property
+    def total(self) -> np.ndarray:
+        """All that acts together, `(n, 6)`."""
+        return sum(self.acting.values(), np.zeros((len(self.record.time_s), 6)))
+
+    @property
+    def held(self) -> dict[str, np.ndarray]:
+        """What the knee's own parts do to the tibia along its axes, `(n, 6)` each, as `acting`.
+
+        Ligaments together, and the contacts by name. With `acting` and the moment that holds
+        flexion they sum to zero.
+        """
+        motion, found = self.motion, self.mechanics
+        ligaments = np.asarray(_of_ligaments(motion.knee, motion.settled.state)).T
+        contacts = {
+            name: np.concatenate(
+                [np.asarray(found.contact_force)[:, k], np.asarray(found.contact_moment)[:, k]], 1
+            )
+            for k, name in enumerate(motion.knee.contact_names)
+            if motion.knee.contacts[k].bodies[1] == TIBIA
+        }
+        return {"ligaments": np.where(self.holds[:, None], ligaments, np.nan), **contacts}
+
+    @property
+    def residual_Nm(self) -> np.ndarray:
+        """Moment about the femur's transverse axis that is left over and holds flexion, `(n,)`.
+
+        Positive where the record would extend the knee, so that something must bend it.
+        """
+        return np.asarray(self.motion.reaction("flexion")) / 1000.0
+
+
+def activity(knee: Knee, record: LegRecord) -> Activity:
+    """Balance a knee at each instant of a recorded movement.
+
+    Flexion is the record's; the other coordinates balance under what acts on the leg below the
+    knee, quasi-statically: weight, inertia and ground as a wrench that follows the tibia, whose
+    place in space was recorded, and muscles along their lines. In a knee of two bones the
+    quadriceps pulls by its line `patellar_tendon` (`tendon_of_quadriceps`); in one of three, on
+    the patella.
+
+    Args:
+        knee: of two bones, or of three (`KneeFile.with_patella`).
+        record: from `kneejax.files.read_activity`.
+
+    Returns:
+        The balances. Derivatives of its motion by the knee hold the loads.
+
+    Raises:
+        ValueError: the quadriceps pulls on a patella and the knee has neither a patella nor a
+            line for its tendon.
+    """
+    quadriceps = record.quadriceps_N
+    tendon, body = _without_tendon(knee, bool(np.any(quadriceps > 0)))
+    state = State({TIBIA: Pose.from_table(jnp.asarray(record.pose))})
+    before, motion, rounds, moved = None, None, 0, np.full(len(record.time_s), np.inf)
+    acting: dict[str, np.ndarray] = {}
+    while rounds < _MOST_ROUNDS and not np.nanmax(moved, initial=0.0) <= _SAME_N:
+        acting = _acting(record, tendon, state)
+        total = sum(acting.values(), np.zeros((len(quadriceps), 6)))
+        if before is not None:
+            total = np.where(np.isfinite(total), total, before)
+            change = (total - before) / np.repeat([1.0, _ARM_MM], 3)
+            moved = np.abs(change).max(axis=1)
+            if moved.max() <= _SAME_N:
+                break
+        motion = followed(body, _stations(body, record, total))
+        before, rounds = total, rounds + 1
+        found = jax.lax.stop_gradient(motion.settled.state.tibia)
+        state = State({TIBIA: jax.tree.map(_known_or, found, state.tibia)})
+    assert motion is not None
+    mechanics = evaluate(motion.knee, motion.settled.state)
+    return Activity(record, motion, mechanics, acting, rounds, moved)
+
+
+def _known_or(new: Array, old: Array) -> Array:
+    return jnp.where(jnp.isnan(new), old, new)
+
+
+def _without_tendon(knee: Knee, needed: bool) -> tuple[ConstantTensionLine | None, Knee]:
+    """The line of the patellar tendon, and the knee without its pull."""
+    if PATELLA in knee.bodies:
+        return None, knee
+    if not knee.lines:
+        if needed:
+            expected = "a knee with a line patellar_tendon, or read with its patella"
+            raise ValueError(f"{knee.name} has nothing for the quadriceps to pull on: {expected}")
+        return None, knee
+    slack = tuple(dataclasses.replace(x, tension=0.0 * x.tension) for x in knee.lines)
+    line = dataclasses.replace(knee.lines[0], tension=jnp.ones(()))
+    return line, dataclasses.replace(knee, lines=slack)
+
+
+def _acting(record: LegRecord, tendon: ConstantTensionLine | None, state: State):
+    acting = dict(record.acting)
+    for name, wrench in zip(record.lines.names, record.lines.on_tibia(state), strict=True):
+        acting[name] = wrench
+    if tendon is not None and np.any(record.quadriceps_N > 0):
+        pull = tendon_of_quadriceps(record.quadriceps_N, record.pose[:, 0])
+        acting[TENDON] = pull[:, None] * np.asarray(_of_line(add_lane_axis(tendon), state)).T
+    return acting
+
+
+@compiled()
+def _of_line(line: ConstantTensionLine, state: State):
+    wrench, tibia = line.wrench(state), state.tibia.placement
+    parts = tibia.turn_back(wrench.force), tibia.turn_back(wrench.moment)
+    return jnp.stack(jnp.broadcast_arrays(*parts[0], *parts[1]))
+
+
+@compiled()
+def _of_ligaments(knee: Knee, state: State):
+    total = jnp.zeros((6, *state.shape))
+    for pair, parts in add_lane_axis(knee).ligaments.pull(state)[0].between.items():
+        if pair[1] == TIBIA:
+            there, whole = state.between(pair), Wrench.total(parts)
+            force, moment = there.turn_back(whole.force), there.turn_back(whole.moment)
+            total = total + jnp.stack(jnp.broadcast_arrays(*force, *moment))
+    return total
+
+
+def _stations(knee: Knee, record: LegRecord, total: np.ndarray) -> Stations:
+    loads = [Load(total[:, :3], total[:, 3:], np.zeros((len(total), 3)), axes=TIBIA, name="leg")]
+    if PATELLA in knee.bodies:
+        assert knee.muscles is not None
+        rest = float(jnp.sum(knee.muscles.tension[np.array(knee.muscles.quadriceps)]))
+        loads.insert(0, pull_of(QUADRICEPS, record.quadriceps_N - rest))
+    return Stations.at(record.pose[:, 0], loads)

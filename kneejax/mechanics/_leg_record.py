@@ -1,0 +1,96 @@
+"""What was recorded of a leg that moved: where its bones were, and what acted on its tibia."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from kneejax.geometry import FEMUR_AND_TIBIA, State, scale
+from kneejax.mechanics._knee import add_lane_axis
+from kneejax.mechanics._muscles import Muscles
+from kneejax.mechanics.ligaments import Course
+from kneejax.numerics import compiled
+
+
+class Lines(eqx.Module):
+    """Muscles over a knee, each as the piece that leaves the thigh for the leg below the knee.
+
+    What runs along the thigh or below the knee does no work on the knee.
+
+    Attributes:
+        first: last point above the knee, in the femur's frame, `(lines, 3, n)`, mm: points on the
+            pelvis move in it.
+        second: first point below the knee, in the tibia's frame, `(lines, 3, n)`, mm.
+        tension: `(lines, n)`, N.
+        courses: around obstacles; one with an end inside its obstacle runs straight, as OpenSim
+            has it.
+        names: one a line.
+    """
+
+    first: Array
+    second: Array
+    tension: Array
+    courses: tuple[Course, ...]
+    names: tuple[str, ...] = eqx.field(static=True)
+
+    def on_tibia(self, state: State) -> np.ndarray:
+        """What each does to the tibia about its origin, along the tibia's own axes.
+
+        Args:
+            state: of the bones, one an instant.
+
+        Returns:
+            `(lines, n, 6)`, N and N mm.
+        """
+        return np.asarray(_on_tibia(self, state)).transpose(1, 2, 0)
+
+
+@compiled()
+def _on_tibia(lines: Lines, state: State) -> Array:
+    courses = add_lane_axis(lines.courses)
+    ends = lines.first, lines.second, lines.tension, lines.names
+    bent, straight = (Muscles(*ends, own, (FEMUR_AND_TIBIA,) * len(lines.names)) for own in
+                      (courses, ()))  # fmt: skip
+    inside = bent.length_and_wrap(state)[1].inside
+    found = [x.unit_wrenches(state) for x in (bent, straight)]
+    unit = jax.tree.map(lambda a, b: jnp.where(inside, b, a), *found)
+    tibia = state.tibia.placement
+    parts = [tibia.turn_back(scale(lines.tension, x)) for x in (unit.force, unit.moment)]
+    return jnp.stack(jnp.broadcast_arrays(*parts[0], *parts[1]))
+
+
+@dataclasses.dataclass(frozen=True)
+class LegRecord:
+    """A recorded movement, as a knee needs it.
+
+    Attributes:
+        time_s: of the instants, `(n,)`.
+        pose: of the tibia in the femur in the record, `(n, 6)`, degrees and mm, in the order of
+            `kneejax.geometry.COLUMNS`.
+        acting: what acts on the leg below the knee besides muscles, by name, about the tibia's
+            origin along its axes, `(n, 6)` each, N and N mm.
+        lines: muscles from the thigh to the leg below the knee.
+        quadriceps_N: together, of those that end on the patella, `(n,)`.
+        ground_N: force of the ground on this foot, `(n, 3)`, in the ground's axes; zero without a
+            record of it.
+        same_frames: whether the knee was made of this model, so that frames are the same.
+        mass_kg: of the leg below the knee.
+        notes: what was taken as what, a sentence each.
+        doubts: what a person should look at.
+    """
+
+    time_s: np.ndarray
+    pose: np.ndarray
+    acting: dict[str, np.ndarray]
+    lines: Lines
+    quadriceps_N: np.ndarray
+    ground_N: np.ndarray
+    same_frames: bool
+    mass_kg: float
+    notes: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
