@@ -10,11 +10,14 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from kneejax.geometry import FEMUR_AND_TIBIA, State, scale
+from kneejax.geometry import FEMUR_AND_TIBIA, TIBIA, Pose, State, scale
 from kneejax.mechanics._knee import add_lane_axis
 from kneejax.mechanics._muscles import Muscles
 from kneejax.mechanics.ligaments import Course
 from kneejax.numerics import compiled
+
+#: Instants of a call: one program serves records of any length.
+_LANES = 64
 
 
 class Lines(eqx.Module):
@@ -38,24 +41,33 @@ class Lines(eqx.Module):
     courses: tuple[Course, ...]
     names: tuple[str, ...] = eqx.field(static=True)
 
-    def on_tibia(self, state: State) -> np.ndarray:
+    def on_tibia(self, rows: np.ndarray, tibia: np.ndarray) -> np.ndarray:
         """What each does to the tibia about its origin, along the tibia's own axes.
 
         Args:
-            state: of the bones, one an instant.
+            rows: instants, `(m,)`.
+            tibia: where it is there, degrees and mm, `(m, 6)`.
 
         Returns:
-            `(lines, n, 6)`, N and N mm.
+            `(lines, m, 6)`, N and N mm.
         """
-        return np.asarray(_on_tibia(self, state)).transpose(1, 2, 0)
+        numbers = [np.asarray(x) for x in (self.first, self.second, self.tension)]
+        found = np.zeros((len(self.names), len(rows), 6))
+        for begin in range(0, len(rows) if self.names else 0, _LANES):
+            own = np.minimum(np.arange(begin, begin + _LANES), len(rows) - 1)
+            first, second, tension = (x[..., rows[own]] for x in numbers)
+            here = Lines(first, second, tension, self.courses, self.names)  # pyright: ignore[reportArgumentType]
+            part = np.asarray(_on_tibia(here, tibia[own]))[..., : len(rows) - begin]
+            found[:, begin : begin + _LANES] = part.transpose(1, 2, 0)
+        return found
 
 
 @compiled()
-def _on_tibia(lines: Lines, state: State) -> Array:
-    courses = add_lane_axis(lines.courses)
+def _on_tibia(lines: Lines, table: Array) -> Array:
+    state, courses = State({TIBIA: Pose.from_table(table)}), add_lane_axis(lines.courses)
     ends = lines.first, lines.second, lines.tension, lines.names
-    bent, straight = (Muscles(*ends, own, (FEMUR_AND_TIBIA,) * len(lines.names)) for own in
-                      (courses, ()))  # fmt: skip
+    pairs = (FEMUR_AND_TIBIA,) * len(lines.names)
+    bent, straight = (Muscles(*ends, own, pairs) for own in (courses, ()))
     inside = bent.length_and_wrap(state)[1].inside
     found = [x.unit_wrenches(state) for x in (bent, straight)]
     unit = jax.tree.map(lambda a, b: jnp.where(inside, b, a), *found)

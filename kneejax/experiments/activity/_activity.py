@@ -10,7 +10,8 @@ import numpy as np
 from jax import Array
 
 from kneejax.experiments._evaluate import Mechanics, evaluate
-from kneejax.experiments._motion import Motion, followed
+from kneejax.experiments._motion import Motion
+from kneejax.experiments.activity._instants import Instants
 from kneejax.experiments.activity._tendon import tendon_of_quadriceps
 from kneejax.geometry import PATELLA, TIBIA, Pose, State
 from kneejax.mechanics import (
@@ -23,14 +24,11 @@ from kneejax.mechanics import (
     add_lane_axis,
     pull_of,
 )
-from kneejax.numerics import compiled
+from kneejax.numerics import compiled, filled
 from kneejax.statics import Stations, converged
 
 #: What pulls on the tibia for the quadriceps, among what acts.
 TENDON = "patellar tendon"
-#: Muscles are lines towards a tibia that moves a little under them: balances are found anew until
-#: no force changes by more, N (moments at 30 mm), and at most so often.
-_SAME_N, _MOST_ROUNDS, _ARM_MM = 0.05, 8, 30.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -111,31 +109,23 @@ def activity(knee: Knee, record: LegRecord) -> Activity:
         ValueError: the quadriceps pulls on a patella and the knee has neither a patella nor a
             line for its tendon.
     """
-    quadriceps = record.quadriceps_N
-    tendon, body = _without_tendon(knee, bool(np.any(quadriceps > 0)))
-    state = State({TIBIA: Pose.from_table(jnp.asarray(record.pose))})
-    before, motion, rounds, moved = None, None, 0, np.full(len(record.time_s), np.inf)
-    acting: dict[str, np.ndarray] = {}
-    while rounds < _MOST_ROUNDS and not np.nanmax(moved, initial=0.0) <= _SAME_N:
-        acting = _acting(record, tendon, state)
-        total = sum(acting.values(), np.zeros((len(quadriceps), 6)))
-        if before is not None:
-            total = np.where(np.isfinite(total), total, before)
-            change = (total - before) / np.repeat([1.0, _ARM_MM], 3)
-            moved = np.abs(change).max(axis=1)
-            if moved.max() <= _SAME_N:
-                break
-        motion = followed(body, _stations(body, record, total))
-        before, rounds = total, rounds + 1
-        found = jax.lax.stop_gradient(motion.settled.state.tibia)
-        state = State({TIBIA: jax.tree.map(_known_or, found, state.tibia)})
-    assert motion is not None
+    tendon, body = _without_tendon(knee, bool(np.any(record.quadriceps_N > 0)))
+    still = jax.lax.stop_gradient(body)
+
+    def acting(rows: np.ndarray, tibia: np.ndarray) -> np.ndarray:
+        parts = _acting(record, tendon, rows, tibia).values()
+        return sum(parts, np.zeros((len(rows), 6)))
+
+    def at(rows: np.ndarray, total: np.ndarray) -> Stations:
+        return _stations(still, record, rows, total)
+
+    found = Instants.of(still, record.pose[:, 0], acting, at, record.pose)
+    motion = found.motion(body)
+    every = np.arange(len(record.time_s))
+    tibia = np.where(np.isnan(found.poses), record.pose, found.poses)
+    parts = _acting(record, tendon, every, tibia)
     mechanics = evaluate(motion.knee, motion.settled.state)
-    return Activity(record, motion, mechanics, acting, rounds, moved)
-
-
-def _known_or(new: Array, old: Array) -> Array:
-    return jnp.where(jnp.isnan(new), old, new)
+    return Activity(record, motion, mechanics, parts, found.rounds, found.moved)
 
 
 def _without_tendon(knee: Knee, needed: bool) -> tuple[ConstantTensionLine | None, Knee]:
@@ -152,19 +142,24 @@ def _without_tendon(knee: Knee, needed: bool) -> tuple[ConstantTensionLine | Non
     return line, dataclasses.replace(knee, lines=slack)
 
 
-def _acting(record: LegRecord, tendon: ConstantTensionLine | None, state: State):
-    acting = dict(record.acting)
-    for name, wrench in zip(record.lines.names, record.lines.on_tibia(state), strict=True):
+def _acting(
+    record: LegRecord, tendon: ConstantTensionLine | None, rows: np.ndarray, tibia: np.ndarray
+) -> dict[str, np.ndarray]:
+    """What acts on the tibia by name at some instants, `(rows, 6)` each."""
+    acting = {name: wrench[rows] for name, wrench in record.acting.items()}
+    for name, wrench in zip(record.lines.names, record.lines.on_tibia(rows, tibia), strict=True):
         acting[name] = wrench
     if tendon is not None and np.any(record.quadriceps_N > 0):
-        pull = tendon_of_quadriceps(record.quadriceps_N, record.pose[:, 0])
-        acting[TENDON] = pull[:, None] * np.asarray(_of_line(add_lane_axis(tendon), state)).T
+        pull = tendon_of_quadriceps(record.quadriceps_N[rows], record.pose[rows, 0])
+        unit = np.asarray(_of_line(tendon, filled(tibia.T).T))[:, : len(rows)]
+        acting[TENDON] = pull[:, None] * unit.T
     return acting
 
 
 @compiled()
-def _of_line(line: ConstantTensionLine, state: State):
-    wrench, tibia = line.wrench(state), state.tibia.placement
+def _of_line(line: ConstantTensionLine, table: Array) -> Array:
+    state = State({TIBIA: Pose.from_table(table)})
+    wrench, tibia = add_lane_axis(line).wrench(state), state.tibia.placement
     parts = tibia.turn_back(wrench.force), tibia.turn_back(wrench.moment)
     return jnp.stack(jnp.broadcast_arrays(*parts[0], *parts[1]))
 
@@ -180,10 +175,10 @@ def _of_ligaments(knee: Knee, state: State):
     return total
 
 
-def _stations(knee: Knee, record: LegRecord, total: np.ndarray) -> Stations:
-    loads = [Load(total[:, :3], total[:, 3:], np.zeros((len(total), 3)), axes=TIBIA, name="leg")]
+def _stations(knee: Knee, record: LegRecord, rows: np.ndarray, total: np.ndarray) -> Stations:
+    loads = [Load(total[:, :3], total[:, 3:], np.zeros((len(rows), 3)), axes=TIBIA, name="leg")]
     if PATELLA in knee.bodies:
         assert knee.muscles is not None
         rest = float(jnp.sum(knee.muscles.tension[np.array(knee.muscles.quadriceps)]))
-        loads.insert(0, pull_of(QUADRICEPS, record.quadriceps_N - rest))
-    return Stations.at(record.pose[:, 0], loads)
+        loads.insert(0, pull_of(QUADRICEPS, record.quadriceps_N[rows] - rest))
+    return Stations.at(record.pose[rows, 0], loads)
