@@ -13,7 +13,7 @@ from kneejax.experiments._evaluate import Mechanics, evaluate
 from kneejax.experiments._motion import Motion
 from kneejax.experiments.activity._instants import Instants
 from kneejax.experiments.activity._tendon import tendon_of_quadriceps
-from kneejax.geometry import PATELLA, TIBIA, Pose, State
+from kneejax.geometry import FEMUR_AND_TIBIA, PATELLA, TIBIA, Pose, State
 from kneejax.mechanics import (
     QUADRICEPS,
     ConstantTensionLine,
@@ -41,8 +41,9 @@ class Activity:
         mechanics: ligaments and contacts there.
         acting: what acts on the tibia by name, about its origin along its axes, `(n, 6)` each, N
             and N mm: record and muscles, without what the knee's own parts do.
-        rounds: how often all balances were found, for muscles whose lines moved with the tibia.
-        moved_N: by how much what acts changed in the last round, `(n,)`, N (moments at 30 mm).
+        rounds: how often balances were found anew, for muscles whose lines move with the tibia.
+        moved_N: by how much what acts differs from what a balance was found under, `(n,)`, N
+            (moments at 30 mm); infinite where there is none.
     """
 
     record: LegRecord
@@ -64,27 +65,29 @@ class Activity:
 
     @property
     def held(self) -> dict[str, np.ndarray]:
-        """What the knee's own parts do to the tibia along its axes, `(n, 6)` each, as `acting`.
-
-        Ligaments together, and the contacts by name. With `acting` and the moment that holds
-        flexion they sum to zero.
-        """
+        """What the knee's own parts do to the tibia along its axes, `(n, 6)` each, as `acting`:
+        the ligaments together, the contacts by name."""
         motion, found = self.motion, self.mechanics
         ligaments = np.asarray(_of_ligaments(motion.knee, motion.settled.state)).T
-        contacts = {
-            name: np.concatenate(
-                [np.asarray(found.contact_force)[:, k], np.asarray(found.contact_moment)[:, k]], 1
-            )
-            for k, name in enumerate(motion.knee.contact_names)
-            if motion.knee.contacts[k].bodies[1] == TIBIA
-        }
-        return {"ligaments": np.where(self.holds[:, None], ligaments, np.nan), **contacts}
+        answer = {"ligaments": np.where(self.holds[:, None], ligaments, np.nan)}
+        for k, name in enumerate(motion.knee.contact_names):
+            if motion.knee.contacts[k].bodies == FEMUR_AND_TIBIA:
+                both = found.contact_force, found.contact_moment
+                answer[name] = np.concatenate([np.asarray(x)[:, k] for x in both], axis=1)
+        return answer
+
+    @property
+    def left_over(self) -> np.ndarray:
+        """What all together leaves over, `(n, 6)`: no force, and the moment against which flexion is
+        held."""
+        return self.total + sum(self.held.values(), np.zeros(self.total.shape))
 
     @property
     def residual_Nm(self) -> np.ndarray:
-        """Moment about the femur's transverse axis that is left over and holds flexion, `(n,)`.
+        """Moment that holds flexion, `(n,)`: nothing where record and knee agree.
 
-        Positive where the record would extend the knee, so that something must bend it.
+        Positive where the knee would extend under what the record says, so that something must
+        bend it.
         """
         return np.asarray(self.motion.reaction("flexion")) / 1000.0
 

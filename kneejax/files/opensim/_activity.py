@@ -175,6 +175,10 @@ def _moved(model: Model, bones: OsimKneeJoint, table: Storage, time: np.ndarray)
     if table.in_degrees:
         angles = turning(read_joints(model))
         values = {k: np.deg2rad(x) if k in angles else x for k, x in values.items()}
+    # Translations and small rotations of a knee follow its balance without inertia of their own.
+    for name in {c.name for joint in bones.joints for c in joint.coordinates} & {*values}:
+        if name != flexion_coordinate(model, bones):
+            values[name] = np.broadcast_to(values[name][2], values[name].shape)
     around = moved(model, values)
     placed = {name: there.at(2) for name, there in around.placed.items()}
     here = Movement(model, around.joints, {k: x[2] for k, x in around.values.items()}, placed)

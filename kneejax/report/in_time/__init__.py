@@ -1,4 +1,5 @@
 """What a knee does through time."""
 
+from kneejax.report.in_time._figures import bundles as bundles
 from kneejax.report.in_time._figures import transient_figure as transient_figure
 from kneejax.report.in_time._text import transient_lines as transient_lines
