@@ -34,6 +34,8 @@ _GUESSED = "q", "meeting", "tangent"
 _PER_MM = np.array(scales(FREE_COORDINATES)) * table_units(FREE_COORDINATES)
 #: Part of a change that a step takes.
 _SHARES = 0.1, 2.0
+#: What is left of a step that led nowhere.
+_SHORTER = 0.3
 
 #: What acts on the tibia at some instants, where it is given (degrees and mm): `(rows, 6)` both.
 Acting = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -86,7 +88,8 @@ class Instants:
         found._repeat(anchors)
         found._between(anchors)
         found._repeat(every)
-        found._in_time()
+        found._in_time(1)
+        found._in_time(-1)
         return found
 
     @property
@@ -162,10 +165,15 @@ class Instants:
                 return
             share[rows] = _relaxed(share[rows], change, last[rows])
             last[rows] = change
+            before = self._kept(rows)
             self.total[rows] += share[rows, None] * change * _PER_N
             self.rounds += 1
             self._near(rows, [self.nodes[x][rows] for x in _GUESSED])
-            rows = rows[self._known(rows)]
+            lost = ~self._known(rows)
+            if lost.any():  # Too long a step: from where it began, a shorter one.
+                self._put_back(rows[lost], before, lost)
+                share[rows[lost]] *= _SHORTER
+                last[rows[lost]] = np.nan
 
     def _between(self, known: np.ndarray) -> None:
         """Find what lies between instants that are known, half-way first."""
@@ -192,27 +200,43 @@ class Instants:
             return np.repeat(self.nodes[name][good], len(rows), axis=0)
         return PchipInterpolator(good, self.nodes[name][good], axis=0)(rows)
 
-    def _in_time(self) -> None:
+    def _in_time(self, way: int) -> None:
         """Where an instant lies far from the one before, or has no balance: begin at that one.
 
         A knee that may be in balance in two ways stays on the one that it is on.
+
+        Args:
+            way: 1 from the first on; -1 from the last backwards, where there is no balance only.
         """
-        for row in range(1, len(self.flexion)):
-            here, last = np.array([row]), np.array([row - 1])
-            jump = np.abs(self.poses_of(here) - self.poses_of(last))[:, 1:] / _PER_MM
-            if not self._known(last).all() or jump.max() <= _MISSED_MM:
+        for row in range(len(self.flexion))[::way][1:]:
+            here, last = np.array([row]), np.array([row - way])
+            if not self._known(last)[0] or self._jump(here, last) <= _MISSED_MM:
                 continue
-            kept = {name: values[row].copy() for name, values in self.nodes.items()}
-            total, moved, reached = self.total[row].copy(), self.moved[row], self.reached[row]
+            if way < 0 and self._known(here)[0]:
+                continue
+            before = self._kept(here)
             begin = [self.nodes[x][last] for x in _GUESSED]
             self.total[row] = self.acting(here, self.tibia(here, begin[0]))
             if self._near(here, begin)[0] <= _MISSED_MM:
                 self._repeat(here)
-            stayed = np.abs(self.poses_of(here) - self.poses_of(last))[:, 1:] / _PER_MM
-            if not stayed.max() <= _MISSED_MM:
-                for name, values in self.nodes.items():
-                    values[row] = kept[name]
-                self.total[row], self.moved[row], self.reached[row] = total, moved, reached
+            if not self._jump(here, last) <= _MISSED_MM:
+                self._put_back(here, before, np.array([True]))
+
+    def _jump(self, here: np.ndarray, last: np.ndarray) -> float:
+        """How far the tibia moves between two instants, mm; NaN without a balance."""
+        moved = np.abs(self.poses_of(here) - self.poses_of(last))[:, 1:] / _PER_MM
+        return float(moved.max())
+
+    def _kept(self, rows: np.ndarray) -> list[np.ndarray]:
+        """All that is known of some instants."""
+        return [x[rows].copy() for x in self._every()]
+
+    def _put_back(self, rows: np.ndarray, kept: list[np.ndarray], some: np.ndarray) -> None:
+        for values, old in zip(self._every(), kept, strict=True):
+            values[rows] = old[some]
+
+    def _every(self) -> list[np.ndarray]:
+        return [*self.nodes.values(), self.total, self.moved, self.reached]
 
 
 def _relaxed(share: np.ndarray, change: np.ndarray, last: np.ndarray) -> np.ndarray:
