@@ -90,6 +90,10 @@ class Instants:
         found._repeat(every)
         found._in_time(1)
         found._in_time(-1)
+        lost = every[~found._known(every)]
+        if len(lost):
+            found._walk(lost)
+            found._repeat(lost)
         return found
 
     @property
@@ -183,12 +187,11 @@ class Instants:
             rows = (first[apart] + last[apart]) // 2
             begin = [self._expected(rows, known, x) for x in _GUESSED]
             lost = np.isnan(begin[0]).any(axis=1)
-            if not lost.any():
+            if lost.any():
+                self._walk(rows)
+            else:
                 self.total[rows] = self.acting(rows, self.tibia(rows, begin[0]))
                 self._near(rows, begin)
-            gone = rows if lost.any() else rows[~self._known(rows)]
-            if len(gone):
-                self._walk(gone)
             known = np.sort(np.r_[known, rows])
 
     def _expected(self, rows: np.ndarray, known: np.ndarray, name: str) -> np.ndarray:

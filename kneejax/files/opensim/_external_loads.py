@@ -75,7 +75,7 @@ def read_external_loads(path: str | os.PathLike[str], model: Model) -> ExternalL
              if e.tag == "ExternalForce" and _applies(e)]  # fmt: skip
     if not found:
         raise file.problem(top, "objects", "none", "at least one ExternalForce")
-    return ExternalLoads(table, tuple(found), tuple(_doubts(Path(path).name, found)))
+    return ExternalLoads(table, tuple(found), tuple(_doubts(Path(path).name, found, table)))
 
 
 def _applies(element: Element) -> bool:
@@ -112,17 +112,22 @@ def _force(file: XmlFile, element: Element, model: Model, table: Storage) -> Ext
     )
 
 
-def _doubts(file: str, forces: list[ExternalForce]):
+def _doubts(file: str, forces: list[ExternalForce], table: Storage):
+    """Torques that look like another force's: another one of the table is called more alike."""
+    spins = [name for name in table.columns if "torque" in name.lower() and name[-1:] == "x"]
     for one in forces:
-        for other in forces:
-            if one is not other and one.torque and other.torque and one.torque != other.torque:
-                own = len(os.path.commonprefix([one.force[0], one.torque[0]]))
-                crossed = len(os.path.commonprefix([one.force[0], other.torque[0]]))
-                if crossed > own:
-                    yield (
-                        f"{file}: force {one.name} takes its torque from {one.torque[0][:-1]}, which "
-                        f"looks like the other side's; {other.torque[0][:-1]} would fit its force."
-                    )
+        if one.torque:
+            nearest = max([one.torque[0], *spins], key=lambda name, own=one: _like(name, own.force[0]))
+            if _like(nearest, one.force[0]) > _like(one.torque[0], one.force[0]):
+                yield (
+                    f"{file}: force {one.name} takes its torque from {one.torque[0][:-1]}; "
+                    f"{nearest[:-1]} would fit its force."
+                )
+
+
+def _like(first: str, second: str) -> int:
+    """How many letters two names begin with together."""
+    return len(os.path.commonprefix([first.lower(), second.lower()]))
 
 
 def on_bodies(
