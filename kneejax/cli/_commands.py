@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import importlib
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from kneejax.cli._activity_command import add_activity
@@ -43,9 +44,9 @@ def build_parser() -> Parser:
     parser.add_argument("--version", action=ShowVersion, help="show versions and exit")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND")
     for add in (
-        _add_knees, _add_describe, _add_simulate, _add_activity, _add_evaluate, _add_calibrate, _add_map,
-        _add_sensitivity, _add_identify, _add_reproduce, _add_view, _add_joint, _add_import,
-        _add_export, _add_cohort, _add_rerun, _add_completion,
+        _add_knees, _add_describe, _add_simulate, partial(add_activity, lazily=_lazily),
+        _add_evaluate, _add_calibrate, _add_map, _add_sensitivity, _add_identify, _add_reproduce,
+        _add_view, _add_joint, _add_import, _add_export, _add_cohort, _add_rerun, _add_completion,
     ):  # fmt: skip
         add(commands)
     return parser
@@ -366,10 +367,6 @@ def _add_export(commands) -> None:
 
 def _add_cohort(commands) -> None:
     add_cohort(commands, _lazily)
-
-
-def _add_activity(commands) -> None:
-    add_activity(commands, _lazily)
 
 
 def _add_rerun(commands) -> None:

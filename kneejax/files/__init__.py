@@ -148,11 +148,11 @@ if TYPE_CHECKING:
     from kneejax.files.tables import LabTable as LabTable
     from kneejax.files.tables import read_candidates as read_candidates
     from kneejax.files.tables import read_lab_table as read_lab_table
-    from kneejax.files.tables import read_storage as read_storage
     from kneejax.files.tables import read_loads as read_loads
     from kneejax.files.tables import read_loads_over_time as read_loads_over_time
     from kneejax.files.tables import read_patella_poses as read_patella_poses
     from kneejax.files.tables import read_poses as read_poses
+    from kneejax.files.tables import read_storage as read_storage
     from kneejax.files.tables import write_poses as write_poses
     from kneejax.files.tables import write_rows as write_rows
 else:

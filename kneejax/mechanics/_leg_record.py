@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 
 import equinox as eqx
 import jax
@@ -16,6 +17,8 @@ from kneejax.mechanics._muscles import Muscles
 from kneejax.mechanics.ligaments import Course
 from kneejax.numerics import compiled
 
+#: Names of the quadriceps' heads.
+_HEAD = re.compile(r"rec|vas", re.IGNORECASE)
 #: Instants of a call: one program serves records of any length.
 _LANES = 64
 
@@ -40,6 +43,17 @@ class Lines(eqx.Module):
     tension: Array
     courses: tuple[Course, ...]
     names: tuple[str, ...] = eqx.field(static=True)
+
+    def only(self, rows: tuple[int, ...]) -> Lines:
+        """Some of the lines, in order."""
+        courses = [
+            dataclasses.replace(course, rows=kept, via=course.via[:, : len(kept)])
+            for course in self.courses
+            if (kept := tuple(rows.index(row) for row in course.rows if row in rows))
+        ]
+        some = np.array(rows, int)
+        ends = (x[some] for x in (self.first, self.second, self.tension))
+        return Lines(*ends, tuple(courses), tuple(self.names[row] for row in rows))
 
     def on_tibia(self, rows: np.ndarray, tibia: np.ndarray) -> np.ndarray:
         """What each does to the tibia about its origin, along the tibia's own axes.
@@ -106,3 +120,17 @@ class LegRecord:
     mass_kg: float
     notes: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
+
+    def with_heads_on_patella(self) -> LegRecord:
+        """The same where heads of the quadriceps that end on the tibia pull on the patella.
+
+        Models without a patella have them end there; they are known by their names (`rec...`,
+        `vas...`).
+        """
+        heads = [_HEAD.match(name) is not None for name in self.lines.names]
+        if not any(heads):
+            return self
+        on, off = (np.flatnonzero(np.array(heads) == own) for own in (True, False))
+        lines = self.lines.only(tuple(int(row) for row in off))
+        pull = self.quadriceps_N + np.asarray(self.lines.tension)[on].sum(axis=0)
+        return dataclasses.replace(self, lines=lines, quadriceps_N=pull)

@@ -78,8 +78,8 @@ class Activity:
 
     @property
     def left_over(self) -> np.ndarray:
-        """What all together leaves over, `(n, 6)`: no force, and the moment against which flexion is
-        held."""
+        """What all together leaves over, `(n, 6)`: no force, and the moment that flexion is held
+        against."""
         return self.total + sum(self.held.values(), np.zeros(self.total.shape))
 
     @property
@@ -112,6 +112,8 @@ def activity(knee: Knee, record: LegRecord) -> Activity:
         ValueError: the quadriceps pulls on a patella and the knee has neither a patella nor a
             line for its tendon.
     """
+    if PATELLA in knee.bodies:
+        record = record.with_heads_on_patella()
     tendon, body = _without_tendon(knee, bool(np.any(record.quadriceps_N > 0)))
     still = jax.lax.stop_gradient(body)
 

@@ -25,7 +25,7 @@ _ANCHORS = 25
 _MISSED_MM = 2.0
 #: Muscles are lines towards a tibia that moves a little under them: balances are found anew until
 #: what acts changes by less, N (moments at 30 mm), or so often.
-SAME_N, _MOST_ROUNDS = 0.1, 15
+SAME_N, _MOST_ROUNDS = 0.5, 10
 #: What a wrench is counted by: moments at 30 mm.
 _PER_N = np.repeat([1.0, 30.0], 3)
 #: Fields of a balance from which a search begins.
@@ -106,7 +106,7 @@ class Instants:
         return self.tibia(rows, self.nodes["q"][rows])
 
     def motion(self, knee: Knee) -> Motion:
-        """All of them as one motion of a knee with equal numbers, of which derivatives are asked."""
+        """All of them as one motion of a knee of equal numbers, of which derivatives are asked."""
         stations = self.at(np.arange(len(self.flexion)), self.total).of(knee)
         nodes = {name: np.moveaxis(x, 0, -1) for name, x in self.nodes.items()}
         settled = settled_of(stations, nodes)
@@ -211,24 +211,23 @@ class Instants:
         Args:
             way: 1 from the first on; -1 from the last backwards, where there is no balance only.
         """
+        poses = self.poses / np.r_[1.0, _PER_MM]
         for row in range(len(self.flexion))[::way][1:]:
             here, last = np.array([row]), np.array([row - way])
-            if not self._known(last)[0] or self._jump(here, last) <= _MISSED_MM:
-                continue
-            if way < 0 and self._known(here)[0]:
+            known = not np.isnan(poses[row, 1])
+            near = np.abs(poses[row, 1:] - poses[row - way, 1:]).max() <= _MISSED_MM
+            if near or np.isnan(poses[row - way, 1]) or (way < 0 and known):
                 continue
             before = self._kept(here)
             begin = [self.nodes[x][last] for x in _GUESSED]
             self.total[row] = self.acting(here, self.tibia(here, begin[0]))
             if self._near(here, begin)[0] <= _MISSED_MM:
                 self._repeat(here)
-            if not self._jump(here, last) <= _MISSED_MM:
+            found = self.poses_of(here)[0] / np.r_[1.0, _PER_MM]
+            if np.abs(found[1:] - poses[row - way, 1:]).max() <= _MISSED_MM:
+                poses[row] = found
+            else:
                 self._put_back(here, before, np.array([True]))
-
-    def _jump(self, here: np.ndarray, last: np.ndarray) -> float:
-        """How far the tibia moves between two instants, mm; NaN without a balance."""
-        moved = np.abs(self.poses_of(here) - self.poses_of(last))[:, 1:] / _PER_MM
-        return float(moved.max())
 
     def _kept(self, rows: np.ndarray) -> list[np.ndarray]:
         """All that is known of some instants."""

@@ -40,9 +40,6 @@ from kneejax.mechanics import Knee, LegRecord, MovingMass, wrench_in_frame
 
 #: Between the five instants by which accelerations are taken, s.
 _STEP_S = 5e-4
-#: Muscles that end on the tibia and are a quadriceps' head all the same, if a path moves with
-#: flexion: models without a patella have it so.
-_HEADS = ("rect", "vas")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -211,7 +208,8 @@ def _acting(given: _Files, movement: Movement, around: Movement, below, frame: R
         inertia = inertia[0] + for_inertia[0], inertia[1] + for_inertia[1]
     ground = on_bodies(given.ground, movement, below, time)
     parts = {"ground": ground, "weight": weight, "inertia": inertia}
-    return {name: _on_tibia(*pair, frame) for name, pair in parts.items()}, total, ground[0]
+    found = {name: _on_tibia(pair[0], pair[1], frame) for name, pair in parts.items()}
+    return found, total, ground[0]
 
 
 def _on_tibia(force: np.ndarray, moment: np.ndarray, frame: Rigid) -> np.ndarray:

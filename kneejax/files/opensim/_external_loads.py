@@ -117,17 +117,19 @@ def _doubts(file: str, forces: list[ExternalForce], table: Storage):
     spins = [name for name in table.columns if "torque" in name.lower() and name[-1:] == "x"]
     for one in forces:
         if one.torque:
-            nearest = max([one.torque[0], *spins], key=lambda name, own=one: _like(name, own.force[0]))
-            if _like(nearest, one.force[0]) > _like(one.torque[0], one.force[0]):
+            likeness = {name: _like(name, one.force[0]) for name in [one.torque[0], *spins]}
+            nearest = max(likeness, key=lambda name: likeness[name])
+            if likeness[nearest] > likeness[one.torque[0]]:
+                own = one.torque[0][:-1].rstrip("_")
                 yield (
-                    f"{file}: force {one.name} takes its torque from {one.torque[0][:-1]}; "
-                    f"{nearest[:-1]} would fit its force."
+                    f"{file}: force {one.name} takes its torque from {own}; "
+                    f"{nearest[:-1].rstrip('_')} would fit its force."
                 )
 
 
-def _like(first: str, second: str) -> int:
-    """How many letters two names begin with together."""
-    return len(os.path.commonprefix([first.lower(), second.lower()]))
+def _like(torque: str, force: str) -> int:
+    """How many letters two columns begin with together, but for the word that says which it is."""
+    return len(os.path.commonprefix([torque.lower().replace("torque", "force"), force.lower()]))
 
 
 def on_bodies(

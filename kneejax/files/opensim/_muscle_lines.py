@@ -13,7 +13,7 @@ from kneejax.files.opensim._functions import evaluate, function_of
 from kneejax.files.opensim._knee import OsimKneeJoint
 from kneejax.files.opensim._ligaments import KIND, path_objects, path_point
 from kneejax.files.opensim._movement import Movement, Rigid
-from kneejax.files.opensim._muscles import _wrap as wrap_of
+from kneejax.files.opensim._muscles import wrap_of
 from kneejax.files.opensim._wraps import OsimWrap, read_wraps, wrap_document
 from kneejax.files.opensim._xml import Element
 from kneejax.geometry import FEMUR, TIBIA
@@ -30,7 +30,6 @@ class Way:
         first: last point above the knee, in the ground, `(n, 3)`, m.
         second: first point below the knee, likewise.
         length: of the whole path between its points, m, `(n,)`.
-        moving: whether a point that moves with a coordinate begins or ends the piece.
     """
 
     name: str
@@ -38,7 +37,6 @@ class Way:
     first: np.ndarray
     second: np.ndarray
     length: np.ndarray
-    moving: bool
 
 
 @dataclasses.dataclass(frozen=True)
@@ -98,8 +96,7 @@ def _way(movement: Movement, element: Element, points: list[Element], bodies, be
     for place, active in found[1:]:
         length = length + np.where(active, np.linalg.norm(place - last, axis=-1), 0.0)
         last = np.where(active[..., None], place, last)
-    moving = any(e.tag == "MovingPathPoint" for e in points)
-    return Way(element.name, element, first, second, length, moving)
+    return Way(element.name, element, first, second, length)
 
 
 def _point(movement: Movement, element: Element) -> tuple[np.ndarray, np.ndarray]:
@@ -185,7 +182,8 @@ def lines_of(
         for bone, end in ((FEMUR, "first"), (TIBIA, "second"))
     ]  # fmt: skip
     names = tuple(way.name for way in ways)
-    return Lines(*map(jnp.asarray, (*ends, tension)), tuple(courses), names)
+    first, second = (jnp.asarray(end) for end in ends)
+    return Lines(first, second, jnp.asarray(tension), tuple(courses), names)
 
 
 def _course(movement: Movement, knee: OsimKneeJoint, wrap: OsimWrap, rows: list[int], entry):

@@ -220,7 +220,7 @@ def last_word(column: str) -> str:
     """A coordinate or muscle of a column, without path or quantity.
 
     Example:
-        >>> last_word("/jointset/knee_r/knee_angle_r/value"), last_word("/forceset/soleus_r|tension")
+        >>> last_word("/jointset/knee_r/knee_angle_r/value"), last_word("/soleus_r|tension")
         ('knee_angle_r', 'soleus_r')
     """
     name = re.sub(r"/value$", "", column).split("|", 1)[0]

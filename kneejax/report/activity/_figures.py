@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _COLORS, _DASHES = (BLUE, VERMILLION), ("-", (0, (4, 1.5)))
-_MOST_LIGAMENTS, _SMALL = 5, 0.05
+_MOST_LIGAMENTS, _MOST_MUSCLES, _SMALL = 5, 4, 0.05
 
 
 @styled
@@ -38,7 +39,9 @@ def activity_figure(found: Mapping[str, Activity], cycle: Cycle, title: str) -> 
 
     figure = Figure(figsize=(WIDTH, 8.6))
     panels = figure.subplots(4, 3, sharex=True)
-    figure.subplots_adjust(left=0.075, right=0.985, top=0.9, bottom=0.06, wspace=0.33, hspace=0.34)
+    figure.subplots_adjust(
+        left=0.075, right=0.985, top=0.915, bottom=0.055, wspace=0.33, hspace=0.27
+    )
     figure.suptitle(verbatim(title), x=0.075, ha="left", fontsize=9.5)
     for k, (name, axes) in enumerate(zip(COORDINATES, panels[:2].ravel(), strict=True)):
         _coordinate(axes, found, cycle, k, name)
@@ -124,11 +127,15 @@ def _residual(axes: Axes, found: Mapping[str, Activity], cycle: Cycle) -> None:
 def _muscles(axes: Axes, one: Activity, cycle: Cycle) -> None:
     tension = np.asarray(one.record.lines.tension)
     curves = dict(zip(one.record.lines.names, tension, strict=True))
+    if not curves:
+        axes.set_visible(False)
+        return
     if one.record.quadriceps_N.any():
         curves["quadriceps"] = one.record.quadriceps_N
-    shown = sorted(curves, key=lambda name: -float(curves[name].max()))[:_MOST_LIGAMENTS]
+    shown = sorted(curves, key=lambda name: -float(curves[name].max()))[:_MOST_MUSCLES]
     for name, color in zip(shown, PARTS, strict=False):
-        axes.plot(cycle.percent, curves[name], color=color, label=verbatim(name))
+        own = verbatim(re.sub(r"_[rl]$", "", name))
+        axes.plot(cycle.percent, curves[name], color=color, label=own)
     axes.set_ylabel("Muscle force, N")
     _above(axes)
 
@@ -174,7 +181,7 @@ def _legend(figure: Figure, found: Mapping[str, Activity], cycle: Cycle) -> None
     if np.isfinite(cycle.toe_off):
         handles.append(Line2D([], [], color=LIGHT, label="toe off"))
     if any(not one.holds.all() for one in found.values()):
-        handles.append(Line2D([], [], color=BLUE, marker="x", linestyle="", markersize=4,
+        handles.append(Line2D([], [], color=GREY, marker="x", linestyle="", markersize=4,
                               label="no balance"))  # fmt: skip
     figure.legend(
         handles=handles, loc="upper left", bbox_to_anchor=(0.068, 0.965), ncol=len(handles),
