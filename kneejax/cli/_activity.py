@@ -20,7 +20,7 @@ from kneejax.experiments import (
     with_flips,
 )
 from kneejax.files import InputProblem, knee_with, load_knee_file, read_activity, write_rows
-from kneejax.geometry import COLUMNS, FEMORAL, convert_table
+from kneejax.geometry import BODIES, COLUMNS, FEMORAL, convert_table
 from kneejax.mechanics import Knee, LegRecord, Range
 from kneejax.parameters import cut
 from kneejax.statics import Status
@@ -107,6 +107,9 @@ def _told(one: Activity) -> tuple[np.ndarray, tuple[str, ...]]:
 def _write_motion(arguments, found: Mapping[str, Activity], told, cycle: Cycle) -> None:
     header = ["knee", "time_s", "cycle_percent", *COLUMNS]
     header += [f"record_{name}" for name in COLUMNS]
+    knee = found[INTACT].motion.knee
+    others = [x for body in knee.other_bones for x in BODIES[body].values()]
+    header += [one.column for one in others]
     header += ["quadriceps_N", "residual_flexion_Nm", "unsettled_N", "status", "doubt"]
     other = arguments.convention != FEMORAL
     rows = []
@@ -114,6 +117,8 @@ def _write_motion(arguments, found: Mapping[str, Activity], told, cycle: Cycle) 
         status, said = told[name]
         pose = np.asarray(one.motion.to_table())
         tables = [convert_table(x, FEMORAL, arguments.convention) for x in (pose, one.record.pose)]
+        states = one.motion.settled.state.poses
+        tables += [np.asarray(states[body].to_table()) for body in knee.other_bones]
         numbers = np.column_stack(
             [one.record.time_s, cycle.percent, *tables, one.record.quadriceps_N, one.residual_Nm,
              one.moved_N]

@@ -18,7 +18,7 @@ def add_activity(commands, lazily: Callable) -> None:
     activity = add_command(
         commands,
         "activity",
-        "Balance a knee at each instant of a movement that a whole-body program recorded.",
+        "Balance a knee at each instant of a movement that OpenSim recorded.",
         "kneejax activity coordinates.sto muscle_forces.sto external_loads.xml "
         "--model MODEL.osim --side r",
     )

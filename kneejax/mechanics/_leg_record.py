@@ -52,8 +52,9 @@ class Lines(eqx.Module):
             if (kept := tuple(rows.index(row) for row in course.rows if row in rows))
         ]
         some = np.array(rows, int)
-        ends = (x[some] for x in (self.first, self.second, self.tension))
-        return Lines(*ends, tuple(courses), tuple(self.names[row] for row in rows))
+        names = tuple(self.names[row] for row in rows)
+        first, second = self.first[some], self.second[some]
+        return Lines(first, second, self.tension[some], tuple(courses), names)
 
     def on_tibia(self, rows: np.ndarray, tibia: np.ndarray) -> np.ndarray:
         """What each does to the tibia about its origin, along the tibia's own axes.
