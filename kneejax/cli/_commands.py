@@ -8,6 +8,7 @@ import importlib
 from collections.abc import Callable
 from pathlib import Path
 
+from kneejax.cli._activity_command import add_activity
 from kneejax.cli._cohort_commands import add_cohort, add_cohort_options
 from kneejax.cli._dynamic_options import IN_TIME, add_dynamic_options
 from kneejax.cli._parser import KNEE, Parser, add_command, add_convention, add_out, add_svg
@@ -44,9 +45,9 @@ def build_parser() -> Parser:
     parser.add_argument("--version", action=ShowVersion, help="show versions and exit")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND")
     for add in (
-        _add_knees, _add_describe, _add_simulate, _add_evaluate, _add_calibrate, _add_map,
-        _add_sensitivity, _add_identify, _add_reproduce, _add_view, _add_joint, _add_import,
-        _add_export, _add_cohort, _add_plan, _add_rerun, _add_completion,
+        _add_knees, _add_describe, _add_simulate, _add_activity, _add_evaluate, _add_calibrate,
+        _add_map, _add_sensitivity, _add_identify, _add_reproduce, _add_view, _add_joint,
+        _add_import, _add_export, _add_cohort, _add_plan, _add_rerun, _add_completion,
     ):  # fmt: skip
         add(commands)
     return parser
@@ -398,6 +399,6 @@ def _lazily(module: str) -> Callable[[argparse.Namespace], int]:
     return run
 
 
-_add_cohort, _add_plan = (
-    functools.partial(add, lazily=_lazily) for add in (add_cohort, add_plan)
+_add_activity, _add_cohort, _add_plan = (
+    functools.partial(add, lazily=_lazily) for add in (add_activity, add_cohort, add_plan)
 )

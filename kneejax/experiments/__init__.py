@@ -22,6 +22,10 @@ from kneejax.experiments._varus_valgus import VarusValgusRamp as VarusValgusRamp
 from kneejax.experiments._varus_valgus import varus_valgus as varus_valgus
 from kneejax.experiments._ways import Way as Way
 from kneejax.experiments._ways import ways_of as ways_of
+from kneejax.experiments.activity import Activity as Activity
+from kneejax.experiments.activity import Cycle as Cycle
+from kneejax.experiments.activity import activity as activity
+from kneejax.experiments.activity import cycle_of as cycle_of
 from kneejax.experiments.extensor import TENDON as TENDON
 from kneejax.experiments.extensor import Extensor as Extensor
 from kneejax.experiments.extensor import Shank as Shank

@@ -235,7 +235,7 @@ def expected(
     """
     stations = stations.of(knee)
     near = (np.moveaxis(np.asarray(x), -1, 0) for x in (q, meeting, tangent))
-    found = own_motion_near(knee, _itself, np.zeros(()), stations, *near)
+    found = own_motion_near(knee, itself, np.zeros(()), stations, *near)
     return again(knee, stations, *_of_walk(stations, found))
 
 
@@ -261,7 +261,7 @@ def _of_walk(stations: Stations, found: Balances) -> tuple[Settled, Array]:
 
 def _found(knee: Knee, stations: Stations) -> tuple[Settled, Array]:
     """The balances, and how much of the load was reached."""
-    return _of_walk(stations, own_motion(knee, _itself, np.zeros(()), stations))
+    return _of_walk(stations, own_motion(knee, itself, np.zeros(()), stations))
 
 
 def _found_in_trace(knee: Knee, stations: Stations) -> tuple[Settled, Array]:
@@ -269,7 +269,8 @@ def _found_in_trace(knee: Knee, stations: Stations) -> tuple[Settled, Array]:
     return settled, jnp.where(settled.converged, 1.0, 0.0)
 
 
-def _itself(knee: Knee, _) -> Knee:
+def itself(knee: Knee, _) -> Knee:
+    """A variant that is the knee itself."""
     return knee
 
 

@@ -60,6 +60,7 @@ _MODULES = {
     "export_osim": "kneejax.files.opensim",
     "format_import_report": "kneejax.files.opensim",
     "import_osim": "kneejax.files.opensim",
+    "read_activity": "kneejax.files.opensim",
     "InputProblem": "kneejax.files.reading",
     "counted": "kneejax.files.reading",
     "nearest_name": "kneejax.files.reading",
@@ -73,6 +74,7 @@ _MODULES = {
     "read_candidates": "kneejax.files.tables",
     "LabTable": "kneejax.files.tables",
     "read_lab_table": "kneejax.files.tables",
+    "read_storage": "kneejax.files.tables",
     "read_loads": "kneejax.files.tables",
     "read_loads_over_time": "kneejax.files.tables",
     "read_patella_poses": "kneejax.files.tables",
@@ -136,6 +138,7 @@ if TYPE_CHECKING:
     from kneejax.files.opensim import export_osim as export_osim
     from kneejax.files.opensim import format_import_report as format_import_report
     from kneejax.files.opensim import import_osim as import_osim
+    from kneejax.files.opensim import read_activity as read_activity
     from kneejax.files.reading import InputProblem as InputProblem
     from kneejax.files.reading import counted as counted
     from kneejax.files.reading import nearest_name as nearest_name
@@ -153,6 +156,7 @@ if TYPE_CHECKING:
     from kneejax.files.tables import read_loads_over_time as read_loads_over_time
     from kneejax.files.tables import read_patella_poses as read_patella_poses
     from kneejax.files.tables import read_poses as read_poses
+    from kneejax.files.tables import read_storage as read_storage
     from kneejax.files.tables import write_poses as write_poses
     from kneejax.files.tables import write_rows as write_rows
 else:

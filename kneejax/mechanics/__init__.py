@@ -6,9 +6,13 @@ from kneejax.mechanics._dislocation import LIMITS as LIMITS
 from kneejax.mechanics._dislocation import WIDEST_GAP_MM as WIDEST_GAP_MM
 from kneejax.mechanics._dislocation import dislocated as dislocated
 from kneejax.mechanics._dislocation import displacement as displacement
+from kneejax.mechanics._inverse_dynamics import MovingMass as MovingMass
+from kneejax.mechanics._inverse_dynamics import wrench_in_frame as wrench_in_frame
 from kneejax.mechanics._knee import Held as Held
 from kneejax.mechanics._knee import Knee as Knee
 from kneejax.mechanics._knee import add_lane_axis as add_lane_axis
+from kneejax.mechanics._leg_record import LegRecord as LegRecord
+from kneejax.mechanics._leg_record import Lines as Lines
 from kneejax.mechanics._loads import AXES as AXES
 from kneejax.mechanics._loads import BONES as BONES
 from kneejax.mechanics._loads import GROOD_SUNTAY as GROOD_SUNTAY

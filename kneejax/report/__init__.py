@@ -1,5 +1,7 @@
 """Results for people: text, JSON, figures and the HTML report."""
 
+from kneejax.report.activity import activity_figure as activity_figure
+from kneejax.report.activity import activity_lines as activity_lines
 from kneejax.report.bayesian import POSTERIOR_COLUMNS as POSTERIOR_COLUMNS
 from kneejax.report.bayesian import marginals_figure as marginals_figure
 from kneejax.report.bayesian import pairs_figure as pairs_figure

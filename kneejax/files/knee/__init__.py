@@ -8,6 +8,7 @@ from kneejax._lazy import lazy_names
 _MODULES = {
     "ENDS": "kneejax.files.knee._schema_parts",
     "KneeFile": "kneejax.files.knee._file",
+    "build_obstacle": "kneejax.files.knee._building",
     "build_knee": "kneejax.files.knee._file",
     "format_knee": "kneejax.files.knee._format",
     "read_knee": "kneejax.files.knee._file",
@@ -19,6 +20,7 @@ _MODULES = {
 }
 
 if TYPE_CHECKING:
+    from kneejax.files.knee._building import build_obstacle as build_obstacle
     from kneejax.files.knee._file import KneeFile as KneeFile
     from kneejax.files.knee._file import build_knee as build_knee
     from kneejax.files.knee._file import read_knee as read_knee

@@ -248,7 +248,7 @@ def _courses(ways: list[_Way], wraps: dict[str, Any]) -> list[Course]:
         points = np.array(via, float) if bones else None
         wrap = wraps[name] if name else None
         bone = wrap["bone"] if wrap else pair[1]
-        obstacle = _obstacle(wrap) if wrap else None
+        obstacle = build_obstacle(wrap) if wrap else None
         courses.append(Course(rows, points, bones, obstacle, bone, pair))
     return courses
 
@@ -283,7 +283,8 @@ def _muscles(
     return muscles
 
 
-def _obstacle(wrap: dict[str, Any]) -> Obstacle:
+def build_obstacle(wrap: dict[str, Any]) -> Obstacle:
+    """What fibres go around, by its entry in a knee document."""
     frame = _frame(wrap, "center_mm", "rotation_deg")
     if wrap["kind"] == "sphere":
         return WrapSphere(wrap["radius_mm"], frame)

@@ -6,6 +6,8 @@ from kneejax._lazy import lazy_names
 
 #: Public name -> its module, imported when one of its names is first asked for.
 _MODULES = {
+    "read_activity": "kneejax.files.opensim._activity",
+    "FRAMES": "kneejax.files.opensim._registration",
     "SMALLEST_MODEL": "kneejax.files.opensim._example",
     "OsimExport": "kneejax.files.opensim._export",
     "export_osim": "kneejax.files.opensim._export",
@@ -18,6 +20,7 @@ _MODULES = {
 }
 
 if TYPE_CHECKING:
+    from kneejax.files.opensim._activity import read_activity as read_activity
     from kneejax.files.opensim._example import SMALLEST_MODEL as SMALLEST_MODEL
     from kneejax.files.opensim._export import OsimExport as OsimExport
     from kneejax.files.opensim._export import export_osim as export_osim
@@ -26,6 +29,7 @@ if TYPE_CHECKING:
     from kneejax.files.opensim._geometry import add_osim_contacts as add_osim_contacts
     from kneejax.files.opensim._import import OsimImport as OsimImport
     from kneejax.files.opensim._import import import_osim as import_osim
+    from kneejax.files.opensim._registration import FRAMES as FRAMES
     from kneejax.files.opensim._report import format_import_report as format_import_report
 else:
     __all__ = [*_MODULES]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from scipy.linalg import solve_banded
@@ -21,15 +22,15 @@ class UnknownFunction(Exception):
     """A kind of function that is not understood; its argument is the kind."""
 
 
-def evaluate(function: Element, arguments: Sequence[float]) -> float:
+def evaluate(function: Element, arguments: Sequence[Any]) -> Any:
     """A function's value.
 
     Args:
         function: one of `FUNCTIONS`.
-        arguments: values of its coordinates, rad or m.
+        arguments: values of its coordinates, rad or m; numbers, or arrays of one shape `(n,)`.
 
     Returns:
-        The value, rad or m.
+        The value, rad or m: a number, or an array where the arguments are and it depends on them.
 
     Raises:
         UnknownFunction: its kind is not understood.
@@ -41,9 +42,9 @@ def evaluate(function: Element, arguments: Sequence[float]) -> float:
     if function.tag == "LinearFunction":
         # OpenSim 2 and 3 call them coefficients too; the constant comes last.
         *slopes, constant = _numbers(function, "coefficients", 2)
-        return float(sum(a * b for a, b in zip(slopes, arguments, strict=False)) + constant)
+        return sum(a * b for a, b in zip(slopes, arguments, strict=False)) + constant
     if function.tag == "PolynomialFunction":
-        return float(np.polyval(_numbers(function, "coefficients", 1), x))
+        return np.polyval(_numbers(function, "coefficients", 1), x)
     if function.tag == "PiecewiseLinearFunction":
         knots, values = _points(function)
         return _between(knots, values, x)
@@ -90,22 +91,22 @@ def describe(function: Element) -> str:
     return f"{function.tag} through {count} points" if count else function.tag
 
 
-def simm_spline(knots: np.ndarray, values: np.ndarray, x: float) -> float:
-    """The cubic spline of SIMM and OpenSim at one place; see `simm_splines`.
+def simm_spline(knots: np.ndarray, values: np.ndarray, x: Any) -> Any:
+    """The cubic spline of SIMM and OpenSim at one place or several; see `simm_splines`.
 
     Args:
         knots: shape `(n,)`, increasing; where they are not, or are two, lines join them.
         values: shape `(n,)`.
-        x: where.
+        x: where; a number or `(m,)`.
 
     Example:
         >>> t = np.array([0.0, 1.0, 3.0, 4.0, 6.0])
-        >>> round(simm_spline(t, t**3 - t, 2.0), 12)
+        >>> round(float(simm_spline(t, t**3 - t, 2.0)), 12)
         6.0
     """
     if len(knots) == 2 or np.any(np.diff(knots) <= 0):
         return _between(knots, values, x)
-    return float(simm_splines(knots, values, np.array([x]))[0])
+    return simm_splines(knots, values, np.ravel(x)).reshape(np.shape(x))
 
 
 def simm_splines(knots: np.ndarray, values: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -160,11 +161,11 @@ def _third_difference(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return y[0]
 
 
-def _between(knots: np.ndarray, values: np.ndarray, x: float) -> float:
-    i = int(np.clip(np.searchsorted(knots, x, side="right") - 1, 0, len(knots) - 2))
+def _between(knots: np.ndarray, values: np.ndarray, x: Any) -> Any:
+    i = np.clip(np.searchsorted(knots, x, side="right") - 1, 0, len(knots) - 2)
     width = knots[i + 1] - knots[i]
-    slope = (values[i + 1] - values[i]) / width if width > 0 else 0.0
-    return float(values[i] + (x - knots[i]) * slope)
+    slope = np.where(width > 0, values[i + 1] - values[i], 0.0) / np.where(width > 0, width, 1.0)
+    return values[i] + (x - knots[i]) * slope
 
 
 def _points(function: Element) -> tuple[np.ndarray, np.ndarray]:

@@ -149,7 +149,7 @@ class Joint:
         if axis.function is None:
             return arguments[0] if arguments else 0.0
         try:
-            return evaluate(axis.function, arguments)
+            return float(evaluate(axis.function, arguments))
         except UnknownFunction as kind:
             unknown.append(
                 f"Joint {self.name}: the function {kind} (line {axis.function.line}) is not "

@@ -78,7 +78,7 @@ def find_muscles(model: Model, knee: OsimKneeJoint) -> OsimMuscles:
             why = "a point that moves along the bone" if not straight else "three bones"
             notes.append(f"Muscle {element.name} was left out: its path has {why}.")
             continue
-        wrap = _wrap(model, element, wraps, whole, (bones[0], bones[-1]), notes)
+        wrap = wrap_of(model, element, wraps, whole, (bones[0], bones[-1]), notes)
         strongest = float(model.numbers(element, "max_isometric_force", 1, "1000")[0])
         found.append(OsimMuscle(element, tuple(points), wrap, strongest))
     if any(point.body not in knee.rigid for muscle in found for point in muscle.points):
@@ -114,7 +114,7 @@ def _motion(model: Model, above: dict, bone: str, body: str):
     return placed(model, above, bone, []).inverse().after(placed(model, above, body, []))
 
 
-def _wrap(
+def wrap_of(
     model: Model,
     element: Element,
     wraps: list[OsimWrap],
@@ -122,7 +122,16 @@ def _wrap(
     bones: tuple[str, str],
     notes: list[str],
 ) -> OsimWrap | None:
-    """The obstacle of a muscle on one of its two bones."""
+    """The obstacle of a muscle on one of its two bones.
+
+    Args:
+        model: the model.
+        element: the muscle.
+        wraps: of the model.
+        knee: its bones.
+        bones: those that the muscle joins.
+        notes: gets a sentence for what was left out or assumed.
+    """
     found = []
     for path_wrap in path_objects(element.child("GeometryPath"), "PathWrapSet"):
         name = path_wrap.word("wrap_object").rstrip("/").rsplit("/", 1)[-1]

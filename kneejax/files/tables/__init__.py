@@ -1,4 +1,4 @@
-"""CSV tables: poses, candidate tests, any rows."""
+"""Tables: poses, candidate tests, any rows as CSV; OpenSim's .sto and .mot."""
 
 from typing import TYPE_CHECKING
 
@@ -12,6 +12,12 @@ _MODULES = {
     "read_lab_table": "kneejax.files.tables._lab_table",
     "read_loads": "kneejax.files.tables._loads",
     "read_loads_over_time": "kneejax.files.tables._loads",
+    "Storage": "kneejax.files.tables._storage",
+    "angles_rad": "kneejax.files.tables._storage",
+    "column_of": "kneejax.files.tables._storage",
+    "common_times": "kneejax.files.tables._storage",
+    "last_word": "kneejax.files.tables._storage",
+    "read_storage": "kneejax.files.tables._storage",
     "cell_number": "kneejax.files.tables._tables",
     "read_patella_poses": "kneejax.files.tables._tables",
     "read_poses": "kneejax.files.tables._tables",
@@ -27,6 +33,12 @@ if TYPE_CHECKING:
     from kneejax.files.tables._lab_table import read_lab_table as read_lab_table
     from kneejax.files.tables._loads import read_loads as read_loads
     from kneejax.files.tables._loads import read_loads_over_time as read_loads_over_time
+    from kneejax.files.tables._storage import Storage as Storage
+    from kneejax.files.tables._storage import angles_rad as angles_rad
+    from kneejax.files.tables._storage import column_of as column_of
+    from kneejax.files.tables._storage import common_times as common_times
+    from kneejax.files.tables._storage import last_word as last_word
+    from kneejax.files.tables._storage import read_storage as read_storage
     from kneejax.files.tables._tables import cell_number as cell_number
     from kneejax.files.tables._tables import read_patella_poses as read_patella_poses
     from kneejax.files.tables._tables import read_poses as read_poses

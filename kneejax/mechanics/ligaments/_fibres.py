@@ -104,6 +104,18 @@ class Fibres(eqx.Module):
         x, y, z = (self._joined(kinds, list(parts)) for parts in zip(*found, strict=True))
         return x, y, z
 
+    def unit_wrenches(self, state: State) -> Wrench:
+        """What a unit tension of each does to its second bone, about that bone's origin in the
+        axes of the first, each component `(n, ...)`."""
+        kinds = self.kinds
+        pulls = [way.pull for way in self._ways(kinds, state)]
+        rows = ([full(pull.force) for pull in pulls], [full(pull.moment) for pull in pulls])
+        force, moment = (
+            tuple(self._joined(kinds, list(parts)) for parts in zip(*row, strict=True))
+            for row in rows
+        )
+        return Wrench(force, moment)  # pyright: ignore[reportArgumentType]
+
     def ends_inside(self, state: State) -> Array:
         """Whether an end of each fibre lies inside the fibre's obstacle, `(n, ...)`."""
         inside = jnp.zeros(len(self.names), bool)

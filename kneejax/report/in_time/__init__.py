@@ -1,5 +1,6 @@
 """What a knee does through time."""
 
+from kneejax.report.in_time._figures import bundles as bundles
 from kneejax.report.in_time._figures import transient_figure as transient_figure
 from kneejax.report.in_time._raised_leg import motor_raise_figure as motor_raise_figure
 from kneejax.report.in_time._raised_leg import motor_raise_lines as motor_raise_lines

@@ -119,7 +119,7 @@ def draw_ligaments(axes: Axes, x: np.ndarray, found: Transient) -> None:
     row = {name: k for k, name in enumerate(knee.ligaments.names)}
     drawn = {
         name: whole[:, [row[fibre] for fibre in fibres]].sum(axis=1)
-        for name, fibres in _bundles(knee).items()
+        for name, fibres in bundles(knee).items()
     }
     size = {name: np.nanmax(np.abs(x)) for name, x in drawn.items()}
     largest = max(size.values(), default=0.0)
@@ -132,8 +132,12 @@ def draw_ligaments(axes: Axes, x: np.ndarray, found: Transient) -> None:
     legend_above(axes)
 
 
-def _bundles(knee: Knee) -> Mapping[str, list[str]]:
-    """Ligaments, the fibres of the largest groups together."""
+def bundles(knee: Knee) -> Mapping[str, list[str]]:
+    """Ligaments, the fibres of the largest groups together: name -> fibres.
+
+    Args:
+        knee: any knee.
+    """
     answer: dict[str, list[str]] = {}
     left = list(knee.ligaments.names)
     for group, members in sorted(knee.groups, key=lambda group: -len(group[1])):

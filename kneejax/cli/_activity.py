@@ -1,0 +1,156 @@
+"""`kneejax activity`: what a recorded movement does to a knee."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from kneejax.cli._given import check_within, read_pairs
+from kneejax.cli._progress import stages_on_terminal
+from kneejax.cli._say_status import say_status
+from kneejax.experiments import (
+    Activity,
+    Cycle,
+    activity,
+    cycle_of,
+    doubts,
+    of_search,
+    with_flips,
+)
+from kneejax.files import InputProblem, knee_with, load_knee_file, read_activity, write_rows
+from kneejax.geometry import BODIES, COLUMNS, FEMORAL, convert_table
+from kneejax.mechanics import Knee, LegRecord, Range
+from kneejax.parameters import cut
+from kneejax.statics import Status
+
+INTACT = "intact"
+_INSTANTS = Range(4, 20_000, "instants")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Read, balance, print; write tables and a figure."""
+    if arguments.instants is not None:
+        check_within("--instants", "instants", [arguments.instants], _INSTANTS)
+    values = read_pairs("--set", arguments.values)
+    read = load_knee_file(arguments.knee)
+    knee = knee_with(read.with_patella() if arguments.patella else read.knee, values, "--set")
+    if read.document["side"] != {"r": "right", "l": "left"}[arguments.side]:
+        expected = f"{read.document['side'][0]}, the side of the knee {knee.name}"
+        raise InputProblem("--side", "side", arguments.side, expected)
+    knees = {INTACT: knee}
+    if arguments.cut:
+        knees[f"without {', '.join(arguments.cut)}"] = cut(knee, arguments.cut)
+    record = read_activity(
+        arguments.model, arguments.files, side=arguments.side, knee=read.knee,
+        document=read.document, frames=arguments.frames, instants=arguments.instants,
+    )  # fmt: skip
+    _check_pulls(knee, record)
+    _say_record(record)
+    with stages_on_terminal(knee.name):
+        found = {name: activity(one, record) for name, one in knees.items()}
+    return _report(arguments, found, cycle_of(record))
+
+
+def _check_pulls(knee: Knee, record: LegRecord) -> None:
+    if record.quadriceps_N.any() and knee.muscles is None and not knee.lines:
+        expected = "a knee with a line for the patellar tendon, or --patella"
+        raise InputProblem("--knee", "lines", f"none in {knee.name}", expected)
+
+
+def _say_record(record: LegRecord) -> None:
+    time = record.time_s
+    print(f"{len(time)} instants from {time[0]:g} to {time[-1]:g} s")
+    if record.mass_kg:
+        print(f"Leg below the knee: {record.mass_kg:.2f} kg.")
+    print("\n".join([*record.notes, *(f"doubtful: {doubt}" for doubt in record.doubts)]))
+
+
+def _report(arguments: argparse.Namespace, found: Mapping[str, Activity], cycle: Cycle) -> int:
+    from kneejax.report import activity_figure, activity_lines, save_figure
+
+    out, first = arguments.out, found[INTACT]
+    knee = first.motion.knee
+    told = {name: _told(one) for name, one in found.items()}
+    print("\n".join(activity_lines(found)))
+    doubtful = False
+    for name, (status, said) in told.items():
+        if len(found) > 1:
+            print(f"{name}:")
+        places = [f"{x:g}" for x in first.record.time_s]
+        doubtful |= say_status(status, places, "s", said, given=False)
+    _write_motion(arguments, found, told, cycle)
+    names = [f"{way}_N" for way in ("anterior", "superior", "lateral")]
+    names += [f"{way}_Nmm" for way in ("adduction", "internal_rotation", "extension")]
+    write_rows(out / "forces.csv", ["knee", "time_s", "ligament", "force_N", "strain"],
+               _ligaments(found))  # fmt: skip
+    columns = ["contact", "force_N", "max_pressure_MPa", "area_mm2"]
+    columns += [f"center_{way}_mm" for way in ("anterior", "superior", "lateral")]
+    write_rows(out / "contact.csv", ["knee", "time_s", *columns], _contacts(found))
+    write_rows(out / "residual.csv", ["knee", "time_s", "part", *names], _balance(found))
+    words = f"{knee.name}: {cycle.words}" + (", with patella" if arguments.patella else "")
+    folder = out / "figures"
+    folder.mkdir(parents=True, exist_ok=True)
+    figure = activity_figure(found, cycle, words)
+    save_figure(figure, folder, "activity", svg=arguments.svg)
+    files = "activity.csv, forces.csv, contact.csv, residual.csv, settings.json"
+    print(f"written: {out}/{files}, figures/activity.png")
+    return int(doubtful)
+
+
+def _told(one: Activity) -> tuple[np.ndarray, tuple[str, ...]]:
+    status = with_flips(one.motion.status, one.mechanics)
+    return status, doubts(one.motion.knee, one.mechanics, of_search(one.motion))
+
+
+def _write_motion(arguments, found: Mapping[str, Activity], told, cycle: Cycle) -> None:
+    header = ["knee", "time_s", "cycle_percent", *COLUMNS]
+    header += [f"record_{name}" for name in COLUMNS]
+    knee = found[INTACT].motion.knee
+    others = [x for body in knee.other_bones for x in BODIES[body].values()]
+    header += [one.column for one in others]
+    header += ["quadriceps_N", "residual_flexion_Nm", "unsettled_N", "status", "doubt"]
+    other = arguments.convention != FEMORAL
+    rows = []
+    for name, one in found.items():
+        status, said = told[name]
+        pose = np.asarray(one.motion.to_table())
+        tables = [convert_table(x, FEMORAL, arguments.convention) for x in (pose, one.record.pose)]
+        states = one.motion.settled.state.poses
+        tables += [np.asarray(states[body].to_table()) for body in knee.other_bones]
+        numbers = np.column_stack(
+            [one.record.time_s, cycle.percent, *tables, one.record.quadriceps_N, one.residual_Nm,
+             one.moved_N]
+        )  # fmt: skip
+        for row, word, doubt in zip(numbers.tolist(), status, said, strict=True):
+            more = [arguments.convention] if other else []
+            rows.append([name, *row, Status(int(word)).word, doubt, *more])
+    write_rows(arguments.out / "activity.csv", header + ["convention"] * other, rows)
+
+
+def _ligaments(found: Mapping[str, Activity]) -> Iterator[list]:
+    for name, one in found.items():
+        force, strain = (np.asarray(x) for x in (one.mechanics.tension, one.mechanics.strain))
+        for i, time in enumerate(one.record.time_s):
+            for j, ligament in enumerate(one.motion.knee.ligaments.names):
+                yield [name, time, ligament, force[i, j], strain[i, j]]
+
+
+def _contacts(found: Mapping[str, Activity]) -> Iterator[list]:
+    for name, one in found.items():
+        force = np.linalg.norm(np.asarray(one.mechanics.contact_force), axis=-1)
+        peak, area = (np.asarray(x) for x in (one.mechanics.max_pressure, one.mechanics.area))
+        center = np.asarray(one.mechanics.center)
+        for i, time in enumerate(one.record.time_s):
+            for j, contact in enumerate(one.motion.knee.contact_names):
+                sizes = force[i, j], peak[i, j], area[i, j]
+                yield [name, time, contact, *sizes, *center[i, j]]
+
+
+def _balance(found: Mapping[str, Activity]) -> Iterator[list]:
+    for name, one in found.items():
+        parts = {**one.acting, **one.held, "left over": one.left_over}
+        for i, time in enumerate(one.record.time_s):
+            for part, wrench in parts.items():
+                yield [name, time, part, *wrench[i]]

@@ -1,0 +1,67 @@
+"""Arguments of `kneejax activity`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from kneejax.cli._parser import KNEE, add_command, add_convention, add_out, add_svg
+
+
+def add_activity(commands, lazily: Callable) -> None:
+    """Add the command.
+
+    Args:
+        commands: what `add_subparsers` gave.
+        lazily: imports the command when it is called.
+    """
+    activity = add_command(
+        commands,
+        "activity",
+        "Balance a knee at each instant of a movement that OpenSim recorded.",
+        "kneejax activity coordinates.sto muscle_forces.sto external_loads.xml "
+        "--model MODEL.osim --side r",
+    )
+    activity.add_argument(
+        "files",
+        nargs="+",
+        type=Path,
+        metavar="FILE",
+        help="OpenSim's tables (.sto, .mot) of coordinates, and of muscle forces with the external "
+        "loads (.xml), or of joint reactions; each is known by its columns",
+    )
+    activity.add_argument("--model", type=Path, required=True, help="the model that moved (.osim)")
+    activity.add_argument("--side", choices=("r", "l"), default="r", help="right or left knee")
+    activity.add_argument("--knee", default="lenhart2015_reduced", help=KNEE)
+    activity.add_argument(
+        "--frames",
+        choices=("auto", "same", "landmarks"),
+        default="auto",
+        help="whether the knee's frames are the model's; auto: where the knee was made of it",
+    )
+    activity.add_argument(
+        "--patella", action="store_true", help="with the patella, on which the quadriceps pulls"
+    )
+    activity.add_argument(
+        "--instants", type=int, help="so many, evenly spaced; the coarsest table's rows otherwise"
+    )
+    activity.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        dest="values",
+        help="a parameter, as ACL.stiffness=300 (N) or *.reference_strain=0.02; once for each",
+    )
+    activity.add_argument(
+        "--cut",
+        action="append",
+        default=[],
+        metavar="LIGAMENT",
+        help="compare with the knee in which a ligament, or a group of them, does not act; once "
+        "for each",
+    )
+    add_out(activity, "kneejax-activity")
+    add_svg(activity)
+    add_convention(activity, "of the poses written")
+    activity.set_defaults(run=lazily("_activity"))

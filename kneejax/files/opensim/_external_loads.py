@@ -1,0 +1,179 @@
+"""Forces from the ground: which force acts on which body, and their tables."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from pathlib import Path
+
+import numpy as np
+
+from kneejax.files.opensim._model import GROUND, Model
+from kneejax.files.opensim._movement import Movement
+from kneejax.files.opensim._xml import Element, XmlFile, parse_xml
+from kneejax.files.tables import Storage, read_storage
+
+KIND = "external loads of OpenSim (.xml)"
+_AXES = "xyz"
+
+
+@dataclasses.dataclass(frozen=True)
+class ExternalForce:
+    """A force of a table on a body.
+
+    Attributes:
+        name: of the force.
+        body: on which it acts.
+        force_in: body whose axes the force and the torque are along.
+        point_in: body in whose frame the point is.
+        force: columns, three; likewise point and torque, or none.
+    """
+
+    name: str
+    body: str
+    force_in: str
+    point_in: str
+    force: tuple[str, ...]
+    point: tuple[str, ...]
+    torque: tuple[str, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class ExternalLoads:
+    """Forces from the ground over time.
+
+    Attributes:
+        table: with the columns.
+        forces: of the file, those that apply.
+        doubts: what looks wrong in the file, a sentence each.
+    """
+
+    table: Storage
+    forces: tuple[ExternalForce, ...]
+    doubts: tuple[str, ...]
+
+
+def read_external_loads(path: str | os.PathLike[str], model: Model) -> ExternalLoads:
+    """Read which force acts on which body of a model, and the table that it names.
+
+    Args:
+        path: the file of OpenSim; its table is sought beside it.
+        model: with the bodies.
+
+    Raises:
+        InputProblem: the file or its table cannot be read, or a body or column does not exist.
+    """
+    file = parse_xml(path, KIND)
+    top = next((e for e in file.root.walk() if e.tag == "ExternalLoads"), None)
+    if top is None:
+        raise file.problem(file.root, "", file.root.tag, f"{KIND}: an element ExternalLoads")
+    word = top.word("datafile")
+    if not word:
+        raise file.problem(top, "datafile", "missing", "the table of forces")
+    table = read_storage(Path(path).parent / word)
+    found = [_force(file, e, model, table) for e in top.inside("objects")
+             if e.tag == "ExternalForce" and _applies(e)]  # fmt: skip
+    if not found:
+        raise file.problem(top, "objects", "none", "at least one ExternalForce")
+    return ExternalLoads(table, tuple(found), tuple(_doubts(Path(path).name, found, table)))
+
+
+def _applies(element: Element) -> bool:
+    off = element.word("isDisabled").lower() == "true"
+    return not off and element.word("appliesForce").lower() != "false"
+
+
+def _force(file: XmlFile, element: Element, model: Model, table: Storage) -> ExternalForce:
+    def body(tag: str, usual: str = "") -> str:
+        word = element.word(tag, default=usual)
+        name = model.named(word.rsplit("/", 1)[-1])
+        if not name:
+            expected = "a body of the model"
+            raise file.problem(element, tag, word or "missing", expected, model.bodies)
+        return name
+
+    def columns(tag: str, needed: bool) -> tuple[str, ...]:
+        word = element.word(tag)
+        if not word and not needed:
+            return ()
+        names = tuple(f"{word}{axis}" for axis in _AXES)
+        for name in names:
+            table.named(name, f"a column of {tag} of {element.name}")
+        return names
+
+    return ExternalForce(
+        element.name,
+        body("applied_to_body"),
+        body("force_expressed_in_body", GROUND),
+        body("point_expressed_in_body", GROUND),
+        columns("force_identifier", True),
+        columns("point_identifier", False),
+        columns("torque_identifier", False),
+    )
+
+
+def _doubts(file: str, forces: list[ExternalForce], table: Storage):
+    """Torques that look like another force's: another one of the table is called more alike."""
+    spins = [name for name in table.columns if "torque" in name.lower() and name[-1:] == "x"]
+    for one in forces:
+        if one.torque:
+            likeness = {name: _like(name, one.force[0]) for name in [one.torque[0], *spins]}
+            nearest = max(likeness, key=lambda name: likeness[name])
+            if likeness[nearest] > likeness[one.torque[0]]:
+                own = one.torque[0][:-1].rstrip("_")
+                yield (
+                    f"{file}: force {one.name} takes its torque from {own}; "
+                    f"{nearest[:-1].rstrip('_')} would fit its force."
+                )
+
+
+def _like(torque: str, force: str) -> int:
+    """How many letters two columns begin with together, but for the word that says which it is."""
+    return len(os.path.commonprefix([torque.lower().replace("torque", "force"), force.lower()]))
+
+
+def on_bodies(
+    loads: ExternalLoads, movement: Movement, bodies: set[str], time: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Force and moment of the ground on some bodies.
+
+    Args:
+        loads: from `read_external_loads`.
+        movement: at these times.
+        bodies: on which the forces that count act.
+        time: within the table, `(n,)`, s.
+
+    Returns:
+        In the ground's axes and about its origin, `(n, 3)` each, N and N m. Between rows both are
+        straight: forces jump where a foot meets the ground.
+    """
+    force, moment = np.zeros((len(time), 3)), np.zeros((len(time), 3))
+    for one in loads.forces:
+        if one.body not in bodies:
+            continue
+        # Forces and moments are taken between rows, not points: a point without force jumps.
+        inside = loads.table.time
+        rows = np.stack([_column(loads.table, names) for names in (one.force, one.point,
+                                                                   one.torque)])  # fmt: skip
+        pull, point, torque = rows.swapaxes(1, 2)
+        if one.force_in == one.point_in == GROUND:
+            about = torque + np.cross(point, pull)
+            force += _between(time, inside, pull)
+            moment += _between(time, inside, about)
+            continue
+        carrier, frame = movement.placed[one.force_in], movement.placed[one.point_in]
+        here = np.einsum("nij,nj->ni", carrier.turn, _between(time, inside, pull))
+        spin = np.einsum("nij,nj->ni", carrier.turn, _between(time, inside, torque))
+        force += here
+        moment += spin + np.cross(frame.point(_between(time, inside, point)), here)
+    return force, moment
+
+
+def _column(table: Storage, names: tuple[str, ...]) -> np.ndarray:
+    if not names:
+        return np.zeros((3, len(table.time)))
+    return np.stack([table.named(name) for name in names])
+
+
+def _between(time: np.ndarray, rows: np.ndarray, values: np.ndarray) -> np.ndarray:
+    return np.stack([np.interp(time, rows, x) for x in values.T], axis=1)

@@ -1,0 +1,227 @@
+"""Tables of OpenSim: .sto and .mot."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+import re
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from scipy.interpolate import make_interp_spline
+
+from kneejax.files.reading import InputProblem, counted, nearest_name, read_text
+
+_KIND = "an OpenSim table (.sto or .mot)"
+#: Degree of the splines between rows: accelerations are continuous.
+_DEGREE = 5
+#: No joint turns so little in a record of a movement, degrees; one given in radians does.
+_RADIANS_BELOW = 3.2
+
+
+@dataclasses.dataclass(frozen=True)
+class Storage:
+    """A table over time.
+
+    Attributes:
+        file: from which it was read.
+        time: increasing, `(rows,)`, s.
+        columns: name -> values, `(rows,)`, as the file has them.
+        in_degrees: whether its angles are degrees.
+    """
+
+    file: str
+    time: np.ndarray
+    columns: dict[str, np.ndarray]
+    in_degrees: bool
+
+    def named(self, name: str, what: str = "a column") -> np.ndarray:
+        """A column.
+
+        Args:
+            name: of the column.
+            what: of which kind, for the error.
+
+        Raises:
+            InputProblem: there is none; with the nearest name.
+        """
+        if name not in self.columns:
+            expected = f"{what} of the {counted(len(self.columns), 'column')} of this table"
+            raise InputProblem(self.file, "columns", name, expected, self.columns)
+        return self.columns[name]
+
+    def at(self, time: np.ndarray, names: Sequence[str], degree: int = _DEGREE) -> np.ndarray:
+        """Columns at other times, by splines through the rows.
+
+        Args:
+            time: within the table, `(...)`, s.
+            names: of the columns.
+            degree: of the splines; 1 where the columns jump, as forces from the ground do.
+
+        Returns:
+            `(len(names), ...)`.
+        """
+        if not len(names):
+            return np.zeros((0, *np.shape(time)))
+        values = np.stack([self.named(name) for name in names], axis=1)
+        most = len(self.time) - 1
+        degree = min(degree, most - (most > 1 and most % 2 == 0))
+        found = make_interp_spline(self.time, values, k=degree)(np.ravel(time))
+        return found.T.reshape(len(names), *np.shape(time))
+
+
+def read_storage(path: str | os.PathLike[str]) -> Storage:
+    """Read a table that OpenSim wrote or reads.
+
+    Args:
+        path: a .sto or .mot file: a header that ends with `endheader`, names of columns, rows.
+
+    Returns:
+        The table; of names such as `/forceset/soleus_r|tension` the whole.
+
+    Raises:
+        InputProblem: the file cannot be read, has no header or no column `time`, a cell is not a
+            finite number, a row is too short or too long, or time does not increase.
+
+    Example:
+        >>> import tempfile
+        >>> from pathlib import Path
+        >>> path = Path(tempfile.mkdtemp()) / "walk.sto"
+        >>> text = "walk\\ninDegrees=yes\\nendheader\\ntime\\tknee_angle_r\\n0\\t-5\\n0.1\\t-7\\n"
+        >>> _ = path.write_text(text)
+        >>> read_storage(path).columns["knee_angle_r"].tolist()
+        [-5.0, -7.0]
+    """
+    file = os.fspath(path)
+    lines = read_text(path, _KIND).splitlines()
+    ends = [k for k, line in enumerate(lines) if line.strip().lower() == "endheader"]
+    if not ends:
+        raise InputProblem(file, "header", "no line endheader", _KIND)
+    degrees = _says_degrees(file, lines[: ends[0]])
+    body = [(k + 1, line.split()) for k, line in enumerate(lines) if k > ends[0] and line.strip()]
+    if len(body) < 3:
+        found = counted(max(len(body) - 1, 0), "row")
+        raise InputProblem(file, "rows", found, "names of columns and two rows or more")
+    names = body[0][1]
+    if names[0].lower() != "time":
+        raise InputProblem(file, f"line {body[0][0]}", names[0], "the column time first")
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise InputProblem(file, twice[0], f"{names.count(twice[0])} columns", "one of this name")
+    table = np.array([_numbers(file, line, cells, names) for line, cells in body[1:]])
+    back = np.flatnonzero(np.diff(table[:, 0]) <= 0)
+    if back.size:
+        k = int(back[0]) + 1
+        expected = f"more than {table[k - 1, 0]:g} s of the row before"
+        raise InputProblem(file, f"line {body[k + 1][0]}, time", f"{table[k, 0]:g}", expected)
+    columns = dict(zip(names[1:], table[:, 1:].T, strict=True))
+    return Storage(file, table[:, 0], columns, degrees)
+
+
+def _says_degrees(file: str, header: Iterable[str]) -> bool:
+    for line in header:
+        name, _, value = line.partition("=")
+        if name.strip().lower() == "indegrees":
+            word = value.strip().lower()
+            if word not in ("yes", "no"):
+                raise InputProblem(file, "inDegrees", value.strip() or "empty", "yes or no")
+            return word == "yes"
+    return False
+
+
+def _numbers(file: str, line: int, cells: list[str], names: list[str]) -> list[float]:
+    if len(cells) != len(names):
+        expected = f"{counted(len(names), 'cell')}, as names of columns"
+        raise InputProblem(file, f"line {line}", counted(len(cells), "cell"), expected)
+    answer = []
+    for name, cell in zip(names, cells, strict=True):
+        try:
+            x = float(cell)
+        except ValueError:
+            raise InputProblem(file, f"line {line}, {name}", cell, "a number") from None
+        if not math.isfinite(x):
+            raise InputProblem(file, f"line {line}, {name}", cell, "a finite number")
+        answer.append(x)
+    return answer
+
+
+def angles_rad(table: Storage, name: str) -> np.ndarray:
+    """A column of angles, rad, by what the header says of it.
+
+    Args:
+        table: with the column.
+        name: of the column, the flexion of a knee, which no movement keeps within 3 degrees.
+
+    Raises:
+        InputProblem: the header says degrees and the numbers look like radians, or the reverse.
+    """
+    values = table.named(name)
+    largest = float(np.abs(values).max())
+    shown = f"{values.min():.3g} to {values.max():.3g}"
+    if table.in_degrees and np.ptp(values) >= 0.05 and largest <= _RADIANS_BELOW:
+        expected = "degrees, as inDegrees=yes says; radians are suspected"
+        raise InputProblem(table.file, name, shown, expected)
+    if not table.in_degrees and largest > _RADIANS_BELOW:
+        expected = "radians, as inDegrees=no says; degrees are suspected"
+        raise InputProblem(table.file, name, shown, expected)
+    return np.deg2rad(values) if table.in_degrees else values
+
+
+def common_times(tables: Sequence[Storage], count: int | None = None) -> np.ndarray:
+    """Instants that all tables cover.
+
+    Args:
+        tables: one or more.
+        count: how many, evenly spaced; by default the rows of the coarsest table there.
+
+    Returns:
+        `(instants,)`, s.
+
+    Raises:
+        InputProblem: the times of two tables do not overlap.
+    """
+    first, last = max(tables, key=lambda x: x.time[0]), min(tables, key=lambda x: x.time[-1])
+    begin, end = float(first.time[0]), float(last.time[-1])
+    if not begin < end:
+        expected = f"times that overlap with {last.file}, which ends at {end:g} s"
+        raise InputProblem(first.file, "time", f"from {begin:g} s", expected)
+    if count is not None:
+        return np.linspace(begin, end, count)
+    inside = [x.time[(x.time >= begin) & (x.time <= end)] for x in tables]
+    return min(inside, key=len)
+
+
+def column_of(table: Storage, sought: Sequence[str], what: str) -> str:
+    """The first of several names that a table has; names may be the last part of a path.
+
+    Args:
+        table: with the columns.
+        sought: names in order of preference.
+        what: is sought, for the error.
+
+    Raises:
+        InputProblem: there is none of them, or the first word is nearly another.
+
+    Example:
+        >>> table = Storage("walk.sto", np.zeros(2), {"/jointset/knee_r/knee_angle_r": 0}, True)
+        >>> column_of(table, ["knee_angle_r"], "flexion")
+        '/jointset/knee_r/knee_angle_r'
+    """
+    by_last = {last_word(name): name for name in table.columns}
+    for name in sought:
+        if name in table.columns or name in by_last:
+            return name if name in table.columns else by_last[name]
+    near = nearest_name(sought[0], by_last)
+    raise InputProblem(table.file, "columns", sought[0], f"a column with {what}", near)
+
+
+def last_word(column: str) -> str:
+    """A coordinate or muscle of a column, without path or quantity.
+
+    Example:
+        >>> last_word("/jointset/knee_r/knee_angle_r/value"), last_word("/soleus_r|tension")
+        ('knee_angle_r', 'soleus_r')
+    """
+    name = re.sub(r"/value$", "", column).split("|", 1)[0]
+    return name.rstrip("/").rsplit("/", 1)[-1]

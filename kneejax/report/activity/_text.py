@@ -1,0 +1,70 @@
+"""What a recorded movement did to a knee, in lines."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from kneejax.experiments import Activity
+from kneejax.geometry import COORDINATES, coordinate
+from kneejax.report.in_time import bundles
+
+#: A knee whose residual is larger does not agree with the record, N m.
+_LARGE_NM = 5.0
+
+
+def activity_lines(found: Mapping[str, Activity]) -> Iterator[str]:
+    """Range of each coordinate, peaks of forces, what flexion is held with.
+
+    Args:
+        found: what a knee is called, e.g. `intact`, -> its activity.
+    """
+    for name, one in found.items():
+        count, held = len(one.holds), int(one.holds.sum())
+        yield f"{name}: in balance at {held} of {count} instants"
+        if not held:
+            continue
+        yield from _coordinates(one)
+        yield from _forces(one)
+        residual = one.residual_Nm
+        rms, most = np.sqrt(np.nanmean(residual**2)), np.nanmax(np.abs(residual))
+        yield f"  moment that holds flexion: {rms:.1f} N m rms, at most {most:.1f} N m"
+        if rms > _LARGE_NM:
+            yield (
+                "    so much is not explained by muscles, ligaments, contact and what acts on the "
+                "leg together"
+            )
+        loose = one.holds & ~(one.moved_N <= 1.0)
+        if loose.any():
+            places = ", ".join(f"{x:g}" for x in one.record.time_s[loose][:8])
+            yield f"  muscles not settled within 1 N at {places} s: these balances are approximate"
+
+
+def _coordinates(one: Activity) -> Iterator[str]:
+    table, record = np.asarray(one.motion.to_table()), one.record
+    same = record.same_frames
+    yield "                            least      most" + ("  rms from record" if same else "")
+    for k, name in enumerate(COORDINATES):
+        values = table[:, k]
+        cells = f"{np.nanmin(values):11.2f}{np.nanmax(values):10.2f}"
+        if same and k:
+            cells += f"{np.sqrt(np.nanmean((values - record.pose[:, k]) ** 2)):17.2f}"
+        yield f"  {coordinate(name).axis_label:<20}{cells}"
+
+
+def _forces(one: Activity) -> Iterator[str]:
+    force = np.linalg.norm(np.asarray(one.mechanics.contact_force), axis=-1)
+    time = one.record.time_s
+    for k, name in enumerate(one.motion.knee.contact_names):
+        if np.isfinite(force[:, k]).any():
+            at = int(np.nanargmax(force[:, k]))
+            yield f"  contact {name}: at most {force[at, k]:.0f} N, at {time[at]:.2f} s"
+    names = one.motion.knee.ligaments.names
+    tension = np.asarray(one.mechanics.tension)
+    peaks = {}
+    for name, fibres in bundles(one.motion.knee).items():
+        whole = tension[:, [names.index(fibre) for fibre in fibres]].sum(axis=1)
+        peaks[name] = float(np.nanmax(whole))
+    largest = sorted(peaks.items(), key=lambda pair: -pair[1])[:5]
+    yield "  ligaments, peak: " + ", ".join(f"{name} {force:.0f} N" for name, force in largest)

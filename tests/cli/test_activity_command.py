@@ -1,0 +1,92 @@
+"""What `kneejax activity` refuses, each in one line and before anything is written."""
+
+import numpy as np
+import pytest
+
+from kneejax.cli import main
+
+MODEL = """<?xml version="1.0" encoding="UTF-8"?>
+<OpenSimDocument Version="40000"><Model name="m"><Ground name="ground"/>
+<length_units>meters</length_units><force_units>N</force_units>
+<BodySet><objects><Body name="femur_r"><mass>8</mass></Body>
+<Body name="tibia_r"><mass>4</mass></Body></objects></BodySet><JointSet><objects>
+<WeldJoint name="hip_r"><socket_parent_frame>/ground</socket_parent_frame>
+<socket_child_frame>/bodyset/femur_r</socket_child_frame></WeldJoint>
+<PinJoint name="knee_r"><socket_parent_frame>/bodyset/femur_r</socket_parent_frame>
+<socket_child_frame>/bodyset/tibia_r</socket_child_frame>
+<coordinates><Coordinate name="knee_angle_r"/></coordinates></PinJoint>
+</objects></JointSet></Model></OpenSimDocument>"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "m.osim").write_text(MODEL)
+    time = np.linspace(0.0, 1.0, 8)
+    axes = [f"knee_r_on_tibia_r_in_tibia_r_{kind}{axis}" for kind in "fmp" for axis in "xyz"]
+    for name, names, begin in (
+        ("angles.sto", ["knee_angle_r"], 0.0),
+        ("radians.sto", ["knee_angle_r"], 0.0),
+        ("reaction.sto", axes, 0.0),
+        ("late.sto", axes, 5.0),
+        ("short.sto", axes[:4], 0.0),
+        ("misspelt.sto", ["knee_angel_r"], 0.0),
+    ):
+        size = 1.0 if name == "radians.sto" else 30.0
+        rows = [[begin + t, *[-size * t] * len(names)] for t in time]
+        text = "\n".join("\t".join(map(str, row)) for row in rows)
+        head = "\t".join(["time", *names])
+        (tmp_path / name).write_text(f"m\ninDegrees=yes\nendheader\n{head}\n{text}\n")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("files", "options", "said"),
+    [
+        (["angles.sto", "late.sto"], [], "late.sto: time: from 5 s: expected times that overlap"),
+        (["radians.sto", "reaction.sto"], [], "radians are suspected"),
+        (["angles.sto", "short.sto"], [], "no JOINT_on_tibia_r_in_tibia_r_my"),
+        (["misspelt.sto"], [], "did you mean knee_angle_r?"),
+        (["nowhere.sto"], [], "nowhere.sto: file: missing"),
+        (["angles.sto"], [], "muscle forces: missing"),
+        (["angles.sto", "reaction.sto"], ["--side", "l"], "--side: side: l: expected r"),
+        (["angles.sto", "reaction.sto"], ["--instants", "2"], "between 4 and 20,000 instants"),
+        (["angles.sto", "reaction.sto"], ["--cut", "ACX"], "ACX"),
+        (["angles.sto", "reaction.sto"], ["--frames", "equal"], "invalid choice: 'equal'"),
+    ],
+)
+def test_what_does_not_fit_is_refused_in_one_line(files, options, said, folder, capsys):
+    words = [str(folder / name) for name in files]
+    words += ["--model", str(folder / "m.osim"), "--knee", "four_ligament", *options]
+    out = folder / "out"
+    try:
+        status = main(["activity", *words, "--out", str(out)])
+    except SystemExit as ended:
+        status = ended.code
+    error = capsys.readouterr().err
+    assert status == 2
+    assert said in error and error.count("\n") == 1
+    assert not out.exists()
+
+
+@pytest.mark.slow
+def test_a_joint_reaction_is_balanced_written_and_run_again(folder, capsys):
+    """A made-up reaction: tables, figure, settings, and the same numbers once more."""
+    table = (folder / "reaction.sto").read_text().splitlines()
+    rows = [table[4 + k].split()[0] for k in range(8)]
+    # 400 N of compression held by the joint, so that the knee is pressed together.
+    wrench = "0 -400 0 0 0 0 0 0 0".replace(" ", "\t")
+    text = "\n".join([*table[:4], *(f"{time}\t{wrench}" for time in rows)]) + "\n"
+    (folder / "reaction.sto").write_text(text)
+    out, again = folder / "out", folder / "again"
+    words = [str(folder / "angles.sto"), str(folder / "reaction.sto"), "--knee", "four_ligament"]
+    words += ["--model", str(folder / "m.osim"), "--cut", "ACL", "--out", str(out)]
+    status = main(["activity", *words])
+    assert status in (0, 1), capsys.readouterr().err
+    header = (out / "activity.csv").read_text().splitlines()[0]
+    assert header.startswith("knee,time_s,cycle_percent,flexion_deg")
+    assert (out / "figures" / "activity.png").stat().st_size > 20_000
+    parts = {line.split(",")[2] for line in (out / "residual.csv").read_text().splitlines()[1:]}
+    assert parts == {"joint reaction", "ligaments", "medial", "lateral", "left over"}
+    assert main(["rerun", str(out), "--out", str(again)]) == status
+    for name in ("activity.csv", "forces.csv", "contact.csv", "residual.csv"):
+        assert (again / name).read_text() == (out / name).read_text()

@@ -1,0 +1,117 @@
+"""A recorded movement as balances: the same as under loads given by hand, and it adds up."""
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import kneejax as kj
+from kneejax.experiments import activity, cycle_of
+from kneejax.experiments.activity._tendon import tendon_of_quadriceps
+from kneejax.mechanics import LegRecord, Lines
+from kneejax.parameters import cut
+
+COUNT = 33
+FLEXION = 20.0 + 25.0 * np.sin(np.linspace(0.0, 3.0, COUNT))
+
+
+def record(wrench, quadriceps=0.0, pull=0.0):
+    """A made-up record: a wrench on the tibia, a quadriceps, a hamstring's line."""
+    time = np.linspace(0.0, 1.0, COUNT)
+    pose = np.zeros((COUNT, 6))
+    pose[:, 0] = FLEXION
+    ends = [np.broadcast_to(np.array(x)[None, :, None], (1, 3, COUNT)) for x in
+            ((-30.0, 300.0, -10.0), (-25.0, -60.0, -20.0))]  # fmt: skip
+    tension = np.full((1, COUNT), pull)
+    lines = Lines(*(jnp.asarray(x) for x in (*ends, tension)), (), ("hams_r",))
+    ground = np.zeros((COUNT, 3))
+    ground[5:25, 1] = 500.0
+    return LegRecord(
+        time, pose, {"ground": np.asarray(wrench)}, lines, np.full(COUNT, quadriceps), ground,
+        True, 4.0,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def knee():
+    return kj.load_knee("four_ligament")
+
+
+@pytest.fixture(scope="module")
+def pressed(knee):
+    """Under a wrench that grows and falls, a quadriceps and a hamstring."""
+    size = np.sin(np.linspace(0.2, 3.0, COUNT))[:, None]
+    wrench = size * np.array([[-20.0, 500.0, 10.0, 3000.0, 500.0, 2000.0]])
+    return activity(knee, record(wrench, quadriceps=150.0, pull=100.0))
+
+
+def test_every_instant_is_in_balance(pressed):
+    assert pressed.holds.all()
+    assert np.all(pressed.moved_N <= 0.5)
+
+
+def test_what_acts_equals_what_contacts_and_ligaments_hold(pressed):
+    force, moment = pressed.left_over[:, :3], pressed.left_over[:, 3:]
+    size = np.linalg.norm(pressed.total[:, :3], axis=1)
+    # 0.1 % was asked for; what is left is the search's own, and muscles that moved by 0.5 N.
+    assert np.all(np.linalg.norm(force, axis=1) < 1e-3 * size + 0.5)
+    # What is left over of the moment is what holds flexion, about the femur's transverse axis.
+    there = pressed.motion.settled.state.tibia.placement
+    transverse = np.stack([np.asarray(x) for x in there.turn_back((0.0, 0.0, 1.0))], axis=1)
+    along = np.sum(moment * transverse, axis=1)
+    assert np.allclose(along, 1000.0 * pressed.residual_Nm, atol=20.0)
+
+
+def test_balances_are_those_of_the_same_loads_given_by_hand(knee, pressed):
+    slack = dataclasses.replace(knee.lines[0], tension=0.0 * knee.lines[0].tension)
+    bare = dataclasses.replace(knee, lines=(slack,))
+    (load,) = pressed.motion.stations.loads
+    given = kj.passive_flexion(bare, FLEXION, [load])
+    assert np.allclose(given.to_table(), pressed.motion.to_table(), atol=1e-5)
+
+
+def test_a_quadriceps_extends_and_a_hamstring_bends(knee):
+    press = np.broadcast_to([0.0, 400.0, 0.0, 0.0, 0.0, 0.0], (COUNT, 6))
+    pulls = (0.0, 0.0), (100.0, 0.0), (0.0, 100.0)
+    rest, quadriceps, hams = (activity(knee, record(press, *pair)) for pair in pulls)
+    assert np.all(quadriceps.residual_Nm > rest.residual_Nm)
+    assert np.all(hams.residual_Nm < rest.residual_Nm)
+    without = activity(cut(knee, ["ACL"]), record(press))
+    assert np.all(np.asarray(without.mechanics.tension)[:, 0] == 0.0)
+
+
+def test_the_tendon_is_straight_between_the_records_angles():
+    found = tendon_of_quadriceps(np.full(3, 200.0), np.array([-5.0, 15.0, 120.0]))
+    assert found.tolist() == pytest.approx([226.0, 190.0, 120.0])
+
+
+def test_a_knee_without_a_tendon_is_refused(knee):
+    bare = dataclasses.replace(knee, lines=())
+    with pytest.raises(ValueError, match="expected a knee|a knee with a line"):
+        activity(bare, record(np.zeros((COUNT, 6)), quadriceps=10.0))
+
+
+def test_a_record_with_one_heel_strike_is_counted_from_it(pressed):
+    cycle = cycle_of(pressed.record)
+    assert cycle.words == "from heel strike to the end of the record"
+    assert cycle.percent[5] == 0.0 and cycle.percent[-1] == 100.0
+    assert cycle.toe_off == pytest.approx(100.0 * 20 / 27)
+
+
+def test_a_record_without_ground_is_counted_as_a_whole(pressed):
+    still = dataclasses.replace(pressed.record, ground_N=np.zeros((COUNT, 3)))
+    cycle = cycle_of(still)
+    assert cycle.words == "of the record" and cycle.percent[16] == pytest.approx(50.0)
+
+
+def test_a_quadriceps_that_ends_on_the_tibia_is_taken_out_before_a_patella_pulls():
+    told = record(np.zeros((COUNT, 6)), pull=70.0)
+    two = [jnp.concatenate([x, x]) for x in (told.lines.first, told.lines.second)]
+    tension = jnp.concatenate([told.lines.tension, 2.0 * told.lines.tension])
+    lines = Lines(*two, tension, (), ("hams_r", "vas_lat_r"))
+    moved = dataclasses.replace(told, lines=lines).with_heads_on_patella()
+    assert moved.lines.names == ("hams_r",)
+    assert np.all(moved.quadriceps_N == 140.0)
+    assert np.array_equal(moved.lines.tension, told.lines.tension)
+    assert told.with_heads_on_patella() is told

@@ -1,0 +1,80 @@
+"""Tables of OpenSim: what is read, what is refused, what stands between rows."""
+
+import numpy as np
+import pytest
+
+from kneejax.files import InputProblem, read_storage
+from kneejax.files.tables import angles_rad, column_of, common_times
+
+HEAD = "walk\nversion=1\ninDegrees={}\nendheader\ntime\tknee_angle_r\tankle\n"
+
+
+def written(path, rows, degrees="yes"):
+    path.write_text(HEAD.format(degrees) + "".join(f"{' '.join(map(str, x))}\n" for x in rows))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("time\ta\n0\t1\n", "header: no line endheader"),
+        (HEAD.format("yes") + "0 1 2\n0 3 4\n", r"line 7, time: 0: expected more than 0 s"),
+        (HEAD.format("yes") + "0 1 2\n-1 3 4\n", "line 7, time: -1"),
+        (HEAD.format("yes") + "0 1 2\n1 3\n", "line 7: 2 cells: expected 3 cells"),
+        (HEAD.format("yes") + "0 1 2\n1 3 much\n", "line 7, ankle: much: expected a number"),
+        (HEAD.format("yes") + "0 1 2\n1 3 nan\n", "expected a finite number"),
+        (HEAD.format("perhaps") + "0 1 2\n1 3 4\n", "inDegrees: perhaps: expected yes or no"),
+        (HEAD.format("yes") + "0 1 2\n", "rows: 1 row: expected names of columns and two rows"),
+        ("walk\nendheader\nt\ta\n0\t1\n1\t2\n", "line 3: t: expected the column time first"),
+    ],
+)
+def test_a_table_that_is_none_is_refused_in_one_line(text, said, tmp_path):
+    path = tmp_path / "walk.sto"
+    path.write_text(text)
+    with pytest.raises(InputProblem, match=said) as problem:
+        read_storage(path)
+    assert "\n" not in str(problem.value)
+
+
+def test_a_column_that_is_not_there_has_the_nearest_name(tmp_path):
+    table = read_storage(written(tmp_path / "walk.sto", [(0, 1, 2), (1, 3, 4)]))
+    with pytest.raises(InputProblem, match=r"did you mean knee_angle_r\?"):
+        table.named("knee_angel_r")
+    with pytest.raises(InputProblem, match=r"did you mean knee_angle_r\?"):
+        column_of(table, ["knee_angel_r"], "flexion")
+
+
+def test_a_quintic_is_its_own_spline(tmp_path):
+    time = np.linspace(0.0, 1.0, 12)
+    rows = np.stack([time, time**5 - time, 10.0 * time**2], axis=1)
+    table = read_storage(written(tmp_path / "walk.sto", rows.tolist()))
+    between = np.array([0.05, 0.5, 0.93])
+    found = table.at(between, ["knee_angle_r", "ankle"])
+    assert np.allclose(found, [between**5 - between, 10.0 * between**2], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("degrees", "most", "said"), [("yes", 1.1, "radians are suspected"), ("no", 60.0, "degrees")]
+)
+def test_degrees_are_not_taken_for_radians(degrees, most, said, tmp_path):
+    rows = [(x, most * x, 0.0) for x in (0.0, 0.5, 1.0)]
+    table = read_storage(written(tmp_path / "walk.sto", rows, degrees))
+    with pytest.raises(InputProblem, match=said):
+        angles_rad(table, "knee_angle_r")
+
+
+def test_angles_are_read_in_the_unit_of_the_header(tmp_path):
+    for degrees, most in (("yes", 60.0), ("no", np.pi / 3.0)):
+        rows = [(x, most * x, 0.0) for x in (0.0, 0.5, 1.0)]
+        table = read_storage(written(tmp_path / f"{degrees}.sto", rows, degrees))
+        assert angles_rad(table, "knee_angle_r")[-1] == pytest.approx(np.pi / 3.0)
+
+
+def test_times_of_several_tables(tmp_path):
+    first = read_storage(written(tmp_path / "a.sto", [(x, x, 0) for x in (0, 1, 2, 3)]))
+    second = read_storage(written(tmp_path / "b.sto", [(x, x, 0) for x in (1, 2.5, 4)]))
+    late = read_storage(written(tmp_path / "c.sto", [(x, x, 0) for x in (5, 6)]))
+    assert common_times([first, second]).tolist() == [1.0, 2.5]
+    assert common_times([first, second], 3).tolist() == [1.0, 2.0, 3.0]
+    with pytest.raises(InputProblem, match=r"c.sto: time: from 5 s: expected times that overlap"):
+        common_times([first, late])

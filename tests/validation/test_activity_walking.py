@@ -1,0 +1,116 @@
+"""Walking, as whole-body programs recorded it, against what they said of the same instants.
+
+gait2392: OpenSim's static optimisation balances the knee's moment of its model exactly, so inverse
+dynamics and muscles read here must too. lenhart2015: the person of the bundled knee walks; COMAK's
+record has the knee's pose, so that all forces there must add up but for the contact's fit.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from kneejax.experiments import evaluate
+from kneejax.experiments.activity._activity import _acting, _of_ligaments, _without_tendon
+from kneejax.files import load_knee_file, read_activity, read_storage
+from kneejax.files.opensim._activity import _acting as acting_of
+from kneejax.files.opensim._activity import _below, _moved, _sorted
+from kneejax.files.opensim._knee import find_knee
+from kneejax.files.opensim._model import read_model
+from kneejax.files.opensim._movement import Rigid, moved
+from kneejax.files.opensim._muscle_lines import crossing
+from kneejax.files.tables import common_times
+from kneejax.geometry import TIBIA, Pose, State
+
+DATA = Path(__file__).parents[3] / "shared" / "data"
+WALK, GAIT = DATA / "lenhart2015", DATA / "gait2392"
+pytestmark = [
+    pytest.mark.skipif(not GAIT.exists(), reason="recorded walking is not beside the checkout"),
+    pytest.mark.slow,
+]
+GAIT_MODEL = GAIT / "subject01_simbody_adjusted.osim"
+GAIT_FILES = [
+    GAIT / "subject01_walk1_kinematics.sto",
+    GAIT / "subject01_static_optimization_force.sto",
+    GAIT / "foot_floor_loads.xml",
+]
+WALK_FILES = [
+    WALK / "walking" / name
+    for name in ("comak_coordinates.sto", "comak_muscle_forces.sto", "external_loads.xml")
+]
+
+
+@pytest.fixture(scope="module")
+def reduced():
+    return load_knee_file("lenhart2015_reduced")
+
+
+def test_the_moments_of_a_recorded_static_optimisation_cancel():
+    """Moments about the model's own knee, by virtual work: 0.11 N m of 69 are left."""
+    model, step = read_model(GAIT_MODEL), 1e-4
+    bones = find_knee(model, "r")
+    given = _sorted(model, bones, GAIT_FILES)
+    time = common_times(given.tables)
+    movement, around = _moved(model, bones, given.motion, time)
+    below, tibia = _below(movement.joints, bones), movement.placed[bones.tibia]
+    frame = Rigid(tibia.inverse().turn, 1e3 * tibia.inverse().shift)
+    parts, _, _ = acting_of(given, movement, around, below, frame, time)
+    whole = sum(parts.values())
+    sides = [
+        moved(model, movement.values | {"knee_angle_r": movement.values["knee_angle_r"] + way})
+        for way in (-step, step)
+    ]
+    before, after = ({w.name: w.length for w in crossing(x, bones, below).muscles} for x in sides)
+    table = given.muscles
+    muscles = -sum(
+        np.interp(time, table.time, table.columns[name]) * (after[name] - before[name])
+        for name in before
+    ) / (2.0 * step)
+    first, last = (x.placed[bones.tibia] for x in sides)
+    rate = (last.turn - first.turn) / (2.0 * step) @ np.swapaxes(tibia.turn, -1, -2)
+    turn = np.stack([rate[:, 2, 1], rate[:, 0, 2], rate[:, 1, 0]], axis=1)
+    shift = (last.shift - first.shift) / (2.0 * step)
+    turn, shift = (np.einsum("nji,nj->ni", tibia.turn, x) for x in (turn, shift))
+    outer = np.sum(whole[:, :3] * shift, 1) + np.sum(whole[:, 3:] * turn, 1) / 1e3
+    assert np.abs(outer).max() > 60.0
+    assert np.sqrt(np.mean((outer + muscles) ** 2)) < 0.2
+
+
+def test_the_joint_reaction_is_that_of_opensim(reduced):
+    """986.9 N along the tibia's long axis at 0.65 s; OpenSim 4.6 said 987 N."""
+    record = read_activity(GAIT_MODEL, GAIT_FILES, side="r", knee=reduced.knee)
+    rows = np.arange(len(record.time_s))
+    whole = sum(record.acting.values()) + record.lines.on_tibia(rows, record.pose).sum(axis=0)
+    at = int(np.argmin(np.abs(record.time_s - 0.65)))
+    assert whole[at, 1] == pytest.approx(987.0, abs=1.0)
+    assert "right_foot takes its torque from left_foot_torque" in record.doubts[0]
+
+
+@pytest.fixture(scope="module")
+def walk(reduced):
+    model = WALK / "lenhart2015.osim"
+    return read_activity(model, WALK_FILES, side="r", knee=reduced.knee, document=reduced.document)
+
+
+def test_the_record_has_the_poses_of_its_own_coordinates(walk):
+    columns = read_storage(WALK_FILES[0]).columns
+    names = [f"knee_{x}_r" for x in ("flex", "add", "rot", "tx", "ty", "tz")]
+    scale = [1.0, 1.0, 1.0, 1e3, 1e3, 1e3]
+    said = np.stack([columns[n] * s for n, s in zip(names, scale, strict=True)], axis=1)
+    assert walk.same_frames
+    assert np.allclose(walk.pose, said, atol=1e-9)
+
+
+def test_at_the_recorded_poses_all_forces_add_up(walk):
+    """The flexion moment closes within 0.9 N m rms, forces within 11, 20 and 13 N rms."""
+    tendon, bare = _without_tendon(load_knee_file("lenhart2015").knee, True)
+    state = State({TIBIA: Pose.from_table(walk.pose)})
+    parts = _acting(walk, tendon, np.arange(len(walk.time_s)), walk.pose).values()
+    found = evaluate(bare, state.tibia)
+    contact = np.concatenate(
+        [np.asarray(x).sum(axis=1) for x in (found.contact_force, found.contact_moment)], axis=1
+    )
+    left = sum(parts) + np.asarray(_of_ligaments(bare, state)).T + contact
+    rms = np.sqrt(np.mean(left**2, axis=0))
+    assert np.all(rms[:3] < 25.0)
+    assert rms[5] < 1000.0
