@@ -1,8 +1,8 @@
-"""Many instants of one movement: some are itself to, the others found between them.
+"""Many instants of one movement: some are walked to, the others found between them.
 
-An instant lies near its neighbours in time, so only every so many are itself to from the reference
+An instant lies near its neighbours in time, so only every so many are walked to from the reference
 pose, each on its own route. The others are sought where their neighbours in time say, half-way
-first; what is not found there is itself to.
+first; what is not found there is walked to.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from kneejax.geometry import COORDINATES, FREE_COORDINATES, free_of, scales, tab
 from kneejax.mechanics import Knee
 from kneejax.statics import Balances, Stations, converged, own_motion, own_motion_near, settled_of
 
-#: Instants that are itself to, at least: those of a cycle of gait, 4 % apart.
+#: Instants that are walked to, at least: those of a cycle of gait, 4 % apart.
 _ANCHORS = 25
-#: A balance farther from where its neighbours say is itself to, mm (rotations at 30 mm).
+#: A balance farther from where its neighbours say is walked to, mm (rotations at 30 mm).
 _MISSED_MM = 2.0
 #: Muscles are lines towards a tibia that moves a little under them: balances are found anew until
 #: what acts changes by less, N (moments at 30 mm), or so often.
