@@ -39,7 +39,7 @@ def cycle_of(record: LegRecord) -> Cycle:
         >>> ground = np.array([0, 0, 300, 300, 300, 0, 0, 0, 300.0])[:, None] * [0, 1, 0]
         >>> record = types.SimpleNamespace(time_s=np.arange(9) / 10, ground_N=ground)
         >>> cycle = cycle_of(record)
-        >>> cycle.words, float(cycle.percent[2]), float(cycle.percent[8]), float(cycle.toe_off)
+        >>> cycle.words, *(round(float(x), 6) for x in (*cycle.percent[[2, 8]], cycle.toe_off))
         ('from heel strike to heel strike', 0.0, 100.0, 50.0)
     """
     time = np.asarray(record.time_s, float)

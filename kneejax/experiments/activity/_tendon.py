@@ -21,7 +21,7 @@ def tendon_of_quadriceps(quadriceps_N: np.ndarray, flexion_deg: np.ndarray) -> n
     Source: as `TENDON_BY_QUADRICEPS`.
 
     Example:
-        >>> tendon_of_quadriceps(np.array([100.0, 100.0]), np.array([0.0, 65.0])).tolist()
+        >>> tendon_of_quadriceps(np.array([100.0, 100.0]), np.array([0.0, 65.0])).round(6).tolist()
         [113.0, 51.0]
     """
     return quadriceps_N * np.interp(flexion_deg, FLEXION_DEG, TENDON_BY_QUADRICEPS)
