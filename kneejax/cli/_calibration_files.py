@@ -12,6 +12,7 @@ from kneejax.files import (
     write_rows,
     write_text,
 )
+from kneejax.geometry import PATELLA
 from kneejax.inference import Calibration
 from kneejax.statics import Status
 
@@ -47,6 +48,7 @@ def write_results(result: Calibration, out: Path, svg: bool) -> str:
         converged=[w.converged for w in words],
         stable=[w.sound for w in words],
         doubts=motion.doubts,
+        patella=motion.other_bones.get(PATELLA),
     )
     if result.fit.tests:
         write_rows(out / "tests.csv", *reading_table(result))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -65,6 +66,7 @@ class Motion:
         ligament_forces: shape `(n, ligaments)`, N.
         contact_forces: shape `(n, contacts)`, N.
         doubts: what is wrong with each row, in numbers (`kneejax.experiments.doubts`).
+        other_bones: bone besides the tibia -> its poses, `(n, 6)` in the order of its coordinates.
     """
 
     table: np.ndarray
@@ -72,6 +74,7 @@ class Motion:
     ligament_forces: np.ndarray
     contact_forces: np.ndarray
     doubts: tuple[str, ...] = ()
+    other_bones: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
 
 
 @dataclasses.dataclass(frozen=True)
