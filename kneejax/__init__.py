@@ -34,6 +34,7 @@ _MODULES = {
     "load_curves": "kneejax.experiments",
     "load_cycle": "kneejax.experiments",
     "passive_flexion": "kneejax.experiments",
+    "on_path": "kneejax.experiments",
     "patellar_tracking": "kneejax.experiments",
     "InputProblem": "kneejax.files",
     "load_knee": "kneejax.files",
@@ -110,6 +111,7 @@ if TYPE_CHECKING:
     from kneejax.experiments import leg_raise as leg_raise
     from kneejax.experiments import load_curves as load_curves
     from kneejax.experiments import load_cycle as load_cycle
+    from kneejax.experiments import on_path as on_path
     from kneejax.experiments import passive_flexion as passive_flexion
     from kneejax.experiments import patellar_tracking as patellar_tracking
     from kneejax.files import InputProblem as InputProblem

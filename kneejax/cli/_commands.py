@@ -14,7 +14,13 @@ from kneejax.cli._dynamic_options import IN_TIME, add_dynamic_options
 from kneejax.cli._parser import KNEE, Parser, add_command, add_convention, add_out, add_svg
 from kneejax.cli._plan_commands import add_plan
 from kneejax.cli._study_commands import add_identify, add_map, add_sensitivity
-from kneejax.cli._test_options import EXTENSOR, TESTS, add_extensor_options, add_test_options
+from kneejax.cli._test_options import (
+    EXTENSOR,
+    PATELLAS,
+    TESTS,
+    add_extensor_options,
+    add_test_options,
+)
 from kneejax.cli._version import ShowVersion
 from kneejax.cli.joint import add_joint
 
@@ -220,6 +226,12 @@ def _add_reproduce(commands) -> None:
     )
     command.add_argument("paper", choices=["1", "2", "3", "4", "5"], help="number of the paper")
     command.add_argument("--knee", help=f"of paper 1, four_ligament_fitted by default: {KNEE}")
+    command.add_argument(
+        "--patella",
+        choices=PATELLAS,
+        help="of paper 1, on which its 2 kg pull: on-path, with one degree of freedom as in the "
+        "paper (default); balanced, a third bone; none, a line of constant tension instead",
+    )
     add_out(command, "kneejax-reproduction")
     add_svg(command)
     command.set_defaults(run=_lazily("_reproduce"))

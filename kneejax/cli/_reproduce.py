@@ -14,7 +14,9 @@ def run(arguments: argparse.Namespace) -> int:
     A claim that is not reproduced is an answer like any other: status 0. Status 1 says that
     something computed on the way is doubtful.
     """
-    if arguments.knee and arguments.paper != "1":
-        expected = "none of it: paper 1 alone takes one"
-        raise InputProblem("--knee", "option", arguments.knee, expected)
+    for option in ("knee", "patella"):
+        said = getattr(arguments, option)
+        if said and arguments.paper != "1":
+            expected = "none of it: paper 1 alone takes one"
+            raise InputProblem(f"--{option}", "option", said, expected)
     return importlib.import_module(f"kneejax.cli.papers._paper{arguments.paper}").run(arguments)

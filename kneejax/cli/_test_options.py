@@ -11,6 +11,8 @@ TESTS = (
 )  # fmt: skip
 #: Experiments in which the quadriceps pulls on a patella.
 EXTENSOR = ("patellar-tracking", "extension", "leg-raise")
+#: What paper 1's weight pulls on, its own form first.
+PATELLAS = ("on-path", "balanced", "none")
 _HELD = ("adduction", "internal_rotation")
 #: Of `kneejax.experiments.COUNTED_FROM`, what a simulated test can be counted from.
 _COUNTED_FROM = ("unloaded", "intact")

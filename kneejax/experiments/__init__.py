@@ -31,6 +31,8 @@ from kneejax.experiments.extensor import Extensor as Extensor
 from kneejax.experiments.extensor import Shank as Shank
 from kneejax.experiments.extensor import isometric_extension as isometric_extension
 from kneejax.experiments.extensor import leg_raise as leg_raise
+from kneejax.experiments.extensor import on_path as on_path
+from kneejax.experiments.extensor import patella_path as patella_path
 from kneejax.experiments.extensor import patellar_tracking as patellar_tracking
 from kneejax.experiments.in_time import MOST_ERROR_MM as MOST_ERROR_MM
 from kneejax.experiments.in_time import RaisedLeg as RaisedLeg

@@ -17,6 +17,7 @@ from jax import Array
 from kneejax.geometry import FEMUR, TIBIA, Pair, Pose, State
 from kneejax.mechanics._loads import ConstantTensionLine, Load, Support
 from kneejax.mechanics._muscles import QUADRICEPS, Muscles
+from kneejax.mechanics._patella_path import PatellaOnPath
 from kneejax.mechanics._step import TimeStep
 from kneejax.mechanics._wrench import Wrenches
 from kneejax.mechanics.contact import Contact, PointFaults, Pressed
@@ -54,7 +55,8 @@ class Knee(eqx.Module):
         contacts: the compartments.
         contact_names: one name per compartment, e.g. `medial`.
         loads: wrenches on the tibia that act in every experiment on this knee.
-        lines: lines of constant tension whose upper end may travel with flexion.
+        lines: lines of constant tension whose upper end may travel with flexion, or a patella on a
+            path.
         reference_pose: of the tibia, where reference strains and reference lengths are stated.
         other_bones: bone -> its pose there, of those that move besides the tibia.
         muscles: lines of given tension along courses; None without any.
@@ -67,7 +69,7 @@ class Knee(eqx.Module):
     ligaments: Ligaments
     contacts: tuple[Contact, ...]
     loads: tuple[Load | Support, ...]
-    lines: tuple[ConstantTensionLine, ...]
+    lines: tuple[ConstantTensionLine | PatellaOnPath, ...]
     reference_pose: Pose
     contact_names: tuple[str, ...] = eqx.field(static=True)
     groups: tuple[tuple[str, tuple[str, ...]], ...] = eqx.field(static=True, default=())

@@ -8,7 +8,9 @@ import dataclasses
 import numpy as np
 
 from kneejax.cli._progress import balances_on_terminal
+from kneejax.cli._test_options import PATELLAS
 from kneejax.cli.papers._judged import say_claims, write_claims
+from kneejax.experiments import on_path
 from kneejax.files import InputProblem, load_knee
 from kneejax.inference import in_convention, sensitivity_maps, sweep, versions
 from kneejax.mechanics import Knee
@@ -20,24 +22,37 @@ from kneejax.studies import run as run_study
 #: The paper's protocol, and a knee of four lines that moves as measured knees do.
 _STUDY, _KNEE = "paper1", "four_ligament_fitted"
 _GRID, _VALUES = (61, 61), 37
+_QUANTITIES = ("stiffness", "reference_strain")
+#: Of `PATELLAS`: on what the weight pulls, in words.
+_PULLS = {
+    "balanced": "The 2 kg pull on a patella that is in balance in its groove, as a third bone.",
+    "on-path": "The 2 kg pull on a patella that rides on its path, as in the paper.",
+    "none": "A line of constant tension stands for the patella on which 2 kg pull.",
+}
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Compute the study, judge the claims, print and write them."""
-    knee = _four_lines(arguments.knee or _KNEE)
-    study = dataclasses.replace(read_study(_STUDY), knee=knee)
+    patella = arguments.patella or PATELLAS[0]
+    knee = _four_lines(arguments.knee or _KNEE, patella)
+    names = [f"{name}.{quantity}" for quantity in _QUANTITIES for name in LIGAMENTS]
+    study = dataclasses.replace(read_study(_STUDY), knee=knee, parameters=names)
     found = _computed(study)
     claims, doubts = paper1_claims(found), _doubts(found)
-    _write(study, found, claims, doubts, arguments.out, arguments.svg)
+    _write(study, found, claims, doubts, patella, arguments.out, arguments.svg)
     return say_claims(claims, arguments.out, doubts=doubts)
 
 
-def _four_lines(name: str) -> Knee:
+def _four_lines(name: str, patella: str) -> Knee:
+    """The knee with its two kilograms on the quadriceps."""
     knee = load_knee(name)
     if set(knee.ligaments.names) != set(LIGAMENTS):
         found = f"{name} with {len(knee.ligaments.names)} ligaments"
         raise InputProblem("--knee", "knee", found, f"those of paper 1: {', '.join(LIGAMENTS)}")
-    return knee
+    if patella == "none":
+        return knee
+    whole = load_knee(name, patella=True)
+    return whole if patella == "balanced" else on_path(knee, whole)
 
 
 def _computed(study: Study) -> Paper1Study:
@@ -76,7 +91,7 @@ def _doubts(found: Paper1Study) -> list[str]:
 
 
 def _write(
-    study: Study, found: Paper1Study, claims: tuple[Claim, ...], doubts, out, svg: bool
+    study: Study, found: Paper1Study, claims: tuple[Claim, ...], doubts, patella: str, out, svg
 ) -> None:
     from kneejax.report import map_figure, sweep_figure, write_reproduction
 
@@ -101,14 +116,16 @@ def _write(
     noise = study.synthetic.noise_mm if study.synthetic else 0.0
     about = [
         "The paper's four ligaments with the values of its Table 1, on the articular surfaces of "
-        f"one knee ({study.knee.name}) instead of its cadaver's. The paper's measured motion was "
-        "not published: here it is made by the same knee with the parameters of its Table 3, with "
-        f"{noise:g} mm and degrees of noise. Coordinates are the paper's, the femur in the tibia. "
-        "What the paper reads off its figures is turned into criteria, stated with each claim.",
+        f"one knee ({study.knee.name}) instead of its cadaver's. {_PULLS[patella]} The paper's "
+        "measured motion was not published: here it is made by the same knee with the parameters "
+        f"of its Table 3, with {noise:g} mm and degrees of noise. Coordinates are the paper's, the "
+        "femur in the tibia. What the paper reads off its figures is turned into criteria, stated "
+        "with each claim.",
         f"Verdicts: {', '.join(VERDICTS)}.",
     ]
     settings = {
-        "study": _STUDY, "knee": study.knee.name, "grid": list(_GRID), "values_of_a_sweep": _VALUES
+        "study": _STUDY, "knee": study.knee.name, "patella": patella, "grid": list(_GRID),
+        "values_of_a_sweep": _VALUES,
     }  # fmt: skip
     title = "Paper 1: influence of ligament parameters on motion, and their identification"
     write_reproduction(title, about, claims, figures, doubts, settings, versions(), out, svg=svg)

@@ -83,7 +83,7 @@ class Extensor:
         return forces_on_tibia(self.motion, np.asarray(self.mechanics.contact_force))
 
 
-def _needs_patella(knee: Knee) -> None:
+def needs_patella(knee: Knee) -> None:
     """Refuse a knee that has no patella.
 
     Raises:
@@ -119,7 +119,7 @@ def patellar_tracking(
         Traceback (most recent call last):
         ValueError: the quadriceps pulls with -100 N: expected above 0 and up to 12000 N
     """
-    _needs_patella(knee)
+    needs_patella(knee)
     flexion, pull = np.broadcast_arrays(np.asarray(flexion_deg, float), quadriceps_N)
     _check_pull(pull)
     weightless = weight_of(np.zeros(3), np.zeros(3))
@@ -167,7 +167,7 @@ def leg_raise(knee: Knee, flexion_deg: ArrayLike, shank: Shank | Load) -> Extens
         ValueError: four_ligament has no patella with a quadriceps: expected a knee read with its
         patella
     """
-    _needs_patella(knee)
+    needs_patella(knee)
     weight = shank.load() if isinstance(shank, Shank) else shank
     flexion = jnp.atleast_1d(jnp.asarray(flexion_deg, float))
     return _described(*held_leg(knee, flexion, weight), weight)

@@ -10,7 +10,7 @@ import jax
 import numpy as np
 from jax import Array
 
-from kneejax.geometry import FREE_COORDINATES, scales, table_units
+from kneejax.geometry import FREE_COORDINATES, TIBIA, coordinate, scales, table_units
 from kneejax.statics._settle import Settled
 from kneejax.statics._softness import newton_step_left
 from kneejax.statics._status import converged
@@ -87,8 +87,9 @@ class Balances:
 
     @property
     def table(self) -> np.ndarray:
-        """Free coordinates in degrees and mm, `(variants, stations, free)`."""
-        return self.q * table_units(self.free)
+        """Free coordinates of the tibia in degrees and mm, `(variants, stations, free)`."""
+        own = [name for name in self.free if coordinate(name).body == TIBIA]
+        return self.q[..., : len(own)] * table_units(own)
 
     @property
     def converged(self) -> np.ndarray:
