@@ -77,7 +77,7 @@ class Transient:
             return {}
         table, last = self.trajectory.to_table()[:, :6], np.asarray(self.rest.to_table())[0]
         sense = np.sign(last - table[0])
-        return dict(zip(COORDINATES, np.nanmax((table - last) * sense, axis=0), strict=True))
+        return dict(zip(COORDINATES, np.fmax.reduce((table - last) * sense), strict=True))
 
     def to_dataset(self, attributes: Mapping[str, Any] | None = None) -> Dataset:
         """Poses, rates, forces, loads and energies over time, each with its unit.
