@@ -6,7 +6,7 @@ import argparse
 import math
 from pathlib import Path
 
-from kneejax.cli._parser import CONVENTIONS, Parser, add_command, add_out, add_svg
+from kneejax.cli._parser import CONVENTIONS, Parser, add_command, add_out, add_repeated, add_svg
 
 
 def add_joint(joint: Parser) -> None:
@@ -109,17 +109,15 @@ def _add_compare(parser: argparse.ArgumentParser) -> None:
         "measured", type=Path, nargs="+", help="CSV of measured poses, one file a subject"
     )
     _add_table(parser)
-    parser.add_argument(
+    add_repeated(
+        parser,
         "--joint",
-        action="append",
-        default=[],
         metavar="[NAME=]FILE[,FILE...]",
         help="joint file for all subjects, or one for each, in their order; may be repeated",
     )
-    parser.add_argument(
+    add_repeated(
+        parser,
         "--knee",
-        action="append",
-        default=[],
         help="contact knee in passive flexion: bundled name, knee file, or the result.json of a "
         "calibration; may be repeated",
     )
@@ -138,10 +136,9 @@ def _add_compare(parser: argparse.ArgumentParser) -> None:
         metavar="DEGREES",
         help="poses as near as this to a flexion of calibration are averaged for it (default: 0.5)",
     )
-    parser.add_argument(
+    add_repeated(
+        parser,
         "--axes",
-        action="append",
-        default=[],
         metavar="FILE[,FILE...]",
         help="axis points, as for kneejax joint fit: one file for all subjects, or one for each, "
         "in their order",
