@@ -5,13 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from kneejax.files import (
-    InputProblem,
-    write_calibrated_knee,
-    write_poses,
-    write_rows,
-    write_text,
-)
+from kneejax.files import InputProblem, write_calibrated_knee, write_poses, write_rows, write_text
 from kneejax.inference import Calibration
 from kneejax.statics import Status
 
@@ -29,6 +23,7 @@ def write_results(result: Calibration, out: Path, svg: bool) -> str:
     """
     from kneejax.report import (
         PARAMETER_COLUMNS,
+        motion_words,
         parameters_rows,
         reading_table,
         result_document,
@@ -46,7 +41,7 @@ def write_results(result: Calibration, out: Path, svg: bool) -> str:
         status=words,
         converged=[w.converged for w in words],
         stable=[w.sound for w in words],
-        doubts=motion.doubts,
+        doubts=motion_words(motion),
     )
     if result.fit.tests:
         write_rows(out / "tests.csv", *reading_table(result))

@@ -12,16 +12,15 @@ from kneejax.cli._say_status import say_status
 from kneejax.experiments import (
     Extensor,
     Shank,
-    doubts,
     isometric_extension,
     leg_raise,
-    of_search,
     patellar_tracking,
     with_flips,
 )
 from kneejax.files import InputProblem, knee_with, load_knee, parse_flexion, write_rows
 from kneejax.mechanics import Knee, Range, load_of
 from kneejax.parameters import cut
+from kneejax.report import pose_words, search_words
 
 _FLEXION = {"patellar-tracking": "0:120:5", "extension": "0:90:30", "leg-raise": "0:90:5"}
 _PULL_N = {"patellar-tracking": 100.0, "extension": 1000.0}
@@ -49,7 +48,7 @@ def run_extensor(arguments: argparse.Namespace) -> int:
     with stages_on_terminal(knee.name):
         found = _made(arguments, knee, flexion, [load_of(**loads)] if loads else [])
     status = with_flips(found.motion.status, found.mechanics)
-    said = doubts(knee, found.mechanics, of_search(found.motion, loads))
+    said = pose_words(knee, found.mechanics, search_words(found.motion, loads))
     _report(arguments, knee, found, status)
     places = [f"{x:g}" for x in found.flexion_deg]
     doubtful = say_status(status, places, "degrees", said, given=False)

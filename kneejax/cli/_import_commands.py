@@ -4,15 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from kneejax.cli._parser import (
-    KNEE,
-    Parser,
-    add_command,
-    add_out,
-    add_repeated,
-    add_svg,
-    lazily,
-)
+from kneejax.cli._parser import KNEE, Parser, add_command, add_out, add_repeated, add_svg, lazily
 
 _SIDES = ("r", "l")
 

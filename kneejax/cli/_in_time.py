@@ -11,13 +11,7 @@ import numpy as np
 from kneejax.cli._given import check_within, read_loads, read_pairs
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.dynamics import MovingKnee, gravity_of
-from kneejax.experiments import (
-    MOST_ERROR_MM,
-    Transient,
-    lab_tests,
-    leg_of_person,
-    transient,
-)
+from kneejax.experiments import MOST_ERROR_MM, Transient, lab_tests, leg_of_person, transient
 from kneejax.files import (
     InputProblem,
     knee_with,

@@ -34,6 +34,7 @@ from kneejax.files import (
 from kneejax.geometry import COLUMNS, COORDINATES, FEMORAL, convert_table
 from kneejax.mechanics import LIMITS, NAMED_LOADS, RANGES, Knee, Range, load_called
 from kneejax.parameters import cut
+from kneejax.report import curve_words
 from kneejax.statics import Status, converged
 
 _MOST_STEPS = 1000
@@ -60,7 +61,7 @@ def run_test(arguments: argparse.Namespace) -> int:
         curves = load_curves(knee, tests, whole if from_intact else None)
         mechanics = mechanics_of(curves[0])
     status = [one.status(mechanics) for one in curves]
-    said = [one.doubts(mechanics) for one in curves]
+    said = [curve_words(one, mechanics) for one in curves]
     found = [x for one, own in zip(curves, status, strict=True) for x in laxity(one, own)]
     without = f" without {', '.join(arguments.cut)}" if arguments.cut else ""
     print(f"{knee.name}{without}")

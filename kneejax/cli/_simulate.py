@@ -17,25 +17,12 @@ from kneejax.cli._given import read_loads, read_pairs
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli._say_status import say_status
 from kneejax.cli._test_options import EXTENSOR
-from kneejax.experiments import (
-    branches,
-    doubts,
-    evaluate,
-    of_search,
-    passive_flexion,
-    with_flips,
-)
-from kneejax.files import (
-    InputProblem,
-    knee_with,
-    load_knee,
-    parse_flexion,
-    write_poses,
-    write_rows,
-)
+from kneejax.experiments import branches, evaluate, passive_flexion, with_flips
+from kneejax.files import InputProblem, knee_with, load_knee, parse_flexion, write_poses, write_rows
 from kneejax.geometry import COLUMNS, FEMORAL, convert_table
 from kneejax.mechanics import Knee, Load, load_of, load_words
 from kneejax.parameters import cut
+from kneejax.report import pose_words, search_words
 from kneejax.statics import Status
 
 #: Options of a test under load.
@@ -98,7 +85,7 @@ def _passive_flexion(arguments: argparse.Namespace) -> int:
         motion = passive_flexion(knee, flexion, [load_of(**loads)] if loads else [])
         mechanics = evaluate(knee, motion.pose, motion.settled.meeting)
     table, status = np.array(motion.to_table()), with_flips(motion.status, mechanics)
-    said = doubts(knee, mechanics, of_search(motion, loads))
+    said = pose_words(knee, mechanics, search_words(motion, loads))
     table[:, 0] = flexion
     shown = convert_table(table, FEMORAL, arguments.convention)
     tension = np.asarray(mechanics.tension)

@@ -14,14 +14,7 @@ from kneejax.dynamics import Account, LoadCurve, MovingKnee, Trajectory, move_wi
 from kneejax.experiments._evaluate import Mechanics, evaluate
 from kneejax.experiments._motion import Motion, passive_flexion
 from kneejax.experiments.extensor import at_rest
-from kneejax.geometry import (
-    COORDINATES,
-    State,
-    coordinate,
-    coordinates_of,
-    prescribed_of,
-    scales,
-)
+from kneejax.geometry import COORDINATES, State, coordinate, coordinates_of, prescribed_of, scales
 from kneejax.mechanics import QUADRICEPS, Load, load_of
 from kneejax.numerics import check_installed
 from kneejax.statics import Status
@@ -174,9 +167,7 @@ def transient(
     for name, more in prescribed_of(offset or {}).items():
         start[names.index(name)] += float(more)
     held = {} if flexion_is_free else {"flexion": lambda t, x=start[0]: np.full_like(t, x)}
-    for column, (at_s, values) in (led or {}).items():
-        ((name, way),) = prescribed_of({column: values}).items()
-        held[name] = smooth_way(at_s, np.asarray(way), start[names.index(name)])
+    held |= _led(led or {}, dict(zip(names, start, strict=True)))
     found = move_within(most_mm, moving, start, times, loads=curve, held=held, progress=progress)
     rest, far = None, float("nan")
     if not flexion_is_free and set(held) == {"flexion"}:
@@ -185,6 +176,15 @@ def transient(
         far = float(np.abs((np.asarray(found.q[-1]) - there) / np.array(scales(names))).max())
     at = {k: np.interp(times, load_s, np.broadcast_to(v, load_s.shape)) for k, v in sizes.items()}
     return described(found, at, rest, far)
+
+
+def _led(led: Mapping[str, tuple[ArrayLike, ArrayLike]], start: Mapping[str, float]):
+    """Coordinate -> its way over time, rad or mm, from where it is."""
+    ways = {}
+    for column, (at_s, values) in led.items():
+        ((name, way),) = prescribed_of({column: values}).items()
+        ways[name] = smooth_way(at_s, np.asarray(way), start[name])
+    return ways
 
 
 def described(

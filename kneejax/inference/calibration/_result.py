@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from kneejax.experiments import Mechanics
 from kneejax.inference.calibration._fitted_test import FittedTest
 from kneejax.inference.calibration._quality import Misfit
 from kneejax.inference.intervals import IntervalKind
+from kneejax.mechanics import Knee
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,14 +66,16 @@ class Motion:
         status: one `Status` value a row.
         ligament_forces: shape `(n, ligaments)`, N.
         contact_forces: shape `(n, contacts)`, N.
-        doubts: what is wrong with each row, in numbers (`kneejax.experiments.doubts`).
+        knee: with which it was found; None without poses, as the next.
+        mechanics: of all rows, from which is told what is wrong with them.
     """
 
     table: np.ndarray
     status: np.ndarray
     ligament_forces: np.ndarray
     contact_forces: np.ndarray
-    doubts: tuple[str, ...] = ()
+    knee: Knee | None = None
+    mechanics: Mechanics | None = None
 
 
 @dataclasses.dataclass(frozen=True)
