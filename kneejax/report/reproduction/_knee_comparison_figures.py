@@ -6,16 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kneejax.report.look import (
-    BLACK,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    WIDTH,
-    styled,
-    verbatim,
-)
+from kneejax.report.look import BLACK, GREEN, GREY, ORANGE, PURPLE, WIDTH, styled, verbatim
 from kneejax.report.sensitivity import uniform_colours
 from kneejax.reproduction import LIMITS
 from kneejax.reproduction.paper4 import ATTACHMENT, CHANGED, HALVES, MODULUS, PRESTRETCH
