@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 from kneejax.files import InputProblem, write_calibrated_knee, write_poses, write_rows, write_text
+from kneejax.geometry import PATELLA
 from kneejax.inference import Calibration
 from kneejax.statics import Status
 
@@ -42,6 +43,7 @@ def write_results(result: Calibration, out: Path, svg: bool) -> str:
         converged=[w.converged for w in words],
         stable=[w.sound for w in words],
         doubts=motion_words(motion),
+        patella=motion.other_bones.get(PATELLA),
     )
     if result.fit.tests:
         write_rows(out / "tests.csv", *reading_table(result))

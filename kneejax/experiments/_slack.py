@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from kneejax.experiments._evaluate import evaluate as evaluate_mechanics
-from kneejax.geometry import Pose
+from kneejax.geometry import Pose, State
 from kneejax.mechanics import Knee
 
 
 def slack_poses(
-    knee: Knee, poses: Pose, meeting: np.ndarray | None = None
+    knee: Knee, poses: Pose | State, meeting: np.ndarray | None = None
 ) -> dict[str, np.ndarray]:
     """Where each ligament and group of a knee is slack.
 
     Args:
         knee: any knee.
-        poses: fields of shape `(n,)`.
+        poses: of the tibia, fields of shape `(n,)`; a `State` where other bones move too.
         meeting: meeting points if they are known.
 
     Returns:

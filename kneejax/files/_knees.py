@@ -138,7 +138,8 @@ def check_new(path: str | os.PathLike[str], knee: str | os.PathLike[str]) -> Non
 def _calibrated(read: Calibrated, path: Path) -> KneeFile:
     """The knee of a calibration: what its study set, then what it found."""
     base = load_knee_file(read.knee)
-    knee, document, study = base.knee, base.document, read.study or os.fspath(path)
+    knee = base.with_patella() if read.patella else base.knee
+    document, study = base.document, read.study or os.fspath(path)
     if read.fixed:
         knee = knee_with(knee, read.fixed, path)
         document = restated(document, knee, f"set by the study: {study}")
@@ -149,7 +150,7 @@ def _calibrated(read: Calibrated, path: Path) -> KneeFile:
         numbers = jnp.array([read.found[name] for name in selection.names])
         document = restated(document, selection.apply(knee, numbers), f"calibration: {study}")
     if read.values:
-        name = base.knee.name.removesuffix(_NAME) + _NAME
+        name = knee.name.removesuffix(_NAME) + _NAME
         about = f"{base.description}; calibrated: {study}"
         document = document | {"name": name, "description": about}
     return build_knee(document, path)

@@ -14,6 +14,7 @@ from kneejax.geometry._coordinates import COORDINATES as COORDINATES
 from kneejax.geometry._coordinates import FEMUR as FEMUR
 from kneejax.geometry._coordinates import FEMUR_AND_TIBIA as FEMUR_AND_TIBIA
 from kneejax.geometry._coordinates import FREE_COORDINATES as FREE_COORDINATES
+from kneejax.geometry._coordinates import OTHER_COLUMNS as OTHER_COLUMNS
 from kneejax.geometry._coordinates import PATELLA as PATELLA
 from kneejax.geometry._coordinates import TIBIA as TIBIA
 from kneejax.geometry._coordinates import Coordinate as Coordinate

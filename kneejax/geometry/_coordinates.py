@@ -106,6 +106,8 @@ BODIES = {
 COORDINATES = BODIES[TIBIA]
 #: Columns of pose tables, with units.
 COLUMNS = tuple(one.column for one in COORDINATES.values())
+#: Column -> coordinate of a bone other than the tibia.
+OTHER_COLUMNS = {one.column: one for one in _EVERY if one.body != TIBIA}
 #: The tibia's translations in axes turned by flexion, in the place of two along the femur's. They
 #: are coordinates only where one of them is prescribed: a drawer at 90 degrees moves the tibia
 #: along the femur's superior axis, and no other pair is free to follow it.

@@ -54,6 +54,7 @@ from kneejax.mechanics.ligaments import FAILURE_SOURCE as FAILURE_SOURCE
 from kneejax.mechanics.ligaments import Course as Course
 from kneejax.mechanics.ligaments import Dampers as Dampers
 from kneejax.mechanics.ligaments import FibreFaults as FibreFaults
+from kneejax.mechanics.ligaments import Fibres as Fibres
 from kneejax.mechanics.ligaments import Ligaments as Ligaments
 from kneejax.mechanics.ligaments import WrapState as WrapState
 from kneejax.mechanics.ligaments import critical_damping as critical_damping

@@ -16,7 +16,7 @@ from jax import Array
 
 from kneejax.geometry import FEMUR, TIBIA, Pair, Pose, State
 from kneejax.mechanics._loads import ConstantTensionLine, Load, Support
-from kneejax.mechanics._muscles import Muscles
+from kneejax.mechanics._muscles import QUADRICEPS, Muscles
 from kneejax.mechanics._step import TimeStep
 from kneejax.mechanics._wrench import Wrenches
 from kneejax.mechanics.contact import Contact, PointFaults, Pressed
@@ -88,6 +88,13 @@ class Knee(eqx.Module):
     def bodies(self) -> tuple[str, ...]:
         """The bones that move against the femur."""
         return (TIBIA, *self.other_bones)
+
+    @property
+    def pullable(self) -> tuple[str, ...]:
+        """What can be given more tension: lines, muscles, and the quadriceps as a whole."""
+        muscles = () if self.muscles is None else self.muscles.names
+        heads = self.muscles is not None and bool(self.muscles.quadriceps)
+        return (*(line.name for line in self.lines), *muscles, *(QUADRICEPS,) * heads)
 
     @property
     def at_reference(self) -> State:

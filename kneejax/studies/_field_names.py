@@ -6,6 +6,6 @@ AS_THEY_ARE = (
     "start", "bounds", "weights", "prior", "procedures", "stages", "starts", "seed", "noise_mm",
     "noise_deg", "frame_offset", "method", "failures", "loads",
 )  # fmt: skip
-OPTIONAL = ("measured", "synthetic", "tests", *AS_THEY_ARE, "flexion_deg", "set")
+OPTIONAL = ("measured", "synthetic", "tests", "patella", *AS_THEY_ARE, "flexion_deg", "set")
 #: All of them.
 STUDY_FIELDS = (*REQUIRED, *OPTIONAL)

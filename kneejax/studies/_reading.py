@@ -87,9 +87,11 @@ def study_of(study: Field, folder: Path) -> Study:
     if "measured" in study and "synthetic" not in study:
         origin["measured"] = _measured(study["measured"], folder)
         poses, acted = _read_poses(origin["measured"], origin["flexion_deg"], study.file)
-    knee = knee_with(load_knee(origin["knee"]), origin["overrides"], study.file)
-    lines = [line.name for line in knee.lines]
-    tests = read_tests(study["tests"], folder, lines) if "tests" in study else []
+    if "patella" in study:
+        origin["patella"] = study["patella"].boolean()
+    whole = load_knee(origin["knee"], patella=origin.get("patella", False))
+    knee = knee_with(whole, origin["overrides"], study.file)
+    tests = read_tests(study["tests"], folder, knee.pullable) if "tests" in study else []
     if acted and "loads" in study:
         expected = f"no loads beside those of the measured table ({', '.join(acted)})"
         raise study["loads"].problem(expected)

@@ -13,13 +13,22 @@ import numpy as np
 from kneejax.experiments import COUNTED_FROM, WITHOUT_LOADS, MeasuredTest, weights_by_load
 from kneejax.files import LabTable, parse_flexion, read_lab_table
 from kneejax.files.reading import Field
-from kneejax.geometry import CLINICAL, CONVENTIONS, FREE_COORDINATES
+from kneejax.geometry import BODIES, CLINICAL, CONVENTIONS, FREE_COORDINATES, OTHER_COLUMNS
 from kneejax.mechanics import NAMED_LOADS, RANGES
 from kneejax.studies._published_tests import PublishedTest, published_test
 
 #: Signs of a left knee in axes with Z to the person's right: adduction, internal rotation and
 #: lateral shift change.
 MIRROR = (1.0, -1.0, -1.0, 1.0, 1.0, -1.0)
+#: The same of other bones, by column.
+_MIRROR_OTHERS = {
+    one.column: sign
+    for bone in BODIES.values()
+    for one, sign in zip(bone.values(), MIRROR, strict=True)
+    if one.column in OTHER_COLUMNS
+}
+#: Coordinates of other bones by name -> column.
+_OTHERS = {one.name: column for column, one in OTHER_COLUMNS.items()}
 _OPTIONAL = (
     "source", "columns", "ignore", "convention", "mirror", "flexion_deg", "at_deg", "coordinates",
     "counted_from", "constant", "load", "point_mm", "sd_mm", "sd_deg", "sd_N", "sd_strain", "cut",
@@ -44,8 +53,8 @@ def read_tests(
     Args:
         field: the list `tests`.
         folder: to which paths of tables are relative.
-        lines: of constant tension that the knee has; a table's column of such a tension is added to
-            it.
+        lines: of constant tension and muscles that the knee has (`Knee.pullable`); a table's column
+            of such a tension is added to it.
 
     Raises:
         InputProblem: a field or a table is not what it should be.
@@ -62,12 +71,10 @@ def _read(item: Field, folder: Path, lines: Sequence[str]) -> tuple[MeasuredTest
     if mirror:
         observed = observed * MIRROR[1:]
         loads |= {"lateral_N": -loads["lateral_N"]} if "lateral_N" in loads else {}
+        turned = {name: x * _MIRROR_OTHERS.get(name, 1.0) for name, x in table.readings.items()}
+        table = table._replace(readings=turned)
     if "coordinates" in item:
-        names = [one.choice(FREE_COORDINATES) for one in item["coordinates"].items("coordinates")]
-        for name in names:
-            if np.isnan(observed[:, FREE_COORDINATES.index(name)]).all():
-                raise item["coordinates"].problem(f"coordinates that the table has; not {name}")
-        observed = np.where([name in names for name in FREE_COORDINATES], observed, np.nan)
+        table, observed = _that_count(item["coordinates"], table, observed)
     constant = item["constant"].mapping((), tuple(NAMED_LOADS)) if "constant" in item else None
     tensions, readings = _pulls(item, table, lines)
     given: dict[str, Any] = {
@@ -93,6 +100,23 @@ def _read(item: Field, folder: Path, lines: Sequence[str]) -> tuple[MeasuredTest
         part, found, expected = _parts(str(problem))
         raise Field(item.file, f"{item.path}.{part}", found).problem(expected) from None
     return test, dict(item.value) | {"file": _path(item["file"], folder) or item.value["file"]}
+
+
+def _that_count(
+    field: Field, table: LabTable, observed: np.ndarray
+) -> tuple[LabTable, np.ndarray]:
+    """Without the coordinates, of any bone, that shall not count."""
+    names = [one.choice((*FREE_COORDINATES, *_OTHERS)) for one in field.items("coordinates")]
+    seen = dict(zip(FREE_COORDINATES, observed.T, strict=True))
+    for name in names:
+        if np.isnan(seen.get(name, table.readings.get(_OTHERS.get(name, ""), np.nan))).all():
+            raise field.problem(f"coordinates that the table has; not {name}")
+    kept = {
+        name: sizes for name, sizes in table.readings.items()
+        if name not in OTHER_COLUMNS or OTHER_COLUMNS[name].name in names
+    }  # fmt: skip
+    observed = np.where([name in names for name in FREE_COORDINATES], observed, np.nan)
+    return table._replace(readings=kept), observed
 
 
 def _pulls(item: Field, table: LabTable, lines: Sequence[str]):

@@ -63,8 +63,8 @@ class Study:
             exit status 1; empty for the package's choice.
         loads: name of a load (`kneejax.mechanics.NAMED_LOADS`) -> its size at each pose, or one
             for all, in the unit of its name. Poses were measured, or are made, under them.
-        origin: what else a file says, recorded with results: `knee`, `measured`, `tests`,
-            `flexion_deg`, `overrides`.
+        origin: what else a file says, recorded with results: `knee`, `patella`, `measured`,
+            `tests`, `flexion_deg`, `overrides`.
         file: where the study stands, for errors.
 
     Raises:

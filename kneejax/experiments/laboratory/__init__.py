@@ -13,6 +13,8 @@ from kneejax.experiments.laboratory._measured_test import COUNTED_FROM as COUNTE
 from kneejax.experiments.laboratory._measured_test import READINGS as READINGS
 from kneejax.experiments.laboratory._measured_test import WITHOUT_LOADS as WITHOUT_LOADS
 from kneejax.experiments.laboratory._measured_test import MeasuredTest as MeasuredTest
+from kneejax.experiments.laboratory._measured_test import counts_like_poses as counts_like_poses
+from kneejax.experiments.laboratory._measured_test import reading_unit as reading_unit
 from kneejax.experiments.laboratory._measured_test import weights_by_load as weights_by_load
 from kneejax.experiments.laboratory._ready import READY as READY
 from kneejax.experiments.laboratory._ready import lab_tests as lab_tests

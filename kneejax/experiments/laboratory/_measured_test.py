@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from kneejax.experiments.laboratory._curves import Curves
-from kneejax.geometry import FREE_COORDINATES
+from kneejax.geometry import FREE_COORDINATES, OTHER_COLUMNS
 from kneejax.mechanics import NAMED_LOADS
 
 #: What measured numbers are counted from -> what that means.
@@ -23,7 +23,8 @@ COUNTED_FROM = {
     "extension": "changes from the pose at the least flexion, all under the same loads",
 }
 #: What can be read of a part of the knee, as `PART.KIND` -> what that means. Forces are counted as
-#: they are; strains like displacements, from the unloaded pose or as they are.
+#: they are, strains like displacements. Coordinates of the patella, by their columns
+#: (`patella_tilt_deg`), are read too, and counted as those of the tibia are.
 READINGS = {
     "tension_N": "pull of a ligament or group, the sum over its fibres",
     "strain": "of a ligament, or the mean over a group's fibres",
@@ -57,7 +58,8 @@ class MeasuredTest:
         tensions: line of the knee -> tension in each row beside the line's own, `(n,)`, N; none on
             unloaded poses.
         readings: what was read of parts of the knee, `PART.KIND` of `READINGS` -> `(n,)`, e.g.
-            `{"ACL.tension_N": ...}`; NaN where nothing was.
+            `{"ACL.tension_N": ...}`, and of where the patella was, `{"patella_tilt_deg": ...}`;
+            NaN where nothing was.
         sd_N: standard deviation of forces among them.
         sd_strain: of strains.
         weight: of each row's squared errors against those of the other rows, `(n,)`; all alike by
@@ -127,18 +129,18 @@ class MeasuredTest:
             raise ValueError("counted_from: intact; expected cut too, or unloaded")
         for name, sizes in self.readings.items():
             part, _, kind = name.rpartition(".")
-            if not part or kind not in READINGS:
-                known = ", ".join(f"PART.{kind}" for kind in READINGS)
+            if name not in OTHER_COLUMNS and (not part or kind not in READINGS):
+                known = ", ".join([*(f"PART.{kind}" for kind in READINGS), *OTHER_COLUMNS])
                 raise ValueError(f"readings: {name!r}; expected of {known}")
             if sizes.shape != shape:
                 raise ValueError(f"readings.{name}: {sizes.shape}; expected {shape}")
-            sd = "sd_strain" if kind == "strain" else "sd_N"
             if np.isnan(self.sd_of(name)):
+                sd = f"sd_{reading_unit(name) or 'strain'}"
                 raise ValueError(f"{sd}: not stated; expected how well {name} is known")
-            if kind == "strain" and self.counted_from not in ("unloaded", "intact", "absolute"):
+            if counts_like_poses(name) and self.counted_from.startswith("offset"):
                 raise ValueError(
                     f"readings.{name}: counted from {self.counted_from}; expected unloaded or "
-                    "absolute, as strains are counted"
+                    "absolute, since unknown constants are of the tibia's coordinates alone"
                 )
 
     def _check_weight(self, shape: tuple[int]) -> None:
@@ -178,8 +180,8 @@ class MeasuredTest:
         return tuple(name for name, own in zip(FREE_COORDINATES, seen, strict=True) if own)
 
     def sd_of(self, reading: str) -> float:
-        """Standard deviation of what was read of a part, N or strain; NaN if none is stated."""
-        sd = self.sd_strain if reading.endswith(".strain") else self.sd_N
+        """Standard deviation of a reading, in its unit; NaN if none is stated."""
+        sd = getattr(self, f"sd_{reading_unit(reading) or 'strain'}")
         return np.nan if sd is None else sd
 
     @property
@@ -268,6 +270,18 @@ class MeasuredTest:
             point_mm=test.point_mm,
             **{"counted_from": curves.counted_from} | given,
         )
+
+
+def reading_unit(reading: str) -> str:
+    """Unit of what was read of a part, or of a bone's coordinate; empty for a strain."""
+    if reading in OTHER_COLUMNS:
+        return OTHER_COLUMNS[reading].unit
+    return "" if reading.endswith(".strain") else "N"
+
+
+def counts_like_poses(reading: str) -> bool:
+    """Whether a reading is counted from where its test counts from; forces are what they are."""
+    return reading_unit(reading) != "N"
 
 
 def weights_by_load(size: np.ndarray) -> np.ndarray:

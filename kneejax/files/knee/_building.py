@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kneejax.files.knee import _schema_parts as parts
+from kneejax.files.knee._patella_section import merged
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import (
     FEMUR,
@@ -99,18 +100,7 @@ def knee_with_patella(
         file: likewise.
         tension_N: muscle -> its tension; the others have that at rest.
     """
-    patella = document["patella"]
-    wraps = {f"patella.{name}": wrap for name, wrap in patella.get("wraps", {}).items()}
-    own = {
-        name: part | ({"wrap": f"patella.{part['wrap']}"} if "wrap" in part else {})
-        for name, part in patella["ligaments"].items()
-    }
-    # The lines of constant tension stand for the patella where there is none.
-    whole = {name: part for name, part in document.items() if name != "lines"} | {
-        "ligaments": document["ligaments"] | own,
-        "contacts": document["contacts"] | patella["contacts"],
-        "wraps": document.get("wraps", {}) | wraps,
-    }
+    patella, whole = document["patella"], merged(document)
     poses = {bone: _pose(part["reference_pose"], bone)
              for bone, part in ((TIBIA, document), (PATELLA, patella))}  # fmt: skip
     state = State(poses)
@@ -148,7 +138,7 @@ def _ligaments(
 ) -> Ligaments:
     """All fibres; those of the patella must not be torn at the reference poses."""
     tears = list(zip(ligaments.values(), usual_failure_strain(tuple(ligaments)), strict=True))
-    ends = [_ends(part) for part in ligaments.values()]
+    ends = [ends_of(part) for part in ligaments.values()]
 
     def column(name: str) -> np.ndarray:
         return np.array([part[name] for part in ligaments.values()], float)
@@ -189,7 +179,7 @@ def _ligaments(
     return found
 
 
-def _ends(part: dict[str, Any]) -> tuple[str, str]:
+def ends_of(part: dict[str, Any]) -> tuple[str, str]:
     """The fields of a ligament's two attachments."""
     first, second = (field for field in parts.ENDS if field in part)
     return first, second

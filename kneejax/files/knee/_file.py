@@ -8,11 +8,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from kneejax.files._bundled import bundled_path
 from kneejax.files.knee import _schema as schema
 from kneejax.files.knee._building import build_surface, knee_of, knee_with_patella
 from kneejax.files.knee._format import plain_document
 from kneejax.files.knee._mirror import mirror_document, mirror_part
+from kneejax.files.knee._patella_section import with_own_section
 from kneejax.files.reading import Field, InputProblem, format_yaml, load_yaml, write_text
 from kneejax.geometry import Surface
 from kneejax.mechanics import Knee
@@ -71,11 +71,7 @@ class KneeFile:
         if not self.has_patella:
             raise InputProblem(self.path, "patella", "missing", "this section, in a knee file")
         document, side = self.document, self.document["side"]
-        same_as = document["patella"].get(schema.SAME_AS)
-        if same_as is not None:
-            whole = load_yaml(bundled_path("knees", same_as), "a knee file")
-            own = whole if whole["side"] == side else mirror_document(whole)
-            document = document | {"patella": own["patella"]}
+        document = with_own_section(document)
         right = mirror_document(document) if side == "left" else document
         return knee_with_patella(right, side, str(self.path), tension_N or {})
 

@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from kneejax.files.knee._building import detour_counts, slack_length
+from kneejax.files.knee._building import detour_counts, ends_of, slack_length
 from kneejax.files.knee._mirror import mirror_document
-from kneejax.files.knee._schema_parts import SLACK_FIELDS
-from kneejax.mechanics import RANGES, Knee, at_reference, usual_failure_strain
+from kneejax.files.knee._patella_section import merged, parted, with_own_section
+from kneejax.files.knee._schema_parts import FACES, SLACK_FIELDS
+from kneejax.geometry import PATELLA
+from kneejax.mechanics import RANGES, Fibres, Knee, at_reference, usual_failure_strain
 
 # Field of a part -> attribute of the part's class that it gives.
 _FIBRE = {
-    "femoral_attachment_mm": "femoral_attachment",
-    "tibial_attachment_mm": "tibial_attachment",
     "stiffness_N": "stiffness",
     "transition_strain": "transition_strain",
     "transition_width": "transition_width",
@@ -57,12 +57,17 @@ _SHAPES = {
     "cylinder": {**_PLACED, "radius_mm": "radius", "length_mm": "length"},
     "ellipsoid": {**_PLACED, "semi_axes_mm": "semi_axes"},
 }
+_MUSCLE = {
+    "origin_mm": "femoral_attachment",
+    "insertion_mm": "tibial_attachment",
+    "tension_N": "tension",
+}
 _LINE = {"tension_N": "tension", "insertion_mm": "insertion", "origin_mm": "origin"}
 _LOAD = {"force_N": "force", "moment_Nmm": "moment", "point_mm": "point"}
 #: Fields without a number, and parts that have a source of their own.
 _NOT_SOURCED = (
-    "source", "kind", "bone", "wrap", "form", "points", "law", "femoral_surface", "tibial_surface",
-    "axes", "point_in",
+    "source", "kind", "bone", "wrap", "form", "points", "law", "axes", "point_in",
+    "insertion_bone", *FACES,
 )  # fmt: skip
 #: Numbers that differ by less than so many of the last digit are one.
 _LAST_DIGITS = 500.0
@@ -78,7 +83,8 @@ def restated(document: dict[str, Any], knee: Knee, source: str) -> dict[str, Any
 
     Args:
         document: content of a knee file, of either side.
-        knee: the knee of this document with other numbers; a left one as its mirrored right twin.
+        knee: the knee of this document with other numbers, of two bones or with its patella; a left
+            one as its mirrored right twin.
         source: of the numbers that are others.
 
     Returns:
@@ -95,21 +101,45 @@ def restated(document: dict[str, Any], knee: Knee, source: str) -> dict[str, Any
     """
     left = document["side"] == "left"
     right = mirror_document(document) if left else copy.deepcopy(document)
+    if PATELLA in knee.bodies:
+        own = with_own_section(right)
+        whole = copy.deepcopy(merged(own))
+        _parts(whole, knee, source)
+        found = copy.deepcopy(parted(whole, own))
+        _muscles(found["patella"], knee, source)
+        unchanged = found["patella"] == own["patella"]
+        right = found | ({"patella": right["patella"]} if unchanged else {})
+    else:
+        _parts(right, knee, source)
+        for part, line in zip(right.get("lines", {}).values(), knee.lines, strict=True):
+            _state(part, line, _LINE, source)
+    return mirror_document(right) if left else right
+
+
+def _parts(right: dict[str, Any], knee: Knee, source: str) -> None:
+    """Ligaments, contacts and loads."""
     _fibres(right["ligaments"], knee, source)
-    _courses(right, knee, source)
+    _courses(right["ligaments"], right.get("wraps", {}), knee.ligaments, source)
     for part, contact in zip(right["contacts"].values(), knee.contacts, strict=True):
         _state(part, contact, _CONTACT, source)
-        for field, surface in (
-            ("femoral_surface", contact.femoral),
-            ("tibial_surface", contact.tibial),
-        ):
+        faces = [face for face in FACES if face in part]
+        for field, surface in zip(faces, (contact.femoral, contact.tibial), strict=True):
             _state(part[field], surface, _SHAPES[part[field]["kind"]], source)
-    for part, line in zip(right.get("lines", {}).values(), knee.lines, strict=True):
-        _state(part, line, _LINE, source)
     still = dict.fromkeys(_LOAD, (0.0, 0.0, 0.0))
     for part, load in zip(right.get("loads", {}).values(), knee.loads, strict=True):
         _state(part, load, _LOAD, source, still)
-    return mirror_document(right) if left else right
+
+
+def _muscles(section: dict[str, Any], knee: Knee, source: str) -> None:
+    """Muscles that pull; the others of the section are no part of the knee."""
+    muscles = knee.muscles
+    if muscles is None:
+        return
+    for row, name in enumerate(muscles.names):
+        found = {field: np.asarray(getattr(muscles, own))[row] for field, own in _MUSCLE.items()}
+        part = section["muscles"][name]
+        _say(part, _put(part, found), source)
+    _courses(section["muscles"], section.get("wraps", {}), muscles, source)
 
 
 def _fibres(parts: dict[str, dict[str, Any]], knee: Knee, source: str) -> None:
@@ -117,9 +147,11 @@ def _fibres(parts: dict[str, dict[str, Any]], knee: Knee, source: str) -> None:
     numbers = {field: np.asarray(getattr(fibres, name)) for field, name in _FIBRE.items()}
     _, lengths = at_reference(fibres, knee.at_reference, detour_counts(parts))
     lengths, slack = np.asarray(lengths).tolist(), np.asarray(fibres.slack_length)
+    attachments = [np.asarray(x) for x in (fibres.femoral_attachment, fibres.tibial_attachment)]
     usual = usual_failure_strain(tuple(parts))
     for row, part in enumerate(parts.values()):
-        found = {field: values[row] for field, values in numbers.items()}
+        found = {field: end[row] for field, end in zip(ends_of(part), attachments, strict=True)}
+        found |= {field: values[row] for field, values in numbers.items()}
         changed = _put(part, found, {"failure_strain": usual[row], "damping_N_s": 0.0})
         if not _same(slack[row], slack_length(part, lengths[row])):
             given = next(name for name in SLACK_FIELDS if name in part)
@@ -134,13 +166,14 @@ def _fibres(parts: dict[str, dict[str, Any]], knee: Knee, source: str) -> None:
         _say(part, changed, source)
 
 
-def _courses(document: dict[str, Any], knee: Knee, source: str) -> None:
+def _courses(
+    parts: dict[str, Any], wraps: dict[str, Any], among: Fibres, source: str
+) -> None:
     """Via points, and what fibres go around."""
-    parts, wraps = document["ligaments"], document.get("wraps", {})
     before = copy.deepcopy(wraps)
     stated: set[str] = set()
-    for course in knee.ligaments.courses:
-        fibres = [knee.ligaments.names[row] for row in course.rows]
+    for course in among.courses:
+        fibres = [among.names[row] for row in course.rows]
         for fibre, way in zip(fibres, np.moveaxis(np.asarray(course.via), 1, 0), strict=True):
             points = zip(parts[fibre].get("via_points", ()), way, strict=True)
             changed = [_put(via, {"point_mm": point}) for via, point in points]

@@ -31,6 +31,7 @@ class Calibrated:
             left out.
         correlation: parameters, and the correlation of their estimates as rows; empty where the
             result does not say.
+        patella: whether the knee had its patella.
     """
 
     knee: str
@@ -41,6 +42,7 @@ class Calibrated:
     noise: dict[str, float] = dataclasses.field(default_factory=dict)
     standard_error: dict[str, float] = dataclasses.field(default_factory=dict)
     correlation: tuple[tuple[str, ...], tuple[tuple[float, ...], ...]] = ((), ())
+    patella: bool = False
 
     @property
     def values(self) -> dict[str, float]:
@@ -89,9 +91,11 @@ def read_calibrated(path: str | os.PathLike[str]) -> Calibrated:
         for name, one in _fields(whole, "parameters").items()
         if one.value.get("standard_error") is not None
     }
+    patella = "patella" in settings and settings["patella"].boolean()
     return Calibrated(
-        knee.text(), fixed, found, _offsets(whole), study, noise, errors, _correlation(whole)
-    )
+        knee.text(), fixed, found, _offsets(whole), study, noise, errors, _correlation(whole),
+        patella,
+    )  # fmt: skip
 
 
 def _correlation(whole: Field) -> tuple[tuple[str, ...], tuple[tuple[float, ...], ...]]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from kneejax.files.reading import InputProblem
 from kneejax.files.tables._tables import cell_number, read_rows
-from kneejax.geometry import CLINICAL, COLUMNS, CONVENTIONS, convert_table
+from kneejax.geometry import CLINICAL, COLUMNS, CONVENTIONS, OTHER_COLUMNS, convert_table
 from kneejax.mechanics import NAMED_LOADS, RANGES, Range
 
 #: What sounds like a load, so that leaving it out must be said.
@@ -19,7 +19,7 @@ _LOAD = re.compile(r"load|force|torque|moment|tension|_(N|Nm|Nmm|kN)$", re.IGNOR
 #: Moments of which no knee has had more, N m; N mm are a thousand times as large.
 _MOST_MOMENT_NM = 100.0
 #: Names of columns that a table may have, beside those of parts.
-_KNOWN = (*NAMED_LOADS, *COLUMNS, "weight")
+_KNOWN = (*NAMED_LOADS, *COLUMNS, *OTHER_COLUMNS, "weight")
 #: Ways in which tables of `kneejax simulate` call a load, beside its name.
 _ALSO = {name.replace("_N", "_force_N"): name for name in NAMED_LOADS if name.endswith("_N")}
 _ALSO |= {name.replace("_Nm", "_moment_Nm"): name for name in NAMED_LOADS if name.endswith("_Nm")}
@@ -37,8 +37,9 @@ class LabTable(NamedTuple):
         loads: name of a load -> its size in each row, `(n,)`.
         observed: the five free coordinates of each row, `(n, 5)`, degrees and mm, translations
             along the axes of Grood and Suntay; NaN where a table has no such column.
-        readings: what was read of parts of the knee, `PART.KIND` -> `(n,)`, N or strain; NaN where
-            a cell is empty.
+        readings: what was read of parts of the knee, `PART.KIND` -> `(n,)`, N or strain, and of
+            the patella, its column -> degrees or mm along the femur's axes; NaN where a cell is
+            empty.
         weight: of each row, `(n,)`; None where a table has no such column.
     """
 
@@ -72,8 +73,9 @@ def read_lab_table(
 
     Args:
         path: the table, with `flexion_deg`, any loads (`kneejax.mechanics.NAMED_LOADS`), any of
-            the other columns of a pose, and of what was read of parts (`ACL.tension_N`,
-            `LCL.strain`, `medial.contact_N`); a column `weight` weighs rows.
+            the other columns of a pose, of the patella's (`patella_tilt_deg`), and of what was
+            read of parts (`ACL.tension_N`, `LCL.strain`, `medial.contact_N`); a column `weight`
+            weighs rows.
         columns: name of such a column -> column of the file, for tables with other names; a minus
             in front turns its sense round, a factor may stand before it as in
             `0.001 * Torque [Nmm]`.
@@ -101,23 +103,21 @@ def read_lab_table(
     table = _Readings(file, *read_rows(file, [column for column, _ in named.values()]))
     for own in table.header:
         name = _ALSO.get(own, own)
-        if name in _KNOWN or _READING.fullmatch(name):
+        if name in _KNOWN or _is_reading(name):
             named.setdefault(name, (own, 1.0))
     _check_header(table, named, flexion_deg, ignore, unloaded)
     loads = _loads(table, named)
     observed = np.full((len(table.rows), len(COLUMNS)), np.nan)
     for place, name in enumerate(COLUMNS):
         if name in named:
-            allowed = RANGES["rotation_deg" if place < 3 else "point_mm"]
-            observed[:, place] = table.column(*named[name], allowed, empty=place > 0)
+            observed[:, place] = table.column(*named[name], _range(name), empty=place > 0)
     if flexion_deg is not None:
         observed[:, 0] = flexion_deg
     observed = _clinical(table, observed, convention)
-    # A load cell that reads nothing reads less than nothing as often.
     readings = {
-        name: table.column(*place, RANGES["force_N" if "_N" in name else "strain"], empty=True)
+        name: table.column(*place, _range(name), empty=True)
         for name, place in named.items()
-        if _READING.fullmatch(name)
+        if _is_reading(name)
     }
     weight = table.column(*named["weight"], RANGES["weight"]) if "weight" in named else None
     return LabTable(observed[:, 0], loads, observed[:, 1:], readings, weight)
@@ -134,6 +134,19 @@ def _loads(table: _Readings, named: Mapping[str, tuple[str, float]]) -> dict[str
             expected = f"N m, at most {_MOST_MOMENT_NM:g}; N mm are suspected (0.001 * {own})"
             raise InputProblem(table.file, own, f"up to {np.abs(size).max():g}", expected)
     return loads
+
+
+def _is_reading(name: str) -> bool:
+    """Whether a column tells of a part of the knee, or of a bone other than the tibia."""
+    return name in OTHER_COLUMNS or _READING.fullmatch(name) is not None
+
+
+def _range(name: str) -> Range:
+    """What may stand in a column of a pose or a reading."""
+    if name.endswith("_N"):
+        return RANGES["force_N"]  # a load cell that reads nothing reads less as often
+    kinds = {"_deg": "rotation_deg", "_mm": "point_mm", ".strain": "strain"}
+    return next(RANGES[kind] for end, kind in kinds.items() if name.endswith(end))
 
 
 class _Readings(NamedTuple):
@@ -168,7 +181,7 @@ def _check_header(
         if own not in used and own not in ignore and _LOAD.search(own):
             expected = "a column that is used (columns:) or left out on purpose (ignore:)"
             raise InputProblem(file, "header", own, expected)
-    read = any(_READING.fullmatch(name) for name in named)
+    read = any(_is_reading(name) for name in named)
     for what, known in (("load", tuple(NAMED_LOADS)), ("coordinate", COLUMNS[1:])):
         spared = unloaded if what == "load" else read
         if not spared and not any(name in named for name in known):
@@ -182,7 +195,7 @@ def _named(file: str, columns: dict[str, str]) -> dict[str, tuple[str, float]]:
     """Name -> column of the file and the factor that it is multiplied with."""
     found = {}
     for name, said in columns.items():
-        if name not in _KNOWN and not _READING.fullmatch(name):
+        if name not in _KNOWN and not _is_reading(name):
             expected = f"one of {', '.join(_KNOWN)}, or such as ACL.tension_N"
             raise InputProblem(file, "columns", name, expected, _KNOWN)
         factor, own = 1.0, said.strip()

@@ -122,6 +122,7 @@ def write_poses(
     stable: Sequence[bool] | None = None,
     convention: str = FEMORAL,
     doubts: Sequence[str] | None = None,
+    patella: np.ndarray | None = None,
 ) -> None:
     """Write poses to a CSV table, completely or not at all.
 
@@ -134,6 +135,7 @@ def write_poses(
         convention: what the six columns of the file shall mean. Any but the package's own is
             named in a further column `convention`.
         doubts: what is wrong with each row, in words and numbers.
+        patella: its poses, `(n, 6)`, as `read_patella_poses` reads them.
 
     Raises:
         InputProblem: the convention is unknown or the file cannot be written.
@@ -151,6 +153,9 @@ def write_poses(
     table = np.asarray(table, float).reshape(-1, len(COLUMNS))
     header: list[str] = list(COLUMNS)
     values: list[Sequence[Any]] = list(convert_table(table, FEMORAL, convention).T)
+    if patella is not None:
+        header += [one.column for one in BODIES[PATELLA].values()]
+        values += list(patella.T)
     for name, column in (("converged", converged), ("stable", stable)):
         if column is not None:
             header.append(name)

@@ -167,7 +167,8 @@ class MotionDensity(eqx.Module):
         """Log likelihood of each chain, and whether all poses that count are balanced."""
         chains, size = values.shape[0], len(self.selection)
         settled = self._settled(values[:, :size])
-        table = settled.q.reshape(len(TABLE_UNITS), chains, -1) * TABLE_UNITS[:, None, None]
+        own = settled.q[: len(TABLE_UNITS)]
+        table = own.reshape(len(own), chains, -1) * TABLE_UNITS[:, None, None]
         for k, name in enumerate(self.offsets):
             table = table.at[FREE_COORDINATES.index(name)].add(values[:, size + k, None])
         # Gradients of a NaN are NaN even where it is not chosen: it is replaced beforehand.

@@ -16,7 +16,7 @@ from kneejax.inference.bayesian._nuts import Chains, ChainState, sample
 from kneejax.inference.bayesian._posterior_result import LEVELS, Posterior
 from kneejax.inference.bayesian._priors import normal_priors
 from kneejax.inference.calibration import versions
-from kneejax.inference.fit import TABLE_UNITS, Problem, offset_units
+from kneejax.inference.fit import Problem, offset_units, table_of
 from kneejax.inference.identification import noise_of
 from kneejax.numerics import imported
 from kneejax.parameters import UnsuitableData
@@ -169,7 +169,7 @@ def _motions(problem: Problem, near: Slopes, values: np.ndarray) -> np.ndarray:
     rows = np.unique(np.linspace(0, values.shape[1] - 1, _MOTIONS // len(values)).astype(int))
     chosen = values[:, rows].reshape(-1, values.shape[-1])
     found = problem.balance(chosen, near.take(np.zeros(len(chosen), int)))
-    tables = (found.q * TABLE_UNITS)[:, problem.used]
+    tables = table_of(found)[0][:, problem.used]
     return tables.reshape(len(values), len(rows), -1, 5)
 
 

@@ -11,7 +11,7 @@ from jax.typing import ArrayLike
 
 from kneejax.experiments import evaluate as evaluate_mechanics
 from kneejax.experiments import with_flips
-from kneejax.geometry import FREE_COORDINATES, Pose
+from kneejax.geometry import FREE_COORDINATES, TIBIA, State
 from kneejax.inference.calibration._fitted_test import fitted_tests
 from kneejax.inference.calibration._result import Estimate, Fit, Motion, Starts
 from kneejax.inference.calibration._search import Trail, together
@@ -152,30 +152,30 @@ def starts_of(problem: Problem, answer: Fit, ends: np.ndarray, objectives: np.nd
 def motion_of(problem: Problem, found: Slopes) -> Motion:
     """The poses of one fit that were measured as such, with the forces that hold them."""
     rows = problem.cases.posed
-    pose = jax.tree.map(lambda x: x[rows], problem.pose(found))
-    table = np.array(pose.to_table())
+    state = jax.tree.map(lambda x: x[rows], problem.state(found))
+    table = np.array(state.tibia.to_table())
     table[:, 0] = problem.measured[:, 0]
     knee = problem.knee_at(found.values[0])
     meeting, status = problem.meeting(found)[..., rows], found.status[0][rows]
-    return motion_at(knee, table, pose, meeting, status)
+    return motion_at(knee, table, state, meeting, status)
 
 
 def motion_at(
-    knee: Knee, table: np.ndarray, pose: Pose, meeting: ArrayLike, status: ArrayLike
+    knee: Knee, table: np.ndarray, state: State, meeting: ArrayLike, status: ArrayLike
 ) -> Motion:
     """Poses with the forces that hold them.
 
     Args:
         knee: that was balanced.
         table: what is shown of the poses, degrees and mm, `(n, 6)`.
-        pose: the balances, `(n,)`.
+        state: the balances, `(n,)`.
         meeting: parameters of the meeting points, `(patches, 2, n)`.
         status: `Status` values, `(n,)`.
     """
     if not len(table):
         parts = len(knee.ligaments.names), len(knee.contact_names)
         return Motion(table, np.asarray(status), *(np.empty((0, count)) for count in parts))
-    mechanics = evaluate_mechanics(knee, pose, meeting)
+    mechanics = evaluate_mechanics(knee, state, meeting)
     return Motion(
         table,
         with_flips(status, mechanics),
@@ -183,6 +183,7 @@ def motion_at(
         np.linalg.norm(np.asarray(mechanics.contact_force), axis=-1),
         knee,
         mechanics,
+        {bone: np.asarray(pose.to_table()) for bone, pose in state.poses.items() if bone != TIBIA},
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -68,6 +69,7 @@ class Motion:
         contact_forces: shape `(n, contacts)`, N.
         knee: with which it was found; None without poses, as the next.
         mechanics: of all rows, from which is told what is wrong with them.
+        other_bones: bone besides the tibia -> its poses, `(n, 6)` in the order of its coordinates.
     """
 
     table: np.ndarray
@@ -76,6 +78,7 @@ class Motion:
     contact_forces: np.ndarray
     knee: Knee | None = None
     mechanics: Mechanics | None = None
+    other_bones: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
 
 
 @dataclasses.dataclass(frozen=True)

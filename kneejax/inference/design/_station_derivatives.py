@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from kneejax.inference.fit import TABLE_UNITS
+from kneejax.inference.fit import table_of
 from kneejax.mechanics import Knee
 from kneejax.parameters import Selection
 from kneejax.statics import Slopes, Stations, balance_with_slopes
@@ -26,12 +26,12 @@ class StationDerivatives:
     @property
     def table(self) -> np.ndarray:
         """Free coordinates, degrees and mm, `(stations, 5)`."""
-        return self.slopes.q[0] * TABLE_UNITS
+        return table_of(self.slopes)[0][0]
 
     @property
     def jacobian(self) -> np.ndarray:
         """Derivative of the table with respect to the parameters, `(stations, 5, p)`."""
-        return self.slopes.jacobian[0] * TABLE_UNITS[:, None]
+        return table_of(self.slopes)[1][0]
 
     @property
     def status(self) -> np.ndarray:

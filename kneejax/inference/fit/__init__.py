@@ -3,6 +3,7 @@
 from kneejax.inference.fit._bounded import BoundedLevenbergMarquardt as BoundedLevenbergMarquardt
 from kneejax.inference.fit._cut import balances_of as balances_of
 from kneejax.inference.fit._cut import slack_at as slack_at
+from kneejax.inference.fit._cut import state_of as state_of
 from kneejax.inference.fit._cut import without as without
 from kneejax.inference.fit._lbfgsb import minimise_bounded as minimise_bounded
 from kneejax.inference.fit._load_cases import DEFAULT_WEIGHTS as DEFAULT_WEIGHTS
@@ -10,6 +11,7 @@ from kneejax.inference.fit._load_cases import TABLE_UNITS as TABLE_UNITS
 from kneejax.inference.fit._load_cases import Balance as Balance
 from kneejax.inference.fit._load_cases import LoadCases as LoadCases
 from kneejax.inference.fit._load_cases import best_offsets as best_offsets
+from kneejax.inference.fit._load_cases import table_of as table_of
 from kneejax.inference.fit._load_cases import without_offsets as without_offsets
 from kneejax.inference.fit._many_fits import PATIENT as PATIENT
 from kneejax.inference.fit._many_fits import ManyFits as ManyFits

@@ -101,6 +101,17 @@ def without(knee: Knee, selection: Selection, names: tuple[str, ...]):
     return whole, CutKnee(selection, fibres)
 
 
+def state_of(knee: Knee, cases: LoadCases, found: Slopes) -> State:
+    """Where the bones are in the balances of one variant, `(stations,)`.
+
+    Args:
+        knee: whose bones they are.
+        cases: at which it was balanced.
+        found: one variant.
+    """
+    return State.of(cases.stations.prescribed, jnp.asarray(found.q[0].T), knee.bodies)
+
+
 def slack_at(
     knee: Knee, selection: Selection, cases: LoadCases, found: Slopes
 ) -> dict[str, np.ndarray]:
@@ -115,10 +126,9 @@ def slack_at(
     Returns:
         Ligament or group -> `(stations,)`.
     """
-    poses = State.of(cases.stations.prescribed, jnp.asarray(found.q[0].T)).tibia
     meeting = jnp.moveaxis(jnp.asarray(found.meeting[0]), 0, -1)
     own = selection.apply(knee, jnp.asarray(found.values[0]))
-    slack = slack_poses(own, poses, meeting)
+    slack = slack_poses(own, state_of(knee, cases, found), meeting)
     for number, names in enumerate(cases.cuts):
         gone = {row for name in names for row in fibre_rows(knee, name)}
         for name, where in slack.items():

@@ -26,6 +26,24 @@ DEFAULT_WEIGHTS = np.array([8.0, 8.0, 1.0, 1.0, 1.0])
 Balance = Callable[..., Slopes]
 
 
+def table_of(found: Slopes) -> tuple[np.ndarray, np.ndarray]:
+    """Where the tibia is in balances under a prescribed flexion, and its derivative by the values.
+
+    Args:
+        found: balances, of whatever bones: the tibia's coordinates stand first.
+
+    Returns:
+        Degrees and mm, `(fits, stations, 5)`, and by the values `(fits, stations, 5, p)`.
+    """
+    q, slope = _of_tibia(found)
+    return q * TABLE_UNITS, slope * TABLE_UNITS[:, None]
+
+
+def _of_tibia(found: Slopes) -> tuple[np.ndarray, np.ndarray]:
+    own = slice(len(TABLE_UNITS))
+    return found.q[..., own], found.jacobian[..., own, :]
+
+
 @dataclasses.dataclass(frozen=True)
 class LoadCases:
     """What was observed of a knee, and how well it is known.
@@ -136,7 +154,7 @@ class LoadCases:
         Returns:
             Degrees and mm, `(fits, stations, 5)`, and by the values `(fits, stations, 5, p)`.
         """
-        q, slope = found.q, found.jacobian
+        q, slope = _of_tibia(found)
         if self.clinical is not None and self.clinical.any():
             read, turn = _read_all(np.asarray(self.stations.flexion), q)
             q = np.where(self.clinical[:, None], read, q)

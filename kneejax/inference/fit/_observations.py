@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from kneejax.experiments import MeasuredTest
+from kneejax.experiments import MeasuredTest, counts_like_poses
 from kneejax.geometry import COORDINATES, FREE_COORDINATES
 from kneejax.inference.fit._load_cases import LoadCases
 from kneejax.inference.fit._readings import Readings, check_readable
@@ -116,12 +116,15 @@ def readings_of(
         counted = _rows(test, place.start)[2][: len(test.flexion_deg)]
         weight = np.ones(len(counted)) if test.weight is None else test.weight
         for name, sizes in test.readings.items():
-            strain = name.endswith(".strain")
-            rows = np.flatnonzero(np.isfinite(sizes) & (weight > 0))
+            like_poses = counts_like_poses(name)
+            seen = _from_partners(test, sizes) if like_poses else sizes
+            rows = np.flatnonzero(np.isfinite(seen) & (weight > 0))
             sd = test.sd_of(name) / np.sqrt(weight[rows])
-            rest = counted[rows] if strain else np.full(len(rows), -1)
+            # The difference of two readings scatters more than one of them.
+            sd *= np.sqrt(2.0) if like_poses and (test.partner >= 0).any() else 1.0
+            rest = counted[rows] if like_poses else np.full(len(rows), -1)
             kind = np.full(len(rows), names.index(name))
-            found.append((kind, place.start + rows, rest, sizes[rows], sd))
+            found.append((kind, place.start + rows, rest, seen[rows], sd))
     if not found:
         return None
     return Readings(knee, selection, names, *map(np.concatenate, zip(*found, strict=True)))
@@ -144,14 +147,11 @@ def _unloaded(test: MeasuredTest) -> np.ndarray:
 def _rows(test: MeasuredTest, first: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Flexion, target and what it is counted from, of a test's rows and its unloaded poses."""
     bare, rows = _unloaded(test), len(test.flexion_deg)
-    partner, seen = test.partner, test.observed.copy()
+    partner, seen = test.partner, _from_partners(test, test.observed)
     counted = np.where(partner >= 0, first + partner, -1)
     if len(bare):
         counted = first + rows + np.searchsorted(bare, test.flexion_deg)
-    paired = partner >= 0
-    itself = paired & (partner == np.arange(rows))
-    seen[paired] -= test.observed[partner[paired]]
-    seen[itself], counted[itself] = np.nan, -1
+    counted[partner == np.arange(rows)] = -1
     if test.weight is not None:
         seen[test.weight == 0] = np.nan
     return (
@@ -159,6 +159,15 @@ def _rows(test: MeasuredTest, first: int) -> tuple[np.ndarray, np.ndarray, np.nd
         np.vstack([seen, np.full((len(bare), 5), np.nan)]),
         np.r_[counted, np.full(len(bare), -1)],
     )
+
+
+def _from_partners(test: MeasuredTest, observed: np.ndarray) -> np.ndarray:
+    """What was observed, counted from the rows that a test counts from; NaN in those themselves."""
+    seen, partner = observed.copy(), test.partner
+    paired = partner >= 0
+    seen[paired] -= observed[partner[paired]]
+    seen[partner == np.arange(len(partner))] = np.nan
+    return seen
 
 
 def _spread(test: MeasuredTest, stated: np.ndarray, count: int) -> np.ndarray:

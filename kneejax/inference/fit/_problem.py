@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from kneejax.experiments import MeasuredTest
-from kneejax.geometry import FREE_COORDINATES, Pose, State
-from kneejax.inference.fit._cut import balances_of
+from kneejax.geometry import FREE_COORDINATES, State
+from kneejax.inference.fit._cut import balances_of, state_of
 from kneejax.inference.fit._load_cases import (
     TABLE_UNITS,
     Balance,
@@ -184,10 +184,10 @@ class Problem:
         """Free coordinates of one fit as they were measured, degrees and mm, `(5, cases)`."""
         return self.cases.observed(found)[0][0].T
 
-    def pose(self, found: Slopes) -> Pose:
-        """The poses of one fit in the model's frame, `(cases,)`."""
+    def state(self, found: Slopes) -> State:
+        """Where the bones are in one fit, in the model's frame, `(cases,)`."""
         own = without_offsets(found, self.offsets, self.cases.posed)
-        return State.of(self.cases.stations.prescribed, jnp.asarray(own.q[0].T)).tibia
+        return state_of(self.knee, self.cases, own)
 
     def meeting(self, found: Slopes) -> np.ndarray:
         """Meeting points of one fit, `(patches, 2, cases)`."""

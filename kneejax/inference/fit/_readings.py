@@ -1,4 +1,4 @@
-"""Forces and strains of a knee's parts, as observations beside its poses."""
+"""Forces and strains of a knee's parts, and poses of its other bones, beside those of the tibia."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from kneejax.geometry import State
+from kneejax.geometry import OTHER_COLUMNS, State
 from kneejax.inference.fit._cut import without
 from kneejax.mechanics import Knee
 from kneejax.numerics import compiled, on_all_cores, safe_sqrt
@@ -22,22 +22,24 @@ if TYPE_CHECKING:
 
 #: Lanes of a call, as of the derivatives of balances.
 _LANES = 128
-#: What is read: its kind, and the rows of the fibres, or the row of the contact.
+#: What is read: its kind, and the rows of the fibres, the row of the contact, or none of a
+#: coordinate, whose kind is its column.
 _Asked = tuple[str, tuple[int, ...]]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Readings:
-    """What was read of ligaments and contacts, a number each.
+    """What was read of ligaments and contacts, and where other bones were, a number each.
 
     Attributes:
         knee: gives everything that is not free.
         selection: the free parameters.
-        names: what can be read, `PART.KIND` of `kneejax.experiments.READINGS`.
+        names: what can be read, `PART.KIND` of `kneejax.experiments.READINGS`, or the column of
+            another bone's coordinate.
         name: which of these each number is of, `(r,)`.
         case: its load case, `(r,)`.
         neutral: load case from which it is counted, `(r,)`, -1 where it counts as it is.
-        target: what was read, `(r,)`, N or strain.
+        target: what was read, `(r,)`, N, strain, degrees or mm.
         sd: its standard deviation, `(r,)`.
     """
 
@@ -101,8 +103,16 @@ def _asked(knee: Knee, name: str) -> _Asked:
     """What is to be computed.
 
     Raises:
-        UnknownParameter: the knee has no such ligament or contact.
+        UnknownParameter: the knee has no such ligament, contact or bone.
     """
+    if name in OTHER_COLUMNS:
+        bone = OTHER_COLUMNS[name].body
+        if bone not in knee.bodies:
+            raise UnknownParameter(
+                f"knee {knee.name!r} has no {bone}, whose {name} was read: expected `{bone}: true` "
+                "in the study, or a knee of three bones"
+            )
+        return name, ()
     part, _, kind = name.rpartition(".")
     if kind != "contact_N":
         return kind, tuple(fibre_rows(knee, part))
@@ -169,6 +179,9 @@ def _read(asked, vary: Vary, knee: Knee, values, stations: Stations, q, meeting,
 
 
 def _one(lanes: Knee, state: State, meeting: Array, springs, kind: str, rows: tuple[int, ...]):
+    if kind in OTHER_COLUMNS:
+        place = OTHER_COLUMNS[kind]
+        return state.at([place.name])[0] * place.table_unit
     strain, tension = springs
     if kind == "strain":
         return jnp.mean(strain[jnp.array(rows)], axis=0)

@@ -9,7 +9,6 @@ import jax
 import numpy as np
 
 from kneejax.experiments import MeasuredTest
-from kneejax.geometry import State
 from kneejax.inference.calibration import Motion, motion_at
 from kneejax.inference.fit import (
     DEFAULT_WEIGHTS,
@@ -18,6 +17,7 @@ from kneejax.inference.fit import (
     balances_of,
     best_offsets,
     check_finite,
+    state_of,
 )
 from kneejax.inference.identification._information import Information, fit_information
 from kneejax.inference.intervals import (
@@ -223,6 +223,6 @@ def check_enough(count: int, unknowns: int) -> None:
 
 def _motion(knee: Knee, data: LoadCases, fit: Slopes) -> Motion:
     rows = data.posed
-    q, meeting = np.moveaxis(fit.q[0], 0, -1), np.moveaxis(fit.meeting[0][rows], 0, -1)
-    pose = jax.tree.map(lambda x: x[rows], State.of(data.stations.prescribed, q).tibia)
-    return motion_at(knee, np.asarray(pose.to_table()), pose, meeting, fit.status[0][rows])
+    state = jax.tree.map(lambda x: x[rows], state_of(knee, data, fit))
+    table, meeting = np.asarray(state.tibia.to_table()), np.moveaxis(fit.meeting[0][rows], 0, -1)
+    return motion_at(knee, table, state, meeting, fit.status[0][rows])

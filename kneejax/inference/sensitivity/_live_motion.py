@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from kneejax.geometry import COLUMNS
-from kneejax.inference.fit import DEFAULT_WEIGHTS, TABLE_UNITS, Problem, check_finite
+from kneejax.inference.fit import DEFAULT_WEIGHTS, Problem, check_finite, table_of
 from kneejax.inference.sensitivity._condition import Condition, worst_condition
 from kneejax.mechanics import Knee
 from kneejax.parameters import UnknownParameter, UnsuitableData, select, unphysiological
@@ -163,7 +163,7 @@ class LiveMotion:
             np.column_stack([problem.measured[:, 0], table.T]),
             status,
             strange,
-            np.moveaxis(found.jacobian[0] * TABLE_UNITS[:, None], 0, 1),
+            np.moveaxis(table_of(found)[1][0], 0, 1),
             float(problem.weights @ (error**2).sum(axis=1)),
             Condition(int(worst_condition(status[problem.used], strange[problem.used]))),
         )

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kneejax.inference.fit import TABLE_UNITS
+from kneejax.inference.fit import table_of
 from kneejax.mechanics import Knee
 from kneejax.parameters import Selection, UnsuitableData, percent_scales, prior_scales, select
 from kneejax.statics import Stations, balance_with_slopes
@@ -90,14 +90,15 @@ def local_sensitivity(
     flexion = np.atleast_1d(np.asarray(flexion_deg, float))
     stations = Stations.at(flexion)
     found = balance_with_slopes(knee, selection.apply, values[None], stations)
+    table, slope = table_of(found)
     return LocalSensitivity(
         selection.names,
         tuple(selection.unit(i) for i in range(len(selection))),
         values,
         flexion,
-        found.q[0] * TABLE_UNITS,
+        table[0],
         found.status[0],
-        found.jacobian[0] * TABLE_UNITS[:, None],
+        slope[0],
         scale,
         widths,
     )

@@ -20,7 +20,7 @@ from kneejax.report.calibration._figures import (
 )
 from kneejax.report.calibration._notes import calibration_notes
 from kneejax.report.calibration._starts import starts_words
-from kneejax.report.calibration._tests import axis_label_of, laxity_errors, tests_figure
+from kneejax.report.calibration._tests import axis_label_of, errors_to_show, tests_figure
 from kneejax.report.calibration._verdict import (
     PAPER,
     PAPER_COUNTS,
@@ -205,7 +205,7 @@ def _tests_section(calibration: Calibration, svg: str) -> str:
             number(one.fitted, 3),
             change(one.start, one.fitted),
         ]
-        for one in laxity_errors(calibration)
+        for one in errors_to_show(calibration)
     ]
     header = ["Test", "Coordinate", "Flexion, deg", "Readings", "Start", "Fitted", "Change"]
     return (

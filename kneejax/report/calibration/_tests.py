@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from kneejax.geometry import COORDINATES
+from kneejax.experiments import counts_like_poses, reading_unit
+from kneejax.geometry import COORDINATES, OTHER_COLUMNS
 from kneejax.mechanics import NAMED_LOADS
 from kneejax.report.look import GREY, WIDTH, styled, verbatim
 from kneejax.statics import Status
@@ -58,6 +59,12 @@ def laxity_errors(calibration: Calibration) -> list[LaxityError]:
     return found
 
 
+def errors_to_show(calibration: Calibration) -> list[LaxityError]:
+    """The same without those of a single reading, which tests.csv has beside the reading itself."""
+    every = laxity_errors(calibration)
+    return [one for one in every if one.flexion_deg is None or one.readings > 1]
+
+
 #: Columns of tests.csv after what acted.
 _COMPARED_COLUMNS = ("coordinate", "unit", "counted_from", "measured", "start", "fitted", "status")
 
@@ -98,20 +105,21 @@ def reading_table(calibration: Calibration) -> tuple[tuple[str, ...], list[list[
 
 
 def _counted_from(test: MeasuredTest, name: str) -> str:
-    return test.counted_from if name in COORDINATES or name.endswith(".strain") else "absolute"
+    like_poses = name in COORDINATES or counts_like_poses(name)
+    return test.counted_from if like_poses else "absolute"
 
 
 def unit_of(name: str) -> str:
-    """Of a coordinate, or of what was read of a part; a strain has none."""
-    if name in COORDINATES:
-        return COORDINATES[name].unit
-    return "N" if name.endswith("_N") else ""
+    """Of a coordinate, or of a reading; a strain has none."""
+    return COORDINATES[name].unit if name in COORDINATES else reading_unit(name)
 
 
 def label_of(name: str) -> str:
     """Of a coordinate, or of what was read of a part, within a sentence."""
     if name in COORDINATES:
         return COORDINATES[name].phrase
+    if name in OTHER_COLUMNS:
+        return OTHER_COLUMNS[name].phrase
     part, _, kind = name.rpartition(".")
     words = {"tension_N": "tension", "contact_N": "contact force"}
     return f"{part} {words.get(kind, kind)}"

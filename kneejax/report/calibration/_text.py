@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from kneejax.geometry import COORDINATES
 from kneejax.inference import IntervalKind
 from kneejax.report.calibration._starts import starts_words
-from kneejax.report.calibration._tests import axis_label_of, laxity_errors
+from kneejax.report.calibration._tests import axis_label_of, errors_to_show
 from kneejax.report.calibration._verdict import (
     PAPER_COUNTS,
     Outcome,
@@ -138,7 +138,7 @@ def _rmse_rows(calibration: Calibration) -> list[list[str]]:
 
 def _test_rows(calibration: Calibration) -> list[list[str]]:
     rows = [["test under load", "coordinate", "flexion, deg", "readings", "start RMSE", "fitted"]]
-    for one in laxity_errors(calibration):
+    for one in errors_to_show(calibration):
         whole = one.flexion_deg is None
         label = axis_label_of(one.coordinate)
         rows.append(

@@ -34,7 +34,8 @@ def nudged(knee, rng):
     def nudge(x):
         return jnp.asarray(x) * (1.0 + 1e-3 * rng.uniform(-1.0, 1.0, np.shape(x)))
 
-    return eqx.tree_at(lambda k: k.reference_pose, jax.tree.map(nudge, knee), knee.reference_pose)
+    still = lambda k: (k.reference_pose, k.other_bones)  # noqa: E731
+    return eqx.tree_at(still, jax.tree.map(nudge, knee), still(knee))
 
 
 def assert_same(knee, other):
@@ -126,3 +127,19 @@ def test_a_strain_is_one_along_via_points(knee_document):
     del document["ligaments"]["MCL"]["wrap"]
     strain = build_knee(document, "knee.yaml").knee.reference_strain()
     np.testing.assert_allclose(strain[0], 0.03, rtol=1e-12)
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+@pytest.mark.parametrize("name", ["lenhart2015_reduced", "four_ligament"])
+def test_every_number_of_a_knee_with_its_patella_is_read_back(name, side, rng):
+    """Of the tendon around its ellipsoid, the groove, the heads of the quadriceps too."""
+    document = load_knee_file(name).document
+    if side == "left":
+        document = mirror_document(document)
+    before, read = copy.deepcopy(document), build_knee(document, "knee.yaml")
+    assert restated(document, read.with_patella(), "nobody") == document
+    knee = nudged(read.with_patella(), rng)
+    found = restated(document, knee, "our robot")
+    again = build_knee(found, "again.yaml")
+    assert_same(again.with_patella(), knee)
+    assert document == before and again.sources["patella.ligaments.PTc.stiffness_N"] == "our robot"

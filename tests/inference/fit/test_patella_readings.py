@@ -1,0 +1,164 @@
+"""Where the patella was, as data of the one fit: a knee of three bones in a study."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import yaml
+
+import kneejax as kj
+from kneejax.files import InputProblem, write_rows
+from kneejax.geometry import BODIES, COLUMNS, PATELLA
+from kneejax.inference.fit import Problem, fit_lanes
+from kneejax.parameters import UnknownParameter
+
+FLEXION = [20.0, 50.0, 80.0]
+PULL_N = 150.0
+OF_PATELLA = [one.column for one in BODIES[PATELLA].values()]
+#: The tendon, a retinaculum, the line of the quadriceps, where the groove stands.
+NAMES = [
+    "PTc.slack_length", "mPFL.slack_length", "lPFL.patellar_attachment.superior",
+    "vasint.origin.lateral", "patellofemoral.femoral_surface.anterior", "ACL.reference_strain",
+]  # fmt: skip
+
+
+def tracked(knee, **given):
+    """A motion under a pull as a test that reads all coordinates of both bones."""
+    found = kj.patellar_tracking(knee, FLEXION, PULL_N)
+    rest = float(knee.muscles.tension.sum())
+    readings = dict(zip(OF_PATELLA, np.asarray(found.patella).T, strict=True))
+    test = kj.MeasuredTest(
+        "tracking", FLEXION, {}, np.asarray(found.motion.to_table("grood-suntay"))[:, 1:],
+        counted_from="absolute", readings=readings, sd_mm=0.5, sd_deg=0.5,
+        tensions={"quadriceps": np.full(len(FLEXION), PULL_N - rest)},
+    )  # fmt: skip
+    return dataclasses.replace(test, **given)
+
+
+def problem_of(knee, test, names=NAMES):
+    selection = kj.select(knee, names)
+    none = np.empty((0, 6))
+    return Problem.of(knee, selection, none, np.full(5, 4.0), tests=[test], known=np.full(5, 0.5))
+
+
+@pytest.fixture(scope="module")
+def knee():
+    return kj.load_knee("four_ligament", patella=True)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("counted_from", ["absolute", "extension", "unloaded"])
+def test_a_knee_shows_no_residual_against_where_its_own_patella_was(
+    knee, counted_from, central_difference
+):
+    """Nor does it when counted from a row or from the knee at rest; and slopes are exact."""
+    test = tracked(knee, counted_from="absolute")
+    if counted_from == "unloaded":
+        still = kj.patellar_tracking(knee, FLEXION, float(knee.muscles.tension.sum()))
+        away = np.asarray(still.motion.to_table("grood-suntay"))[:, 1:]
+        rest = dict(zip(OF_PATELLA, np.asarray(still.patella).T, strict=True))
+        moved = {name: x - rest[name] for name, x in test.readings.items()}
+        test = dataclasses.replace(
+            test, observed=test.observed - away, readings=moved, counted_from="unloaded"
+        )
+    test = dataclasses.replace(test, counted_from=counted_from)
+    problem = problem_of(knee, test)
+    start = np.asarray(problem.selection.read(knee))
+    first = problem.begin(start[None])
+    assert first.converged.all()
+    residual, slope = problem.residual(first)
+    assert np.abs(residual).max() < 1e-6
+    assert problem.cases.readings is not None
+    assert len(problem.cases.readings) == 6 * (2 if counted_from == "extension" else 3)
+    if counted_from != "absolute":
+        return
+
+    def at(x):
+        return problem.residual(problem.balance(x[None], first))[0]
+
+    differences = central_difference(at, start, 1e-4)
+    scale = np.abs(differences).max(axis=0)
+    assert slope / scale == pytest.approx(differences / scale, rel=1e-6, abs=1e-6)
+
+
+@pytest.mark.slow
+def test_a_tendon_and_a_groove_are_found_from_where_the_patella_was(knee):
+    selection = kj.select(knee, NAMES)
+    start = np.asarray(selection.read(knee))[None]
+    away = np.array([0.9, 0.5, 0.5, 1.0, 0.4, 0.005])
+    problem = problem_of(knee, tracked(selection.apply(knee, start[0] + away)))
+    box = [start - 5.0, start + 5.0]
+    found = fit_lanes(problem.balance, problem.cases, problem.begin(start), start, *box)
+    assert (found.values - start)[0] == pytest.approx(away, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"readings": {"patella_yaw_deg": np.zeros(3)}}, "of PART.tension_N.*patella_tilt_deg"),
+        ({"sd_deg": None}, "sd_deg: not stated; expected how well patella_flexion"),
+        ({"sd_mm": None}, "sd_mm: not stated; expected how well patella_anterior"),
+        ({"counted_from": "offset"}, "unknown constants are of the tibia's coordinates alone"),
+    ],
+)
+def test_readings_of_the_patella_that_say_nothing_are_refused(given, says):
+    readings = {name: np.zeros(3) for name in OF_PATELLA}
+    every = {"counted_from": "absolute", "readings": readings, "sd_mm": 0.5, "sd_deg": 0.5}
+    with pytest.raises(ValueError, match=says):
+        kj.MeasuredTest("tracking", FLEXION, {}, np.full((3, 5), np.nan), **every | given)
+
+
+def test_a_knee_without_a_patella_cannot_be_compared_with_one(knee):
+    two = kj.load_knee("four_ligament")
+    readings = {"patella_tilt_deg": np.zeros(3)}
+    test = kj.MeasuredTest("tilt", FLEXION, {}, np.full((3, 5), np.nan), counted_from="absolute",
+                           readings=readings, sd_deg=1.0)  # fmt: skip
+    with pytest.raises(UnknownParameter, match="`patella: true` in the study"):
+        problem_of(two, test, ["ACL.stiffness"])
+    assert problem_of(knee, test, ["ACL.stiffness"]).counted_numbers == 3
+
+
+def written(folder, item, **fields):
+    """A study of one table with all coordinates of both bones, and the pull."""
+    header = ["flexion_deg", *COLUMNS[1:], *OF_PATELLA, "quadriceps.tension_N"]
+    rows = [[flexion, *range(1, 6), *range(11, 17), 100.0] for flexion in FLEXION]
+    write_rows(folder / "tracking.csv", header, rows)
+    test = {
+        "name": "tracking", "file": "tracking.csv", "counted_from": "absolute", "sd_mm": 0.5,
+        "sd_deg": 0.5,
+    }  # fmt: skip
+    document = {
+        "title": "Tracking", "knee": "four_ligament", "patella": True, "noise_mm": 0.5,
+        "noise_deg": 0.5, "parameters": ["PTc.slack_length"], "tests": [test | item],
+    }  # fmt: skip
+    (folder / "study.yaml").write_text(yaml.safe_dump(document | fields))
+    return kj.read_study(folder / "study.yaml")
+
+
+def test_a_study_reads_the_patella_and_what_pulls_on_it(tmp_path):
+    study = written(tmp_path, {})
+    (test,) = study.tests
+    assert study.knee.bodies == ("tibia", "patella") and study.settings()["patella"] is True
+    assert test.tensions["quadriceps"].tolist() == [100.0] * 3
+    assert {name: x[0] for name, x in test.readings.items()} == dict(
+        zip(OF_PATELLA, range(11, 17), strict=True)
+    )
+    (left,) = written(tmp_path, {"mirror": True}).tests
+    signs = [left.readings[name][0] / test.readings[name][0] for name in OF_PATELLA]
+    assert signs == [1.0, -1.0, -1.0, 1.0, 1.0, -1.0]
+    (tilt,) = written(tmp_path, {"coordinates": ["patella_tilt", "anterior"]}).tests
+    assert list(tilt.readings) == ["patella_tilt_deg"] and tilt.coordinates == ("anterior",)
+
+
+@pytest.mark.parametrize(
+    ("item", "fields", "says"),
+    [
+        ({}, {"patella": False}, "quadriceps.tension_N|no patella"),
+        ({}, {"patella": "yes"}, "patella: yes: expected true or false"),
+        ({"coordinates": ["patella_tlt"]}, {}, "did you mean patella_tilt"),
+        ({"columns": {"patella_tlt_deg": "patella_tilt_deg"}}, {}, "patella_tilt_deg"),
+    ],
+)
+def test_a_study_that_contradicts_itself_is_refused(tmp_path, item, fields, says):
+    with pytest.raises((InputProblem, UnknownParameter), match=says):
+        written(tmp_path, item, **fields)
