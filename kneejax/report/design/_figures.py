@@ -18,6 +18,7 @@ from kneejax.report.look import (
     readable,
     styled,
     verbatim,
+    without_frame,
 )
 from kneejax.statics import Status
 
@@ -89,9 +90,7 @@ def candidates_figure(design: Design) -> Figure:
     ticks = np.arange(len(angles))[::every]
     axes.set_xticks(ticks + 0.5, [f"{angles[i]:g}" for i in ticks])
     axes.set_yticks(np.arange(len(rows)) + 0.5, [verbatim(row) for row in rows])
-    axes.tick_params(length=0)
-    axes.grid(False)
-    axes.spines[:].set_visible(False)
+    without_frame(axes)
     axes.set_xlabel("Flexion, deg")
     axes.set_title(f"What one more test would add: {gain_words(design.criterion)}")
     handles["chosen, in this order"] = Rectangle((0, 0), 1, 1, fill=False, ec=VERMILLION, lw=1.8)

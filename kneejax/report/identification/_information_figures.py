@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kneejax.report.calibration import correlation_matrix_figure
-from kneejax.report.look import BLUE, GREY, VERMILLION, readable, styled
+from kneejax.report.look import BLUE, GREY, VERMILLION, readable, styled, without_frame
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -113,9 +113,7 @@ def _draw_weights(table: Axes, vectors: np.ndarray, names: list[str], shades) ->
     table.set_ylim(n, 0)
     table.set_yticks(places, names, fontsize=size)
     table.set_xticks(places, [str(i + 1) for i in range(n)], fontsize=size)
-    table.tick_params(length=0)
-    table.grid(False)
-    table.spines[:].set_visible(False)
+    without_frame(table)
     table.set_xlabel("Combination, from best determined to worst")
 
 
@@ -125,10 +123,8 @@ def _draw_scale(bar: Axes, shades) -> None:
     bar.pcolormesh(np.repeat(gradient, 2, axis=1), cmap=shades, vmin=-1, vmax=1, rasterized=True)
     bar.set_yticks([0, 50.5, 101], ["\u22121", "0", "+1"], fontsize=7)
     bar.yaxis.tick_right()
-    bar.tick_params(length=0)
     bar.set_xticks([])
-    bar.grid(False)
-    bar.spines[:].set_visible(False)
+    without_frame(bar)
     bar.set_ylabel("Weight", fontsize=7.5)
     bar.yaxis.set_label_position("right")
 

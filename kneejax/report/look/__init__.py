@@ -40,6 +40,7 @@ from kneejax.report.look._style import WIDTH as WIDTH
 from kneejax.report.look._style import readable as readable
 from kneejax.report.look._style import styled as styled
 from kneejax.report.look._style import verbatim as verbatim
+from kneejax.report.look._style import without_frame as without_frame
 from kneejax.report.look._terminal import LINE_WIDTH as LINE_WIDTH
 from kneejax.report.look._terminal import aligned as aligned
 from kneejax.report.look._terminal import wrapped as wrapped
