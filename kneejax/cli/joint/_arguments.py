@@ -37,7 +37,6 @@ def add_joint(joint: Parser) -> None:
 
 
 def _add_fit(parser: argparse.ArgumentParser) -> None:
-    point = {"type": float, "nargs": 3, "metavar": ("X", "Y", "Z")}
     parser.add_argument(
         "poses", type=Path, nargs="?", help="CSV of two or more measured poses; or --knee"
     )
@@ -55,6 +54,22 @@ def _add_fit(parser: argparse.ArgumentParser) -> None:
         help="calibrate on the poses nearest to these flexions; on the first and last otherwise, "
         "of a knee at both ends of --flexion",
     )
+    _add_anatomy(parser)
+    parser.add_argument(
+        "--interpolation",
+        choices=["linear", "monotone"],
+        help="between the poses (default: monotone from three poses on)",
+    )
+    parser.add_argument(
+        "--flexion", default="0:120:5", help="of the tables: first:last:step or a,b,c"
+    )
+    add_out(parser, "kneejax-joint")
+    add_svg(parser)
+
+
+def _add_anatomy(parser: argparse.ArgumentParser) -> None:
+    """Where the axes of the femur come from: meshes, or points that are given."""
+    point = {"type": float, "nargs": 3, "metavar": ("X", "Y", "Z")}
     femur = parser.add_mutually_exclusive_group()
     femur.add_argument("--femur", type=Path, metavar="MESH", help="bone or cartilage")
     femur.add_argument("--axes", type=Path, metavar="FILE", help="YAML or CSV of axis points")
@@ -92,16 +107,6 @@ def _add_fit(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--medial-epicondyle", **point, help="mm, for the hinge")
     parser.add_argument("--lateral-epicondyle", **point, help="likewise")
-    parser.add_argument(
-        "--interpolation",
-        choices=["linear", "monotone"],
-        help="between the poses (default: monotone from three poses on)",
-    )
-    parser.add_argument(
-        "--flexion", default="0:120:5", help="of the tables: first:last:step or a,b,c"
-    )
-    add_out(parser, "kneejax-joint")
-    add_svg(parser)
 
 
 def _add_compare(parser: argparse.ArgumentParser) -> None:

@@ -172,8 +172,8 @@ def transient(
     rest, far = None, float("nan")
     if not flexion_is_free and set(held) == {"flexion"}:
         rest = _balance(moving, flexion_deg, weights, sizes, load_s, times[-1], check=False)
-        there = np.asarray(rest.settled.state.at(names))[:, 0]
-        far = float(np.abs((np.asarray(found.q[-1]) - there) / np.array(scales(names))).max())
+        off = np.asarray(found.q[-1]) - np.asarray(rest.settled.state.at(names))[:, 0]
+        far = float(np.abs(off / np.array(scales(names))).max())
     at = {k: np.interp(times, load_s, np.broadcast_to(v, load_s.shape)) for k, v in sizes.items()}
     return described(found, at, rest, far)
 
