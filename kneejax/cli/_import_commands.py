@@ -4,7 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from kneejax.cli._parser import KNEE, Parser, add_command, add_out, add_repeated, add_svg, lazily
+from kneejax.cli._parser import (
+    KNEE,
+    Parser,
+    add_command,
+    add_kinds,
+    add_out,
+    add_repeated,
+    add_svg,
+    lazily,
+)
 
 _SIDES = ("r", "l")
 
@@ -13,7 +22,7 @@ def add_import(commands) -> None:
     """`kneejax import osim` and `kneejax import stl`."""
     example = "kneejax import osim MODEL.osim --side r"
     above = add_command(commands, "import", "Make a knee from a model or from meshes.", example)
-    kinds = above.add_subparsers(dest="kind", metavar="KIND", required=True)
+    kinds = add_kinds(above)
     sentence = "Make a knee from an OpenSim model, schema 3 or 4."
     _add_import_osim(add_command(kinds, "osim", sentence, example))
     example = (
@@ -103,7 +112,7 @@ def add_export(commands) -> None:
         "kneejax export osim kneejax-import/knee.yaml MODEL.osim --out NEW.osim"
     )
     above = add_command(commands, "export", "Write a knee's numbers into a model.", example)
-    kinds = above.add_subparsers(dest="kind", metavar="KIND", required=True)
+    kinds = add_kinds(above)
     sentence = "Write a knee's numbers into the OpenSim model that it came from."
     osim = add_command(kinds, "osim", sentence, example)
     osim.add_argument("knee", help=KNEE)

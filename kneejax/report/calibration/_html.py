@@ -50,7 +50,7 @@ from kneejax.report.look import (
     section,
     table,
     trimmed,
-    warning_box,
+    warnings_box,
     with_error,
     write_whole,
 )
@@ -167,7 +167,7 @@ def _head(calibration: Calibration) -> str:
         f'<p><strong class="badge {_BADGES[became]}">{became.value}</strong> '
         f"{escape(verdict(calibration))}</p>\n"
         f"<p>Search: {escape(search(calibration, fit))}.</p>\n"
-        f"{boxes(facts)}\n</header>\n" + warning_box("Warnings", warnings(calibration))
+        f"{boxes(facts)}\n</header>\n" + warnings_box("Warnings", warnings(calibration))
     )
 
 

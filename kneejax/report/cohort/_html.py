@@ -25,7 +25,7 @@ from kneejax.report.look import (
     save_and_inline,
     section,
     table,
-    warning_box,
+    warnings_box,
     write_whole,
 )
 
@@ -103,7 +103,7 @@ def _head(summary: CohortSummary) -> str:
     return (
         f"<header>\n<h1>{escape(summary.title)}</h1>\n"
         f'<p class="under">Calibration of a cohort</p>\n{boxes(facts)}\n</header>\n'
-        + warning_box("No answer", failed)
+        + warnings_box("No answer", failed)
     )
 
 

@@ -15,7 +15,7 @@ from kneejax.report.look._page import page as page
 from kneejax.report.look._page import picture as picture
 from kneejax.report.look._page import section as section
 from kneejax.report.look._page import table as table
-from kneejax.report.look._page import warning_box as warning_box
+from kneejax.report.look._page import warnings_box as warnings_box
 from kneejax.report.look._page_style import CSS as CSS
 from kneejax.report.look._saving import picture_png as picture_png
 from kneejax.report.look._saving import save_and_inline as save_and_inline

@@ -31,7 +31,7 @@ def boxes(facts: Iterable[tuple[str, str]]) -> str:
     return f"<dl>{''.join(each)}</dl>"
 
 
-def warning_box(title: str, sentences: Iterable[str]) -> str:
+def warnings_box(title: str, sentences: Iterable[str]) -> str:
     """Sentences of plain text that nobody should miss; nothing without any."""
     items = "".join(f"<li>{escape(sentence)}</li>\n" for sentence in sentences)
     if not items:

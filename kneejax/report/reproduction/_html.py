@@ -17,7 +17,7 @@ from kneejax.report.look import (
     save_and_inline,
     section,
     table,
-    warning_box,
+    warnings_box,
     write_whole,
 )
 from kneejax.reproduction import CANNOT_BE_JUDGED, NOT_REPRODUCED, REPRODUCED, Claim
@@ -88,7 +88,7 @@ def _head(title: str, about: Sequence[str], claims: Sequence[Claim], doubts: Seq
     facts = boxes((word.capitalize(), str(verdicts.count(word))) for word in _BADGES)
     words = "".join(f"<p>{escape(paragraph)}</p>\n" for paragraph in about)
     head = f"<header>\n<h1>{escape(title)}</h1>\n{words}{facts}\n</header>\n"
-    return head + warning_box("Doubts", doubts)
+    return head + warnings_box("Doubts", doubts)
 
 
 def _article(claim: Claim) -> str:
