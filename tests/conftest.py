@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
+import kneejax as kj
 import kneejax.geometry as geo
 from kneejax.mechanics import ConstantTensionLine, Contact, Knee, Ligaments, Load
 
@@ -52,6 +53,12 @@ def slope_on_log_axes():
 def rng():
     """Random numbers, the same in every run."""
     return np.random.default_rng(7)
+
+
+@pytest.fixture(scope="session")
+def knee():
+    """The bundled knee of four fibres, whose programs most files share."""
+    return kj.load_knee("four_ligament")
 
 
 def _small_knee():

@@ -30,6 +30,11 @@ def imports(tree):
             yield from (x.name for x in node.names if x.name.split(".")[0] == "kneejax")
 
 
+#: Lines of a file, and of a function in the rooms that solve, docstrings counted.
+LONGEST_FILE, LONGEST_FUNCTION = 400, 60
+SOLVING = ("kneejax.mechanics", "kneejax.statics", "kneejax.dynamics")
+
+
 def inside(module, folder):
     return f"{module}.".startswith(f"{folder}.")
 
@@ -73,6 +78,29 @@ def test_folders_and_files_of_a_room_import_each_other_in_no_circle():
     except graphlib.CycleError as circle:
         pytest.fail(" -> ".join(circle.args[1]))
     assert set(graph) <= set(order)
+
+
+def test_no_file_hides_two_rooms():
+    root, own = PACKAGE.parent, Path(__file__).parent
+    lengths = {
+        path.relative_to(root): len(path.read_text(encoding="utf-8").splitlines())
+        for folder in (PACKAGE, own)
+        for path in folder.rglob("*.py")
+    }
+    long = {str(path): count for path, count in lengths.items() if count > LONGEST_FILE}
+    assert not long, f"at most {LONGEST_FILE} lines: {long}"
+
+
+def test_who_reads_a_solver_reads_short_functions():
+    long = [
+        f"{module}.{node.name}: {node.end_lineno - node.lineno + 1} lines"
+        for module, _, tree in modules()
+        if any(inside(module, room) for room in SOLVING)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef)
+        and node.end_lineno - node.lineno + 1 > LONGEST_FUNCTION
+    ]
+    assert not long, f"at most {LONGEST_FUNCTION} lines: {'; '.join(long)}"
 
 
 @pytest.mark.skipif(not ALL_CHECKS.exists(), reason="not in a checkout")

@@ -10,19 +10,12 @@ import numpy as np
 from kneejax.cli._given import check_within, read_pairs
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli._say_status import say_status
-from kneejax.experiments import (
-    Activity,
-    Cycle,
-    activity,
-    cycle_of,
-    doubts,
-    of_search,
-    with_flips,
-)
+from kneejax.experiments import Activity, Cycle, activity, cycle_of, with_flips
 from kneejax.files import InputProblem, knee_with, load_knee_file, read_activity, write_rows
 from kneejax.geometry import BODIES, COLUMNS, FEMORAL, convert_table
 from kneejax.mechanics import Knee, LegRecord, Range
 from kneejax.parameters import cut
+from kneejax.report import pose_words, search_words
 from kneejax.statics import Status
 
 INTACT = "intact"
@@ -101,7 +94,7 @@ def _report(arguments: argparse.Namespace, found: Mapping[str, Activity], cycle:
 
 def _told(one: Activity) -> tuple[np.ndarray, tuple[str, ...]]:
     status = with_flips(one.motion.status, one.mechanics)
-    return status, doubts(one.motion.knee, one.mechanics, of_search(one.motion))
+    return status, pose_words(one.motion.knee, one.mechanics, search_words(one.motion))
 
 
 def _write_motion(arguments, found: Mapping[str, Activity], told, cycle: Cycle) -> None:

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
-from kneejax.cli._parser import KNEE, add_command, add_convention, add_out, add_svg
+from kneejax.cli._parser import (
+    KNEE,
+    add_command,
+    add_convention,
+    add_out,
+    add_repeated,
+    add_svg,
+    add_values,
+    lazily,
+)
 
 
-def add_activity(commands, lazily: Callable) -> None:
-    """Add the command.
-
-    Args:
-        commands: what `add_subparsers` gave.
-        lazily: imports the command when it is called.
-    """
+def add_activity(commands) -> None:
+    """`kneejax activity`."""
     activity = add_command(
         commands,
         "activity",
@@ -45,18 +48,10 @@ def add_activity(commands, lazily: Callable) -> None:
     activity.add_argument(
         "--instants", type=int, help="so many, evenly spaced; the coarsest table's rows otherwise"
     )
-    activity.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        dest="values",
-        help="a parameter, as ACL.stiffness=300 (N) or *.reference_strain=0.02; once for each",
-    )
-    activity.add_argument(
+    add_values(activity)
+    add_repeated(
+        activity,
         "--cut",
-        action="append",
-        default=[],
         metavar="LIGAMENT",
         help="compare with the knee in which a ligament, or a group of them, does not act; once "
         "for each",

@@ -5,13 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from kneejax.files import (
-    InputProblem,
-    write_calibrated_knee,
-    write_poses,
-    write_rows,
-    write_text,
-)
+from kneejax.files import InputProblem, write_calibrated_knee, write_poses, write_rows, write_text
 from kneejax.geometry import PATELLA
 from kneejax.inference import Calibration
 from kneejax.statics import Status
@@ -30,6 +24,7 @@ def write_results(result: Calibration, out: Path, svg: bool) -> str:
     """
     from kneejax.report import (
         PARAMETER_COLUMNS,
+        motion_words,
         parameters_rows,
         reading_table,
         result_document,
@@ -47,7 +42,7 @@ def write_results(result: Calibration, out: Path, svg: bool) -> str:
         status=words,
         converged=[w.converged for w in words],
         stable=[w.sound for w in words],
-        doubts=motion.doubts,
+        doubts=motion_words(motion),
         patella=motion.other_bones.get(PATELLA),
     )
     if result.fit.tests:

@@ -36,14 +36,7 @@ from kneejax.cohorts import (
     to_dataset,
     workers_of,
 )
-from kneejax.files import (
-    InputProblem,
-    check_new,
-    counted,
-    write_netcdf,
-    write_rows,
-    write_text,
-)
+from kneejax.files import InputProblem, check_new, counted, write_netcdf, write_rows, write_text
 from kneejax.files.reading import format_yaml
 from kneejax.numerics import MissingPackage
 

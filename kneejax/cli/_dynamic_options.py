@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from kneejax.cli._parser import add_repeated
+
 #: Experiments through time; tests under load are with `--dynamic`.
 IN_TIME = ("settle", "drop")
 
@@ -47,10 +49,9 @@ def add_dynamic_options(simulate: argparse.ArgumentParser) -> None:
         type=float,
         help="of every coordinate, rotations at 30 mm (default: 0; settle 1)",
     )
-    simulate.add_argument(
+    add_repeated(
+        simulate,
         "--from",
-        action="append",
-        default=[],
         metavar="NAME=SIZE",
         dest="offset",
         help="how far from its balance the knee is let go, as anterior_mm=3 or adduction_deg=2; "

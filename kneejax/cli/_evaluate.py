@@ -8,12 +8,7 @@ import numpy as np
 
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli._say_status import say_given
-from kneejax.experiments import (
-    Mechanics,
-    Way,
-    evaluate,
-    ways_of,
-)
+from kneejax.experiments import Mechanics, Way, evaluate, ways_of
 from kneejax.files import counted, load_knee, read_poses, write_rows
 from kneejax.geometry import Pose
 from kneejax.mechanics import Knee

@@ -6,22 +6,21 @@ import argparse
 
 import numpy as np
 
-from kneejax.cli._given import check_within, read_loads, read_pairs
+from kneejax.cli._asked_knee import asked_knee, knee_words
+from kneejax.cli._given import check_within, read_loads
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli._say_status import say_status
 from kneejax.experiments import (
     Extensor,
     Shank,
-    doubts,
     isometric_extension,
     leg_raise,
-    of_search,
     patellar_tracking,
     with_flips,
 )
-from kneejax.files import InputProblem, knee_with, load_knee, parse_flexion, write_rows
+from kneejax.files import InputProblem, parse_flexion, write_rows
 from kneejax.mechanics import Knee, Range, load_of
-from kneejax.parameters import cut
+from kneejax.report import pose_words, search_words
 
 _FLEXION = {"patellar-tracking": "0:120:5", "extension": "0:90:30", "leg-raise": "0:90:5"}
 _PULL_N = {"patellar-tracking": 100.0, "extension": 1000.0}
@@ -43,13 +42,11 @@ def run_extensor(arguments: argparse.Namespace) -> int:
     flexion = parse_flexion(arguments.flexion or _FLEXION[name])
     _check(arguments)
     loads = read_loads(arguments.load)
-    values = read_pairs("--set", arguments.values)
-    knee = load_knee(arguments.knee, patella=True)
-    knee = cut(knee_with(knee, values, "--set"), arguments.cut)
+    knee = asked_knee(arguments, patella=True)
     with stages_on_terminal(knee.name):
         found = _made(arguments, knee, flexion, [load_of(**loads)] if loads else [])
     status = with_flips(found.motion.status, found.mechanics)
-    said = doubts(knee, found.mechanics, of_search(found.motion, loads))
+    said = pose_words(knee, found.mechanics, search_words(found.motion, loads))
     _report(arguments, knee, found, status)
     places = [f"{x:g}" for x in found.flexion_deg]
     doubtful = say_status(status, places, "degrees", said, given=False)
@@ -99,8 +96,7 @@ def _report(arguments, knee: Knee, found: Extensor, status: np.ndarray) -> None:
         shear_figure,
     )
 
-    without = f" without {', '.join(arguments.cut)}" if arguments.cut else ""
-    title = f"{knee.name}{without}: {arguments.experiment}"
+    title = f"{knee_words(arguments, knee)}: {arguments.experiment}"
     print(title)
     print("\n".join(extensor_lines(found, status)))
     if found.walked.any():

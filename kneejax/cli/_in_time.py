@@ -3,32 +3,20 @@
 from __future__ import annotations
 
 import argparse
-import functools
-from collections.abc import Mapping
+import contextlib
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 
+from kneejax.cli._asked_knee import asked_knee, knee_words
 from kneejax.cli._given import check_within, read_loads, read_pairs
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.dynamics import MovingKnee, gravity_of
-from kneejax.experiments import (
-    MOST_ERROR_MM,
-    Transient,
-    lab_tests,
-    leg_of_person,
-    transient,
-)
-from kneejax.files import (
-    InputProblem,
-    knee_with,
-    load_knee,
-    parse_flexion,
-    read_loads_over_time,
-    write_rows,
-)
+from kneejax.experiments import MOST_ERROR_MM, Transient, lab_tests, leg_of_person, transient
+from kneejax.files import InputProblem, parse_flexion, read_loads_over_time, write_rows
 from kneejax.geometry import COLUMNS, FEMORAL, convert_table, coordinate
 from kneejax.mechanics import Knee, Range, load_words
-from kneejax.parameters import cut
 from kneejax.statics import Status
 
 _FLEXION = {"settle": 20.0, "drop": 60.0, "lachman": 20.0}
@@ -67,20 +55,13 @@ def run_in_time(arguments: argparse.Namespace) -> int:
     load_s, sizes, led = _loads(arguments, flexion)
     times = _times(arguments, load_s)
     offset = _offset(arguments)
-    values = read_pairs("--set", arguments.values)
-    knee = cut(knee_with(load_knee(arguments.knee), values, "--set"), arguments.cut)
-    moving = moving_knee(arguments, knee)
-    with stages_on_terminal(knee.name) as show:
-        told = functools.partial(told_in_time, show, times)
-        try:
-            found = transient(
-                moving, flexion, times, load_s=load_s, sizes=sizes, led=led, offset=offset,
-                flexion_is_free=name == "drop", most_mm=arguments.error_mm or MOST_ERROR_MM,
-                progress=told,
-            )  # fmt: skip
-        except ValueError as problem:
-            raise InputProblem("simulate", name, f"{flexion:g}", str(problem)) from None
-    _report(arguments, knee, found)
+    moving = moving_knee(arguments, asked_knee(arguments))
+    with moving_on_terminal(arguments, moving, times, f"{flexion:g}") as options:
+        found = transient(
+            moving, flexion, times, load_s=load_s, sizes=sizes, led=led, offset=offset,
+            flexion_is_free=name == "drop", **options,
+        )  # fmt: skip
+    _report(arguments, moving.knee, found)
     write_motion(arguments, found)
     files = "motion.csv, forces.csv, energy.csv, settings.json"
     print(f"written: {arguments.out}/{files}, figures/motion.png")
@@ -92,9 +73,24 @@ def doubtful_motion(found: Transient) -> int:
     return int(found.trajectory.ended is not Status.BALANCED or not found.account.closes)
 
 
-def told_in_time(show, times: np.ndarray, done: int) -> None:
-    """The line on a terminal: steps stand for the simulated time."""
-    show(f"{times[-1] - times[0]:g} s of motion", done, max(done, len(times)))
+@contextlib.contextmanager
+def moving_on_terminal(
+    arguments: argparse.Namespace, moving: MovingKnee, times: np.ndarray, value: str
+) -> Iterator[dict[str, Any]]:
+    """Options of a motion: how exact, and a line on the terminal, where steps stand for the time.
+
+    Raises:
+        InputProblem: the motion cannot begin, by the value that was given.
+    """
+    with stages_on_terminal(moving.knee.name) as show:
+
+        def told(done: int) -> None:
+            show(f"{times[-1] - times[0]:g} s of motion", done, max(done, len(times)))
+
+        try:
+            yield {"most_mm": arguments.error_mm or MOST_ERROR_MM, "progress": told}
+        except ValueError as problem:
+            raise InputProblem("simulate", arguments.experiment, value, str(problem)) from None
 
 
 def check_in_time(arguments: argparse.Namespace) -> None:
@@ -212,11 +208,10 @@ def moving_knee(arguments: argparse.Namespace, knee: Knee) -> MovingKnee:
 def _report(arguments: argparse.Namespace, knee: Knee, found: Transient) -> None:
     from kneejax.report import save_figure, transient_figure, transient_lines
 
-    without = f" without {', '.join(arguments.cut)}" if arguments.cut else ""
     last = {name: size[-1] for name, size in found.sizes.items()}
     under = f", {load_words(last)}" if any(last.values()) else ""
     bent = f"{found.trajectory.to_table()[0, 0]:.3g} degrees"
-    title = f"{knee.name}{without}: {arguments.experiment} at {bent}{under}"
+    title = f"{knee_words(arguments, knee)}: {arguments.experiment} at {bent}{under}"
     print(title)
     print("\n".join(transient_lines(found)))
     folder = arguments.out / "figures"

@@ -7,8 +7,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from kneejax.cli._asked_knee import knee_words, whole_knee
 from kneejax.cli._displacement import change_column
-from kneejax.cli._given import check_within, read_loads, read_pairs
+from kneejax.cli._given import check_within, read_loads
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.experiments import (
     LAXITY_COLUMNS,
@@ -22,18 +23,11 @@ from kneejax.experiments import (
     load_cycle,
     mechanics_of,
 )
-from kneejax.files import (
-    InputProblem,
-    bundled_bands,
-    knee_with,
-    load_knee,
-    parse_flexion,
-    write_poses,
-    write_rows,
-)
+from kneejax.files import InputProblem, bundled_bands, parse_flexion, write_poses, write_rows
 from kneejax.geometry import COLUMNS, COORDINATES, FEMORAL, convert_table
 from kneejax.mechanics import LIMITS, NAMED_LOADS, RANGES, Knee, Range, load_called
 from kneejax.parameters import cut
+from kneejax.report import curve_words
 from kneejax.statics import Status, converged
 
 _MOST_STEPS = 1000
@@ -53,17 +47,15 @@ def run_test(arguments: argparse.Namespace) -> int:
     if from_intact and not arguments.cut:
         expected = "--cut too, or unloaded"
         raise InputProblem("simulate", "--counted_from", "intact", expected)
-    values = read_pairs("--set", arguments.values)
-    whole = knee_with(load_knee(arguments.knee), values, "--set")
+    whole = whole_knee(arguments)
     knee = cut(whole, arguments.cut)
     with stages_on_terminal(knee.name):
         curves = load_curves(knee, tests, whole if from_intact else None)
         mechanics = mechanics_of(curves[0])
     status = [one.status(mechanics) for one in curves]
-    said = [one.doubts(mechanics) for one in curves]
+    said = [curve_words(one, mechanics) for one in curves]
     found = [x for one, own in zip(curves, status, strict=True) for x in laxity(one, own)]
-    without = f" without {', '.join(arguments.cut)}" if arguments.cut else ""
-    print(f"{knee.name}{without}")
+    print(knee_words(arguments, knee))
     print("\n".join(_laxity_lines(curves, found)))
     _write(arguments, knee, curves, mechanics, status, said, found)
     doubtful = [_say(*each) for each in zip(curves, status, said, strict=True)]

@@ -96,7 +96,12 @@ def _says_what_to_mend(problem: ValueError) -> bool:
 
 
 def _prepare_jax() -> None:
-    """Float64, and the compilation cache; JAX is imported."""
+    """Float64, and the compilation cache; JAX is imported.
+
+    XLA tells whoever develops it how long it compiled ("Very slow compile"): a command says itself
+    what it waits for, so that only what ends a process is left to XLA, unless somebody asks.
+    """
+    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
     from kneejax.numerics import configure, share_memory_between_threads
 
     share_memory_between_threads()

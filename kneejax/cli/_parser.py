@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 import re
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -93,6 +95,11 @@ def add_command(commands: Any, name: str, sentence: str, example: str) -> Parser
     )
 
 
+def add_kinds(parser: Parser) -> Any:
+    """Where the commands below a command are added, one of which must be given."""
+    return parser.add_subparsers(dest="kind", metavar="KIND", required=True)
+
+
 def add_out(parser: argparse.ArgumentParser, folder: str) -> None:
     """Where results are written: `--out`, by default this folder."""
     parser.add_argument("--out", type=Path, default=Path(folder), help="folder for the results")
@@ -106,3 +113,28 @@ def add_svg(parser: argparse.ArgumentParser) -> None:
 def add_convention(parser: argparse.ArgumentParser, whose: str) -> None:
     """What the six numbers of a pose mean: `--convention`."""
     parser.add_argument("--convention", choices=CONVENTIONS, default="femoral", help=whose)
+
+
+def add_repeated(parser: argparse.ArgumentParser, option: str, **words: Any) -> None:
+    """An option that may be given several times: a list, empty without it."""
+    parser.add_argument(option, action="append", default=[], **words)
+
+
+def add_values(parser: argparse.ArgumentParser) -> None:
+    """Parameters that are not those of the knee's file: `--set`."""
+    add_repeated(
+        parser,
+        "--set",
+        metavar="NAME=VALUE",
+        dest="values",
+        help="a parameter, as ACL.stiffness=300 (N) or *.reference_strain=0.02; once for each",
+    )
+
+
+def lazily(module: str) -> Callable[[argparse.Namespace], int]:
+    """A command, as the name of a file here, that is imported when it is called."""
+
+    def run(arguments: argparse.Namespace) -> int:
+        return importlib.import_module(f"kneejax.cli.{module}").run(arguments)
+
+    return run

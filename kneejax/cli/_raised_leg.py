@@ -3,30 +3,20 @@
 from __future__ import annotations
 
 import argparse
-import functools
 
 import numpy as np
 
-from kneejax.cli._given import read_pairs
+from kneejax.cli._asked_knee import asked_knee, knee_words
 from kneejax.cli._in_time import (
     check_in_time,
     doubtful_motion,
     moving_knee,
+    moving_on_terminal,
     times_of,
-    told_in_time,
     write_motion,
 )
-from kneejax.cli._progress import stages_on_terminal
-from kneejax.experiments import MOST_ERROR_MM, RaisedLeg, raised_leg
-from kneejax.files import (
-    InputProblem,
-    knee_with,
-    load_knee,
-    parse_flexion,
-    read_loads_over_time,
-    write_rows,
-)
-from kneejax.parameters import cut
+from kneejax.experiments import RaisedLeg, raised_leg
+from kneejax.files import InputProblem, parse_flexion, read_loads_over_time, write_rows
 
 _FLEXION, _DURATION_S, _EVERY_MS = "0:90:5", 20.0, 100.0
 _LENGTH = "quadriceps_mm"
@@ -47,18 +37,9 @@ def run_raised_leg(arguments: argparse.Namespace) -> int:
     lengths = _lengths(arguments)
     duration = _DURATION_S if lengths is None else lengths[0][-1] - lengths[0][0]
     times = times_of(arguments, duration, _EVERY_MS)
-    values = read_pairs("--set", arguments.values)
-    knee = cut(knee_with(load_knee(arguments.knee, patella=True), values, "--set"), arguments.cut)
-    moving = moving_knee(arguments, knee)
-    with stages_on_terminal(knee.name) as show:
-        told = functools.partial(told_in_time, show, times)
-        most = arguments.error_mm or MOST_ERROR_MM
-        try:
-            found = raised_leg(
-                moving, flexion, times, lengths=lengths, most_mm=most, progress=told
-            )
-        except ValueError as problem:
-            raise InputProblem("simulate", "leg-raise", "--dynamic", str(problem)) from None
+    moving = moving_knee(arguments, asked_knee(arguments, patella=True))
+    with moving_on_terminal(arguments, moving, times, "--dynamic") as options:
+        found = raised_leg(moving, flexion, times, lengths=lengths, **options)
     _report(arguments, found)
     write_motion(arguments, found.transient)
     files = "motion.csv, forces.csv, energy.csv, extensor.csv, settings.json"
@@ -85,9 +66,8 @@ def _report(arguments: argparse.Namespace, found: RaisedLeg) -> None:
         save_figure,
     )
 
-    name = found.transient.trajectory.moving.knee.name
-    without = f" without {', '.join(arguments.cut)}" if arguments.cut else ""
-    title = f"{name}{without}: leg-raise in {found.transient.time_s[-1]:g} s"
+    knee = knee_words(arguments, found.transient.trajectory.moving.knee)
+    title = f"{knee}: leg-raise in {found.transient.time_s[-1]:g} s"
     print(title)
     print("\n".join(motor_raise_lines(found)))
     status = np.asarray(found.held.motion.status)

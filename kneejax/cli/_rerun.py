@@ -7,13 +7,7 @@ import contextlib
 
 from kneejax.cli._commands import build_parser
 from kneejax.cli._main import _prepare_jax, main
-from kneejax.cli._settings import (
-    FILE,
-    changed_versions,
-    read_settings,
-    words_again,
-    worked_in,
-)
+from kneejax.cli._settings import FILE, changed_versions, read_settings, words_again, worked_in
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from kneejax.experiments import Mechanics, doubts, status_of, with_flips
+from kneejax.experiments import Mechanics, status_of, with_flips
 from kneejax.mechanics import Knee
+from kneejax.report import pose_words
 from kneejax.statics import Status
 
 
@@ -20,7 +21,7 @@ def say_status(
         status: `Status` values, one a pose.
         places: what each pose is called, e.g. its flexion.
         unit: of those, e.g. `degrees`.
-        doubts: one text per pose, see `kneejax.experiments.doubts`.
+        doubts: one text per pose, see `kneejax.report.pose_words`.
         given: whether the poses were given, not balanced.
 
     Returns:
@@ -47,7 +48,7 @@ def say_given(knee: Knee, found: Mechanics, rows: Sequence[int]) -> np.ndarray:
         `Status` values, `(poses,)`.
     """
     status = with_flips(status_of(found, knee), found)
-    say_status(status, [str(row) for row in rows], "(row)", doubts(knee, found), given=True)
+    say_status(status, [str(row) for row in rows], "(row)", pose_words(knee, found), given=True)
     return status
 
 

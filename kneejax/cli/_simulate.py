@@ -6,6 +6,7 @@ import argparse
 
 import numpy as np
 
+from kneejax.cli._asked_knee import asked_knee, knee_words
 from kneejax.cli._displacement import (
     displacement,
     displacement_lines,
@@ -13,29 +14,15 @@ from kneejax.cli._displacement import (
     pose_lines,
 )
 from kneejax.cli._dynamic_options import IN_TIME
-from kneejax.cli._given import read_loads, read_pairs
+from kneejax.cli._given import read_loads
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli._say_status import say_status
 from kneejax.cli._test_options import EXTENSOR
-from kneejax.experiments import (
-    branches,
-    doubts,
-    evaluate,
-    of_search,
-    passive_flexion,
-    with_flips,
-)
-from kneejax.files import (
-    InputProblem,
-    knee_with,
-    load_knee,
-    parse_flexion,
-    write_poses,
-    write_rows,
-)
+from kneejax.experiments import branches, evaluate, passive_flexion, with_flips
+from kneejax.files import InputProblem, parse_flexion, write_poses, write_rows
 from kneejax.geometry import COLUMNS, FEMORAL, convert_table
 from kneejax.mechanics import Knee, Load, load_of, load_words
-from kneejax.parameters import cut
+from kneejax.report import pose_words, search_words
 from kneejax.statics import Status
 
 #: Options of a test under load.
@@ -92,20 +79,18 @@ def _passive_flexion(arguments: argparse.Namespace) -> int:
     """Simulate, print a table, write poses.csv, forces.csv and a figure."""
     _refuse(arguments, _OF_TESTS, "a test under load with it; passive-flexion takes --load")
     flexion = parse_flexion(arguments.flexion or "0:120:5")
-    values, loads = read_pairs("--set", arguments.values), read_loads(arguments.load)
-    knee = cut(knee_with(load_knee(arguments.knee), values, "--set"), arguments.cut)
+    loads, knee = read_loads(arguments.load), asked_knee(arguments)
     with stages_on_terminal(knee.name):
         motion = passive_flexion(knee, flexion, [load_of(**loads)] if loads else [])
         mechanics = evaluate(knee, motion.pose, motion.settled.meeting)
     table, status = np.array(motion.to_table()), with_flips(motion.status, mechanics)
-    said = doubts(knee, mechanics, of_search(motion, loads))
+    said = pose_words(knee, mechanics, search_words(motion, loads))
     table[:, 0] = flexion
     shown = convert_table(table, FEMORAL, arguments.convention)
     tension = np.asarray(mechanics.tension)
     contact = np.linalg.norm(np.asarray(mechanics.contact_force), axis=-1)
 
-    without = f" without {', '.join(arguments.cut)}" if arguments.cut else ""
-    print(f"{knee.name}{without}, {load_words(loads)}")
+    print(f"{knee_words(arguments, knee)}, {load_words(loads)}")
     print("\n".join(pose_lines(shown, status, arguments.convention)))
     words = [Status(s) for s in status]
     write_poses(

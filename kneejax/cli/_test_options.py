@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 
+from kneejax.cli._parser import add_repeated
+
 #: As `kneejax.experiments.READY`, which would bring in JAX, and two more.
 TESTS = (
     "drawer", "lachman", "torsion", "varus-valgus", "compression", "distraction", "pivot",
@@ -41,10 +43,9 @@ def add_test_options(simulate: argparse.ArgumentParser) -> None:
         type=float,
         help="of torsion and varus-valgus: a machine turns the tibia so far; its moment is read",
     )
-    simulate.add_argument(
+    add_repeated(
+        simulate,
         "--hold",
-        action="append",
-        default=[],
         choices=_HELD,
         metavar="ROTATION",
         help=f"a rotation that a machine holds where it is without the test's load: "

@@ -72,19 +72,18 @@ def plan(cohort: Cohort, block: int = BLOCK) -> tuple[Task, ...]:
     return tuple(Task(tuple(members), _fingerprint(members)) for members in blocks)
 
 
-def bootstraps(tasks: Sequence[Task], count: int, block: int = DRAWS) -> tuple[Task, ...]:
+def bootstraps(tasks: Sequence[Task], count: int) -> tuple[Task, ...]:
     """Tasks that fit data which the answers of others would give, so many times for each knee.
 
     Args:
         tasks: calibrations, which must have ended.
         count: of draws of each knee.
-        block: draws of a task at most.
     """
     found = []
     for task in tasks:
         for member in task.members:
-            for first in range(0, count, block):
-                draws = first, min(first + block, count)
+            for first in range(0, count, DRAWS):
+                draws = first, min(first + DRAWS, count)
                 words = f"{task.fingerprint} {member.name} bootstrap {draws}"
                 found.append(Task((member,), _digest(words.encode()).hex(), draws))
     return tuple(found)

@@ -15,13 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from kneejax.experiments import (
-    LabTest,
-    MeasuredTest,
-    lab_tests,
-    load_curves,
-    passive_flexion,
-)
+from kneejax.experiments import LabTest, MeasuredTest, lab_tests, load_curves, passive_flexion
 from kneejax.files import load_knee_file
 from kneejax.files.knee import build_knee
 from kneejax.geometry import FREE_COORDINATES

@@ -73,9 +73,9 @@ class Account(eqx.Module):
 
     @property
     def part_missing(self) -> Array:
-        """Largest part of the turnover that is missing at any time."""
-        part = jnp.abs(self.missing) / jnp.maximum(jnp.max(self.turnover), 1e-9)
-        return jnp.nanmax(part)
+        """Largest part of the turnover that is missing at any time that the motion reached."""
+        turnover = jnp.maximum(jnp.nanmax(self.turnover), 1e-9)
+        return jnp.nanmax(jnp.abs(self.missing)) / turnover
 
     @property
     def closes(self) -> bool:

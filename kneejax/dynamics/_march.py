@@ -22,14 +22,7 @@ from kneejax.dynamics._moving import MovingKnee
 from kneejax.geometry import Prescribed, coordinates_of, free_of, scales
 from kneejax.mechanics import Load
 from kneejax.numerics import compiled, traced
-from kneejax.statics import (
-    EnergyNewton,
-    Guess,
-    Settled,
-    converged,
-    differentiable,
-    settle,
-)
+from kneejax.statics import EnergyNewton, Guess, Settled, converged, differentiable, settle
 
 #: Steps that are computed by one call.
 BLOCK = 256

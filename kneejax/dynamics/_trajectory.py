@@ -229,27 +229,43 @@ def move(
         >>> let_go.q.shape, bool(let_go.pose.flexion[-1] < 0.5)
         ((3, 6), True)
     """
-    grid = time_s if isinstance(time_s, Grid) else Grid.of(time_s, within)
-    begin = 0.0 if isinstance(time_s, Grid) else float(np.asarray(time_s)[0])
-    knee = moving.knee
-    times = np.concatenate([[0.0], grid.time_s]) + begin
+    grid, times = _steps(time_s, within)
     acting = () if loads is None else loads.at(jnp.asarray(times))
     q = jnp.asarray(start, float)
     rates = jnp.broadcast_to(jnp.asarray(rate, float), q.shape)
-    led = held if isinstance(held, Mapping) else {name: None for name in held}
-    ways = {name: _way(lead, _where(knee, name, q), times) for name, lead in led.items()}
-    acts, leads = jax.tree.map(lambda x: x[1:], (acting, ways))
-    cable = leads.pop(QUADRICEPS, None)
-    given = Given(
-        q[:, None], rates[:, None], jnp.asarray(grid.length_s), jnp.asarray(grid.ratio),
-        acts, leads, cable, jnp.asarray(pull_N, float),
-    )  # fmt: skip
+    ways = _ways(moving.knee, held, q, times)
+    given = _given(q, rates, jnp.asarray(pull_N, float), grid, acting, ways)
     found = march(add_lane_axis(moving), given, progress)
-    moments = _with_start(moving, given, found)
-    asked = np.concatenate([[0], 1 + grid.asked])
+    moments, asked = _with_start(moving, given, found), np.concatenate([[0], 1 + grid.asked])
     return Trajectory(
         jnp.asarray(times[asked]), moments.known.q[asked, :, 0], moments.known.rate[asked, :, 0],
         moments.status[asked, 0], moments.looks[1:, 0], moments, moving, acting, ways, grid,
+    )  # fmt: skip
+
+
+def _steps(time_s: ArrayLike | Grid, within: int) -> tuple[Grid, np.ndarray]:
+    """The steps, and the times of all moments, s."""
+    if isinstance(time_s, Grid):
+        return time_s, np.concatenate([[0.0], time_s.time_s])
+    grid = Grid.of(time_s, within)
+    return grid, np.concatenate([[0.0], grid.time_s]) + float(np.asarray(time_s)[0])
+
+
+def _ways(knee: Knee, held: Held, q: Array, times: np.ndarray) -> dict[str, Array]:
+    """What does not move freely -> its value at all moments, `(moments, 1)`."""
+    led = held if isinstance(held, Mapping) else {name: None for name in held}
+    return {name: _way(lead, _where(knee, name, q), times) for name, lead in led.items()}
+
+
+def _given(
+    q: Array, rate: Array, pull: Array, grid: Grid, acting: tuple[Load, ...], ways: dict[str, Array]
+) -> Given:
+    """The start, and what acts and is held at the end of each step, in one lane."""
+    loads, held = jax.tree.map(lambda x: x[1:], (acting, ways))
+    cable = held.pop(QUADRICEPS, None)
+    return Given(
+        q[:, None], rate[:, None], jnp.asarray(grid.length_s), jnp.asarray(grid.ratio),
+        loads, held, cable, pull,
     )  # fmt: skip
 
 

@@ -2,9 +2,6 @@
 
 from kneejax.experiments._branches import Branch as Branch
 from kneejax.experiments._branches import branches as branches
-from kneejax.experiments._doubts import doubts as doubts
-from kneejax.experiments._doubts import of_search as of_search
-from kneejax.experiments._doubts import with_flips as with_flips
 from kneejax.experiments._evaluate import Mechanics as Mechanics
 from kneejax.experiments._evaluate import evaluate as evaluate
 from kneejax.experiments._evaluate import status_of as status_of
@@ -21,7 +18,10 @@ from kneejax.experiments._varus_valgus import VarusValgus as VarusValgus
 from kneejax.experiments._varus_valgus import VarusValgusRamp as VarusValgusRamp
 from kneejax.experiments._varus_valgus import varus_valgus as varus_valgus
 from kneejax.experiments._ways import Way as Way
+from kneejax.experiments._ways import flipped as flipped
+from kneejax.experiments._ways import near_flip as near_flip
 from kneejax.experiments._ways import ways_of as ways_of
+from kneejax.experiments._ways import with_flips as with_flips
 from kneejax.experiments.activity import Activity as Activity
 from kneejax.experiments.activity import Cycle as Cycle
 from kneejax.experiments.activity import activity as activity

@@ -13,14 +13,7 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.geometry import (
-    COLUMNS,
-    COORDINATES,
-    Pose,
-    convert,
-    coordinate,
-    table_units,
-)
+from kneejax.geometry import COLUMNS, COORDINATES, Pose, convert, coordinate, table_units
 from kneejax.mechanics import Knee, Load, add_lane_axis
 from kneejax.numerics import compiled, imported, traced
 from kneejax.parameters import fibre_rows

@@ -5,8 +5,10 @@ from __future__ import annotations
 import enum
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from kneejax.experiments._evaluate import Mechanics
+from kneejax.statics import Status
 
 # Two ways around whose lengths differ by less compete, mm.
 _CLOSE_MM = 0.5
@@ -70,3 +72,18 @@ def flipped(found: Mechanics) -> np.ndarray:
     # Only a fibre that lies on its obstacle at both poses can change sides by a jump.
     turned[1:] = wrapped[1:] & wrapped[:-1] & ((side[1:] * side[:-1]).sum(axis=-1) < 0.0)
     return turned
+
+
+def with_flips(status: ArrayLike, found: Mechanics) -> np.ndarray:
+    """Status of poses that follow each other: a fibre is compared with the pose before.
+
+    Args:
+        status: of each pose by itself, `(poses,)`.
+        found: their mechanics.
+
+    Returns:
+        `Status` values, `way_flipped` where that is the worst.
+    """
+    status = np.asarray(status)
+    jumps = flipped(found).any(axis=1) & (status < Status.WAY_FLIPPED)
+    return np.where(jumps, int(Status.WAY_FLIPPED), status)

@@ -38,6 +38,7 @@ from kneejax.joints._problems import UnsuitableAxis as UnsuitableAxis
 from kneejax.joints._problems import UnsuitableLandmarks as UnsuitableLandmarks
 from kneejax.joints._problems import UnsuitableMesh as UnsuitableMesh
 from kneejax.joints._problems import UnsuitablePoses as UnsuitablePoses
+from kneejax.joints._repeated_measures import FEWEST_SUBJECTS as FEWEST_SUBJECTS
 from kneejax.joints._repeated_measures import Pair as Pair
 from kneejax.joints._repeated_measures import RepeatedMeasures as RepeatedMeasures
 from kneejax.joints._repeated_measures import UnsuitableMotions as UnsuitableMotions

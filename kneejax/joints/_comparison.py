@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kneejax.joints._clinical import MEASURES
 from kneejax.joints._repeated_measures import (
-    FEWEST_SUBJECTS,
     RepeatedMeasures,
     UnsuitableMotions,
     check_level,
@@ -23,7 +22,6 @@ from kneejax.joints._repeated_measures import (
 #: Name of the measured motion among the models.
 MEASURED = "measured"
 _FEWEST_POINTS = 3
-_MOST_LISTED = 6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -102,8 +100,6 @@ class Comparison:
         tests: one per measure and compared flexion, measure by measure; None where a model has no
             pose. Empty where there is no analysis of variance.
         alpha: level of the tests.
-        notes: sentences that belong to the tables.
-        doubts: sentences on what is missing in them.
     """
 
     flexion_deg: np.ndarray
@@ -115,13 +111,22 @@ class Comparison:
     predictions: tuple[Prediction, ...]
     tests: tuple[RepeatedMeasures | None, ...]
     alpha: float
-    notes: tuple[str, ...]
-    doubts: tuple[str, ...]
 
     @property
     def motions(self) -> dict[str, np.ndarray]:
         """The measured motion, then the models."""
         return {MEASURED: self.measured, **self.models}
+
+    @property
+    def missing(self) -> dict[str, int]:
+        """Model -> how many of its poses are, where any is."""
+        gaps = {k: int(np.isnan(x).any(axis=-1).sum()) for k, x in self.models.items()}
+        return {name: count for name, count in gaps.items() if count}
+
+    @property
+    def undefined(self) -> int:
+        """Tests without an answer: motions are the same distance apart in all subjects."""
+        return sum(test is not None and bool(np.isnan(test.f)) for test in self.tests)
 
     def test(self, measure: str, flexion: int) -> RepeatedMeasures | None:
         """The test of a measure at one of the compared flexions.
@@ -181,17 +186,6 @@ def compare_motions(
     check_level(alpha)
     motions = {MEASURED: seen, **given}
     tests = _tests(motions, compared, alpha) if is_tested(subjects, anova) else ()
-    doubts = [
-        f"{name} has no pose for {gaps} of {one[..., 0].size} values: they are left out of its "
-        "numbers, and its flexions out of the tests."
-        for name, one in given.items()
-        if (gaps := int(np.isnan(one).any(axis=-1).sum()))
-    ]
-    if undefined := sum(test is not None and np.isnan(test.f) for test in tests):
-        doubts.append(
-            f"{undefined} of {len(tests)} analyses of variance are undefined: motions are the same "
-            "distance apart in all subjects. Are these different persons?"
-        )
     return Comparison(
         flexion,
         compared,
@@ -205,8 +199,6 @@ def compare_motions(
         tuple(_prediction(name, one, seen, compared) for name, one in given.items()),
         tests,
         alpha,
-        tuple(_notes(flexion, compared, subjects, bool(tests), alpha)),
-        tuple(doubts),
     )
 
 
@@ -322,40 +314,3 @@ def _tests(
         whole = all(np.isfinite(x).all() for x in groups.values())
         answer.append(repeated_measures(groups, alpha) if whole else None)
     return tuple(answer)
-
-
-def _notes(
-    flexion: np.ndarray, compared: np.ndarray, subjects: int, tested: bool, alpha: float
-) -> Iterator[str]:
-    if not compared.all():
-        yield (
-            f"Models were calibrated at {_left_out(flexion, compared)} degrees: these are in the "
-            "summaries, but not in differences, R2, RMSE and tests."
-        )
-    yield (
-        "R2 is that of the straight line from modelled to measured values, subjects and compared "
-        "flexions together; adjusted for one predictor. RMSE is of the values as they are."
-    )
-    if tested:
-        yield (
-            "Tests: one-way repeated-measures analyses of variance, a measure and flexion each, "
-            "Greenhouse-Geisser corrected; pairs Bonferroni-adjusted, significant (*) up to "
-            f"p = {alpha:g}, intervals of {100.0 * (1.0 - alpha):g}%."
-        )
-    elif subjects < FEWEST_SUBJECTS:
-        one = "One subject" if subjects == 1 else f"{subjects} subjects"
-        yield (
-            f"{one}: numbers describe, and nothing is tested; an analysis of variance needs "
-            f"{FEWEST_SUBJECTS} subjects or more."
-        )
-
-
-def _left_out(flexion: np.ndarray, compared: np.ndarray) -> str:
-    """Flexions that are not compared; of many, neighbours as a range."""
-    order = np.argsort(flexion, kind="stable")
-    rows = np.flatnonzero(~compared[order])
-    if len(rows) <= _MOST_LISTED:
-        return ", ".join(f"{x:g}" for x in flexion[order][rows])
-    runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
-    ends = [flexion[order][[run[0], run[-1]]] for run in runs]
-    return ", ".join(f"{a:g}" if a == b else f"{a:.1f} to {b:.1f}" for a, b in ends)

@@ -3,13 +3,13 @@
 from kneejax.parameters._bounds import default_bounds as default_bounds
 from kneejax.parameters._bounds import start_within as start_within
 from kneejax.parameters._bounds import stated_bounds as stated_bounds
+from kneejax.parameters._fibres import QUANTITIES as QUANTITIES
 from kneejax.parameters._physiological import PHYSIOLOGICAL_LIMITS as PHYSIOLOGICAL_LIMITS
 from kneejax.parameters._physiological import unphysiological as unphysiological
 from kneejax.parameters._scales import looked_up as looked_up
 from kneejax.parameters._scales import percent_scales as percent_scales
 from kneejax.parameters._scales import prior_scales as prior_scales
 from kneejax.parameters._scales import stated as stated
-from kneejax.parameters._selection import QUANTITIES as QUANTITIES
 from kneejax.parameters._selection import Selection as Selection
 from kneejax.parameters._selection import UnknownParameter as UnknownParameter
 from kneejax.parameters._selection import UnsuitableData as UnsuitableData

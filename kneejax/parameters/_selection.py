@@ -17,40 +17,17 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from kneejax.geometry import FEMUR, PATELLA, TIBIA
-from kneejax.mechanics import (
-    Implausible,
-    Knee,
-    at_reference,
-    check_fibres,
-    ligament_law,
-    range_of_parameter,
+from kneejax.mechanics import Implausible, Knee, at_reference, check_fibres, range_of_parameter
+from kneejax.parameters._fibres import (
+    BONES,
+    QUANTITIES,
+    numbers_of,
+    read_mean,
+    strained,
+    write_mean,
 )
-from kneejax.parameters._leaves import (
-    AXES,
-    Leaf,
-    leaves_called,
-    parts_of,
-    quantities_of,
-    unit_of,
-)
+from kneejax.parameters._leaves import AXES, Leaf, leaves_called, parts_of, quantities_of, unit_of
 
-#: Ends of a ligament, by the bones that they are on.
-_BONES = {
-    "femoral_attachment": FEMUR,
-    "tibial_attachment": TIBIA,
-    "patellar_attachment": PATELLA,
-}
-#: Quantities of a ligament that may be named, with their units.
-QUANTITIES = {
-    "stiffness": "N",
-    "reference_strain": "",
-    "slack_length": "mm",
-    "transition_strain": "",
-    "transition_width": "",
-    "failure_strain": "",
-    "damping": "N s",
-} | {f"{end}.{axis}": "mm" for end in _BONES for axis in AXES}
 _MOST_SHOWN = 12  # names in an error
 
 
@@ -116,7 +93,7 @@ class Selection:
             return jnp.stack([self._one(knee, i) for i in range(len(self))])
         quantities = list(dict.fromkeys(map(self.quantity, range(len(self)))))
         # Every quantity once, of all fibres.
-        numbers = jnp.stack([_numbers(knee, quantity) for quantity in quantities])
+        numbers = jnp.stack([numbers_of(knee, quantity) for quantity in quantities])
         places = [self._place(i) for i in range(len(self))]
         kinds = [quantities.index(quantity) for _, quantity in places]
         if all(len(rows) == 1 for rows, _ in places):
@@ -142,12 +119,12 @@ class Selection:
             elif self.quantity(i) == "reference_strain":
                 strains.append((self._place(i)[0], values[i]))
             else:
-                knee = _write(knee, *self._place(i), values[i])
-        return _strained(knee, strains) if strains else knee
+                knee = write_mean(knee, *self._place(i), values[i])
+        return strained(knee, strains) if strains else knee
 
     def _one(self, knee: Knee, index: int) -> Array:
         leaf = self.leaf(index)
-        return _read(knee, *self._place(index)) if leaf is None else leaf.read(knee)
+        return read_mean(knee, *self._place(index)) if leaf is None else leaf.read(knee)
 
     def _place(self, index: int) -> tuple[tuple[int, ...], str]:
         rows = tuple(self.ligaments.index(fibre) for fibre in self.fibres(index))
@@ -216,7 +193,7 @@ def _quantities_of_fibres(knee: Knee, name: str) -> tuple[str, ...]:
     pairs = [knee.ligaments.bodies[row] for row in fibre_rows(knee, name)]
     known = []
     for quantity in QUANTITIES:
-        bone = _BONES.get(quantity.split(".")[0])
+        bone = BONES.get(quantity.split(".")[0])
         if bone is None or all(bone in pair for pair in pairs):
             known.append(quantity)
     return tuple(known)
@@ -228,10 +205,10 @@ def _meant(knee: Knee, owner: str, quantity: str) -> str:
     fibres = (*knee.ligaments.names, *(name for name, _ in knee.groups))
     owners = tuple(dict.fromkeys((*fibres, *parts_of(knee))))
     near_owner = owner if owner == "*" else nearest_of(owner, owners)
-    if owner in fibres and quantity.split(".")[0] in _BONES:
+    if owner in fibres and quantity.split(".")[0] in BONES:
         joined = {bone for row in fibre_rows(knee, owner) for bone in knee.ligaments.bodies[row]}
-        if _BONES[quantity.split(".")[0]] not in joined:
-            ends = " and ".join(end for end, bone in _BONES.items() if bone in joined)
+        if BONES[quantity.split(".")[0]] not in joined:
+            ends = " and ".join(end for end, bone in BONES.items() if bone in joined)
             return f": {owner} joins {' and '.join(sorted(joined))}; its ends are {ends}"
     known: tuple[str, ...] = tuple(QUANTITIES) if near_owner == "*" else ()
     if near_owner in fibres:
@@ -341,77 +318,3 @@ def fibre_rows(knee: Knee, name: str) -> list[int]:
         end = f"; did you mean {near!r}?" if near else f": expected one of {', '.join(groups)}"
         raise UnknownParameter(f"knee {knee.name!r} has no ligament {name!r}{end}")
     return [fibres.index(fibre) for fibre in groups[name]]
-
-
-def _read(knee: Knee, rows: tuple[int, ...], quantity: str) -> Array:
-    return jnp.mean(_numbers(knee, quantity)[np.array(rows)])
-
-
-def _numbers(knee: Knee, quantity: str) -> Array:
-    """A quantity of every fibre."""
-    if quantity == "reference_strain":
-        return knee.reference_strain()
-    end, _, axis = quantity.partition(".")
-    if not axis:
-        return getattr(knee.ligaments, quantity)
-    column, first = AXES.index(axis), _is_first(knee, end)
-    ends = knee.ligaments.femoral_attachment[:, column], knee.ligaments.tibial_attachment[:, column]
-    if first.all() or not first.any():
-        return ends[not first.any()]
-    return jnp.where(first.reshape(-1, *(1,) * (ends[0].ndim - 1)), *ends)
-
-
-def _is_first(knee: Knee, end: str) -> np.ndarray:
-    """Whether the bone of an end is the first of the two that each fibre joins, `(fibres,)`."""
-    return np.array([pair[0] == _BONES[end] for pair in knee.ligaments.bodies])
-
-
-def _write(knee: Knee, rows: tuple[int, ...], quantity: str, value: Array) -> Knee:
-    end, _, axis = quantity.partition(".")
-    old, own = _numbers(knee, quantity), _rows_of(knee, rows)
-    changed = _shared(old, rows, value, shifts=bool(axis))
-    if not axis:
-        return _with(knee, quantity, jnp.where(own, changed, old))
-    column, first = np.arange(len(AXES)) == AXES.index(axis), _is_first(knee, end)
-    for field, at in (("femoral_attachment", first), ("tibial_attachment", ~first)):
-        place = (own & at)[:, None] & column
-        if place.any():
-            array = getattr(knee.ligaments, field)
-            knee = _with(knee, field, jnp.where(place, changed[:, None], array))
-    return knee
-
-
-def _with(knee: Knee, field: str, values: Array) -> Knee:
-    return eqx.tree_at(lambda k: getattr(k.ligaments, field), knee, values)
-
-
-def _strained(knee: Knee, strains: Sequence[tuple[tuple[int, ...], Array]]) -> Knee:
-    """The knee with reference strains of some fibres, by their rows.
-
-    Lengths are asked for once: each way around an obstacle is a search, and no compiler sees that
-    two searches are one.
-    """
-    length, slack = knee.reference_length(), knee.ligaments.slack_length
-    for rows, value in strains:
-        strain = _shared(length / slack - 1.0, rows, value, shifts=True)
-        changed = ligament_law.slack_length_from_strain(length, strain)
-        slack = jnp.where(_rows_of(knee, rows), changed, slack)
-    return eqx.tree_at(lambda k: k.ligaments.slack_length, knee, slack)
-
-
-def _shared(old: Array, rows: tuple[int, ...], value: Array, shifts: bool) -> Array:
-    """Numbers of all fibres, changed so that the mean of some becomes a value.
-
-    Each number is computed from its own and picked by a mask: what was gathered, changed and
-    scattered in lanes aborted XLA 0.10 (a check of its fused kernels).
-    """
-    if len(rows) == 1:
-        return jnp.broadcast_to(value, old.shape)
-    own = np.isin(np.arange(len(old)), rows)
-    mean = jnp.sum(jnp.where(own, old, 0.0)) / len(rows)
-    return old + (value - mean) if shifts else old * (value / mean)
-
-
-def _rows_of(knee: Knee, rows: tuple[int, ...]) -> np.ndarray:
-    """Which fibres these are, `(fibres,)`."""
-    return np.isin(np.arange(len(knee.ligaments.names)), rows)

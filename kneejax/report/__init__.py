@@ -76,6 +76,7 @@ from kneejax.report.joints import joint_kind as joint_kind
 from kneejax.report.joints import joint_motion_figure as joint_motion_figure
 from kneejax.report.knee import knee_text as knee_text
 from kneejax.report.knee import surface_fit_figure as surface_fit_figure
+from kneejax.report.laboratory import curve_words as curve_words
 from kneejax.report.laboratory import laxity_figure as laxity_figure
 from kneejax.report.laboratory import load_figure as load_figure
 from kneejax.report.look import json_safe as json_safe
@@ -85,7 +86,10 @@ from kneejax.report.look import write_whole as write_whole
 from kneejax.report.motion import accepted_statuses as accepted_statuses
 from kneejax.report.motion import ligament_forces_figure as ligament_forces_figure
 from kneejax.report.motion import motion_figure as motion_figure
+from kneejax.report.motion import motion_words as motion_words
 from kneejax.report.motion import pose_doubts as pose_doubts
+from kneejax.report.motion import pose_words as pose_words
+from kneejax.report.motion import search_words as search_words
 from kneejax.report.motion import simulation_figure as simulation_figure
 from kneejax.report.planning import NOT_FOR_PATIENTS as NOT_FOR_PATIENTS
 from kneejax.report.planning import curve_rows as curve_rows

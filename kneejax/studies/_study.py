@@ -15,20 +15,9 @@ from kneejax.files import knee_with, said_of
 from kneejax.files.reading import Field
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference import METHODS, Stage, procedures_of
-from kneejax.mechanics import (
-    Knee,
-    Load,
-    load_of,
-)
+from kneejax.mechanics import Knee, Load, load_of
 from kneejax.numerics import check_installed
-from kneejax.parameters import (
-    QUANTITIES,
-    Selection,
-    select,
-    start_within,
-    stated,
-    stated_bounds,
-)
+from kneejax.parameters import QUANTITIES, Selection, select, start_within, stated, stated_bounds
 from kneejax.statics import Status, failures_of
 from kneejax.studies._study_fields import Synthetic, checked, plain
 

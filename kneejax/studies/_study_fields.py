@@ -15,14 +15,7 @@ from kneejax.files.reading import Field, InputProblem
 from kneejax.geometry import COLUMNS, FREE_COORDINATES
 from kneejax.inference import METHODS, POSES, PROCEDURES, Stage
 from kneejax.inference.fit import DEFAULT_WEIGHTS, check_readable
-from kneejax.mechanics import (
-    NAMED_LOADS,
-    RANGES,
-    Knee,
-    Range,
-    load_called,
-    range_of_parameter,
-)
+from kneejax.mechanics import NAMED_LOADS, RANGES, Knee, Range, load_called, range_of_parameter
 from kneejax.parameters import cut
 from kneejax.statics import Status
 

@@ -116,7 +116,6 @@ motion = kj.passive_flexion(kj.load_knee("four_ligament"), list(range(0, 121, 5)
 write_poses(sys.argv[1], motion.to_table())
 """
 
-
 @pytest.mark.slow
 def test_a_command_and_a_library_without_flags_find_the_poses_of_a_test(tmp_path, capsys):
     """The command sets XLA up before anything is computed, a library leaves XLA as it is, and the

@@ -1,17 +1,13 @@
 """`kneejax import stl` writes a knee that computes, a report and a picture; or nothing."""
 
 import csv
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "files" / "meshes"))
-import meshed_knee as made
-
 from kneejax.cli import main
 from kneejax.files import load_knee_file
+from tests.files.meshes import meshed_knee as made
 
 
 @pytest.fixture

@@ -24,7 +24,6 @@ start: {{{start}}}
 frame_offset: {offset}
 """
 
-
 def study_file(folder, start="", offset="false"):
     path = folder / "study.yaml"
     path.write_text(STUDY.format(start=start, offset=offset))

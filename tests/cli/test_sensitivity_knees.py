@@ -2,20 +2,14 @@
 
 import csv
 import json
-import sys
-from pathlib import Path
 
 import pytest
 import yaml
 
-from kneejax.cli import main
-from kneejax.files import bundled_path
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "reproduction" / "paper4"))
-from compared_knees import comparison, study
-
-from kneejax.cli import _sensitivity_knees
+from kneejax.cli import _sensitivity_knees, main
 from kneejax.cli.papers import _paper4 as _reproduce_paper4
+from kneejax.files import bundled_path
+from tests.reproduction.paper4.compared_knees import comparison, study
 
 
 def rows(path):

@@ -75,6 +75,27 @@ def test_nothing_heavy_is_imported_for_a_quick_answer(words, status, allowed):
     assert HEAVY & set(modules) <= allowed
 
 
+@pytest.mark.parametrize(("asked", "level"), [(None, "3"), ("0", "0")])
+def test_xla_is_silent_before_jax_is_imported_unless_somebody_asks(asked, level):
+    """By the command line alone: who imports the package hears what JAX lets through."""
+    code = (
+        "import os, sys\n"
+        "class Seen:\n"
+        "    def find_spec(self, name, *_):\n"
+        "        if name == 'jax':\n"
+        "            print('level', os.environ.get('TF_CPP_MIN_LOG_LEVEL'))\n"
+        "            raise SystemExit\n"
+        "sys.meta_path.insert(0, Seen())\n"
+        "import kneejax.cli\n"
+        "print('before', os.environ.get('TF_CPP_MIN_LOG_LEVEL'))\n"
+        "kneejax.cli.main(['describe', 'four_ligament'])"
+    )
+    kept = {name: word for name, word in os.environ.items() if name != "TF_CPP_MIN_LOG_LEVEL"}
+    given = kept | ({} if asked is None else {"TF_CPP_MIN_LOG_LEVEL": asked})
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=given)
+    assert done.stdout.split() == ["before", str(asked), "level", level]
+
+
 def test_the_module_runs_and_without_a_command_it_helps():
     done = subprocess.run([sys.executable, "-m", "kneejax"], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from kneejax.dynamics import Grid, MovingKnee, gravity_of, move
+from kneejax.dynamics import Account, Grid, MovingKnee, gravity_of, move
 from kneejax.experiments import Mechanics, Transient
 from kneejax.geometry import Frame, Plane, Sphere
 from kneejax.mechanics import Contact, Load, Mass, add_lane_axis
@@ -168,6 +168,14 @@ def test_a_step_that_cannot_be_taken_ends_the_motion_and_says_so(ball):
     assert not found.ended.converged and "try" not in found.ended.fault and found.ended.advice
     assert np.isnan(np.asarray(found.q[-1])).all() and np.isfinite(np.asarray(found.q[0])).all()
     assert 0.0 <= found.ended_s < 0.014
+
+
+def test_an_account_is_of_the_steps_that_were_taken():
+    """A motion that ended early has no energies afterwards: of what changed hands before, 1/200."""
+    known = jnp.array([0.0, 100.0, jnp.nan])
+    ended = Account(known, known, known, known, missing=known / 200.0, turnover=known)
+    assert float(ended.part_missing) == pytest.approx(0.005) and ended.closes
+    assert not Account(*[jnp.full(3, jnp.nan)] * 6).closes
 
 
 def test_times_that_go_back_are_refused():

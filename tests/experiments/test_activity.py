@@ -34,11 +34,6 @@ def record(wrench, quadriceps=0.0, pull=0.0):
 
 
 @pytest.fixture(scope="module")
-def knee():
-    return kj.load_knee("four_ligament")
-
-
-@pytest.fixture(scope="module")
 def pressed(knee):
     """Under a wrench that grows and falls, a quadriceps and a hamstring."""
     size = np.sin(np.linspace(0.2, 3.0, COUNT))[:, None]

@@ -16,11 +16,6 @@ VALGUS = [load_of(varus_Nm=-40.0)]
 
 
 @pytest.fixture(scope="module")
-def knee():
-    return kj.load_knee("four_ligament")
-
-
-@pytest.fixture(scope="module")
 def found(knee):
     """Under a heavy valgus moment the knee turns far inwards, or far outwards."""
     return kj.branches(knee, FLEXION, VALGUS)

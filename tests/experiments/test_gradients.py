@@ -307,7 +307,6 @@ alone, with_jacobian = np.min(turns[2:], axis=0)
 print(with_jacobian / alone)
 """
 
-
 def test_a_motion_with_its_jacobian_costs_hardly_more_than_the_motion(tmp_path):
     """1.4 to 1.6 times, in seconds of the processor, of a process that compiles nothing.
 

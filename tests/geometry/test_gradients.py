@@ -1,8 +1,6 @@
 """Every smooth function of the geometry against central differences, at random numbers."""
 
-import sys
 from functools import cache
-from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
@@ -11,13 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from jax.flatten_util import ravel_pytree
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
-from derivatives import both_ways
-
 import kneejax.geometry as geo
 from kneejax import numerics
 from kneejax.geometry import _vectors as v
 from kneejax.geometry.surfaces._polynomials import partials
+from tests.derivatives import both_ways
 
 RADIANS, MM = 0.3, 10.0
 seeds = st.integers(0, 2**31)

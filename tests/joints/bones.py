@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import yaml
 from scipy.spatial.transform import Rotation
 
-sys.path.insert(0, str(Path(__file__).parent))
-from condyles import PARTS, condyles
+from tests.joints.condyles import PARTS, condyles
 
 #: Where the plateau of `write_bones` touches the condyles, extended and bent: poses of the tibia.
 TOUCHING = [[-10.0, -2.4, 0.0, 3.87, -21.96, 0.0], [60.0, 0.0, 0.0, -19.2, -11.1, 0.0]]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +11,7 @@ from scipy.spatial.transform import Rotation
 from kneejax.files import read_mesh_points
 from kneejax.geometry import Pose, fit_cylinder
 from kneejax.joints import UnsuitableMesh, at_distance, condyle_axes, touching_rows
-
-sys.path.insert(0, str(Path(__file__).parent))
-from condyles import CENTERS, RADII, condyles
+from tests.joints.condyles import CENTERS, RADII, condyles
 
 SHARED = Path(__file__).parents[3] / "shared/data/lenhart2015/meshes"
 

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -25,9 +22,7 @@ from kneejax.joints import (
     hinge,
     moving_axis,
 )
-
-sys.path.insert(0, str(Path(__file__).parent))
-from paper5_equations import linear_points, residual, tibia_in_femur, untwisted
+from tests.joints.paper5_equations import linear_points, residual, tibia_in_femur, untwisted
 
 #: Two and four poses of a knee like those of paper 5, and its axis points there.
 ENDS = np.array([[3.5, 0.1, 5.1, -3.4, -34.6, 4.8], [86.6, -2.6, 11.3, 10.6, -33.5, 2.6]])

@@ -3,9 +3,7 @@
 Fibres stand at zero strain, at the transition strain or anywhere; contacts at zero depth or any.
 """
 
-import sys
 from functools import cache
-from pathlib import Path
 
 import equinox as eqx
 import jax
@@ -15,9 +13,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from jax.flatten_util import ravel_pytree
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
-from derivatives import both_ways
 
 import kneejax.geometry as geo
 from kneejax.mechanics import (
@@ -31,6 +26,7 @@ from kneejax.mechanics import (
     cartilage_law,
     ligament_law,
 )
+from tests.derivatives import both_ways
 
 seeds = st.integers(0, 2**31)
 few = settings(max_examples=6)

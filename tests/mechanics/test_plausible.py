@@ -24,11 +24,6 @@ QUANTITIES = ("stiffness", "slack_length", "reference_strain", "transition_strai
               "transition_width", "tibial_attachment.anterior")  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def knee():
-    return kj.load_knee("four_ligament")
-
-
 @given(value=finite, field=st.sampled_from(sorted(RANGES)))
 def test_a_range_holds_what_it_says_and_its_sentence_names_both_ends(value, field):
     allowed = RANGES[field]

@@ -14,7 +14,6 @@ print(jax.config.jax_enable_x64, "multi_output_fusion" in os.environ.get("XLA_FL
       jax.config.jax_compilation_cache_dir, jax.numpy.ones(1).dtype)
 """
 
-
 def shown(code, tmp_path, **environment):
     """The last line, as words, and what was said on standard error."""
     kept = ("XLA_FLAGS", "JAX_ENABLE_X64", "JAX_COMPILATION_CACHE_DIR")

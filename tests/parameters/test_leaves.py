@@ -15,11 +15,6 @@ from kneejax.statics import Stations, balance_with_slopes
 
 
 @pytest.fixture(scope="module")
-def knee():
-    return kj.load_knee("four_ligament")
-
-
-@pytest.fixture(scope="module")
 def wrapped():
     return kj.load_knee("lenhart2015")
 

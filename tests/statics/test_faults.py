@@ -10,7 +10,7 @@ import pytest
 
 import kneejax as kj
 import kneejax.geometry as geo
-from kneejax.experiments import doubts, status_of
+from kneejax.experiments import status_of
 from kneejax.mechanics import (
     LIMITS,
     WIDEST_GAP_MM,
@@ -19,15 +19,11 @@ from kneejax.mechanics import (
     displacement,
     load_of,
 )
+from kneejax.report import pose_words
 from kneejax.statics import Stations, Status, balance_many, with_meeting
 from kneejax.statics._newton import look
 
 FLEXION = np.array([0.0, 30.0, 60.0, 90.0])
-
-
-@pytest.fixture(scope="module")
-def knee():
-    return kj.load_knee("four_ligament")
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +102,7 @@ def test_a_compartment_that_gapes_is_a_dislocation_and_lift_off_is_none(knee):
     table[:, 4] = [-2.0, 1.0 - WIDEST_GAP_MM, -2.0 - WIDEST_GAP_MM]
     strong = eqx.tree_at(lambda k: k.ligaments.failure_strain, knee, jnp.full(4, 10.0))
     assert judged(strong, table) == [Status.BALANCED, Status.BALANCED, Status.DISLOCATED]
-    said = doubts(strong, kj.evaluate(strong, kj.Pose.from_table(table)))
+    said = pose_words(strong, kj.evaluate(strong, kj.Pose.from_table(table)))
     assert said[0].startswith("compartments apart: medial") and "open by" in said[2]
 
 
@@ -130,7 +126,7 @@ def test_a_fibre_beyond_its_failure_strain_is_a_warning_with_numbers(knee, motio
     assert np.asarray(found.status).tolist() == expected.tolist()
     # No force depends on it.
     np.testing.assert_allclose(found.to_table(), motion.to_table(), atol=1e-9)
-    said = doubts(weak, kj.evaluate(weak, found.pose, found.settled.meeting))
+    said = pose_words(weak, kj.evaluate(weak, found.pose, found.settled.meeting))
     assert said[0] == f"MCL strained by {strain[0, 2]:.3f} (fails at {0.5 * strain[0, 2]:g})"
 
 
@@ -145,7 +141,7 @@ def test_a_tibia_pushed_into_the_femur_is_too_deep_and_then_through_bone(knee, m
     assert not np.diff(status[1:]).min() < 0
     assert (
         "medial condyle has passed"
-        in doubts(knee, kj.evaluate(knee, kj.Pose.from_table(table)))[-1]
+        in pose_words(knee, kj.evaluate(knee, kj.Pose.from_table(table)))[-1]
     )
 
 

@@ -28,11 +28,6 @@ FLEXION = np.arange(0.0, 121.0, 5.0)
 
 
 @pytest.fixture(scope="module")
-def knee():
-    return kj.load_knee("four_ligament")
-
-
-@pytest.fixture(scope="module")
 def motion(knee):
     return kj.passive_flexion(knee, FLEXION)
 

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import kneejax as kj
-
-sys.path.insert(0, str(Path(__file__).parent))
-from opensim_knee import SettlingKnee, sphere_knee
+from tests.statics.opensim_knee import SettlingKnee, sphere_knee
 
 pytestmark = pytest.mark.opensim
 FLEXION = (20.0, 60.0)

@@ -12,11 +12,6 @@ POSES = np.column_stack([FLEXION, np.zeros((6, 5))])
 FREE = ["PCL.stiffness"]
 
 
-@pytest.fixture(scope="module")
-def knee():
-    return kj.load_knee("four_ligament")
-
-
 def study(knee, **fields):
     return kj.studies.Study("Drawer", knee, FREE, **fields)
 

@@ -12,11 +12,6 @@ from kneejax.parameters import UnsuitableData
 TABLE = np.array([[x, 0.5, -2.0, 3.0, -20.0, 2.0] for x in (0.0, 30.0, 60.0)])
 
 
-@pytest.fixture(scope="module")
-def knee():
-    return kj.load_knee("four_ligament")
-
-
 def study(knee, **changes):
     given = {"parameters": ["*.stiffness"], "measured": TABLE} | changes
     return kj.Study("a trial", knee, **given)

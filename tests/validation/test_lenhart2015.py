@@ -4,18 +4,14 @@ Importer and mechanics are judged together: the model and its meshes go through 
 into a folder of the test, and what comes out is held against the record at all instants.
 """
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-sys.path.insert(0, str(Path(__file__).parents[1] / "mechanics"))
-import equilibrium_lenhart2015 as equilibrium
-from imported_lenhart2015 import import_both
-from raycast_foundation import confined_modulus, load_mesh_mm, raycast_contact
-from recorded_lenhart2015 import (
+from kneejax import Pose, Status, evaluate
+from tests.mechanics.raycast_foundation import confined_modulus, load_mesh_mm, raycast_contact
+from tests.validation import equilibrium_lenhart2015 as equilibrium
+from tests.validation.imported_lenhart2015 import import_both
+from tests.validation.recorded_lenhart2015 import (
     CONTACT_CRITERIA,
     DATA,
     alone,
@@ -23,9 +19,7 @@ from recorded_lenhart2015 import (
     compare_fibres,
     read_record,
 )
-from second_knee import write_second_knee
-
-from kneejax import Pose, Status, evaluate
+from tests.validation.second_knee import write_second_knee
 
 pytestmark = [
     pytest.mark.skipif(not DATA.exists(), reason="lenhart2015 is not beside the checkout"),

@@ -6,12 +6,20 @@ import argparse
 import math
 from pathlib import Path
 
-from kneejax.cli._parser import CONVENTIONS, Parser, add_command, add_out, add_svg
+from kneejax.cli._parser import (
+    CONVENTIONS,
+    Parser,
+    add_command,
+    add_kinds,
+    add_out,
+    add_repeated,
+    add_svg,
+)
 
 
 def add_joint(joint: Parser) -> None:
     """Add the commands below `kneejax joint`."""
-    kinds = joint.add_subparsers(dest="kind", metavar="KIND", required=True)
+    kinds = add_kinds(joint)
     fit = "kneejax joint fit --knee four_ligament --flexion 0:90:10"
     _add_fit(
         add_command(kinds, "fit", "Fit a moving axis and a hinge to poses or a contact knee.", fit)
@@ -37,7 +45,6 @@ def add_joint(joint: Parser) -> None:
 
 
 def _add_fit(parser: argparse.ArgumentParser) -> None:
-    point = {"type": float, "nargs": 3, "metavar": ("X", "Y", "Z")}
     parser.add_argument(
         "poses", type=Path, nargs="?", help="CSV of two or more measured poses; or --knee"
     )
@@ -55,6 +62,22 @@ def _add_fit(parser: argparse.ArgumentParser) -> None:
         help="calibrate on the poses nearest to these flexions; on the first and last otherwise, "
         "of a knee at both ends of --flexion",
     )
+    _add_anatomy(parser)
+    parser.add_argument(
+        "--interpolation",
+        choices=["linear", "monotone"],
+        help="between the poses (default: monotone from three poses on)",
+    )
+    parser.add_argument(
+        "--flexion", default="0:120:5", help="of the tables: first:last:step or a,b,c"
+    )
+    add_out(parser, "kneejax-joint")
+    add_svg(parser)
+
+
+def _add_anatomy(parser: argparse.ArgumentParser) -> None:
+    """Where the axes of the femur come from: meshes, or points that are given."""
+    point = {"type": float, "nargs": 3, "metavar": ("X", "Y", "Z")}
     femur = parser.add_mutually_exclusive_group()
     femur.add_argument("--femur", type=Path, metavar="MESH", help="bone or cartilage")
     femur.add_argument("--axes", type=Path, metavar="FILE", help="YAML or CSV of axis points")
@@ -92,16 +115,6 @@ def _add_fit(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--medial-epicondyle", **point, help="mm, for the hinge")
     parser.add_argument("--lateral-epicondyle", **point, help="likewise")
-    parser.add_argument(
-        "--interpolation",
-        choices=["linear", "monotone"],
-        help="between the poses (default: monotone from three poses on)",
-    )
-    parser.add_argument(
-        "--flexion", default="0:120:5", help="of the tables: first:last:step or a,b,c"
-    )
-    add_out(parser, "kneejax-joint")
-    add_svg(parser)
 
 
 def _add_compare(parser: argparse.ArgumentParser) -> None:
@@ -109,17 +122,15 @@ def _add_compare(parser: argparse.ArgumentParser) -> None:
         "measured", type=Path, nargs="+", help="CSV of measured poses, one file a subject"
     )
     _add_table(parser)
-    parser.add_argument(
+    add_repeated(
+        parser,
         "--joint",
-        action="append",
-        default=[],
         metavar="[NAME=]FILE[,FILE...]",
         help="joint file for all subjects, or one for each, in their order; may be repeated",
     )
-    parser.add_argument(
+    add_repeated(
+        parser,
         "--knee",
-        action="append",
-        default=[],
         help="contact knee in passive flexion: bundled name, knee file, or the result.json of a "
         "calibration; may be repeated",
     )
@@ -138,10 +149,9 @@ def _add_compare(parser: argparse.ArgumentParser) -> None:
         metavar="DEGREES",
         help="poses as near as this to a flexion of calibration are averaged for it (default: 0.5)",
     )
-    parser.add_argument(
+    add_repeated(
+        parser,
         "--axes",
-        action="append",
-        default=[],
         metavar="FILE[,FILE...]",
         help="axis points, as for kneejax joint fit: one file for all subjects, or one for each, "
         "in their order",

@@ -58,9 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
     for title, (read, name) in knees.items():
         models[title] = knee_model(read, name, flexion)
     found = _compared(arguments, tables, models, used)
-    doubts = (*(doubt for one in models.values() for doubt in one.doubts), *found.doubts)
-    _write(arguments, found, models, flexion, doubts)
-    return 1 if doubts else 0
+    return 1 if _write(arguments, found, models, flexion) else 0
 
 
 def _check_options(arguments: argparse.Namespace) -> None:
@@ -179,8 +177,8 @@ def _write(
     found: Comparison,
     models: dict[str, Modelled],
     flexion: np.ndarray,
-    doubts: tuple[str, ...],
-) -> None:
+) -> list[str]:
+    """Write and print everything; returns what is in doubt."""
     from kneejax.report import joint_comparison_figure, save_figure
     from kneejax.report import joint_comparison_text as text
 
@@ -202,7 +200,8 @@ def _write(
     settings["measured"] = [str(file) for file in arguments.measured]
     settings["sources"] = {name: one.source for name, one in models.items()}
     document = text.joint_comparison_document(found, settings, versions())
-    document["doubts"] = list(doubts)
+    of_models = [doubt for one in models.values() for doubt in one.doubts]
+    document["doubts"] = of_models + document["doubts"]
     write_text(out / "result.json", json.dumps(document, indent=1) + "\n")
     figure = joint_comparison_figure(
         found,
@@ -212,6 +211,7 @@ def _write(
     )
     save_figure(figure, out / "figures", "joints", svg=arguments.svg)
     print(text.joint_comparison_summary(found))
-    for doubt in doubts[: len(doubts) - len(found.doubts)]:
+    for doubt in of_models:
         print(f"! {doubt}")
     print(f"written: {out}/{', '.join(tables)}, result.json, settings.json, figures/joints.png")
+    return document["doubts"]

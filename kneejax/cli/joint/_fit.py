@@ -34,13 +34,7 @@ from kneejax.files import (
 )
 from kneejax.geometry import FREE_COORDINATES, Pose
 from kneejax.inference import versions
-from kneejax.joints import (
-    JointFit,
-    JointProblem,
-    UnsuitablePoses,
-    calibration_rows,
-    fit_joints,
-)
+from kneejax.joints import JointFit, JointProblem, UnsuitablePoses, calibration_rows, fit_joints
 from kneejax.report import (
     FACET_COLUMNS,
     facet_rows,

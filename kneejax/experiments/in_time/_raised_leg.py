@@ -10,12 +10,7 @@ from numpy.typing import ArrayLike
 
 from kneejax.dynamics import MovingKnee, move_within
 from kneejax.experiments.extensor import Extensor, at_rest, leg_raise
-from kneejax.experiments.in_time._transient import (
-    MOST_ERROR_MM,
-    Transient,
-    described,
-    smooth_way,
-)
+from kneejax.experiments.in_time._transient import MOST_ERROR_MM, Transient, described, smooth_way
 from kneejax.geometry import TIBIA, coordinates_of, table_units
 from kneejax.mechanics import QUADRICEPS
 from kneejax.statics import converged

@@ -14,14 +14,7 @@ from kneejax.dynamics import Account, LoadCurve, MovingKnee, Trajectory, move_wi
 from kneejax.experiments._evaluate import Mechanics, evaluate
 from kneejax.experiments._motion import Motion, passive_flexion
 from kneejax.experiments.extensor import at_rest
-from kneejax.geometry import (
-    COORDINATES,
-    State,
-    coordinate,
-    coordinates_of,
-    prescribed_of,
-    scales,
-)
+from kneejax.geometry import COORDINATES, State, coordinate, coordinates_of, prescribed_of, scales
 from kneejax.mechanics import QUADRICEPS, Load, load_of
 from kneejax.numerics import check_installed
 from kneejax.statics import Status
@@ -77,7 +70,7 @@ class Transient:
             return {}
         table, last = self.trajectory.to_table()[:, :6], np.asarray(self.rest.to_table())[0]
         sense = np.sign(last - table[0])
-        return dict(zip(COORDINATES, np.nanmax((table - last) * sense, axis=0), strict=True))
+        return dict(zip(COORDINATES, np.fmax.reduce((table - last) * sense), strict=True))
 
     def to_dataset(self, attributes: Mapping[str, Any] | None = None) -> Dataset:
         """Poses, rates, forces, loads and energies over time, each with its unit.
@@ -174,17 +167,24 @@ def transient(
     for name, more in prescribed_of(offset or {}).items():
         start[names.index(name)] += float(more)
     held = {} if flexion_is_free else {"flexion": lambda t, x=start[0]: np.full_like(t, x)}
-    for column, (at_s, values) in (led or {}).items():
-        ((name, way),) = prescribed_of({column: values}).items()
-        held[name] = smooth_way(at_s, np.asarray(way), start[names.index(name)])
+    held |= _led(led or {}, dict(zip(names, start, strict=True)))
     found = move_within(most_mm, moving, start, times, loads=curve, held=held, progress=progress)
     rest, far = None, float("nan")
     if not flexion_is_free and set(held) == {"flexion"}:
         rest = _balance(moving, flexion_deg, weights, sizes, load_s, times[-1], check=False)
-        there = np.asarray(rest.settled.state.at(names))[:, 0]
-        far = float(np.abs((np.asarray(found.q[-1]) - there) / np.array(scales(names))).max())
+        off = np.asarray(found.q[-1]) - np.asarray(rest.settled.state.at(names))[:, 0]
+        far = float(np.abs(off / np.array(scales(names))).max())
     at = {k: np.interp(times, load_s, np.broadcast_to(v, load_s.shape)) for k, v in sizes.items()}
     return described(found, at, rest, far)
+
+
+def _led(led: Mapping[str, tuple[ArrayLike, ArrayLike]], start: Mapping[str, float]):
+    """Coordinate -> its way over time, rad or mm, from where it is."""
+    ways = {}
+    for column, (at_s, values) in led.items():
+        ((name, way),) = prescribed_of({column: values}).items()
+        ways[name] = smooth_way(at_s, np.asarray(way), start[name])
+    return ways
 
 
 def described(

@@ -10,9 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from kneejax.experiments._doubts import doubts, of_search, with_flips
 from kneejax.experiments._evaluate import Mechanics, evaluate
 from kneejax.experiments._motion import Motion, followed, passive_flexion
+from kneejax.experiments._ways import with_flips
 from kneejax.experiments.laboratory._lab_test import LabTest
 from kneejax.geometry import CLINICAL, COORDINATES, table_units
 from kneejax.mechanics import Knee, Load
@@ -121,21 +121,6 @@ class Curves:
         each = zip(self.searched, self.nodes, strict=True)
         return np.stack([with_flips(status, _at(mechanics, rows)) for status, rows in each])
 
-    def doubts(self, mechanics: Mechanics) -> list[tuple[str, ...]]:
-        """What is wrong at every load of each flexion, in words and numbers.
-
-        Args:
-            mechanics: of the motion.
-        """
-        full = self.test.full or {self.test.observed: self.test.size}
-        sizes = {name: np.zeros(len(self.motion.status)) for name in full}
-        for name, size in full.items():
-            sizes[name][self.nodes] = size * self.part
-        found, knee = of_search(self.motion, sizes), self.motion.knee
-        return [
-            doubts(knee, _at(mechanics, rows), [found[row] for row in rows]) for rows in self.nodes
-        ]
-
     @property
     def _unloaded(self) -> np.ndarray:
         return self.nodes[:, int(np.argmin(np.abs(self.part)))]
@@ -198,12 +183,7 @@ def load_curves(
     tests = (tests,) if isinstance(tests, LabTest) else tuple(tests)
     if not tests:
         raise ValueError("tests is empty; expected at least one")
-    laid, first = [], 0
-    for test in tests:
-        part, back = np.unique(np.r_[0.0, test.path], return_inverse=True)
-        nodes = first + np.arange(len(test.flexion_deg) * len(part)).reshape(-1, len(part))
-        first += nodes.size
-        laid.append((test, nodes, part, back[1:]))
+    laid = _laid_out(tests)
     flexion = np.concatenate([np.repeat(test.flexion_deg, len(part)) for test, _, part, _ in laid])
     machine = {test.machine for test in tests}
     if len(machine) > 1:
@@ -223,6 +203,17 @@ def load_curves(
         Curves(test, motion, nodes, part, steps, before, own)
         for (test, nodes, part, steps), own in zip(laid, rows, strict=True)
     )
+
+
+def _laid_out(tests: Sequence[LabTest]):
+    """Of each test its rows, `(flexions, loads)`, the parts of its load, and which comes when."""
+    laid, first = [], 0
+    for test in tests:
+        part, back = np.unique(np.r_[0.0, test.path], return_inverse=True)
+        nodes = first + np.arange(len(test.flexion_deg) * len(part)).reshape(-1, len(part))
+        first += nodes.size
+        laid.append((test, nodes, part, back[1:]))
+    return laid
 
 
 def _loads(laid) -> list[Load]:

@@ -107,12 +107,7 @@ def lab_tests(
     if name == "envelope":
         if moved:
             raise ValueError(f"envelope takes no {next(iter(moved))}: its tests are by load")
-        angles = None if flexion_deg is None else tuple(flexion_deg)
-        moment = 10.0 if moment_Nm is None else moment_Nm
-        sizes = {kind: {"moment_Nm": part * moment} for kind, part in _ENVELOPE.items()}
-        sizes["drawer"] = {"force_N": force_N}
-        each = (lab_tests(x, angles, both=True, **sizes[x], **given) for x in _ENVELOPE)
-        return tuple(test for (test,) in each)
+        return _envelope(flexion_deg, force_N, 10.0 if moment_Nm is None else moment_Nm, given)
     if name not in READY:
         raise ValueError(f"no test is called {name!r}; expected one of {', '.join(READY)}")
     kind = READY[name]
@@ -129,6 +124,16 @@ def lab_tests(
         displacement, tuple(held),
     )  # fmt: skip
     return (test,)
+
+
+def _envelope(
+    flexion_deg: Iterable[float] | None, force_N: float | None, moment_Nm: float, given
+) -> tuple[LabTest, ...]:
+    angles = None if flexion_deg is None else tuple(flexion_deg)
+    sizes = {kind: {"moment_Nm": part * moment_Nm} for kind, part in _ENVELOPE.items()}
+    sizes["drawer"] = {"force_N": force_N}
+    each = (lab_tests(kind, angles, both=True, **sizes[kind], **given) for kind in _ENVELOPE)
+    return tuple(test for (test,) in each)
 
 
 def _displacement(name: str, kind: Ready, load: float | None, moved: Mapping[str, float]) -> float:

@@ -24,6 +24,8 @@ _OUTLINE_CORNERS = 48
 # Part of the condyles that is round enough to find their axis: from distal to posterior.
 _ROUND = np.deg2rad([75.0, 230.0])
 _BEHIND_TROCHLEA = np.deg2rad(75.0)
+# Of extension beyond the reference pose, where condyles may still meet their plateaus.
+_MARGIN_DEG = 15.0
 # Faces whose normal leaves the joint's direction by more than this are edges of a volume.
 _FACING = 0.05
 _NARROWEST_NOTCH_MM = 3.0
@@ -174,7 +176,7 @@ def outline(sheet: Sheet, frame: Frame) -> np.ndarray:
 
 
 def condyle_region(
-    femur: Femur, cloud: Cloud, tibial: np.ndarray, margin_deg: float = 15.0
+    femur: Femur, cloud: Cloud, tibial: np.ndarray
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """Angles, degrees, and widths, mm, over which a condyle can meet its plateau.
 
@@ -185,10 +187,9 @@ def condyle_region(
         femur: both condyles.
         cloud: the condyle, with the trochlea of its side.
         tibial: points of the plateau at the reference pose, femur frame.
-        margin_deg: of extension beyond the reference pose.
     """
     angle, _, along = femur.cylindrical(cloud.points)
-    foremost = femur.cylindrical(tibial)[0].min() - np.deg2rad(margin_deg)
+    foremost = femur.cylindrical(tibial)[0].min() - np.deg2rad(_MARGIN_DEG)
     lower, upper = max(foremost, angle.min()), angle.max()
     behind = (angle > max(lower, min(_BEHIND_TROCHLEA, 0.5 * (lower + upper)))) & (angle < upper)
     width = along[behind].min(), along[behind].max()

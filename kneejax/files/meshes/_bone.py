@@ -15,13 +15,12 @@ _NEAREST = 24
 
 
 def bone_surface(
-    path: str | os.PathLike[str], unit: str = "auto"
+    path: str | os.PathLike[str],
 ) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """The surface of a bone, on which points can be laid.
 
     Args:
-        path: a mesh in the bone's frame of the knee.
-        unit: of the file, as in `read_mesh_points`.
+        path: a mesh in the bone's frame of the knee, in m, cm or mm (`read_mesh_points`).
 
     Returns:
         A function of points `(n, 3)`, mm, that gives the nearest points of the mesh `(n, 3)`, the
@@ -33,7 +32,7 @@ def bone_surface(
     import trimesh
     from scipy.spatial import KDTree
 
-    mesh = read_mesh_points(path, unit)
+    mesh = read_mesh_points(path, "auto")
     corners = mesh.points_mm[mesh.faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     size = np.linalg.norm(normals, axis=1)

@@ -15,23 +15,19 @@ from kneejax.files.meshes import _anatomy as anatomy
 from kneejax.files.meshes import _choices as choices
 from kneejax.files.meshes import _layer as layer
 from kneejax.files.meshes._choices import THICKNESSES as THICKNESSES
+from kneejax.files.meshes._documents import (
+    material_document,
+    patellofemoral_document,
+    tibiofemoral_document,
+)
 from kneejax.files.meshes._health import Sheet, check_holes, read_sheets
 from kneejax.files.meshes._patella import fit_patella, fit_trochlea
 from kneejax.files.meshes._region import PATCH_MM, SheetFit, contact_regions, quality
 from kneejax.files.reading import InputProblem
-from kneejax.geometry import (
-    Frame,
-    Placement,
-    Pose,
-    fit_condyle_spline,
-    fit_plateau_spline,
-)
-from kneejax.mechanics import QUADRATURE
+from kneejax.geometry import Frame, Placement, Pose, fit_condyle_spline, fit_plateau_spline
 
 #: Distances from the fit over the contact region that are wished for, and refused, mm.
 TARGET_RMS_MM, WORST_RMS_MM = 0.1, 0.5
-_POINT_DISTANCE_MM = 1.7
-_DIGITS = 5
 
 
 @dataclasses.dataclass(frozen=True)
@@ -143,32 +139,20 @@ def import_meshes(
     bones = None
     if layer_thickness_mm is None and femur_bone is not None and tibia_bone is not None:
         bones = read(femur_bone), read(tibia_bone)
-    stated = source or ", ".join(Path(p).name for p in (femoral_cartilage, tibial_cartilage))
-    cells = {"cell_mm": cell_mm, "smoothing_mm": smoothing_mm}
-    options = {key: value for key, value in cells.items() if value is not None}
-    material = {
-        "form": QUADRATURE,
-        "law": law,
-        "youngs_modulus_MPa": float(youngs_modulus_MPa),
-        "poisson_ratio": float(poisson_ratio),
-        "onset_width_mm": float(onset_width_mm),
+    wanted = _Wanted(
+        material_document(law, youngs_modulus_MPa, poisson_ratio, onset_width_mm),
+        _splines(cell_mm, smoothing_mm), angle_deg, layer_thickness_mm, thickness,
+        source or ", ".join(Path(p).name for p in (femoral_cartilage, tibial_cartilage)), left,
+    )  # fmt: skip
+    fits: dict[str, SheetFit] = {}
+    contacts = {
+        name: _tibiofemoral(name, sheet, femur, tibia, bones, wanted, fits, findings)
+        for name, sheet in plateaus.items()
     }
-    contacts, fits = {}, {}
-    for name, sheet in plateaus.items():
-        condyle, plateau = _compartment(name, sheet, femur, tibia, angle_deg, options)
-        for kind, part in (("condyle", condyle), ("plateau", plateau)):
-            _judge(f"{name} {kind}", part, "in the contact region", stated, findings)
-            fits[f"{name} {kind}"] = part
-        found = layer.find_layer(name, condyle, plateau, femur, sheet, bones, findings)
-        found = layer.chosen(found, layer_thickness_mm, thickness, plateau, name, findings)
-        contact = _contact_document(condyle, plateau, found, material, stated)
-        contacts[name] = mirror_part(contact) if left else contact
     patellofemoral = None
     if patellar_cartilage is not None:
-        on_patella = Path(patellar_cartilage).name
-        fits |= _patellofemoral(read(patellar_cartilage), femur, options, on_patella, findings)
-        contact = _patellofemoral_document(fits, layer_thickness_mm, material, stated, on_patella)
-        patellofemoral = mirror_part(contact) if left else contact
+        sheets, name = read(patellar_cartilage), Path(patellar_cartilage).name
+        patellofemoral = _patellofemoral(sheets, name, femur, wanted, fits, findings)
     if layer_thickness_mm is None and bones is None:
         findings.append(
             f"No bone meshes, no thickness: the layer is taken as {layer.ASSUMED_MM:g} mm thick."
@@ -177,6 +161,38 @@ def import_meshes(
         findings.append("The layer's thickness was given: the bone meshes were not read.")
     doubtful = any(fit.quality.rms > TARGET_RMS_MM for fit in fits.values())
     return MeshImport(contacts, tuple(findings), fits, doubtful, patellofemoral)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Wanted:
+    """What is asked of every contact.
+
+    Attributes:
+        material: fields of the contact's document.
+        splines: options of their fits.
+        angle_deg: region of the condyles; None where it is to be found.
+        thickness_mm: of the layer; None where it is to be found.
+        thickness: `constant` or `field`.
+        stated: where the meshes come from.
+        left: whether the knee is a left one, which is fitted in a mirror.
+    """
+
+    material: dict[str, Any]
+    splines: dict[str, float]
+    angle_deg: tuple[float, float] | None
+    thickness_mm: float | None
+    thickness: str
+    stated: str
+    left: bool
+
+    def as_given(self, contact: dict[str, Any]) -> dict[str, Any]:
+        """A contact on the side that was given."""
+        return mirror_part(contact) if self.left else contact
+
+
+def _splines(cell_mm: float | None, smoothing_mm: float | None) -> dict[str, float]:
+    given = {"cell_mm": cell_mm, "smoothing_mm": smoothing_mm}
+    return {name: value for name, value in given.items() if value is not None}
 
 
 def _read(path, *, unit: str, left: bool, findings: list[str]) -> list[Sheet]:
@@ -207,46 +223,6 @@ def _bones(
         expected = "a place along Z with cartilage of the tibia on both sides, mm"
         raise InputProblem("--split", "compartments", split_mm, expected)
     return femur, plateaus
-
-
-_GIVEN = dict.fromkeys(("youngs_modulus_MPa", "poisson_ratio"), "given at import")
-
-
-def _contact_document(
-    condyle: SheetFit, plateau: SheetFit, found: layer.Layer, material: dict[str, Any], stated: str
-) -> dict[str, Any]:
-    varies = found.variation is not None
-    return {
-        **material,
-        "points": _points(plateau.fit.surface),
-        "layer_thickness_mm": round(found.thickness_mm, 3),
-        **({"layer_variation_mm": _listed(found.variation)} if varies else {}),
-        "femoral_surface": _condyle_document(condyle, stated),
-        "tibial_surface": _plateau_document(plateau, stated),
-        "source": {
-            **_GIVEN,
-            "layer_thickness_mm": found.source,
-            **({"layer_variation_mm": found.source} if varies else {}),
-        },
-    }
-
-
-def _patellofemoral_document(
-    fits: dict[str, SheetFit],
-    thickness_mm: float | None,
-    material: dict[str, Any],
-    stated: str,
-    on_patella: str,
-) -> dict[str, Any]:
-    said = "given at import" if thickness_mm else "assumed"
-    return {
-        **material,
-        "points": _points(fits["patella"].fit.surface),
-        "layer_thickness_mm": float(thickness_mm or layer.ASSUMED_MM),
-        "femoral_surface": _condyle_document(fits["trochlea"], stated),
-        "patellar_surface": _plateau_document(fits["patella"], on_patella),
-        "source": {**_GIVEN, "layer_thickness_mm": said},
-    }
 
 
 def _mirrored(sheet: Sheet) -> Sheet:
@@ -292,24 +268,54 @@ def _compartment(name, sheet: Sheet, femur: anatomy.Femur, tibia: Placement, ang
     )
 
 
+def _tibiofemoral(
+    name: str,
+    sheet: Sheet,
+    femur: anatomy.Femur,
+    tibia: Placement,
+    bones: tuple[list[Sheet], list[Sheet]] | None,
+    wanted: _Wanted,
+    fits: dict[str, SheetFit],
+    findings: list[str],
+) -> dict[str, Any]:
+    """The contact of a compartment; its fits and what is to be said of them are added."""
+    condyle, plateau = _compartment(name, sheet, femur, tibia, wanted.angle_deg, wanted.splines)
+    for kind, part in (("condyle", condyle), ("plateau", plateau)):
+        _judge(f"{name} {kind}", part, "in the contact region", wanted.stated, findings)
+        fits[f"{name} {kind}"] = part
+    found = layer.find_layer(name, condyle, plateau, femur, sheet, bones, findings)
+    found = layer.chosen(found, wanted.thickness_mm, wanted.thickness, plateau, name, findings)
+    contact = tibiofemoral_document(condyle, plateau, found, wanted.material, wanted.stated)
+    return wanted.as_given(contact)
+
+
 def _patellofemoral(
-    sheets: list[Sheet], femur: anatomy.Femur, options, stated: str, findings: list[str]
-) -> dict[str, SheetFit]:
-    """Fits of the patella's cartilage and of the groove."""
+    sheets: list[Sheet],
+    on_patella: str,
+    femur: anatomy.Femur,
+    wanted: _Wanted,
+    fits: dict[str, SheetFit],
+    findings: list[str],
+) -> dict[str, Any]:
+    """The contact of the patella with the groove; likewise."""
     for sheet in sheets:
         check_holes(sheet, findings)
-    patella, trochlea = fit_patella(sheets, findings, options), fit_trochlea(femur, options)
+    patella = fit_patella(sheets, findings, wanted.splines)
+    trochlea = fit_trochlea(femur, wanted.splines)
     across = anatomy.in_frame(patella.surface.frame, patella.points)[:, [0, 2]]
     angle, radius, along = femur.cylindrical(trochlea.points)
     mean = float(np.average(radius, weights=trochlea.weights))
-    found = {}
     for name, fit, at in (
         ("patella", patella, across), ("trochlea", trochlea, np.c_[mean * angle, along])
     ):  # fmt: skip
         everywhere = np.ones(len(fit.points), bool)
-        found[name] = part = SheetFit(fit, everywhere, quality(fit, everywhere, at))
-        _judge(name, part, "everywhere", stated, findings)
-    return found
+        fits[name] = part = SheetFit(fit, everywhere, quality(fit, everywhere, at))
+        _judge(name, part, "everywhere", on_patella, findings)
+    contact = patellofemoral_document(
+        fits["patella"], fits["trochlea"], wanted.thickness_mm, wanted.material, wanted.stated,
+        on_patella,
+    )  # fmt: skip
+    return wanted.as_given(contact)
 
 
 def _judge(name: str, part: SheetFit, where: str, stated: str, findings: list[str]) -> None:
@@ -328,50 +334,3 @@ def _judge(name: str, part: SheetFit, where: str, stated: str, findings: list[st
         findings.append(f"{name}: misses the target of {TARGET_RMS_MM:g} mm rms.")
 
 
-def _points(surface) -> list[int]:
-    extents = [float(upper - lower) for lower, upper in surface.bounds()]
-    return [max(8, round(extent / _POINT_DISTANCE_MM)) for extent in extents]
-
-
-def _condyle_document(part: SheetFit, stated: str) -> dict[str, Any]:
-    surface = part.fit.surface
-    return {
-        "kind": "condyle",
-        "axis_point_mm": _listed(surface.frame.origin),
-        **_turn(surface.frame, "axis_rotation_deg"),
-        "basis": surface.basis,
-        "angle_deg": _listed(np.rad2deg(surface.angle)),
-        "width_mm": _listed(surface.width),
-        **_shared(part, stated),
-    }
-
-
-def _plateau_document(part: SheetFit, stated: str) -> dict[str, Any]:
-    surface = part.fit.surface
-    return {
-        "kind": "plateau",
-        "origin_mm": _listed(surface.frame.origin),
-        **_turn(surface.frame, "rotation_deg"),
-        "basis": surface.basis,
-        "outline_mm": _listed(surface.outline),
-        "anterior_mm": _listed(surface.x),
-        "lateral_mm": _listed(surface.z),
-        **_shared(part, stated),
-    }
-
-
-def _shared(part: SheetFit, stated: str) -> dict[str, Any]:
-    return {
-        "coefficients_mm": _listed(part.fit.surface.coefficients),
-        "source": f"smoothed spline fitted to {stated}",
-        "fit_rms_mm": round(part.quality.rms, 4),
-        "fit_max_mm": round(part.quality.maximum, 4),
-    }
-
-
-def _turn(frame: Frame, name: str) -> dict[str, Any]:
-    return {} if frame.rotation is None else {name: _listed(np.rad2deg(frame.rotation))}
-
-
-def _listed(values) -> list:
-    return np.round(np.asarray(values, float), _DIGITS).tolist()

@@ -10,21 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from kneejax.files.opensim._external_loads import (
-    ExternalLoads,
-    on_bodies,
-    read_external_loads,
-)
+from kneejax.files.opensim._external_loads import ExternalLoads, on_bodies, read_external_loads
 from kneejax.files.opensim._joints import Joint, read_joints
 from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, find_knee
 from kneejax.files.opensim._model import Model, angles_xyz, read_model, turn_xyz
-from kneejax.files.opensim._movement import (
-    Movement,
-    Rigid,
-    coordinate_columns,
-    moved,
-    turning,
-)
+from kneejax.files.opensim._movement import Movement, Rigid, coordinate_columns, moved, turning
 from kneejax.files.opensim._muscle_lines import Crossing, crossing, lines_of, tension_of_ligament
 from kneejax.files.opensim._registration import (
     Registration,

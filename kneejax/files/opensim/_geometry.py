@@ -7,7 +7,7 @@ import dataclasses
 import os
 import tempfile
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from kneejax.files.opensim._import import OsimImport
 from kneejax.files.opensim._knee import SIDES
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import PATELLA, Pose
+
+if TYPE_CHECKING:
+    from kneejax.files.meshes import MeshImport
 
 _THICKNESS = ("layer_thickness_mm",)
 
@@ -61,13 +64,7 @@ def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimG
     folder = Path(folder)
     if not folder.is_dir():
         raise InputProblem("--geometry", "folder", str(folder), "a folder of meshes")
-    names = ", ".join(contact.name for contact in read.contacts)
-    if len(read.contacts) != 1:
-        expected = "one contact of femur and tibia; use `kneejax import stl --knee knee.yaml ...`"
-        raise InputProblem(read.model.file.path, "contacts", names or "none", expected)
-    contact, model_file = read.contacts[0], read.model.file.path
-    if contact.poisson_ratio >= 0.5:
-        raise InputProblem(model_file, contact.name, f"nu {contact.poisson_ratio}", "nu below 0.5")
+    contact = _tibiofemoral(read)
     pair = (contact.femur, contact.other)
     varies = any(mesh.varies for mesh in pair)
     patella = _patellar_mesh(read, contact)
@@ -90,11 +87,30 @@ def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimG
             reference_pose=Pose.from_table(read.knee.pose),
             source=", ".join(mesh.file for mesh in pair),
         )
+    document = _with_contacts(read, contact, found, () if varies else _THICKNESS)
+    return OsimGeometry(document, tuple(found.findings), found.doubtful)
+
+
+def _tibiofemoral(read: OsimImport) -> OsimContact:
+    """The only contact of femur and tibia, of a cartilage that can be fitted."""
+    path, names = read.model.file.path, ", ".join(contact.name for contact in read.contacts)
+    if len(read.contacts) != 1:
+        expected = "one contact of femur and tibia; use `kneejax import stl --knee knee.yaml ...`"
+        raise InputProblem(path, "contacts", names or "none", expected)
+    contact = read.contacts[0]
+    if contact.poisson_ratio >= 0.5:
+        raise InputProblem(path, contact.name, f"nu {contact.poisson_ratio}", "nu below 0.5")
+    return contact
+
+
+def _with_contacts(
+    read: OsimImport, contact: OsimContact, found: MeshImport, thickness: tuple[str, ...]
+) -> dict[str, Any]:
+    """The knee document with contacts, whose materials are the model's."""
     document = copy.deepcopy(read.document)
-    document["contacts"] = dict(found.contacts)
-    model = model_file.name
+    document["contacts"], model = dict(found.contacts), read.model.file.path.name
     for part in document["contacts"].values():
-        fields = ("youngs_modulus_MPa", "poisson_ratio", *(() if varies else _THICKNESS))
+        fields = ("youngs_modulus_MPa", "poisson_ratio", *thickness)
         said = {field: f"{model}, {contact.name}" for field in fields}
         part["source"] = part["source"] | said
     if found.patellofemoral is not None:
@@ -107,7 +123,7 @@ def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimG
         }
         own["source"] = dict.fromkeys(own["source"], f"{model}, {joint.name}")
         document["patella"]["contacts"] = {"patellofemoral": own}
-    return OsimGeometry(document, tuple(found.findings), found.doubtful)
+    return document
 
 
 def _patellar_mesh(read: OsimImport, contact: OsimContact) -> OsimMesh | None:

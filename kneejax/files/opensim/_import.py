@@ -124,12 +124,7 @@ def import_osim(
     found = find_ligaments(model, knee)
     left_out = _leave_out(model, found, without)
     if all(_on_patella(x, knee) for x in found.ligaments):
-        why = [f"{name} {reason}" for name, reason in (found.unsupported | found.outside).items()]
-        shown = "; ".join(why[:4]) + ("; ..." if len(why) > 4 else "")
-        raise InputProblem(
-            path, "ligaments", f"none between {knee.femur} and {knee.tibia}",
-            f"a ligament that spans the {SIDES[side]} knee ({shown or 'all were left out'})",
-        )  # fmt: skip
+        raise _no_ligament(path, knee, found)
     found.ligaments[:] = _outside_obstacles(model, knee, found, inside)
     patellar = [x for x in found.ligaments if _on_patella(x, knee)]
     found.ligaments[:] = [x for x in found.ligaments if not _on_patella(x, knee)]
@@ -154,6 +149,15 @@ def import_osim(
         answer.document["patella"] = section.document
     check_knee(Field(os.fspath(path), "", answer.document))
     return answer
+
+
+def _no_ligament(path, knee: OsimKneeJoint, found: Found) -> InputProblem:
+    why = [f"{name} {reason}" for name, reason in (found.unsupported | found.outside).items()]
+    shown = "; ".join(why[:4]) + ("; ..." if len(why) > 4 else "")
+    return InputProblem(
+        path, "ligaments", f"none between {knee.femur} and {knee.tibia}",
+        f"a ligament that spans the {SIDES[knee.side]} knee ({shown or 'all were left out'})",
+    )  # fmt: skip
 
 
 def _on_patella(ligament: OsimLigament, knee: OsimKneeJoint) -> bool:

@@ -105,17 +105,8 @@ def find_knee(
         findings.append(f"{body} was taken as the {bone}.")
     names = ", ".join(f"{joint.name} ({joint.kind})" for joint in found)
     findings.append(f"Joint between them: {names}.")
-    rigid, doubts = {}, []
-    for bone, body in (("femur", femur), ("tibia", tibia)):
-        for other, offset, through in _rigid(model, joints, body, found, doubts):
-            if other in rigid:
-                at = f"{rigid[other][0]} and {bone}"
-                raise InputProblem(
-                    model.file.path, f"body {other}", at, "bones that are not one rigid body"
-                )
-            rigid[other] = bone, offset
-            if other != body:
-                findings.append(f"{other} does not move against the {bone} ({through}).")
+    doubts: list[str] = []
+    rigid = _rigid_with_bones(model, joints, (femur, tibia), found, findings, doubts)
     from_femur = placed(model, above, femur, doubts).inverse()
     there = from_femur.after(placed(model, above, tibia, doubts))
     patella = _patella(model, joints, rigid, side)
@@ -135,6 +126,29 @@ def find_knee(
     return dataclasses.replace(
         knee, patella=patella, patella_pose=_pose(on_femur, side), patella_in_femur=on_femur
     )
+
+
+def _rigid_with_bones(
+    model: Model,
+    joints: list[Joint],
+    bodies: tuple[str, str],
+    found: list[Joint],
+    findings: list[str],
+    doubts: list[str],
+) -> dict[str, tuple[str, Offset]]:
+    """Body -> femur or tibia, against which it does not move, and where it is in it."""
+    rigid: dict[str, tuple[str, Offset]] = {}
+    for bone, body in zip(("femur", "tibia"), bodies, strict=True):
+        for other, offset, through in _rigid(model, joints, body, found, doubts):
+            if other in rigid:
+                at = f"{rigid[other][0]} and {bone}"
+                raise InputProblem(
+                    model.file.path, f"body {other}", at, "bones that are not one rigid body"
+                )
+            rigid[other] = bone, offset
+            if other != body:
+                findings.append(f"{other} does not move against the {bone} ({through}).")
+    return rigid
 
 
 def _patella(model: Model, joints: list[Joint], rigid: dict, side: str) -> str:

@@ -106,14 +106,7 @@ def read_lab_table(
         if name in _KNOWN or _is_reading(name):
             named.setdefault(name, (own, 1.0))
     _check_header(table, named, flexion_deg, ignore, unloaded)
-    loads = {
-        name: table.column(*named[name], RANGES[name]) for name in NAMED_LOADS if name in named
-    }
-    for name, size in loads.items():
-        if name.endswith("_Nm") and np.abs(size).max() > _MOST_MOMENT_NM:
-            own, _ = named[name]
-            expected = f"N m, at most {_MOST_MOMENT_NM:g}; N mm are suspected (0.001 * {own})"
-            raise InputProblem(file, own, f"up to {np.abs(size).max():g}", expected)
+    loads = _loads(table, named)
     observed = np.full((len(table.rows), len(COLUMNS)), np.nan)
     for place, name in enumerate(COLUMNS):
         if name in named:
@@ -128,6 +121,19 @@ def read_lab_table(
     }
     weight = table.column(*named["weight"], RANGES["weight"]) if "weight" in named else None
     return LabTable(observed[:, 0], loads, observed[:, 1:], readings, weight)
+
+
+def _loads(table: _Readings, named: Mapping[str, tuple[str, float]]) -> dict[str, np.ndarray]:
+    """Load -> its size in each row; moments that can only be N mm are refused."""
+    loads = {
+        name: table.column(*named[name], RANGES[name]) for name in NAMED_LOADS if name in named
+    }
+    for name, size in loads.items():
+        if name.endswith("_Nm") and np.abs(size).max() > _MOST_MOMENT_NM:
+            own, _ = named[name]
+            expected = f"N m, at most {_MOST_MOMENT_NM:g}; N mm are suspected (0.001 * {own})"
+            raise InputProblem(table.file, own, f"up to {np.abs(size).max():g}", expected)
+    return loads
 
 
 def _is_reading(name: str) -> bool:

@@ -9,19 +9,13 @@ import jax
 import numpy as np
 from jax.typing import ArrayLike
 
-from kneejax.experiments import doubts, with_flips
 from kneejax.experiments import evaluate as evaluate_mechanics
+from kneejax.experiments import with_flips
 from kneejax.geometry import FREE_COORDINATES, TIBIA, State
 from kneejax.inference.calibration._fitted_test import fitted_tests
 from kneejax.inference.calibration._result import Estimate, Fit, Motion, Starts
 from kneejax.inference.calibration._search import Trail, together
-from kneejax.inference.fit import (
-    Problem,
-    SeveralKnees,
-    offset_units,
-    slack_at,
-    without_offsets,
-)
+from kneejax.inference.fit import Problem, SeveralKnees, offset_units, slack_at, without_offsets
 from kneejax.inference.intervals import Interval, IntervalKind, Surety, named, on_bounds, sureties
 from kneejax.mechanics import Knee
 from kneejax.statics import Slopes
@@ -187,7 +181,8 @@ def motion_at(
         with_flips(status, mechanics),
         np.asarray(mechanics.tension),
         np.linalg.norm(np.asarray(mechanics.contact_force), axis=-1),
-        doubts(knee, mechanics),
+        knee,
+        mechanics,
         {bone: np.asarray(pose.to_table()) for bone, pose in state.poses.items() if bone != TIBIA},
     )
 

@@ -9,9 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from kneejax.experiments import Mechanics
 from kneejax.inference.calibration._fitted_test import FittedTest
 from kneejax.inference.calibration._quality import Misfit
 from kneejax.inference.intervals import IntervalKind
+from kneejax.mechanics import Knee
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,7 +67,8 @@ class Motion:
         status: one `Status` value a row.
         ligament_forces: shape `(n, ligaments)`, N.
         contact_forces: shape `(n, contacts)`, N.
-        doubts: what is wrong with each row, in numbers (`kneejax.experiments.doubts`).
+        knee: with which it was found; None without poses, as the next.
+        mechanics: of all rows, from which is told what is wrong with them.
         other_bones: bone besides the tibia -> its poses, `(n, 6)` in the order of its coordinates.
     """
 
@@ -73,7 +76,8 @@ class Motion:
     status: np.ndarray
     ligament_forces: np.ndarray
     contact_forces: np.ndarray
-    doubts: tuple[str, ...] = ()
+    knee: Knee | None = None
+    mechanics: Mechanics | None = None
     other_bones: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
 
 

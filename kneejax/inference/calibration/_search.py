@@ -19,6 +19,9 @@ from kneejax.inference.fit import (
 )
 from kneejax.statics import Slopes
 
+# Evaluations of each of several starts.
+_STEPS_OF_STARTS = 40
+
 
 @dataclasses.dataclass(frozen=True)
 class Stage:
@@ -364,7 +367,6 @@ def several_starts(
     starts: np.ndarray,
     lower: np.ndarray,
     upper: np.ndarray,
-    steps: int = 40,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Run procedure III from several starts at once.
 
@@ -373,7 +375,6 @@ def several_starts(
         starts: `(s, p)`; offsets need no start, the best ones are known at every step.
         lower: bounds.
         upper: bounds.
-        steps: evaluations of each start.
 
     Returns:
         End points `(s, p)` and their objectives `(s,)`, infinite where a start found no balance.
@@ -384,6 +385,6 @@ def several_starts(
     data = dataclasses.replace(problem.cases, offsets=problem.offsets, prior=prior)
     balance, values = balances_of(problem.knee, problem.selection, data), starts[:, :size]
     box = (np.tile(bound[:size], (count, 1)) for bound in (lower, upper))
-    found = fit_lanes(balance, data, balance(values), values, *box, most=steps, far=True)
+    found = fit_lanes(balance, data, balance(values), values, *box, most=_STEPS_OF_STARTS, far=True)
     shifts = [best_offsets(data, found.slopes.take([row])) for row in range(count)]
     return np.hstack([found.values, np.reshape(shifts, (count, -1))]), found.chi2

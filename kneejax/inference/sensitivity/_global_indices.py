@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -148,34 +149,32 @@ def global_indices(
     whole = sound.reshape(samples, size).all(axis=1)
     kept = np.repeat(whole, size)
 
-    shape = (len(outputs), len(names))
-    measures = {name: np.full(shape, np.nan) for name in MEASURES[method]}
-    bounded = [name for name in MEASURES[method] if _SALIB_NAMES[name][1]]
-    half_widths = {name: np.full(shape, np.nan) for name in bounded}
     enough = whole.sum() >= FEWEST[method]
-    for row in range(len(outputs)):
-        column = y[kept, row]
-        if not enough or np.ptp(column) <= _CONSTANT * np.abs(column).max():
-            continue
-        found = analyse(x[kept], column)
-        for name in measures:
-            value, half_width = _SALIB_NAMES[name]
-            measures[name][row] = found[value]
-            if half_width:
-                half_widths[name][row] = found[half_width]
+    columns = np.ascontiguousarray(y[kept].T)
+    found = [analyse(x[kept], y) if enough and _varies(y) else None for y in columns]
     return GlobalIndices(
-        method,
-        tuple(names),
-        tuple(outputs),
-        lower,
-        upper,
-        measures,
-        half_widths,
-        confidence,
-        len(x),
-        int((~sound).sum()),
-        samples,
-        int((~whole).sum()),
+        method, tuple(names), tuple(outputs), lower, upper, *_numbers(method, found, len(names)),
+        confidence, len(x), int((~sound).sum()), samples, int((~whole).sum()),
+    )  # fmt: skip
+
+
+def _varies(column: np.ndarray) -> bool:
+    return bool(np.ptp(column) > _CONSTANT * np.abs(column).max())
+
+
+def _numbers(
+    method: str, found: Sequence[Mapping[str, Any] | None], count: int
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Measures, and half widths of those that have one, `(outputs, p)`; NaN where none is known."""
+
+    def table(key: str) -> np.ndarray:
+        unknown = np.full(count, np.nan)
+        return np.array([unknown if one is None else one[key] for one in found], float)
+
+    names = {name: _SALIB_NAMES[name] for name in MEASURES[method]}
+    return (
+        {name: table(value) for name, (value, _) in names.items()},
+        {name: table(half_width) for name, (_, half_width) in names.items() if half_width},
     )
 
 

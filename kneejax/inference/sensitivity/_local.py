@@ -10,13 +10,7 @@ from numpy.typing import ArrayLike
 
 from kneejax.inference.fit import table_of
 from kneejax.mechanics import Knee
-from kneejax.parameters import (
-    Selection,
-    UnsuitableData,
-    percent_scales,
-    prior_scales,
-    select,
-)
+from kneejax.parameters import Selection, UnsuitableData, percent_scales, prior_scales, select
 from kneejax.statics import Stations, balance_with_slopes
 
 #: How a slope is scaled -> words that finish "mm or degrees per ...".

@@ -13,7 +13,7 @@ from kneejax.inference.sensitivity._map_cases import MapCases
 from kneejax.inference.sensitivity._map_study import LoadedMaps, Maps, PassiveMaps
 from kneejax.inference.sensitivity._parameter_map import BlockStore, ParameterMap
 from kneejax.mechanics import Knee, Load
-from kneejax.parameters import UnknownParameter, UnsuitableData, select, stated_bounds
+from kneejax.parameters import Selection, UnknownParameter, UnsuitableData, select, stated_bounds
 from kneejax.statics import FAILURES, Progress, Stations, Status
 
 
@@ -80,17 +80,9 @@ def sensitivity_maps(
     """
     measured = np.asarray(measured, float)
     weights = DEFAULT_WEIGHTS if weights is None else np.asarray(weights, float)
-    at = dict(at or {})
     limits = map_ranges(knee, pairs, grid=grid, bounds=bounds)
-    selection = select(knee, tuple(dict.fromkeys((*at, *limits))))
-    flexion, back = np.unique(measured[:, 0], return_inverse=True)
-    base = np.array(selection.read(knee))
-    for name, value in at.items():
-        if name not in selection.names:
-            raise UnknownParameter(f"{name!r} is many parameters: name each")
-        if not np.isfinite(value):
-            raise UnsuitableData(f"{name}: {value} is not finite")
-        base[selection.names.index(name)] = value
+    selection = select(knee, tuple(dict.fromkeys((*(at or ()), *limits))))
+    base = _kept(knee, selection, at or {})
     if loads or tests:
         if convention != "femoral":
             raise UnsuitableData(f"convention {convention}: expected femoral where loads act")
@@ -98,6 +90,7 @@ def sensitivity_maps(
         cases = MapCases.of(problem, offsets, base, failures)
         study: Maps = LoadedMaps(knee, selection, base, problem.cases.stations, weights, cases)
     else:
+        flexion, back = np.unique(measured[:, 0], return_inverse=True)
         study = PassiveMaps(
             knee, selection, base, Stations.at(flexion), weights, back, measured, offsets,
             convention, failures,
@@ -119,6 +112,18 @@ def sensitivity_maps(
         maps.append(study.map(pair, x, y, store, report))
         done += x.size * y.size * size
     return tuple(maps)
+
+
+def _kept(knee: Knee, selection: Selection, at: Mapping[str, float]) -> np.ndarray:
+    """Values of the parameters where a map does not vary them, `(p,)`."""
+    base = np.array(selection.read(knee))
+    for name, value in at.items():
+        if name not in selection.names:
+            raise UnknownParameter(f"{name!r} is many parameters: name each")
+        if not np.isfinite(value):
+            raise UnsuitableData(f"{name}: {value} is not finite")
+        base[selection.names.index(name)] = value
+    return base
 
 
 def map_ranges(

@@ -18,15 +18,7 @@ from kneejax.inference.sensitivity._global_indices import (
 )
 from kneejax.mechanics import Knee
 from kneejax.parameters import Selection, UnsuitableData, looked_up, prior_scales, select, stated
-from kneejax.statics import (
-    FAILURES,
-    Progress,
-    Stations,
-    Status,
-    balance_lines,
-    balance_many,
-    fails,
-)
+from kneejax.statics import FAILURES, Progress, Stations, Status, balance_lines, balance_many, fails
 
 #: Half a range where none is stated, in standard deviations of the prior: that of a uniform
 #: distribution is then the same.
@@ -131,16 +123,7 @@ def motion_indices(
     )
     base = np.asarray(selection.read(knee))
     measured = np.asarray(measured, float)
-    # Stations ascend; a measurement may run to and fro.
-    flexion = np.unique(measured[:, 0])
-
-    vary, start = selection.apply, jnp.asarray(base)
-    # A line of one point: each station for itself.
-    itself = balance_lines(knee, vary, start, base[None, None], Stations.at(flexion), np.zeros(1))
-    held = ~fails(itself.status[0, 0], failures)
-    if not held.any():
-        raise UnsuitableData("the knee itself is balanced and stable at no measured flexion")
-    left_out, flexion = flexion[~held], flexion[held]
+    flexion, left_out = _balanced_at(knee, selection, base, measured[:, 0], failures)
     measured = measured[np.isin(measured[:, 0], flexion)]
     row = np.searchsorted(flexion, measured[:, 0])
     at = np.unique(np.linspace(0, len(flexion) - 1, _ANGLES).round().astype(int))
@@ -148,8 +131,8 @@ def motion_indices(
     free = [FREE_COORDINATES.index(name) for name in offsets]
 
     def model(values: np.ndarray) -> np.ndarray:
-        stations = Stations.at(flexion)
-        found = balance_many(knee, vary, start, values, stations, progress=progress)
+        stations, start = Stations.at(flexion), jnp.asarray(base)
+        found = balance_many(knee, selection.apply, start, values, stations, progress=progress)
         failed = np.any(fails(found.status, failures), axis=1)
         error = found.table[:, row] - measured[:, 1:]
         error[..., free] -= error[..., free].mean(axis=1, keepdims=True)
@@ -160,16 +143,25 @@ def motion_indices(
 
     outputs = _outputs(flexion[at])
     indices = global_indices(
-        model,
-        selection.names,
-        lower,
-        upper,
-        method=method,
-        samples=samples,
-        seed=seed,
+        model, selection.names, lower, upper, method=method, samples=samples, seed=seed,
         outputs=[one.name for one in outputs],
-    )
+    )  # fmt: skip
     return MotionIndices(indices, outputs, tuple(left_out.tolist()))
+
+
+def _balanced_at(
+    knee: Knee, selection: Selection, base: np.ndarray, measured_deg: np.ndarray, failures
+) -> tuple[np.ndarray, np.ndarray]:
+    """Flexions at which the knee itself balances, and at which it does not, rising, degrees."""
+    # Stations ascend; a measurement may run to and fro.
+    flexion, start = np.unique(measured_deg), jnp.asarray(base)
+    stations, line = Stations.at(flexion), base[None, None]
+    # A line of one point: each station for itself.
+    itself = balance_lines(knee, selection.apply, start, line, stations, np.zeros(1))
+    held = ~fails(itself.status[0, 0], failures)
+    if not held.any():
+        raise UnsuitableData("the knee itself is balanced and stable at no measured flexion")
+    return flexion[held], flexion[~held]
 
 
 def _outputs(flexion_deg: np.ndarray) -> tuple[Output, ...]:

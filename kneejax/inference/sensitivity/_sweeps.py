@@ -10,13 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kneejax.mechanics import Knee
-from kneejax.parameters import (
-    Selection,
-    UnsuitableData,
-    default_bounds,
-    select,
-    unphysiological,
-)
+from kneejax.parameters import Selection, UnsuitableData, default_bounds, select, unphysiological
 from kneejax.statics import FAILURES, Progress, Stations, Status, balance_lines, fails
 
 #: Ranges of paper 1, section 3; other quantities go over their bounds.

@@ -20,6 +20,7 @@ from kneejax.report.look import (
     readable,
     styled,
     verbatim,
+    without_frame,
 )
 
 if TYPE_CHECKING:
@@ -233,9 +234,7 @@ def correlation_matrix_figure(parameters: Sequence[str], correlation: ArrayLike)
     ticks = np.arange(n) + 0.5
     axes.set_xticks(ticks, names, rotation=45, ha="right", rotation_mode="anchor", fontsize=size)
     axes.set_yticks(ticks, names, fontsize=size)
-    axes.tick_params(length=0)
-    axes.grid(False)
-    axes.spines[:].set_visible(False)
+    without_frame(axes)
     axes.set_title("Correlation of the estimates")
     keys = [
         Rectangle((0, 0), 1, 1, facecolor=colours(0.5 + value / 2), edgecolor="#A0A0A0", lw=0.4)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +18,7 @@ from kneejax.report.look import (
     readable,
     styled,
     verbatim,
+    without_frame,
 )
 from kneejax.statics import Status
 
@@ -80,31 +82,15 @@ def candidates_figure(design: Design) -> Figure:
             hatch, word = _HATCHES[Status(status)]
             handles[word] = _hatched(axes, place, hatch)
     if len(angles) <= _MOST_COLUMNS:
-        for (i, j), gain in np.ndenumerate(gains):
-            if np.isfinite(gain):
-                word = f"{gain:.1f}" if design.criterion == "D" else f"{100 * gain:.0f}"
-                # Beside the number of a chosen test, not under it.
-                axes.text(
-                    j + 0.5, i + 0.5, word, ha="center", va="center", fontsize=6.8,
-                    color="white" if gain > 0.55 * most else "black",
-                )  # fmt: skip
-    for row, steps in _steps(design).items():
-        i, j = places[row]
-        axes.add_patch(Rectangle((j, i), 1, 1, fill=False, ec=VERMILLION, lw=1.8, clip_on=False))
-        axes.text(
-            j + 0.035, i + 0.06, ", ".join(map(str, steps)), ha="left", va="top", fontsize=6.5,
-            color="white", fontweight="bold",
-            bbox={"boxstyle": "square,pad=0.18", "fc": VERMILLION, "ec": "none"},
-        )  # fmt: skip
+        _write_gains(axes, gains, most, design.criterion)
+    _frame_chosen(axes, design, places)
     axes.set_xlim(0, len(angles))
     axes.set_ylim(len(rows), 0)
     every = max(1, -(-len(angles) // 20))
     ticks = np.arange(len(angles))[::every]
     axes.set_xticks(ticks + 0.5, [f"{angles[i]:g}" for i in ticks])
     axes.set_yticks(np.arange(len(rows)) + 0.5, [verbatim(row) for row in rows])
-    axes.tick_params(length=0)
-    axes.grid(False)
-    axes.spines[:].set_visible(False)
+    without_frame(axes)
     axes.set_xlabel("Flexion, deg")
     axes.set_title(f"What one more test would add: {gain_words(design.criterion)}")
     handles["chosen, in this order"] = Rectangle((0, 0), 1, 1, fill=False, ec=VERMILLION, lw=1.8)
@@ -128,6 +114,31 @@ def candidates_figure(design: Design) -> Figure:
         ticks = [tick for tick in bar.get_ticks() if 0 <= tick <= most]
         bar.set_ticks(ticks, labels=[f"{100 * tick:.0f}" for tick in ticks])
     return figure
+
+
+def _write_gains(axes: Axes, gains: np.ndarray, most: float, criterion: str) -> None:
+    """Beside the number of a chosen test, not under it."""
+    for (i, j), gain in np.ndenumerate(gains):
+        if np.isfinite(gain):
+            word = f"{gain:.1f}" if criterion == "D" else f"{100 * gain:.0f}"
+            axes.text(
+                j + 0.5, i + 0.5, word, ha="center", va="center", fontsize=6.8,
+                color="white" if gain > 0.55 * most else "black",
+            )  # fmt: skip
+
+
+def _frame_chosen(axes: Axes, design: Design, places: Sequence[tuple[int, int]]) -> None:
+    """A frame around each chosen test, with its numbers in the order."""
+    from matplotlib.patches import Rectangle
+
+    for row, steps in _steps(design).items():
+        i, j = places[row]
+        axes.add_patch(Rectangle((j, i), 1, 1, fill=False, ec=VERMILLION, lw=1.8, clip_on=False))
+        axes.text(
+            j + 0.035, i + 0.06, ", ".join(map(str, steps)), ha="left", va="top", fontsize=6.5,
+            color="white", fontweight="bold",
+            bbox={"boxstyle": "square,pad=0.18", "fc": VERMILLION, "ec": "none"},
+        )  # fmt: skip
 
 
 @styled

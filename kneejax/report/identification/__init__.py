@@ -3,12 +3,8 @@
 from kneejax.report.identification._document import (
     identification_document as identification_document,
 )
-from kneejax.report.identification._document import (
-    identification_doubts as identification_doubts,
-)
-from kneejax.report.identification._document import (
-    identification_outcome as identification_outcome,
-)
+from kneejax.report.identification._document import identification_doubts as identification_doubts
+from kneejax.report.identification._document import identification_outcome as identification_outcome
 from kneejax.report.identification._information_figures import (
     information_correlation_figure as information_correlation_figure,
 )

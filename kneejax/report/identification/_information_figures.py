@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kneejax.report.calibration import correlation_matrix_figure
-from kneejax.report.look import BLUE, GREY, VERMILLION, readable, styled
+from kneejax.report.look import BLUE, GREY, VERMILLION, readable, styled, without_frame
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from kneejax.inference import Information
@@ -31,7 +32,6 @@ def spectrum_figure(found: Information) -> Figure:
     """
     from matplotlib.colors import LinearSegmentedColormap
     from matplotlib.figure import Figure
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
     free = ~found.at_bound
     names = [readable(name) for name, on in zip(found.names, free, strict=True) if on]
@@ -53,6 +53,19 @@ def spectrum_figure(found: Information) -> Figure:
     )
     table = figure.add_axes((left / wide, below / height, matrix, cell * n / height))
 
+    shades = LinearSegmentedColormap.from_list("parts", [BLUE, "#FFFFFF", VERMILLION])
+    _draw_bars(top, better)
+    _draw_weights(table, vectors, names, shades)
+    place = (left + 0.15) / wide + matrix, below / height, 0.1 / wide, cell * n / height
+    _draw_scale(figure.add_axes(place), shades)
+    return figure
+
+
+def _draw_bars(top: Axes, better: np.ndarray) -> None:
+    """One bar per combination: how many times better it is known than before."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
+    n = len(better)
     low = max(better.max(initial=1.0) * 10.0**-_DECADES, 1e-4)
     floor = min(0.5, max(better[better > low].min(initial=1.0) / 2.0, low))
     places = np.arange(n) + 0.5
@@ -82,7 +95,11 @@ def spectrum_figure(found: Information) -> Figure:
     top.grid(axis="x", visible=False)
     top.set_title("Prior SD over standard error, for each combination of parameters")
 
-    shades = LinearSegmentedColormap.from_list("parts", [BLUE, "#FFFFFF", VERMILLION])
+
+def _draw_weights(table: Axes, vectors: np.ndarray, names: list[str], shades) -> None:
+    """The weight of each parameter in each combination."""
+    n = len(names)
+    places = np.arange(n) + 0.5
     table.pcolormesh(vectors, cmap=shades, vmin=-1, vmax=1, edgecolors="white", linewidth=1)
     if n <= 16:
         for i, j in np.argwhere(np.abs(vectors) >= 0.095):
@@ -96,24 +113,20 @@ def spectrum_figure(found: Information) -> Figure:
     table.set_ylim(n, 0)
     table.set_yticks(places, names, fontsize=size)
     table.set_xticks(places, [str(i + 1) for i in range(n)], fontsize=size)
-    table.tick_params(length=0)
-    table.grid(False)
-    table.spines[:].set_visible(False)
+    without_frame(table)
     table.set_xlabel("Combination, from best determined to worst")
-    bar = figure.add_axes(
-        ((left + 0.15) / wide + matrix, below / height, 0.1 / wide, cell * n / height)
-    )
+
+
+def _draw_scale(bar: Axes, shades) -> None:
+    """Which shade is which weight."""
     gradient = np.linspace(-1, 1, 101)[:, None]
     bar.pcolormesh(np.repeat(gradient, 2, axis=1), cmap=shades, vmin=-1, vmax=1, rasterized=True)
     bar.set_yticks([0, 50.5, 101], ["\u22121", "0", "+1"], fontsize=7)
     bar.yaxis.tick_right()
-    bar.tick_params(length=0)
     bar.set_xticks([])
-    bar.grid(False)
-    bar.spines[:].set_visible(False)
+    without_frame(bar)
     bar.set_ylabel("Weight", fontsize=7.5)
     bar.yaxis.set_label_position("right")
-    return figure
 
 
 def information_correlation_figure(found: Information) -> Figure:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from kneejax.experiments import Transient
-from kneejax.geometry import COORDINATES, coordinate
+from kneejax.geometry import coordinate
 from kneejax.mechanics import NAMED_LOADS
 from kneejax.statics import Status
 
@@ -73,17 +73,3 @@ def _loads(sizes: Mapping[str, np.ndarray]) -> Iterator[str]:
         load = NAMED_LOADS[name]
         word = load.positive if values[np.argmax(np.abs(values))] >= 0 else load.negative
         yield f"{word}: {np.abs(values).max():g} {load.unit} at most"
-
-
-def column_of_rate(column: str) -> str:
-    """Column of a coordinate's rate in tables.
-
-    Example:
-        >>> column_of_rate("flexion_deg")
-        'flexion_deg_per_s'
-    """
-    return f"{column}_per_s"
-
-
-#: Columns of the tibia's rates.
-RATES = tuple(column_of_rate(one.column) for one in COORDINATES.values())

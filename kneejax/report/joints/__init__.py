@@ -6,6 +6,8 @@ from kneejax.report.joints._axes_figure import joint_motion_figure as joint_moti
 from kneejax.report.joints._comparison_figures import (
     joint_comparison_figure as joint_comparison_figure,
 )
+from kneejax.report.joints._comparison_notes import comparison_doubts as comparison_doubts
+from kneejax.report.joints._comparison_notes import comparison_notes as comparison_notes
 from kneejax.report.joints._comparison_text import (
     joint_comparison_document as joint_comparison_document,
 )

@@ -12,6 +12,7 @@ from kneejax.joints import MEASURES
 from kneejax.report.look import BLACK, GREY, PARTS, VERMILLION, WIDTH, styled, verbatim
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from kneejax.joints import Comparison
@@ -61,23 +62,10 @@ def joint_comparison_figure(
         left=0.78 / width, right=1.0 - 0.08 / width, top=0.925, bottom=0.055, wspace=0.07,
         hspace=0.12,
     )  # fmt: skip
-    colors = [BLACK] if subjects == 1 else [PARTS[i % len(PARTS)] for i in range(subjects)]
-    size = 3.6 if found.flexion_deg.size <= _DENSE else 2.2
     for row, measure in enumerate(MEASURES):
         for column, name in enumerate(names):
             axes = panels[row, column]
-            for i, color in enumerate(colors):
-                if i < len(curves[name]):
-                    own = len(curves[name]) > 1
-                    line = VERMILLION if subjects == 1 else color if own else GREY
-                    axes.plot(flexion_deg, curves[name][i, :, row], color=line, linewidth=1.2)
-                axes.plot(
-                    shown[i], found.measured[i, :, row], "o", markersize=size, color=color,
-                    markerfacecolor="none", markeredgewidth=0.8,
-                )  # fmt: skip
-                kept = ~found.compared
-                axes.plot(shown[i, kept], found.measured[i, kept, row], "o", markersize=size,
-                          color=color, markeredgewidth=0.8)  # fmt: skip
+            _draw_subjects(axes, flexion_deg, curves[name][..., row], shown, found, row)
             if row == 0:
                 axes.set_title(_wrapped_title(name, len(names)))
             if column == 0:
@@ -98,6 +86,24 @@ def joint_comparison_figure(
     figure.legend(handles=handles, loc="upper left", ncols=3, bbox_to_anchor=(0.0, 1.0),
                   handlelength=1.6, columnspacing=1.2)  # fmt: skip
     return figure
+
+
+def _draw_subjects(
+    axes: Axes, flexion_deg: np.ndarray, curves: np.ndarray, shown: np.ndarray,
+    found: Comparison, row: int,
+) -> None:  # fmt: skip
+    """A measure of each subject: as it was measured, and as a model's curve."""
+    subjects, kept = len(found.measured), ~found.compared
+    colors = [BLACK] if subjects == 1 else [PARTS[i % len(PARTS)] for i in range(subjects)]
+    size = 3.6 if found.flexion_deg.size <= _DENSE else 2.2
+    for i, color in enumerate(colors):
+        if i < len(curves):
+            line = VERMILLION if subjects == 1 else color if len(curves) > 1 else GREY
+            axes.plot(flexion_deg, curves[i], color=line, linewidth=1.2)
+        dots = {"marker": "o", "linestyle": "none", "markersize": size, "color": color,
+                "markeredgewidth": 0.8}  # fmt: skip
+        axes.plot(shown[i], found.measured[i, :, row], markerfacecolor="none", **dots)
+        axes.plot(shown[i, kept], found.measured[i, kept, row], **dots)
 
 
 def _wrapped_title(name: str, columns: int) -> str:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kneejax.joints import MEASURED, MEASURES
+from kneejax.report.joints._comparison_notes import comparison_doubts, comparison_notes
 from kneejax.report.look import NONE, aligned, json_safe, wrapped
 
 if TYPE_CHECKING:
@@ -111,8 +112,8 @@ def joint_comparison_document(
             "tested": bool(found.tests),
             "alpha": found.alpha,
             "measures": {one.name: f"{one.meaning}, {one.unit}" for one in MEASURES},
-            "notes": found.notes,
-            "doubts": found.doubts,
+            "notes": tuple(comparison_notes(found)),
+            "doubts": tuple(comparison_doubts(found)),
             "settings": settings,
             "versions": versions,
         }
@@ -151,9 +152,9 @@ def joint_comparison_summary(found: Comparison) -> str:
     lines += [f"  {table[0]}"]
     for i, one in enumerate(found.predictions):
         lines += [one.model, *(f"  {line}" for line in table[1 + 2 * i : 3 + 2 * i])]
-    for note in found.notes:
+    for note in comparison_notes(found):
         lines += ["", *wrapped(note)]
-    for doubt in found.doubts:
+    for doubt in comparison_doubts(found):
         lines += ["", *wrapped(doubt, "! ")]
     return "\n".join(lines)
 

@@ -1,4 +1,5 @@
-"""Figures of tests under load."""
+"""Figures of tests under load, and what is wrong with their poses."""
 
+from kneejax.report.laboratory._curve_words import curve_words as curve_words
 from kneejax.report.laboratory._figures import laxity_figure as laxity_figure
 from kneejax.report.laboratory._figures import load_figure as load_figure

@@ -6,6 +6,38 @@ import re
 from collections.abc import Iterable, Sequence
 from html import escape
 
+from kneejax.report.look._page_style import CSS
+
+
+def page(title: str, sections: Iterable[str], style: str = "") -> str:
+    """A complete HTML document, which needs no other file.
+
+    Args:
+        title: plain text; it is escaped.
+        sections: HTML, one after the other.
+        style: CSS beside that of all pages.
+    """
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{escape(title)}</title>\n<style>{CSS}{style}</style>\n</head>\n"
+        f"<body>\n<main>\n{''.join(sections)}</main>\n</body>\n</html>\n"
+    )
+
+
+def boxes(facts: Iterable[tuple[str, str]]) -> str:
+    """Facts at the head of a page, each under its name; plain text."""
+    each = (f"<div><dt>{escape(k)}</dt><dd>{escape(v)}</dd></div>" for k, v in facts)
+    return f"<dl>{''.join(each)}</dl>"
+
+
+def warnings_box(title: str, sentences: Iterable[str]) -> str:
+    """Sentences of plain text that nobody should miss; nothing without any."""
+    items = "".join(f"<li>{escape(sentence)}</li>\n" for sentence in sentences)
+    if not items:
+        return ""
+    return f'<div class="warnings"><h2>{escape(title)}</h2>\n<ul>\n{items}</ul></div>\n'
+
 
 def section(title: str, body: str) -> str:
     """A section of a page under its heading.

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from typing import ParamSpec, TypeVar
+from typing import TYPE_CHECKING, ParamSpec, TypeVar
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
@@ -78,6 +81,13 @@ def styled(draw: Callable[_P, _R]) -> Callable[_P, _R]:
             return draw(*args, **kwargs)
 
     return wrapped
+
+
+def without_frame(axes: Axes) -> None:
+    """Of a matrix its cells are enough: no ticks, grid or spines."""
+    axes.tick_params(length=0)
+    axes.grid(False)
+    axes.spines[:].set_visible(False)
 
 
 def verbatim(text: str) -> str:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kneejax.report.look import listed
+from kneejax.report.motion._pose_words import pose_words
 from kneejax.statics import Status, converged
 
 if TYPE_CHECKING:
@@ -37,6 +38,13 @@ def accepted_statuses(failures: Collection[str]) -> tuple[Status, ...]:
     return tuple(s for s in Status if s.converged and s.word not in failures) if failures else ()
 
 
+def motion_words(motion: Motion) -> tuple[str, ...]:
+    """What is wrong with each pose, in words and numbers; nothing where no forces are known."""
+    if motion.knee is None or motion.mechanics is None:
+        return ("",) * len(motion.status)
+    return pose_words(motion.knee, motion.mechanics)
+
+
 def pose_doubts(
     motion: Motion, flexion: np.ndarray, accepted: tuple[Status, ...] = ()
 ) -> list[str]:
@@ -50,14 +58,14 @@ def pose_doubts(
     Returns:
         A sentence per status.
     """
-    status = row_status(motion)
+    status, words = row_status(motion), motion_words(motion)
     sentences = []
     for outcome in sorted(set(status.tolist()) - {Status.BALANCED, *accepted}, reverse=True):
         rows = np.flatnonzero(status == outcome)
         where = listed([f"{flexion[row]:g}" for row in rows], 8)
         word = Status(outcome).word.replace("_", " ")
-        told = [i for i in rows if i < len(motion.doubts) and motion.doubts[i]]
-        detail = f" At {flexion[told[0]]:g} deg: {motion.doubts[told[0]]}." if told else ""
+        told = [i for i in rows if words[i]]
+        detail = f" At {flexion[told[0]]:g} deg: {words[told[0]]}." if told else ""
         sentences.append(
             f"{len(rows)} of {len(status)} poses {word} (flexion {where} deg): "
             f"{Status(outcome).sentence}.{detail}"

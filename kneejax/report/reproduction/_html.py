@@ -10,12 +10,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from kneejax.report.look import (
-    CSS,
+    boxes,
     json_safe,
+    page,
     picture,
     save_and_inline,
     section,
     table,
+    warnings_box,
     write_whole,
 )
 from kneejax.reproduction import CANNOT_BE_JUDGED, NOT_REPRODUCED, REPRODUCED, Claim
@@ -78,26 +80,15 @@ def write_reproduction(
         section("Figures", pictures) if pictures else "",
         section("How to run it again", _again(settings, versions)),
     ]
-    page = (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)}</title>\n<style>{CSS}{_STYLE}</style>\n</head>\n"
-        f"<body>\n<main>\n{''.join(body)}</main>\n</body>\n</html>\n"
-    )
-    return [write_whole(folder / "report.html", page.encode()), *paths]
+    return [write_whole(folder / "report.html", page(title, body, _STYLE).encode()), *paths]
 
 
 def _head(title: str, about: Sequence[str], claims: Sequence[Claim], doubts: Sequence[str]) -> str:
     verdicts = [claim.verdict for claim in claims]
-    boxes = "".join(
-        f"<div><dt>{escape(word.capitalize())}</dt><dd>{verdicts.count(word)}</dd></div>"
-        for word in _BADGES
-    )
+    facts = boxes((word.capitalize(), str(verdicts.count(word))) for word in _BADGES)
     words = "".join(f"<p>{escape(paragraph)}</p>\n" for paragraph in about)
-    listed = "".join(f"<li>{escape(doubt)}</li>\n" for doubt in doubts)
-    if listed:
-        listed = f'<div class="warnings"><h2>Doubts</h2>\n<ul>\n{listed}</ul></div>\n'
-    return f"<header>\n<h1>{escape(title)}</h1>\n{words}<dl>{boxes}</dl>\n</header>\n{listed}"
+    head = f"<header>\n<h1>{escape(title)}</h1>\n{words}{facts}\n</header>\n"
+    return head + warnings_box("Doubts", doubts)
 
 
 def _article(claim: Claim) -> str:

@@ -15,6 +15,7 @@ from kneejax.report.look import (
     WIDTH,
     styled,
     verbatim,
+    without_frame,
 )
 from kneejax.report.sensitivity import uniform_colours
 from kneejax.reproduction import LIMITS
@@ -289,9 +290,7 @@ def score_figure(found: KneeComparison) -> Figure:
         [parameter_words(name) for name in parameters],
         fontsize=7.5,
     )
-    axes.tick_params(length=0)
-    axes.grid(False)
-    axes.spines[:].set_visible(False)
+    without_frame(axes)
     place = figure.add_axes((0.885, below, 0.015, 1 - below - 0.3 / height))
     bar = figure.colorbar(ScalarMappable(scale, shades), cax=place, ticks=[0, 1, 2, 3])
     bar.ax.set_ylim(0, 3)

@@ -9,12 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kneejax.report.look import BLACK, GREY, WIDTH, styled, verbatim
-from kneejax.report.scene._colours import (
-    OBSTACLE,
-    pressure_limit,
-    strain_colours,
-    strain_limit,
-)
+from kneejax.report.scene._colours import OBSTACLE, pressure_limit, strain_colours, strain_limit
 from kneejax.report.scene._pressure_map import PRESSURE_COLOURS, degrees, spread
 from kneejax.report.scene._render import VIEWS, Camera, camera, render
 from kneejax.report.scene._scene import Fibre, Scene

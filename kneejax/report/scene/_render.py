@@ -80,13 +80,12 @@ class Camera:
         return np.stack([away @ self.right, away @ self.up], axis=-1)
 
 
-def camera(view: str, every: Sequence[Scene], aspect: float | None = None) -> Camera:
+def camera(view: str, every: Sequence[Scene]) -> Camera:
     """A camera that sees all articular surfaces and fibres of some scenes of one knee.
 
     Args:
         view: one of `VIEWS`.
         every: scenes that shall be comparable.
-        aspect: width over height; that of what is seen by default.
     """
     anterior, superior, lateral = VIEWS[view]
     towards = np.array([anterior, superior, lateral * every[0].lateral])
@@ -106,8 +105,6 @@ def camera(view: str, every: Sequence[Scene], aspect: float | None = None) -> Ca
             low[0] = min(low[0], max(wide[0], flat[:, 0].min() - _BONE_MM))
             high[0] = max(high[0], min(wide[1], flat[:, 0].max() + _BONE_MM))
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
-    if aspect is not None:
-        half = np.maximum(half, [half[1] * aspect, half[0] / aspect])
     center = middle[0] * right + middle[1] * up + np.mean(points @ towards) * towards
     return Camera(view, towards, right, up, center, (float(half[0]), float(half[1])))
 

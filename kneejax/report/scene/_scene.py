@@ -10,13 +10,7 @@ import numpy as np
 from kneejax.geometry import FEMUR, PATELLA, TIBIA, Pose, State
 from kneejax.mechanics import Knee
 from kneejax.report.scene._grids import grid_triangles, surface_grid
-from kneejax.report.scene._lines import (
-    Line,
-    Places,
-    ligament_lines,
-    obstacles,
-    quadriceps_lines,
-)
+from kneejax.report.scene._lines import Line, Places, ligament_lines, obstacles, quadriceps_lines
 from kneejax.report.scene._pressure_map import (
     PlateauPressure,
     lateral_sign,

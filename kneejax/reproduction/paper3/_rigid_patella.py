@@ -17,10 +17,9 @@ from kneejax.geometry import PATELLA, Condyle, Placement, Pose, Surface, coordin
 
 #: Where a search ends, mm and N per N of pull; and after how many steps it is given up.
 _TOLERANCE, _MOST_STEPS = 1e-11, 100
-#: Unknowns of a patella: its six coordinates; angle and width of both points of the groove; force
-#: of the medial and lateral contact and of the tendon, per N of the quadriceps' pull.
-UNKNOWNS = 13
-#: What counts as 1 of each.
+#: What counts as 1 of each unknown of a patella: its six coordinates; angle and width of both
+#: points of the groove; force of the medial and lateral contact and of the tendon, per N of the
+#: quadriceps' pull.
 SCALES = (*scales(coordinates_of([PATELLA])), 1 / 30, 1.0, 1 / 30, 1.0, 1.0, 1.0, 1.0)
 
 
@@ -80,7 +79,7 @@ class RigidPatella(eqx.Module):
         facet (Eq 17), medial and lateral; that the tendon has its length.
 
         Args:
-            unknowns: see `UNKNOWNS`; rad, mm, N per N.
+            unknowns: see `SCALES`; rad, mm, N per N.
             attached: end of the tendon on the tibia, `(3,)`, mm, in the femur's frame.
         """
         medial, lateral, pull = unknowns[10:]
@@ -113,7 +112,7 @@ class RigidPatella(eqx.Module):
 
         Args:
             attached: end of the tendon on the tibia, `(3,)`, mm, in the femur's frame.
-            near: where the search begins, as `UNKNOWNS`.
+            near: where the search begins, as in `SCALES`.
 
         Returns:
             The unknowns, differentiable by every number of this patella and by `attached`.

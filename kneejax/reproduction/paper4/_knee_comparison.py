@@ -19,12 +19,7 @@ from kneejax.geometry import State
 from kneejax.inference import versions
 from kneejax.mechanics import Knee
 from kneejax.parameters import UnsuitableData, fibre_rows
-from kneejax.reproduction.paper4._fibre_changes import (
-    Change,
-    Fibres,
-    changes_of,
-    with_fibres,
-)
+from kneejax.reproduction.paper4._fibre_changes import Change, Fibres, changes_of, with_fibres
 from kneejax.reproduction.paper4._knee_scores import LIMITS, score
 from kneejax.reproduction.paper4._one_at_a_time import (
     Influence,

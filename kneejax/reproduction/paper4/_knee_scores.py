@@ -11,16 +11,6 @@ LIMITS = {
     "pressure_percent": (1.0, 5.0, 10.0, 20.0, 40.0),
     "displacement_mm": (0.2, 0.5, 1.25, 2.5, 4.0),
 }
-#: What the scores mean.
-WORDS = {
-    0.0: "none",
-    0.5: "negligible",
-    1.0: "small",
-    1.5: "small to medium",
-    2.0: "medium",
-    2.5: "medium to large",
-    3.0: "large",
-}
 #: What a balance leaves open counts as no difference.
 NOUGHT = 1e-6
 

@@ -185,10 +185,10 @@ def _correlations() -> Claim:
     )
 
 
-def measures_row(values: np.ndarray, digits: int = 2) -> str:
+def measures_row(values: np.ndarray) -> str:
     """Five numbers with the names of their clinical measures, for a row of the report."""
     pairs = zip(_NAMES, values, strict=True)
-    return ", ".join(f"{name} {value:.{digits}f}" for name, value in pairs)
+    return ", ".join(f"{name} {value:.2f}" for name, value in pairs)
 
 
 def _higher_r2() -> Claim:

@@ -12,6 +12,7 @@ from kneejax.experiments import MeasuredTest
 from kneejax.geometry import CLINICAL
 from kneejax.parameters import select
 from kneejax.statics import Status
+from tests.experiments.laboratory.curves import curves_of
 
 #: Test -> its load, and the displacement that a machine prescribes in its place.
 BY_MACHINE = {
@@ -19,16 +20,6 @@ BY_MACHINE = {
     "torsion": ({"moment_Nm": 2.0}, "rotation_deg"),
     "varus-valgus": ({"moment_Nm": 5.0}, "rotation_deg"),
 }
-
-
-@pytest.fixture(scope="module")
-def knee():
-    return kj.load_knee("four_ligament")
-
-
-def curves_of(knee, name, flexion_deg, **options):
-    (test,) = kj.lab_tests(name, flexion_deg, **options)
-    return kj.load_curves(knee, test)[0]
 
 
 @pytest.mark.parametrize(

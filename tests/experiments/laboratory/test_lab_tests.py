@@ -15,16 +15,7 @@ from kneejax.geometry import State
 from kneejax.mechanics import add_lane_axis, load_called
 from kneejax.parameters import select
 from kneejax.statics import Status
-
-
-@pytest.fixture(scope="module")
-def knee():
-    return kj.load_knee("four_ligament")
-
-
-def curves_of(knee, name, flexion_deg, **options):
-    (test,) = kj.lab_tests(name, flexion_deg, **options)
-    return kj.load_curves(knee, test)[0]
+from tests.experiments.laboratory.curves import curves_of
 
 
 def test_a_load_goes_up_and_down_both_ways():

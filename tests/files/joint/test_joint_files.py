@@ -30,7 +30,6 @@ extension: {medial_mm: [6, 8, -21.5], lateral_mm: [1, 11, 23]}
 flexion: {medial_mm: [0.5, 1.5, -21], lateral_mm: [-2, 1, 23.5]}
 """
 
-
 def _joints() -> dict[str, Joint]:
     three = Pose.from_table([ENDS[0], [45.0, -1.6, 9.6, 4.0, -35.0, 2.7], ENDS[1]])
     return {

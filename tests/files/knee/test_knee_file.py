@@ -1,7 +1,5 @@
 import copy
 import pickle
-import sys
-from pathlib import Path
 
 import jax
 import numpy as np
@@ -23,9 +21,7 @@ from kneejax.files import (
 )
 from kneejax.geometry import Pose, State
 from kneejax.mechanics import AXES, ligament_law
-
-sys.path.insert(0, str(Path(__file__).parent))
-from knee_documents import changed, write
+from tests.files.knee.knee_documents import changed, write
 
 WRAP = {
     "kind": "sphere", "bone": "tibia", "center_mm": [0, 0, 0], "radius_mm": 9.0,

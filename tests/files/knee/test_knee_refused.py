@@ -1,8 +1,6 @@
 """Knee files that are refused, each in a line that says what was expected."""
 
 import copy
-import sys
-from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -10,9 +8,7 @@ from hypothesis import strategies as st
 
 from kneejax.files import InputProblem, read_knee
 from kneejax.mechanics import RANGES
-
-sys.path.insert(0, str(Path(__file__).parent))
-from knee_documents import changed, write
+from tests.files.knee.knee_documents import changed, write
 
 WRAP = {
     "kind": "sphere", "bone": "tibia", "center_mm": [0, 0, 0], "radius_mm": 9.0,

@@ -1,8 +1,6 @@
 """The section of the patella in a knee file: what it may say, and the knee of three bones."""
 
 import copy
-import sys
-from pathlib import Path
 
 import jax
 import numpy as np
@@ -13,9 +11,7 @@ from kneejax.files import InputProblem, format_knee, load_knee_file, mirror_docu
 from kneejax.files.knee import build_knee
 from kneejax.geometry import Pose, State
 from kneejax.mechanics import add_lane_axis
-
-sys.path.insert(0, str(Path(__file__).parent))
-from knee_documents import changed
+from tests.files.knee.knee_documents import changed
 
 
 @pytest.fixture(scope="module")

@@ -1,14 +1,10 @@
 """Meshes of known shapes become those shapes; meshes that are no knee are refused."""
 
-import sys
 from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
-import meshed_knee as made
 
 from kneejax.files import InputProblem, import_meshes
 from kneejax.files.knee._file import build_surface
@@ -17,6 +13,7 @@ from kneejax.files.meshes._health import read_sheets
 from kneejax.files.meshes._patella import fit_patella
 from kneejax.geometry import Frame
 from kneejax.report import surface_fit_figure
+from tests.files.meshes import meshed_knee as made
 
 LENHART = Path(__file__).parents[3] / "../shared/data/lenhart2015/meshes"
 QUICK = {"cell_mm": 6.0, "smoothing_mm": 0.3}

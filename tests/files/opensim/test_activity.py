@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-import kneejax as kj
 from kneejax.files import InputProblem, read_activity
 
 MODEL = """<?xml version="1.0" encoding="UTF-8"?>
@@ -82,11 +81,6 @@ def written(folder, side="r", spin="r", until=1.0, degrees="yes"):
     values = [x + 0 * TIME for x in (*numbers, 0.0, 0.0, 0.0)]
     storage(folder / "floor.mot", even | dict(zip(names, values, strict=True)))
     return folder
-
-
-@pytest.fixture(scope="module")
-def knee():
-    return kj.load_knee("four_ligament")
 
 
 def read(folder, knee, side="r", files=("angles.mot", "pulls.sto", "floor.xml"), **options):

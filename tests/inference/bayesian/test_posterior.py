@@ -8,7 +8,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-import kneejax as kj
 from kneejax.inference import Problem, posterior, synthetic_motion
 from kneejax.inference.bayesian._motion_density import MotionDensity
 from kneejax.inference.bayesian._priors import normal_priors
@@ -23,11 +22,6 @@ FLEXION = np.arange(0.0, 121.0, 5.0)
 #: Between the bounds anything goes.
 FLAT = {"reference_strain": (0.0, np.inf)}
 NOISE = 0.05
-
-
-@pytest.fixture(scope="module")
-def knee():
-    return kj.load_knee("four_ligament")
 
 
 @pytest.fixture(scope="module")

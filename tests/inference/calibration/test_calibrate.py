@@ -18,11 +18,6 @@ TRUTH = dict(STUDY.synthetic.parameters)
 
 
 @pytest.fixture(scope="module")
-def knee():
-    return kj.load_knee("four_ligament")
-
-
-@pytest.fixture(scope="module")
 def clean(knee):
     return synthetic_motion(knee, TRUTH, np.arange(0.0, 121.0, 5.0))
 

@@ -13,11 +13,6 @@ FLEXION = np.array([60.0, 75.0, 90.0, 105.0])
 
 
 @pytest.fixture(scope="module")
-def knee():
-    return kj.load_knee("four_ligament")
-
-
-@pytest.fixture(scope="module")
 def measured(knee):
     return np.asarray(kj.passive_flexion(kj.with_values(knee, {NAME: TRUE}), FLEXION).to_table())
 

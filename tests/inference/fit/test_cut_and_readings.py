@@ -18,11 +18,6 @@ READ = ("ACL.tension_N", "MCL.strain", "medial.contact_N")
 
 
 @pytest.fixture(scope="module")
-def knee():
-    return kj.load_knee("four_ligament")
-
-
-@pytest.fixture(scope="module")
 def passive(knee):
     return np.asarray(kj.passive_flexion(knee, [0.0, 45.0]).to_table())
 

@@ -18,11 +18,6 @@ ANTERIOR = FREE_COORDINATES.index("anterior")
 
 
 @pytest.fixture(scope="module")
-def knee():
-    return kj.load_knee("four_ligament")
-
-
-@pytest.fixture(scope="module")
 def curves(knee):
     angles = [20.0, 60.0]
     tests = [

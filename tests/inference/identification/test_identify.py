@@ -21,11 +21,6 @@ BOUNDS = {"stiffness": (300.0, 30000.0)}
 
 
 @pytest.fixture(scope="module")
-def knee():
-    return kj.load_knee("four_ligament")
-
-
-@pytest.fixture(scope="module")
 def chosen(knee):
     return kj.select(knee, NAMES)
 

@@ -35,11 +35,6 @@ def passive(knee, flexion, offsets=()):
     return fit_information(knee, selection, data, fit), fit
 
 
-@pytest.fixture(scope="module")
-def knee():
-    return kj.load_knee("four_ligament")
-
-
 def test_a_line_has_the_errors_of_the_textbook():
     x, noise = np.linspace(1.0, 4.0, 31), 0.2
     found = information(line(x), noise, TWO, ONE, scale=np.array([0.5, 3.0]))

@@ -110,11 +110,6 @@ def test_values_far_away_are_reached_in_shorter_strides():
 
 
 @pytest.fixture(scope="module")
-def knee():
-    return kj.load_knee("four_ligament")
-
-
-@pytest.fixture(scope="module")
 def exact(knee):
     return balance_with_slopes(knee, kj.select(knee, NAMES).apply, TRUTH[None], TWELVE)
 

@@ -5,7 +5,6 @@ import sys
 import numpy as np
 import pytest
 
-import kneejax as kj
 from kneejax.experiments import passive_flexion
 from kneejax.inference import global_indices, motion_indices
 from kneejax.parameters import UnknownParameter, UnsuitableData
@@ -158,11 +157,6 @@ def test_without_salib_one_line_says_what_to_install(monkeypatch, method):
 
 # A knee, by two parameters of which one is slack near extension.
 KNEE_NAMES = ("ACL.reference_strain", "PCL.stiffness")
-
-
-@pytest.fixture(scope="module")
-def knee():
-    return kj.load_knee("four_ligament")
 
 
 @pytest.fixture(scope="module")

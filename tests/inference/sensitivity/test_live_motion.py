@@ -11,11 +11,6 @@ FLEXION = np.array([0.0, 5.0, 10.0, 20.0, 40.0, 80.0, 120.0])
 
 
 @pytest.fixture(scope="module")
-def knee():
-    return kj.load_knee("four_ligament")
-
-
-@pytest.fixture(scope="module")
 def measured(knee):
     return np.asarray(kj.passive_flexion(knee, FLEXION).to_table())
 

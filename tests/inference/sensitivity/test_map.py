@@ -17,11 +17,6 @@ WEIGHTS = np.array([8.0, 8.0, 1.0, 1.0, 1.0])
 
 
 @pytest.fixture(scope="module")
-def knee():
-    return kj.load_knee("four_ligament")
-
-
-@pytest.fixture(scope="module")
 def measured(knee):
     """The motion of a knee whose PCL is softer and tighter."""
     true = kj.with_values(knee, {"PCL.stiffness": 2814.0, "PCL.reference_strain": -0.047})

@@ -18,11 +18,6 @@ BOUNDS = {PAIR[0]: (3000.0, 6000.0), PAIR[1]: (0.01, 0.05)}
 
 
 @pytest.fixture(scope="module")
-def knee():
-    return kj.load_knee("four_ligament")
-
-
-@pytest.fixture(scope="module")
 def measured(knee):
     """Of a knee in the middle of the grid: poses, a drawer with the ACL's pull, and one without
     the MCL, counted from before it was cut."""

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-import kneejax as kj
 from kneejax.inference import local_sensitivity, sweep
 from kneejax.parameters import UnknownParameter, UnsuitableData
 from kneejax.statics import Stations, Status, converged
@@ -11,11 +10,6 @@ from kneejax.statics import Stations, Status, converged
 NAMES = ("*.stiffness", "*.reference_strain")
 FLEXION = np.array([0.0, 25.0, 70.0, 120.0])
 ANTERIOR = 2
-
-
-@pytest.fixture(scope="module")
-def knee():
-    return kj.load_knee("four_ligament")
 
 
 @pytest.fixture(scope="module")

@@ -1,13 +1,11 @@
 """The reference for contact is itself right: against a closed form, and against OpenSim JAM."""
 
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
-from raycast_foundation import confined_modulus, load_mesh_mm, raycast_contact
+from tests.mechanics.raycast_foundation import confined_modulus, load_mesh_mm, raycast_contact
 
 DATA = Path(__file__).parents[3] / "../shared/data/lenhart2015"
 MODULUS_MPA = confined_modulus(10.0, 0.45)

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 import kneejax.geometry as geo
-from kneejax.experiments import Way, doubts, evaluate, status_of, ways_of, with_flips
+from kneejax.experiments import Way, evaluate, status_of, ways_of, with_flips
 from kneejax.mechanics import Course, Knee, Ligaments, Wrench, add_lane_axis
 from kneejax.mechanics._wrench import wrench_of
+from kneejax.report import pose_words
 from kneejax.statics import Status
 
 FEMORAL = [[-2.0, 30.0, 1.0], [3.0, 28.0, -2.0], [0.0, 33.0, 0.0]]
@@ -266,7 +267,7 @@ def test_a_pose_takes_the_status_of_its_worst_fibre():
     assert {*torn} == {Status.OVERSTRETCHED, Status.BALANCED} and each.tolist()[2:4] == torn[2:4]
     flipped = with_flips(each, found)
     assert flipped[3] == Status.WAY_FLIPPED and (np.delete(flipped, 3) == np.delete(each, 3)).all()
-    said = doubts(knee, found)
+    said = pose_words(knee, found)
     assert "a flipped to the other side" in said[3] and "fails at 0.15" in said[-1]
     for obstacle, expected in (
         (geo.WrapSphere(12.0, geo.Frame([0.0, -40.0, 0.0])), "wrap_inside"),

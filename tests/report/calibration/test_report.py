@@ -6,14 +6,9 @@ import dataclasses
 import html
 import json
 import re
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
-import made_up
 
 from kneejax import report
 from kneejax.inference.calibration._quality import Fault, Misfit
@@ -22,6 +17,7 @@ from kneejax.inference.intervals._intervals import IntervalKind
 from kneejax.report.calibration import calibration_notes
 from kneejax.report.look import SHOWN
 from kneejax.statics._status import Status
+from tests.report import made_up
 
 ODD = 'A<b>&"C"$x$'
 MISFITS = (

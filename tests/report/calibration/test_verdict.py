@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import re
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
-import made_up
 
 from kneejax import report
 from kneejax.inference.calibration._quality import Fault, Misfit
 from kneejax.inference.calibration._result import Ending
 from kneejax.inference.intervals._intervals import IntervalKind
+from tests.report import made_up
 
 MISFITS = (
     Misfit("superior", Fault.WORSE_THAN_START, 0.33, 0.26),

@@ -3,19 +3,15 @@
 import csv
 import io
 import json
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "reproduction" / "paper4"))
-from compared_knees import comparison, study
 
 from kneejax import report
 from kneejax.report.look._saving import picture_svg
 from kneejax.report.reproduction import _knee_comparison_text as text
 from kneejax.reproduction import CANNOT_BE_JUDGED, paper4_claims
+from tests.reproduction.paper4.compared_knees import comparison, study
 
 
 def test_every_score_is_in_the_heatmap_and_unknown_ones_are_hatched():

@@ -15,11 +15,6 @@ POSE = [[20.0, 0.9, 7.5, 1.1, 1.0, -1.1], [60.0, 3.8, 3.1, 1.6, -1.0, -1.2]]
 LINEAR = {"law": "linear", "youngs_modulus": 10.0, "onset_width": 1e-4}
 
 
-@pytest.fixture(scope="module")
-def knee():
-    return kj.load_knee("four_ligament")
-
-
 def as_left(knee):
     """The same twin, said to be of a left knee."""
     twin = jax.tree.map(lambda x: x, knee)

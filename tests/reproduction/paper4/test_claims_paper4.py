@@ -1,14 +1,9 @@
 """Verdicts follow the numbers: each criterion is met by one comparison and missed by another."""
 
-import sys
-from pathlib import Path
-
 import pytest
 
 from kneejax.reproduction import CANNOT_BE_JUDGED, NOT_REPRODUCED, REPRODUCED, Claim, paper4_claims
-
-sys.path.insert(0, str(Path(__file__).parent))
-from compared_knees import AVERAGES, comparison, study
+from tests.reproduction.paper4.compared_knees import AVERAGES, comparison, study
 
 
 def verdicts(*knees):

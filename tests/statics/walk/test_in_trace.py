@@ -14,11 +14,6 @@ FLEXION = np.arange(-5.0, 121.0, 12.5)
 
 
 @pytest.fixture(scope="module")
-def knee():
-    return kj.load_knee("four_ligament")
-
-
-@pytest.fixture(scope="module")
 def traced(knee):
     """Poses and statuses of a knee by its stiffnesses and strains, under a drawer."""
     selection = select(knee, ("*.stiffness", "*.reference_strain"))

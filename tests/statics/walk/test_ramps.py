@@ -13,21 +13,6 @@ UNITS = np.array([1 / 30, 1 / 30, 1.0, 1.0, 1.0])
 
 
 @pytest.fixture(scope="module")
-def knee():
-    return kj.load_knee("four_ligament")
-
-
-@pytest.fixture(scope="module")
-def chosen(knee):
-    return kj.select(knee, ("*.stiffness", "*.reference_strain"))
-
-
-@pytest.fixture(scope="module")
-def base(knee, chosen):
-    return np.asarray(chosen.read(knee))
-
-
-@pytest.fixture(scope="module")
 def variants(base):
     draw = np.random.default_rng(5)
     stiffness = base[:4] * draw.uniform(0.5, 1.5, (12, 4))

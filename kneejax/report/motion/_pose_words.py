@@ -1,4 +1,4 @@
-"""What is wrong with poses, in numbers: which part, by how much, against which limit."""
+"""What is wrong with poses, in words and numbers: which part, by how much, against which limit."""
 
 from __future__ import annotations
 
@@ -8,9 +8,7 @@ import jax
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kneejax.experiments._evaluate import Mechanics
-from kneejax.experiments._motion import Motion
-from kneejax.experiments._ways import flipped, near_flip
+from kneejax.experiments import Mechanics, Motion, flipped, near_flip
 from kneejax.geometry import COLUMNS, COORDINATES, free_of, scales
 from kneejax.mechanics import LIMITS, WIDEST_GAP_MM, Knee, load_words
 from kneejax.statics import Status, converged
@@ -21,22 +19,7 @@ _APART_MM = 0.5
 _MOST_NAMED = 3
 
 
-def with_flips(status: ArrayLike, found: Mechanics) -> np.ndarray:
-    """Status of poses that follow each other: a fibre is compared with the pose before.
-
-    Args:
-        status: of each pose by itself, `(poses,)`.
-        found: their mechanics.
-
-    Returns:
-        `Status` values, `way_flipped` where that is the worst.
-    """
-    status = np.asarray(status)
-    jumps = flipped(found).any(axis=1) & (status < Status.WAY_FLIPPED)
-    return np.where(jumps, int(Status.WAY_FLIPPED), status)
-
-
-def doubts(knee: Knee, found: Mechanics, also: Sequence[str] | None = None) -> tuple[str, ...]:
+def pose_words(knee: Knee, found: Mechanics, also: Sequence[str] | None = None) -> tuple[str, ...]:
     """Say for each pose what is wrong with it, or worth knowing, in numbers.
 
     Args:
@@ -55,7 +38,7 @@ def doubts(knee: Knee, found: Mechanics, also: Sequence[str] | None = None) -> t
     )
 
 
-def of_search(motion: Motion, loads: Mapping[str, ArrayLike] | None = None) -> tuple[str, ...]:
+def search_words(motion: Motion, loads: Mapping[str, ArrayLike] | None = None) -> tuple[str, ...]:
     """Say for each pose without a balance how far the knee held, and how far the search was.
 
     Args:
@@ -65,7 +48,7 @@ def of_search(motion: Motion, loads: Mapping[str, ArrayLike] | None = None) -> t
             per pose.
 
     Returns:
-        A text per pose, empty where a balance was found; for `doubts`.
+        A text per pose, empty where a balance was found; for `pose_words`.
     """
     motion = jax.tree.map(np.asarray, motion)
     lost = ~converged(motion.status)

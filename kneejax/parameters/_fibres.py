@@ -1,0 +1,107 @@
+"""A quantity of all fibres of a knee, read and written; fibres of a group keep how they differ."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from kneejax.geometry import FEMUR, PATELLA, TIBIA
+from kneejax.mechanics import Knee, ligament_law
+from kneejax.parameters._leaves import AXES
+
+#: Ends of a ligament, by the bones that they are on.
+BONES = {
+    "femoral_attachment": FEMUR,
+    "tibial_attachment": TIBIA,
+    "patellar_attachment": PATELLA,
+}
+#: Quantities of a ligament that may be named, with their units.
+QUANTITIES = {
+    "stiffness": "N",
+    "reference_strain": "",
+    "slack_length": "mm",
+    "transition_strain": "",
+    "transition_width": "",
+    "failure_strain": "",
+    "damping": "N s",
+} | {f"{end}.{axis}": "mm" for end in BONES for axis in AXES}
+
+
+def read_mean(knee: Knee, rows: tuple[int, ...], quantity: str) -> Array:
+    """Mean of a quantity over the fibres of some rows."""
+    return jnp.mean(numbers_of(knee, quantity)[np.array(rows)])
+
+
+def numbers_of(knee: Knee, quantity: str) -> Array:
+    """A quantity of every fibre."""
+    if quantity == "reference_strain":
+        return knee.reference_strain()
+    end, _, axis = quantity.partition(".")
+    if not axis:
+        return getattr(knee.ligaments, quantity)
+    column, first = AXES.index(axis), _is_first(knee, end)
+    ends = knee.ligaments.femoral_attachment[:, column], knee.ligaments.tibial_attachment[:, column]
+    if first.all() or not first.any():
+        return ends[not first.any()]
+    return jnp.where(first.reshape(-1, *(1,) * (ends[0].ndim - 1)), *ends)
+
+
+def _is_first(knee: Knee, end: str) -> np.ndarray:
+    """Whether the bone of an end is the first of the two that each fibre joins, `(fibres,)`."""
+    return np.array([pair[0] == BONES[end] for pair in knee.ligaments.bodies])
+
+
+def write_mean(knee: Knee, rows: tuple[int, ...], quantity: str, value: Array) -> Knee:
+    """The knee in which the mean of a quantity over some fibres is a value."""
+    end, _, axis = quantity.partition(".")
+    old, own = numbers_of(knee, quantity), _rows_of(knee, rows)
+    changed = _shared(old, rows, value, shifts=bool(axis))
+    if not axis:
+        return _with(knee, quantity, jnp.where(own, changed, old))
+    column, first = np.arange(len(AXES)) == AXES.index(axis), _is_first(knee, end)
+    for field, at in (("femoral_attachment", first), ("tibial_attachment", ~first)):
+        place = (own & at)[:, None] & column
+        if place.any():
+            array = getattr(knee.ligaments, field)
+            knee = _with(knee, field, jnp.where(place, changed[:, None], array))
+    return knee
+
+
+def _with(knee: Knee, field: str, values: Array) -> Knee:
+    return eqx.tree_at(lambda k: getattr(k.ligaments, field), knee, values)
+
+
+def strained(knee: Knee, strains: Sequence[tuple[tuple[int, ...], Array]]) -> Knee:
+    """The knee with reference strains of some fibres, by their rows.
+
+    Lengths are asked for once: each way around an obstacle is a search, and no compiler sees that
+    two searches are one.
+    """
+    length, slack = knee.reference_length(), knee.ligaments.slack_length
+    for rows, value in strains:
+        strain = _shared(length / slack - 1.0, rows, value, shifts=True)
+        changed = ligament_law.slack_length_from_strain(length, strain)
+        slack = jnp.where(_rows_of(knee, rows), changed, slack)
+    return eqx.tree_at(lambda k: k.ligaments.slack_length, knee, slack)
+
+
+def _shared(old: Array, rows: tuple[int, ...], value: Array, shifts: bool) -> Array:
+    """Numbers of all fibres, changed so that the mean of some becomes a value.
+
+    Each number is computed from its own and picked by a mask: what was gathered, changed and
+    scattered in lanes aborted XLA 0.10 (a check of its fused kernels).
+    """
+    if len(rows) == 1:
+        return jnp.broadcast_to(value, old.shape)
+    own = np.isin(np.arange(len(old)), rows)
+    mean = jnp.sum(jnp.where(own, old, 0.0)) / len(rows)
+    return old + (value - mean) if shifts else old * (value / mean)
+
+
+def _rows_of(knee: Knee, rows: tuple[int, ...]) -> np.ndarray:
+    """Which fibres these are, `(fibres,)`."""
+    return np.isin(np.arange(len(knee.ligaments.names)), rows)
