@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from kneejax.cli._parser import KNEE, add_command, add_out
+from kneejax.cli._parser import KNEE, add_command, add_kinds, add_out
 from kneejax.files import InputProblem
 
 _OF_COHORTS = ("bootstrap", "jobs", "scheduler", "shard")
@@ -14,7 +14,7 @@ def add_cohort(commands, lazily) -> None:
     """`kneejax cohort synthesise`."""
     example = "kneejax cohort synthesise --knees 100 --out made-up && kneejax calibrate made-up"
     above = add_command(commands, "cohort", "Make up a cohort of knees.", example)
-    kinds = above.add_subparsers(dest="kind", metavar="KIND", required=True)
+    kinds = add_kinds(above)
     sentence = "Make up knees and their measurements; the truth is kept aside."
     made = add_command(kinds, "synthesise", sentence, example)
     made.add_argument("--knees", type=int, default=100, help="how many")

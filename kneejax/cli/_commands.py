@@ -11,7 +11,15 @@ from pathlib import Path
 from kneejax.cli._activity_command import add_activity
 from kneejax.cli._cohort_commands import add_cohort, add_cohort_options
 from kneejax.cli._dynamic_options import IN_TIME, add_dynamic_options
-from kneejax.cli._parser import KNEE, Parser, add_command, add_convention, add_out, add_svg
+from kneejax.cli._parser import (
+    KNEE,
+    Parser,
+    add_command,
+    add_convention,
+    add_kinds,
+    add_out,
+    add_svg,
+)
 from kneejax.cli._plan_commands import add_plan
 from kneejax.cli._study_commands import add_identify, add_map, add_sensitivity
 from kneejax.cli._test_options import EXTENSOR, TESTS, add_extensor_options, add_test_options
@@ -267,7 +275,7 @@ def _add_joint(commands) -> None:
 def _add_import(commands) -> None:
     example = "kneejax import osim MODEL.osim --side r"
     above = add_command(commands, "import", "Make a knee from a model or from meshes.", example)
-    kinds = above.add_subparsers(dest="kind", metavar="KIND", required=True)
+    kinds = add_kinds(above)
     sentence = "Make a knee from an OpenSim model, schema 3 or 4."
     _add_import_osim(add_command(kinds, "osim", sentence, example))
     example = (
@@ -357,7 +365,7 @@ def _add_export(commands) -> None:
         "kneejax export osim kneejax-import/knee.yaml MODEL.osim --out NEW.osim"
     )
     above = add_command(commands, "export", "Write a knee's numbers into a model.", example)
-    kinds = above.add_subparsers(dest="kind", metavar="KIND", required=True)
+    kinds = add_kinds(above)
     sentence = "Write a knee's numbers into the OpenSim model that it came from."
     osim = add_command(kinds, "osim", sentence, example)
     osim.add_argument("knee", help=KNEE)

@@ -93,6 +93,11 @@ def add_command(commands: Any, name: str, sentence: str, example: str) -> Parser
     )
 
 
+def add_kinds(parser: Parser) -> Any:
+    """Where the commands below a command are added, one of which must be given."""
+    return parser.add_subparsers(dest="kind", metavar="KIND", required=True)
+
+
 def add_out(parser: argparse.ArgumentParser, folder: str) -> None:
     """Where results are written: `--out`, by default this folder."""
     parser.add_argument("--out", type=Path, default=Path(folder), help="folder for the results")

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from kneejax.cli._parser import add_command, add_out, add_svg
+from kneejax.cli._parser import add_command, add_kinds, add_out, add_svg
 
 
 def add_plan(commands, lazily) -> None:
     """`kneejax plan acl`."""
     example = "kneejax plan acl ten_bundle --points 11"
     above = add_command(commands, "plan", "Plan an operation on a knee.", example)
-    kinds = above.add_subparsers(dest="kind", metavar="KIND", required=True)
+    kinds = add_kinds(above)
     sentence = "Say where, and how tight, to place a graft for the anterior cruciate ligament."
     acl = add_command(kinds, "acl", sentence, example)
     acl.add_argument("plan", nargs="?", default="ten_bundle", help="plan file or bundled plan")

@@ -26,8 +26,8 @@ _MODULES = {
     "MOST_EVALUATIONS": "kneejax.planning._optimum",
     "Optimum": "kneejax.planning._optimum",
     "STARTS": "kneejax.planning._optimum",
-    "best_of": "kneejax.planning._optimum",
-    "missed": "kneejax.planning._optimum",
+    "best_of": "kneejax.planning._limits",
+    "missed": "kneejax.planning._limits",
     "optimise": "kneejax.planning._optimum",
     "AclPlan": "kneejax.planning._plan",
     "FREE": "kneejax.planning._plan",
@@ -68,14 +68,14 @@ if TYPE_CHECKING:
     from kneejax.planning._intervals import Intervals as Intervals
     from kneejax.planning._intervals import intervals as intervals
     from kneejax.planning._intervals import on_knee as on_knee
+    from kneejax.planning._limits import best_of as best_of
+    from kneejax.planning._limits import missed as missed
     from kneejax.planning._maps import TunnelMap as TunnelMap
     from kneejax.planning._maps import over_tension as over_tension
     from kneejax.planning._maps import tunnel_map as tunnel_map
     from kneejax.planning._optimum import MOST_EVALUATIONS as MOST_EVALUATIONS
     from kneejax.planning._optimum import STARTS as STARTS
     from kneejax.planning._optimum import Optimum as Optimum
-    from kneejax.planning._optimum import best_of as best_of
-    from kneejax.planning._optimum import missed as missed
     from kneejax.planning._optimum import optimise as optimise
     from kneejax.planning._plan import FREE as FREE
     from kneejax.planning._plan import AclPlan as AclPlan

@@ -84,6 +84,25 @@ class Outcome:
         """Largest force of any bundle, through the motion and under the tests, `(v,)`."""
         return self.graft_N.max(axis=(1, 2))
 
+    def variant(self, row: int) -> Outcome:
+        """One variant, with derivatives and balances where there are any."""
+        some, followed = slice(row, row + 1), self.followed
+        read = {
+            name: getattr(followed, name)[some]
+            for name in ("length_mm", "strain", "tension_N", "anterior_mm", "status")
+        }
+        own = {
+            name: getattr(self, name)[some]
+            for name in ("choices", "slack_mm", "distance", "laxity_mm", "graft_N", "isometry_mm",
+                         "status")
+        }  # fmt: skip
+        return Outcome(
+            **own,
+            followed=dataclasses.replace(followed, **read, slopes=None, near=None),
+            slopes=self.slopes and {name: x[some] for name, x in self.slopes.items()},
+            near=self.near and Near(self.near.fixed.take(some), self.near.followed.take(some)),
+        )
+
 
 @dataclasses.dataclass(frozen=True)
 class Surgery:

@@ -12,11 +12,11 @@ from kneejax.files import (
     bone_surface,
     knee_with,
     load_knee,
-    named_path,
+    named_document,
     parse_flexion,
     read_calibrated,
 )
-from kneejax.files.reading import Field, load_yaml
+from kneejax.files.reading import Field
 from kneejax.geometry import FEMUR, TIBIA
 from kneejax.mechanics import RANGES, Knee, Range
 from kneejax.parameters import UnknownParameter, fibre_rows
@@ -40,6 +40,7 @@ from kneejax.planning import (
     reconstruction_of,
 )
 from kneejax.studies._drawn_knees import drawn_parameters
+from kneejax.studies._study_fields import parameter_values
 
 _REQUIRED = ("title", "knee", "graft")
 _OPTIONAL = (
@@ -84,9 +85,7 @@ def read_plan(name_or_path: str | os.PathLike[str]) -> AclPlan:
         >>> plan.graft.name, plan.surgery.plan.torn
         ('hamstring', ('aACL', 'pACL'))
     """
-    path = named_path("plans", name_or_path)
-    document = load_yaml(path, "a plan file")
-    return plan_of(Field(os.fspath(path), "", document), path.parent)
+    return plan_of(*named_document("plans", name_or_path))
 
 
 def plan_of(plan: Field, folder: Path = Path()) -> AclPlan:
@@ -136,7 +135,7 @@ def _knee(plan: Field, folder: Path) -> tuple[Knee, tuple[Knee, ...], tuple[str,
     name = plan["knee"].text()
     beside = folder / name
     path = beside if beside.is_file() else Path(name)
-    own = {k: f.number() for k, f in plan["set"].named("a number")} if "set" in plan else {}
+    own = parameter_values(plan["set"]) if "set" in plan else {}
     knee = knee_with(load_knee(path if beside.is_file() else name), own, plan.file)
     if "draws" not in plan:
         return knee, (), ()

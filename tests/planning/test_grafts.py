@@ -147,6 +147,20 @@ def test_a_graft_tears_at_its_failure_load(plan):
     assert all(graft.source for graft in GRAFTS.values())
 
 
+def test_the_table_of_grafts_is_what_was_published():
+    printed = {
+        "hamstring": (238.0, 2422.0), "patellar_tendon": (210.0, 1784.0),
+        "quadriceps_tendon": (466.0, 2186.0), "native": (242.0, 2160.0),
+    }  # fmt: skip
+    told = {name: (x.stiffness_N_per_mm, x.failure_N) for name, x in GRAFTS.items()}
+    assert told == printed
+
+
+def test_footprints_are_longer_from_front_to_back_and_along_the_femur(knee):
+    tibia, femur = (footprint_of(knee, "ACL", bone).semi_axes_mm for bone in ("tibia", "femur"))
+    assert (tibia, femur) == ((7.0, 5.0), (4.0, 7.5))
+
+
 def test_a_footprint_is_read_from_the_fibres(knee):
     many = kj.load_knee("lenhart2015")
     tibia = footprint_of(many, "ACL", TIBIA)

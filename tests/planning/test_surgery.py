@@ -56,17 +56,32 @@ def test_the_graft_pulls_as_it_was_fixed(surgery, planned):
 
 
 def test_derivatives_are_those_of_central_differences(surgery, planned):
-    step = np.array([1e-3, 1e-3, 1e-3, 1e-3, 1e-2])
+    # A walk leaves meeting points within 3e-4 mm; from its balances they are found to rounding.
+    planned = surgery.try_out(BASE, slopes=True, near=planned.near)
+    step = np.array([1e-4, 1e-4, 1e-4, 1e-4, 1e-3])
     for k, h in enumerate(step):
         away = np.zeros(5)
         away[k] = h
         up, down = (
             surgery.try_out(BASE + way * away, slopes=True, near=planned.near) for way in (1, -1)
         )
-        for name, size in (("total", 1e-6), ("laxity_mm", 1e-6), ("graft_N", 1e-4)):
+        for name in ("total", "laxity_mm", "graft_N"):
             rise = (getattr(up, name) - getattr(down, name)) / (2.0 * h)
             exact = planned.slopes[name][..., k]
-            assert exact == pytest.approx(rise, rel=1e-5, abs=size), (name, k)
+            size = 1e-7 * np.abs(exact).max()
+            assert exact == pytest.approx(rise, rel=1e-6, abs=size), (name, k)
+
+
+def test_a_graft_that_could_not_be_fixed_has_no_numbers(surgery):
+    found = surgery.try_out(np.r_[BASE[:4], 1e6], slopes=True)
+    assert np.isnan(found.slack_mm).all() and found.status[0] != 0
+    for told in (found.total, found.laxity_mm, found.peak_N, found.isometry_mm):
+        assert np.isnan(told).all()
+
+
+def test_length_change_is_between_the_longest_and_the_shortest_of_the_motion(surgery, planned):
+    length = planned.followed.length_mm[0, surgery.protocol.motion, -1]
+    assert planned.isometry_mm[0, 0] == pytest.approx(np.ptp(length), abs=1e-12)
 
 
 def test_neighbours_on_a_grid_are_found_where_each_is_found_by_itself(surgery):
@@ -96,6 +111,8 @@ def test_the_octagon_is_regular():
     corners = octagon(10.0)
     middles = 0.5 * (corners + np.roll(corners, 1, axis=0))
     assert np.linalg.norm(middles, axis=1) == pytest.approx(np.full(8, 10.0))
+    # In front on the medial side, then in front on the lateral one.
+    assert corners[0].min() > 0.0 and corners[1, 0] > 0.0 > corners[1, 1]
     assert np.linalg.norm(np.diff(corners, axis=0), axis=1).std() == pytest.approx(0.0, abs=1e-12)
 
 

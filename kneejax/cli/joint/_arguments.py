@@ -6,12 +6,12 @@ import argparse
 import math
 from pathlib import Path
 
-from kneejax.cli._parser import CONVENTIONS, Parser, add_command, add_out, add_svg
+from kneejax.cli._parser import CONVENTIONS, Parser, add_command, add_kinds, add_out, add_svg
 
 
 def add_joint(joint: Parser) -> None:
     """Add the commands below `kneejax joint`."""
-    kinds = joint.add_subparsers(dest="kind", metavar="KIND", required=True)
+    kinds = add_kinds(joint)
     fit = "kneejax joint fit --knee four_ligament --flexion 0:90:10"
     _add_fit(
         add_command(kinds, "fit", "Fit a moving axis and a hinge to poses or a contact knee.", fit)

@@ -38,17 +38,18 @@ from kneejax.report.calibration._verdict import (
     warnings,
 )
 from kneejax.report.look import (
-    CSS,
     NONE,
     SHOWN,
     change,
     json_safe,
     number,
+    page,
     picture,
     save_and_inline,
     section,
     table,
     trimmed,
+    warnings_box,
     with_error,
     write_whole,
 )
@@ -101,8 +102,8 @@ def write_report(
             figure = draw(calibration)
             written, pictures[name] = save_and_inline(figure, folder / "figures", name, svg=svg)
             paths += written
-    page = report_page(calibration, pictures)
-    return [write_whole(folder / "report.html", page.encode()), *paths]
+    whole = report_page(calibration, pictures)
+    return [write_whole(folder / "report.html", whole.encode()), *paths]
 
 
 @contextlib.contextmanager
@@ -139,12 +140,7 @@ def report_page(calibration: Calibration, pictures: dict[str, str]) -> str:
         _notes_section(calibration),
         section("How to run it again", _again_section(calibration)),
     ]
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(calibration.title)}</title>\n<style>{CSS}</style>\n</head>\n"
-        f"<body>\n<main>\n{''.join(sections)}</main>\n</body>\n</html>\n"
-    )
+    return page(calibration.title, sections)
 
 
 def _optional(title: str, name: str, calibration: Calibration, pictures, compose) -> str:
@@ -165,10 +161,7 @@ def _head(calibration: Calibration) -> str:
         ("Time, s", number(calibration.seconds.get("total", math.nan), 3)),
     ]
     facts = "".join(f"<div><dt>{escape(k)}</dt><dd>{escape(v)}</dd></div>" for k, v in boxes)
-    listed = ""
-    if doubts:
-        items = "".join(f"<li>{escape(sentence)}</li>\n" for sentence in doubts)
-        listed = f'<div class="warnings"><h2>Warnings</h2>\n<ul>\n{items}</ul></div>\n'
+    listed = warnings_box("Warnings", doubts)
     return (
         f"<header>\n<h1>{escape(calibration.title)}</h1>\n"
         f'<p class="under">Calibration of knee {escape(calibration.knee)}, '

@@ -16,14 +16,15 @@ from kneejax.report.calibration import Outcome, correlation_matrix_figure
 from kneejax.report.cohort._figures import forest_figure
 from kneejax.report.cohort._text import outcomes, population_rows
 from kneejax.report.look import (
-    CSS,
     NONE,
     number,
+    page,
     picture,
     plain,
     save_and_inline,
     section,
     table,
+    warnings_box,
     write_whole,
 )
 
@@ -65,8 +66,8 @@ def write_cohort_report(
     for name, figure in drawn.items():
         written, pictures[name] = save_and_inline(figure, folder / "figures", name, svg=svg)
         paths += written
-    page = cohort_page(summary, pictures, knees)
-    return [write_whole(folder / "report.html", page.encode()), *paths]
+    whole = cohort_page(summary, pictures, knees)
+    return [write_whole(folder / "report.html", whole.encode()), *paths]
 
 
 def cohort_page(summary: CohortSummary, pictures: dict[str, str], knees: str) -> str:
@@ -89,12 +90,7 @@ def cohort_page(summary: CohortSummary, pictures: dict[str, str], knees: str) ->
     if "correlation" in pictures:
         caption = "Correlation of the estimates over the knees; of logarithms for stiffness."
         sections.insert(2, section("What goes together", picture(pictures["correlation"], caption)))
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(summary.title)}</title>\n<style>{CSS}</style>\n</head>\n"
-        f"<body>\n<main>\n{''.join(sections)}</main>\n</body>\n</html>\n"
-    )
+    return page(summary.title, sections)
 
 
 def _head(summary: CohortSummary) -> str:
@@ -103,11 +99,8 @@ def _head(summary: CohortSummary) -> str:
     boxes += [(word, str(count)) for word, count in outcomes(summary).items()]
     boxes += [("Time of a knee, s", number(float(np.median(seconds)), 3))] if seconds else []
     facts = "".join(f"<div><dt>{escape(k)}</dt><dd>{escape(v)}</dd></div>" for k, v in boxes)
-    failed = [one for one in summary.answers if one.failed]
-    listed = ""
-    if failed:
-        items = "".join(f"<li>{escape(x.name)}: {escape(x.failed)}</li>\n" for x in failed)
-        listed = f'<div class="warnings"><h2>No answer</h2>\n<ul>\n{items}</ul></div>\n'
+    failed = [f"{one.name}: {one.failed}" for one in summary.answers if one.failed]
+    listed = warnings_box("No answer", failed)
     return (
         f"<header>\n<h1>{escape(summary.title)}</h1>\n"
         f'<p class="under">Calibration of a cohort</p>\n<dl>{facts}</dl>\n</header>\n{listed}'

@@ -10,9 +10,11 @@ from kneejax.report.look._numbers import short as short
 from kneejax.report.look._numbers import trimmed as trimmed
 from kneejax.report.look._numbers import unit_after as unit_after
 from kneejax.report.look._numbers import with_error as with_error
+from kneejax.report.look._page import page as page
 from kneejax.report.look._page import picture as picture
 from kneejax.report.look._page import section as section
 from kneejax.report.look._page import table as table
+from kneejax.report.look._page import warnings_box as warnings_box
 from kneejax.report.look._page_style import CSS as CSS
 from kneejax.report.look._saving import picture_png as picture_png
 from kneejax.report.look._saving import save_and_inline as save_and_inline

@@ -6,6 +6,32 @@ import re
 from collections.abc import Iterable, Sequence
 from html import escape
 
+from kneejax.report.look._page_style import CSS
+
+
+def page(title: str, sections: Iterable[str], style: str = "") -> str:
+    """A page that needs no other file.
+
+    Args:
+        title: plain text; it is escaped.
+        sections: HTML, one after another.
+        style: CSS beside that of all reports.
+    """
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{escape(title)}</title>\n<style>{CSS}{style}</style>\n</head>\n"
+        f"<body>\n<main>\n{''.join(sections)}</main>\n</body>\n</html>\n"
+    )
+
+
+def warnings_box(title: str, sentences: Sequence[str]) -> str:
+    """What a reader must know first, as a list; nothing where there are no sentences."""
+    if not sentences:
+        return ""
+    items = "".join(f"<li>{escape(one)}</li>\n" for one in sentences)
+    return f'<div class="warnings"><h2>{escape(title)}</h2>\n<ul>\n{items}</ul></div>\n'
+
 
 def section(title: str, body: str) -> str:
     """A section of a page under its heading.

@@ -10,12 +10,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from kneejax.report.look import (
-    CSS,
     json_safe,
+    page,
     picture,
     save_and_inline,
     section,
     table,
+    warnings_box,
     write_whole,
 )
 from kneejax.reproduction import CANNOT_BE_JUDGED, NOT_REPRODUCED, REPRODUCED, Claim
@@ -78,13 +79,8 @@ def write_reproduction(
         section("Figures", pictures) if pictures else "",
         section("How to run it again", _again(settings, versions)),
     ]
-    page = (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)}</title>\n<style>{CSS}{_STYLE}</style>\n</head>\n"
-        f"<body>\n<main>\n{''.join(body)}</main>\n</body>\n</html>\n"
-    )
-    return [write_whole(folder / "report.html", page.encode()), *paths]
+    whole = page(title, body, _STYLE)
+    return [write_whole(folder / "report.html", whole.encode()), *paths]
 
 
 def _head(title: str, about: Sequence[str], claims: Sequence[Claim], doubts: Sequence[str]) -> str:
@@ -94,9 +90,7 @@ def _head(title: str, about: Sequence[str], claims: Sequence[Claim], doubts: Seq
         for word in _BADGES
     )
     words = "".join(f"<p>{escape(paragraph)}</p>\n" for paragraph in about)
-    listed = "".join(f"<li>{escape(doubt)}</li>\n" for doubt in doubts)
-    if listed:
-        listed = f'<div class="warnings"><h2>Doubts</h2>\n<ul>\n{listed}</ul></div>\n'
+    listed = warnings_box("Doubts", doubts)
     return f"<header>\n<h1>{escape(title)}</h1>\n{words}<dl>{boxes}</dl>\n</header>\n{listed}"
 
 
