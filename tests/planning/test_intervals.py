@@ -63,7 +63,8 @@ def test_two_draws_are_the_ends_of_their_quantiles(tmp_path):
     (tmp_path / "result.json").write_text(
         json.dumps({"knee": "four_ligament", "parameters": {NAMES[0]: {"value": 0.07}}})
     )
-    plan = plan_in(tmp_path, flexion_deg="40:0:-20", lachman={"flexion_deg": [20]})
+    limits = {"laxity_band_mm": 0.05}
+    plan = plan_in(tmp_path, flexion_deg="40:0:-20", lachman={"flexion_deg": [20]}, limits=limits)
     other = plan_in(tmp_path, set={"ACL.reference_strain": 0.0, "MCL.reference_strain": 0.03}).own
     found = intervals(plan.surgery, [plan.own, other], {"planned": plan.base})
     assert found.knees == ("intact", "deficient", "planned")
@@ -74,5 +75,5 @@ def test_two_draws_are_the_ends_of_their_quantiles(tmp_path):
         expected = ends[0] + part * (ends[1] - ends[0])
         assert found.limits[:2, 0, place] == pytest.approx(expected, abs=1e-7)
     kept = [missed(surgery, surgery.try_out(plan.base))[0] == 0.0 for surgery in each]
-    assert found.kept[2] == np.mean(kept)
+    assert found.kept[2] == np.mean(kept) < 1.0
     assert found.known[2].tolist() == [2, 2, 2]
