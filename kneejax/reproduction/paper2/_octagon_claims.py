@@ -86,8 +86,9 @@ def _size(found: Octagon) -> Claim:
     return Claim(
         number, said, "The largest total by the least is between half and twice the printed one.",
         printed, f"{own:.1f} times; of the retensioned graft {retensioned:.1f}", judged(holds),
-        "" if holds else "the least total is that of one corner, and lies near the intact knee by "
-        "chance or not",
+        "" if holds else "a bundle that keeps its resting length changes little where its new way "
+        f"is about as long as the old one, as at corner {np.argmin(found.moved.total) + 1} here: "
+        "the ratio tells where the femoral end lies, which is not printed",
     )  # fmt: skip
 
 
