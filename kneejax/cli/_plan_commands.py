@@ -19,6 +19,11 @@ def add_plan(commands, lazily) -> None:
         metavar="N",
         help="of a map along each axis, 0 for no maps (default: what the plan says)",
     )
+    acl.add_argument(
+        "--front",
+        action="store_true",
+        help="also find the places that are best in some balance of laxity, force and strains",
+    )
     add_out(acl, "kneejax-plan")
     add_svg(acl)
     acl.set_defaults(run=lazily("_plan"))

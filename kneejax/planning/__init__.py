@@ -15,6 +15,12 @@ _MODULES = {
     "SEMI_AXES_MM": "kneejax.planning._footprints",
     "footprint_of": "kneejax.planning._footprints",
     "octagon": "kneejax.planning._footprints",
+    "Front": "kneejax.planning._front",
+    "criteria_of": "kneejax.planning._front",
+    "pareto_front": "kneejax.planning._front",
+    "undominated": "kneejax.planning._front",
+    "POPULATION": "kneejax.planning._front",
+    "GENERATIONS": "kneejax.planning._front",
     "GRAFTS": "kneejax.planning._grafts",
     "GraftType": "kneejax.planning._grafts",
     "Intervals": "kneejax.planning._intervals",
@@ -63,6 +69,12 @@ if TYPE_CHECKING:
     from kneejax.planning._footprints import Footprint as Footprint
     from kneejax.planning._footprints import footprint_of as footprint_of
     from kneejax.planning._footprints import octagon as octagon
+    from kneejax.planning._front import GENERATIONS as GENERATIONS
+    from kneejax.planning._front import POPULATION as POPULATION
+    from kneejax.planning._front import Front as Front
+    from kneejax.planning._front import criteria_of as criteria_of
+    from kneejax.planning._front import pareto_front as pareto_front
+    from kneejax.planning._front import undominated as undominated
     from kneejax.planning._grafts import GRAFTS as GRAFTS
     from kneejax.planning._grafts import GraftType as GraftType
     from kneejax.planning._intervals import Intervals as Intervals

@@ -137,7 +137,7 @@ class _Search:
     def note(self, outcome: Outcome) -> None:
         """Keep the outcomes of some choices, one by one."""
         for row in range(len(outcome.choices)):
-            self.known[outcome.choices[row].tobytes()] = outcome.variant(row)
+            self.known[outcome.choices[row].tobytes()] = outcome.taken([row])
             self.count += 1
 
     def at(self, choices: np.ndarray) -> Outcome:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -84,9 +85,9 @@ class Outcome:
         """Largest force of any bundle, through the motion and under the tests, `(v,)`."""
         return self.graft_N.max(axis=(1, 2))
 
-    def variant(self, row: int) -> Outcome:
-        """One variant, with derivatives and balances where there are any."""
-        some, followed = slice(row, row + 1), self.followed
+    def taken(self, rows: Sequence[int] | np.ndarray) -> Outcome:
+        """Some of the variants, with derivatives and balances where there are any."""
+        some, followed = np.asarray(rows), self.followed
         read = {
             name: getattr(followed, name)[some]
             for name in ("length_mm", "strain", "tension_N", "anterior_mm", "status")

@@ -24,8 +24,10 @@ from kneejax.planning import (
     DIRECTIONS,
     FARTHEST_MM,
     FREE,
+    GENERATIONS,
     GRAFTS,
     MOST_EVALUATIONS,
+    POPULATION,
     SEMI_AXES_MM,
     STARTS,
     WINDOW,
@@ -45,7 +47,7 @@ from kneejax.studies._study_fields import parameter_values
 _REQUIRED = ("title", "knee", "graft")
 _OPTIONAL = (
     "set", "ligament", "fixation", "tunnels", "footprints", "bones", "flexion_deg", "lachman",
-    "window", "limits", "octagon_apothem_mm", "map", "optimum", "draws",
+    "window", "limits", "octagon_apothem_mm", "map", "optimum", "front", "draws",
 )  # fmt: skip
 _BONES = (TIBIA, FEMUR)
 _TENSION = Range(1.0, 1000.0, "N", too_small="a graft that is not pulled has no zero-load length")
@@ -109,6 +111,7 @@ def plan_of(plan: Field, folder: Path = Path()) -> AclPlan:
     base = np.hstack([_tunnels(plan, tibia, bundles), _tunnels(plan, femur, bundles),
                       np.array(tension)[:, None]]).ravel()  # fmt: skip
     free, starts, most = _optimum(plan)
+    population, generations = _front(plan, free)
     points, halves = _map(plan)
     return AclPlan(
         title=plan["title"].text(),
@@ -123,6 +126,8 @@ def plan_of(plan: Field, folder: Path = Path()) -> AclPlan:
         free=free,
         starts=starts,
         evaluations=most,
+        population=population,
+        generations=generations,
         drawn=drawn,
         held=held,
         said=plan.value,
@@ -283,6 +288,20 @@ def _optimum(plan: Field) -> tuple[tuple[str, ...], int, int]:
     starts = field["starts"].integer(1, 64) if "starts" in field else STARTS
     most = field["evaluations"].integer(starts + 1, 10_000) if "evaluations" in field else None
     return free, starts, most or max(MOST_EVALUATIONS, starts + 1)
+
+
+def _front(plan: Field, free: tuple[str, ...]) -> tuple[int, int]:
+    if "front" not in plan or plan["front"].value is False:
+        return 0, GENERATIONS
+    if not free:
+        raise plan["front"].problem("an optimum that says what is free")
+    if plan["front"].value is True:
+        return POPULATION, GENERATIONS
+    field = plan["front"].mapping((), ("population", "generations"))
+    return (
+        field["population"].integer(8, 1024) if "population" in field else POPULATION,
+        field["generations"].integer(1, 1000) if "generations" in field else GENERATIONS,
+    )
 
 
 def _map(plan: Field) -> tuple[int, dict[str, float]]:

@@ -42,6 +42,8 @@ def read(folder, **fields):
         ({"lachman": {"flexion_deg": [200]}}, "lachman.flexion_deg"),
         ({"flexion_deg": "80:0:5"}, "a step that leads from the first angle to the last"),
         ({"map": {"points": 2}}, "map.points: 2"),
+        ({"front": {"population": 3}}, "front.population: 3"),
+        ({"front": True, "optimum": False}, "front: True: expected an optimum that says what is"),
         ({"optimum": {"free": ["patella"]}}, "one of tibia, femur, tension"),
     ],
 )  # fmt: skip

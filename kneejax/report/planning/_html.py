@@ -24,9 +24,11 @@ from kneejax.report.look import (
     write_whole,
 )
 from kneejax.report.planning._figures import strain_figure, tension_figure
+from kneejax.report.planning._front import front_figure
 from kneejax.report.planning._maps import tunnel_map_figure
 from kneejax.report.planning._tables import NOT_FOR_PATIENTS, octagon_rows, plan_doubts
 from kneejax.report.planning._text import (
+    front_table,
     interval_rows,
     knee_rows,
     said_of_optimum,
@@ -49,6 +51,11 @@ _CAPTIONS = {
         "Strain of every ligament from bent to straight. Dashed: the intact knee. Thin lines: the "
         "graft's tibial end in the eight corners of the octagon, everything else as planned. A "
         "reconstruction is the better, the nearer its curves are to the dashed ones."
+    ),
+    "front": (
+        "Every choice of the front, each panel two criteria, the colour a third. Further to the "
+        "left and lower is better. The diamond is the compromise, the cross the plan, the star the "
+        "optimum of strain distance alone."
     ),
     "tension": (
         "What the tension at fixation does, tunnels as planned. A tighter graft lets the tibia "
@@ -97,7 +104,8 @@ def write_plan_report(
 
 def _figures(result: PlanResult) -> dict[str, Figure]:
     maps = {f"map_{one.bone}": tunnel_map_figure(result, one) for one in result.maps}
-    return {**maps, "strains": strain_figure(result), "tension": tension_figure(result)}
+    front = {"front": front_figure(result)} if result.has_front else {}
+    return {**maps, **front, "strains": strain_figure(result), "tension": tension_figure(result)}
 
 
 def _page(result: PlanResult, pictures: Mapping[str, str], versions: Mapping[str, str]) -> str:
@@ -105,6 +113,7 @@ def _page(result: PlanResult, pictures: Mapping[str, str], versions: Mapping[str
         _head(result),
         section("What the knee does", _knees(result)),
         _optimum(result, pictures),
+        _front(result, pictures),
         _intervals(result),
         section("The tension", picture(pictures["tension"], _CAPTIONS["tension"])),
         section("Eight places on the tibia", _octagon(result, pictures)),
@@ -171,6 +180,21 @@ def _optimum(result: PlanResult, pictures: Mapping[str, str]) -> str:
         caption = _OF_MAP.format(bone=one.bone, view=_VIEWS[one.bone == TIBIA])
         text += picture(pictures[f"map_{one.bone}"], caption)
     return section("Where to place the graft", text)
+
+
+def _front(result: PlanResult, pictures: Mapping[str, str]) -> str:
+    if result.front is None or not result.has_front:
+        return ""
+    header, *rows = front_table(result)
+    words = (
+        "<p>Laxity, graft force and strains pull in different directions. Of these "
+        f"{len(result.front.criteria)} choices, all within the limits, none is better than another "
+        f"in everything ({result.front.evaluations} knees were tried). Those that are best in one "
+        "criterion, and the one nearest to the best of all, each counted in parts of its extent; "
+        "lengths in mm from the middles of the footprints, forces in N:</p>\n"
+    )
+    drawn = picture(pictures["front"], _CAPTIONS["front"])
+    return section("What must be given up for what", words + table(header, rows) + drawn)
 
 
 def _intervals(result: PlanResult) -> str:

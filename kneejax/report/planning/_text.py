@@ -22,6 +22,7 @@ def plan_text(result: PlanResult) -> str:
     lines = [plan.title, *wrapped(said_of_plan(result)), *aligned([header, *knee_rows(result)])]
     for one in (*said_of_optimum(result), *said_of_tolerances(result)):
         lines += wrapped(one)
+    lines += aligned(front_table(result)) if result.has_front else []
     lines += aligned(interval_rows(result)) if result.intervals is not None else []
     for one in plan_doubts(result):
         lines += wrapped(one, "note: ")
@@ -108,6 +109,27 @@ def said_of_optimum(result: PlanResult) -> list[str]:
         + ", ".join(number(x, 3) for x in np.sort(optimum.ends))
     )
     return lines
+
+
+def front_table(result: PlanResult) -> list[list[str]]:
+    """The ends of the front and its compromise, a header first: criteria and choices."""
+    front, surgery = result.front, result.plan.surgery
+    assert front is not None
+    tests = [f"laxity {angle:g} deg" for angle in surgery.protocol.lachman_deg]
+    names = [*tests, "graft peak", "strain distance"]
+    choices = [
+        f"{footprint.bone} {axis}"
+        for footprint in (surgery.tibia, surgery.femur)
+        for axis in footprint.names
+    ]
+    each = [*choices, "tension"] * len(surgery.plan.bundles)
+    header = [f"best in (of {len(front.criteria)})", *names, *each]
+    wanted = [*zip(names, np.argmin(front.criteria, axis=0), strict=True)]
+    return [header] + [
+        [name, *(number(x, 3) for x in front.criteria[row]),
+         *(number(x, 3) for x in front.outcome.choices[row])]
+        for name, row in (*wanted, ("compromise", front.compromise))
+    ]  # fmt: skip
 
 
 def said_of_tolerances(result: PlanResult) -> list[str]:

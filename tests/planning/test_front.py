@@ -1,0 +1,96 @@
+"""Several criteria at once: fronts in closed form, and on a knee."""
+
+
+import numpy as np
+import pytest
+
+from kneejax.planning import criteria_of, missed, pareto_front, undominated
+
+pytest.importorskip("dtaidistance")
+pytest.importorskip("pymoo")
+
+BASE = np.array([0.0, 0.0, 0.0, 0.0, 80.0])
+
+
+@pytest.fixture(scope="module")
+def of_two(made_up):
+    """Laxity falls by 0.01 mm a newton and grows with the square of the femoral tunnel's place; all
+    strains are the intact knee's: two criteria, of which the front is a straight line."""
+    surgery = made_up(by=(0.0, 0.0, 0.0, 0.0, -0.01), curved=0.05)
+    return surgery, pareto_front(surgery, BASE, np.ones(5, bool), population=24, generations=12)
+
+
+def test_a_front_in_closed_form(of_two):
+    _, front = of_two
+    laxity, peak, strains = front.criteria.T
+    assert front.names == ("laxity_20_deg_mm", "graft_peak_N", "strain_distance")
+    assert laxity == pytest.approx(3.8 - 0.01 * peak, abs=1e-4)
+    assert strains == pytest.approx(0.0, abs=1e-12)
+    assert len(peak) > 8 and np.ptp(peak) > 80.0
+    # Off the line before it is polished.
+    assert (front.rough[:, 0] - 3.8 + 0.01 * front.rough[:, 1]).max() > 1e-3
+
+
+def test_no_point_is_better_than_another_and_none_worse_than_before(of_two):
+    surgery, front = of_two
+    assert undominated(front.criteria).all()
+    assert (front.criteria <= front.rough + 1e-9).all()
+    assert missed(surgery, front.outcome).max() <= 1e-4
+    assert criteria_of(front.outcome) == pytest.approx(front.criteria)
+    assert surgery.count == front.evaluations
+
+
+def test_the_compromise_of_a_line_is_its_middle(of_two):
+    _, front = of_two
+    peak = front.criteria[:, 1]
+    middle = 0.5 * (peak.min() + peak.max())
+    assert abs(peak[front.compromise] - middle) == pytest.approx(np.abs(peak - middle).min())
+
+
+def test_the_same_seed_gives_the_same_front(of_two, made_up):
+    _, front = of_two
+    surgery = made_up(by=(0.0, 0.0, 0.0, 0.0, -0.01), curved=0.05)
+    again = pareto_front(surgery, BASE, np.ones(5, bool), population=24, generations=12)
+    assert (again.criteria == front.criteria).all()
+
+
+def test_what_is_not_free_stays_and_corners_of_strain_are_kept(made_up):
+    # Strains want the tunnel 4 mm in front, where the laxity is smaller: it goes on to the rim.
+    surgery = made_up(by=(-0.2, 0.0, 0.0, 0.0, 0.0), right=4.0)
+    free = np.array([True, False, False, False, False])
+    front = pareto_front(surgery, BASE, free, population=12, generations=8)
+    assert (front.outcome.choices[:, 1:] == BASE[1:]).all()
+    places = front.outcome.choices[:, 0]
+    assert places.min() == pytest.approx(4.0, abs=0.05) and places.max() < 7.0 + 1e-3
+    laxity, _, strains = front.criteria.T
+    assert laxity == pytest.approx(3.0 - 0.2 * places)
+    assert strains == pytest.approx(0.02 * (places - 4.0), abs=1e-9)
+
+
+def test_where_no_choice_keeps_the_limits_there_is_no_front(made_up):
+    front = pareto_front(made_up(off=9.0), BASE, np.ones(5, bool), population=8, generations=2)
+    assert front.criteria.shape == (0, 3) and len(front.outcome.choices) == 0
+
+
+def test_of_equal_rows_the_first_is_kept():
+    rows = np.array([[1.0, 3.0], [3.0, 1.0], [2.0, 2.0], [2.5, 2.5], [2.0, 2.0]])
+    assert undominated(rows).tolist() == [True, True, True, False, False]
+
+
+@pytest.mark.slow
+def test_the_front_of_a_knee_holds_where_it_is_asked_again(tmp_path):
+    from kneejax.files.reading import Field
+    from kneejax.studies import plan_of  # what reads plans imports JAX
+
+    plan = plan_of(
+        Field("plan", "", {"title": "t", "knee": "four_ligament", "graft": {"type": "hamstring"},
+                           "flexion_deg": "80:0:-10"})
+    )  # fmt: skip
+    front = pareto_front(plan.surgery, plan.base, plan.free_choices, population=24, generations=10)
+    again = plan.surgery.try_out(front.outcome.choices)
+    assert criteria_of(again) == pytest.approx(front.criteria, rel=1e-6)
+    assert undominated(front.criteria).all() and len(front.criteria) > 6
+    assert missed(plan.surgery, again).max() <= 1e-4
+    assert (front.criteria <= front.rough * (1.0 + 1e-9)).all()
+    gained = (front.rough - front.criteria) / np.ptp(front.criteria, axis=0)
+    assert gained.max() > 0.02
