@@ -91,11 +91,11 @@ def optimise(
     search.note(first)
     far = missed(surgery, first)
     order = np.lexsort((np.nan_to_num(first.total, nan=np.inf), np.round(far, 3)))
-    ends, lasts = [], []
+    ends, lasts, finish = [], [], min(_TO_POLISH, search.left // 2)
     for row in order[:-1] if len(order) > 1 else order:
-        if search.left <= _TO_POLISH:
+        if search.left <= finish:
             break
-        least, last = search.follow(begin[row], search.left - _TO_POLISH, _ROUGHLY)
+        least, last = search.follow(begin[row], search.left - finish, _ROUGHLY)
         ends.append(least)
         lasts.append(last)
     followed, ends = order[: len(ends)], np.array(ends)

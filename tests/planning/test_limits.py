@@ -79,6 +79,14 @@ def test_the_optimum_of_a_linear_problem_is_its_corner(made_up):
     assert abs(best.laxity_mm[0, 0] - 3.0) <= 2.0 + 1e-3
 
 
+def test_few_evaluations_are_spent_on_steps_too(made_up):
+    surgery = made_up(right=3.0)
+    found = optimise(surgery, BASE, np.ones(5, bool), most=8, starts=2)
+    assert found.evaluations <= 8 and len(found.ends) == 1
+    # Steps of at most 2 mm, of which the second is the last.
+    assert found.outcome.total[0] == pytest.approx(0.0, abs=1e-9)
+
+
 def test_what_is_not_free_stays(made_up):
     found = optimise(made_up(right=9.0, by=BY), BASE, np.array([True, True, False, False, False]))
     assert found.outcome.choices[0, 2:] == pytest.approx(BASE[2:])
