@@ -29,7 +29,8 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.front and not plan.population:
         if not plan.free:
             raise InputProblem(plan.file, "optimum", False, "what is free, for a front to be found")
-        plan = dataclasses.replace(plan, population=planning.POPULATION)
+        said = plan.said | {"front": True}
+        plan = dataclasses.replace(plan, population=planning.POPULATION, said=said)
     if plan.population:
         check_installed("pymoo", "planning")
     if plan.map_points:

@@ -105,8 +105,9 @@ def pareto_front(
         surgery: with its limits.
         base: choices where the search begins, and values of what is not free.
         free: which of them are free, `(choices,)`, true or false.
-        known: further choices to begin with, `(n, choices)`.
-        population: choices that live at a time; so many points at most has the front.
+        known: choices that are near the front, such as an optimum, `(n, choices)`.
+        population: choices that live at a time; so many points, beside the known ones, at most
+            has the front.
         generations: how often they are renewed.
         seed: of all that is drawn.
         progress: called now and then with knees done and asked for.
@@ -128,6 +129,9 @@ def pareto_front(
         return outcome
 
     rough = _evolved(surgery, begin, free, generations, seed, told)
+    if known is not None:
+        # A corner of the front may be lost among its many neighbours.
+        rough = np.vstack([rough, known])
     polished = _polished(surgery, rough, free, told)
     # As a test finds them: a balance that only prediction finds is no answer.
     again = told(surgery.try_out(np.vstack([polished, rough])))

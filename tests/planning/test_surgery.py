@@ -11,13 +11,16 @@ from kneejax.planning import (
     Protocol,
     Surgery,
     best_of,
+    criteria_of,
     footprint_of,
     missed,
     octagon,
     optimise,
+    pareto_front,
     reconstruction_of,
     tolerances,
     tunnel_map,
+    undominated,
 )
 
 pytest.importorskip("dtaidistance")
@@ -131,6 +134,19 @@ def test_the_optimum_is_never_worse_than_the_best_of_a_grid():
         best = best_of(surgery, outcome)
         assert missed(surgery, outcome)[best] <= 1e-6
         assert found.outcome.total[0] <= outcome.total[best]
+
+
+@pytest.mark.slow
+def test_the_front_of_a_knee_holds_where_it_is_asked_again(surgery):
+    pytest.importorskip("pymoo")
+    front = pareto_front(surgery, BASE, np.ones(5, bool), population=16, generations=6)
+    again = surgery.try_out(front.outcome.choices)
+    assert criteria_of(again) == pytest.approx(front.criteria, rel=1e-6)
+    assert undominated(front.criteria).all() and len(front.criteria) > 4
+    assert missed(surgery, again).max() <= 1e-4
+    assert (front.criteria <= front.rough * (1.0 + 1e-9)).all()
+    gained = (front.rough - front.criteria) / np.ptp(front.criteria, axis=0)
+    assert gained.max() > 0.02
 
 
 @pytest.mark.slow

@@ -34,9 +34,9 @@ def front_figure(result: PlanResult) -> Figure:
     names = [*tests, "Largest graft force, N", "Strain distance"]
     force, strains = len(tests), len(tests) + 1
     panels = [(k, strains) for k in range(len(tests))] + [(strains, 0)]
-    shown = [("planned", result.planned, "P", BLUE, 6)]
+    shown = [("planned", result.planned, "P", BLUE, 8)]
     if result.optimum is not None:
-        shown.append(("optimum", result.optimum.outcome, "*", VERMILLION, 9))
+        shown.append(("optimum", result.optimum.outcome, "*", VERMILLION, 11))
     figure = Figure(figsize=(WIDTH, 2.75), layout="constrained")
     every = np.atleast_1d(figure.subplots(1, len(panels)))
     for axes, (up, colour) in zip(every, panels, strict=True):
