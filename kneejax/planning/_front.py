@@ -1,12 +1,13 @@
 """Several criteria at once: the choices that none is better than in everything.
 
 NSGA-III (pymoo) finds them roughly, a population being the lanes of one search for balances; exact
-derivatives then lead each of them on, for as long as all criteria together become better.
+derivatives then lead each of them on, for as long as some criteria become better and none worse.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -36,6 +37,9 @@ _STEPS, _BELIEVED, _NOTHING = 12, 2.0, 1e-3
 #: Part of the front's extent that a step must promise, part of the promise below which it is not
 #: taken, and above which the next one may be longer.
 _GAINED, _TAKEN, _LONGER = 1e-5, 0.1, 0.7
+#: Weight of what each criterion gains beside what all of them gain: where one can gain no more the
+#: others go on.
+_BESIDE = 0.05
 #: Part of a criterion that is rounding.
 _ROUNDED = 1e-9
 
@@ -201,11 +205,13 @@ def _evolved(
 def _polished(
     surgery: Surgery, choices: np.ndarray, free: np.ndarray, told: Callable[[Outcome], Outcome]
 ) -> np.ndarray:
-    """Choices from which no step makes all criteria better at once, each beginning from a row."""
+    """Choices from which no step betters some criteria and worsens none, each begun at a row."""
     found = told(surgery.try_out(choices, slopes=True))
     here = [found.taken([row]) for row in range(len(choices))]
     radius = np.full(len(choices), _BELIEVED)
+    # Of a single point all criteria are to become better.
     extent = np.ptp(criteria_of(found), axis=0)
+    extent = extent if extent.any() else np.ones_like(extent)
     for _ in range(_STEPS):
         steps = [
             _step(surgery, one, free, extent, r) if r > _NOTHING else (0.0 * one.choices[0], 0.0)
@@ -238,23 +244,22 @@ def _polished(
 
 
 def _gain(before: np.ndarray, after: np.ndarray, extent: np.ndarray) -> np.ndarray:
-    """By which part of its extent the criterion that gains least gains, `(v,)`; those that are
-    the same all over the front gain nothing and must not lose."""
+    """What is gained, in parts of the front's extent: by the criterion that gains least, and a
+    little by all, `(v,)`; minus infinity where one is lost."""
     gain = before - after
-    alike = extent == 0.0
-    part = np.where(alike, np.inf, gain / np.where(alike, 1.0, extent)).min(axis=1)
-    loses = alike & (gain < -_ROUNDED * (1.0 + np.abs(before)))
-    return np.where(np.isfinite(gain).all(axis=1) & ~loses.any(axis=1), part, -np.inf)
+    known = np.isfinite(gain).all(axis=1)
+    loses = (gain < -_ROUNDED * (1.0 + np.abs(before))).any(axis=1)
+    part = gain[:, extent > 0.0] / extent[extent > 0.0]
+    return np.where(known & ~loses, part.min(axis=1) + _BESIDE * part.sum(axis=1), -np.inf)
 
 
 def _step(
     surgery: Surgery, outcome: Outcome, free: np.ndarray, extent: np.ndarray, radius: float
 ) -> tuple[np.ndarray, float]:
-    """The step that betters all criteria most by their linear models, `(choices,)`, and the part
-    of the front's extent by which it promises to.
+    """The step that betters all criteria most by their linear models, `(choices,)`, and what it
+    promises, see `_gain`.
 
-    Strain distance and largest force have corners, so the best step is a linear programme: of the
-    step, of the absolute offsets of all strains, and of what all criteria gain.
+    Strain distance and largest force have corners, so the best step is a linear programme.
     """
     assert outcome.slopes is not None
     offset, by = offsets_of(surgery, outcome)
@@ -268,39 +273,45 @@ def _step(
     by, room_by, sides_by, laxity, graft = (
         x[:, free] * scale for x in (by, room_by, sides, laxity, graft)
     )
-    tests = len(laxity)
+    tests, criteria = len(laxity), len(extent)
+    # Columns: the step, the absolute offsets, what each criterion gains, what all of them gain.
+    parts = np.cumsum([0, size, count, criteria, 1])
 
-    def rows(step: np.ndarray, offsets: np.ndarray | float = 0.0, gain: np.ndarray | float = 0.0):
-        full = np.zeros((len(step), size + count + 1))
-        full[:, :size], full[:, size:-1], full[:, -1] = step, offsets, gain
+    def rows(*blocks: np.ndarray | float | None) -> np.ndarray:
+        full = np.zeros((max(len(np.atleast_2d(x)) for x in blocks if x is not None), parts[-1]))
+        for block, (first, last) in zip(blocks, itertools.pairwise(parts), strict=False):
+            full[:, first:last] = 0.0 if block is None else block
         return full
 
-    nothing = np.zeros((1, size))
+    by_gain = np.diag(extent)
     above = np.vstack([
-        rows(laxity, gain=extent[:tests]),
-        rows(graft, gain=extent[-2]),
-        rows(nothing, 1.0, extent[-1]),
+        rows(laxity, None, by_gain[:tests]),
+        rows(graft, None, by_gain[-2]),
+        rows(None, 1.0, by_gain[-1:]),
         rows(by, -np.eye(count)),
         rows(-by, -np.eye(count)),
+        rows(None, None, -np.eye(criteria)[extent > 0.0], 1.0),
         rows(-room_by),
         rows(sides_by),
     ])  # fmt: skip
     limits = np.r_[
-        np.zeros(tests), -slack, outcome.total[0], -offset, offset, np.maximum(room, 0.0),
-        np.maximum(inside - sides @ outcome.choices[0], 0.0),
+        np.zeros(tests), -slack, outcome.total[0], -offset, offset, np.zeros((extent > 0.0).sum()),
+        np.maximum(room, 0.0), np.maximum(inside - sides @ outcome.choices[0], 0.0),
     ]  # fmt: skip
     ends = [(x - outcome.choices[0])[free] / scale for x in bounds(surgery, len(free))]
     low, high = np.maximum(ends[0], -radius), np.minimum(ends[1], radius)
     each = [*zip(np.minimum(low, 0.0), np.maximum(high, 0.0), strict=True)]
+    gains = [(0.0, 1e3 if wide > 0.0 else 0.0) for wide in extent]
+    wanted = np.r_[np.zeros(size + count), np.full(criteria, -_BESIDE), -1.0]
     found = linprog(
-        np.r_[np.zeros(size + count), -1.0], A_ub=above, b_ub=limits,
-        bounds=[*each, *[(0.0, None)] * count, (0.0, 10.0)],
+        wanted, A_ub=above, b_ub=limits,
+        bounds=[*each, *[(0.0, None)] * count, *gains, (0.0, 1e3)],
     )  # fmt: skip
     step = np.zeros(len(free))
     if found.x is None:
         return step, 0.0
     step[free] = found.x[:size] * scale
-    return step, float(found.x[-1])
+    return step, -float(found.fun)
 
 
 def _together(parts: list[Near]) -> Near:

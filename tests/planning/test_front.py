@@ -1,10 +1,14 @@
 """Several criteria at once: fronts in closed form, and on a knee."""
 
 
+import dataclasses
+from typing import Any
+
 import numpy as np
 import pytest
 
-from kneejax.planning import criteria_of, missed, pareto_front, undominated
+from kneejax.planning import PlanResult, criteria_of, missed, pareto_front, undominated
+from kneejax.report import plan_failed
 
 pytest.importorskip("dtaidistance")
 pytest.importorskip("pymoo")
@@ -65,11 +69,27 @@ def test_what_is_not_free_stays_and_corners_of_strain_are_kept(made_up):
     laxity, _, strains = front.criteria.T
     assert laxity == pytest.approx(3.0 - 0.2 * places)
     assert strains == pytest.approx(0.02 * (places - 4.0), abs=1e-9)
+    assert (np.diff(strains) >= 0.0).all()
+
+
+def test_laxity_and_strains_are_polished_together(made_up):
+    # The femoral tunnel is best in its middle, wherever the tibial one trades laxity for strains.
+    surgery = made_up(by=(-0.2, 0.0, 0.0, 0.0, 0.0), right=4.0, curved=0.05)
+    free = np.array([True, False, True, True, False])
+    front = pareto_front(surgery, BASE, free, population=12, generations=6)
+    laxity, _, strains = front.criteria.T
+    assert laxity == pytest.approx(3.0 - 0.2 * (4.0 + strains / 0.02), abs=1e-3)
+    assert np.ptp(strains) > 3e-3
 
 
 def test_where_no_choice_keeps_the_limits_there_is_no_front(made_up):
     front = pareto_front(made_up(off=9.0), BASE, np.ones(5, bool), population=8, generations=2)
     assert front.criteria.shape == (0, 3) and len(front.outcome.choices) == 0
+    whole = made_up().try_out(BASE)
+    plan: Any = None
+    result = PlanResult(plan, whole, whole, whole, (), None, front, None, (), {})
+    assert not result.has_front and plan_failed(result)
+    assert not plan_failed(dataclasses.replace(result, front=None))
 
 
 def test_what_is_known_to_be_best_is_a_point_of_the_front(made_up):
