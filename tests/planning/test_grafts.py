@@ -106,6 +106,7 @@ def test_a_longer_pull_leaves_a_shorter_graft_by_the_law_alone():
         )
 
 
+@pytest.mark.slow
 def test_a_structure_with_grafts_is_the_knee_itself_where_nothing_is_torn(knee, plan, ends):
     angles = np.array([60.0, 30.0, 0.0])
     through = Through(angles, (), 0.0)
