@@ -26,6 +26,13 @@ def run(arguments: argparse.Namespace) -> int:
         if points != 0 and not 3 <= points <= _MOST_POINTS:
             raise InputProblem("--points", "points", points, f"0, or 3 to {_MOST_POINTS}")
         plan = dataclasses.replace(plan, map_points=points)
+    if arguments.front and not plan.population:
+        if not plan.free:
+            raise InputProblem(plan.file, "optimum", False, "what is free, for a front to be found")
+        said = plan.said | {"front": True}
+        plan = dataclasses.replace(plan, population=planning.POPULATION, said=said)
+    if plan.population:
+        check_installed("pymoo", "planning")
     if plan.map_points:
         for package in _MAP_PACKAGES:
             check_installed(package, "maps")
@@ -42,6 +49,8 @@ def run(arguments: argparse.Namespace) -> int:
 def _write(arguments: argparse.Namespace, result: planning.PlanResult) -> list[str]:
     from kneejax.report import (
         curve_rows,
+        front_columns,
+        front_rows,
         octagon_rows,
         plan_columns,
         plan_document,
@@ -50,7 +59,8 @@ def _write(arguments: argparse.Namespace, result: planning.PlanResult) -> list[s
     )
 
     out, plan = arguments.out, result.plan
-    packages = versions() | {"dtaidistance": importlib.metadata.version("dtaidistance")}
+    used = ["dtaidistance", *(["pymoo"] if result.front is not None else [])]
+    packages = versions() | {name: importlib.metadata.version(name) for name in used}
     document = plan_document(result, packages)
     write_text(out / "plan.json", json.dumps(document, indent=1) + "\n")
     write_rows(out / "plan.csv", plan_columns(plan), plan_rows(result))
@@ -58,13 +68,16 @@ def _write(arguments: argparse.Namespace, result: planning.PlanResult) -> list[s
     write_rows(out / "octagon.csv", header, octagon_rows(result))
     columns = ["knee", "flexion_deg", "ligament", "strain", "tension_N"]
     write_rows(out / "curves.csv", columns, curve_rows(result))
-    maps = []
+    more = []
+    if result.front is not None:
+        write_rows(out / "front.csv", front_columns(plan), front_rows(result.front))
+        more.append("front.csv")
     about = {"title": plan.title, "knee": plan.own.name, "versions": json.dumps(packages)}
     for one in result.maps:
         write_netcdf(out / f"map_{one.bone}.nc", one.to_dataset(about))
-        maps.append(f"map_{one.bone}.nc")
+        more.append(f"map_{one.bone}.nc")
     write_plan_report(result, packages, out, svg=arguments.svg)
     return [
-        "report.html", "plan.json", "plan.csv", "octagon.csv", "curves.csv", *maps, "figures/",
+        "report.html", "plan.json", "plan.csv", "octagon.csv", "curves.csv", *more, "figures/",
         "settings.json",
     ]  # fmt: skip

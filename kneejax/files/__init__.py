@@ -16,6 +16,7 @@ _MODULES = {
     "bundled_measurements": "kneejax.files._bundled",
     "bundled_path": "kneejax.files._bundled",
     "bundled_studies": "kneejax.files._bundled",
+    "named_document": "kneejax.files._bundled",
     "named_path": "kneejax.files._bundled",
     "study_path": "kneejax.files._bundled",
     "parse_flexion": "kneejax.files._flexion",
@@ -92,6 +93,7 @@ if TYPE_CHECKING:
     from kneejax.files._bundled import bundled_measurements as bundled_measurements
     from kneejax.files._bundled import bundled_path as bundled_path
     from kneejax.files._bundled import bundled_studies as bundled_studies
+    from kneejax.files._bundled import named_document as named_document
     from kneejax.files._bundled import named_path as named_path
     from kneejax.files._bundled import study_path as study_path
     from kneejax.files._flexion import parse_flexion as parse_flexion

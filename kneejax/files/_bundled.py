@@ -219,6 +219,23 @@ def named_path(kind: str, name_or_path: str | os.PathLike[str]) -> Path:
     raise InputProblem(one, "name", os.fspath(name_or_path), expected, near)
 
 
+def named_document(kind: str, name_or_path: str | os.PathLike[str]) -> tuple[Field, Path]:
+    """What a bundled file of this name says, or else the file itself.
+
+    Args:
+        kind: a folder of the bundled data.
+        name_or_path: name of a bundled file, or any file.
+
+    Returns:
+        The document, and the folder to which paths in it are relative.
+
+    Raises:
+        InputProblem: there is neither, or it is no YAML.
+    """
+    path = named_path(kind, name_or_path)
+    return Field(os.fspath(path), "", load_yaml(path, f"a {_ONE[kind]} file")), path.parent
+
+
 def bundled_files(kind: str) -> dict[str, Path]:
     """Name -> file of all that is bundled of a kind, in alphabetical order."""
     folder = _data_folder() / kind

@@ -15,6 +15,12 @@ _MODULES = {
     "SEMI_AXES_MM": "kneejax.planning._footprints",
     "footprint_of": "kneejax.planning._footprints",
     "octagon": "kneejax.planning._footprints",
+    "Front": "kneejax.planning._front",
+    "criteria_of": "kneejax.planning._front",
+    "pareto_front": "kneejax.planning._front",
+    "undominated": "kneejax.planning._front",
+    "POPULATION": "kneejax.planning._front",
+    "GENERATIONS": "kneejax.planning._front",
     "GRAFTS": "kneejax.planning._grafts",
     "GraftType": "kneejax.planning._grafts",
     "Intervals": "kneejax.planning._intervals",
@@ -26,8 +32,8 @@ _MODULES = {
     "MOST_EVALUATIONS": "kneejax.planning._optimum",
     "Optimum": "kneejax.planning._optimum",
     "STARTS": "kneejax.planning._optimum",
-    "best_of": "kneejax.planning._optimum",
-    "missed": "kneejax.planning._optimum",
+    "best_of": "kneejax.planning._limits",
+    "missed": "kneejax.planning._limits",
     "optimise": "kneejax.planning._optimum",
     "AclPlan": "kneejax.planning._plan",
     "FREE": "kneejax.planning._plan",
@@ -63,19 +69,25 @@ if TYPE_CHECKING:
     from kneejax.planning._footprints import Footprint as Footprint
     from kneejax.planning._footprints import footprint_of as footprint_of
     from kneejax.planning._footprints import octagon as octagon
+    from kneejax.planning._front import GENERATIONS as GENERATIONS
+    from kneejax.planning._front import POPULATION as POPULATION
+    from kneejax.planning._front import Front as Front
+    from kneejax.planning._front import criteria_of as criteria_of
+    from kneejax.planning._front import pareto_front as pareto_front
+    from kneejax.planning._front import undominated as undominated
     from kneejax.planning._grafts import GRAFTS as GRAFTS
     from kneejax.planning._grafts import GraftType as GraftType
     from kneejax.planning._intervals import Intervals as Intervals
     from kneejax.planning._intervals import intervals as intervals
     from kneejax.planning._intervals import on_knee as on_knee
+    from kneejax.planning._limits import best_of as best_of
+    from kneejax.planning._limits import missed as missed
     from kneejax.planning._maps import TunnelMap as TunnelMap
     from kneejax.planning._maps import over_tension as over_tension
     from kneejax.planning._maps import tunnel_map as tunnel_map
     from kneejax.planning._optimum import MOST_EVALUATIONS as MOST_EVALUATIONS
     from kneejax.planning._optimum import STARTS as STARTS
     from kneejax.planning._optimum import Optimum as Optimum
-    from kneejax.planning._optimum import best_of as best_of
-    from kneejax.planning._optimum import missed as missed
     from kneejax.planning._optimum import optimise as optimise
     from kneejax.planning._plan import FREE as FREE
     from kneejax.planning._plan import AclPlan as AclPlan

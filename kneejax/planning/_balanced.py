@@ -2,34 +2,80 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from kneejax.planning._reconstruction import Reconstruction
-from kneejax.statics import Balances, Progress, Stations, balance_lines, balance_many
+from kneejax.statics import (
+    Balances,
+    Progress,
+    Slopes,
+    Stations,
+    balance_lines,
+    balance_many,
+    balance_with_slopes,
+    converged,
+)
+
+
+class Poses(NamedTuple):
+    """Balanced poses of variants at stations.
+
+    Attributes:
+        q: free coordinates, `(v, s, free)`; NaN where forces do not balance.
+        status: `Status` values, `(v, s)`.
+        near: with derivatives, to predict others from; None where none were asked for.
+    """
+
+    q: np.ndarray
+    status: np.ndarray
+    near: Slopes | None
 
 
 def balanced(
     plan: Reconstruction,
     values: np.ndarray,
     stations: Stations,
+    *,
+    slopes: bool = False,
+    near: Slopes | None = None,
     grid: tuple[int, int] | None = None,
     progress: Progress | None = None,
-) -> Balances:
+) -> Poses:
     """Balance variants at stations.
 
     Args:
         plan: the knee and its grafts.
         values: numbers of the variants, `(v, numbers)`.
         stations: flexions and loads.
+        slopes: whether derivatives are wanted.
+        near: of near variants, to begin from, with derivatives.
         grid: rows and columns in which the variants stand, if they are near each other: each is
             then predicted from its neighbour, which takes two fifths of the time.
         progress: called now and then with balances done and asked for.
 
     Returns:
-        Arrays begin with variant and station.
+        The poses that were found.
     """
-    if grid is None:
-        return balance_many(plan.knee, plan.vary, values[0], values, stations, progress=progress)
+    if slopes:
+        found = near = balance_with_slopes(plan.knee, plan.vary, values, stations, near)
+    elif grid is None:
+        base, near = values[0], None
+        found = balance_many(plan.knee, plan.vary, base, values, stations, progress=progress)
+    else:
+        found, near = _on_grid(plan, values, stations, grid, progress), None
+    known = converged(found.status)[..., None]
+    return Poses(np.where(known, found.q, np.nan), found.status, near)
+
+
+def _on_grid(
+    plan: Reconstruction,
+    values: np.ndarray,
+    stations: Stations,
+    grid: tuple[int, int],
+    progress: Progress | None,
+) -> Balances:
     rows, columns = grid
     lines, row, column = values.reshape(rows, columns, -1), rows // 2, columns // 2
     base = lines[row, column]

@@ -15,13 +15,7 @@ from kneejax.mechanics import Knee, load_of
 from kneejax.numerics import lanes_for
 from kneejax.planning._balanced import balanced
 from kneejax.planning._reconstruction import Operated, Reconstruction
-from kneejax.statics import (
-    Progress,
-    Slopes,
-    Stations,
-    balance_with_slopes,
-    converged,
-)
+from kneejax.statics import Progress, Slopes, Stations, converged
 
 #: Nodes whose readings are computed in one call.
 _CHUNK = 8192
@@ -130,22 +124,16 @@ def follow(
     Returns:
         What was read; NaN where a knee has no balance.
     """
-    stations = protocol.stations
-    if slopes:
-        near = balance_with_slopes(plan.knee, plan.vary, values, stations, near)
-        found, status = near, near.status
-    else:
-        found = balanced(plan, values, stations, grid, progress)
-        status = found.status
-    q = np.where(converged(status)[..., None], found.q, np.nan)
+    q, status, near = balanced(
+        plan, values, protocol.stations, slopes=slopes, near=near, grid=grid, progress=progress
+    )
     read = read_balances(plan.knee, plan.vary, values, np.deg2rad(protocol.flexion_deg), q, slopes)
     by_value = None
-    if slopes:
-        assert near is not None
+    if near is not None:
         by_value = {
             name: own + by_pose @ near.jacobian for name, (own, by_pose) in read.pop("by").items()
         }
-    return Followed(**read, status=status, slopes=by_value, near=near if slopes else None)
+    return Followed(**read, status=status, slopes=by_value, near=near)
 
 
 def read_balances(

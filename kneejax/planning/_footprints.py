@@ -18,9 +18,10 @@ DIRECTIONS = {
     TIBIA: (("anterior", (1.0, 0.0, 0.0)), ("medial", (0.0, 0.0, -1.0))),
     FEMUR: (("anterior", (1.0, 0.0, 0.0)), ("proximal", (0.0, 1.0, 0.0))),
 }
-#: Bone -> semi-axes of the footprint along them, mm: means of cadavers. Tibia 14 mm from front to
-#: back and 10 mm across, femur 15 mm long and 8 mm wide, its length along the bone here (Siebold et
-#: al., Arthroscopy 24, 2008, pages 154 and 585).
+#: Bone -> semi-axes of the footprint along them, mm. Tibia 14 mm from front to back and 10 mm
+#: across, femur 15 mm long, along the bone here, and 8 mm wide: Siebold et al., Arthroscopy 24
+#: (2008), 154 and 585, 50 cadavers; not compared with the printed pages. As ellipses, 110 and
+#: 94 mm2, they are rather small: Araki et al. (KSSTA 26, 2018, 1311) scanned 135 and 110 mm2.
 SEMI_AXES_MM = {TIBIA: (7.0, 5.0), FEMUR: (4.0, 7.5)}
 #: Farthest that a planned point may lie from a bone's mesh, mm.
 FARTHEST_MM = 3.0

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from kneejax.mechanics import Knee
-from kneejax.planning._optimum import missed
+from kneejax.planning._limits import missed
 from kneejax.planning._reconstruction import reconstruction_of
 from kneejax.planning._surgery import Surgery
 from kneejax.statics import Status, converged

@@ -10,7 +10,7 @@ import numpy as np
 
 from kneejax.geometry import TIBIA
 from kneejax.numerics import imported
-from kneejax.planning._optimum import excess
+from kneejax.planning._limits import excess
 from kneejax.planning._surgery import CHOICES, Outcome, Surgery
 from kneejax.statics import Progress
 

@@ -7,6 +7,14 @@ import dataclasses
 import numpy as np
 from scipy.optimize import linprog
 
+from kneejax.planning._limits import (
+    TOLERANCE,
+    bounds,
+    limits_room,
+    missed,
+    polygons,
+    room_slopes,
+)
 from kneejax.planning._surgery import CHOICES, Near, Outcome, Surgery
 from kneejax.planning._warping import alignment
 from kneejax.statics import converged
@@ -16,12 +24,8 @@ MOST_EVALUATIONS, STARTS = 60, 8
 #: Starts are followed, the best first, until a step promises less than this part of the strain
 #: distance; the evaluations kept for the best of them, and how many of all are found again.
 _ROUGHLY, _TO_POLISH, _FOUND_AGAIN = 0.05, 20, 3
-#: By how much a constraint may be missed, as a part of its limit.
-_TOLERANCE = 1e-4
-#: Of the polygons that stand for ellipses: within 0.001 of them.
-_SIDES = 64
 #: What counts as one step of each choice: 1 mm, 10 N.
-_STEP = np.array([1.0, 1.0, 1.0, 1.0, 10.0])
+STEP = np.array([1.0, 1.0, 1.0, 1.0, 10.0])
 #: Farthest that a balance is predicted from that of other choices, and that a linear model is
 #: believed at first, in such steps; where it is believed no more.
 _NEAR, _BELIEVED, _NOTHING = 3.0, 2.0, 1e-4
@@ -59,35 +63,6 @@ class Optimum:
     ends: np.ndarray
 
 
-def missed(surgery: Surgery, outcome: Outcome) -> np.ndarray:
-    """By how much each variant misses its worst limit, as a part of that, `(v,)`.
-
-    Args:
-        surgery: with its limits.
-        outcome: of any choices.
-
-    Returns:
-        0 where all limits are kept; infinite where the knee has no balance somewhere.
-    """
-    return np.maximum(excess(surgery, outcome), 0.0)
-
-
-def excess(surgery: Surgery, outcome: Outcome) -> np.ndarray:
-    """As `missed`, but negative where all limits are kept: by how much there is room, `(v,)`."""
-    worst = -_room(surgery, outcome).min(axis=1)
-    known = np.isfinite(outcome.total) & converged(outcome.status) & np.isfinite(worst)
-    return np.where(known, worst, np.inf)
-
-
-def best_of(surgery: Surgery, outcome: Outcome) -> int:
-    """The variant of the least strain distance among those that keep all limits; where none does,
-    the one that misses them least."""
-    far = missed(surgery, outcome)
-    kept = far <= _TOLERANCE
-    score = np.where(kept, outcome.total, np.inf) if kept.any() else far
-    return int(np.argmin(score))
-
-
 def optimise(
     surgery: Surgery,
     base: np.ndarray,
@@ -111,16 +86,16 @@ def optimise(
         The best of all evaluations.
     """
     search = _Search(surgery, np.asarray(base, float), np.asarray(free, bool), most)
-    begin = _spread(surgery, search.base, search.free, starts, seed)
+    begin = spread_over(surgery, search.base, search.free, starts, seed)
     first = surgery.try_out(begin, slopes=True)
     search.note(first)
     far = missed(surgery, first)
     order = np.lexsort((np.nan_to_num(first.total, nan=np.inf), np.round(far, 3)))
-    ends, lasts = [], []
+    ends, lasts, finish = [], [], min(_TO_POLISH, search.left // 2)
     for row in order[:-1] if len(order) > 1 else order:
-        if search.left <= _TO_POLISH:
+        if search.left <= finish:
             break
-        least, last = search.follow(begin[row], search.left - _TO_POLISH, _ROUGHLY)
+        least, last = search.follow(begin[row], search.left - finish, _ROUGHLY)
         ends.append(least)
         lasts.append(last)
     followed, ends = order[: len(ends)], np.array(ends)
@@ -129,16 +104,16 @@ def optimise(
             search.follow(lasts[row], search.left, 0.0)
     best = search.best()
     return Optimum(
-        best, bool(missed(surgery, best)[0] <= _TOLERANCE), float(missed(surgery, best)[0]),
+        best, bool(missed(surgery, best)[0] <= TOLERANCE), float(missed(surgery, best)[0]),
         search.count, begin, first.total, followed, ends,
     )  # fmt: skip
 
 
-def _spread(
+def spread_over(
     surgery: Surgery, base: np.ndarray, free: np.ndarray, count: int, seed: int
 ) -> np.ndarray:
     """Choices over the footprints and the tensions, the base first."""
-    lower, upper = _bounds(surgery, len(base))
+    lower, upper = bounds(surgery, len(base))
     draw = np.random.default_rng(seed)
     # A Latin hypercube: of each choice every part of its range once.
     parts = draw.permuted(np.tile(np.arange(count), (len(base), 1)), axis=1).T
@@ -151,76 +126,18 @@ def _spread(
     return spread
 
 
-def _bounds(surgery: Surgery, size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Smallest and largest of each choice."""
-    wide = np.r_[surgery.tibia.semi_axes_mm, surgery.femur.semi_axes_mm]
-    low, high = surgery.limits.tension_N
-    bundles = size // len(CHOICES)
-    return np.tile(np.r_[-wide, low], bundles), np.tile(np.r_[wide, high], bundles)
-
-
-def _room(surgery: Surgery, outcome: Outcome) -> np.ndarray:
-    """What is left of each limit, as a part of it, `(v, limits)`: negative where it is missed."""
-    count = len(outcome.choices)
-    each = outcome.choices.reshape(count, -1, len(CHOICES))
-    inside = [
-        1.0 - footprint.outside(each[..., columns]) ** 2
-        for footprint, columns in _tunnels(surgery)
-    ]
-    return np.hstack([*inside, _limits_room(surgery, outcome)])
-
-
-def _limits_room(surgery: Surgery, outcome: Outcome) -> np.ndarray:
-    """The same of graft forces and laxity alone."""
-    count, limits = len(outcome.choices), surgery.limits
-    graft = 1.0 - outcome.graft_N.reshape(count, -1) / limits.graft_N
-    off = (outcome.laxity_mm - surgery.laxity(surgery.before)[0]) / limits.band_mm
-    return np.hstack([graft, 1.0 - off, 1.0 + off])
-
-
-def _room_slope(surgery: Surgery, outcome: Outcome) -> np.ndarray:
-    """Derivative of `_limits_room` of one variant by the choices, `(limits, choices)`."""
-    assert outcome.slopes is not None
-    size, limits = outcome.choices.shape[1], surgery.limits
-    graft = -outcome.slopes["graft_N"][0].reshape(-1, size) / limits.graft_N
-    off = outcome.slopes["laxity_mm"][0] / limits.band_mm
-    return np.vstack([graft, -off, off])
-
-
-def _polygons(surgery: Surgery, size: int) -> tuple[np.ndarray, np.ndarray]:
-    """The footprints as polygons within their ellipses: `sides @ choices <= inside`.
-
-    A limit that is curved would be missed a little by every step of a linear model along it.
-    """
-    angle = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
-    normals = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    rows = []
-    for bundle in range(size // len(CHOICES)):
-        for footprint, columns in _tunnels(surgery):
-            row = np.zeros((_SIDES, size // len(CHOICES), len(CHOICES)))
-            row[:, bundle, columns] = normals / np.array(footprint.semi_axes_mm)
-            rows.append(row.reshape(_SIDES, size))
-    sides = np.vstack(rows)
-    return sides, np.full(len(sides), np.cos(np.pi / _SIDES))
-
-
-def _tunnels(surgery: Surgery):
-    """Footprints, each with the columns of its coordinates among a bundle's choices."""
-    return (surgery.tibia, slice(0, 2)), (surgery.femur, slice(2, 4))
-
-
 class _Search:
     """Evaluations of one search, each made once."""
 
     def __init__(self, surgery: Surgery, base: np.ndarray, free: np.ndarray, most: int):
         self.surgery, self.base, self.free, self.most = surgery, base, free, most
         self.count, self.known = 0, {}
-        self.step = np.tile(_STEP, len(base) // len(CHOICES))
+        self.step = np.tile(STEP, len(base) // len(CHOICES))
 
     def note(self, outcome: Outcome) -> None:
         """Keep the outcomes of some choices, one by one."""
         for row in range(len(outcome.choices)):
-            self.known[outcome.choices[row].tobytes()] = _row(outcome, row)
+            self.known[outcome.choices[row].tobytes()] = outcome.taken([row])
             self.count += 1
 
     def at(self, choices: np.ndarray) -> Outcome:
@@ -262,7 +179,7 @@ class _Search:
         """
         most = self.count + most
         here, radius = self.at(start), _BELIEVED
-        least = here.total[0] if missed(self.surgery, here)[0] <= _TOLERANCE else np.inf
+        least = here.total[0] if missed(self.surgery, here)[0] <= TOLERANCE else np.inf
         while self.count < most and radius > _NOTHING and np.isfinite(self._merit(here)):
             step, promised = self._step(here, radius)
             if promised < max(_GAINED, roughly * here.total[0]):
@@ -276,7 +193,7 @@ class _Search:
                 radius = max(radius, 2.0 * size)
             if gained > _TAKEN:
                 here = there
-                if missed(self.surgery, here)[0] <= _TOLERANCE:
+                if missed(self.surgery, here)[0] <= TOLERANCE:
                     least = min(least, here.total[0])
         return float(least), here.choices[0]
 
@@ -285,9 +202,9 @@ class _Search:
 
     def _step(self, outcome: Outcome, radius: float) -> tuple[np.ndarray, float]:
         """The best step of the linear model `(choices,)`, and how much it promises."""
-        offset, by = _offsets(self.surgery, outcome)
-        room, room_by = _limits_room(self.surgery, outcome)[0], _room_slope(self.surgery, outcome)
-        sides, inside = _polygons(self.surgery, len(self.base))
+        offset, by = offsets_of(self.surgery, outcome)
+        room, room_by = limits_room(self.surgery, outcome)[0], room_slopes(self.surgery, outcome)
+        sides, inside = polygons(self.surgery, len(self.base))
         inside = inside - sides @ outcome.choices[0]
         scale = self.step[self.free]
         by, room_by, sides = (x[:, self.free] * scale for x in (by, room_by, sides))
@@ -300,7 +217,7 @@ class _Search:
         ])  # fmt: skip
         lower, upper = (
             (x - outcome.choices[0])[self.free] / scale
-            for x in _bounds(self.surgery, len(self.base))
+            for x in bounds(self.surgery, len(self.base))
         )
         low, high = np.maximum(lower, -radius), np.minimum(upper, radius)
         limits = [*zip(np.minimum(low, 0.0), np.maximum(high, 0.0), strict=True)]
@@ -320,7 +237,7 @@ class _Search:
         every = list(self.known.values())
         far = np.array([missed(self.surgery, one)[0] for one in every])
         total = np.array([one.total[0] for one in every])
-        kept = far <= _TOLERANCE
+        kept = far <= TOLERANCE
         order = np.argsort(np.where(kept, total, np.inf) if kept.any() else far)
         for row in order[:_FOUND_AGAIN]:
             again = self.surgery.try_out(every[row].choices, slopes=True)
@@ -331,7 +248,7 @@ class _Search:
         return again  # pyright: ignore[reportPossiblyUnboundVariable]
 
 
-def _offsets(surgery: Surgery, outcome: Outcome) -> tuple[np.ndarray, np.ndarray]:
+def offsets_of(surgery: Surgery, outcome: Outcome) -> tuple[np.ndarray, np.ndarray]:
     """Offsets of all strain curves of one variant along their alignments `(pairs,)`, and their
     derivative by the choices, `(pairs, choices)`."""
     assert outcome.slopes is not None
@@ -342,25 +259,3 @@ def _offsets(surgery: Surgery, outcome: Outcome) -> tuple[np.ndarray, np.ndarray
         offsets.append(strain[path[:, 0], k] - intact[path[:, 1], k])
         slopes.append(outcome.slopes["strain"][0, path[:, 0], k])
     return np.concatenate(offsets), np.concatenate(slopes)
-
-
-def _row(outcome: Outcome, row: int) -> Outcome:
-    """One variant of many."""
-    some = slice(row, row + 1)
-    fields = {
-        name: getattr(outcome, name)[some]
-        for name in ("choices", "slack_mm", "distance", "laxity_mm", "graft_N", "isometry_mm",
-                     "status")
-    }  # fmt: skip
-    near, slopes = outcome.near, outcome.slopes
-    assert near is not None and slopes is not None
-    followed = outcome.followed
-    read = {
-        name: getattr(followed, name)[some]
-        for name in ("length_mm", "strain", "tension_N", "anterior_mm", "status")
-    }
-    followed = dataclasses.replace(followed, **read, slopes=None, near=None)
-    return Outcome(
-        **fields, followed=followed, slopes={name: x[some] for name, x in slopes.items()},
-        near=Near(near.fixed.take(some), near.followed.take(some)),
-    )  # fmt: skip

@@ -9,6 +9,7 @@ import numpy as np
 
 from kneejax.geometry import FEMUR, TIBIA
 from kneejax.mechanics import Knee
+from kneejax.planning._front import GENERATIONS
 from kneejax.planning._grafts import GRAFTS, GraftType
 from kneejax.planning._optimum import MOST_EVALUATIONS, STARTS
 from kneejax.planning._surgery import CHOICES, Surgery
@@ -34,6 +35,8 @@ class AclPlan:
         free: what the optimum may change, of `FREE`; empty for no optimum.
         starts: of the optimum.
         evaluations: of the optimum, in all.
+        population: of the search for a front of several criteria; 0 for no front.
+        generations: of the same.
         drawn: knees as the uncertainty of a calibration leaves them possible; none by default.
         held: parameters that the calibration does not determine, so that no draw changes them.
         said: the plan as it was given, for the records.
@@ -54,6 +57,8 @@ class AclPlan:
     free: tuple[str, ...] = tuple(FREE)
     starts: int = STARTS
     evaluations: int = MOST_EVALUATIONS
+    population: int = 0
+    generations: int = GENERATIONS
     drawn: tuple[Knee, ...] = ()
     held: tuple[str, ...] = ()
     said: dict[str, Any] = dataclasses.field(default_factory=dict)

@@ -22,7 +22,7 @@ from kneejax.mechanics import Knee, ligament_law
 from kneejax.planning._balanced import balanced
 from kneejax.planning._grafts import TRANSITION_STRAIN, TRANSITION_WIDTH
 from kneejax.planning._reconstruction import BUNDLE_NUMBERS, Reconstruction
-from kneejax.statics import Slopes, Stations, balance_with_slopes, converged
+from kneejax.statics import Slopes, Stations
 
 
 @dataclasses.dataclass(frozen=True)
@@ -92,19 +92,13 @@ def fix(
     """
     values = plan.value(ends, tension_N=tension_N, elastic=False)
     stations = Stations.at([flexion_deg])
-    if not slopes:
-        found = balanced(plan, values, stations, grid)
-        q, status, by_values = found.q[:, 0], found.status[:, 0], None
-    else:
-        near = balance_with_slopes(plan.knee, plan.vary, values, stations, near)
-        q, status, by_values = near.q[:, 0], near.status[:, 0], near.jacobian[:, 0]
-    q = np.where(converged(status)[:, None], q, np.nan)
+    q, status, near = balanced(plan, values, stations, slopes=slopes, near=near, grid=grid)
     slack, by_value, by_pose = (
-        np.asarray(x) for x in _fixed(plan.knee.bodies, np.deg2rad(flexion_deg), values, q,
+        np.asarray(x) for x in _fixed(plan.knee.bodies, np.deg2rad(flexion_deg), values, q[:, 0],
                                       np.array(plan.stiffness_N))
     )  # fmt: skip
-    slope = None if by_values is None else by_value + by_pose @ by_values
-    return Fixed(slack, slope, status, near)
+    slope = None if near is None else by_value + by_pose @ near.jacobian[:, 0]
+    return Fixed(slack, slope, status[:, 0], near)
 
 
 @jax.jit(static_argnums=0)

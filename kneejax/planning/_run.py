@@ -1,4 +1,4 @@
-"""A plan carried out: the knee before, the octagon, maps, the optimum and how exact it must be."""
+"""A plan carried out: the knee before, octagon, maps, optimum, front, and how exact to be."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from kneejax.geometry import FEMUR, TIBIA
 from kneejax.parameters import UnsuitableData
 from kneejax.planning._footprints import octagon
+from kneejax.planning._front import Front, pareto_front
 from kneejax.planning._intervals import Intervals, intervals
 from kneejax.planning._maps import TunnelMap, over_tension, tunnel_map
 from kneejax.planning._optimum import Optimum, optimise
@@ -34,6 +35,7 @@ class PlanResult:
         tension: the plan's tunnels under other tensions.
         maps: of the first bundle's tunnels on tibia and femur; empty where none were asked for.
         optimum: None where none was asked for.
+        front: choices that are best in some balance of several criteria; None likewise.
         intervals: what the uncertainty of the knee leaves open; None where no knees were drawn.
         tolerances: how far tunnels may be off, of the optimum, or of the plan where there is none.
         seconds: stage -> time.
@@ -45,6 +47,7 @@ class PlanResult:
     tension: Outcome
     maps: tuple[TunnelMap, ...]
     optimum: Optimum | None
+    front: Front | None
     intervals: Intervals | None
     tolerances: tuple[Tolerance, ...]
     seconds: dict[str, float]
@@ -53,6 +56,11 @@ class PlanResult:
     def best(self) -> Outcome:
         """The optimum, or the plan itself."""
         return self.planned if self.optimum is None else self.optimum.outcome
+
+    @property
+    def has_front(self) -> bool:
+        """Whether a front was asked for and has points."""
+        return self.front is not None and len(self.front.criteria) > 0
 
 
 def run_plan(plan: AclPlan, show: Show | None = None) -> PlanResult:
@@ -106,6 +114,10 @@ def run_plan(plan: AclPlan, show: Show | None = None) -> PlanResult:
     best = planned if optimum is None else optimum.outcome
     allowed = timed("tolerance", lambda: tolerances(surgery, best))
     done = {"planned": plan.base} | ({} if optimum is None else {"optimum": best.choices[0]})
+    front = None
+    if plan.population and plan.free:
+        known = best.choices if optimum is not None else None
+        front = timed("front", lambda: _front(plan, known, show))
     open_ = None
     if plan.drawn:
         open_ = timed("intervals", lambda: intervals(surgery, plan.drawn, done))
@@ -114,8 +126,15 @@ def run_plan(plan: AclPlan, show: Show | None = None) -> PlanResult:
         for bone in ((TIBIA, FEMUR) if plan.map_points else ())
     ]
     return PlanResult(
-        plan, planned, around, by_tension, tuple(maps), optimum, open_, allowed,
+        plan, planned, around, by_tension, tuple(maps), optimum, front, open_, allowed,
         seconds,
+    )  # fmt: skip
+
+
+def _front(plan: AclPlan, known: np.ndarray | None, show: Show) -> Front:
+    return pareto_front(
+        plan.surgery, plan.base, plan.free_choices, known=known, population=plan.population,
+        generations=plan.generations, progress=lambda done, total: show("front", done, total),
     )  # fmt: skip
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from collections.abc import Sequence
 
 import numpy as np
 
 from kneejax.geometry import FEMUR, TIBIA
 from kneejax.planning._followed import Followed, Protocol, follow
 from kneejax.planning._footprints import Footprint
-from kneejax.planning._pretension import fix
+from kneejax.planning._pretension import Fixed, fix
 from kneejax.planning._reconstruction import BUNDLE_NUMBERS, Reconstruction
 from kneejax.planning._warping import warped, warped_distances
 from kneejax.statics import Progress, Slopes, converged
@@ -83,6 +84,25 @@ class Outcome:
     def peak_N(self) -> np.ndarray:
         """Largest force of any bundle, through the motion and under the tests, `(v,)`."""
         return self.graft_N.max(axis=(1, 2))
+
+    def taken(self, rows: Sequence[int] | np.ndarray) -> Outcome:
+        """Some of the variants, with derivatives and balances where there are any."""
+        some, followed = np.asarray(rows), self.followed
+        read = {
+            name: getattr(followed, name)[some]
+            for name in ("length_mm", "strain", "tension_N", "anterior_mm", "status")
+        }
+        own = {
+            name: getattr(self, name)[some]
+            for name in ("choices", "slack_mm", "distance", "laxity_mm", "graft_N", "isometry_mm",
+                         "status")
+        }  # fmt: skip
+        return Outcome(
+            **own,
+            followed=dataclasses.replace(followed, **read, slopes=None, near=None),
+            slopes=self.slopes and {name: x[some] for name, x in self.slopes.items()},
+            near=self.near and Near(self.near.fixed.take(some), self.near.followed.take(some)),
+        )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -168,6 +188,7 @@ class Surgery:
         near: Near | None = None,
         grid: tuple[int, int] | None = None,
         progress: Progress | None = None,
+        slack_mm: np.ndarray | None = None,
     ) -> Outcome:
         """Fix grafts and put the knees through the protocol.
 
@@ -177,14 +198,19 @@ class Surgery:
             near: balances of near choices.
             grid: rows and columns in which the choices stand, if they are near each other.
             progress: called now and then with balances done and asked for.
+            slack_mm: zero-load lengths of grafts that are given in place of tensions,
+                `(v, bundles)`; then there are no derivatives.
         """
         choices = np.atleast_2d(np.asarray(choices, float))
         ends, ends_slope = self.ends(choices)
         tension = choices.reshape(*ends.shape[:2], -1)[..., 4]
-        fixed = fix(
-            self.plan, ends, tension, self.fixation_deg, slopes=slopes,
-            near=near and near.fixed, grid=grid,
-        )  # fmt: skip
+        if slack_mm is not None:
+            fixed, slopes = Fixed(slack_mm, None, np.zeros(len(choices), int), None), False
+        else:
+            fixed = fix(
+                self.plan, ends, tension, self.fixation_deg, slopes=slopes,
+                near=near and near.fixed, grid=grid,
+            )  # fmt: skip
         # A graft that was not fixed is slack: its variant does not count.
         known = np.isfinite(fixed.slack_mm)
         slack = np.where(known, fixed.slack_mm, _ANY_LENGTH_MM)

@@ -93,6 +93,9 @@ from kneejax.report.motion import search_words as search_words
 from kneejax.report.motion import simulation_figure as simulation_figure
 from kneejax.report.planning import NOT_FOR_PATIENTS as NOT_FOR_PATIENTS
 from kneejax.report.planning import curve_rows as curve_rows
+from kneejax.report.planning import front_columns as front_columns
+from kneejax.report.planning import front_figure as front_figure
+from kneejax.report.planning import front_rows as front_rows
 from kneejax.report.planning import octagon_rows as octagon_rows
 from kneejax.report.planning import plan_columns as plan_columns
 from kneejax.report.planning import plan_document as plan_document

@@ -12,11 +12,11 @@ from kneejax.files import (
     bone_surface,
     knee_with,
     load_knee,
-    named_path,
+    named_document,
     parse_flexion,
     read_calibrated,
 )
-from kneejax.files.reading import Field, load_yaml
+from kneejax.files.reading import Field
 from kneejax.geometry import FEMUR, TIBIA
 from kneejax.mechanics import RANGES, Knee, Range
 from kneejax.parameters import UnknownParameter, fibre_rows
@@ -24,8 +24,10 @@ from kneejax.planning import (
     DIRECTIONS,
     FARTHEST_MM,
     FREE,
+    GENERATIONS,
     GRAFTS,
     MOST_EVALUATIONS,
+    POPULATION,
     SEMI_AXES_MM,
     STARTS,
     WINDOW,
@@ -40,11 +42,12 @@ from kneejax.planning import (
     reconstruction_of,
 )
 from kneejax.studies._drawn_knees import drawn_parameters
+from kneejax.studies._study_fields import parameter_values
 
 _REQUIRED = ("title", "knee", "graft")
 _OPTIONAL = (
     "set", "ligament", "fixation", "tunnels", "footprints", "bones", "flexion_deg", "lachman",
-    "window", "limits", "octagon_apothem_mm", "map", "optimum", "draws",
+    "window", "limits", "octagon_apothem_mm", "map", "optimum", "front", "draws",
 )  # fmt: skip
 _BONES = (TIBIA, FEMUR)
 _TENSION = Range(1.0, 1000.0, "N", too_small="a graft that is not pulled has no zero-load length")
@@ -84,9 +87,7 @@ def read_plan(name_or_path: str | os.PathLike[str]) -> AclPlan:
         >>> plan.graft.name, plan.surgery.plan.torn
         ('hamstring', ('aACL', 'pACL'))
     """
-    path = named_path("plans", name_or_path)
-    document = load_yaml(path, "a plan file")
-    return plan_of(Field(os.fspath(path), "", document), path.parent)
+    return plan_of(*named_document("plans", name_or_path))
 
 
 def plan_of(plan: Field, folder: Path = Path()) -> AclPlan:
@@ -110,6 +111,7 @@ def plan_of(plan: Field, folder: Path = Path()) -> AclPlan:
     base = np.hstack([_tunnels(plan, tibia, bundles), _tunnels(plan, femur, bundles),
                       np.array(tension)[:, None]]).ravel()  # fmt: skip
     free, starts, most = _optimum(plan)
+    population, generations = _front(plan, free)
     points, halves = _map(plan)
     return AclPlan(
         title=plan["title"].text(),
@@ -124,6 +126,8 @@ def plan_of(plan: Field, folder: Path = Path()) -> AclPlan:
         free=free,
         starts=starts,
         evaluations=most,
+        population=population,
+        generations=generations,
         drawn=drawn,
         held=held,
         said=plan.value,
@@ -136,7 +140,7 @@ def _knee(plan: Field, folder: Path) -> tuple[Knee, tuple[Knee, ...], tuple[str,
     name = plan["knee"].text()
     beside = folder / name
     path = beside if beside.is_file() else Path(name)
-    own = {k: f.number() for k, f in plan["set"].named("a number")} if "set" in plan else {}
+    own = parameter_values(plan["set"]) if "set" in plan else {}
     knee = knee_with(load_knee(path if beside.is_file() else name), own, plan.file)
     if "draws" not in plan:
         return knee, (), ()
@@ -284,6 +288,20 @@ def _optimum(plan: Field) -> tuple[tuple[str, ...], int, int]:
     starts = field["starts"].integer(1, 64) if "starts" in field else STARTS
     most = field["evaluations"].integer(starts + 1, 10_000) if "evaluations" in field else None
     return free, starts, most or max(MOST_EVALUATIONS, starts + 1)
+
+
+def _front(plan: Field, free: tuple[str, ...]) -> tuple[int, int]:
+    if "front" not in plan or plan["front"].value is False:
+        return 0, GENERATIONS
+    if not free:
+        raise plan["front"].problem("an optimum that says what is free")
+    if plan["front"].value is True:
+        return POPULATION, GENERATIONS
+    field = plan["front"].mapping((), ("population", "generations"))
+    return (
+        field["population"].integer(8, 1024) if "population" in field else POPULATION,
+        field["generations"].integer(1, 1000) if "generations" in field else GENERATIONS,
+    )
 
 
 def _map(plan: Field) -> tuple[int, dict[str, float]]:

@@ -14,11 +14,11 @@ from kneejax.files import (
     bundled_measurements,
     knee_with,
     load_knee,
+    named_document,
     read_loads,
     read_poses,
-    study_path,
 )
-from kneejax.files.reading import Field, load_yaml
+from kneejax.files.reading import Field
 from kneejax.geometry import COLUMNS, CONVENTIONS, FEMORAL
 from kneejax.mechanics import RANGES
 from kneejax.studies._field_names import AS_THEY_ARE, OPTIONAL, REQUIRED
@@ -49,8 +49,7 @@ def read_study(name_or_path: str | os.PathLike[str]) -> Study:
         >>> study.knee.name, study.parameters
         ('four_ligament', ('*.stiffness', '*.reference_strain'))
     """
-    path = study_path(name_or_path)
-    return study_of(Field(os.fspath(path), "", load_yaml(path, "a study file")), path.parent)
+    return study_of(*named_document("studies", name_or_path))
 
 
 def study_of(study: Field, folder: Path) -> Study:

@@ -8,8 +8,10 @@ import pytest
 from kneejax.cli import main
 from kneejax.cli.papers import _paper2, _paper3
 from kneejax.geometry import Pose
+from kneejax.planning import Outcome
 from kneejax.reproduction import VERDICTS, Paper2Study, Paper3Study, RaisedLeg
-from kneejax.reproduction.paper2 import Lachman
+from kneejax.reproduction.paper2 import Lachman, Octagon
+from kneejax.reproduction.paper2._octagon_claims import TOTALS
 from kneejax.reproduction.paper3 import TORSION_DEG, RigidLeg
 from kneejax.statics import Status
 
@@ -38,6 +40,20 @@ def drawer_study(status, flexion):
     )  # fmt: skip
 
 
+def octagon_of():
+    """Grafts whose distances are Table 4's."""
+    names, nothing = ("pACL", "PCL", "graft"), np.zeros(0)
+
+    def outcome(columns):
+        distance = np.array(TOTALS)[:, None] * np.full(columns, 1.0 / columns)
+        return Outcome(
+            nothing, nothing, distance, nothing, nothing, nothing, nothing,
+            followed=None,  # pyright: ignore[reportArgumentType]
+        )  # fmt: skip
+
+    return Octagon(names, outcome(3), outcome(2), 2.7, 2.6)
+
+
 def raised():
     """A leg at some flexions, the quadriceps slack at the last."""
     x = np.array([0.0, 20.0, 40.0, 60.0, 90.0])
@@ -55,6 +71,7 @@ def raised():
 def test_claims_tables_and_figures_are_written(paper, status, code, tmp_path, monkeypatch, capsys):
     asked = []
     monkeypatch.setattr(_paper2, "paper2_study", lambda knee: lachman_study(status))
+    monkeypatch.setattr(_paper2, "octagon_study", lambda knee: octagon_of())
     monkeypatch.setattr(
         _paper3, "paper3_study",
         lambda knee, flexion, mm, Nm: asked.append((mm, Nm)) or drawer_study(status, flexion),
@@ -67,6 +84,10 @@ def test_claims_tables_and_figures_are_written(paper, status, code, tmp_path, mo
     assert all(row["number"].startswith(f"{paper}.") for row in rows)
     drawn = {"2": ["lachman"], "3": ["drawer", "raised_leg", "torsion"]}[paper]
     assert sorted(x.stem for x in (tmp_path / "figures").iterdir()) == drawn
+    if paper == "2":
+        with (tmp_path / "octagon.csv").open() as file:
+            totals = [float(x["total"]) for x in csv.DictReader(file) if x["graft"] == "moved"]
+        assert totals == pytest.approx(TOTALS)
     table = {"2": "lachman.csv", "3": "drawer.csv"}[paper]
     with (tmp_path / table).open() as file:
         assert {"anterior_mm", "anterior_N"} <= set(csv.DictReader(file).fieldnames or ())

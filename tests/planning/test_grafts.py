@@ -93,7 +93,7 @@ def test_slack_length_follows_force_pose_and_ends_as_central_differences_say(pla
         away = np.zeros(len(step))
         away[k] = h
         rise = float(slack(at + away) - slack(at - away)) / (2.0 * h)
-        assert float(exact[k]) == pytest.approx(rise, rel=1e-5, abs=1e-7), k
+        assert float(exact[k]) == pytest.approx(rise, rel=1e-6, abs=1e-7), k
 
 
 def test_a_longer_pull_leaves_a_shorter_graft_by_the_law_alone():
@@ -106,6 +106,7 @@ def test_a_longer_pull_leaves_a_shorter_graft_by_the_law_alone():
         )
 
 
+@pytest.mark.slow
 def test_a_structure_with_grafts_is_the_knee_itself_where_nothing_is_torn(knee, plan, ends):
     angles = np.array([60.0, 30.0, 0.0])
     through = Through(angles, (), 0.0)
@@ -145,6 +146,20 @@ def test_a_graft_tears_at_its_failure_load(plan):
     pull = ligament_law.exact_tension(tears, kind.stiffness_N, 0.06)
     assert float(pull) == pytest.approx(kind.failure_N)
     assert all(graft.source for graft in GRAFTS.values())
+
+
+def test_the_table_of_grafts_is_what_was_published():
+    printed = {
+        "hamstring": (238.0, 2422.0), "patellar_tendon": (210.0, 1784.0),
+        "quadriceps_tendon": (466.0, 2186.0), "native": (242.0, 2160.0),
+    }  # fmt: skip
+    told = {name: (x.stiffness_N_per_mm, x.failure_N) for name, x in GRAFTS.items()}
+    assert told == printed
+
+
+def test_footprints_are_longer_from_front_to_back_and_along_the_femur(knee):
+    tibia, femur = (footprint_of(knee, "ACL", bone).semi_axes_mm for bone in ("tibia", "femur"))
+    assert (tibia, femur) == ((7.0, 5.0), (4.0, 7.5))
 
 
 def test_a_footprint_is_read_from_the_fibres(knee):

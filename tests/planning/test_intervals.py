@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from kneejax.files import InputProblem, read_calibrated
-from kneejax.planning import intervals
+from kneejax.planning import intervals, missed, on_knee
 from kneejax.studies import drawn_parameters, read_plan
 
 pytest.importorskip("dtaidistance")
@@ -59,14 +59,21 @@ def test_knees_of_a_plan_are_those_that_were_drawn(calibrated):
     assert np.std(strains) > 1e-4
 
 
-def test_draws_that_are_all_alike_leave_no_interval(tmp_path):
+def test_two_draws_are_the_ends_of_their_quantiles(tmp_path):
     (tmp_path / "result.json").write_text(
         json.dumps({"knee": "four_ligament", "parameters": {NAMES[0]: {"value": 0.07}}})
     )
-    plan = plan_in(tmp_path, flexion_deg="40:0:-20", lachman={"flexion_deg": [20]})
-    found = intervals(plan.surgery, [plan.own, plan.own], {"planned": plan.base})
+    limits = {"laxity_band_mm": 0.05}
+    plan = plan_in(tmp_path, flexion_deg="40:0:-20", lachman={"flexion_deg": [20]}, limits=limits)
+    other = plan_in(tmp_path, set={"ACL.reference_strain": 0.0, "MCL.reference_strain": 0.03}).own
+    found = intervals(plan.surgery, [plan.own, other], {"planned": plan.base})
     assert found.knees == ("intact", "deficient", "planned")
-    laxity = plan.surgery.laxity(plan.surgery.before)
-    assert found.limits[:2, :1, 1] == pytest.approx(laxity, abs=1e-7)
-    assert found.limits[2, :, 0] == pytest.approx(found.limits[2, :, 2], abs=1e-12)
+    each = [on_knee(plan.surgery, knee) for knee in (plan.own, other)]
+    ends = np.sort([surgery.laxity(surgery.before)[:, 0] for surgery in each], axis=0)
+    assert np.ptp(ends, axis=0).min() > 1e-3
+    for place, part in enumerate((0.025, 0.5, 0.975)):
+        expected = ends[0] + part * (ends[1] - ends[0])
+        assert found.limits[:2, 0, place] == pytest.approx(expected, abs=1e-7)
+    kept = [missed(surgery, surgery.try_out(plan.base))[0] == 0.0 for surgery in each]
+    assert found.kept[2] == np.mean(kept) < 1.0
     assert found.known[2].tolist() == [2, 2, 2]

@@ -8,9 +8,11 @@ import pytest
 import yaml
 
 from kneejax.cli import main
+from kneejax.planning import undominated
 
 pytest.importorskip("dtaidistance")
 pytest.importorskip("h5netcdf")
+pytest.importorskip("pymoo")
 
 PLAN = {
     "title": "One graft",
@@ -22,6 +24,7 @@ PLAN = {
     "limits": {"laxity_band_mm": 1.0},
     "map": {"points": 3},
     "optimum": {"free": ["tension"], "starts": 2, "evaluations": 4},
+    "front": {"population": 8, "generations": 2},
 }
 
 
@@ -61,6 +64,17 @@ def test_the_table_has_the_knees_and_the_octagon_has_paper_2s_layout(written):
     for row in octagon:
         parts = [float(row[name]) for name in ("PCL", "MCL", "LCL", "graft")]
         assert float(row["total"]) == pytest.approx(sum(parts), rel=1e-6)
+
+
+def test_a_front_is_a_table_of_which_no_row_is_better(written):
+    _, out = written
+    rows = rows_of(out / "front.csv")
+    document = json.loads((out / "plan.json").read_text())["front"]
+    criteria = np.array([[float(row[name]) for name in document["criteria"]] for row in rows])
+    assert undominated(criteria).all() and len(rows) == document["points"]
+    assert [row["compromise"] for row in rows].count("1") == 1
+    assert all(row["graft_tibia_anterior_mm"] == rows[0]["graft_tibia_anterior_mm"] for row in rows)
+    assert "What must be given up for what" in (out / "report.html").read_text()
 
 
 def test_status_is_1_where_something_is_doubtful_and_0_otherwise(written):

@@ -42,6 +42,8 @@ def read(folder, **fields):
         ({"lachman": {"flexion_deg": [200]}}, "lachman.flexion_deg"),
         ({"flexion_deg": "80:0:5"}, "a step that leads from the first angle to the last"),
         ({"map": {"points": 2}}, "map.points: 2"),
+        ({"front": {"population": 3}}, "front.population: 3"),
+        ({"front": True, "optimum": False}, "front: True: expected an optimum that says what is"),
         ({"optimum": {"free": ["patella"]}}, "one of tibia, femur, tension"),
     ],
 )  # fmt: skip
@@ -82,6 +84,39 @@ def test_the_nearest_point_of_a_ball_is_towards_its_middle(tmp_path):
     assert laid == pytest.approx(25.0 * away, abs=0.1)
     assert (normals * away).sum(axis=1) == pytest.approx([1.0, 1.0], abs=1e-3)
     assert far == pytest.approx(np.abs(np.linalg.norm(points, axis=1) - 25.0), abs=0.1)
+
+
+def test_on_a_slope_a_tunnel_moves_along_the_bone(tmp_path):
+    middle = read(tmp_path).surgery.tibia.middle
+    roof = trimesh.creation.box((90.0, 2.0, 90.0))
+    roof.apply_transform(trimesh.transformations.rotation_matrix(0.2, [0.0, 0.0, 1.0]))
+    roof.apply_translation(middle - [0.0, 1.6, 0.0])
+    roof.export(tmp_path / "roof.stl")
+    tibia = read(tmp_path, bones={"tibia": "roof.stl"}).surgery.tibia
+    (here, there), slope = tibia.place(np.array([[0.0, 0.0], [0.5, 0.3]]))
+    assert slope[0] @ [0.5, 0.3] == pytest.approx(there - here, abs=1e-9)
+
+
+def test_what_a_plan_says_is_what_is_planned(tmp_path):
+    plan = read(
+        tmp_path, set={"MCL.stiffness": 1234.0}, octagon_apothem_mm=8.0, window=3,
+        fixation={"flexion_deg": 15.0, "tension_N": 60.0}, flexion_deg="60:0:-20",
+        limits={"graft_N": 300.0, "laxity_band_mm": 1.5, "tension_N": [30.0, 90.0]},
+        lachman={"flexion_deg": [25.0], "force_N": 90.0},
+        tunnels={"tibia_mm": [[1.0, -2.0]], "femur_mm": [[0.5, 3.0]]},
+        footprints={"femur_mm": [5.0, 8.0]}, map={"points": 5, "femur_half_mm": 6.0},
+    )  # fmt: skip
+    surgery = plan.surgery
+    assert float(plan.own.ligaments.stiffness[2]) == 1234.0
+    assert (plan.octagon_mm, surgery.window, surgery.fixation_deg) == (8.0, 3, 15.0)
+    assert plan.base.tolist() == [1.0, -2.0, 0.5, 3.0, 60.0]
+    limits = surgery.limits
+    assert (limits.graft_N, limits.band_mm, limits.tension_N) == (300.0, 1.5, (30.0, 90.0))
+    through = surgery.protocol
+    assert through.extension_deg.tolist() == [60.0, 40.0, 20.0, 0.0]
+    assert (through.lachman_deg, through.force_N) == ((25.0,), 90.0)
+    assert surgery.femur.semi_axes_mm == (5.0, 8.0)
+    assert (plan.map_points, plan.map_half_mm) == (5, {"tibia": 11.0, "femur": 6.0})
 
 
 def test_the_bundled_plan_is_paper_2s(tmp_path):

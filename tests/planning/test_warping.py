@@ -66,4 +66,5 @@ def test_what_is_not_known_stays_unknown():
     curve = np.zeros(5)
     gap = np.array([0.0, np.nan, 0.0, 0.0, 0.0])
     assert np.isnan(warped(gap, curve)[0])
+    assert np.isnan(warped(curve, gap)[0])
     assert np.isnan(warped_distances(gap[None], curve)[0])

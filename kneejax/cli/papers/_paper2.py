@@ -1,15 +1,17 @@
-"""`kneejax reproduce 2`: Lachman tests on paper 2's ten bundles, against its claims."""
+"""`kneejax reproduce 2`: Lachman tests and grafts on paper 2's ten bundles, against its claims."""
 
 from __future__ import annotations
 
 import argparse
+import importlib.util
+from pathlib import Path
 
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli.papers._judged import say_claims, write_claims
 from kneejax.files import load_knee, write_rows
 from kneejax.inference import versions
 from kneejax.reproduction import VERDICTS, Claim, Paper2Study, paper2_claims, paper2_study
-from kneejax.reproduction.paper2 import LENGTH_CHANGES, PRESTRAINS
+from kneejax.reproduction.paper2 import LENGTH_CHANGES, PRESTRAINS, Octagon, octagon_study
 from kneejax.statics import Status
 
 _KNEE = "ten_bundle"
@@ -19,11 +21,34 @@ _ANSWERS = (Status.BALANCED, Status.OVERSTRETCHED, Status.GIVES_WAY, Status.DISL
 
 def run(arguments: argparse.Namespace) -> int:
     """Compute the study, judge the claims, print and write them."""
+    knee, octagon = load_knee(_KNEE), None
     with stages_on_terminal("Lachman tests"):
-        found = paper2_study(load_knee(_KNEE))
-    claims, doubts = paper2_claims(found), _doubts(found)
+        found = paper2_study(knee)
+    if importlib.util.find_spec("dtaidistance"):
+        with stages_on_terminal("grafts in eight places"):
+            octagon = octagon_study(knee)
+    claims, doubts = paper2_claims(found, octagon), _doubts(found)
     _write(found, claims, doubts, arguments.out, arguments.svg)
-    return say_claims(claims, arguments.out, ["lachman.csv"], doubts)
+    files = ["lachman.csv"]
+    if octagon is not None:
+        _write_octagon(octagon, arguments.out / "octagon.csv")
+        files.append("octagon.csv")
+    return say_claims(claims, arguments.out, files, doubts)
+
+
+def _write_octagon(found: Octagon, path: Path) -> None:
+    """Its Table 4, of the bundle that was moved and of a graft under its tension."""
+    ways = {"moved": found.moved, "hamstring": found.planned}
+    own = [name for name in found.ligaments if name not in ("pACL", "graft")]
+    columns = ["graft", "position", *(f"{x}_distance" for x in ("graft", "pACL", *own)), "total"]
+    rows = []
+    for way, outcome in ways.items():
+        names = found.ligaments if way == "moved" else (*own, "graft")
+        for k, distance in enumerate(outcome.distance):
+            by = dict(zip(names, distance, strict=True))
+            each = [by["graft"], by.get("pACL", float("nan")), *(by[name] for name in own)]
+            rows.append([way, k + 1, *each, outcome.total[k]])
+    write_rows(path, columns, rows)
 
 
 def _doubts(found: Paper2Study) -> list[str]:
@@ -64,12 +89,12 @@ def _write(found: Paper2Study, claims: tuple[Claim, ...], doubts, out, svg: bool
         "surfaces (lenhart2015), attachments of its fibres, lengths as in the table. No muscles, "
         "no body, nothing that damps: the tibia is loaded at rest. The paper's patient, its "
         "attachments, curves and calibrated numbers were not published.",
-        "Planning a graft (the octagon of insertions) and activities are not part of this.",
+        "Grafts are placed by what `kneejax plan acl` calls; activities are not part of this.",
         f"Verdicts: {', '.join(VERDICTS)}.",
     ]
     settings = {
         "knee": _KNEE, "added_to_collateral_strains": list(PRESTRAINS),
         "calibrated_at": found.prestrain, "changes_of_resting_length": list(LENGTH_CHANGES),
     }  # fmt: skip
-    title = "Paper 2: the Lachman test with and without an ACL"
+    title = "Paper 2: the Lachman test, and eight places for a graft"
     write_reproduction(title, about, claims, figures, doubts, settings, versions(), out, svg=svg)

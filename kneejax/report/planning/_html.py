@@ -13,26 +13,28 @@ import numpy as np
 
 from kneejax.geometry import TIBIA
 from kneejax.report.look import (
-    CSS,
-    NONE,
     json_safe,
     number,
+    page,
     picture,
     save_and_inline,
     section,
     table,
+    warnings_box,
     write_whole,
 )
 from kneejax.report.planning._figures import strain_figure, tension_figure
+from kneejax.report.planning._front import front_figure
 from kneejax.report.planning._maps import tunnel_map_figure
-from kneejax.report.planning._tables import NOT_FOR_PATIENTS, octagon_rows, plan_doubts, variants
+from kneejax.report.planning._tables import NOT_FOR_PATIENTS, octagon_rows, plan_doubts
 from kneejax.report.planning._text import (
+    front_table,
     interval_rows,
+    knee_rows,
     said_of_optimum,
     said_of_plan,
     said_of_tolerances,
 )
-from kneejax.statics import Status
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -49,6 +51,11 @@ _CAPTIONS = {
         "Strain of every ligament from bent to straight. Dashed: the intact knee. Thin lines: the "
         "graft's tibial end in the eight corners of the octagon, everything else as planned. A "
         "reconstruction is the better, the nearer its curves are to the dashed ones."
+    ),
+    "front": (
+        "Every choice of the front, each panel two criteria, the colour a third. Further to the "
+        "left and lower is better. The diamond is the compromise, the cross the plan, the star the "
+        "optimum of strain distance alone."
     ),
     "tension": (
         "What the tension at fixation does, tunnels as planned. A tighter graft lets the tibia "
@@ -91,21 +98,22 @@ def write_plan_report(
     for name, figure in _figures(result).items():
         written, pictures[name] = save_and_inline(figure, folder / "figures", name, svg=svg)
         paths += written
-    page = _page(result, pictures, versions)
-    return [write_whole(folder / "report.html", page.encode()), *paths]
+    whole = _page(result, pictures, versions)
+    return [write_whole(folder / "report.html", whole.encode()), *paths]
 
 
 def _figures(result: PlanResult) -> dict[str, Figure]:
     maps = {f"map_{one.bone}": tunnel_map_figure(result, one) for one in result.maps}
-    return {**maps, "strains": strain_figure(result), "tension": tension_figure(result)}
+    front = {"front": front_figure(result)} if result.has_front else {}
+    return {**maps, **front, "strains": strain_figure(result), "tension": tension_figure(result)}
 
 
 def _page(result: PlanResult, pictures: Mapping[str, str], versions: Mapping[str, str]) -> str:
-    title = escape(result.plan.title)
     sections = [
         _head(result),
         section("What the knee does", _knees(result)),
         _optimum(result, pictures),
+        _front(result, pictures),
         _intervals(result),
         section("The tension", picture(pictures["tension"], _CAPTIONS["tension"])),
         section("Eight places on the tibia", _octagon(result, pictures)),
@@ -113,12 +121,7 @@ def _page(result: PlanResult, pictures: Mapping[str, str], versions: Mapping[str
         section("How to run it again", _again(result, versions)),
         f'<p class="never">{escape(NOT_FOR_PATIENTS)}</p>\n',
     ]
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{title}</title>\n<style>{CSS}{_STYLE}</style>\n</head>\n"
-        f"<body>\n<main>\n{''.join(sections)}</main>\n</body>\n</html>\n"
-    )
+    return page(result.plan.title, sections, _STYLE)
 
 
 def _head(result: PlanResult) -> str:
@@ -130,11 +133,7 @@ def _head(result: PlanResult) -> str:
         boxes.append((f"Laxity at {angle:g}°, mm (intact)", both))
     boxes.append(("Largest graft force, N", number(best.peak_N[0], 3)))
     facts = "".join(f"<div><dt>{escape(k)}</dt><dd>{escape(v)}</dd></div>" for k, v in boxes)
-    doubts = plan_doubts(result)
-    listed = ""
-    if doubts:
-        items = "".join(f"<li>{escape(one)}</li>\n" for one in doubts)
-        listed = f'<div class="warnings"><h2>Before you read on</h2>\n<ul>\n{items}</ul></div>\n'
+    listed = warnings_box("Before you read on", plan_doubts(result))
     which = "the optimum" if result.optimum is not None else "the plan"
     return (
         f"<header>\n<h1>{escape(plan.title)}</h1>\n"
@@ -146,32 +145,16 @@ def _head(result: PlanResult) -> str:
 
 
 def _knees(result: PlanResult) -> str:
-    plan, surgery = result.plan, result.plan.surgery
+    surgery = result.plan.surgery
     tests = [f"Laxity {angle:g}°, mm" for angle in surgery.protocol.lachman_deg]
     header = ["Knee", *tests, "Graft force, N", "Length change, mm", "Strain distance", "Status"]
-    before = surgery.laxity(surgery.before)
-    rows = [
-        [name, *(number(x, 2) for x in before[row]), NONE, NONE, NONE if row else "0",
-         _status(surgery.before.status[row].max())]
-        for row, name in enumerate(("intact", f"without {plan.ligament}"))
-    ]  # fmt: skip
-    for name, found, row in variants(result):
-        rows.append(
-            [name, *(number(x, 2) for x in found.laxity_mm[row]), number(found.peak_N[row], 3),
-             number(found.isometry_mm[row].max(), 2), number(found.total[row], 3),
-             _status(found.status[row])]
-        )  # fmt: skip
     words = (
         f"<p>Laxity: how far {surgery.protocol.force_N:g} N draw the tibia forward. Graft force: "
         "the largest of any bundle, through extension and under the tests. Length change: between "
         "the tunnels, through extension; an isometric graft has none. Strain distance: how far the "
         "strain curves of all ligaments are from the intact knee's.</p>\n"
     )
-    return words + table(header, rows, (0, len(header) - 1))
-
-
-def _status(status: int) -> str:
-    return Status(int(status)).word.replace("_", " ")
+    return words + table(header, knee_rows(result), (0, len(header) - 1))
 
 
 def _optimum(result: PlanResult, pictures: Mapping[str, str]) -> str:
@@ -197,6 +180,21 @@ def _optimum(result: PlanResult, pictures: Mapping[str, str]) -> str:
         caption = _OF_MAP.format(bone=one.bone, view=_VIEWS[one.bone == TIBIA])
         text += picture(pictures[f"map_{one.bone}"], caption)
     return section("Where to place the graft", text)
+
+
+def _front(result: PlanResult, pictures: Mapping[str, str]) -> str:
+    if result.front is None or not result.has_front:
+        return ""
+    header, *rows = front_table(result)
+    words = (
+        "<p>Laxity, graft force and strains pull in different directions. Of these "
+        f"{len(result.front.criteria)} choices, all within the limits, none is better than another "
+        f"in everything ({result.front.evaluations} knees were tried). Those that are best in one "
+        "criterion, and the one nearest to the best of all, each counted in parts of its extent; "
+        "lengths in mm from the middles of the footprints, forces in N:</p>\n"
+    )
+    drawn = picture(pictures["front"], _CAPTIONS["front"])
+    return section("What must be given up for what", words + table(header, rows) + drawn)
 
 
 def _intervals(result: PlanResult) -> str:

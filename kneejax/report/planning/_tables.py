@@ -11,7 +11,7 @@ from kneejax.report.look import json_safe
 from kneejax.statics import Status
 
 if TYPE_CHECKING:
-    from kneejax.planning import AclPlan, Outcome, PlanResult
+    from kneejax.planning import AclPlan, Front, Outcome, PlanResult, Surgery
 
 #: Stands on every page and in every report of a plan.
 NOT_FOR_PATIENTS = (
@@ -35,15 +35,39 @@ def plan_columns(plan: AclPlan) -> list[str]:
     surgery = plan.surgery
     columns = ["knee"]
     for name in surgery.plan.bundles:
-        columns += [
-            f"{name}_{footprint.bone}_{axis}_mm"
-            for footprint in (surgery.tibia, surgery.femur)
-            for axis in footprint.names
-        ]
-        columns += [f"{name}_tension_N", f"{name}_slack_length_mm", f"{name}_length_change_mm"]
+        columns += choice_columns(surgery, name)
+        columns += [f"{name}_slack_length_mm", f"{name}_length_change_mm"]
     columns += [f"laxity_{angle:g}_deg_mm" for angle in surgery.protocol.lachman_deg]
     return [*columns, "graft_peak_N", *(f"strain_distance_{x}" for x in surgery.ligaments),
             "strain_distance", "status"]  # fmt: skip
+
+
+def choice_columns(surgery: Surgery, bundle: str) -> list[str]:
+    """Columns of a bundle's five choices."""
+    places = [
+        f"{bundle}_{footprint.bone}_{axis}_mm"
+        for footprint in (surgery.tibia, surgery.femur)
+        for axis in footprint.names
+    ]
+    return [*places, f"{bundle}_tension_N"]
+
+
+def front_columns(plan: AclPlan) -> list[str]:
+    """Columns of front.csv: criteria, then choices."""
+    surgery = plan.surgery
+    tests = [f"laxity_{angle:g}_deg_mm" for angle in surgery.protocol.lachman_deg]
+    choices = [x for name in surgery.plan.bundles for x in choice_columns(surgery, name)]
+    return [*tests, "graft_peak_N", "strain_distance", *choices, "compromise"]
+
+
+def front_rows(front: Front) -> list[list[Any]]:
+    """Rows of front.csv, by strain distance; the compromise is marked."""
+    return [
+        [*criteria, *choices, int(row == front.compromise)]
+        for row, (criteria, choices) in enumerate(
+            zip(front.criteria, front.outcome.choices, strict=True)
+        )
+    ]
 
 
 def plan_rows(result: PlanResult) -> list[list[Any]]:
@@ -120,6 +144,8 @@ def plan_doubts(result: PlanResult) -> list[str]:
             "No choice was found that keeps all limits; the optimum is the one that misses them "
             f"least, by {result.optimum.missed:.0%} of the worst."
         )
+    if result.front is not None and not result.has_front:
+        said.append("No choice was found that keeps all limits: there is no front.")
     lost = [k + 1 for k, total in enumerate(result.octagon.total) if not np.isfinite(total)]
     if lost:
         corners = ", ".join(str(k) for k in lost)
@@ -132,7 +158,8 @@ def plan_failed(result: PlanResult) -> bool:
     optimum misses a limit."""
     wanted = [result.planned] if result.optimum is None else [result.planned, result.best]
     lost = any(not Status(int(one.status[0])).converged for one in wanted)
-    return lost or (result.optimum is not None and not result.optimum.feasible)
+    none = result.front is not None and not result.has_front
+    return lost or none or (result.optimum is not None and not result.optimum.feasible)
 
 
 def plan_document(result: PlanResult, versions: dict[str, str]) -> dict[str, Any]:
@@ -201,6 +228,15 @@ def plan_document(result: PlanResult, versions: dict[str, str]) -> dict[str, Any
                 for row, knee in enumerate(own.knees)
             },
         }  # fmt: skip
+    if result.has_front:
+        assert result.front is not None
+        document["front"] = {
+            "criteria": list(result.front.names),
+            "points": len(result.front.criteria),
+            "evaluations": result.front.evaluations,
+            "least": result.front.criteria.min(axis=0),
+            "compromise": result.front.criteria[result.front.compromise],
+        }
     if optimum is not None:
         document["optimum"] = {
             "free": list(plan.free),

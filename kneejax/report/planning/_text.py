@@ -19,25 +19,37 @@ def plan_text(result: PlanResult) -> str:
     plan, surgery = result.plan, result.plan.surgery
     tests = [f"laxity {angle:g} deg" for angle in surgery.protocol.lachman_deg]
     header = ["knee (mm, N)", *tests, "graft peak", "length change", "strain distance", "status"]
-    before = surgery.laxity(surgery.before)
-    rows = [
-        [name, *(number(x, 3) for x in before[row]), "", "", "",
-         Status(int(surgery.before.status[row].max())).word]
-        for row, name in enumerate(("intact", f"without {plan.ligament}"))
-    ]  # fmt: skip
-    for name, found, row in variants(result):
-        rows.append(
-            [name, *(number(x, 3) for x in found.laxity_mm[row]), number(found.peak_N[row], 3),
-             number(found.isometry_mm[row].max(), 2), number(found.total[row], 3),
-             Status(int(found.status[row])).word]
-        )  # fmt: skip
-    lines = [plan.title, *wrapped(said_of_plan(result)), *aligned([header, *rows])]
+    lines = [plan.title, *wrapped(said_of_plan(result)), *aligned([header, *knee_rows(result)])]
     for one in (*said_of_optimum(result), *said_of_tolerances(result)):
         lines += wrapped(one)
+    lines += aligned(front_table(result)) if result.has_front else []
     lines += aligned(interval_rows(result)) if result.intervals is not None else []
     for one in plan_doubts(result):
         lines += wrapped(one, "note: ")
     return "\n".join([*lines, *wrapped(NOT_FOR_PATIENTS)])
+
+
+def knee_rows(result: PlanResult) -> list[list[str]]:
+    """Laxities, graft force, length change, strain distance and status: the intact knee, that
+    without the ligament, then every reconstruction."""
+    surgery = result.plan.surgery
+    before, status = surgery.laxity(surgery.before), surgery.before.status.max(axis=1)
+    names = ("intact", f"without {result.plan.ligament}")
+    rows = [
+        [name, *(number(x, 3) for x in before[row]), NONE, NONE, NONE if row else "0",
+         _word(status[row])]
+        for row, name in enumerate(names)
+    ]  # fmt: skip
+    return rows + [
+        [name, *(number(x, 3) for x in found.laxity_mm[row]), number(found.peak_N[row], 3),
+         number(found.isometry_mm[row].max(), 2), number(found.total[row], 3),
+         _word(found.status[row])]
+        for name, found, row in variants(result)
+    ]  # fmt: skip
+
+
+def _word(status: int) -> str:
+    return Status(int(status)).word.replace("_", " ")
 
 
 def said_of_plan(result: PlanResult) -> str:
@@ -97,6 +109,27 @@ def said_of_optimum(result: PlanResult) -> list[str]:
         + ", ".join(number(x, 3) for x in np.sort(optimum.ends))
     )
     return lines
+
+
+def front_table(result: PlanResult) -> list[list[str]]:
+    """The ends of the front and its compromise, a header first: criteria and choices."""
+    front, surgery = result.front, result.plan.surgery
+    assert front is not None
+    tests = [f"laxity {angle:g} deg" for angle in surgery.protocol.lachman_deg]
+    names = [*tests, "graft peak", "strain distance"]
+    choices = [
+        f"{footprint.bone} {axis}"
+        for footprint in (surgery.tibia, surgery.femur)
+        for axis in footprint.names
+    ]
+    each = [*choices, "tension"] * len(surgery.plan.bundles)
+    header = [f"best in (of {len(front.criteria)})", *names, *each]
+    wanted = [*zip(names, np.argmin(front.criteria, axis=0), strict=True)]
+    return [header] + [
+        [name, *(number(x, 3) for x in front.criteria[row]),
+         *(number(x, 3) for x in front.outcome.choices[row])]
+        for name, row in (*wanted, ("compromise", front.compromise))
+    ]  # fmt: skip
 
 
 def said_of_tolerances(result: PlanResult) -> list[str]:

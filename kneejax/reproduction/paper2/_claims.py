@@ -10,6 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from kneejax.reproduction._claims import CANNOT_BE_JUDGED, Claim, judged
+from kneejax.reproduction.paper2._octagon import Octagon
+from kneejax.reproduction.paper2._octagon_claims import octagon_claims
 from kneejax.reproduction.paper2._study import (
     COLLATERALS,
     FULL_N,
@@ -30,11 +32,12 @@ LITTLE, MUCH = 0.2, 0.2
 TAUT_N = 1.0
 
 
-def paper2_claims(found: Paper2Study) -> tuple[Claim, ...]:
-    """Judge the claims of paper 2 that need no planning of a graft.
+def paper2_claims(found: Paper2Study, octagon: Octagon | None = None) -> tuple[Claim, ...]:
+    """Judge the claims of paper 2.
 
     Args:
         found: Lachman tests of a knee with its ten bundles.
+        octagon: grafts in eight places; None where the package that compares curves is missing.
 
     Returns:
         One claim a statement, then those that cannot be judged.
@@ -42,7 +45,7 @@ def paper2_claims(found: Paper2Study) -> tuple[Claim, ...]:
     return (
         _calibrated(found), _one_bundle(found), _second_bundle(found), _deficient(found),
         *(_rise(found, name, f"2.{5 + k}") for k, name in enumerate(RISES)), _restrictors(found),
-        _resting_length(found), *_not_judged(),
+        _resting_length(found), *octagon_claims(octagon), *_not_judged(),
     )  # fmt: skip
 
 
@@ -195,11 +198,9 @@ def _resting_length(found: Paper2Study) -> Claim:
 
 def _not_judged() -> tuple[Claim, ...]:
     rows = (
-        ("2.9", "Of eight tibial insertions on an octagon, position 8 keeps the ligaments' strains "
-         "nearest to the intact knee's, 1 is next, 3 and 4 are worst.", "Table 4, Figure 6",
-         "needs a graft placed on the tibia, which this software does not plan yet"),
         ("2.10", "Strains of the graft over gait and a jump, for the eight insertions.",
-         "Figure 7", "needs a whole body with its muscles; this knee has none"),
+         "Figure 7", "the curves are drawn and not printed, and the muscles' forces behind them "
+         "are neither"),
         ("2.11", "The calibrated model follows the patient's curve of force and displacement.",
          "Figure 3", "the curve is drawn and was not published; only its last point is printed"),
     )  # fmt: skip

@@ -5,8 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
+from kneejax.planning import Outcome
 from kneejax.reproduction import CANNOT_BE_JUDGED, NOT_REPRODUCED, REPRODUCED, paper2_claims
 from kneejax.reproduction.paper2 import Lachman, Paper2Study
+from kneejax.reproduction.paper2._octagon import Octagon
+from kneejax.reproduction.paper2._octagon_claims import TOTALS, octagon_claims
 from kneejax.reproduction.paper2._study import MEASURED_MM, fitted
 from kneejax.statics import Status
 
@@ -42,7 +45,7 @@ def verdicts(found):
 def test_the_papers_own_numbers_reproduce_every_claim_that_is_judged():
     found = verdicts(study())
     assert [found[f"2.{k}"] for k in range(1, 9)] == [REPRODUCED] * 8
-    assert [found[f"2.{k}"] for k in range(9, 12)] == [CANNOT_BE_JUDGED] * 3
+    assert [found[f"2.{k}"] for k in range(9, 15)] == [CANNOT_BE_JUDGED] * 6
 
 
 @pytest.mark.parametrize(
@@ -86,3 +89,46 @@ def test_what_is_added_lies_between_its_neighbours():
     assert fitted(line | {0.12: MEASURED_MM}) == 0.12
     assert fitted({0.0: 20.0, 0.1: 15.0}) == 0.1
     assert fitted({0.0: np.nan, 0.1: np.nan}) == 0.1
+
+
+NAMES = ("pACL", "PCL", "aDMCL", "pDMCL", "LCL", "graft")
+SHARES = np.array([0.4, 0.05, 0.2, 0.25, 0.05, 0.05])
+
+
+def octagon(totals=TOTALS, shares=SHARES, one=2.7, two=2.5):
+    nothing = np.zeros(0)
+    corners = Outcome(
+        nothing, nothing, np.outer(totals, shares), nothing, nothing, nothing, nothing,
+        followed=None,  # pyright: ignore[reportArgumentType]
+    )  # fmt: skip
+    return Octagon(NAMES, corners, corners, one, two)
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+@pytest.mark.parametrize("by", [0, 3])
+def test_the_papers_own_octagon_reproduces_its_claims_however_it_is_numbered(by, sense):
+    claims = octagon_claims(octagon(np.roll(TOTALS, by)[::sense]))
+    assert [one.verdict for one in claims] == [REPRODUCED] * 4
+
+
+@pytest.mark.parametrize(
+    ("changed", "fails"),
+    [
+        # The next best lies opposite to the best.
+        ({"totals": (8.0, 14.9, 22.1, 21.9, 14.2, 9.6, 5.0, 4.9)}, {"2.9"}),
+        ({"totals": np.array(TOTALS) + 20.0}, {"2.12"}),
+        ({"shares": SHARES[[1, 0, 2, 3, 4, 5]]}, {"2.13"}),
+        ({"two": 2.0}, {"2.14"}),
+        ({"totals": (np.nan, *TOTALS[1:])}, {"2.9", "2.12", "2.13"}),
+    ],
+)
+def test_each_criterion_on_the_octagon_can_fail(changed, fails):
+    claims = octagon_claims(octagon(**changed))
+    assert {one.number for one in claims if one.verdict == NOT_REPRODUCED} == fails
+    assert all(one.reason for one in claims if one.number in fails)
+
+
+def test_without_the_package_the_octagon_cannot_be_judged():
+    claims = octagon_claims(None)
+    assert {one.verdict for one in claims} == {CANNOT_BE_JUDGED}
+    assert all("dtaidistance" in one.reason for one in claims)

@@ -1,0 +1,100 @@
+"""What is left of each limit of a plan, with derivatives, and choices that keep them all."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kneejax.planning._surgery import CHOICES, Outcome, Surgery
+from kneejax.statics import converged
+
+#: By how much a constraint may be missed, as a part of its limit.
+TOLERANCE = 1e-4
+#: Of the polygons that stand for ellipses: within 0.001 of them.
+_SIDES = 64
+
+
+def missed(surgery: Surgery, outcome: Outcome) -> np.ndarray:
+    """By how much each variant misses its worst limit, as a part of that, `(v,)`.
+
+    Args:
+        surgery: with its limits.
+        outcome: of any choices.
+
+    Returns:
+        0 where all limits are kept; infinite where the knee has no balance somewhere.
+    """
+    return np.maximum(excess(surgery, outcome), 0.0)
+
+
+def excess(surgery: Surgery, outcome: Outcome) -> np.ndarray:
+    """As `missed`, but negative where all limits are kept: by how much there is room, `(v,)`."""
+    worst = -_room(surgery, outcome).min(axis=1)
+    known = np.isfinite(outcome.total) & converged(outcome.status) & np.isfinite(worst)
+    return np.where(known, worst, np.inf)
+
+
+def best_of(surgery: Surgery, outcome: Outcome) -> int:
+    """The variant of the least strain distance among those that keep all limits; where none does,
+    the one that misses them least."""
+    far = missed(surgery, outcome)
+    kept = far <= TOLERANCE
+    score = np.where(kept, outcome.total, np.inf) if kept.any() else far
+    return int(np.argmin(score))
+
+
+def bounds(surgery: Surgery, size: int) -> tuple[np.ndarray, np.ndarray]:
+    """Smallest and largest of each choice."""
+    wide = np.r_[surgery.tibia.semi_axes_mm, surgery.femur.semi_axes_mm]
+    low, high = surgery.limits.tension_N
+    bundles = size // len(CHOICES)
+    return np.tile(np.r_[-wide, low], bundles), np.tile(np.r_[wide, high], bundles)
+
+
+def _room(surgery: Surgery, outcome: Outcome) -> np.ndarray:
+    """What is left of each limit, as a part of it, `(v, limits)`: negative where it is missed."""
+    count = len(outcome.choices)
+    each = outcome.choices.reshape(count, -1, len(CHOICES))
+    inside = [
+        1.0 - footprint.outside(each[..., columns]) ** 2
+        for footprint, columns in _tunnels(surgery)
+    ]
+    return np.hstack([*inside, limits_room(surgery, outcome)])
+
+
+def limits_room(surgery: Surgery, outcome: Outcome) -> np.ndarray:
+    """The same of graft forces and laxity alone."""
+    count, limits = len(outcome.choices), surgery.limits
+    graft = 1.0 - outcome.graft_N.reshape(count, -1) / limits.graft_N
+    off = (outcome.laxity_mm - surgery.laxity(surgery.before)[0]) / limits.band_mm
+    return np.hstack([graft, 1.0 - off, 1.0 + off])
+
+
+def room_slopes(surgery: Surgery, outcome: Outcome) -> np.ndarray:
+    """Derivative of `limits_room` of one variant by the choices, `(limits, choices)`."""
+    assert outcome.slopes is not None
+    size, limits = outcome.choices.shape[1], surgery.limits
+    graft = -outcome.slopes["graft_N"][0].reshape(-1, size) / limits.graft_N
+    off = outcome.slopes["laxity_mm"][0] / limits.band_mm
+    return np.vstack([graft, -off, off])
+
+
+def polygons(surgery: Surgery, size: int) -> tuple[np.ndarray, np.ndarray]:
+    """The footprints as polygons within their ellipses: `sides @ choices <= inside`.
+
+    A limit that is curved would be missed a little by every step of a linear model along it.
+    """
+    angle = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
+    normals = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    rows = []
+    for bundle in range(size // len(CHOICES)):
+        for footprint, columns in _tunnels(surgery):
+            row = np.zeros((_SIDES, size // len(CHOICES), len(CHOICES)))
+            row[:, bundle, columns] = normals / np.array(footprint.semi_axes_mm)
+            rows.append(row.reshape(_SIDES, size))
+    sides = np.vstack(rows)
+    return sides, np.full(len(sides), np.cos(np.pi / _SIDES))
+
+
+def _tunnels(surgery: Surgery):
+    """Footprints, each with the columns of its coordinates among a bundle's choices."""
+    return (surgery.tibia, slice(0, 2)), (surgery.femur, slice(2, 4))
