@@ -188,7 +188,8 @@ def tests_figure(calibration: Calibration) -> Figure:
         along = _over_flexion if len(np.unique(flexions)) == len(flexions) > 1 else _over_load
         along(axes, own, before, name)
         axes.set_title(verbatim(f"{own.test.name}: {label_of(name)}{without(own.test)}"))
-        axes.axhline(0.0, color=GREY, linewidth=0.5)
+        if own.test.counted_from != "absolute":
+            axes.axhline(0.0, color=GREY, linewidth=0.5)
     return figure
 
 

@@ -92,3 +92,18 @@ def test_what_a_result_may_not_say_is_named(tmp_path):
         kj.load_knee(path)
     with pytest.raises(InputProblem, match="parameters.ACL.stiffness.value"):
         kj.load_knee(result(tmp_path, parameters={"ACL.stiffness": {"value": None}}))
+
+
+def test_a_knee_that_was_calibrated_with_its_patella_has_the_numbers_of_it(tmp_path):
+    found = {"PTc.slack_length": 47.0, "vasint.tension": 30.0, "ACL.stiffness": 4000.0}
+    document = {
+        "parameters": {name: {"value": value} for name, value in found.items()},
+        "settings": {"knee": "four_ligament", "patella": True, "overrides": {}, "start": {}},
+    }
+    path = result(tmp_path, **document)
+    write_calibrated_knee(path, tmp_path / "knee.yaml")
+    for place in (path, tmp_path / "knee.yaml"):
+        knee = kj.load_knee(place, patella=True)
+        assert kj.select(knee, tuple(found)).read(knee).tolist() == list(found.values())
+        two = kj.load_knee(place)
+        assert two.bodies == ("tibia",) and float(two.ligaments.stiffness[0]) == 4000.0

@@ -118,6 +118,21 @@ def test_a_knee_without_a_patella_cannot_be_compared_with_one(knee):
     assert problem_of(knee, test, ["ACL.stiffness"]).counted_numbers == 3
 
 
+def test_what_is_counted_from_another_row_is_less_that_row_and_scatters_more(knee):
+    """A force is what it is, whatever the poses are counted from."""
+    test = kj.MeasuredTest(
+        "tracking", FLEXION, {}, np.full((3, 5), np.nan), counted_from="extension",
+        readings={"patella_tilt_deg": [1.0, 3.0, 7.0], "PTc.tension_N": [10.0, 20.0, 40.0]},
+        sd_deg=0.5, sd_N=2.0,
+    )  # fmt: skip
+    read = problem_of(knee, test, ["ACL.stiffness"]).cases.readings
+    tilt, force = (read.name == read.names.index(name) for name in test.readings)
+    assert read.target[tilt].tolist() == [2.0, 6.0] and read.neutral[tilt].tolist() == [0, 0]
+    assert read.sd[tilt] == pytest.approx(0.5 * np.sqrt(2.0))
+    assert read.target[force].tolist() == [10.0, 20.0, 40.0] and (read.neutral[force] == -1).all()
+    assert read.sd[force].tolist() == [2.0] * 3
+
+
 def written(folder, item, **fields):
     """A study of one table with all coordinates of both bones, and the pull."""
     header = ["flexion_deg", *COLUMNS[1:], *OF_PATELLA, "quadriceps.tension_N"]

@@ -8,7 +8,13 @@ import numpy as np
 from kneejax.experiments import MeasuredTest
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference import FittedTest
-from kneejax.report.calibration._tests import _curve, laxity_doubts, reading_table
+from kneejax.report.calibration._tests import (
+    _curve,
+    errors_to_show,
+    laxity_doubts,
+    laxity_errors,
+    reading_table,
+)
 from kneejax.statics import Status
 
 COLUMN = FREE_COORDINATES.index("anterior")
@@ -75,3 +81,13 @@ def test_the_table_of_readings_says_which_tension_acted_in_each_row():
     # Where no line was pulled there is no such column.
     alone = SimpleNamespace(fit=SimpleNamespace(tests=(still,)), start_tests=(still,))
     assert "patellar_tendon.tension_N" not in reading_table(alone)[0]
+
+
+def test_an_error_of_one_reading_is_left_to_the_table_of_readings():
+    flexion = np.array([30.0, 30.0, 30.0, 60.0, 90.0])
+    one = fitted("unloaded")
+    one = dataclasses.replace(one, test=dataclasses.replace(one.test, flexion_deg=flexion))
+    calibration = SimpleNamespace(fit=SimpleNamespace(tests=(one,)), start_tests=(one,))
+    shown = [(error.flexion_deg, error.readings) for error in errors_to_show(calibration)]
+    assert shown == [(None, 5), (30.0, 3)]
+    assert len(laxity_errors(calibration)) == 4
