@@ -197,7 +197,7 @@ class MotionDensity(eqx.Module):
         q = near["q"] + jnp.einsum("ncp,vp->vnc", near["jacobian"], step)
         meeting = near["meeting"] + jnp.einsum("nmap,vp->vnma", near["meeting_jacobian"], step)
         tangent = jnp.broadcast_to(near["tangent"], (len(values), *near["tangent"].shape))
-        lanes = (x.reshape(-1, *x.shape[2:]) for x in (q, meeting, tangent))
+        lanes = (x.reshape(len(q) * q.shape[1], *x.shape[2:]) for x in (q, meeting, tangent))
         return Guess(*(jnp.moveaxis(x, 0, -1) for x in lanes))
 
 

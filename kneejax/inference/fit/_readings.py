@@ -140,7 +140,7 @@ def _read_all(asked, vary: Vary, knee: Knee, free: int, stations: Stations, foun
     fits, size = found.values.shape
     count = len(stations)
     in_nodes = [
-        x.reshape(-1, *x.shape[2:])
+        x.reshape(fits * count, *x.shape[2:])
         for x in (found.q, found.meeting, found.jacobian, found.meeting_jacobian)
     ]
 

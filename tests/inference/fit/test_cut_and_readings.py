@@ -9,7 +9,9 @@ import kneejax as kj
 from kneejax.experiments import evaluate, weights_by_load
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference.fit import Problem, fit_lanes, slack_at
+from kneejax.mechanics import add_lane_axis
 from kneejax.parameters import UnknownParameter
+from kneejax.statics import Slopes
 
 NAMES = ["ACL.stiffness", "ACL.reference_strain", "PCL.reference_strain", "MCL.reference_strain"]
 NOISE = np.full(5, 0.1)
@@ -223,3 +225,28 @@ def test_residuals_under_a_pull_have_exact_derivatives(knee, passive, central_di
 
     differences = central_difference(residual, start / size, 1e-4)
     assert slope * size == pytest.approx(differences, rel=1e-6, abs=1e-4)
+
+
+def test_parts_of_a_knee_over_points_are_read_where_it_stands():
+    """No contact of it has a meeting point: nothing else differs."""
+    knee = kj.load_knee("lenhart2015_reduced")
+    name = knee.ligaments.names[0]
+    test = kj.MeasuredTest(
+        "still", [0.0, 30.0], {}, np.full((2, 5), np.nan), counted_from="absolute",
+        readings={f"{name}.strain": np.zeros(2)}, sd_strain=0.01,
+    )  # fmt: skip
+    names = [f"{name}.stiffness", f"{name}.slack_length"]
+    problem = problem_of(knee, np.empty((0, 6)), [test], names)
+    values = np.asarray(problem.selection.read(knee))[None]
+    nothing = np.zeros((1, 2, 0, 2))
+    here = Slopes(
+        values, np.zeros((1, 2, 5)), np.zeros((1, 2, 5, 2)), nothing, np.zeros((1, 2, 0, 2, 2)),
+        np.zeros((1, 2, 5, 5)), np.zeros((1, 2), int),
+    )  # fmt: skip
+    strain, slope = problem.cases.readings.model(problem.cases, here)
+    poses = kj.State({"tibia": kj.Pose.from_table([[0.0] * 6, [30.0] + [0.0] * 5])})
+    length = np.asarray(add_lane_axis(knee.ligaments).length(poses))[0]
+    assert strain[0] == pytest.approx(length / values[0, 1] - 1.0, abs=1e-12)
+    assert slope[0] == pytest.approx(
+        np.column_stack([np.zeros(2), -(1.0 + strain[0]) / values[0, 1]]), abs=1e-12
+    )
