@@ -7,6 +7,8 @@ import pytest
 import yaml
 
 import kneejax as kj
+from kneejax.experiments._motion import followed
+from kneejax.experiments.extensor._held_leg import at_rest, pulled_at
 from kneejax.files import InputProblem, write_rows
 from kneejax.geometry import BODIES, COLUMNS, PATELLA
 from kneejax.inference.fit import Problem, fit_lanes
@@ -22,13 +24,21 @@ NAMES = [
 ]  # fmt: skip
 
 
+def moved(knee, pull_N):
+    """Balances at the flexions under a pull of the quadriceps."""
+    return followed(knee, pulled_at(knee, np.array(FLEXION), np.full(3, pull_N), ()))
+
+
+def patella(motion):
+    return np.asarray(motion.settled.state.poses[PATELLA].to_table())
+
+
 def tracked(knee, **given):
     """A motion under a pull as a test that reads all coordinates of both bones."""
-    found = kj.patellar_tracking(knee, FLEXION, PULL_N)
-    rest = float(knee.muscles.tension.sum())
-    readings = dict(zip(OF_PATELLA, np.asarray(found.patella).T, strict=True))
+    motion, rest = moved(knee, PULL_N), float(at_rest(knee))
+    readings = dict(zip(OF_PATELLA, patella(motion).T, strict=True))
     test = kj.MeasuredTest(
-        "tracking", FLEXION, {}, np.asarray(found.motion.to_table("grood-suntay"))[:, 1:],
+        "tracking", FLEXION, {}, np.asarray(motion.to_table("grood-suntay"))[:, 1:],
         counted_from="absolute", readings=readings, sd_mm=0.5, sd_deg=0.5,
         tensions={"quadriceps": np.full(len(FLEXION), PULL_N - rest)},
     )  # fmt: skip
@@ -54,12 +64,12 @@ def test_a_knee_shows_no_residual_against_where_its_own_patella_was(
     """Nor does it when counted from a row or from the knee at rest; and slopes are exact."""
     test = tracked(knee, counted_from="absolute")
     if counted_from == "unloaded":
-        still = kj.patellar_tracking(knee, FLEXION, float(knee.muscles.tension.sum()))
-        away = np.asarray(still.motion.to_table("grood-suntay"))[:, 1:]
-        rest = dict(zip(OF_PATELLA, np.asarray(still.patella).T, strict=True))
-        moved = {name: x - rest[name] for name, x in test.readings.items()}
+        still = moved(knee, float(at_rest(knee)))
+        away = np.asarray(still.to_table("grood-suntay"))[:, 1:]
+        rest = dict(zip(OF_PATELLA, patella(still).T, strict=True))
+        changed = {name: x - rest[name] for name, x in test.readings.items()}
         test = dataclasses.replace(
-            test, observed=test.observed - away, readings=moved, counted_from="unloaded"
+            test, observed=test.observed - away, readings=changed, counted_from="unloaded"
         )
     test = dataclasses.replace(test, counted_from=counted_from)
     problem = problem_of(knee, test)
