@@ -97,7 +97,7 @@ def main() -> None:
     found = balance_many(knee, with_patella_changed, np.zeros(count + 1), values, stations)
     rows["random_s"] = time.perf_counter() - begun
     status = np.asarray(found.status)
-    rows["balanced"] = float(np.isin(status, _SOUND).mean())
+    rows["sound"] = float(np.isin(status, _SOUND).mean())
     for kind, many in collections.Counter(status.ravel().tolist()).items():
         rows[Status(kind).word.replace(" ", "_")] = many
     lost = (~np.isin(status, _SOUND)).reshape(-1, len(FLEXION_DEG), len(PULLS_N)).mean(axis=0)
