@@ -33,7 +33,8 @@ def configure() -> None:
     """
     jax.config.update("jax_enable_x64", True)
     # By name: jax makes these attributes, of which type checkers know nothing.
-    if getattr(jax.config, _CACHE) is None:
+    # Set to nothing, it is not set: programs would be kept wherever a command is called.
+    if not getattr(jax.config, _CACHE):
         base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
         jax.config.update(_CACHE, str(Path(base) / "kneejax"))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)

@@ -44,6 +44,12 @@ def test_what_a_person_has_chosen_stays(tmp_path):
     assert words == ["True", "True", folder, "float64"] and not said
 
 
+def test_a_folder_of_no_name_is_none(tmp_path):
+    """Programs would be written wherever a command is called."""
+    words, _ = shown("import kneejax\nkneejax.configure()", tmp_path, JAX_COMPILATION_CACHE_DIR="")
+    assert words[2] == str(tmp_path / "kneejax")
+
+
 def test_too_late_is_said_and_float64_holds_all_the_same(tmp_path):
     code = "import jax, kneejax\njax.numpy.ones(3)\nkneejax.configure()"
     words, said = shown(code, tmp_path)
