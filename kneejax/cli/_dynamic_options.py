@@ -49,6 +49,12 @@ def add_dynamic_options(simulate: argparse.ArgumentParser) -> None:
         type=float,
         help="of every coordinate, rotations at 30 mm (default: 0; settle 1)",
     )
+    simulate.add_argument(
+        "--dissipation_s_per_mm",
+        type=float,
+        help="of every contact: its force grows by so much with each mm/s of its overlap "
+        "(default: 0)",
+    )
     add_repeated(
         simulate,
         "--from",

@@ -28,6 +28,7 @@ _SIZES = {
     "ramp_s": Range(0.0, 60.0, "s"),
     "critical": Range(0.0, 100.0, ""),
     "damping_N_s_per_mm": Range(0.0, 1e3, "N s/mm"),
+    "dissipation_s_per_mm": Range(0.0, 10.0, "s/mm", too_large="s/m are suspected"),
     "error_mm": Range(1e-6, 10.0, "mm"),
     "body_kg": Range(20.0, 300.0, "kg"),
     "height_m": Range(1.0, 2.5, "m", too_large="cm are suspected"),
@@ -199,7 +200,10 @@ def moving_knee(arguments: argparse.Namespace, knee: Knee) -> MovingKnee:
         attitude = 0.0
     gravity = (0.0, 0.0, 0.0) if attitude is None else gravity_of(attitude)
     part = 1.0 if arguments.critical is None else arguments.critical
-    moving = MovingKnee.of(knee, leg, gravity_m_s2=gravity).critically_damped(part)
+    pressed = arguments.dissipation_s_per_mm
+    contacts = {name: pressed for name in knee.contact_names} if pressed else {}
+    moving = MovingKnee.of(knee, leg, gravity_m_s2=gravity, contact_dissipation=contacts)
+    moving = moving.critically_damped(part)
     usual = 1.0 if arguments.experiment == "settle" else 0.0
     everywhere = arguments.damping_N_s_per_mm
     return moving.damped_everywhere(usual if everywhere is None else everywhere)

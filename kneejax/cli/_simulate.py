@@ -34,7 +34,8 @@ _OF_TESTS = (
 _OF_EXTENSOR = ("quadriceps_N", "body_kg", "height_m", "ankle_kg", "femur_deg")
 #: Options of motions through time.
 _OF_TIME = (
-    "loads", "duration_s", "every_ms", "ramp_s", "critical", "damping_N_s_per_mm", "offset",
+    "loads", "duration_s", "every_ms", "ramp_s", "critical", "damping_N_s_per_mm",
+    "dissipation_s_per_mm", "offset",
     "error_mm",
 )  # fmt: skip
 

@@ -9,9 +9,9 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from kneejax.dynamics._history import damping_of
+from kneejax.dynamics._history import Moment, damping_of
 from kneejax.dynamics._moving import MovingKnee
-from kneejax.geometry import Placement, State, coordinates_of
+from kneejax.geometry import State, coordinates_of
 from kneejax.mechanics import (
     QUADRICEPS,
     CoordinateDampers,
@@ -21,6 +21,7 @@ from kneejax.mechanics import (
     Load,
     Muscles,
     TimeStep,
+    contact_damping_force,
     damping_force,
 )
 from kneejax.numerics import compiled
@@ -83,16 +84,11 @@ class Account(eqx.Module):
         return bool(self.part_missing <= CLOSES_WITHIN)
 
 
-@compiled(static_argnums=(9,))
+@compiled(static_argnums=(4,))
 def flow(
     moving: MovingKnee,
     loads: tuple[Load, ...],
-    q: Array,
-    rate: Array,
-    velocities: dict[str, Placement],
-    accelerations: dict[str, Placement],
-    length_rates: Array,
-    pull: Array,
+    known: Moment,
     meeting: Array,
     held: tuple[str, ...],
 ) -> Flow:
@@ -101,34 +97,29 @@ def flow(
     Args:
         moving: leaves end in a lane axis of length one.
         loads: at each moment, arrays `(3, moments)`.
-        q: all coordinates, `(6 bodies, moments)`.
-        rate: of them.
-        velocities: of each bone with mass.
-        accelerations: of these.
-        length_rates: of the fibres, `(n, moments)`.
-        pull: of the cable on the quadriceps, `(moments,)`.
+        known: of them; arrays end in `(moments,)`.
         meeting: of contacts, `(n, 2, moments)`.
         held: names of the coordinates that are, `QUADRICEPS` where a motor gives it its length.
     """
     names = coordinates_of(moving.knee.bodies)
+    q, rate = known.q, known.rate
     state = State.of({}, q, moving.knee.bodies)
     rates = dict(zip(names, rate, strict=True))
-    lengths = moving.knee.ligaments.length(state)
-    coefficients = damping_of(moving, lengths)
-    damping = damping_force(length_rates, *coefficients)
-    lost = jnp.sum(damping * length_rates, axis=0)
+    coefficients = damping_of(moving, known.lengths)
+    damping = damping_force(known.length_rates, *coefficients)
+    lost = jnp.sum(damping * known.length_rates, axis=0) + _lost_in_contacts(moving, known)
     lost = lost + sum(c * rates[name] ** 2 for name, c in moving.coordinate_damping.items())
-    kinetic = sum(m.kinetic_energy(velocities[bone]) for bone, m in moving.masses.items())
+    kinetic = sum(m.kinetic_energy(known.velocities[bone]) for bone, m in moving.masses.items())
     points = meeting[:, 0], meeting[:, 1]
     whole = dataclasses.replace(moving.knee, loads=(*moving.loads, *loads))
     _, forces = force(whole, {}, q, points)
-    in_motion = _in_motion(moving, whole, state, rates, accelerations, coefficients, length_rates)
+    in_motion = _in_motion(moving, whole, state, known, rates, coefficients)
     still = tuple(name for name in held if name != QUADRICEPS)
     holding, driven = {}, jnp.zeros(state.shape)
     if QUADRICEPS in held:
         muscles = whole.muscles
         assert muscles is not None
-        holding[QUADRICEPS] = pull
+        pull = holding[QUADRICEPS] = known.pull
         driven = -pull * _rate_of(muscles, moving.knee.bodies, q, rate)
         in_motion = dataclasses.replace(in_motion, muscles=muscles.pulling({QUADRICEPS: pull}))
     if still:
@@ -147,15 +138,25 @@ def _rate_of(muscles: Muscles, bodies: tuple[str, ...], q: Array, rate: Array) -
     return jax.jvp(length, (q,), (rate,))[1]
 
 
+def _lost_in_contacts(moving: MovingKnee, known: Moment) -> Array:
+    """Power that dampers of contacts take, N mm/s."""
+    lost = jnp.zeros(known.q.shape[1:])
+    for name, dissipation in moving.contact_dissipation.items():
+        rate = known.overlap_rates[name]
+        power = rate * contact_damping_force(rate, dissipation, known.pressing[name])
+        lost = lost + (power if power.ndim == lost.ndim else jnp.sum(power, axis=0))
+    return lost
+
+
 def _in_motion(
-    moving: MovingKnee, whole: Knee, state: State, rates, accelerations, coefficients, length_rates
+    moving: MovingKnee, whole: Knee, state: State, known: Moment, rates, coefficients
 ) -> Knee:
     """The knee with inertia and dampers at known rates: as in steps, of one second each."""
     one = jnp.ones(state.shape)
     inertia = []
     for bone, mass in moving.masses.items():
         there = state.poses[bone].placement
-        expected = jax.tree.map(lambda x, a: x - a, there, accelerations[bone])
+        expected = jax.tree.map(lambda x, a: x - a, there, known.accelerations[bone])
         inertia.append(InertiaOfStep(mass, expected, one, bone))
     coordinates = None
     if moving.coordinate_damping:
@@ -165,11 +166,14 @@ def _in_motion(
         coordinates = CoordinateDampers(moving.coordinate_damping, before, one)
     fibres = whole.ligaments
     if fibres.names:
-        before = fibres.length(state) - length_rates
+        before = fibres.length(state) - known.length_rates
         lengthening, both_ways = coefficients
         dampers = Dampers(lengthening, both_ways, before, jnp.ones_like(before))
         fibres = dataclasses.replace(fibres, dampers=dampers)
-    return dataclasses.replace(whole, ligaments=fibres, step=TimeStep(tuple(inertia), coordinates))
+    before = jax.tree.map(lambda x, rate: x - rate, known.overlaps, known.overlap_rates)
+    contacts = moving.with_contacts_damped(before, known.pressing, one)
+    step = TimeStep(tuple(inertia), coordinates)
+    return dataclasses.replace(whole, ligaments=fibres, contacts=contacts, step=step)
 
 
 def account_of(time_s: Array, flow: Flow) -> Account:

@@ -7,21 +7,22 @@ steps of its own choice. It is slow to compile, and there to be compared with.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import dataclasses
+from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
+from jax import Array, lax
 from jax.typing import ArrayLike
 
 from kneejax.dynamics._history import damping_of
 from kneejax.dynamics._moving import MovingKnee
 from kneejax.dynamics._trajectory import LoadCurve
 from kneejax.geometry import Placement, State, coordinates_of
-from kneejax.mechanics import Knee, add_lane_axis, damping_force
+from kneejax.mechanics import add_lane_axis, contact_damping_force, damping_force
 from kneejax.numerics import imported
-from kneejax.statics import needs_float64
+from kneejax.statics import needs_float64, with_meeting
 
 
 def integrated(
@@ -63,7 +64,7 @@ def integrated(
     begin = jnp.asarray(start, float)
     speed = jnp.broadcast_to(jnp.asarray(rate, float), begin.shape)
     times = jnp.asarray(time_s, float)
-    accelerated = _accelerations(moving, begin, free, loads)
+    accelerated = _Equations(moving, begin, free, loads).accelerated
 
     def equation(t, y, _):
         return y[1], accelerated(t, *y)
@@ -84,66 +85,90 @@ def integrated(
     return every, rates
 
 
-def _accelerations(
-    moving: MovingKnee, begin: Array, free: np.ndarray, loads: LoadCurve | None
-) -> Callable[[Array, Array, Array], Array]:
-    """Of the free coordinates, as a function of time, of these and of their rates."""
-    lanes, names = add_lane_axis(moving), coordinates_of(moving.knee.bodies)
-    knee: Knee = lanes.knee
+@dataclasses.dataclass(frozen=True)
+class _Equations:
+    """Lagrange's equations in the free coordinates `x` and their rates `v`."""
 
-    def state_of(x: Array) -> State:
-        return State.of({}, begin.at[free].set(x)[:, None], knee.bodies)
+    moving: MovingKnee
+    begin: Array
+    free: np.ndarray
+    loads: LoadCurve | None
 
-    def energy(x: Array) -> Array:
-        return knee.energy(state_of(x))[0]
+    @property
+    def names(self) -> list[str]:
+        """Of the free coordinates."""
+        every = coordinates_of(self.moving.knee.bodies)
+        return [every[k] for k in self.free]
 
-    def places(x: Array) -> Array:
-        """Of the bones with mass, 12 numbers each."""
-        state = state_of(x)
-        return jnp.concatenate([
-            _flat(state.poses[bone].placement) for bone in lanes.masses
-        ])[:, 0]  # fmt: skip
+    def accelerated(self, t: Array, x: Array, v: Array) -> Array:
+        """Acceleration of the free coordinates."""
+        lanes = add_lane_axis(self.moving)
+        places = partial(self._places, lanes)
 
-    def kinetic(speed: Array) -> Array:
-        parts = zip(lanes.masses.values(), speed.reshape(-1, 12, 1), strict=True)
-        return sum((mass.kinetic_energy(_placement(x)) for mass, x in parts), jnp.zeros(1))[0]
+        def kinetic(speed: Array) -> Array:
+            parts = zip(lanes.masses.values(), speed.reshape(-1, 12, 1), strict=True)
+            return sum((mass.kinetic_energy(_placement(y)) for mass, y in parts), jnp.zeros(1))[0]
 
-    of_points = jax.hessian(kinetic)(jnp.zeros(12 * len(lanes.masses)))
+        def speed(y: Array) -> Array:
+            return jax.jvp(places, (y,), (v,))[1]
 
-    def lengths(x: Array) -> Array:
-        return knee.ligaments.length(state_of(x)).reshape(len(knee.ligaments.names))
-
-    def damped(x: Array, v: Array) -> Array:
-        there, by_length = jax.vjp(lengths, x)
-        _, faster = jax.jvp(lengths, (x,), (v,))
-        coefficients = (c[:, 0] for c in damping_of(lanes, there[:, None]))
-        force = -by_length(damping_force(faster, *coefficients))[0]
-        c = jnp.array([
-            moving.coordinate_damping.get(names[k], jnp.asarray(0.0)) for k in free
-        ])  # fmt: skip
-        return force - c * v
-
-    def acting(t: Array, x: Array) -> Array:
-        state = state_of(x)
-        more = () if loads is None else jax.tree.map(lambda y: y[0], loads.at(t[None]))
-        total = jnp.zeros(len(free))
-        for load in (*lanes.loads, *more):
-            total = total + jnp.stack(load.work(state, [names[k] for k in free]))[:, 0]
-        return total
-
-    def accelerated(t: Array, x: Array, v: Array) -> Array:
-        def speed(z: Array) -> Array:
-            return jax.jvp(places, (z,), (v,))[1]
-
+        of_points = jax.hessian(kinetic)(jnp.zeros(12 * len(lanes.masses)))
         by_coordinate = jax.jacfwd(places)(x)
         turned = jax.jvp(speed, (x,), (v,))[1]
         pushed = by_coordinate.T @ of_points
-        force = acting(t, x) - jax.grad(energy)(x)
-        if len(knee.ligaments.names):
-            force = force + damped(x, v)
+        force = self._acting(lanes, t, x) + self._damped(lanes, x, v)
+        force = force - jax.grad(lambda y: lanes.knee.energy(self._state(y))[0])(x)
         return jnp.linalg.solve(pushed @ by_coordinate, force - pushed @ turned)
 
-    return accelerated
+    def _state(self, x: Array) -> State:
+        q = self.begin.at[self.free].set(x)
+        return State.of({}, q[:, None], self.moving.knee.bodies)
+
+    def _places(self, lanes: MovingKnee, x: Array) -> Array:
+        """Of the bones with mass, 12 numbers each."""
+        poses = self._state(x).poses
+        return jnp.concatenate([_flat(poses[bone].placement) for bone in lanes.masses])[:, 0]
+
+    def _acting(self, lanes: MovingKnee, t: Array, x: Array) -> Array:
+        more = () if self.loads is None else jax.tree.map(lambda y: y[0], self.loads.at(t[None]))
+        total = jnp.zeros(len(self.free))
+        for load in (*lanes.loads, *more):
+            total = total + jnp.stack(load.work(self._state(x), self.names))[:, 0]
+        return total
+
+    def _damped(self, lanes: MovingKnee, x: Array, v: Array) -> Array:
+        along = [self.moving.coordinate_damping.get(name, jnp.asarray(0.0)) for name in self.names]
+        force = -jnp.array(along) * v
+        if lanes.knee.ligaments.names:
+            force = force + self._damped_in_fibres(lanes, x, v)
+        if lanes.contact_dissipation:
+            force = force + self._damped_in_contacts(lanes, x, v)
+        return force
+
+    def _damped_in_fibres(self, lanes: MovingKnee, x: Array, v: Array) -> Array:
+        fibres = lanes.knee.ligaments
+
+        def lengths(y: Array) -> Array:
+            return fibres.length(self._state(y)).reshape(len(fibres.names))
+
+        there, by_length = jax.vjp(lengths, x)
+        _, faster = jax.jvp(lengths, (x,), (v,))
+        coefficients = (c[:, 0] for c in damping_of(lanes, there[:, None]))
+        return -by_length(damping_force(faster, *coefficients))[0]
+
+    def _damped_in_contacts(self, lanes: MovingKnee, x: Array, v: Array) -> Array:
+        q = self.begin.at[self.free].set(x)[:, None]
+        meeting = lax.stop_gradient(with_meeting(lanes.knee, {}, q).meeting)
+
+        def overlaps(y: Array) -> tuple[dict[str, Array], dict[str, Array]]:
+            return lanes.overlaps(self._state(y), meeting)
+
+        _, by_overlap, pressing = jax.vjp(overlaps, x, has_aux=True)
+        _, faster, _ = jax.jvp(overlaps, (x,), (v,), has_aux=True)
+        return -by_overlap({
+            name: contact_damping_force(faster[name], c, pressing[name])
+            for name, c in lanes.contact_dissipation.items()
+        })[0]  # fmt: skip
 
 
 def _flat(place: Placement) -> Array:

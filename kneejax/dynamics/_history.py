@@ -33,6 +33,7 @@ from kneejax.mechanics import (
     TimeStep,
     tautness,
 )
+from kneejax.statics import with_meeting
 
 
 class Step(eqx.Module):
@@ -77,6 +78,9 @@ class Moment(eqx.Module):
         lengths: of all fibres, mm, `(n, lanes)`.
         length_rates: of these, mm/s.
         pull: of the cable on the quadriceps, N, `(lanes,)`; 0 without one.
+        overlaps: contact that is damped -> its overlap, mm, `(lanes,)` or `(points, lanes)`.
+        overlap_rates: of these, mm/s.
+        pressing: contact that is damped -> its elastic force, N.
     """
 
     q: Array
@@ -87,6 +91,9 @@ class Moment(eqx.Module):
     lengths: Array
     length_rates: Array
     pull: Array
+    overlaps: dict[str, Array]
+    overlap_rates: dict[str, Array]
+    pressing: dict[str, Array]
 
     @classmethod
     def at_first(cls, moving: MovingKnee, q: Array, rate: Array, pull: Array) -> Moment:
@@ -105,7 +112,17 @@ class Moment(eqx.Module):
         nothing = jax.tree.map(jnp.zeros_like, velocities)
         length, length_rate = jax.jvp(lengths, (q,), (rate,))
         pulls = jnp.broadcast_to(pull, q.shape[1:])
-        return cls(q, rate, there, velocities, nothing, length, length_rate, pulls)
+        meeting = jnp.zeros((moving.knee.patch_count, 2, *q.shape[1:]))
+        if moving.contact_dissipation and moving.knee.patch_count:
+            meeting = with_meeting(moving.knee, {}, q).meeting
+
+        def overlaps(x: Array) -> tuple[dict[str, Array], dict[str, Array]]:
+            # Where the gap is smallest its depth does not change with the meeting point.
+            return moving.overlaps(State.of({}, x, moving.knee.bodies), meeting)
+
+        overlap, overlap_rate, pressing = jax.jvp(overlaps, (q,), (rate,), has_aux=True)
+        pressed = overlap, overlap_rate, pressing
+        return cls(q, rate, there, velocities, nothing, length, length_rate, pulls, *pressed)
 
 
 class History(eqx.Module):
@@ -134,9 +151,14 @@ class History(eqx.Module):
             damped = moving.coordinate_damping
             before = {name: before[name] for name in damped}
             coordinates = CoordinateDampers(damped, before, step.per_s)
+        before = step.before(last.overlaps, older.overlaps)
+        pressing = jax.tree.map(
+            lambda x, y: jnp.maximum(x + step.ratio * (x - y), 0.0), last.pressing, older.pressing
+        )
         return dataclasses.replace(
             knee,
             ligaments=fibres,
+            contacts=moving.with_contacts_damped(before, pressing, step.per_s),
             muscles=self._on_cable(knee, step),
             loads=(*moving.loads, *step.loads),
             step=TimeStep(tuple(inertia), coordinates),
@@ -165,19 +187,22 @@ class History(eqx.Module):
         bend = 0.5 * step.ratio * (last.rate - older.rate)
         return last.q + h * (last.rate + bend)
 
-    def after(self, moving: MovingKnee, step: Step, q: Array) -> Moment:
-        """The moment at the end of a step."""
+    def after(self, moving: MovingKnee, step: Step, q: Array, meeting: Array) -> Moment:
+        """The moment at the end of a step, by where the bones are and their contacts meet."""
         last, older = self.last, self.older
         state = State.of({}, q, moving.knee.bodies)
         places = {bone: state.poses[bone].placement for bone in moving.masses}
         lengths = moving.knee.ligaments.length(state)
-        was = [(x.places, x.q, x.lengths) for x in (last, older)]
-        speeds, rate, length_rates = _rates(step, (places, q, lengths), step.before(*was))
+        overlaps, pressing = moving.overlaps(state, meeting)
+        was = [(x.places, x.q, x.lengths, x.overlaps) for x in (last, older)]
+        now = places, q, lengths, overlaps
+        speeds, rate, length_rates, overlap_rates = _rates(step, now, step.before(*was))
         faster = _rates(step, speeds, step.before(last.velocities, older.velocities))
         pull, driven = last.pull, self._on_cable(moving.knee, step)
         if driven is not None and driven.cable is not None:
             pull = driven.cable.pull(driven.quadriceps_length(state))
-        return Moment(q, rate, places, speeds, faster, lengths, length_rates, pull)
+        moved = q, rate, places, speeds, faster, lengths, length_rates
+        return Moment(*moved, pull, overlaps, overlap_rates, pressing)
 
 
 def _rates(step: Step, there: Any, before: Any) -> Any:

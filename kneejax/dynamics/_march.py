@@ -207,7 +207,8 @@ def _moved_on(
     goes_on = ~still & converged(settled.status)
     # Nothing is made of coordinates that are NaN: their derivatives would be so everywhere.
     q = settled.state.at(coordinates_of(moving.knee.bodies))
-    moment = history.after(moving, step, jnp.where(goes_on, q, history.last.q))
+    there = jnp.where(goes_on, q, history.last.q)
+    moment = history.after(moving, step, there, jnp.nan_to_num(settled.meeting))
     there = History(moment, history.last, settled.meeting, settled.tangent)
     there = jax.tree.map(lambda new, old: jnp.where(goes_on, new, old), there, history)
     status = jnp.where(still, before.status, settled.status)

@@ -11,8 +11,8 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.geometry import PATELLA, TIBIA, coordinate, coordinates_of
-from kneejax.mechanics import Knee, Load, Mass, critical_damping
+from kneejax.geometry import PATELLA, TIBIA, State, coordinate, coordinates_of
+from kneejax.mechanics import Contact, ContactDamper, Knee, Load, Mass, critical_damping
 
 #: m/s^2, of a thigh that stands still in any attitude.
 GRAVITY = 9.80665
@@ -32,10 +32,11 @@ class MovingKnee(eqx.Module):
         fibre_damping: of each fibre, N s/mm, `(n, ...)`, lengthening or shortening.
         coordinate_damping: coordinate -> N mm s per rad of a rotation, N s/mm of a translation.
         gravity_m_s2: along the femur's axes, `(3, ...)`; zeros without.
+        contact_dissipation: contact -> s/mm by which its force grows with the rate of its overlap.
 
     Raises:
-        ValueError: a mass of a bone that the knee has not, a coordinate that is none of its, or
-            as many coefficients as it has no fibres.
+        ValueError: a mass of a bone that the knee has not, a coordinate or a contact that is none
+            of its, or as many coefficients as it has no fibres.
 
     Example:
         >>> import numpy as np
@@ -51,6 +52,7 @@ class MovingKnee(eqx.Module):
     fibre_damping: Array
     coordinate_damping: Mapping[str, Array]
     gravity_m_s2: Array
+    contact_dissipation: Mapping[str, Array] = dataclasses.field(default_factory=dict)
 
     @classmethod
     def of(
@@ -62,6 +64,7 @@ class MovingKnee(eqx.Module):
         fibre_damping: ArrayLike = 0.0,
         coordinate_damping: Mapping[str, ArrayLike] | None = None,
         gravity_m_s2: ArrayLike = (0.0, 0.0, 0.0),
+        contact_dissipation: Mapping[str, ArrayLike] | None = None,
     ) -> MovingKnee:
         """Make one from the mass of the shank.
 
@@ -72,11 +75,13 @@ class MovingKnee(eqx.Module):
             fibre_damping: N s/mm, one for all fibres or `(n,)`.
             coordinate_damping: as the attribute.
             gravity_m_s2: as the attribute; see `gravity_of`.
+            contact_dissipation: as the attribute.
         """
         masses = {TIBIA: shank} if patella is None else {TIBIA: shank, PATELLA: patella}
         every = jnp.broadcast_to(jnp.asarray(fibre_damping, float), (len(knee.ligaments.names),))
         damped = {k: jnp.asarray(c, float) for k, c in (coordinate_damping or {}).items()}
-        return cls(knee, masses, every, damped, jnp.asarray(gravity_m_s2, float))
+        pressed = {k: jnp.asarray(c, float) for k, c in (contact_dissipation or {}).items()}
+        return cls(knee, masses, every, damped, jnp.asarray(gravity_m_s2, float), pressed)
 
     def __check_init__(self):
         for bone in self.masses:
@@ -87,6 +92,10 @@ class MovingKnee(eqx.Module):
             if name not in coordinates_of(self.knee.bodies):
                 known = ", ".join(coordinates_of(self.knee.bodies))
                 raise ValueError(f"MovingKnee.coordinate_damping names {name!r}; expected {known}")
+        for name in self.contact_dissipation:
+            if name not in self.knee.contact_names:
+                known = ", ".join(self.knee.contact_names)
+                raise ValueError(f"MovingKnee.contact_dissipation names {name!r}; expected {known}")
         count, given = len(self.knee.ligaments.names), len(self.fibre_damping)
         if given != count:
             raise ValueError(f"MovingKnee.fibre_damping has {given} rows for {count} fibres")
@@ -114,6 +123,46 @@ class MovingKnee(eqx.Module):
         every = coordinates_of(self.knee.bodies)
         damping = {name: c / coordinate(name).scale ** 2 for name in every}
         return dataclasses.replace(self, coordinate_damping=damping)
+
+    def overlaps(
+        self, state: State, meeting: Array
+    ) -> tuple[dict[str, Array], dict[str, Array]]:
+        """What dampers of contacts must know: contact -> its overlap, mm, and elastic force, N.
+
+        Args:
+            state: where the bones are.
+            meeting: of the contacts that have a patch, `(n, 2, lanes)`.
+        """
+        overlap, pressing, row = {}, {}, 0
+        for name, contact in zip(self.knee.contact_names, self.knee.contacts, strict=True):
+            at = (meeting[row, 0], meeting[row, 1]) if contact.has_patch else (meeting, meeting)
+            row += contact.has_patch
+            if name in self.contact_dissipation:
+                there = contact.overlap(state.between(contact.bodies), at)
+                overlap[name], pressing[name] = there
+        return overlap, pressing
+
+    def with_contacts_damped(
+        self, before: Mapping[str, Array], pressing: Mapping[str, Array], per_s: Array
+    ) -> tuple[Contact, ...]:
+        """The knee's contacts with the dampers of a step.
+
+        Args:
+            before: contact -> the overlap of which it has no rate, mm.
+            pressing: contact -> the elastic force that is expected, N.
+            per_s: factor between a change of overlap and its rate, 1/s.
+        """
+
+        def damped(name: str, contact: Contact) -> Contact:
+            if name not in self.contact_dissipation:
+                return contact
+            shape = before[name].shape
+            each = self.contact_dissipation[name], pressing[name], before[name], per_s
+            damper = ContactDamper(*(jnp.broadcast_to(x, shape) for x in each))
+            return eqx.tree_at(lambda c: c.damper, contact, damper, is_leaf=lambda x: x is None)
+
+        both = zip(self.knee.contact_names, self.knee.contacts, strict=True)
+        return tuple(damped(name, contact) for name, contact in both)
 
     @property
     def loads(self) -> tuple:

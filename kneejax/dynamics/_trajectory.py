@@ -166,8 +166,7 @@ class Trajectory(eqx.Module):
             first = with_meeting(moving.knee, {}, lanes.q[:, :1]).meeting
             both = jnp if traced((first, points)) else np
             points = both.concatenate([first, points[..., 1:]], axis=-1)
-        rows = (loads, lanes.q, lanes.rate, lanes.velocities, lanes.accelerations,
-                lanes.length_rates, lanes.pull, points)  # fmt: skip
+        rows = loads, lanes, points
         held = tuple(self.held)
         if traced((moving, rows)):
             return flow(moving, *rows, held)

@@ -1,14 +1,26 @@
 """Dampers of fibres and coordinates."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
-from kneejax.dynamics import MovingKnee
-from kneejax.geometry import State
-from kneejax.mechanics import CoordinateDampers, Dampers, critical_damping, damping_force, tautness
-from tests.dynamics.massed import SHANK, bare, fibres, in_a_vice
+from kneejax.dynamics import MovingKnee, move
+from kneejax.geometry import Frame, Plane, Sphere, State
+from kneejax.mechanics import (
+    Contact,
+    ContactDamper,
+    CoordinateDampers,
+    Dampers,
+    Mass,
+    critical_damping,
+    damping_force,
+    tautness,
+)
+from tests.dynamics.massed import ALL_BUT_SUPERIOR, SHANK, STEPS, bare, fibres, in_a_vice
 
 
 @pytest.mark.parametrize(
@@ -29,6 +41,45 @@ def test_dampers_of_a_step_have_a_potential():
     slope = jax.grad(lambda x: jnp.sum(dampers.energy(x)))(length)
     np.testing.assert_allclose(dampers.tension(length), slope, rtol=1e-12)
     assert float(dampers.tension(length)[1]) == 0.0  # it becomes shorter
+
+
+@pytest.mark.parametrize("rate", [-900.0, -300.0, 400.0])
+def test_a_contact_damper_has_a_potential_and_never_pulls(rate):
+    before, per_s = 0.3, 800.0
+    damper = ContactDamper(*(jnp.asarray(x) for x in (0.002, 40.0, before, per_s)))
+    overlap = jnp.asarray(before + rate / per_s)
+    assert float(damper.force(overlap)) == pytest.approx(40.0 * max(0.002 * rate, -1.0))
+    assert float(damper.force(overlap)) == pytest.approx(float(jax.grad(damper.energy)(overlap)))
+    edge = [float(damper.energy(before - 500.0 / per_s + x)) for x in (-1e-9, 1e-9)]
+    assert edge[0] == pytest.approx(edge[1], rel=1e-6)
+    none = dataclasses.replace(damper, dissipation=jnp.asarray(0.0))
+    assert float(none.energy(overlap)) == float(jax.grad(none.energy)(overlap)) == 0.0
+
+
+@pytest.mark.parametrize("form", ["elliptical_patch", "quadrature"])
+def test_a_damped_bounce_is_as_slow_as_its_equation_says(form):
+    """Whatever the elastic force: `u - log(1 + u)` is the same before and after a bounce.
+
+    From `m v dv = -f (1 + c v) dx`, with `u = c v` and the integral of `f` over the bounce zero.
+    """
+    speed, dissipation = 300.0, 0.003
+    plane = Plane(Frame([0.0, -20.5, 0.0]), half_extent=(8.0, 8.0))
+    contact = Contact(Sphere(20.0), plane, form=form, points=(16, 16))
+    mass = Mass(2.0, [0.0] * 3, np.zeros((3, 3)))
+    ball = MovingKnee.of(
+        bare(contacts=(contact,)), mass, contact_dissipation={"0": dissipation}
+    )
+    found = move(ball, np.zeros(6), np.linspace(0.0, 0.014, STEPS + 1), within=18,
+                 rate=[0.0, 0.0, 0.0, 0.0, speed, 0.0], held=ALL_BUT_SUPERIOR)  # fmt: skip
+
+    def gone(v):
+        return dissipation * v - np.log1p(dissipation * v)
+
+    after = brentq(lambda v: gone(v) - gone(speed), -0.999 / dissipation, -1.0)
+    assert float(found.rate[-1, 4]) == pytest.approx(after, rel=1e-3)
+    account = found.account()
+    lost = 0.5 * 2e-3 * (speed**2 - after**2)
+    assert account.closes and float(account.dissipated[-1]) == pytest.approx(lost, rel=2e-3)
 
 
 def test_coordinate_dampers_have_a_potential():
@@ -59,6 +110,9 @@ def test_what_a_knee_has_not_is_not_damped():
         MovingKnee.of(knee, SHANK, coordinate_damping={"patella_tilt": 1.0})
     with pytest.raises(ValueError, match="names 'patella'; the knee moves tibia"):
         MovingKnee.of(knee, SHANK, patella=SHANK)
+    with pytest.raises(ValueError, match="names 'medail'; expected 0"):
+        ball = bare(contacts=(Contact(Sphere(20.0), Plane()),))
+        MovingKnee.of(ball, SHANK, contact_dissipation={"medail": 0.01})
     with pytest.raises(ValueError, match="2 rows for 1 fibres"):
         one = bare(fibres([[0.0, 100.0, 0.0]], [[0.0, 0.0, 0.0]]))
         MovingKnee(one, {"tibia": SHANK}, jnp.zeros(2), {}, jnp.zeros(3))

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from kneejax.dynamics import LoadCurve, MovingKnee, move
-from kneejax.mechanics import Load
-from tests.dynamics.massed import SHANK, STEPS, in_a_vice
+from kneejax.geometry import Frame, Plane, Sphere
+from kneejax.mechanics import Contact, Load, Mass
+from tests.dynamics.massed import ALL_BUT_SUPERIOR, SHANK, STEPS, bare, in_a_vice
 
 TIMES = np.linspace(0.0, 0.012, STEPS + 1)
 WHICH = ("fibre damping", "damping while lengthening", "coordinate damping", "mass", "centre",
@@ -36,6 +37,32 @@ def end_of(x):
     pull = Load(jnp.array([[0.0, 0, 0], [40.0, -20.0, 10.0]]) * (1.0 + x[8]))
     found = move(moving, start, TIMES, rate=rate, loads=LoadCurve.of([0.0, 0.006], pull))
     return jnp.concatenate([found.q[-1], 1e-3 * found.rate[-1]])
+
+
+def end_of_bounce(x):
+    """Height and rate in the middle of a damped bounce, by changes of three numbers."""
+    contact = Contact(Sphere(20.0), Plane(Frame([0.0, -20.5, 0.0])), 5.0 * (1.0 + x[0]))
+    ball = MovingKnee.of(
+        bare(contacts=(contact,)), Mass(2.0, [0.0] * 3, np.zeros((3, 3))),
+        contact_dissipation={"0": 0.003 * (1.0 + x[1])},
+    )  # fmt: skip
+    found = move(ball, jnp.zeros(6), np.linspace(0.0, 0.004, STEPS + 1), held=ALL_BUT_SUPERIOR,
+                 rate=jnp.array([0.0, 0.0, 0.0, 0.0, 300.0, 0.0]) * (1.0 + x[2]))  # fmt: skip
+    return jnp.stack([found.q[-1, 4], 1e-3 * found.rate[-1, 4]])
+
+
+def test_derivatives_of_a_damped_bounce_are_those_of_differences():
+    """By the modulus, the dissipation, and the speed."""
+    step, columns = 1e-3, []
+    for unit in step * np.eye(3):
+        near, far = (
+            np.asarray(end_of_bounce(k * unit) - end_of_bounce(-k * unit)) for k in (1, 2)
+        )
+        columns.append((8.0 * near - far) / (12.0 * step))
+    expected = np.stack(columns, axis=-1)
+    found = jax.jacrev(end_of_bounce)(jnp.zeros(3))
+    assert np.abs(expected).min() > 1e-3
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,7 @@
 """Implicit steps and an integrator of others follow the same equations."""
 
 import dataclasses
+from functools import partial
 
 import jax.numpy as jnp
 import numpy as np
@@ -23,10 +24,12 @@ def damped():
                                coordinate_damping={"lateral": jnp.asarray(0.02)})  # fmt: skip
 
 
-def ball():
+def ball(dissipation=None):
     contact = Contact(Sphere(20.0), Plane(Frame([0.0, -20.5, 0.0])))
     mass = Mass(2.0, [0.0] * 3, np.zeros((3, 3)))
-    return MovingKnee.of(bare(contacts=(contact,)), mass, gravity_m_s2=(0.0, 60.0, 0.0))
+    knee = bare(contacts=(contact,))
+    pressed = {} if dissipation is None else {"0": dissipation}
+    return MovingKnee.of(knee, mass, gravity_m_s2=(0.0, 60.0, 0.0), contact_dissipation=pressed)
 
 
 @pytest.mark.slow
@@ -35,9 +38,9 @@ def ball():
     [
         (damped, START, 0.02, ()),
         (in_a_vice, START, 0.02, ()),
-        (ball, np.zeros(6), 0.012, ALL_BUT_SUPERIOR),
+        (partial(ball, 0.002), np.zeros(6), 0.012, ALL_BUT_SUPERIOR),
     ],
-    ids=["damped", "undamped", "bounce"],
+    ids=["damped", "undamped", "damped bounce"],
 )
 def test_diffrax_integrates_the_same_motion(make, start, span, held):
     """Lagrange's equations from energies alone, by Kvaerno's method of fifth order."""

@@ -6,6 +6,8 @@ from kneejax.mechanics.contact._contact import ELLIPTICAL_PATCH as ELLIPTICAL_PA
 from kneejax.mechanics.contact._contact import FORMS as FORMS
 from kneejax.mechanics.contact._contact import QUADRATURE as QUADRATURE
 from kneejax.mechanics.contact._contact import Contact as Contact
+from kneejax.mechanics.contact._damper import ContactDamper as ContactDamper
+from kneejax.mechanics.contact._damper import contact_damping_force as contact_damping_force
 from kneejax.mechanics.contact._patch import Gap as Gap
 from kneejax.mechanics.contact._patch_force import Pressed as Pressed
 from kneejax.mechanics.contact._points_force import PointFaults as PointFaults

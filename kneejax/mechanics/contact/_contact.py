@@ -8,6 +8,7 @@ depths, at a cost in proportion to its points.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 
 import equinox as eqx
@@ -27,6 +28,7 @@ from kneejax.mechanics._wrench import Wrench
 from kneejax.mechanics.contact import _border, _patch
 from kneejax.mechanics.contact import _cartilage_law as law
 from kneejax.mechanics.contact._border import Border
+from kneejax.mechanics.contact._damper import ContactDamper
 from kneejax.mechanics.contact._patch import Gap
 from kneejax.mechanics.contact._patch_force import Pressed, press
 from kneejax.mechanics.contact._points_force import (
@@ -69,6 +71,7 @@ class Contact(eqx.Module):
         points: quadrature points along the two parameters of the tibial surface.
         placed: these points, where they have been computed beforehand.
         bodies: the two bones. Methods ask where the second is in the first: `tibia`.
+        damper: what resists compression during a step through time; None at rest.
     """
 
     femoral: Surface
@@ -83,6 +86,7 @@ class Contact(eqx.Module):
     points: tuple[int, int] = eqx.field(static=True)
     placed: Points | None
     bodies: Pair = eqx.field(static=True)
+    damper: ContactDamper | None
 
     def __init__(
         self,
@@ -98,6 +102,7 @@ class Contact(eqx.Module):
         layer_variation: ArrayLike | None = None,
         placed: Points | None = None,
         bodies: Pair = FEMUR_AND_TIBIA,
+        damper: ContactDamper | None = None,
     ):
         self.femoral = femoral
         self.tibial = tibial
@@ -112,6 +117,7 @@ class Contact(eqx.Module):
         self.points = points
         self.placed = placed
         self.bodies = bodies
+        self.damper = damper
 
     def __check_init__(self):
         if self.law not in law.LAWS:
@@ -152,9 +158,10 @@ class Contact(eqx.Module):
 
     def quadrature_points(self) -> Points:
         """Points of the tibial surface, along an axis before the lanes."""
-        if self.placed is not None:
-            return self.placed
-        return midpoints(self.tibial, self.points, jnp.ndim(self.onset_width))
+        placed = self.placed
+        if placed is None:
+            placed = midpoints(self.tibial, self.points, jnp.ndim(self.onset_width))
+        return placed if self.damper is None else dataclasses.replace(placed, damper=self.damper)
 
     def with_points_placed(self) -> Contact:
         """The same contact for many poses: where its points are is computed once, here."""
@@ -189,6 +196,39 @@ class Contact(eqx.Module):
         steep = self.touching(sampled.depth)
         return self.modulus * law.relative_pressure(self.law, relative) * steep
 
+    def point_force(self, sampled: Sampled) -> Array:
+        """Force at points of the tibial surface along the slope of the depth, N.
+
+        It is the derivative of the energy with respect to the depth, with the damper's.
+        """
+        force = self.point_pressure(sampled) * sampled.points.area
+        damper = sampled.points.damper
+        if damper is None:
+            return force
+        near, slope = self._counting(sampled.depth)
+        return force + damper.force(near) * slope
+
+    def overlap(self, tibia: Placement, meeting: tuple[Array, Array]) -> tuple[Array, Array]:
+        """What a damper must know: depths, mm, and elastic forces, N.
+
+        Args:
+            tibia: where the tibia is.
+            meeting: parameters of the meeting point; not read of a contact over points.
+
+        Returns:
+            Of the patch, `(...)`, or at each point, `(points, ...)`.
+        """
+        if self.has_patch:
+            gap = self.gap(tibia, meeting)
+            pressing = self._energy_per_radius(gap.depth)[1] * gap.mean_radius
+            return gap.depth, pressing
+
+        def seen(sampled: Sampled) -> tuple[Array, Array]:
+            return sampled.depth, self.point_pressure(sampled) * sampled.points.area
+
+        depth, pressing = self.over_points(tibia, seen)
+        return self._counting(depth)[0], pressing
+
     def faults(self, tibia: Placement, sampled: Sampled) -> PointFaults:
         """What is wrong with a contact summed over points."""
         return faults_of_points(self, sampled, self.femur_to_plateau(tibia))
@@ -222,7 +262,13 @@ class Contact(eqx.Module):
 
     def patch_energy(self, gap: Gap) -> Array:
         """Energy of the layer if the patch were centred at a point with this gap, N mm."""
-        return self._energy_per_radius(gap.depth)[0] * gap.mean_radius
+        elastic = self._energy_per_radius(gap.depth)[0] * gap.mean_radius
+        return elastic if self.damper is None else elastic + self._damping(gap.depth)[0]
+
+    def _damping(self, depth: Array) -> tuple[Array, Array]:
+        """Potential of the damper of a patch, N mm, and its slope by depth, N."""
+        assert self.damper is not None
+        return self.damper.energy(depth), self.damper.force(depth)
 
     def _energy_per_radius(self, depth: Array) -> tuple[Array, Array]:
         """Energy of a patch over its mean radius, N, and the slope of that by depth, N/mm."""
@@ -244,7 +290,9 @@ class Contact(eqx.Module):
             The patch, its wrenches on the tibia about the tibia's origin in femur axes.
         """
         motion = self.femur_to_plateau(tibia)
-        pressed = press(self.femoral, self.tibial, motion, meeting, self._energy_per_radius)
+        damping = None if self.damper is None else self._damping
+        laws = self._energy_per_radius, damping
+        pressed = press(self.femoral, self.tibial, motion, meeting, *laws)
         return pressed.carried(self.tibial.frame.placement, tibia)
 
     def wrench(self, tibia: Placement) -> Wrench:
@@ -273,7 +321,11 @@ class Contact(eqx.Module):
         """As `energy`, from depths at the quadrature points."""
         layer, area = self.layer(sampled.points), sampled.points.area
         density = law.relative_energy(self.law, self.rounded(sampled.depth) / layer)
-        return self.modulus * jnp.sum(area * layer * density, axis=0)
+        energy = self.modulus * jnp.sum(area * layer * density, axis=0)
+        damper = sampled.points.damper
+        if damper is None:
+            return energy
+        return energy + jnp.sum(damper.energy(self._counting(sampled.depth)[0]), axis=0)
 
     def pressure(self, depth: Array) -> Array:
         """Pressure at a depth, MPa, with the rounded onset."""

@@ -82,6 +82,7 @@ def press(
     motion: Placement,
     meeting: Array,
     energy_per_radius: Callable[[Array], tuple[Array, Array]],
+    damping: Callable[[Array], tuple[Array, Array]] | None = None,
 ) -> Pressed:
     """Energy, force and moment of a patch, in the tibial surface's frame.
 
@@ -91,6 +92,7 @@ def press(
         motion: from the femoral to the tibial surface's frame.
         meeting: parameters of the meeting point, shape `(2, ...)`.
         energy_per_radius: of a depth, energy per mm of the mean radius, N, and its slope, N/mm.
+        damping: of a depth, a potential whatever the radius, N mm, and its slope, N.
 
     Returns:
         The patch; its wrench is the exact derivative of the energy where the slopes vanish.
@@ -100,6 +102,9 @@ def press(
     curvature, raised = gap.raised_curvature
     energy, by_depth = (x / jnp.sqrt(curvature) for x in energy_per_radius(gap.depth))
     by_curvature = -0.5 * energy * raised / curvature
+    if damping is not None:
+        more, by_more = damping(gap.depth)
+        energy, by_depth = energy + more, by_depth + by_more
     force, couple = _at_fixed_meeting(near, gap, by_depth, by_curvature)
     shift_a, shift_b = gap.newton(*_by_meeting(near, gap, by_curvature, force))
 

@@ -92,7 +92,7 @@ def sampled_wrench(contact: Contact, sampled: Sampled) -> Wrench:
         contact: whose pressure law is meant.
         sampled: depths at the points.
     """
-    share = -contact.point_pressure(sampled) * sampled.points.area
+    share = -contact.point_force(sampled)
     couple = scale(share, sampled.twist)
     return _sum(Wrench.at(sampled.hit, scale(share, sampled.slope), couple))
 
@@ -232,8 +232,8 @@ def stiffness(
         Per mm along X, Y and Z; per rad about them, through the origin.
     """
     hit, slope, normal = sampled.hit, sampled.slope, sampled.points.normal
-    pressure, by_depth = _pressure_and_slope(contact, sampled)
-    force, firm = -pressure * sampled.points.area, by_depth * sampled.points.area
+    pressing, firm = _force_and_slope(contact, sampled)
+    force = -pressing
     # Force by a motion of the femoral point, if the slope keeps its direction: symmetric.
     bent = _bend_along_layer(sampled, motion, gradient, bend)
     spring = tuple(
@@ -254,13 +254,13 @@ def stiffness(
     return [*by_shift, *by_turn]
 
 
-def _pressure_and_slope(contact: Contact, sampled: Sampled):
-    """MPa, and MPa per mm of depth."""
+def _force_and_slope(contact: Contact, sampled: Sampled):
+    """N, and N per mm of depth."""
 
-    def pressure(depth):
-        return contact.point_pressure(dataclasses.replace(sampled, depth=depth))
+    def pressing(depth):
+        return contact.point_force(dataclasses.replace(sampled, depth=depth))
 
-    return jax.jvp(pressure, (sampled.depth,), (jnp.ones_like(sampled.depth),))
+    return jax.jvp(pressing, (sampled.depth,), (jnp.ones_like(sampled.depth),))
 
 
 def _bend_along_layer(

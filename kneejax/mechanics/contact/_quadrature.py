@@ -23,6 +23,7 @@ from kneejax.geometry import (
     subtract,
 )
 from kneejax.mechanics.contact import _rays as rays
+from kneejax.mechanics.contact._damper import ContactDamper
 
 Answer = TypeVar("Answer")
 
@@ -35,12 +36,14 @@ class Points(eqx.Module):
         normal: outward unit normals.
         area: weight of each point, mm^2; zero off the cartilage.
         across: both parameters, scaled to -1..1 over the surface's region.
+        damper: of the contact during a step through time, arrays `(points, lanes)`; None at rest.
     """
 
     point: Vector
     normal: Vector
     area: Array
     across: tuple[Array, Array]
+    damper: ContactDamper | None = None
 
 
 class Sampled(eqx.Module):
