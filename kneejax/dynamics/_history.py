@@ -96,8 +96,17 @@ class Moment(eqx.Module):
     pressing: dict[str, Array]
 
     @classmethod
-    def at_first(cls, moving: MovingKnee, q: Array, rate: Array, pull: Array) -> Moment:
-        """Of a motion's start: positions and rates of all coordinates, `(6 bodies, lanes)`."""
+    def at_first(
+        cls, moving: MovingKnee, q: Array, rate: Array, pull: Array
+    ) -> tuple[Moment, Array]:
+        """Of a motion's start, and where contacts meet there.
+
+        Args:
+            moving: leaves end in a lane axis.
+            q: all coordinates, `(6 bodies, lanes)`.
+            rate: of them.
+            pull: of the cable on the quadriceps, N.
+        """
         bones = tuple(moving.masses)
 
         def places(x: Array) -> dict[str, Placement]:
@@ -112,9 +121,7 @@ class Moment(eqx.Module):
         nothing = jax.tree.map(jnp.zeros_like, velocities)
         length, length_rate = jax.jvp(lengths, (q,), (rate,))
         pulls = jnp.broadcast_to(pull, q.shape[1:])
-        meeting = jnp.zeros((moving.knee.patch_count, 2, *q.shape[1:]))
-        if moving.contact_dissipation and moving.knee.patch_count:
-            meeting = with_meeting(moving.knee, {}, q).meeting
+        meeting = with_meeting(moving.knee, {}, q).meeting
 
         def overlaps(x: Array) -> tuple[dict[str, Array], dict[str, Array]]:
             # Where the gap is smallest its depth does not change with the meeting point.
@@ -122,16 +129,41 @@ class Moment(eqx.Module):
 
         overlap, overlap_rate, pressing = jax.jvp(overlaps, (q,), (rate,), has_aux=True)
         pressed = overlap, overlap_rate, pressing
-        return cls(q, rate, there, velocities, nothing, length, length_rate, pulls, *pressed)
+        moved = q, rate, there, velocities, nothing, length, length_rate
+        return cls(*moved, pulls, *pressed), meeting
 
 
 class History(eqx.Module):
-    """The last two moments of a motion, the last one first, and where its contacts met."""
+    """What is known of a motion so far.
+
+    Attributes:
+        last: its last moment.
+        older: the one before it.
+        meeting: where contacts met, `(n, 2, lanes)`.
+        drift: derivative of that by the free coordinates, `(free, n, 2, lanes)`.
+        tangent: stiffness of the last step, or of one before it, `(free, free, lanes)`.
+        per_s: of the last step, with whose square inertia grows in the tangent.
+    """
 
     last: Moment
     older: Moment
     meeting: Array
+    drift: Array
     tangent: Array
+    per_s: Array
+
+    def tangent_for(self, step: Step) -> Array:
+        """The last tangent where a step is as long as the last one, otherwise none."""
+        alike = jnp.abs(step.per_s - self.per_s) < 1e-6 * step.per_s
+        return jnp.where(alike, self.tangent, 0.0)
+
+    def meeting_at(self, shift: Array) -> Array:
+        """Where contacts are expected to meet after a shift of the free coordinates.
+
+        Without it a step's first look is too far off the meeting points to be judged: it takes one
+        look more, and a tangent, which is dearer than all the rest of the step.
+        """
+        return self.meeting + jnp.einsum("f...,fnk...->nk...", shift, self.drift)
 
     def knee_of(self, moving: MovingKnee, step: Step) -> Knee:
         """The knee whose balance is the end of a step."""

@@ -22,12 +22,20 @@ from kneejax.dynamics._moving import MovingKnee
 from kneejax.geometry import Prescribed, coordinates_of, free_of, scales
 from kneejax.mechanics import Load
 from kneejax.numerics import compiled, traced
-from kneejax.statics import EnergyNewton, Guess, Settled, converged, differentiable, settle
+from kneejax.statics import (
+    EnergyNewton,
+    Guess,
+    Settled,
+    converged,
+    differentiable,
+    settle,
+    with_tangent,
+)
 
 #: Steps that are computed by one call.
 BLOCK = 256
 #: mm; what a step may leave of its search. Its own error is larger in any motion of interest.
-SEARCH = EnergyNewton(atol=1e-9)
+SEARCH = EnergyNewton(atol=1e-10, seldom=True)
 
 
 class Given(eqx.Module):
@@ -109,8 +117,8 @@ def march(
         settled = _in_blocks(found, still[0], (still[1].steps,), begun(*still), progress)
     whole = (given.steps, jax.tree.map(lambda x: x[:count], settled))
     if traced((moving, given)):
-        return follow(moving, *whole, begun(moving, given))[1]
-    moments = _in_blocks(follow, moving, whole, begun(moving, given))
+        return follow(moving, *whole, begun(moving, given), True)[1]
+    moments = _in_blocks(_followed, moving, whole, begun(moving, given))
     return jax.tree.map(lambda x: x[:count], moments)
 
 
@@ -152,17 +160,27 @@ def found(moving: MovingKnee, steps: Step, carry: Carry) -> tuple[Carry, Settled
     return lax.scan(advance, carry, steps)
 
 
-@compiled()
+@compiled(static_argnums=(4,))
 def follow(
-    moving: MovingKnee, steps: Step, settled: Settled, carry: Carry
+    moving: MovingKnee, steps: Step, settled: Settled, carry: Carry, anew: bool
 ) -> tuple[Carry, Moments]:
-    """The motion whose balances were found, as a function of all that it depends on."""
+    """The motion whose balances were found, as a function of all that it depends on.
+
+    Args:
+        moving: as in `march`.
+        steps: the first axis counts them.
+        settled: their balances, in which tangents were kept from step to step.
+        carry: what goes into the first.
+        anew: whether tangents are computed where the balances are: derivatives need them.
+    """
     scale = jnp.array(scales(coordinates_of(moving.knee.bodies)))[:, None]
 
     @jax.checkpoint  # pyright: ignore[reportPrivateImportUsage]
     def advance(before: Carry, each: tuple[Step, Settled]):
         step, idle = _filled(each[0])
-        balance = differentiable(before.history.knee_of(moving, step), step.held, each[1])
+        knee, known = before.history.knee_of(moving, step), each[1]
+        known = with_tangent(knee, step.held, known) if anew else known
+        balance = differentiable(knee, step.held, known)
         after = _moved_on(moving, before, step, balance, idle)
         there = after.history
         off = (there.last.q - before.history.guess(step)) / scale
@@ -173,15 +191,22 @@ def follow(
     return lax.scan(advance, carry, (steps, settled))
 
 
-@compiled()
 def begun(moving: MovingKnee, given: Given) -> Carry:
     """What goes into the first step."""
-    first = Moment.at_first(moving, given.q, given.rate, jnp.asarray(given.pull))
+    first, meeting = first_moment(moving, given.q, given.rate, jnp.asarray(given.pull))
     lanes, count = given.q.shape[1:], moving.knee.patch_count
     free = len(free_of(given.held, moving.knee.bodies))
-    nowhere = jnp.full((count, 2, *lanes), jnp.nan)
-    history = History(first, first, nowhere, jnp.zeros((free, free, *lanes)))
+    still, unknown = jnp.zeros((free, count, 2, *lanes)), jnp.zeros((free, free, *lanes))
+    history = History(first, first, meeting, still, unknown, jnp.zeros(()))
     return Carry(history, jnp.zeros(lanes, bool), jnp.zeros(lanes, int))
+
+
+def _followed(moving: MovingKnee, steps: Step, settled: Settled, carry: Carry):
+    return follow(moving, steps, settled, carry, False)
+
+
+#: The start of a motion, and where contacts meet there: `Moment.at_first`.
+first_moment = compiled()(Moment.at_first)
 
 
 def _filled(step: Step) -> tuple[Step, Array]:
@@ -192,10 +217,10 @@ def _filled(step: Step) -> tuple[Step, Array]:
 
 def _searched(moving: MovingKnee, history: History, step: Step) -> Settled:
     """The balance at the end of a step."""
-    names = coordinates_of(moving.knee.bodies)
-    expected = dict(zip(names, history.guess(step), strict=True))
-    q = jnp.stack([expected[name] for name in free_of(step.held, moving.knee.bodies)])
-    guess = Guess(q, history.meeting, history.tangent)
+    names, free = coordinates_of(moving.knee.bodies), free_of(step.held, moving.knee.bodies)
+    rows = jnp.array([names.index(name) for name in free])
+    q, last = history.guess(step)[rows], history.last.q[rows]
+    guess = Guess(q, history.meeting_at(q - last), history.tangent_for(step))
     return settle(history.knee_of(moving, step), step.held, guess, SEARCH)
 
 
@@ -209,7 +234,9 @@ def _moved_on(
     q = settled.state.at(coordinates_of(moving.knee.bodies))
     there = jnp.where(goes_on, q, history.last.q)
     moment = history.after(moving, step, there, jnp.nan_to_num(settled.meeting))
-    there = History(moment, history.last, settled.meeting, settled.tangent)
+    held = settled.meeting, settled.drift, settled.tangent, history.per_s
+    there = History(moment, history.last, *held)
     there = jax.tree.map(lambda new, old: jnp.where(goes_on, new, old), there, history)
+    there = dataclasses.replace(there, per_s=jnp.where(idle, history.per_s, step.per_s))
     status = jnp.where(still, before.status, settled.status)
     return Carry(there, before.ended | (~goes_on & ~idle), status)

@@ -14,13 +14,12 @@ from jax.typing import ArrayLike
 
 from kneejax.dynamics._account import Account, Flow, account_of, flow
 from kneejax.dynamics._grid import Grid
-from kneejax.dynamics._history import Moment
-from kneejax.dynamics._march import BLOCK, Given, Moments, march
+from kneejax.dynamics._march import BLOCK, Given, Moments, first_moment, march
 from kneejax.dynamics._moving import MovingKnee
 from kneejax.geometry import Pose, State, coordinate, coordinates_of, table_units
 from kneejax.mechanics import QUADRICEPS, Knee, Load, add_lane_axis
 from kneejax.numerics import traced
-from kneejax.statics import Status, converged, with_meeting
+from kneejax.statics import Status, converged
 
 
 class LoadCurve(eqx.Module):
@@ -162,10 +161,6 @@ class Trajectory(eqx.Module):
         known = self.moments.known
         lanes, loads, points = jax.tree.map(_last_first, (known, self.loads, self.moments.meeting))
         moving = add_lane_axis(self.moving)
-        if moving.knee.patch_count:
-            first = with_meeting(moving.knee, {}, lanes.q[:, :1]).meeting
-            both = jnp if traced((first, points)) else np
-            points = both.concatenate([first, points[..., 1:]], axis=-1)
         rows = loads, lanes, points
         held = tuple(self.held)
         if traced((moving, rows)):
@@ -297,12 +292,13 @@ def _filled(x, first: int) -> np.ndarray:
 
 def _with_start(moving: MovingKnee, given: Given, found: Moments) -> Moments:
     """The moments with the start before them; its accelerations are those of the first step."""
-    first = Moment.at_first(add_lane_axis(moving), given.q, given.rate, jnp.asarray(given.pull))
+    lanes = add_lane_axis(moving)
+    first, meeting = first_moment(lanes, given.q, given.rate, jnp.asarray(given.pull))
     first = dataclasses.replace(
         first, accelerations=jax.tree.map(lambda x: x[0], found.known.accelerations)
     )
     start = Moments(
-        first, jnp.full(found.meeting.shape[1:], jnp.nan), jnp.zeros_like(found.status[0]),
+        first, meeting, jnp.zeros_like(found.status[0]),
         jnp.zeros_like(found.looks[0]), jnp.zeros_like(found.surprise[0]),
     )  # fmt: skip
     both = jnp if traced((start, found)) else np

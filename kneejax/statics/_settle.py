@@ -20,6 +20,7 @@ from kneejax.geometry import Placement, Pose, Prescribed, State, free_of
 from kneejax.mechanics import Contact, Knee, displacement
 from kneejax.numerics import compiled, identity, instantiate, solve
 from kneejax.statics._balance import (
+    balance,
     force_derivative,
     force_derivative_without_contacts,
 )
@@ -145,6 +146,20 @@ def differentiable(knee: Knee, prescribed: Prescribed, found: Settled) -> Settle
     """
     q, meeting = _followed(knee, prescribed, lax.stop_gradient(found))
     return dataclasses.replace(found, prescribed=prescribed, q=q, meeting=meeting)
+
+
+def with_tangent(knee: Knee, prescribed: Prescribed, found: Settled) -> Settled:
+    """A balance whose search kept its tangents (`EnergyNewton.seldom`), with that at the balance.
+
+    Args:
+        knee: with which it was found; leaves end in a lane axis.
+        prescribed: with which it was found.
+        found: the balance; NaN stays NaN.
+    """
+    knee, prescribed, found = lax.stop_gradient((knee, prescribed, found))
+    there = balance(knee, prescribed, found.q, (found.meeting[:, 0], found.meeting[:, 1]))
+    drift = jnp.stack([jnp.stack(pair, axis=1) for pair in there.forces.drift])
+    return dataclasses.replace(found, tangent=there.tangent, drift=drift)
 
 
 def with_meeting(knee: Knee, prescribed: Prescribed, q: Array) -> Guess:

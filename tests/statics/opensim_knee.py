@@ -1,4 +1,4 @@
-"""A knee of spheres on planes, and the same knee in OpenSim, which finds its balance by settling.
+"""A knee of spheres on planes, and the same knee in OpenSim: let go until it rests, or for a time.
 
 On these surfaces both programs state the same law. OpenSim's `ElasticFoundationForce` puts a spring
 on each triangle of a meshed sphere, pressed along the plane's normal by its depth; a plane has no
@@ -8,7 +8,8 @@ without any approximation. What is left between the two is the mesh, whose trian
 sphere, an error of second order in their size, and how long OpenSim is left to settle.
 
 At rest nothing that depends on speed acts: mass and damping choose the way to the balance and how
-long it takes, not where it is. They are chosen here so that OpenSim is quick.
+long it takes, not where it is. For settling they are chosen so that OpenSim is quick; for a motion
+they are those of the knee (`MovingKnee`), by the same laws in both programs.
 """
 
 from __future__ import annotations
@@ -24,8 +25,9 @@ import numpy as np
 import trimesh
 
 import kneejax as kj
+from kneejax.dynamics import MovingKnee
 from kneejax.geometry import COORDINATES, FREE_COORDINATES, Frame, Plane, Sphere
-from kneejax.mechanics import Contact, Knee
+from kneejax.mechanics import Contact, Knee, Mass
 
 try:
     import opensim as osim
@@ -91,6 +93,20 @@ class Rest:
     simulated_s: float
 
 
+@dataclasses.dataclass(frozen=True)
+class Run:
+    """A motion by OpenSim.
+
+    Attributes:
+        poses: degrees and mm, `(times, 6)`.
+        seconds: of the wall's clock; likewise `processor_s` of the processor's.
+    """
+
+    poses: np.ndarray
+    seconds: float
+    processor_s: float
+
+
 class SettlingKnee:
     """A knee of spheres on planes as an OpenSim model.
 
@@ -98,18 +114,19 @@ class SettlingKnee:
         triangles: of the mesh of one sphere.
     """
 
-    def __init__(self, knee: Knee, subdivisions: int):
+    def __init__(self, knee: Knee, subdivisions: int, moving: MovingKnee | None = None):
         osim.Logger.setLevelString("error")
         self.triangles = 20 * 4**subdivisions
         self._lines = {line.name: float(line.tension) for line in knee.lines}
         self.model = osim.Model()
         self.model.setGravity(osim.Vec3(0.0))
-        self._tibia = osim.Body(
-            "tibia", _MASS, osim.Vec3(0.0), osim.Inertia(_MASS * _ARM**2)
-        )
+        self._tibia = _body(Mass(_MASS, [0.0] * 3, np.eye(3) * _MASS * (_ARM / MM) ** 2)
+                            if moving is None else moving.masses["tibia"])  # fmt: skip
         self.model.addBody(self._tibia)
         self._add_joint()
-        self._add_damping()
+        if moving is None:
+            self._add_damping()
+        self._dissipation = {} if moving is None else moving.contact_dissipation
         self._add_ligaments(knee)
         self._add_lines(knee)
         with tempfile.TemporaryDirectory() as folder:
@@ -136,13 +153,7 @@ class SettlingKnee:
         """
         state = self._at(np.r_[flexion_deg, begin[1:]])
         wall, processor = time.perf_counter(), time.process_time()
-        manager = osim.Manager(self.model)
-        manager.setIntegratorMethod(osim.Manager.IntegratorMethod_CPodes)
-        manager.setIntegratorAccuracy(_ACCURACY)
-        manager.setIntegratorConstraintTolerance(_LOCK)
-        manager.setWriteToStorage(False)
-        manager.setPerformAnalyses(False)
-        state.setTime(0.0)
+        manager = self._manager(_ACCURACY)
         manager.initialize(state)
         until = 0.0
         while until < _LONGEST:
@@ -155,6 +166,33 @@ class SettlingKnee:
         seconds = time.perf_counter() - wall, time.process_time() - processor
         pose = _numbers(now.getQ()) / _SI
         return Rest(pose, self.unbalanced(pose), *seconds, until)
+
+    def motion(self, begin: np.ndarray, time_s: np.ndarray, accuracy: float) -> Run:
+        """Let go of the knee, flexion locked, and say where it is at some times.
+
+        Args:
+            begin: the pose at which it is let go, degrees and mm, `(6,)`.
+            time_s: rising, the start first.
+            accuracy: of the integrator.
+        """
+        state = self._at(begin)
+        wall, processor = time.perf_counter(), time.process_time()
+        manager = self._manager(accuracy)
+        manager.initialize(state)
+        poses = [begin]
+        for until in time_s[1:]:
+            poses.append(_numbers(manager.integrate(float(until)).getQ()) / _SI)
+        seconds = time.perf_counter() - wall, time.process_time() - processor
+        return Run(np.array(poses), *seconds)
+
+    def _manager(self, accuracy: float):
+        manager = osim.Manager(self.model)
+        manager.setIntegratorMethod(osim.Manager.IntegratorMethod_CPodes)
+        manager.setIntegratorAccuracy(accuracy)
+        manager.setIntegratorConstraintTolerance(_LOCK)
+        manager.setWriteToStorage(False)
+        manager.setPerformAnalyses(False)
+        return manager
 
     def unbalanced(self, pose: np.ndarray) -> np.ndarray:
         """Force on the free coordinates of the knee at rest, `(5,)`: N mm twice, then N.
@@ -171,6 +209,7 @@ class SettlingKnee:
     def _at(self, pose: np.ndarray):
         """The state of the knee at rest at a pose."""
         state, flexion = self._state, self._coordinates[0]
+        state.setTime(0.0)
         flexion.setLocked(state, False)
         for coordinate, value in zip(self._coordinates, pose * _SI, strict=True):
             coordinate.setValue(state, float(value), False)
@@ -216,7 +255,7 @@ class SettlingKnee:
                 float(fibres.slack_length[row]) * MM,
             )
             fibre.set_transition_strain(float(fibres.transition_strain[row]))
-            fibre.set_damping_coefficient(0.0)
+            fibre.set_damping_coefficient(float(fibres.damping[row]))
             self.model.addForce(fibre)
 
     def _add_lines(self, knee: Knee) -> None:
@@ -259,13 +298,20 @@ class SettlingKnee:
         force = osim.ElasticFoundationForce()
         force.setName(name)
         force.setStiffness(float(contact.modulus / contact.layer_thickness) * 1e6 / MM)
-        force.setDissipation(0.0)
+        force.setDissipation(float(self._dissipation.get(name, 0.0)) / MM)
         force.setStaticFriction(0.0)
         force.setDynamicFriction(0.0)
         force.setViscousFriction(0.0)
         force.addGeometry(condyle)
         force.addGeometry(plateau)
         self.model.addForce(force)
+
+
+def _body(mass: Mass):
+    inertia = np.asarray(mass.inertia_kg_mm2) * MM**2
+    rows = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+    turning = osim.Inertia(*(float(inertia[i, j]) for i, j in rows))
+    return osim.Body("tibia", float(mass.mass_kg), _metres(mass.center_mm), turning)
 
 
 def _metres(point_mm) -> osim.Vec3:

@@ -202,18 +202,10 @@ def described(
         from_rest_mm: likewise.
     """
     knee = found.moving.knee
-    mechanics = evaluate(knee, State.of({}, found.q.T, knee.bodies), _meeting(found))
+    meeting = jnp.nan_to_num(found.meeting) if knee.patch_count else None
+    mechanics = evaluate(knee, State.of({}, found.q.T, knee.bodies), meeting)
     damping = np.asarray(found.flow().damping).T[found.rows]
     return Transient(found, mechanics, damping, found.account(), sizes, rest, from_rest_mm)
-
-
-def _meeting(found: Trajectory) -> jnp.ndarray | None:
-    """Where contacts meet, with the first step's points at the start."""
-    if not found.moving.knee.patch_count:
-        return None
-    points = np.nan_to_num(np.asarray(found.meeting))
-    points[..., 0] = points[..., 1]
-    return jnp.asarray(points)
 
 
 def smooth_way(time_s: ArrayLike, values: np.ndarray, start: float) -> Callable:
