@@ -7,8 +7,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax import monitoring
 
 from kneejax.numerics import _kept_programs as programs
+from kneejax.numerics import compiled
 
 
 class Answer(eqx.Module):
@@ -103,6 +105,29 @@ def test_a_static_value_that_does_not_say_what_it_is_is_not_kept(folder, fresh):
 def test_errors_of_the_function_reach_the_caller(folder, fresh):
     with pytest.raises(ValueError, match="nine at most"):
         fresh[0]()(np.ones(10), Power(2))
+
+
+def test_what_a_kept_program_returned_is_no_other_argument(folder):
+    """A walk goes on from where its last call stopped: that is the same program once more."""
+
+    @compiled()
+    def doubled(x):
+        return Answer(2.0 * x, {"sum": jnp.sum(x)}, "doubled")
+
+    compiled_s = []
+
+    def heard(event, duration, **_):
+        compiled_s.extend([duration] if "backend_compile" in event else [])
+
+    monitoring.register_event_duration_secs_listener(heard)
+    try:
+        first = doubled(X)
+        assert len(compiled_s) == 1
+        again = doubled(first.whole)
+    finally:
+        monitoring.unregister_event_duration_listener(heard)
+    np.testing.assert_array_equal(again.whole, 4.0 * X)
+    assert len(compiled_s) == 1
 
 
 def test_nothing_is_kept_where_somebody_forbids_it(monkeypatch, fresh, tmp_path):
