@@ -106,9 +106,13 @@ def compiled(static_argnums: tuple[int, ...] = ()) -> Callable[[Callable], Calla
             within = traced(arguments)
             program = quick(within)
             programs = program._cache_size()
-            given = arguments if within else _unplaced(arguments, static_argnums)
             try:
-                answer = program(*given)
+                if within:
+                    answer = program(*arguments)
+                else:
+                    # Known numbers under `jax.jacfwd`, too: there JAX would compile anew.
+                    with jax.core.eval_context():
+                        answer = program(*_unplaced(arguments, static_argnums))
             except ValueError as problem:
                 if "compiler_options" not in str(problem):
                     raise

@@ -107,27 +107,48 @@ def test_errors_of_the_function_reach_the_caller(folder, fresh):
         fresh[0]()(np.ones(10), Power(2))
 
 
-def test_what_a_kept_program_returned_is_no_other_argument(folder):
+@pytest.fixture
+def compiled_s():
+    """Seconds that each program took to compile while the test runs."""
+    heard = []
+
+    def listener(event, duration, **_):
+        heard.extend([duration] if "backend_compile" in event else [])
+
+    monitoring.register_event_duration_secs_listener(listener)
+    yield heard
+    monitoring.unregister_event_duration_listener(listener)
+
+
+@compiled()
+def doubled(x):
+    return Answer(2.0 * x, {"sum": jnp.sum(x)}, "doubled")
+
+
+def test_what_a_kept_program_returned_is_no_other_argument(folder, compiled_s):
     """A walk goes on from where its last call stopped: that is the same program once more."""
+    first = doubled(X)
+    del compiled_s[:]
+    np.testing.assert_array_equal(doubled(first.whole).whole, 4.0 * X)
+    assert not compiled_s
 
-    @compiled()
-    def doubled(x):
-        return Answer(2.0 * x, {"sum": jnp.sum(x)}, "doubled")
 
-    compiled_s = []
+@pytest.mark.parametrize("within", [jax.jacfwd, jax.jacrev, jax.jit, jax.vmap])
+def test_known_numbers_are_computed_by_the_same_program_wherever_they_stand(
+    folder, compiled_s, within
+):
+    """A motion under `jax.jacfwd` is found by the search that found it outside."""
+    doubled(X)
+    del compiled_s[:]
+    found = []
 
-    def heard(event, duration, **_):
-        compiled_s.extend([duration] if "backend_compile" in event else [])
+    def of_known_numbers(y):
+        found.append(np.asarray(doubled(X).whole))
+        return y
 
-    monitoring.register_event_duration_secs_listener(heard)
-    try:
-        first = doubled(X)
-        assert len(compiled_s) == 1
-        again = doubled(first.whole)
-    finally:
-        monitoring.unregister_event_duration_listener(heard)
-    np.testing.assert_array_equal(again.whole, 4.0 * X)
-    assert len(compiled_s) == 1
+    jax.eval_shape(within(of_known_numbers), X)
+    assert not compiled_s
+    np.testing.assert_array_equal(found[0], 2.0 * X)
 
 
 def test_nothing_is_kept_where_somebody_forbids_it(monkeypatch, fresh, tmp_path):
