@@ -26,6 +26,7 @@ from typing import Any
 
 import jax
 import numpy as np
+from jax.core import eval_context
 
 from kneejax.numerics._kept_programs import kept
 from kneejax.numerics._lanes import traced
@@ -111,7 +112,7 @@ def compiled(static_argnums: tuple[int, ...] = ()) -> Callable[[Callable], Calla
                     answer = program(*arguments)
                 else:
                     # Known numbers under `jax.jacfwd`, too: there JAX would compile anew.
-                    with jax.core.eval_context():
+                    with eval_context():
                         answer = program(*_unplaced(arguments, static_argnums))
             except ValueError as problem:
                 if "compiler_options" not in str(problem):
