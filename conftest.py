@@ -7,6 +7,7 @@ from pathlib import Path
 
 # Tests wait for the compiler. With shared fusion, as the command sets it, and without optimising
 # machine code a motion compiles in two thirds of the time. XLA reads this once, hence here.
+# Its older emitters (xla_cpu_use_fusion_emitters=false) take half of that, and compute wrong sums.
 os.environ.setdefault(
     "XLA_FLAGS",
     "--xla_backend_extra_options=xla_cpu_use_multi_output_fusion"

@@ -15,7 +15,7 @@ from jax.typing import ArrayLike
 
 from kneejax.geometry import COLUMNS, COORDINATES, Pose, convert, coordinate, table_units
 from kneejax.mechanics import Knee, Load, add_lane_axis
-from kneejax.numerics import compiled, imported, traced
+from kneejax.numerics import compiled, filled, imported, lanes_for, traced
 from kneejax.parameters import fibre_rows
 from kneejax.statics import (
     Balances,
@@ -123,7 +123,13 @@ class Motion(eqx.Module):
         if name not in self.stations.prescribed:
             known = ", ".join(self.stations.prescribed)
             raise ValueError(f"nothing holds {name!r}: prescribed are {known}")
-        return _reactions(self.knee, self.stations, self.settled)[name]
+        if traced(self):
+            return _reactions(self.knee, self.stations, self.settled)[name]
+        # Filled up: another number of poses is no other program.
+        count = len(self.stations)
+        rows = np.minimum(np.arange(lanes_for(count)), count - 1)
+        stations = jax.tree.map(lambda x: np.asarray(x)[rows], self.stations)
+        return _reactions(self.knee, stations, jax.tree.map(filled, self.settled))[name][:count]
 
     def to_dataframe(self) -> Any:
         """The poses as a table of pandas, with status and, where something is held, its reaction.

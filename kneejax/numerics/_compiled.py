@@ -25,6 +25,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import jax
+import numpy as np
+from jax.core import eval_context
 
 from kneejax.numerics._kept_programs import kept
 from kneejax.numerics._lanes import traced
@@ -102,10 +104,16 @@ def compiled(static_argnums: tuple[int, ...] = ()) -> Callable[[Callable], Calla
 
         @functools.wraps(function)
         def call(*arguments: Any) -> Any:
-            program = quick(within=traced(arguments))
+            within = traced(arguments)
+            program = quick(within)
             programs = program._cache_size()
             try:
-                answer = program(*arguments)
+                if within:
+                    answer = program(*arguments)
+                else:
+                    # Known numbers under `jax.jacfwd`, too: there JAX would compile anew.
+                    with eval_context():
+                        answer = program(*_unplaced(arguments, static_argnums))
             except ValueError as problem:
                 if "compiler_options" not in str(problem):
                     raise
@@ -119,6 +127,22 @@ def compiled(static_argnums: tuple[int, ...] = ()) -> Callable[[Callable], Calla
         return call
 
     return decorate
+
+
+def _unplaced(arguments: tuple, static_argnums: tuple[int, ...]) -> tuple:
+    """The same numbers, bound to no device.
+
+    What a kept program returns is bound to the device that computed it, and JAX compiles a program
+    for such arguments apart from the one for all others: a walk that went on from what its last
+    call returned was compiled twice.
+    """
+
+    def free(x: Any) -> Any:
+        return np.asarray(x) if isinstance(x, jax.Array) and x.committed else x
+
+    return tuple(
+        x if i in static_argnums else jax.tree.map(free, x) for i, x in enumerate(arguments)
+    )
 
 
 def share_memory_between_threads() -> None:

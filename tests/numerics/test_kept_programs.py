@@ -7,8 +7,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax import monitoring
 
 from kneejax.numerics import _kept_programs as programs
+from kneejax.numerics import compiled
 
 
 class Answer(eqx.Module):
@@ -103,6 +105,50 @@ def test_a_static_value_that_does_not_say_what_it_is_is_not_kept(folder, fresh):
 def test_errors_of_the_function_reach_the_caller(folder, fresh):
     with pytest.raises(ValueError, match="nine at most"):
         fresh[0]()(np.ones(10), Power(2))
+
+
+@pytest.fixture
+def programs_compiled():
+    """Names of the programs that are compiled while the test runs."""
+    heard = []
+
+    def listener(event, _, fun_name="", **__):
+        heard.extend([fun_name] if "backend_compile" in event else [])
+
+    monitoring.register_event_duration_secs_listener(listener)
+    yield heard
+    monitoring.unregister_event_duration_listener(listener)
+
+
+@compiled()
+def doubled(x):
+    return Answer(2.0 * x, {"sum": jnp.sum(x)}, "doubled")
+
+
+def test_what_a_kept_program_returned_is_no_other_argument(folder, programs_compiled):
+    """A walk goes on from where its last call stopped: that is the same program once more."""
+    first = doubled(np.ones(6))
+    assert programs_compiled.count("jit(doubled)") == 1
+    np.testing.assert_array_equal(doubled(first.whole).whole, np.full(6, 4.0))
+    assert programs_compiled.count("jit(doubled)") == 1
+
+
+@pytest.mark.parametrize("within", [jax.jacfwd, jax.jacrev, jax.jit, jax.vmap])
+def test_known_numbers_are_computed_by_the_same_program_wherever_they_stand(
+    folder, programs_compiled, within
+):
+    """A motion under `jax.jacfwd` is found by the search that found it outside."""
+    doubled(X)
+    del programs_compiled[:]
+    found = []
+
+    def of_known_numbers(y):
+        found.append(np.asarray(doubled(X).whole))
+        return y
+
+    within(of_known_numbers)(X)
+    assert "jit(doubled)" not in programs_compiled
+    np.testing.assert_array_equal(found[0], 2.0 * X)
 
 
 def test_nothing_is_kept_where_somebody_forbids_it(monkeypatch, fresh, tmp_path):
