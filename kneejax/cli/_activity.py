@@ -103,7 +103,7 @@ def _write_motion(arguments, found: Mapping[str, Activity], told, cycle: Cycle) 
     knee = found[INTACT].motion.knee
     others = [x for body in knee.other_bones for x in BODIES[body].values()]
     header += [one.column for one in others]
-    header += ["quadriceps_N", "residual_flexion_Nm", "unsettled_N", "status", "doubt"]
+    header += ["quadriceps_N", "residual_flexion_Nm", "status", "doubt"]
     other = arguments.convention != FEMORAL
     rows = []
     for name, one in found.items():
@@ -113,8 +113,7 @@ def _write_motion(arguments, found: Mapping[str, Activity], told, cycle: Cycle) 
         states = one.motion.settled.state.poses
         tables += [np.asarray(states[body].to_table()) for body in knee.other_bones]
         numbers = np.column_stack(
-            [one.record.time_s, cycle.percent, *tables, one.record.quadriceps_N, one.residual_Nm,
-             one.moved_N]
+            [one.record.time_s, cycle.percent, *tables, one.record.quadriceps_N, one.residual_Nm]
         )  # fmt: skip
         for row, word, doubt in zip(numbers.tolist(), status, said, strict=True):
             more = [arguments.convention] if other else []

@@ -5,13 +5,14 @@ dynamics and muscles read here must too. lenhart2015: the person of the bundled 
 record has the knee's pose, so that all forces there must add up but for the contact's fit.
 """
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from kneejax.experiments import evaluate
-from kneejax.experiments.activity._activity import _acting, _of_ligaments, _without_tendon
+from kneejax.experiments.activity._activity import _of_ligaments, muscles_over
 from kneejax.files import load_knee_file, read_activity, read_storage
 from kneejax.files.opensim._activity import _acting as acting_of
 from kneejax.files.opensim._activity import _below, _moved, _sorted
@@ -76,11 +77,16 @@ def test_the_moments_of_a_recorded_static_optimisation_cancel():
     assert np.sqrt(np.mean((outer + muscles) ** 2)) < 0.2
 
 
+def _pulls(muscles, pose):
+    """What muscles do to the tibia together, `(n, 6)`."""
+    state = State({TIBIA: Pose.from_table(pose)})
+    return np.asarray(muscles.on_tibia(state)).sum(axis=0).T
+
+
 def test_the_joint_reaction_is_that_of_opensim(reduced):
     """986.9 N along the tibia's long axis at 0.65 s; OpenSim 4.6 said 987 N."""
     record = read_activity(GAIT_MODEL, GAIT_FILES, side="r", knee=reduced.knee)
-    rows = np.arange(len(record.time_s))
-    whole = sum(record.acting.values()) + record.lines.on_tibia(rows, record.pose).sum(axis=0)
+    whole = sum(record.acting.values()) + _pulls(record.muscles, record.pose)
     at = int(np.argmin(np.abs(record.time_s - 0.65)))
     assert whole[at, 1] == pytest.approx(987.0, abs=1.0)
     assert "right_foot takes its torque from left_foot_torque" in record.doubts[0]
@@ -103,14 +109,14 @@ def test_the_record_has_the_poses_of_its_own_coordinates(walk):
 
 def test_at_the_recorded_poses_all_forces_add_up(walk):
     """The flexion moment closes within 0.9 N m rms, forces within 11, 20 and 13 N rms."""
-    tendon, bare = _without_tendon(load_knee_file("lenhart2015").knee, True)
-    state = State({TIBIA: Pose.from_table(walk.pose)})
-    parts = _acting(walk, tendon, np.arange(len(walk.time_s)), walk.pose).values()
+    knee = load_knee_file("lenhart2015").knee
+    bare, state = dataclasses.replace(knee, lines=()), State({TIBIA: Pose.from_table(walk.pose)})
     found = evaluate(bare, state.tibia)
     contact = np.concatenate(
         [np.asarray(x).sum(axis=1) for x in (found.contact_force, found.contact_moment)], axis=1
     )
-    left = sum(parts) + np.asarray(_of_ligaments(bare, state)).T + contact
+    acting = sum(walk.acting.values()) + _pulls(muscles_over(knee, walk), walk.pose)
+    left = acting + np.asarray(_of_ligaments(bare, state)).T + contact
     rms = np.sqrt(np.mean(left**2, axis=0))
     assert np.all(rms[:3] < 25.0)
     assert rms[5] < 1000.0
