@@ -47,6 +47,17 @@ class LegRecord:
     notes: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
 
+    def at(self, rows: np.ndarray) -> LegRecord:
+        """Some of the instants, in the order of `rows`."""
+        own = {x: getattr(self, x)[rows] for x in ("time_s", "pose", "quadriceps_N", "ground_N")}
+        acting = {name: wrench[rows] for name, wrench in self.acting.items()}
+        ends = self.muscles.femoral_attachment, self.muscles.tibial_attachment
+        femoral, tibial, tension = (x[..., rows] for x in (*ends, self.muscles.tension))
+        muscles = dataclasses.replace(
+            self.muscles, femoral_attachment=femoral, tibial_attachment=tibial, tension=tension
+        )
+        return dataclasses.replace(self, acting=acting, muscles=muscles, **own)
+
     def with_heads_on_patella(self) -> LegRecord:
         """The same where heads of the quadriceps that end on the tibia pull on the patella.
 

@@ -2,6 +2,8 @@
 
 import dataclasses
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -12,6 +14,8 @@ from kneejax.mechanics import LegRecord, Load, Muscles
 from kneejax.parameters import cut
 
 COUNT = 33
+#: What a number is changed by in a difference, as a part of its leaf's size.
+STEP = 1e-5
 FLEXION = 20.0 + 25.0 * np.sin(np.linspace(0.0, 3.0, COUNT))
 
 
@@ -119,3 +123,41 @@ def test_a_quadriceps_that_ends_on_the_tibia_is_taken_out_before_a_patella_pulls
     assert np.all(moved.quadriceps_N == 140.0)
     assert np.array_equal(moved.muscles.tension, told.muscles.tension)
     assert told.with_heads_on_patella() is told
+
+
+@pytest.fixture(scope="module")
+def movement():
+    """Three instants under a steady wrench."""
+    wrench = np.broadcast_to([-20.0, 500.0, 10.0, 3000.0, 500.0, 2000.0], (COUNT, 6))
+    return record(wrench, quadriceps=150.0, pull=100.0).at(np.array([4, 12, 20]))
+
+
+def _told(knee, movement):
+    """Free coordinates at the instants, degrees and mm, one after the other."""
+    return activity(knee, movement).motion.to_table()[:, 1:].ravel()
+
+
+@pytest.mark.slow
+def test_poses_follow_every_number_of_the_knee(knee, movement):
+    """1e-6 of the largest change; the tendon's ends and the muscles move with the knee."""
+    leaves, structure = jax.tree.flatten(knee)
+    names = [jax.tree_util.keystr(path) for path, _ in jax.tree_util.tree_leaves_with_path(knee)]
+    _, follow = jax.linearize(lambda some: _told(some, movement), knee)
+    rng, moving = np.random.default_rng(1), 0
+    for row, (name, leaf) in enumerate(zip(names, leaves, strict=True)):
+        size = STEP * max(float(jnp.abs(leaf).max(initial=0.0)), 1e-3)
+        way = rng.uniform(0.5, 1.0, leaf.shape) * size
+        change = [jnp.zeros_like(x) for x in leaves]
+        change[row] = jnp.asarray(way)
+        exact = np.asarray(follow(jax.tree.unflatten(structure, change)))
+
+        def at(part, row=row, way=way):
+            some = [x + part * way if k == row else x for k, x in enumerate(leaves)]
+            return np.asarray(_told(jax.tree.unflatten(structure, some), movement))
+
+        found = (8.0 * (at(1.0) - at(-1.0)) - (at(2.0) - at(-2.0))) / 12.0
+        # Poses are found within 1e-11 mm; what moves them less tells nothing.
+        error = np.abs(exact - found).max() / max(np.abs(found).max(), 1e-5)
+        assert error < 1e-6, (name, error, np.abs(found).max())
+        moving += np.abs(found).max() > 1e-5
+    assert moving > 12

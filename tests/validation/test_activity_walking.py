@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kneejax.experiments import evaluate
+from kneejax.experiments import activity, evaluate
 from kneejax.experiments.activity._activity import _of_ligaments, muscles_over
 from kneejax.files import load_knee_file, read_activity, read_storage
 from kneejax.files.opensim._activity import _acting as acting_of
@@ -120,3 +120,49 @@ def test_at_the_recorded_poses_all_forces_add_up(walk):
     rms = np.sqrt(np.mean(left**2, axis=0))
     assert np.all(rms[:3] < 25.0)
     assert rms[5] < 1000.0
+
+
+@pytest.fixture(scope="module")
+def let_go(reduced, walk):
+    """The walk at every fourth instant."""
+    rows = np.arange(0, len(walk.time_s), 4)
+    return activity(reduced.knee, walk.at(rows))
+
+
+def test_the_walk_is_in_balance_near_its_record(let_go):
+    """What docs/activity.md says of 112 instants, at 28 of them."""
+    assert let_go.holds.all()
+    away = np.asarray(let_go.motion.to_table()) - let_go.record.pose
+    rms = np.sqrt(np.mean(away**2, axis=0))
+    assert np.all(rms < [1e-9, 1.0, 8.5, 1.0, 0.35, 0.85])
+    residual = let_go.residual_Nm
+    assert np.sqrt(np.mean(residual**2)) < 4.0 and np.abs(residual).max() < 11.0
+    peak = np.linalg.norm(np.asarray(let_go.mechanics.contact_force), axis=-1).max(axis=0)
+    assert np.allclose(peak, [2367.0, 1196.0], rtol=0.05)
+
+
+def test_what_acts_on_the_tibia_is_what_it_is_held_by(let_go):
+    """Joint reaction in equals contacts and ligaments within 0.1 %: asked for; 1e-6 is kept."""
+    _assert_closed(let_go)
+
+
+def _assert_closed(found):
+    there, some = found.motion.settled.state.tibia.placement, found.holds
+    left, acting = found.left_over[some], found.total[some]
+    size = np.linalg.norm(acting[:, :3], axis=1)
+    assert np.all(np.linalg.norm(left[:, :3], axis=1) < 1e-6 * size)
+    # Of the moment nothing is left but what holds flexion, about the femur's transverse axis.
+    transverse = [np.asarray(x) for x in there.turn_back((0.0, 0.0, 1.0))]
+    transverse = np.stack(np.broadcast_arrays(*transverse), axis=1)[some]
+    along = np.sum(left[:, 3:] * transverse, axis=1)
+    across = left[:, 3:] - along[:, None] * transverse
+    assert np.all(np.linalg.norm(across, axis=1) < 1e-6 * np.linalg.norm(acting[:, 3:], axis=1))
+    assert np.allclose(along, 1000.0 * found.residual_Nm[some], atol=1e-3)
+
+
+def test_gait2392_closes_as_well(reduced):
+    """Another person's walk, its knee reaction taken up by contacts, ligaments and muscles."""
+    record = read_activity(GAIT_MODEL, GAIT_FILES, side="r", knee=reduced.knee)
+    found = activity(reduced.knee, record.at(np.arange(0, len(record.time_s), 6)))
+    assert found.holds.sum() >= 23
+    _assert_closed(found)
