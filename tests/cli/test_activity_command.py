@@ -17,6 +17,7 @@ MODEL = """<?xml version="1.0" encoding="UTF-8"?>
 <coordinates><Coordinate name="knee_angle_r"/></coordinates></PinJoint>
 </objects></JointSet></Model></OpenSimDocument>"""
 
+
 @pytest.fixture
 def folder(tmp_path):
     (tmp_path / "m.osim").write_text(MODEL)
