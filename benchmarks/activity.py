@@ -1,6 +1,6 @@
 """Walking of lenhart2015 as `kneejax activity` finds it: how near to the record, how fast.
 
-    python benchmarks/activity.py ../shared/data/lenhart2015 [KNEE] [INSTANTS ...]
+python benchmarks/activity.py ../shared/data/lenhart2015 [KNEE] [INSTANTS ...]
 """
 
 import sys
@@ -31,7 +31,7 @@ def main(folder: str, name: str = "lenhart2015_reduced", *instants: str) -> None
         found = activity(read.knee, record)
         wall, cpu = time.perf_counter() - began, time.process_time() - worked
         away = np.asarray(found.motion.to_table()) - record.pose
-        print(f"{count} instants: {found.holds.sum()} in balance, {found.rounds} rounds")
+        print(f"{count} instants: {found.holds.sum()} in balance")
         print(f"  hot: {wall:.1f} s, {cpu:.1f} s of cores, {count / wall:.0f} instants a second")
         rms = np.sqrt(np.nanmean(away**2, axis=0))
         print("  rms: " + ", ".join(f"{n} {x:.2f}" for n, x in zip(COLUMNS, rms, strict=True)))

@@ -15,10 +15,14 @@ from kneejax.files import InputProblem, knee_with, load_knee_file, read_activity
 from kneejax.geometry import BODIES, COLUMNS, FEMORAL, convert_table
 from kneejax.mechanics import Knee, LegRecord, Range
 from kneejax.parameters import cut
+from kneejax.planning import AclPlan, operated_knees
 from kneejax.report import pose_words, search_words
 from kneejax.statics import Status
+from kneejax.studies import read_plan
 
 INTACT = "intact"
+#: The knee where none is named.
+_USUAL = "lenhart2015_reduced"
 _INSTANTS = Range(4, 20_000, "instants")
 
 
@@ -26,28 +30,48 @@ def run(arguments: argparse.Namespace) -> int:
     """Read, balance, print; write tables and a figure."""
     if arguments.instants is not None:
         check_within("--instants", "instants", [arguments.instants], _INSTANTS)
-    values = read_pairs("--set", arguments.values)
-    read = load_knee_file(arguments.knee)
-    knee = knee_with(read.with_patella() if arguments.patella else read.knee, values, "--set")
-    if read.document["side"] != {"r": "right", "l": "left"}[arguments.side]:
-        expected = f"{read.document['side'][0]}, the side of the knee {knee.name}"
+    plan = _plan(arguments)
+    if plan is None:
+        values = read_pairs("--set", arguments.values)
+        read = load_knee_file(arguments.knee or _USUAL)
+        own, document = read.knee, read.document
+        knee = knee_with(read.with_patella() if arguments.patella else own, values, "--set")
+    else:
+        knee = own = plan.own
+        document = plan.document
+    if document["side"] != {"r": "right", "l": "left"}[arguments.side]:
+        expected = f"{document['side'][0]}, the side of the knee {knee.name}"
         raise InputProblem("--side", "side", arguments.side, expected)
     knees = {INTACT: knee}
     if arguments.cut:
         knees[f"without {', '.join(arguments.cut)}"] = cut(knee, arguments.cut)
     record = read_activity(
-        arguments.model, arguments.files, side=arguments.side, knee=read.knee,
-        document=read.document, frames=arguments.frames, instants=arguments.instants,
+        arguments.model, arguments.files, side=arguments.side, knee=own, document=document,
+        frames=arguments.frames, instants=arguments.instants,
     )  # fmt: skip
     _check_pulls(knee, record)
     _say_record(record)
     with stages_on_terminal(knee.name):
+        knees = knees if plan is None else operated_knees(plan)
         found = {name: activity(one, record) for name, one in knees.items()}
     return _report(arguments, found, cycle_of(record))
 
 
+def _plan(arguments: argparse.Namespace) -> AclPlan | None:
+    """The plan that is asked for, if one is."""
+    if arguments.plan is None:
+        return None
+    others = {"--knee": arguments.knee, "--set": arguments.values, "--cut": arguments.cut,
+              "--patella": arguments.patella}  # fmt: skip
+    for option, given in others.items():
+        if given:
+            expected = "one of both: a plan says what its knee is and which ligament is torn"
+            raise InputProblem("--plan", "options", f"--plan and {option}", expected)
+    return read_plan(arguments.plan)
+
+
 def _check_pulls(knee: Knee, record: LegRecord) -> None:
-    if record.quadriceps_N.any() and knee.muscles is None and not knee.lines:
+    if record.quadriceps_N.any() and not knee.other_bones and not knee.lines:
         expected = "a knee with a line for the patellar tendon, or --patella"
         raise InputProblem("--knee", "lines", f"none in {knee.name}", expected)
 
@@ -61,12 +85,21 @@ def _say_record(record: LegRecord) -> None:
 
 
 def _report(arguments: argparse.Namespace, found: Mapping[str, Activity], cycle: Cycle) -> int:
-    from kneejax.report import activity_figure, activity_lines, save_figure
+    from kneejax.report import (
+        PLACE_COLUMNS,
+        activity_figure,
+        activity_lines,
+        place_lines,
+        place_rows,
+        places_figure,
+        save_figure,
+    )
 
     out, first = arguments.out, found[INTACT]
     knee = first.motion.knee
     told = {name: _told(one) for name, one in found.items()}
-    print("\n".join(activity_lines(found)))
+    several = len(found) > 2
+    print("\n".join(place_lines(found) if several else activity_lines(found)))
     doubtful = False
     for name, (status, said) in told.items():
         if len(found) > 1:
@@ -85,10 +118,15 @@ def _report(arguments: argparse.Namespace, found: Mapping[str, Activity], cycle:
     words = f"{knee.name}: {cycle.words}" + (", with patella" if arguments.patella else "")
     folder = out / "figures"
     folder.mkdir(parents=True, exist_ok=True)
-    figure = activity_figure(found, cycle, words)
+    figure = activity_figure(dict([*found.items()][:2]), cycle, words)
     save_figure(figure, folder, "activity", svg=arguments.svg)
+    more = ""
+    if several:
+        write_rows(out / "places.csv", PLACE_COLUMNS, place_rows(found))
+        save_figure(places_figure(found, cycle, words), folder, "places", svg=arguments.svg)
+        more = ", places.csv, figures/places.png"
     files = "activity.csv, forces.csv, contact.csv, residual.csv, settings.json"
-    print(f"written: {out}/{files}, figures/activity.png")
+    print(f"written: {out}/{files}, figures/activity.png{more}")
     return int(doubtful)
 
 
@@ -103,7 +141,7 @@ def _write_motion(arguments, found: Mapping[str, Activity], told, cycle: Cycle) 
     knee = found[INTACT].motion.knee
     others = [x for body in knee.other_bones for x in BODIES[body].values()]
     header += [one.column for one in others]
-    header += ["quadriceps_N", "residual_flexion_Nm", "unsettled_N", "status", "doubt"]
+    header += ["quadriceps_N", "residual_flexion_Nm", "status", "doubt"]
     other = arguments.convention != FEMORAL
     rows = []
     for name, one in found.items():
@@ -113,8 +151,7 @@ def _write_motion(arguments, found: Mapping[str, Activity], told, cycle: Cycle) 
         states = one.motion.settled.state.poses
         tables += [np.asarray(states[body].to_table()) for body in knee.other_bones]
         numbers = np.column_stack(
-            [one.record.time_s, cycle.percent, *tables, one.record.quadriceps_N, one.residual_Nm,
-             one.moved_N]
+            [one.record.time_s, cycle.percent, *tables, one.record.quadriceps_N, one.residual_Nm]
         )  # fmt: skip
         for row, word, doubt in zip(numbers.tolist(), status, said, strict=True):
             more = [arguments.convention] if other else []

@@ -35,7 +35,13 @@ def add_activity(commands) -> None:
     )
     activity.add_argument("--model", type=Path, required=True, help="the model that moved (.osim)")
     activity.add_argument("--side", choices=("r", "l"), default="r", help="right or left knee")
-    activity.add_argument("--knee", default="lenhart2015_reduced", help=KNEE)
+    activity.add_argument("--knee", help=f"{KNEE} (default: lenhart2015_reduced)")
+    activity.add_argument(
+        "--plan",
+        metavar="PLAN",
+        help="plan file or bundled plan, in place of --knee: its knee intact, without the "
+        "ligament, and with the graft where it is planned and in the corners of the octagon",
+    )
     activity.add_argument(
         "--frames",
         choices=("auto", "same", "landmarks"),

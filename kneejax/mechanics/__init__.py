@@ -12,14 +12,12 @@ from kneejax.mechanics._knee import Held as Held
 from kneejax.mechanics._knee import Knee as Knee
 from kneejax.mechanics._knee import add_lane_axis as add_lane_axis
 from kneejax.mechanics._leg_record import LegRecord as LegRecord
-from kneejax.mechanics._leg_record import Lines as Lines
 from kneejax.mechanics._loads import AXES as AXES
 from kneejax.mechanics._loads import BONES as BONES
 from kneejax.mechanics._loads import GROOD_SUNTAY as GROOD_SUNTAY
 from kneejax.mechanics._loads import ConstantTensionLine as ConstantTensionLine
 from kneejax.mechanics._loads import Load as Load
 from kneejax.mechanics._loads import Support as Support
-from kneejax.mechanics._loads import pull_of as pull_of
 from kneejax.mechanics._mass import InertiaOfStep as InertiaOfStep
 from kneejax.mechanics._mass import Mass as Mass
 from kneejax.mechanics._muscles import QUADRICEPS as QUADRICEPS
@@ -37,6 +35,8 @@ from kneejax.mechanics._plausible import Range as Range
 from kneejax.mechanics._plausible import at_reference as at_reference
 from kneejax.mechanics._plausible import check_fibres as check_fibres
 from kneejax.mechanics._plausible import range_of_parameter as range_of_parameter
+from kneejax.mechanics._pulls import Pull as Pull
+from kneejax.mechanics._pulls import pull_of as pull_of
 from kneejax.mechanics._step import CoordinateDampers as CoordinateDampers
 from kneejax.mechanics._step import TimeStep as TimeStep
 from kneejax.mechanics._wrench import Wrench as Wrench

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
 from kneejax.geometry import (
+    ARM_MM,
     FEMUR,
     FEMUR_AND_TIBIA,
     TIBIA,
@@ -52,9 +55,6 @@ class Load(eqx.Module):
         point_in: the bone in whose frame the point is given, and to which it is fixed.
         name: what reports call it.
         bone: on which it acts.
-        line: of the knee, or its muscle, whose tension the first component of the force adds to
-            (`QUADRICEPS` for all heads); empty for a wrench. Only where a knee is balanced
-            (`kneejax.statics.Stations`): see `pull_of`.
     """
 
     force: Array
@@ -64,7 +64,6 @@ class Load(eqx.Module):
     point_in: str = eqx.field(static=True)
     name: str = eqx.field(static=True)
     bone: str = eqx.field(static=True)
-    line: str = eqx.field(static=True)
 
     def __init__(
         self,
@@ -75,7 +74,6 @@ class Load(eqx.Module):
         point_in: str | None = None,
         name: str = "load",
         bone: str = TIBIA,
-        line: str = "",
     ):
         self.force = jnp.asarray(force, float)
         self.moment = jnp.asarray(moment, float)
@@ -84,7 +82,6 @@ class Load(eqx.Module):
         self.point_in = bone if point_in is None else point_in
         self.name = name
         self.bone = bone
-        self.line = line
 
     def __check_init__(self):
         bones = (FEMUR, self.bone)
@@ -92,6 +89,25 @@ class Load(eqx.Module):
         for field, value, known in (("axes", self.axes, axes), ("point_in", self.point_in, bones)):
             if value not in known:
                 raise ValueError(f"Load.{field} is {value!r}; expected one of {known}")
+
+    @property
+    def sizes(self) -> Array:
+        """How much acts, `(..., 6)`: force, N, and moment at `ARM_MM`, N."""
+        return jnp.concatenate([self.force, self.moment / ARM_MM], axis=-1)
+
+    @property
+    def places(self) -> tuple[Array, ...]:
+        """Where it acts: what stays while it grows."""
+        return (self.point,)
+
+    def times(self, part: ArrayLike) -> Load:
+        """A part of it, `(...)` or one."""
+        share = jnp.asarray(part)[..., None]
+        return dataclasses.replace(self, force=share * self.force, moment=share * self.moment)
+
+    def at_each(self, shape: tuple[int, ...]) -> Load:
+        """Once for each of `shape` stations."""
+        return jax.tree.map(lambda x: jnp.broadcast_to(x, (*shape, 3)), self)
 
     def wrench(self, there: Placement) -> Wrench:
         """On the bone, about its origin in femur axes.
@@ -115,23 +131,6 @@ class Load(eqx.Module):
         """Generalised force on some coordinates: N mm per rad of a rotation, N of a translation."""
         pair = (FEMUR, self.bone)
         return generalised_force(state, pair, self.wrench(state.between(pair)), names)
-
-
-def pull_of(line: str, tension_N: ArrayLike) -> Load:
-    """Tension that is added to one of a knee's lines, as a load that grows like any other.
-
-    Args:
-        line: its name, e.g. `patellar_tendon`; a muscle's, or `QUADRICEPS`.
-        tension_N: one, or `(n,)` for `kneejax.statics.Stations`.
-
-    Example:
-        >>> pull_of("patellar_tendon", [0.0, 50.0]).force.tolist()
-        [[0.0, 0.0, 0.0], [50.0, 0.0, 0.0]]
-    """
-    tension = jnp.asarray(tension_N, float)
-    nothing = jnp.zeros((*tension.shape, 3))
-    force = jnp.concatenate([tension[..., None], nothing[..., 1:]], axis=-1)
-    return Load(force, nothing, nothing, name=line, line=line)
 
 
 class Support(eqx.Module):
@@ -191,6 +190,13 @@ class ConstantTensionLine(eqx.Module):
         """The two bones that it joins."""
         return FEMUR, self.bone
 
+    def upper_end(self, flexion: Array) -> Array:
+        """Where it begins at a flexion, rad: `(3, ...)`, mm, femur frame."""
+        end = self.origin[-1]
+        for row in self.origin[-2::-1]:
+            end = end * flexion + row
+        return end
+
     def energy(self, state: State) -> Array:
         """Tension times length, N mm."""
         return self.tension * norm(self._line(state)[1])
@@ -214,8 +220,6 @@ class ConstantTensionLine(eqx.Module):
     def _line(self, state: State) -> tuple[Vector, Vector]:
         """The insertion from the bone's origin and from the upper end, femur axes, mm."""
         there = state.between(self.bodies)
-        end = self.origin[-1]
-        for row in self.origin[-2::-1]:
-            end = end * state.tibia.flexion + row
+        end = self.upper_end(state.tibia.flexion)
         arm = there.turn(vector(self.insertion))
         return arm, subtract(add(arm, there.translation), vector(end))

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
@@ -94,6 +95,52 @@ class Muscles(Fibres):
                 rows[row] = rows[row] + more
         return dataclasses.replace(self, tension=jnp.stack(jnp.broadcast_arrays(*rows)))
 
+    def ending(self, ends: Mapping[str, Array]) -> Muscles:
+        """The same with ends of some elsewhere.
+
+        Args:
+            ends: muscle -> where it begins and ends, `(2, 3, ...)`, mm, each in its bone's frame.
+        """
+        rows = [list(self.femoral_attachment), list(self.tibial_attachment)]
+        for name, both in ends.items():
+            for own, end in zip(rows, both, strict=True):
+                own[self.names.index(name)] = end
+        femoral, tibial = (jnp.stack(jnp.broadcast_arrays(*own)) for own in rows)
+        return dataclasses.replace(self, femoral_attachment=femoral, tibial_attachment=tibial)
+
+    def only(self, rows: Sequence[int]) -> Muscles:
+        """Some of the muscles, in order."""
+        courses = [
+            dataclasses.replace(course, rows=kept, via=course.via[:, np.isin(course.rows, rows)])
+            for course in self.courses
+            if (kept := tuple(rows.index(row) for row in course.rows if row in rows))
+        ]
+        some = np.array(rows, int)
+        ends = self.femoral_attachment[some], self.tibial_attachment[some]
+        names, bodies = (tuple(x[row] for row in rows) for x in (self.names, self.bodies))
+        return Muscles(*ends, self.tension[some], names, courses, bodies, self.cable)
+
+    def with_more(self, others: Muscles) -> Muscles:
+        """These and, after them, others.
+
+        Raises:
+            ValueError: one of the others has the name of one of these.
+        """
+        if same := sorted(set(self.names) & set(others.names)):
+            raise ValueError(f"two muscles are called {', '.join(same)}: expected another name")
+        femoral, tibial, tension = (
+            jnp.concatenate([getattr(self, name), getattr(others, name)])
+            for name in ("femoral_attachment", "tibial_attachment", "tension")
+        )
+        first = len(self.names)
+        more = [
+            dataclasses.replace(course, rows=tuple(first + row for row in course.rows))
+            for course in others.courses
+        ]
+        names, bodies = (*self.names, *others.names), (*self.bodies, *others.bodies)
+        courses = (*self.courses, *more)
+        return Muscles(femoral, tibial, tension, names, courses, bodies, self.cable)
+
     def pull(self, state: State) -> tuple[Wrenches, Array, FibreFaults]:
         """What the muscles do to the bones that they join.
 
@@ -119,6 +166,13 @@ class Muscles(Fibres):
                 past = past | jnp.any(path.beyond_ends, axis=0)
                 inside = inside | jnp.any(path.inside, axis=0)
         return answer, energy, FibreFaults(jnp.zeros_like(past), past, inside)
+
+    def on_tibia(self, state: State) -> Array:
+        """What each that joins femur and tibia does to the tibia about its origin, along the
+        tibia's own axes, `(n, 6, ...)`, N and N mm."""
+        unit, tibia = self.unit_wrenches(state), state.tibia.placement
+        parts = [tibia.turn_back(scale(self.tension, x)) for x in (unit.force, unit.moment)]
+        return jnp.stack(jnp.broadcast_arrays(*parts[0], *parts[1]), axis=1)
 
     def energy(self, state: State) -> Array:
         """Tension times length of all together, and of the cable, shape `(...)`, N mm."""

@@ -40,6 +40,7 @@ class AclPlan:
         drawn: knees as the uncertainty of a calibration leaves them possible; none by default.
         held: parameters that the calibration does not determine, so that no draw changes them.
         said: the plan as it was given, for the records.
+        document: of the knee's file.
         file: that it was read from.
     """
 
@@ -62,6 +63,7 @@ class AclPlan:
     drawn: tuple[Knee, ...] = ()
     held: tuple[str, ...] = ()
     said: dict[str, Any] = dataclasses.field(default_factory=dict)
+    document: dict[str, Any] = dataclasses.field(default_factory=dict)
     file: str = ""
 
     @property

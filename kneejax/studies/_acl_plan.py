@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from kneejax.files import (
+    KneeFile,
     bone_surface,
     knee_with,
-    load_knee,
+    load_knee_file,
     named_document,
     parse_flexion,
     read_calibrated,
@@ -98,7 +99,8 @@ def plan_of(plan: Field, folder: Path = Path()) -> AclPlan:
         folder: to which paths in it are relative.
     """
     plan.mapping(_REQUIRED, _OPTIONAL)
-    knee, drawn, held = _knee(plan, folder)
+    read, path = _read_knee(plan, folder)
+    knee, drawn, held = _knee(plan, read.knee, path)
     ligament = _ligament(plan, knee)
     graft, stiffness, bundles = _graft(plan["graft"])
     reconstruction = reconstruction_of(knee, ligament, bundles, stiffness, graft.failure_N)
@@ -131,21 +133,27 @@ def plan_of(plan: Field, folder: Path = Path()) -> AclPlan:
         drawn=drawn,
         held=held,
         said=plan.value,
+        document=read.document,
         file=plan.file,
     )
 
 
-def _knee(plan: Field, folder: Path) -> tuple[Knee, tuple[Knee, ...], tuple[str, ...]]:
-    """The knee; those drawn from its calibration; parameters that no draw changes."""
+def _read_knee(plan: Field, folder: Path) -> tuple[KneeFile, Path]:
+    """The knee as its file has it, and where that is."""
     name = plan["knee"].text()
-    beside = folder / name
-    path = beside if beside.is_file() else Path(name)
+    path = folder / name if (folder / name).is_file() else Path(name)
+    return load_knee_file(path if path.is_file() else name), path
+
+
+def _knee(plan: Field, read: Knee, path: Path) -> tuple[Knee, tuple[Knee, ...], tuple[str, ...]]:
+    """The knee; those drawn from its calibration; parameters that no draw changes."""
     own = parameter_values(plan["set"]) if "set" in plan else {}
-    knee = knee_with(load_knee(path if beside.is_file() else name), own, plan.file)
+    knee = knee_with(read, own, plan.file)
     if "draws" not in plan:
         return knee, (), ()
     count = plan["draws"].integer(2, 4096)
     if path.suffix.lower() != ".json":
+        name = plan["knee"].text()
         expected = f"no draws of {name}: a knee that is the result.json of a calibration has them"
         raise plan["draws"].problem(expected)
     values, held = drawn_parameters(read_calibrated(path), count)

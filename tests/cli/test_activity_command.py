@@ -17,6 +17,7 @@ MODEL = """<?xml version="1.0" encoding="UTF-8"?>
 <coordinates><Coordinate name="knee_angle_r"/></coordinates></PinJoint>
 </objects></JointSet></Model></OpenSimDocument>"""
 
+
 @pytest.fixture
 def folder(tmp_path):
     (tmp_path / "m.osim").write_text(MODEL)
@@ -51,6 +52,7 @@ def folder(tmp_path):
         (["angles.sto", "reaction.sto"], ["--instants", "2"], "between 4 and 20,000 instants"),
         (["angles.sto", "reaction.sto"], ["--cut", "ACX"], "ACX"),
         (["angles.sto", "reaction.sto"], ["--frames", "equal"], "invalid choice: 'equal'"),
+        (["angles.sto", "reaction.sto"], ["--plan", "ten_bundle"], "--plan and --knee: expected"),
     ],
 )
 def test_what_does_not_fit_is_refused_in_one_line(files, options, said, folder, capsys):

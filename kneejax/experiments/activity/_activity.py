@@ -20,11 +20,13 @@ from kneejax.mechanics import (
     Knee,
     LegRecord,
     Load,
+    Muscles,
+    Pull,
     Wrench,
     add_lane_axis,
     pull_of,
 )
-from kneejax.numerics import compiled, filled
+from kneejax.numerics import compiled
 from kneejax.statics import Stations, converged
 
 #: What pulls on the tibia for the quadriceps, among what acts.
@@ -41,17 +43,12 @@ class Activity:
         mechanics: ligaments and contacts there.
         acting: what acts on the tibia by name, about its origin along its axes, `(n, 6)` each, N
             and N mm: record and muscles, without what the knee's own parts do.
-        rounds: how often balances were found anew, for muscles whose lines move with the tibia.
-        moved_N: by how much what acts differs from what a balance was found under, `(n,)`, N
-            (moments at 30 mm); infinite where there is none.
     """
 
     record: LegRecord
     motion: Motion
     mechanics: Mechanics
     acting: dict[str, np.ndarray]
-    rounds: int
-    moved_N: np.ndarray
 
     @property
     def holds(self) -> np.ndarray:
@@ -97,76 +94,87 @@ def activity(knee: Knee, record: LegRecord) -> Activity:
 
     Flexion is the record's; the other coordinates balance under what acts on the leg below the
     knee, quasi-statically: weight, inertia and ground as a wrench that follows the tibia, whose
-    place in space was recorded, and muscles along their lines. In a knee of two bones the
-    quadriceps pulls by its line `patellar_tendon` (`tendon_of_quadriceps`); in one of three, on
-    the patella.
+    place in space was recorded, and muscles of the recorded tension along their paths, which move
+    with the balance. In a knee of two bones the quadriceps pulls by its line `patellar_tendon`
+    (`tendon_of_quadriceps`); in one of three, on the patella.
 
     Args:
         knee: of two bones, or of three (`KneeFile.with_patella`).
         record: from `kneejax.files.read_activity`.
 
     Returns:
-        The balances. Derivatives of its motion by the knee hold the loads.
+        The balances. Its motion is differentiable by every number of the knee; the record holds.
 
     Raises:
         ValueError: the quadriceps pulls on a patella and the knee has neither a patella nor a
-            line for its tendon.
+            line for its tendon; or a muscle of the knee is called as one of the record.
     """
     if PATELLA in knee.bodies:
         record = record.with_heads_on_patella()
-    tendon, body = _without_tendon(knee, bool(np.any(record.quadriceps_N > 0)))
-    still = jax.lax.stop_gradient(body)
-
-    def acting(rows: np.ndarray, tibia: np.ndarray) -> np.ndarray:
-        parts = _acting(record, tendon, rows, tibia).values()
-        return sum(parts, np.zeros((len(rows), 6)))
-
-    def at(rows: np.ndarray, total: np.ndarray) -> Stations:
-        return _stations(still, record, rows, total)
-
-    found = Instants.of(still, record.pose[:, 0], acting, at, record.pose)
-    motion = found.motion(body)
-    every = np.arange(len(record.time_s))
-    tibia = np.where(np.isnan(found.poses), record.pose, found.poses)
-    parts = _acting(record, tendon, every, tibia)
-    mechanics = evaluate(motion.knee, motion.settled.state)
-    return Activity(record, motion, mechanics, parts, found.rounds, found.moved)
+    muscles = muscles_over(knee, record)
+    body, stations = muscled(knee, record, muscles)
+    found = Instants.of(*jax.lax.stop_gradient((body, stations)))
+    motion = found.motion(body, stations)
+    table = np.asarray(jax.lax.stop_gradient(motion.to_table()))
+    tibia = np.where(np.isnan(table), record.pose, table)
+    pulls = np.asarray(_on_tibia(jax.lax.stop_gradient(muscles), tibia))
+    acting = record.acting | dict(zip(muscles.names, np.moveaxis(pulls, -1, 1), strict=True))
+    return Activity(record, motion, evaluate(motion.knee, motion.settled.state), acting)
 
 
-def _without_tendon(knee: Knee, needed: bool) -> tuple[ConstantTensionLine | None, Knee]:
-    """The line of the patellar tendon, and the knee without its pull."""
+def muscles_over(knee: Knee, record: LegRecord) -> Muscles:
+    """The muscles of a record; with the patellar tendon where the quadriceps pulls by it.
+
+    Args:
+        knee: as in `activity`.
+        record: likewise; of heads on the patella where the knee has one.
+
+    Returns:
+        Muscles, arrays end in instants.
+    """
+    if PATELLA in knee.bodies or not record.quadriceps_N.any():
+        return record.muscles
+    lines = [line for line in knee.lines if isinstance(line, ConstantTensionLine)]
+    if not lines:
+        expected = "a knee with a line patellar_tendon, or read with its patella"
+        raise ValueError(f"{knee.name} has nothing for the quadriceps to pull on: {expected}")
+    line, flexion = add_lane_axis(lines[0]), record.pose[:, 0]
+    # Where the line's upper end is at an instant is known: the patella's path, which does no work.
+    begins = line.upper_end(jnp.deg2rad(flexion))
+    ends = jnp.broadcast_to(line.insertion, begins.shape)
+    tension = tendon_of_quadriceps(record.quadriceps_N, flexion)
+    return record.muscles.with_more(Muscles(begins[None], ends[None], tension[None], (TENDON,)))
+
+
+def muscled(knee: Knee, record: LegRecord, muscles: Muscles) -> tuple[Knee, Stations]:
+    """A knee with muscles that are at rest, and the instants with what acts there.
+
+    Args:
+        knee: as in `activity`.
+        record: likewise; of heads on the patella where the knee has one.
+        muscles: see `muscles_over`.
+    """
+    pulls, every = [], knee.muscles
     if PATELLA in knee.bodies:
-        return None, knee
-    if not knee.lines:
-        if needed:
-            expected = "a knee with a line patellar_tendon, or read with its patella"
-            raise ValueError(f"{knee.name} has nothing for the quadriceps to pull on: {expected}")
-        return None, knee
-    slack = tuple(dataclasses.replace(x, tension=0.0 * x.tension) for x in knee.lines)
-    line = dataclasses.replace(knee.lines[0], tension=jnp.ones(()))
-    return line, dataclasses.replace(knee, lines=slack)
-
-
-def _acting(
-    record: LegRecord, tendon: ConstantTensionLine | None, rows: np.ndarray, tibia: np.ndarray
-) -> dict[str, np.ndarray]:
-    """What acts on the tibia by name at some instants, `(rows, 6)` each."""
-    acting = {name: wrench[rows] for name, wrench in record.acting.items()}
-    for name, wrench in zip(record.lines.names, record.lines.on_tibia(rows, tibia), strict=True):
-        acting[name] = wrench
-    if tendon is not None and np.any(record.quadriceps_N > 0):
-        pull = tendon_of_quadriceps(record.quadriceps_N[rows], record.pose[rows, 0])
-        unit = np.asarray(_of_line(tendon, filled(tibia.T).T))[:, : len(rows)]
-        acting[TENDON] = pull[:, None] * unit.T
-    return acting
+        assert every is not None
+        rest = jnp.sum(every.tension[np.array(every.quadriceps)])
+        pulls.append(pull_of(QUADRICEPS, record.quadriceps_N - rest))
+    if muscles.names:
+        at_rest = jax.tree.map(lambda x: x[..., 0], muscles)
+        at_rest = dataclasses.replace(at_rest, tension=0.0 * at_rest.tension)
+        every = at_rest if every is None else every.with_more(at_rest)
+        ends = jnp.stack([muscles.femoral_attachment, muscles.tibial_attachment], axis=1)
+        pulls.append(Pull(muscles.tension.T, muscles.names, jnp.moveaxis(ends, -1, 0)))
+    nothing = np.zeros((len(record.time_s), 6))
+    total = sum(record.acting.values(), nothing)
+    leg = Load(total[:, :3], total[:, 3:], nothing[:, :3], axes=TIBIA, name="leg")
+    body = dataclasses.replace(knee, lines=(), muscles=every)
+    return body, Stations.at(record.pose[:, 0], [*pulls, leg])
 
 
 @compiled()
-def _of_line(line: ConstantTensionLine, table: Array) -> Array:
-    state = State({TIBIA: Pose.from_table(table)})
-    wrench, tibia = add_lane_axis(line).wrench(state), state.tibia.placement
-    parts = tibia.turn_back(wrench.force), tibia.turn_back(wrench.moment)
-    return jnp.stack(jnp.broadcast_arrays(*parts[0], *parts[1]))
+def _on_tibia(muscles: Muscles, table: Array) -> Array:
+    return muscles.on_tibia(State({TIBIA: Pose.from_table(table)}))
 
 
 @compiled()
@@ -178,12 +186,3 @@ def _of_ligaments(knee: Knee, state: State):
             force, moment = there.turn_back(whole.force), there.turn_back(whole.moment)
             total = total + jnp.stack(jnp.broadcast_arrays(*force, *moment))
     return total
-
-
-def _stations(knee: Knee, record: LegRecord, rows: np.ndarray, total: np.ndarray) -> Stations:
-    loads = [Load(total[:, :3], total[:, 3:], np.zeros((len(rows), 3)), axes=TIBIA, name="leg")]
-    if PATELLA in knee.bodies:
-        assert knee.muscles is not None
-        rest = float(jnp.sum(knee.muscles.tension[np.array(knee.muscles.quadriceps)]))
-        loads.insert(0, pull_of(QUADRICEPS, record.quadriceps_N[rows] - rest))
-    return Stations.at(record.pose[rows, 0], loads)

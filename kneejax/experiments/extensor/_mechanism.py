@@ -46,7 +46,7 @@ def forces_on_tibia(motion: Motion, contact_force: np.ndarray) -> dict[str, np.n
         if contact.bodies == FEMUR_AND_TIBIA:
             answer[knee.contact_names[k]] = contact_force[:, k]
     every_load = (*knee.loads, *motion.stations.loads)
-    acting = [load for load in every_load if isinstance(load, Load) and not load.line]
+    acting = [load for load in every_load if isinstance(load, Load)]
     for load, force in zip(acting, loads, strict=True):
         answer[load.name] = answer.get(load.name, 0.0) + force
     return answer

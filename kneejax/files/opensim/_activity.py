@@ -15,7 +15,7 @@ from kneejax.files.opensim._joints import Joint, read_joints
 from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, find_knee
 from kneejax.files.opensim._model import Model, angles_xyz, read_model, turn_xyz
 from kneejax.files.opensim._movement import Movement, Rigid, coordinate_columns, moved, turning
-from kneejax.files.opensim._muscle_lines import Crossing, crossing, lines_of, tension_of_ligament
+from kneejax.files.opensim._muscle_lines import Crossing, crossing, muscles_of, tension_of_ligament
 from kneejax.files.opensim._registration import (
     Registration,
     flexion_coordinate,
@@ -72,7 +72,7 @@ def read_activity(
         instants: how many, evenly spaced; by default the rows of the coarsest table.
 
     Returns:
-        What acted on the leg below the knee: its weight and inertia, the ground, muscles as lines.
+        What acted on the leg below the knee: its weight and inertia, the ground, muscles.
 
     Raises:
         InputProblem: a file cannot be read or is of no known kind, tables do not overlap in time,
@@ -99,12 +99,12 @@ def read_activity(
         TIBIA: frame, FEMUR: in_knee(movement.placed[bones.femur], FEMUR, shifts, side),
     }  # fmt: skip
     found = crossing(movement, bones, below)
-    lines, quadriceps = _lines(given, movement, bones, found, frames_of, shifts, time, notes)
+    muscles, quadriceps = _muscles(given, movement, bones, found, frames_of, shifts, time, notes)
     there = frames_of[FEMUR].after(frame.inverse())
     own = poses_of(Rigid(there.turn, there.shift / 1e3), "r")
     still = np.zeros((len(time), 3))
     return LegRecord(
-        time, own, acting, lines, quadriceps, still if ground is None else ground, shifts.same,
+        time, own, acting, muscles, quadriceps, still if ground is None else ground, shifts.same,
         mass, tuple(notes), tuple(doubts),
     )  # fmt: skip
 
@@ -247,12 +247,12 @@ def _reaction(table: Storage, bones: OsimKneeJoint, time, shifts: Registration, 
     return {"joint reaction": -np.concatenate([own, about + np.cross(place, own)], axis=1)}
 
 
-def _lines(given, movement, bones, found: Crossing, frames_of, shifts, time, notes):
-    """Lines with their tensions, and the pull of the quadriceps on the patella."""
+def _muscles(given, movement, bones, found: Crossing, frames_of, shifts, time, notes):
+    """Muscles with their tensions, and the pull of the quadriceps on the patella."""
     count = len(time)
     if given.muscles is None:
         notes.append("Muscles: their pull is in the joint reaction.")
-        empty = lines_of(movement, bones, [], np.zeros((0, count)), frames_of, dict, [])
+        empty = muscles_of(movement, bones, [], np.zeros((0, count)), frames_of, dict, [])
         return empty, np.zeros(count)
     table = given.muscles
     by_name = {last_word(name): name for name in table.columns}
@@ -269,14 +269,14 @@ def _lines(given, movement, bones, found: Crossing, frames_of, shifts, time, not
     ways = [*found.muscles, *found.ligaments]
     passive = [tension_of_ligament(movement, way) for way in found.ligaments]
     own = np.concatenate([tensions([w.name for w in found.muscles]), *[x[None] for x in passive]])
-    lines = lines_of(movement, bones, ways, own, frames_of, entry, notes)
+    muscles = muscles_of(movement, bones, ways, own, frames_of, entry, notes)
     notes.append(
         f"Over the knee: {counted(len(found.muscles), 'muscle')}"
         + (f", {', '.join(w.name for w in found.ligaments)} by its length" if passive else "")
         + (f"; on the patella: {', '.join(found.on_patella)}" if found.on_patella else "")
         + "."
     )
-    return lines, tensions(found.on_patella).sum(axis=0) + np.zeros(count)
+    return muscles, tensions(found.on_patella).sum(axis=0) + np.zeros(count)
 
 
 def _in_frames(document: dict[str, Any], shifts: Registration, side: str) -> dict[str, Any]:

@@ -14,10 +14,10 @@ from kneejax.files.opensim._knee import OsimKneeJoint
 from kneejax.files.opensim._ligaments import KIND, path_objects, path_point
 from kneejax.files.opensim._movement import Movement, Rigid
 from kneejax.files.opensim._muscles import wrap_of
-from kneejax.files.opensim._wraps import OsimWrap, read_wraps, wrap_document
+from kneejax.files.opensim._wraps import read_wraps, wrap_document
 from kneejax.files.opensim._xml import Element
-from kneejax.geometry import FEMUR, TIBIA
-from kneejax.mechanics import Course, Lines, ligament_law
+from kneejax.geometry import FEMUR, TIBIA, Obstacle
+from kneejax.mechanics import Course, Muscles, add_lane_axis, ligament_law
 
 
 @dataclasses.dataclass(frozen=True)
@@ -150,7 +150,7 @@ def tension_of_ligament(movement: Movement, way: Way) -> np.ndarray:
     return np.asarray(ligament_law.exact_tension(strain, *law))
 
 
-def lines_of(
+def muscles_of(
     movement: Movement,
     knee: OsimKneeJoint,
     ways: list[Way],
@@ -158,8 +158,8 @@ def lines_of(
     frames: dict[str, Rigid],
     entry: Callable[[dict], dict],
     notes: list[str],
-) -> Lines:
-    """Paths as lines in the frames of a knee.
+) -> Muscles:
+    """Paths as muscles of a knee, arrays end in instants.
 
     Args:
         movement: the model at the instants.
@@ -170,22 +170,34 @@ def lines_of(
         entry: states an obstacle's entry in those frames.
         notes: gets a sentence for what was left out.
     """
+    names = tuple(way.name for way in ways)
+    ends = {
+        bone: np.stack([frames[bone].point(1e3 * getattr(way, end)).T for way in ways])
+        if ways else np.zeros((0, 3, tension.shape[-1]))
+        for bone, end in ((FEMUR, "first"), (TIBIA, "second"))
+    }  # fmt: skip
     wraps, by_wrap = read_wraps(movement.model), {}
     for row, way in enumerate(ways):
         wrap = wrap_of(movement.model, way.element, wraps, knee, (FEMUR, TIBIA), notes)
         if wrap is not None:
             by_wrap.setdefault(id(wrap.element), (wrap, []))[1].append(row)
-    courses = [_course(movement, knee, wrap, rows, entry) for wrap, rows in by_wrap.values()]
-    ends = [
-        np.stack([frames[bone].point(1e3 * getattr(way, end)).T for way in ways])
-        if ways else np.zeros((0, 3, tension.shape[-1]))
-        for bone, end in ((FEMUR, "first"), (TIBIA, "second"))
-    ]  # fmt: skip
-    names = tuple(way.name for way in ways)
-    first, second = (jnp.asarray(end) for end in ends)
-    return Lines(first, second, jnp.asarray(tension), tuple(courses), names)
+    courses = []
+    for wrap, rows in by_wrap.values():
+        document = entry(wrap_document(movement.model, wrap, knee, ""))
+        obstacle, bone = build_obstacle(document), document["bone"]
+        # As OpenSim has it: what ends inside an obstacle does not lie around it.
+        buried = _ends_inside(obstacle, ends[bone][rows])
+        notes += [
+            f"{names[r]} ends inside {wrap.element.name}: straight." for r in np.array(rows)[buried]
+        ]
+        if not buried.all():
+            kept = [int(row) for row in np.array(rows)[~buried]]
+            courses.append(Course(kept, obstacle=obstacle, obstacle_bone=bone))
+    return Muscles(ends[FEMUR], ends[TIBIA], tension, names, add_lane_axis(courses))
 
 
-def _course(movement: Movement, knee: OsimKneeJoint, wrap: OsimWrap, rows: list[int], entry):
-    document = entry(wrap_document(movement.model, wrap, knee, ""))
-    return Course(rows, obstacle=build_obstacle(document), obstacle_bone=document["bone"])
+def _ends_inside(obstacle: Obstacle, ends: np.ndarray) -> np.ndarray:
+    """Whether ends on an obstacle's bone, `(rows, 3, n)`, mm, lie inside it at any instant."""
+    point = obstacle.frame.placement.apply_inverse(tuple(np.moveaxis(ends, 1, 0)))
+    parts = zip(point, obstacle.semi_axes_along_frame, strict=True)
+    return np.any(np.asarray(sum((x / a) ** 2 for x, a in parts)) < 1.0, axis=-1)

@@ -12,7 +12,7 @@ from kneejax.experiments import MeasuredTest, counts_like_poses
 from kneejax.geometry import COORDINATES, FREE_COORDINATES
 from kneejax.inference.fit._load_cases import LoadCases
 from kneejax.inference.fit._readings import Readings, check_readable
-from kneejax.mechanics import NAMED_LOADS, Knee, Load, load_of, pull_of
+from kneejax.mechanics import NAMED_LOADS, Knee, Load, Pull, load_of, pull_of
 from kneejax.parameters import Selection, UnsuitableData
 from kneejax.statics import Stations
 
@@ -192,16 +192,14 @@ def _spread(test: MeasuredTest, stated: np.ndarray, count: int) -> np.ndarray:
     return every
 
 
-def _acting(test: MeasuredTest, count: int, lines: Sequence[str]) -> list[Load]:
+def _acting(test: MeasuredTest, count: int, lines: Sequence[str]) -> list[Load | Pull]:
     """What acts throughout, what lines pull and what grows, at a test's rows and its unloaded
     poses."""
     point = np.tile(test.point_mm, (count, 1))
     still = {name: np.full(count, test.constant.get(name, 0.0)) for name in NAMED_LOADS}
     more = count - len(test.flexion_deg)
     nothing = np.zeros(len(test.flexion_deg))
-    grown = {
-        name: np.r_[test.loads.get(name, nothing), np.zeros(more)] for name in NAMED_LOADS
-    }
+    grown = {name: np.r_[test.loads.get(name, nothing), np.zeros(more)] for name in NAMED_LOADS}
     tensions = [np.r_[test.tensions.get(line, nothing), np.zeros(more)] for line in lines]
     pulls = map(pull_of, lines, tensions)
     constant, growing = (load_of(**sizes, point=point) for sizes in (still, grown))
@@ -209,17 +207,14 @@ def _acting(test: MeasuredTest, count: int, lines: Sequence[str]) -> list[Load]:
 
 
 def _together(
-    loads: tuple[Load, ...], acting: list[list[Load]], poses: int, count: int
-) -> tuple[Load, ...]:
+    loads: tuple[Load | Pull, ...], acting: list[list[Load | Pull]], poses: int, count: int
+) -> tuple[Load | Pull, ...]:
     """Loads at the poses, then those of the tests, each zero where the others act."""
     after = (0, count - poses), (0, 0)
-    own = tuple(
-        jax.tree.map(lambda x: jnp.pad(jnp.broadcast_to(x, (poses, 3)), after), one)
-        for one in loads
-    )
+    own = tuple(jax.tree.map(lambda x: jnp.pad(x, after), one.at_each((poses,))) for one in loads)
     kinds = [
         jax.tree.map(lambda *x: jnp.pad(jnp.concatenate(x), ((poses, 0), (0, 0))), *kind)
         for kind in zip(*acting, strict=True)
     ]
-    constant = kinds[0].force.any() or kinds[0].moment.any()
+    constant = kinds[0].sizes.any()
     return (*own, *(kinds if constant else kinds[1:]))

@@ -1,4 +1,8 @@
 """What a recorded movement does to a knee."""
 
 from kneejax.report.activity._figures import activity_figure as activity_figure
+from kneejax.report.activity._places import PLACE_COLUMNS as PLACE_COLUMNS
+from kneejax.report.activity._places import place_lines as place_lines
+from kneejax.report.activity._places import place_rows as place_rows
+from kneejax.report.activity._places import places_figure as places_figure
 from kneejax.report.activity._text import activity_lines as activity_lines

@@ -125,8 +125,8 @@ def _residual(axes: Axes, found: Mapping[str, Activity], cycle: Cycle) -> None:
 
 
 def _muscles(axes: Axes, one: Activity, cycle: Cycle) -> None:
-    tension = np.asarray(one.record.lines.tension)
-    curves = dict(zip(one.record.lines.names, tension, strict=True))
+    tension = np.asarray(one.record.muscles.tension)
+    curves = dict(zip(one.record.muscles.names, tension, strict=True))
     if not curves:
         axes.set_visible(False)
         return

@@ -35,10 +35,6 @@ def activity_lines(found: Mapping[str, Activity]) -> Iterator[str]:
                 "    so much is not explained by muscles, ligaments, contact and what acts on the "
                 "leg together"
             )
-        loose = one.holds & ~(one.moved_N <= 1.0)
-        if loose.any():
-            places = ", ".join(f"{x:g}" for x in one.record.time_s[loose][:8])
-            yield f"  muscles not settled within 1 N at {places} s: these balances are approximate"
 
 
 def _coordinates(one: Activity) -> Iterator[str]:

@@ -71,9 +71,7 @@ def walked_in_trace(knee: Knee, stations: Stations) -> Settled:
 
     def a_stretch(trip: _Trip) -> _Trip:
         nodes, stem = _ahead(knee, stations, stages, trip)
-        log, memory = walk_stretch(
-            knee, nodes, trip.memory, jnp.asarray(_GIVE_UP), jnp.asarray(0)
-        )
+        log, memory = walk_stretch(knee, nodes, trip.memory, jnp.asarray(_GIVE_UP), jnp.asarray(0))
         reached = unpacked(log, Reached.like(len(stations.free), knee.patch_count))
 
         def balanced(place: Array) -> Array:
@@ -139,15 +137,9 @@ def _ahead(knee: Knee, stations: Stations, stages: int, trip: _Trip) -> tuple[No
 
 def _grown(stations: Stations, stage: Array, stages: int):
     """Loads of the stages so far, in full; none on the stem, whose stages are negative."""
-    parts = [jnp.where(stage >= k, 1.0, 0.0)[..., None] for k in range(max(stages, 1))]
-    shape = (*stage.shape, 3)
-    return tuple(
-        dataclasses.replace(
-            load, force=part * load.force, moment=part * load.moment,
-            point=jnp.broadcast_to(load.point, shape),
-        )
-        for load, part in zip(stations.loads, parts, strict=True)
-    )  # fmt: skip
+    parts = [jnp.where(stage >= k, 1.0, 0.0) for k in range(max(stages, 1))]
+    grown = (x.times(part) for x, part in zip(stations.loads, parts, strict=True))
+    return tuple(load.at_each(stage.shape) for load in grown)
 
 
 def _nothing_behind(knee: Knee, stations: Stations) -> Array:

@@ -48,7 +48,7 @@ class Place:
         """Which of its numbers say where a load acts."""
 
         def points(place: Place) -> list[Any]:
-            return [load.point for load in place.stations.loads]
+            return [x for load in place.stations.loads for x in load.places]
 
         nowhere = jax.tree.map(lambda x: np.zeros(np.shape(x), bool), self)
         return in_rows(eqx.tree_at(points, nowhere, [np.ones_like(x) for x in points(nowhere)]), 0)

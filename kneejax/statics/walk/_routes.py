@@ -10,10 +10,14 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+from collections.abc import Sequence
 
+import jax
 import numpy as np
+from numpy.typing import ArrayLike
 
-from kneejax.geometry import ARM_MM
+from kneejax.mechanics import Load, Pull
+from kneejax.statics.walk._places import in_rows, unpacked
 from kneejax.statics.walk._stations import Stations
 
 #: Flexion between two nodes of the stem, rad.
@@ -120,11 +124,10 @@ class _Layout:
     def __init__(self, stations: Stations, reference: float, also: tuple[float, ...]):
         self.reference, self.wanted = reference, np.asarray(stations.flexion)
         self.kinds, self.bodies = stations.loads, stations.bodies
-        # One row a load: force, moment, point.
-        self.loads = np.stack(
-            [np.hstack([np.asarray(x) for x in (load.force, load.moment, load.point)])
-             for load in stations.loads], axis=1
-        )  # fmt: skip
+        # One row a load: all its numbers, how much acts, and where.
+        self.loads = _beside([in_rows(load, 1) for load in self.kinds])
+        self.sizes = _beside([load.sizes for load in self.kinds])
+        self.places = _beside([_places_of(load) for load in self.kinds])
         self.flexion: list[float] = []
         self.acting: list[np.ndarray] = []
         self.numbers: dict[tuple[int, bytes], int] = {}
@@ -132,7 +135,7 @@ class _Layout:
             way(self._along(flexion)) for flexion in (*self.wanted, *also, reference)
             for way in (np.floor, np.ceil)
         ]  # fmt: skip
-        self.nothing = np.zeros((len(self.kinds), 9))
+        self.nothing = np.zeros(self.loads.shape[1:])
         self.first = int(min(strides))
         self.stem = np.array(
             [self._node(reference + STRIDE * k, self.nothing)
@@ -145,19 +148,13 @@ class _Layout:
 
     def routes(self) -> Routes:
         asked = np.array(
-            [self._reached(f, loads) for f, loads in zip(self.wanted, self.loads, strict=True)], int
+            [self._reached(f, row, len(self.kinds)) for row, f in enumerate(self.wanted)], int
         )
         loading = tuple(
             tuple(_loading(origin, members) for (origin, _), members in groups.items())
             for groups in self.groups
         )
-        acting = np.array(self.acting)
-        loads = tuple(
-            dataclasses.replace(
-                kind, force=acting[:, k, :3], moment=acting[:, k, 3:6], point=acting[:, k, 6:]
-            )
-            for k, kind in enumerate(self.kinds)
-        )
+        loads = tuple(map(_of_rows, np.moveaxis(np.array(self.acting), 1, 0), self.kinds))
         nodes = Stations({"flexion": np.array(self.flexion)}, loads, bodies=self.bodies)
         hops, back = (tuple(chains.values()) for chains in (self.hops, self.back))
         return Routes(nodes, asked, self.stem, self.home, hops, back, loading)
@@ -179,20 +176,18 @@ class _Layout:
             self.acting.append(acting)
         return self.numbers[key]
 
-    def _reached(self, flexion: float, acting: np.ndarray) -> int:
-        """The node of a flexion under loads, after those on the way to it."""
-        grown = np.flatnonzero(np.abs(acting[:, :6]).max(axis=1) > 0)
+    def _reached(self, flexion: float, row: int, stages: int) -> int:
+        """The node of a flexion under the first loads of a station, after those on the way."""
+        grown = np.flatnonzero(np.abs(self.sizes[row, :stages]).max(axis=1) > 0)
         if not len(grown):
             return self._unloaded(flexion)
         stage = int(grown[-1])
-        before = acting.copy()
-        before[stage:] = 0.0
-        acting = acting.copy()
+        acting = self.loads[row].copy()
         acting[stage + 1 :] = 0.0
-        origin, node = self._reached(flexion, before), self._node(flexion, acting)
-        pull = acting[stage, :6] / np.repeat([1.0, ARM_MM], 3)
+        origin, node = self._reached(flexion, row, stage), self._node(flexion, acting)
+        pull = self.sizes[row, stage]
         size = float(np.linalg.norm(pull))
-        line = tuple(np.round(np.r_[pull / size, acting[stage, 6:]], 9) + 0.0)
+        line = tuple(np.round(np.r_[pull / size, self.places[row, stage]], 9) + 0.0)
         self.groups[stage].setdefault((origin, line), set()).add((size, node))
         return node
 
@@ -206,6 +201,27 @@ class _Layout:
         beyond = int(self.stem[place + (1 if flexion > self.reference else -1)])
         self.back[node] = Chain(beyond, (node,))
         return node
+
+
+def _beside(rows: Sequence[ArrayLike]) -> np.ndarray:
+    """Rows of several loads, `(stations, loads, numbers)`: shorter ones end in zeros."""
+    longest = max(np.shape(row)[1] for row in rows)
+    even = [np.pad(row, ((0, 0), (0, longest - np.shape(row)[1]))) for row in rows]
+    return np.stack(even, axis=1)
+
+
+def _places_of(load: Load | Pull) -> np.ndarray:
+    """Where a load acts, `(stations, numbers)`, of any number of numbers."""
+    count = len(load.sizes)
+    rows = (np.reshape(x, (count, -1)) for x in load.places)
+    return np.hstack([np.empty((count, 0)), *rows])
+
+
+def _of_rows(rows: np.ndarray, kind: Load | Pull) -> Load | Pull:
+    """Loads of one kind from rows of all their numbers, `(nodes, numbers)`."""
+    like = jax.tree.map(lambda x: np.asarray(x)[0], kind)
+    found = unpacked(rows.T, like)
+    return jax.tree.map(lambda x: np.moveaxis(x, -1, 0), found)
 
 
 def _loading(origin: int, members: set[tuple[float, int]]) -> Chain:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import equinox as eqx
 import jax
@@ -12,7 +12,7 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from kneejax.geometry import TIBIA, Prescribed, free_of, prescribed_of
-from kneejax.mechanics import GROOD_SUNTAY, Knee, Load, Support
+from kneejax.mechanics import GROOD_SUNTAY, Knee, Load, Pull, Support
 
 #: Name of loads whose own does not matter.
 _PLAIN = "load"
@@ -23,7 +23,7 @@ class Stations(eqx.Module):
 
     Attributes:
         prescribed: coordinate -> its value, `(stations,)`, rad or mm. All others are free.
-        loads: arrays of shape `(stations, 3)`, N, N mm and mm.
+        loads: arrays of shape `(stations, 3)`, N, N mm and mm; of a pull, `(stations, lines, ...)`.
         begin: flexion at which the knee is loaded before the others are prescribed and, where it is
             free, before it is let go, rad, `(stations,)`; None where flexion is prescribed.
         supports: what still holds coordinates that are being let go.
@@ -42,7 +42,7 @@ class Stations(eqx.Module):
     """
 
     prescribed: Prescribed
-    loads: tuple[Load, ...] = ()
+    loads: tuple[Load | Pull, ...] = ()
     begin: Array | None = None
     supports: tuple[Support, ...] = ()
     later: int = eqx.field(static=True, default=0)
@@ -52,7 +52,7 @@ class Stations(eqx.Module):
     def at(
         cls,
         flexion_deg: ArrayLike,
-        loads: tuple[Load, ...] | list[Load] = (),
+        loads: Sequence[Load | Pull] = (),
         held: Mapping[str, ArrayLike] | None = None,
         flexion_is_free: bool = False,
     ) -> Stations:
@@ -60,7 +60,7 @@ class Stations(eqx.Module):
 
         Args:
             flexion_deg: prescribed, `(stations,)` or one; where it is free, that of the beginning.
-            loads: see `kneejax.mechanics.load_of`.
+            loads: see `kneejax.mechanics.load_of` and `pull_of`.
             held: column -> value of further prescribed coordinates, degrees or mm, e.g.
                 `{"anterior_mm": 5.0}`; see `kneejax.geometry.COLUMNS`. `drawer_mm` is the anterior
                 translation in axes turned by flexion.
@@ -72,12 +72,10 @@ class Stations(eqx.Module):
         """
         values = prescribed_of({"flexion_deg": flexion_deg, **_but_flexion(held or {})})
         rows = [jnp.atleast_1d(x) for x in values.values()]
-        rows += [jnp.zeros(jnp.shape(load.force)[:-1] or (1,)) for load in loads]
+        rows += [jnp.zeros(load.sizes.shape[:-1] or (1,)) for load in loads]
         size = jnp.broadcast_shapes(*(row.shape for row in rows))
         values = {name: jnp.broadcast_to(x, size) for name, x in values.items()}
-        everywhere = tuple(
-            jax.tree.map(lambda x: jnp.broadcast_to(x, (*size, 3)), load) for load in loads
-        )
+        everywhere = tuple(load.at_each(size) for load in loads)
         if not flexion_is_free:
             return cls(values, everywhere)
         begin = values.pop("flexion")
@@ -110,10 +108,7 @@ class Stations(eqx.Module):
     def loaded(self) -> Stations:
         """Where the knee is loaded with flexion alone prescribed: from there the others move."""
         first = len(self.loads) - self.later
-        still = (
-            dataclasses.replace(load, force=0.0 * load.force, moment=0.0 * load.moment)
-            for load in self.loads[first:]
-        )
+        still = (load.times(0.0) for load in self.loads[first:])
         acting = (*self.loads[:first], *still)
         return Stations({"flexion": self.flexion}, acting, bodies=self.bodies)
 
@@ -124,12 +119,15 @@ class Stations(eqx.Module):
 
     def plain(self) -> Stations:
         """The same with at least one load and without names: one compiled program serves more."""
-        if self.loads and all(load.name == _PLAIN for load in self.loads):
+        named = [load for load in self.loads if isinstance(load, Load) and load.name != _PLAIN]
+        if self.loads and not named:
             return self
         nothing = Load(jnp.zeros((len(self), 3)), jnp.zeros((len(self), 3)),
                        jnp.zeros((len(self), 3)), axes=GROOD_SUNTAY)  # fmt: skip
         loads = self.loads or (nothing,)
-        plain = tuple(dataclasses.replace(x, name=_PLAIN) for x in loads)
+        plain = tuple(
+            dataclasses.replace(x, name=_PLAIN) if isinstance(x, Load) else x for x in loads
+        )
         return dataclasses.replace(self, loads=plain)
 
     def load(self, knee: Knee) -> Knee:
@@ -138,11 +136,13 @@ class Stations(eqx.Module):
 
     def added_to(self, knee: Knee) -> Knee:
         """As `load`, where the arrays of these stations end in lanes."""
-        pulls = [load for load in self.loads if load.line]
-
-        more = {}
-        for load in pulls:
-            more[load.line] = more.get(load.line, 0.0) + load.force[0]
+        pulls = [load for load in self.loads if isinstance(load, Pull)]
+        more, ends = {}, {}
+        for pull in pulls:
+            for row, name in enumerate(pull.lines):
+                more[name] = more.get(name, 0.0) + pull.tension[row]
+                if pull.ends is not None:
+                    ends[name] = pull.ends[row]
         lines = tuple(
             dataclasses.replace(line, tension=line.tension + more.get(line.name, 0.0))
             for line in knee.lines
@@ -150,7 +150,8 @@ class Stations(eqx.Module):
         muscles = knee.muscles
         if muscles is not None and pulls:
             muscles = muscles.pulling(more)
-        wrenches = (load for load in self.loads if not load.line)
+            muscles = muscles.ending(ends) if ends else muscles
+        wrenches = (load for load in self.loads if isinstance(load, Load))
         return dataclasses.replace(
             knee,
             lines=lines,

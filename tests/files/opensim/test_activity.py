@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from kneejax.files import InputProblem, read_activity
+from kneejax.geometry import TIBIA, Pose, State
 
 MODEL = """<?xml version="1.0" encoding="UTF-8"?>
 <OpenSimDocument Version="40000"><Model name="swing">
@@ -94,6 +95,12 @@ def swing(tmp_path_factory, knee):
     return read(written(tmp_path_factory.mktemp("swing")), knee)
 
 
+def on_tibia(record):
+    """What each muscle does to the tibia at the recorded poses, `(muscles, n, 6)`."""
+    state = State({TIBIA: Pose.from_table(record.pose)})
+    return np.moveaxis(np.asarray(record.muscles.on_tibia(state)), -1, 1)
+
+
 def test_flexion_is_that_of_the_hinge(swing):
     assert np.allclose(swing.pose[:, 0], np.rad2deg(-ANGLE), atol=1e-9)
     assert np.allclose(swing.pose[:, 1:], 0.0, atol=1e-9)
@@ -118,10 +125,9 @@ def test_inertia_weight_and_ground_are_those_of_closed_forms(swing):
 
 
 def test_a_muscle_pulls_along_its_line(swing):
-    assert swing.lines.names == ("hams_r",)
-    rows = np.array([0, 40])
-    found = swing.lines.on_tibia(rows, swing.pose[rows])[0]
-    for row, wrench in zip(rows, found, strict=True):
+    assert swing.muscles.names == ("hams_r",)
+    found = on_tibia(swing)[0]
+    for row, wrench in zip((0, 40), found[[0, 40]], strict=True):
         c, s = np.cos(ANGLE[row]), np.sin(ANGLE[row])
         turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
         end = np.array([-30.0, -60.0, 20.0])
@@ -135,9 +141,7 @@ def test_a_left_leg_is_its_mirrored_right_twin(swing, tmp_path, knee):
     assert np.allclose(left.pose, swing.pose, atol=1e-9)
     for name, wrench in swing.acting.items():
         assert np.allclose(left.acting[name], wrench, atol=1e-6), name
-    rows = np.array([7])
-    there = (x.lines.on_tibia(rows, x.pose[rows]) for x in (left, swing))
-    assert np.allclose(*there, atol=1e-9)
+    assert np.allclose(on_tibia(left), on_tibia(swing), atol=1e-9)
 
 
 def test_landmarks_bring_the_axis_to_the_knees_own(swing, tmp_path, knee):
@@ -156,7 +160,7 @@ def test_landmarks_bring_the_axis_to_the_knees_own(swing, tmp_path, knee):
 def test_a_joint_reaction_is_taken_up_by_the_knee(swing, tmp_path, knee):
     """Given what the hinge transmits, the other way round, it is all that acts."""
     folder = written(tmp_path)
-    whole = sum(swing.acting.values()) + swing.lines.on_tibia(np.arange(101), swing.pose)[0]
+    whole = sum(swing.acting.values()) + on_tibia(swing)[0]
     point = np.array([0.01, 0.02, -0.03])
     force = -whole[:, :3]
     moment = -whole[:, 3:] / 1e3 - np.cross(point, force)
@@ -165,7 +169,7 @@ def test_a_joint_reaction_is_taken_up_by_the_knee(swing, tmp_path, knee):
     table = dict(zip(["time", *names], [TIME, *rows], strict=True))
     storage(folder / "reaction.sto", table)
     found = read(folder, knee, files=("angles.mot", "reaction.sto"))
-    assert not found.lines.names
+    assert not found.muscles.names
     assert np.allclose(found.acting["joint reaction"], whole, atol=1e-6)
 
 

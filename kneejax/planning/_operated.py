@@ -1,0 +1,46 @@
+"""The knees that a plan speaks of, as knees: intact, torn, with the graft in each place."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kneejax.mechanics import Knee
+from kneejax.parameters import UnsuitableData
+from kneejax.planning._footprints import octagon
+from kneejax.planning._plan import AclPlan
+from kneejax.planning._pretension import fix
+
+#: What the knees are called that have no graft, and the one with the graft where it is planned.
+INTACT, PLANNED = "intact", "planned"
+
+
+def operated_knees(plan: AclPlan) -> dict[str, Knee]:
+    """A plan's knee intact, without its ligament, and with the graft fixed where it is planned and
+    in the corners of the octagon.
+
+    Args:
+        plan: checked.
+
+    Returns:
+        What each is called -> the knee; all of one structure, so that one program serves them.
+
+    Raises:
+        UnsuitableData: no knee holds the tension of fixation with the graft in some place.
+    """
+    surgery, one = plan.surgery, plan.surgery.plan
+    choices = np.tile(plan.base, (9, 1))
+    choices[1:, :2] = octagon(plan.octagon_mm)
+    names = [PLANNED, *(f"octagon {corner}" for corner in range(1, 9))]
+    ends, _ = surgery.ends(choices)
+    tension = choices.reshape(*ends.shape[:2], -1)[..., 4]
+    slack = fix(one, ends, tension, surgery.fixation_deg).slack_mm
+    lost = [name for name, own in zip(names, slack, strict=True) if not np.isfinite(own).all()]
+    if lost:
+        raise UnsuitableData(
+            f"{plan.file}: fixation: the knee holds no graft under its tension at "
+            f"{', '.join(lost)}: expected a tension under which it balances"
+        )
+    bare = [one.value(ends[:1], elastic=False, torn=torn) for torn in (False, True)]
+    values = np.vstack([*bare, one.value(ends, slack)])
+    every = INTACT, f"without {plan.ligament}", *names
+    return {name: one.vary(one.knee, own) for name, own in zip(every, values, strict=True)}

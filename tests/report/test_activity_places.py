@@ -1,0 +1,62 @@
+"""What is said of a graft in several places, from forces and poses that are known."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from kneejax.experiments import Cycle
+from kneejax.report import PLACE_COLUMNS, place_lines, place_rows, places_figure
+
+COUNT = 20
+WAVE = np.sin(np.linspace(0.0, np.pi, COUNT))
+
+
+def knee(stiffness, pull, forward):
+    """An activity of three fibres: a ligament, another one, a graft."""
+    table = np.zeros((COUNT, 6))
+    table[:, 3], table[:, 2] = forward, 2.0 * forward
+    tension = np.stack([pull * WAVE * (k > 0) for k in stiffness], axis=1)
+    return SimpleNamespace(
+        holds=np.ones(COUNT, bool),
+        motion=SimpleNamespace(
+            knee=SimpleNamespace(ligaments=SimpleNamespace(stiffness=np.array(stiffness))),
+            to_table=lambda: table,
+        ),
+        mechanics=SimpleNamespace(
+            tension=tension,
+            strain=tension / 1000.0,
+            contact_force=np.full((COUNT, 2, 3), [0.0, 300.0, 400.0]),
+        ),
+    )
+
+
+@pytest.fixture
+def found():
+    places = {f"octagon {k}": knee([0.0, 5.0, 7.0], 50.0 + k, 0.1 * k) for k in range(1, 9)}
+    return {
+        "intact": knee([6.0, 5.0, 0.0], 100.0, 1.0),
+        "without ACL": knee([0.0, 5.0, 0.0], 100.0, 4.0),
+        "planned": knee([0.0, 5.0, 7.0], 80.0, 1.5),
+    } | places
+
+
+def test_the_ligament_counts_where_it_acts_and_the_graft_elsewhere(found):
+    rows = {row[0]: dict(zip(PLACE_COLUMNS, row, strict=True)) for row in place_rows(found)}
+    peak = WAVE.max()
+    assert rows["intact"]["graft_peak_N"] == pytest.approx(100.0 * peak)
+    assert rows["planned"]["graft_peak_N"] == pytest.approx(80.0 * peak)
+    assert rows["planned"]["graft_peak_strain"] == pytest.approx(0.08 * peak)
+    assert np.isnan(rows["without ACL"]["graft_peak_N"])
+    assert rows["without ACL"]["anterior_rms_from_intact_mm"] == pytest.approx(3.0)
+    assert rows["without ACL"]["internal_rotation_rms_from_intact_deg"] == pytest.approx(6.0)
+    assert all(row["contact_peak_N"] == pytest.approx(500.0) for row in rows.values())
+
+
+def test_every_knee_has_its_line_and_its_curve(found):
+    lines = [*place_lines(found)]
+    assert len(lines) == 2 + len(found) and max(map(len, lines)) <= 98
+    cycle = Cycle(np.linspace(0.0, 100.0, COUNT), 60.0, "from heel strike to heel strike")
+    figure = places_figure(found, cycle, "ten_bundle")
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert labels == [*found]
