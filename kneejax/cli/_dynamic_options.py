@@ -55,6 +55,20 @@ def add_dynamic_options(simulate: argparse.ArgumentParser) -> None:
         help="of every contact: its force grows by so much with each mm/s of its overlap "
         "(default: 0)",
     )
+    simulate.add_argument(
+        "--recorded",
+        type=Path,
+        metavar="FILE.csv",
+        help="a recorded motion, columns time_s and some like anterior_mm, of which changes from "
+        "the first row count: finds the damping that --free names",
+    )
+    add_repeated(
+        simulate,
+        "--free",
+        metavar="NAME",
+        help="what is found from --recorded: critical, damping_N_s_per_mm or dissipation_s_per_mm; "
+        "once for each",
+    )
     add_repeated(
         simulate,
         "--from",

@@ -12,10 +12,12 @@ import numpy as np
 from kneejax.cli._asked_knee import asked_knee, knee_words
 from kneejax.cli._given import check_within, read_loads, read_pairs
 from kneejax.cli._progress import stages_on_terminal
+from kneejax.cli._recorded import check_free, fit_dampers, read_recorded
 from kneejax.dynamics import MovingKnee, gravity_of
 from kneejax.experiments import MOST_ERROR_MM, Transient, lab_tests, leg_of_person, transient
 from kneejax.files import InputProblem, parse_flexion, read_loads_over_time, write_rows
 from kneejax.geometry import COLUMNS, FEMORAL, convert_table, coordinate
+from kneejax.inference.transients import DAMPING, FittedTransient, Recorded
 from kneejax.mechanics import Knee, Range, load_words
 from kneejax.statics import Status
 
@@ -26,9 +28,7 @@ _SIZES = {
     "duration_s": Range(1e-4, 120.0, "s"),
     "every_ms": Range(1e-3, 1e3, "ms"),
     "ramp_s": Range(0.0, 60.0, "s"),
-    "critical": Range(0.0, 100.0, ""),
-    "damping_N_s_per_mm": Range(0.0, 1e3, "N s/mm"),
-    "dissipation_s_per_mm": Range(0.0, 10.0, "s/mm", too_large="s/m are suspected"),
+    **{name: damper.allowed for name, damper in DAMPING.items()},
     "error_mm": Range(1e-6, 10.0, "mm"),
     "body_kg": Range(20.0, 300.0, "kg"),
     "height_m": Range(1.0, 2.5, "m", too_large="cm are suspected"),
@@ -55,18 +55,23 @@ def run_in_time(arguments: argparse.Namespace) -> int:
     flexion = _flexion(arguments)
     load_s, sizes, led = _loads(arguments, flexion)
     times = _times(arguments, load_s)
-    offset = _offset(arguments)
-    moving = moving_knee(arguments, asked_knee(arguments))
+    motion = {
+        "load_s": load_s, "sizes": sizes, "led": led, "offset": _offset(arguments),
+        "flexion_is_free": name == "drop",
+    }  # fmt: skip
+    recorded = read_recorded(arguments, times[0])
+    moving, fit = moving_knee(arguments, asked_knee(arguments)), None
+    if recorded is not None:
+        fit = fit_dampers(arguments, moving, recorded, flexion, motion)
+        moving = fit.moving
     with moving_on_terminal(arguments, moving, times, f"{flexion:g}") as options:
-        found = transient(
-            moving, flexion, times, load_s=load_s, sizes=sizes, led=led, offset=offset,
-            flexion_is_free=name == "drop", **options,
-        )  # fmt: skip
-    _report(arguments, moving.knee, found)
+        found = transient(moving, flexion, times, **motion, **options)
+    _report(arguments, moving.knee, found, recorded, fit)
     write_motion(arguments, found)
     files = "motion.csv, forces.csv, energy.csv, settings.json"
+    files += "" if fit is None else ", damping.csv"
     print(f"written: {arguments.out}/{files}, figures/motion.png")
-    return doubtful_motion(found)
+    return int(doubtful_motion(found) or (fit is not None and not fit.converged))
 
 
 def doubtful_motion(found: Transient) -> int:
@@ -100,6 +105,9 @@ def check_in_time(arguments: argparse.Namespace) -> None:
     for option in _NOT_IN_TIME:
         if getattr(arguments, option) not in (None, False, []):
             raise InputProblem("simulate", f"--{option}", name, "a test without --dynamic with it")
+    check_free(arguments)
+    if name == "leg-raise" and arguments.recorded is not None:
+        raise InputProblem("simulate", "--recorded", name, "settle, drop or a test under load")
     for option, allowed in _SIZES.items():
         value = getattr(arguments, option)
         if value is not None:
@@ -209,8 +217,14 @@ def moving_knee(arguments: argparse.Namespace, knee: Knee) -> MovingKnee:
     return moving.damped_everywhere(usual if everywhere is None else everywhere)
 
 
-def _report(arguments: argparse.Namespace, knee: Knee, found: Transient) -> None:
-    from kneejax.report import save_figure, transient_figure, transient_lines
+def _report(
+    arguments: argparse.Namespace,
+    knee: Knee,
+    found: Transient,
+    recorded: Recorded | None,
+    fit: FittedTransient | None,
+) -> None:
+    from kneejax.report import fitted_lines, save_figure, transient_figure, transient_lines
 
     last = {name: size[-1] for name, size in found.sizes.items()}
     under = f", {load_words(last)}" if any(last.values()) else ""
@@ -218,9 +232,11 @@ def _report(arguments: argparse.Namespace, knee: Knee, found: Transient) -> None
     title = f"{knee_words(arguments, knee)}: {arguments.experiment} at {bent}{under}"
     print(title)
     print("\n".join(transient_lines(found)))
+    if fit is not None:
+        print("\n".join(fitted_lines(fit)))
     folder = arguments.out / "figures"
     folder.mkdir(parents=True, exist_ok=True)
-    save_figure(transient_figure(found, title), folder, "motion", svg=arguments.svg)
+    save_figure(transient_figure(found, title, recorded), folder, "motion", svg=arguments.svg)
 
 
 def write_motion(arguments: argparse.Namespace, found: Transient) -> None:

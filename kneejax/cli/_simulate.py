@@ -35,7 +35,7 @@ _OF_EXTENSOR = ("quadriceps_N", "body_kg", "height_m", "ankle_kg", "femur_deg")
 #: Options of motions through time.
 _OF_TIME = (
     "loads", "duration_s", "every_ms", "ramp_s", "critical", "damping_N_s_per_mm",
-    "dissipation_s_per_mm", "offset",
+    "dissipation_s_per_mm", "recorded", "free", "offset",
     "error_mm",
 )  # fmt: skip
 

@@ -35,8 +35,10 @@ from kneejax.experiments.extensor import on_path as on_path
 from kneejax.experiments.extensor import patella_path as patella_path
 from kneejax.experiments.extensor import patellar_tracking as patellar_tracking
 from kneejax.experiments.in_time import MOST_ERROR_MM as MOST_ERROR_MM
+from kneejax.experiments.in_time import Beginning as Beginning
 from kneejax.experiments.in_time import RaisedLeg as RaisedLeg
 from kneejax.experiments.in_time import Transient as Transient
+from kneejax.experiments.in_time import beginning as beginning
 from kneejax.experiments.in_time import leg_of_person as leg_of_person
 from kneejax.experiments.in_time import raised_leg as raised_leg
 from kneejax.experiments.in_time import transient as transient

@@ -64,6 +64,7 @@ from kneejax.report.identification import information_text as information_text
 from kneejax.report.identification import profiles_figure as profiles_figure
 from kneejax.report.identification import spectrum_figure as spectrum_figure
 from kneejax.report.identification import undetermined_words as undetermined_words
+from kneejax.report.in_time import fitted_lines as fitted_lines
 from kneejax.report.in_time import motor_raise_figure as motor_raise_figure
 from kneejax.report.in_time import motor_raise_lines as motor_raise_lines
 from kneejax.report.in_time import transient_figure as transient_figure

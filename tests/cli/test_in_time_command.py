@@ -26,6 +26,13 @@ from kneejax.files import InputProblem, read_loads_over_time
         (["leg-raise", "--dynamic", "--load", "anterior_N=5"], "a test under load with it"),
         (["leg-raise", "--dynamic", "--from", "anterior_mm=5"], "--from: leg-raise"),
         (["leg-raise", "--dynamic", "--femur_deg", "120"], "between -90 and 90 degrees"),
+        (["settle", "--free", "critical"], "--free: critical: expected --recorded FILE.csv"),
+        (["settle", "--recorded", "x.csv"], "--recorded: x.csv: expected --free with one of"),
+        (["settle", "--recorded", "x.csv", "--free", "critica"], "did you mean critical?"),
+        (["lachman", "--free", "critical"], "expected --dynamic, or settle or drop, with it"),
+        (["leg-raise", "--dynamic", "--recorded", "x.csv", "--free", "critical"],
+         "--recorded: leg-raise: expected settle, drop or a test under load"),
+        (["settle", "--dissipation_s_per_mm", "20"], "s/m are suspected"),
         (["settle", "--force_N", "10"], "a test under load with it"),
         (["settle", "--from", "anterior=2"], "did you mean anterior_mm?"),
         (["drop", "--quadriceps_N", "100"], "patellar-tracking or extension with it"),
@@ -65,3 +72,20 @@ def test_a_table_over_time_that_is_none_is_refused(table, said, tmp_path):
     path.write_text(table)
     with pytest.raises(InputProblem, match=said):
         read_loads_over_time(path)
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        ("time_s,anterior_m\n0,0\n1,2\n", "did you mean anterior_mm?"),
+        ("time_s,anterior_N\n0,0\n1,2\n", "loads stand in --loads"),
+        ("time_s,flexion_deg\n0,0\n1,2\n", "flexion_deg: expected one of"),
+        ("time_s,anterior_mm\n0.5,0\n1,2\n", "row 1, time_s: 0.5: expected 0, where the motion"),
+    ],
+)
+def test_a_record_that_is_none_is_refused_in_one_line(table, said, tmp_path, capsys):
+    (tmp_path / "record.csv").write_text(table)
+    words = ["simulate", "settle", "--recorded", str(tmp_path / "record.csv")]
+    assert main([*words, "--free", "critical", "--out", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1

@@ -159,23 +159,79 @@ def transient(
     """
     times, load_s = np.asarray(time_s, float), np.asarray(load_s, float)
     sizes = {name: np.asarray(size, float) for name, size in (sizes or {}).items()}
-    curve = LoadCurve.of(load_s, load_of(**{k: jnp.asarray(v) for k, v in sizes.items()}))
-    weights = moving.loads[len(moving.knee.loads) :]
-    begin = _balance(moving, flexion_deg, weights, sizes, load_s, times[0])
-    names = coordinates_of(moving.knee.bodies)
-    start = np.array(begin.settled.state.at(names))[:, 0]
-    for name, more in prescribed_of(offset or {}).items():
-        start[names.index(name)] += float(more)
-    held = {} if flexion_is_free else {"flexion": lambda t, x=start[0]: np.full_like(t, x)}
-    held |= _led(led or {}, dict(zip(names, start, strict=True)))
-    found = move_within(most_mm, moving, start, times, loads=curve, held=held, progress=progress)
+    begin = beginning(
+        moving, flexion_deg, times[0], load_s=load_s, sizes=sizes, led=led, offset=offset,
+        flexion_is_free=flexion_is_free,
+    )  # fmt: skip
+    found = move_within(
+        most_mm, moving, begin.start, times, loads=begin.loads, held=begin.held, progress=progress
+    )
     rest, far = None, float("nan")
-    if not flexion_is_free and set(held) == {"flexion"}:
+    if not flexion_is_free and set(begin.held) == {"flexion"}:
+        weights, names = _weights(moving), coordinates_of(moving.knee.bodies)
         rest = _balance(moving, flexion_deg, weights, sizes, load_s, times[-1], check=False)
         off = np.asarray(found.q[-1]) - np.asarray(rest.settled.state.at(names))[:, 0]
         far = float(np.abs(off / np.array(scales(names))).max())
     at = {k: np.interp(times, load_s, np.broadcast_to(v, load_s.shape)) for k, v in sizes.items()}
     return described(found, at, rest, far)
+
+
+@dataclasses.dataclass(frozen=True)
+class Beginning:
+    """Where a motion begins, and what acts and is held from there on; as `kneejax.dynamics.move`.
+
+    Attributes:
+        start: all coordinates, rad and mm.
+        loads: over time.
+        held: coordinate -> its way over time.
+    """
+
+    start: np.ndarray
+    loads: LoadCurve
+    held: Mapping[str, Callable]
+
+
+def beginning(
+    moving: MovingKnee,
+    flexion_deg: float,
+    start_s: float,
+    *,
+    load_s: ArrayLike = (0.0,),
+    sizes: Mapping[str, ArrayLike] | None = None,
+    led: Mapping[str, tuple[ArrayLike, ArrayLike]] | None = None,
+    offset: Mapping[str, float] | None = None,
+    flexion_is_free: bool = False,
+) -> Beginning:
+    """Where a motion begins: in balance, or moved from there by an offset.
+
+    Args:
+        moving: as in `transient`; likewise the others.
+        flexion_deg: likewise.
+        start_s: time of the start.
+        load_s: likewise.
+        sizes: likewise.
+        led: likewise.
+        offset: likewise.
+        flexion_is_free: likewise.
+
+    Raises:
+        ValueError: as `transient`.
+    """
+    times = np.asarray(load_s, float)
+    sized = {name: np.asarray(size, float) for name, size in (sizes or {}).items()}
+    curve = LoadCurve.of(times, load_of(**{k: jnp.asarray(v) for k, v in sized.items()}))
+    balance = _balance(moving, flexion_deg, _weights(moving), sized, times, start_s)
+    names = coordinates_of(moving.knee.bodies)
+    start = np.array(balance.settled.state.at(names))[:, 0]
+    for name, more in prescribed_of(offset or {}).items():
+        start[names.index(name)] += float(more)
+    held = {} if flexion_is_free else {"flexion": lambda t, x=start[0]: np.full_like(t, x)}
+    held |= _led(led or {}, dict(zip(names, start, strict=True)))
+    return Beginning(start, curve, held)
+
+
+def _weights(moving: MovingKnee) -> tuple[Load, ...]:
+    return moving.loads[len(moving.knee.loads) :]
 
 
 def _led(led: Mapping[str, tuple[ArrayLike, ArrayLike]], start: Mapping[str, float]):

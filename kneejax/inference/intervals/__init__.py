@@ -14,4 +14,5 @@ from kneejax.inference.intervals._profiles import Profile as Profile
 from kneejax.inference.intervals._profiles import follow_to_the_lowest as follow_to_the_lowest
 from kneejax.inference.intervals._profiles import named as named
 from kneejax.inference.intervals._profiles import profiles as profiles
+from kneejax.inference.intervals._uncertainty import Uncertainty as Uncertainty
 from kneejax.inference.intervals._uncertainty import uncertainty as uncertainty

@@ -9,6 +9,7 @@ import numpy as np
 
 from kneejax.experiments import Transient
 from kneejax.geometry import COORDINATES
+from kneejax.inference.transients import Recorded
 from kneejax.mechanics import NAMED_LOADS, Knee
 from kneejax.report.look import (
     BLACK,
@@ -35,12 +36,13 @@ _COLORS = (BLUE, VERMILLION, GREEN)
 
 
 @styled
-def transient_figure(found: Transient, title: str) -> Figure:
+def transient_figure(found: Transient, title: str, recorded: Recorded | None = None) -> Figure:
     """Draw a motion through time.
 
     Args:
         found: the motion.
         title: of the whole.
+        recorded: drawn as dots, where there is a record.
 
     Returns:
         Six panels: translations, and rotations but flexion, as changes from the start, with the
@@ -53,9 +55,9 @@ def transient_figure(found: Transient, title: str) -> Figure:
     figure.subplots_adjust(left=0.09, right=0.985, top=0.90, bottom=0.065, wspace=0.26, hspace=0.3)
     figure.suptitle(verbatim(title), x=0.09, ha="left", fontsize=9.5)
     coordinates = list(COORDINATES)
-    _changes(panels[0], found, coordinates[3:], "Change of translation, mm")
+    _changes(panels[0], found, coordinates[3:], "Change of translation, mm", recorded)
     turned = coordinates[1:3]
-    _changes(panels[1], found, turned, "Change of rotation, deg")
+    _changes(panels[1], found, turned, "Change of rotation, deg", recorded)
     _loads(panels[2], found)
     draw_ligaments(panels[3], found.time_s, found)
     contact = np.linalg.norm(np.asarray(found.mechanics.contact_force), axis=-1)
@@ -81,12 +83,17 @@ def legend_above(axes: Axes, columns: int = 4) -> None:
         )  # fmt: skip
 
 
-def _changes(axes: Axes, found: Transient, names: list[str], label: str) -> None:
+def _changes(
+    axes: Axes, found: Transient, names: list[str], label: str, recorded: Recorded | None
+) -> None:
     table = found.trajectory.to_table()
     rest = None if found.rest is None else np.asarray(found.rest.to_table())[0]
     for name, color in zip(names, _COLORS, strict=False):
         k = list(COORDINATES).index(name)
         axes.plot(found.time_s, table[:, k] - table[0, k], color=color, label=_short(name))
+        if recorded is not None and name in recorded.changes:
+            dots = recorded.time_s, recorded.changes[name]
+            axes.plot(*dots, ".", color=color, markersize=2.5, alpha=0.6)
         if rest is not None:
             axes.axhline(rest[k] - table[0, k], color=color, linestyle="--", linewidth=0.8)
     axes.set_ylabel(label)

@@ -1,0 +1,90 @@
+"""`kneejax simulate ... --recorded FILE.csv --free NAME`: dampers from a recorded motion."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+import numpy as np
+
+from kneejax.cli._progress import stages_on_terminal
+from kneejax.dynamics import MovingKnee
+from kneejax.experiments import MOST_ERROR_MM, beginning
+from kneejax.files import InputProblem, read_loads_over_time, write_rows
+from kneejax.geometry import COLUMNS
+from kneejax.inference.transients import DAMPING, FittedTransient, Recorded, fit_transient
+
+
+def check_free(arguments: argparse.Namespace) -> None:
+    """Refuse dampers that are none, and a record without any, or the other way about."""
+    for name in arguments.free:
+        if name not in DAMPING:
+            raise InputProblem("--free", "name", name, f"one of {', '.join(DAMPING)}", DAMPING)
+    if arguments.free and arguments.recorded is None:
+        raise InputProblem("simulate", "--free", arguments.free[0], "--recorded FILE.csv with it")
+    if arguments.recorded is not None and not arguments.free:
+        expected = f"--free with one of {', '.join(DAMPING)}"
+        raise InputProblem("simulate", "--recorded", str(arguments.recorded), expected)
+
+
+def read_recorded(arguments: argparse.Namespace, start_s: float) -> Recorded | None:
+    """The record, which begins with the motion; None where none was asked for.
+
+    Raises:
+        InputProblem: a column that is no free coordinate, or another start.
+    """
+    if arguments.recorded is None:
+        return None
+    compared = COLUMNS[1:]
+    time_s, loads, seen = read_loads_over_time(arguments.recorded, compared)
+    if loads or not seen:
+        expected = f"some of {', '.join(compared)}; loads stand in --loads"
+        wrong = min(loads, default="time_s alone")
+        raise InputProblem(str(arguments.recorded), "header", wrong, expected)
+    if abs(time_s[0] - start_s) > 1e-9:
+        expected = f"{start_s:g}, where the motion begins"
+        raise InputProblem(str(arguments.recorded), "row 1, time_s", f"{time_s[0]:g}", expected)
+    return Recorded.of_table(time_s, seen)
+
+
+def fit_dampers(
+    arguments: argparse.Namespace,
+    moving: MovingKnee,
+    recorded: Recorded,
+    flexion_deg: float,
+    motion: dict[str, Any],
+) -> FittedTransient:
+    """Find the dampers, and write damping.csv.
+
+    Args:
+        arguments: of the command; what is free begins at the options' sizes.
+        moving: the knee, with these.
+        recorded: the motion.
+        flexion_deg: at which it begins.
+        motion: options of `kneejax.experiments.beginning`.
+
+    Raises:
+        InputProblem: the motion cannot begin, or ends early with the first sizes.
+    """
+    usual = {"critical": 1.0, "damping_N_s_per_mm": 0.1, "dissipation_s_per_mm": 1e-3}
+    first = {name: getattr(arguments, name) or usual[name] for name in arguments.free}
+    with stages_on_terminal(moving.knee.name) as show:
+
+        def told(done: int) -> None:
+            show(f"{', '.join(first)} from {len(recorded.time_s)} times", done, done + 1)
+
+        try:
+            begin = beginning(moving, flexion_deg, float(recorded.time_s[0]), **motion)
+            found = fit_transient(
+                moving, begin.start, recorded, first, loads=begin.loads, held=begin.held,
+                most_mm=arguments.error_mm or MOST_ERROR_MM, progress=told,
+            )  # fmt: skip
+        except ValueError as problem:
+            where = f"{flexion_deg:g}"
+            raise InputProblem("simulate", arguments.experiment, where, str(problem)) from None
+    rows = [
+        [name, *(f"{x:.6g}" if np.isfinite(x) else "" for x in sizes)]
+        for name, *sizes in zip(found.names, found.values, found.lower, found.upper, strict=True)
+    ]
+    write_rows(arguments.out / "damping.csv", ["name", "value", "lower_95", "upper_95"], rows)
+    return found

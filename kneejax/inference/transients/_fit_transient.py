@@ -1,0 +1,250 @@
+"""Damping from a recorded transient: least squares over a motion, with its exact derivative.
+
+The start does not depend on dampers and what is at rest tells nothing of them, so the balance at
+which a motion begins is computed once. Frames of a record are seldom those of the knee: changes
+from the start are compared.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike
+
+from kneejax.dynamics import Grid, MovingKnee, Trajectory, move, move_within
+from kneejax.geometry import FREE_COORDINATES, coordinate, coordinates_of, table_units
+from kneejax.inference.fit import BoundedLevenbergMarquardt
+from kneejax.inference.intervals import Uncertainty, uncertainty
+from kneejax.mechanics import Range
+from kneejax.numerics import compiler_options
+from kneejax.statics import converged
+
+#: Evaluations of a motion and its derivative before a fit is given up.
+_MOST = 40
+#: A grid of steps is made for the dampers of a start; as often it is made anew for those found.
+_GRIDS = 3
+#: Standard errors to either side of an interval of 95 %.
+_SIDES = 1.96
+
+
+@dataclasses.dataclass(frozen=True)
+class Damper:
+    """A number of damping that can be found.
+
+    Attributes:
+        apply: gives a knee that damping.
+        allowed: between which bounds it is sought.
+    """
+
+    apply: Callable[[MovingKnee, Array], MovingKnee]
+    allowed: Range
+
+
+def _of_contacts(moving: MovingKnee, size: Array) -> MovingKnee:
+    each = {name: size for name in moving.knee.contact_names}
+    return dataclasses.replace(moving, contact_dissipation=each)
+
+
+#: What can be found, by the names of the options of `kneejax simulate`.
+DAMPING: Mapping[str, Damper] = {
+    "critical": Damper(MovingKnee.critically_damped, Range(0.0, 100.0, "")),
+    "damping_N_s_per_mm": Damper(MovingKnee.damped_everywhere, Range(0.0, 1e3, "N s/mm")),
+    "dissipation_s_per_mm": Damper(
+        _of_contacts, Range(0.0, 10.0, "s/mm", too_large="s/m are suspected")
+    ),
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class Recorded:
+    """A recorded motion.
+
+    Attributes:
+        time_s: rising, the start of the motion first, `(times,)`.
+        changes: coordinate -> its change from the start, degrees or mm, `(times,)`; NaN where it
+            was not seen.
+
+    Raises:
+        ValueError: a coordinate that is none of `FREE_COORDINATES`, or none at all.
+    """
+
+    time_s: np.ndarray
+    changes: Mapping[str, np.ndarray]
+
+    def __post_init__(self):
+        for name in self.changes:
+            if name not in FREE_COORDINATES:
+                known = ", ".join(FREE_COORDINATES)
+                raise ValueError(f"Recorded.changes has {name!r}; expected some of {known}")
+        if not self.changes:
+            raise ValueError("Recorded.changes is empty; expected a coordinate at least")
+
+    @classmethod
+    def of_table(cls, time_s: ArrayLike, columns: Mapping[str, ArrayLike]) -> Recorded:
+        """From columns like `anterior_mm`, of which the changes from their first row count."""
+        names = {coordinate(name).column: name for name in FREE_COORDINATES}
+        rows = {names.get(k, k): np.asarray(x, float) for k, x in columns.items()}
+        return cls(np.asarray(time_s, float), {name: x - x[0] for name, x in rows.items()})
+
+    def table(self) -> np.ndarray:
+        """All coordinates of `FREE_COORDINATES`, `(times, 5)`; NaN where not seen."""
+        nothing = np.full(len(self.time_s), np.nan)
+        return np.stack([self.changes.get(name, nothing) for name in FREE_COORDINATES], axis=1)
+
+
+@dataclasses.dataclass(frozen=True)
+class FittedTransient:
+    """Dampers that were found.
+
+    Attributes:
+        names: of `DAMPING`.
+        values: of these, `(p,)`.
+        lower: of an interval of 95 %, by linear propagation; NaN at a bound.
+        upper: likewise.
+        moving: the knee with these dampers.
+        trajectory: its motion.
+        uncertainty: covariance, correlations, and noise of the record as estimated from what is
+            left of it.
+        rms: coordinate -> root of the mean square of what is left, degrees or mm.
+        converged: whether the search ended by itself.
+        evaluations: of a motion with its derivative.
+    """
+
+    names: tuple[str, ...]
+    values: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    moving: MovingKnee
+    trajectory: Trajectory
+    uncertainty: Uncertainty
+    rms: Mapping[str, float]
+    converged: bool
+    evaluations: int
+
+
+def fit_transient(
+    moving: MovingKnee,
+    start: ArrayLike,
+    recorded: Recorded,
+    free: Mapping[str, float],
+    *,
+    most_mm: float = 0.01,
+    progress: Callable[[int], None] | None = None,
+    **options,
+) -> FittedTransient:
+    """Find the dampers with which a knee moves as was recorded.
+
+    Degrees and mm count alike, each by its own scatter in the intervals.
+
+    Args:
+        moving: the knee, with its mass and what dampers are known.
+        start: all coordinates at the start, rad and mm, `(6 bodies,)`: a balance.
+        recorded: the motion.
+        free: name of `DAMPING` -> where its search begins.
+        most_mm: that is left of the error of the steps.
+        progress: is told how many evaluations have been made.
+        options: of `kneejax.dynamics.move`: `loads`, `held`, `rate`.
+
+    Returns:
+        The dampers, with intervals.
+
+    Raises:
+        ValueError: a name that is none of `DAMPING`, no name at all, or no motion to begin with.
+    """
+    names = tuple(free)
+    if not names or not set(names) <= set(DAMPING):
+        raise ValueError(f"fit_transient: free is {list(names)}; expected some of {list(DAMPING)}")
+    ends = [(d.allowed.lower, d.allowed.upper) for d in map(DAMPING.__getitem__, names)]
+    solver = BoundedLevenbergMarquardt(*(jnp.array(x) for x in zip(*ends, strict=True)))
+    x, evaluations, done = jnp.array([free[name] for name in names], float), 0, False
+    found, grid, state = None, None, None
+    for _ in range(_GRIDS):
+        with_these = _damped(moving, names, x)
+        found = move_within(most_mm, with_these, start, recorded.time_s, **options)
+        if not converged(np.asarray(found.status)).all():
+            raise ValueError(f"fit_transient: with {_told(names, x)} the motion ends early")
+        if grid is not None and len(found.grid.time_s) <= len(grid.time_s):
+            break
+        grid = found.grid
+        evaluate = _evaluated(moving, names, start, recorded, grid, options)
+        state, done, more = _searched(solver, evaluate, x, evaluations, progress)
+        assert state is not None
+        x, evaluations = state.x, evaluations + more
+    assert found is not None and state is not None
+    return _fitted(moving, names, found, recorded, state, solver, done, evaluations)
+
+
+def _damped(moving: MovingKnee, names: Sequence[str], x: Array) -> MovingKnee:
+    for k, name in enumerate(names):
+        moving = DAMPING[name].apply(moving, x[k])
+    return moving
+
+
+def _told(names: Sequence[str], x: Array) -> str:
+    return ", ".join(f"{name} {float(value):.4g}" for name, value in zip(names, x, strict=True))
+
+
+def _evaluated(moving, names, start, recorded: Recorded, grid: Grid, options) -> Callable:
+    """Residuals of a motion on given steps, and their derivative by the dampers.
+
+    One program: nothing of it is computed twice, and it serves all evaluations.
+    """
+    every = coordinates_of(moving.knee.bodies)
+    rows = jnp.array([every.index(name) for name in FREE_COORDINATES])
+    units = jnp.asarray(table_units(FREE_COORDINATES))
+    measured = recorded.table()[1:]
+    seen = np.isfinite(measured)
+
+    def residual(x: Array) -> Array:
+        q = move(_damped(moving, names, x), start, grid, **options).q[:, rows] * units
+        return jnp.where(seen, (q[1:] - q[0]) - jnp.nan_to_num(measured), 0.0).ravel()
+
+    def both(x: Array) -> tuple[Array, Array]:
+        there, push = jax.linearize(residual, x)
+        return there, jax.vmap(push, out_axes=1)(jnp.eye(len(x)))
+
+    return jax.jit(both, compiler_options=dict(compiler_options()))
+
+
+def _searched(solver: BoundedLevenbergMarquardt, evaluate, x: Array, before: int, progress):
+    """The search on given steps: its state, whether it ended by itself, and evaluations."""
+    state, done, count = None, False, 0
+    while not done and count < _MOST:
+        residual, jacobian = evaluate(x)
+        count += 1
+        if progress is not None:
+            progress(before + count)
+        if state is None:
+            struct = jax.ShapeDtypeStruct(residual.shape, residual.dtype)
+            state = solver.init(None, x, None, {}, struct, None, frozenset())
+        x, state = solver.following(solver.judged(x, residual, jacobian, state))
+        done = bool(solver.terminate(None, x, None, {}, state, frozenset())[0])
+    return state, done, count
+
+
+def _fitted(moving, names, found, recorded, state, solver, done, evaluations) -> FittedTransient:
+    seen = np.isfinite(recorded.table()[1:])
+    shape = (len(seen), len(FREE_COORDINATES))
+    error = np.asarray(state.residual).reshape(shape)
+    jacobian = np.asarray(state.jacobian).reshape(*shape, len(names))
+    x, width = np.asarray(state.x), np.asarray(solver.upper - solver.lower)
+    held = (x <= np.asarray(solver.lower) + 1e-9 * width) | (
+        x >= np.asarray(solver.upper) - 1e-9 * width
+    )
+    weights = np.array([float(name in recorded.changes) for name in FREE_COORDINATES])
+    spread = uncertainty(np.moveaxis(jacobian, 0, 1), error.T, weights, held, seen=seen.T)
+    side = _SIDES * spread.standard_error
+    rms = {
+        name: float(np.sqrt(np.mean(error[seen[:, k], k] ** 2)))
+        for k, name in enumerate(FREE_COORDINATES)
+        if name in recorded.changes
+    }
+    with_these = _damped(moving, names, state.x)
+    return FittedTransient(
+        names, x, x - side, x + side, with_these, found, spread, rms, done, evaluations
+    )
