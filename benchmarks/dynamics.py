@@ -1,6 +1,13 @@
-"""A Lachman test of a second at 1 kHz: one knee, 64 variants, drift of energy, and order."""
+"""A Lachman test of a second at 1 kHz, one knee and 64; drift of energy; a raised leg; OpenSim.
 
+Seconds are medians of a core, of what is compared in turns. OpenSim lets go of a knee of spheres on
+planes (`tests/statics/opensim_knee.py`) where it is installed.
+"""
+
+import importlib.util
+import sys
 import time
+from pathlib import Path
 
 import equinox as eqx
 import jax
@@ -8,8 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 
 import kneejax as kj
-from kneejax.dynamics import Given, Grid, march
-from kneejax.experiments import leg_of_person
+from kneejax.dynamics import Given, Grid, gravity_of, march, move_within
+from kneejax.experiments import leg_of_person, raised_leg
 from kneejax.geometry import COORDINATES
 from kneejax.mechanics import Load, add_lane_axis, load_of
 
@@ -29,14 +36,17 @@ def given_of(start: np.ndarray, lanes: int) -> Given:
     return Given(q, jnp.zeros_like(q), *steps, (load,), held)
 
 
-def seconds(call, times: int = 5) -> float:
-    jax.block_until_ready(call())
+def seconds(*calls, times: int = 5) -> list[float]:
+    """Of calls in turns, after one of each."""
     took = []
-    for _ in range(times):
-        begin = time.process_time()
-        jax.block_until_ready(call())
-        took.append(time.process_time() - begin)
-    return min(took)
+    for _ in range(times + 1):
+        row = []
+        for call in calls:
+            begin = time.process_time()
+            jax.block_until_ready(call())
+            row.append(time.process_time() - begin)
+        took.append(row)
+    return np.median(took[1:], axis=0).tolist()
 
 
 def main() -> None:
@@ -47,15 +57,15 @@ def main() -> None:
     start = np.asarray(still.settled.state.at(COORDINATES))[:, 0]
     moving = kj.MovingKnee.of(knee, leg).critically_damped()
     one = add_lane_axis(moving)
-    alone = seconds(lambda: march(one, given_of(start, 1)))
-    found = march(one, given_of(start, 1))
-    looks = float(jnp.mean(found.looks))
-    print(f"one knee: {alone:.3f} s of a core, {looks:.2f} looks a step, "
-          f"{1e6 * alone / STEPS / looks:.0f} us a look")  # fmt: skip
     factors = jnp.linspace(0.8, 1.2, VARIANTS)
     stiffness = moving.knee.ligaments.stiffness[:, None] * factors
     many = eqx.tree_at(lambda m: m.knee.ligaments.stiffness, one, stiffness)
-    batch = seconds(lambda: march(many, given_of(start, VARIANTS)), 3)
+    few, more = given_of(start, 1), given_of(start, VARIANTS)
+    alone, batch = seconds(lambda: march(one, few), lambda: march(many, more))
+    found = march(one, few)
+    looks = float(jnp.mean(found.looks))
+    print(f"one knee: {alone:.3f} s of a core, {looks:.2f} looks a step, "
+          f"{1e6 * alone / STEPS / looks:.0f} us a look")  # fmt: skip
     print(f"{VARIANTS} variants: {batch:.3f} s of a core, {batch / alone:.1f} times one")
     free = kj.MovingKnee.of(knee, leg)
     pull = kj.LoadCurve.of([0.0, 0.1], load_of(anterior_N=jnp.array([0.0, 100.0])))
@@ -65,6 +75,47 @@ def main() -> None:
         account = motion.account()
         missing, work = float(account.missing[-1]), float(account.work[-1])
         print(f"undamped, {1 / within:g} ms: {missing:.3g} of {work:.4g} N mm missing after 1 s")
+    beside_opensim()
+    leg_that_is_raised()
+
+
+def beside_opensim() -> None:
+    """Half a second after a damped knee was let go, by both programs."""
+    if importlib.util.find_spec("opensim") is None:
+        print("OpenSim is not installed: pip install 'kneejax[opensim]'")
+        return
+    sys.path.insert(0, str(Path(__file__).parents[1]))
+    from tests.dynamics.test_motion_opensim import TIMES, begin_of, damped_knee
+    from tests.statics.opensim_knee import SettlingKnee
+
+    moving = damped_knee()
+    table, start = begin_of(moving)
+
+    def whole():
+        return move_within(0.01, moving, start, TIMES, held=("flexion",))
+
+    grid = whole().grid
+    ours, last = seconds(whole, lambda: kj.move(moving, start, grid, held=("flexion",)))
+    steps = len(grid.time_s)
+    print(f"half a second to 0.01 mm: {ours:.2f} s, {last:.3f} on its {steps} last steps")
+    exact = move_within(1e-3, moving, start, TIMES, held=("flexion",)).to_table()
+    for subdivisions, accuracy in ((5, 1e-3), (5, 1e-5), (6, 1e-5)):
+        peer = SettlingKnee(moving.knee, subdivisions, moving)
+        runs = [peer.motion(table, TIMES, accuracy) for _ in range(3)]
+        took = float(np.median([run.processor_s for run in runs]))
+        apart = np.abs(runs[0].poses - exact).max()
+        print(f"OpenSim, {peer.triangles} triangles, accuracy {accuracy:g}: {took:.2f} s, "
+              f"{apart:.3f} mm or degrees apart")  # fmt: skip
+
+
+def leg_that_is_raised() -> None:
+    """20 s of a quadriceps that becomes shorter, with the legs that are held."""
+    knee = kj.load_knee("four_ligament", patella=True)
+    leg = leg_of_person(75.0, 1.75)
+    moving = kj.MovingKnee.of(knee, leg, gravity_m_s2=gravity_of(0.0)).critically_damped()
+    times, angles = np.linspace(0.0, 20.0, 201), np.arange(90.0, -1.0, -10.0)
+    (took,) = seconds(lambda: raised_leg(moving, angles, times).from_held, times=3)
+    print(f"a leg raised in 20 s, with the legs that are held: {took:.2f} s")
 
 
 if __name__ == "__main__":

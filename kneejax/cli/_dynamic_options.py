@@ -39,6 +39,25 @@ def add_dynamic_options(simulate: argparse.ArgumentParser) -> None:
     simulate.add_argument(
         "--ramp_s", type=float, help="in which the load of a test grows (default: 0.1)"
     )
+    _add_damping(simulate)
+    add_repeated(
+        simulate,
+        "--from",
+        metavar="NAME=SIZE",
+        dest="offset",
+        help="how far from its balance the knee is let go, as anterior_mm=3 or adduction_deg=2; "
+        "once for each (default of settle: anterior_mm=3)",
+    )
+    simulate.add_argument(
+        "--error_mm",
+        type=float,
+        help="that the steps may leave in any pose (default: 0.01); they become as short as it "
+        "takes",
+    )
+
+
+def _add_damping(simulate: argparse.ArgumentParser) -> None:
+    """Dampers, and a record from which they are found."""
     simulate.add_argument(
         "--critical",
         type=float,
@@ -68,18 +87,4 @@ def add_dynamic_options(simulate: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="what is found from --recorded: critical, damping_N_s_per_mm or dissipation_s_per_mm; "
         "once for each",
-    )
-    add_repeated(
-        simulate,
-        "--from",
-        metavar="NAME=SIZE",
-        dest="offset",
-        help="how far from its balance the knee is let go, as anterior_mm=3 or adduction_deg=2; "
-        "once for each (default of settle: anterior_mm=3)",
-    )
-    simulate.add_argument(
-        "--error_mm",
-        type=float,
-        help="that the steps may leave in any pose (default: 0.01); they become as short as it "
-        "takes",
     )

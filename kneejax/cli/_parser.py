@@ -25,7 +25,9 @@ class Parser(argparse.ArgumentParser):
     """A command's own parser: help begins with what the command does and ends with an example."""
 
     def __init__(self, *arguments: Any, **options: Any):
-        super().__init__(*arguments, **{"formatter_class": _WithDefaults, **options})
+        # In full: `--dissipation_s_per_m` would be read as the same number in s/mm.
+        whole = {"formatter_class": _WithDefaults, "allow_abbrev": False}
+        super().__init__(*arguments, **{**whole, **options})
         # Whatever a command does not know, its own parser reports: it knows the command's options.
         self.set_defaults(parser=self)
 

@@ -25,13 +25,18 @@ def damped_knee():
     return MovingKnee.of(knee, leg_of_person(75.0, 1.75), contact_dissipation=contacts)
 
 
+def begin_of(moving):
+    """The pose at which it is let go: degrees and mm, and rad and mm."""
+    rest = np.asarray(kj.passive_flexion(moving.knee, 20.0).to_table())[0]
+    begin = rest + AWAY
+    return begin, begin / np.r_[np.rad2deg([1.0, 1.0, 1.0]), 1.0, 1.0, 1.0]
+
+
 def test_opensim_integrates_the_same_motion():
     """Half a second after the tibia was let go 3 mm before its balance and turned by 2 degrees."""
     pytest.importorskip("opensim")
     moving = damped_knee()
-    rest = np.asarray(kj.passive_flexion(moving.knee, 20.0).to_table())[0]
-    begin = rest + AWAY
-    start = begin / np.r_[np.rad2deg([1.0, 1.0, 1.0]), 1.0, 1.0, 1.0]
+    begin, start = begin_of(moving)
     ours = move_within(1e-3, moving, start, TIMES, held=("flexion",))
     theirs = SettlingKnee(moving.knee, 5, moving).motion(begin, TIMES, 1e-6)
     apart = np.abs(ours.to_table() - theirs.poses)
