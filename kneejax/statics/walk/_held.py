@@ -134,7 +134,7 @@ def _moved(
         known=np.ones(lanes, int),
         begun=yes, based=yes, wary=no,
         aim=np.ones(lanes),
-        tangent=np.moveaxis(tangent, 0, -1),
+        tangent=np.repeat(np.moveaxis(tangent, 0, -1)[None], 3, axis=0),
         softness=softness,
         steps=np.zeros(lanes, int),
     )  # fmt: skip

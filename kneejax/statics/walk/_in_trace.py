@@ -169,7 +169,7 @@ def _nothing_behind(knee: Knee, stations: Stations) -> Array:
         based=no,
         wary=no,
         aim=jnp.ones(lanes),
-        tangent=jnp.zeros((free, free, lanes)),
+        tangent=jnp.zeros((3, free, free, lanes)),
         softness=jnp.full(lanes, jnp.inf),
         steps=nothing,
     )

@@ -167,13 +167,11 @@ class _Stretch(NamedTuple):
         known = jnp.where(memory.wary, 0, memory.known)
         ahead = self.when(place, memory)
         own = self.read(here)
-        q, meeting = (
-            near + _extrapolated(away, memory.when, ahead, known)
-            for near, away in ((own.q, memory.away_q), (own.meeting, memory.away_meeting))
-        )
+        behind = memory.away_q, memory.away_meeting, memory.tangent
+        q, meeting, tangent = (_extrapolated(x, memory.when, ahead, known) for x in behind)
         # What is not predicted may be far: to try it quickly first would be in vain.
         patient = known < 2
-        return here, Guess(q, meeting, memory.tangent), patient
+        return here, Guess(own.q + q, own.meeting + meeting, tangent), patient
 
     def begun(self, memory: Memory) -> tuple[_Walk, dict[str, Array]]:
         """The walk before its first look, and what is written down where nothing has ended."""
@@ -230,6 +228,9 @@ class _Stretch(NamedTuple):
         goes = walk.goes & (place < self.nodes.length) & (memory.lost < self.give_up)
         new, guess, patient = self.aimed(place, memory)
         begins = ended & goes
+        # What is searched once more begins without what may have led it astray.
+        tangent = jnp.where(judged.again, 0.0, guess.tangent)
+        guess = dataclasses.replace(guess, tangent=tangent)
         state = walk.state.anew(begins, guess)
         y = jax.tree.map(lambda new, old: jnp.where(begins, new, old), guess, walk.y)
         patient = jnp.where(begins, patient | judged.again, walk.patient)
@@ -292,11 +293,7 @@ class _Stretch(NamedTuple):
             # What was lost may have been led astray by its prediction.
             wary=jnp.where(ended, ~good, memory.wary),
             aim=jnp.where(good, longer, aim),
-            tangent=jnp.where(
-                good,
-                walk.state.guess.tangent,
-                jnp.where(judged.again, 0.0, memory.tangent),
-            ),
+            tangent=_pushed(memory.tangent, walk.state.guess.tangent, good),
             softness=jnp.where(good, judged.softness, memory.softness),
             steps=jnp.where(over, 0, steps),
         )
@@ -326,7 +323,7 @@ def _pushed(rows: Array, latest: Array, good: Array) -> Array:
 
 
 def _extrapolated(away: Array, when: Array, ahead: Array, known: Array) -> Array:
-    """The distance ahead: a parabola through three balances, a line through two, or the last."""
+    """Distance or stiffness ahead: a parabola through three balances, a line, or the last."""
     last, before, first = away
 
     def slope(later: Array, earlier: Array, gap: Array) -> Array:
