@@ -2,7 +2,6 @@
 
 from kneejax.dynamics._account import Account as Account
 from kneejax.dynamics._account import Flow as Flow
-from kneejax.dynamics._accuracy import error_of as error_of
 from kneejax.dynamics._accuracy import move_within as move_within
 from kneejax.dynamics._continuous import integrated as integrated
 from kneejax.dynamics._grid import Grid as Grid
@@ -14,5 +13,6 @@ from kneejax.dynamics._moving import MovingKnee as MovingKnee
 from kneejax.dynamics._moving import gravity_of as gravity_of
 from kneejax.dynamics._trajectory import LoadCurve as LoadCurve
 from kneejax.dynamics._trajectory import Trajectory as Trajectory
+from kneejax.dynamics._trajectory import given_of as given_of
 from kneejax.dynamics._trajectory import move as move
 from kneejax.dynamics._trajectory import rising as rising

@@ -224,17 +224,63 @@ def move(
         ((3, 6), True)
     """
     grid, times = _steps(time_s, within)
-    acting = () if loads is None else loads.at(jnp.asarray(times))
-    q = jnp.asarray(start, float)
-    rates = jnp.broadcast_to(jnp.asarray(rate, float), q.shape)
-    ways = _ways(moving.knee, held, q, times)
-    given = _given(q, rates, jnp.asarray(pull_N, float), grid, acting, ways)
+    acting, ways = _acting(loads, times), _ways(moving.knee, held, jnp.asarray(start, float), times)
+    given = given_of(moving, start, grid, rate=rate, pull_N=pull_N, loads=loads, held=held)
     found = march(add_lane_axis(moving), given, progress)
     moments, asked = _with_start(moving, given, found), np.concatenate([[0], 1 + grid.asked])
     return Trajectory(
         jnp.asarray(times[asked]), moments.known.q[asked, :, 0], moments.known.rate[asked, :, 0],
         moments.status[asked, 0], moments.looks[1:, 0], moments, moving, acting, ways, grid,
     )  # fmt: skip
+
+
+def given_of(
+    moving: MovingKnee,
+    start: ArrayLike,
+    grid: Grid,
+    *,
+    rate: ArrayLike = 0.0,
+    pull_N: ArrayLike = 0.0,
+    loads: LoadCurve | None = None,
+    held: Held = (),
+) -> Given:
+    """What `move` gives to `march`: for programs of one's own over many motions on the same steps.
+
+    Args:
+        moving: as in `move`; likewise the others.
+        start: likewise.
+        grid: the steps.
+        rate: likewise.
+        pull_N: likewise.
+        loads: likewise.
+        held: likewise.
+
+    Returns:
+        The start, and what acts and is held at the end of each step, in one lane.
+
+    Raises:
+        ValueError: a quadriceps that the knee does not have.
+
+    Example:
+        >>> import kneejax as kj
+        >>> from kneejax.mechanics import Mass
+        >>> shank = Mass(3.0, [0.0, -200.0, 0.0], np.diag([4e4, 0.0, 4e4]))
+        >>> moving = MovingKnee.of(kj.load_knee("four_ligament"), shank)
+        >>> given_of(moving, np.zeros(6), Grid.of([0.0, 0.1, 0.2])).length_s.shape
+        (6,)
+    """
+    _, times = _steps(grid, 1)
+    q = jnp.asarray(start, float)
+    ways = _ways(moving.knee, held, q, times)
+    later, led = jax.tree.map(lambda x: x[1:], (_acting(loads, times), ways))
+    cable = led.pop(QUADRICEPS, None)
+    rates = jnp.broadcast_to(jnp.asarray(rate, float), q.shape)[:, None]
+    steps = jnp.asarray(grid.length_s), jnp.asarray(grid.ratio)
+    return Given(q[:, None], rates, *steps, later, led, cable, jnp.asarray(pull_N, float))
+
+
+def _acting(loads: LoadCurve | None, times: np.ndarray) -> tuple[Load, ...]:
+    return () if loads is None else loads.at(jnp.asarray(times))
 
 
 def _steps(time_s: ArrayLike | Grid, within: int) -> tuple[Grid, np.ndarray]:
@@ -249,18 +295,6 @@ def _ways(knee: Knee, held: Held, q: Array, times: np.ndarray) -> dict[str, Arra
     """What does not move freely -> its value at all moments, `(moments, 1)`."""
     led = held if isinstance(held, Mapping) else {name: None for name in held}
     return {name: _way(lead, _where(knee, name, q), times) for name, lead in led.items()}
-
-
-def _given(
-    q: Array, rate: Array, pull: Array, grid: Grid, acting: tuple[Load, ...], ways: dict[str, Array]
-) -> Given:
-    """The start, and what acts and is held at the end of each step, in one lane."""
-    loads, held = jax.tree.map(lambda x: x[1:], (acting, ways))
-    cable = held.pop(QUADRICEPS, None)
-    return Given(
-        q[:, None], rate[:, None], jnp.asarray(grid.length_s), jnp.asarray(grid.ratio),
-        loads, held, cable, pull,
-    )  # fmt: skip
 
 
 def _where(knee: Knee, name: str, q: Array) -> Array:

@@ -16,12 +16,12 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.dynamics import Grid, MovingKnee, Trajectory, move, move_within
+from kneejax.dynamics import Given, Grid, MovingKnee, Trajectory, given_of, march, move_within
 from kneejax.geometry import FREE_COORDINATES, coordinate, coordinates_of, table_units
 from kneejax.inference.fit import BoundedLevenbergMarquardt
 from kneejax.inference.intervals import Uncertainty, uncertainty
-from kneejax.mechanics import Range
-from kneejax.numerics import compiler_options
+from kneejax.mechanics import Range, add_lane_axis
+from kneejax.numerics import compiled
 from kneejax.statics import converged
 
 #: Evaluations of a motion and its derivative before a fit is given up.
@@ -190,25 +190,35 @@ def _told(names: Sequence[str], x: Array) -> str:
 
 
 def _evaluated(moving, names, start, recorded: Recorded, grid: Grid, options) -> Callable:
-    """Residuals of a motion on given steps, and their derivative by the dampers.
+    """Residuals of a motion on given steps, and their derivative by the dampers."""
+    given, asked = given_of(moving, start, grid, **options), jnp.asarray(grid.asked)
+    measured = recorded.table()[1:]
+    seen = jnp.isfinite(measured)
 
-    One program: nothing of it is computed twice, and it serves all evaluations.
+    def evaluate(x: Array) -> tuple[Array, Array]:
+        changes, slopes = _changes(moving, names, given, asked, x)
+        off = jnp.where(seen, changes - measured, 0.0)
+        return off.ravel(), jnp.where(seen[..., None], slopes, 0.0).reshape(off.size, len(x))
+
+    return evaluate
+
+
+@compiled(static_argnums=(1,))
+def _changes(moving: MovingKnee, names: tuple[str, ...], given: Given, asked: Array, x: Array):
+    """Changes from the start, `(times, 5)`, degrees and mm, and their derivative by the dampers.
+
+    One program: nothing of it is computed twice, and it serves all records on as many steps.
     """
     every = coordinates_of(moving.knee.bodies)
     rows = jnp.array([every.index(name) for name in FREE_COORDINATES])
     units = jnp.asarray(table_units(FREE_COORDINATES))
-    measured = recorded.table()[1:]
-    seen = np.isfinite(measured)
 
-    def residual(x: Array) -> Array:
-        q = move(_damped(moving, names, x), start, grid, **options).q[:, rows] * units
-        return jnp.where(seen, (q[1:] - q[0]) - jnp.nan_to_num(measured), 0.0).ravel()
+    def changes(x: Array) -> Array:
+        found = march(add_lane_axis(_damped(moving, names, x)), given).known.q[asked, :, 0]
+        return ((found - given.q[:, 0])[:, rows]) * units
 
-    def both(x: Array) -> tuple[Array, Array]:
-        there, push = jax.linearize(residual, x)
-        return there, jax.vmap(push, out_axes=1)(jnp.eye(len(x)))
-
-    return jax.jit(both, compiler_options=dict(compiler_options()))
+    there, push = jax.linearize(changes, x)
+    return there, jax.vmap(push, out_axes=-1)(jnp.eye(len(x)))
 
 
 def _searched(solver: BoundedLevenbergMarquardt, evaluate, x: Array, before: int, progress):
