@@ -82,6 +82,7 @@ def load_of(
     internal_Nm: ArrayLike = 0.0,
     point: ArrayLike = (0.0, 0.0, 0.0),
     point_in: str = "tibia",
+    axes: str = GROOD_SUNTAY,
     name: str = "load",
 ) -> Load:
     """A load on the tibia along the axes of Grood and Suntay.
@@ -100,6 +101,8 @@ def load_of(
         internal_Nm: about the tibia's long axis.
         point: where the force acts, mm; the tibia's origin by default.
         point_in: bone in whose frame the point is given, and to which it is fixed.
+        axes: `tibia` where forces and moments follow the tibia's own axes instead, as those of
+            what is strapped to it do: its X stands for the floating axis, its Z for the femur's.
         name: what reports call it.
 
     Source: Grood and Suntay (1983).
@@ -119,7 +122,7 @@ def load_of(
         jnp.stack([forward, up, outward], -1),
         _NMM * jnp.stack([varus, internal, still], -1),
         jnp.broadcast_to(jnp.asarray(point, float), (*varus.shape, 3)),
-        axes=GROOD_SUNTAY,
+        axes=axes,
         point_in=point_in,
         name=name,
     )

@@ -14,7 +14,7 @@ from kneejax.experiments import COUNTED_FROM, WITHOUT_LOADS, MeasuredTest, weigh
 from kneejax.files import LabTable, parse_flexion, read_lab_table
 from kneejax.files.reading import Field
 from kneejax.geometry import BODIES, CLINICAL, CONVENTIONS, FREE_COORDINATES, OTHER_COLUMNS
-from kneejax.mechanics import NAMED_LOADS, RANGES
+from kneejax.mechanics import AXES, NAMED_LOADS, RANGES
 from kneejax.studies._published_tests import PublishedTest, published_test
 
 #: Signs of a left knee in axes with Z to the person's right: adduction, internal rotation and
@@ -31,8 +31,8 @@ _MIRROR_OTHERS = {
 _OTHERS = {one.name: column for column, one in OTHER_COLUMNS.items()}
 _OPTIONAL = (
     "source", "columns", "ignore", "convention", "mirror", "flexion_deg", "at_deg", "coordinates",
-    "counted_from", "constant", "load", "point_mm", "sd_mm", "sd_deg", "sd_N", "sd_strain", "cut",
-    "weight",
+    "counted_from", "constant", "load", "point_mm", "axes", "sd_mm", "sd_deg", "sd_N", "sd_strain",
+    "cut", "weight",
 )  # fmt: skip
 #: Option of a test -> what a standard deviation may be.
 _SPREADS = {
@@ -89,6 +89,8 @@ def _read(item: Field, folder: Path, lines: Sequence[str]) -> tuple[MeasuredTest
         given["counted_from"] = item["counted_from"].choice(COUNTED_FROM)
     if "point_mm" in item:
         given["point_mm"] = tuple(item["point_mm"].numbers(3, RANGES["point_mm"]))
+    if "axes" in item:
+        given["axes"] = item["axes"].choice(AXES)
     if constant is not None:
         given["constant"] = {name: constant[name].number(RANGES[name]) for name in constant.value}
     try:

@@ -51,6 +51,14 @@ def test_a_study_may_be_of_tests_alone(tmp_path):
     assert read.settings()["tests"][0]["file"] == str(tmp_path / "drawer.csv")
 
 
+def test_forces_may_follow_the_tibias_own_axes(tmp_path):
+    table(tmp_path)
+    strapped = {"name": "device", "file": "drawer.csv", "axes": "tibia"}
+    assert study(tmp_path, [strapped]).tests[0].axes == "tibia"
+    with pytest.raises(InputProblem, match=r"tests\[0\].axes.*tibial.*grood_suntay"):
+        study(tmp_path, [strapped | {"axes": "tibial"}])
+
+
 def test_columns_of_another_program_are_mapped_with_their_senses(tmp_path):
     table(tmp_path, header=("Applied Load", "Knee JCS Posterior", "Torque [Nmm]"),
           rows=[(90.0, -4.0, 1500.0)])  # fmt: skip

@@ -9,7 +9,7 @@ import numpy as np
 
 from kneejax.experiments.laboratory._curves import Curves
 from kneejax.geometry import FREE_COORDINATES, OTHER_COLUMNS
-from kneejax.mechanics import NAMED_LOADS
+from kneejax.mechanics import AXES, GROOD_SUNTAY, NAMED_LOADS
 
 #: What measured numbers are counted from -> what that means.
 COUNTED_FROM = {
@@ -52,6 +52,8 @@ class MeasuredTest:
         counted_from: one of `COUNTED_FROM`.
         constant: loads that acted throughout, also on the unloaded pose.
         point_mm: where forces acted, in the tibia's frame.
+        axes: along which loads acted, of `kneejax.mechanics.AXES`: `tibia` where they followed the
+            tibia's own, like those of a device strapped to the shank.
         sd_mm: standard deviation of displacements; None where it is that of the study.
         sd_deg: of rotations; likewise.
         cut: ligaments or groups that had been cut.
@@ -83,6 +85,7 @@ class MeasuredTest:
     counted_from: str = "unloaded"
     constant: Mapping[str, float] = dataclasses.field(default_factory=dict)
     point_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    axes: str = GROOD_SUNTAY
     sd_mm: float | None = None
     sd_deg: float | None = None
     cut: tuple[str, ...] = ()
@@ -115,6 +118,8 @@ class MeasuredTest:
             for name, sizes in every.items():
                 if sizes.shape != shape[:1]:
                     raise ValueError(f"{field}.{name}: {sizes.shape}; expected {shape[:1]}")
+        if self.axes not in AXES:
+            raise ValueError(f"axes: {self.axes!r}; expected one of {', '.join(AXES)}")
         if self.counted_from not in COUNTED_FROM:
             known = ", ".join(COUNTED_FROM)
             raise ValueError(f"counted_from: {self.counted_from!r}; expected one of {known}")

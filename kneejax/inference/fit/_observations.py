@@ -58,6 +58,7 @@ def observations(
     neutral, group = [np.full(poses, -1)], [np.full(poses, -1)]
     spread, acting, count = [np.ones((poses, 5))], [], poses
     groups, lines = 0, tuple(dict.fromkeys(line for test in tests for line in test.tensions))
+    axes = tuple(dict.fromkeys(test.axes for test in tests))
     cuts, cut = _cuts(tests), [np.zeros(poses, int)]
     for test in tests:
         bent, seen, counted = _rows(test, count)
@@ -71,9 +72,9 @@ def observations(
         group.append(np.where(own < 0, -1, own + groups))
         groups += 1 + int(own.max())
         spread.append(_spread(test, noise if stated is None else stated, len(bent)))
-        acting.append(_acting(test, len(bent), lines))
+        acting.append(_acting(test, len(bent), lines, axes))
         count += len(bent)
-    kinds = _together(tuple(loads), acting, poses, count)
+    kinds = _together(tuple(loads), acting, poses, count, len(axes))
     return LoadCases(
         Stations.at(np.concatenate(flexion), kinds),
         np.vstack(target),
@@ -192,9 +193,11 @@ def _spread(test: MeasuredTest, stated: np.ndarray, count: int) -> np.ndarray:
     return every
 
 
-def _acting(test: MeasuredTest, count: int, lines: Sequence[str]) -> list[Load | Pull]:
+def _acting(
+    test: MeasuredTest, count: int, lines: Sequence[str], axes: Sequence[str]
+) -> list[Load | Pull]:
     """What acts throughout, what lines pull and what grows, at a test's rows and its unloaded
-    poses."""
+    poses: a load for each of the axes, zero along those of other tests."""
     point = np.tile(test.point_mm, (count, 1))
     still = {name: np.full(count, test.constant.get(name, 0.0)) for name in NAMED_LOADS}
     more = count - len(test.flexion_deg)
@@ -202,19 +205,28 @@ def _acting(test: MeasuredTest, count: int, lines: Sequence[str]) -> list[Load |
     grown = {name: np.r_[test.loads.get(name, nothing), np.zeros(more)] for name in NAMED_LOADS}
     tensions = [np.r_[test.tensions.get(line, nothing), np.zeros(more)] for line in lines]
     pulls = map(pull_of, lines, tensions)
-    constant, growing = (load_of(**sizes, point=point) for sizes in (still, grown))
-    return [constant, *pulls, growing]
+
+    def along(sizes: dict[str, np.ndarray]) -> list[Load]:
+        every = (load_of(**sizes, point=point, axes=way) for way in axes)
+        return [one if one.axes == test.axes else one.times(0.0) for one in every]
+
+    return [*along(still), *pulls, *along(grown)]
 
 
 def _together(
-    loads: tuple[Load | Pull, ...], acting: list[list[Load | Pull]], poses: int, count: int
+    loads: tuple[Load | Pull, ...],
+    acting: list[list[Load | Pull]],
+    poses: int,
+    count: int,
+    constants: int,
 ) -> tuple[Load | Pull, ...]:
-    """Loads at the poses, then those of the tests, each zero where the others act."""
+    """Loads at the poses, then those of the tests, each zero where the others act; of the first
+    few, which are constant, those that act."""
     after = (0, count - poses), (0, 0)
     own = tuple(jax.tree.map(lambda x: jnp.pad(x, after), one.at_each((poses,))) for one in loads)
     kinds = [
         jax.tree.map(lambda *x: jnp.pad(jnp.concatenate(x), ((poses, 0), (0, 0))), *kind)
         for kind in zip(*acting, strict=True)
     ]
-    constant = kinds[0].sizes.any()
-    return (*own, *(kinds if constant else kinds[1:]))
+    constant = (kind for kind in kinds[:constants] if kind.sizes.any())
+    return (*own, *constant, *kinds[constants:])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import kneejax as kj
-from kneejax.geometry import FREE_COORDINATES
+from kneejax.geometry import CLINICAL, FREE_COORDINATES
 from kneejax.inference.fit import LoadCases, Problem, fit_lanes
 from kneejax.inference.fit._load_cases import _read, _read_all
 from kneejax.parameters import UnsuitableData
@@ -212,3 +212,22 @@ def test_numbers_of_fits_share_what_reads_them():
         for some, every in zip(_read_all(flexion, q[:fits]), whole, strict=True):
             np.testing.assert_array_equal(some, every[:fits])
     assert _read._cache_size() == programs
+
+
+def test_a_device_strapped_to_the_shank_pushes_along_the_tibias_own_axes(knee):
+    """Frames of cine-MRI: the force of a pad 350 mm down the shank, which swings at 0.5 Hz."""
+    flexion = np.array([12.0, 25.0, 40.0, 30.0])
+    force = 40.0 * np.sin(np.pi * np.array([0.1, 0.4, 0.7, 1.3]))
+    nowhere, pad = np.zeros((4, 3)), np.tile([0.0, -350.0, 0.0], (4, 1))
+    pushed = kj.Load(np.outer(force, [1.0, 0.0, 0.0]), nowhere, pad, axes="tibia")
+    seen = np.asarray(kj.passive_flexion(knee, flexion, (pushed,)).to_table(CLINICAL))
+    frames = kj.MeasuredTest("frames", flexion, {"anterior_N": force}, seen[:, 1:], "absolute",
+                             point_mm=(0.0, -350.0, 0.0), axes="tibia")  # fmt: skip
+    other = dataclasses.replace(frames, name="drawer", axes="grood_suntay")
+    tests = [frames, other]
+    problem = Problem.of(knee, kj.select(knee, NAMES), seen[:0], NOISE**-2.0, tests=tests)
+    start = np.asarray(problem.selection.read(knee))[None]
+    own, drawn = problem.residual(problem.begin(start))[0].reshape(2, 4, 5)
+    assert np.abs(own).max() < 1e-5
+    # The floating axis leaves the tibia's own by internal rotation.
+    assert np.abs(drawn).max() > 0.5
