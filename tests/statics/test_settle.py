@@ -129,6 +129,21 @@ def test_one_bad_lane_is_nan_alone(knee, motion):
     assert np.isfinite(slope[:, [0, 2, 3]]).all()
 
 
+@pytest.mark.parametrize("wrong_by", [1.1, 1.5, 2.0])
+def test_a_kept_tangent_learns_from_its_steps_and_is_not_believed_too_soon(knee, motion, wrong_by):
+    """By the wrong tangent alone it takes up to eight looks, and two more tangents."""
+    there, lanes = motion.settled, np.array([6, 12])
+    q, meeting = there.q[:, lanes], there.meeting[..., lanes]
+    off = 0.003 * jnp.array([1 / 30, 1 / 30, 1.0, 0.0, 1.0])[:, None]
+    guess = Guess(q + off, meeting, wrong_by * there.tangent[..., lanes])
+    prescribed = {"flexion": there.prescribed["flexion"][lanes]}
+    search = EnergyNewton(atol=1e-10, seldom=True)
+    found = settle(add_lane_axis(knee), prescribed, guess, search)
+    exact = settle(add_lane_axis(knee), prescribed, Guess(q, meeting), search)
+    assert (found.steps <= 5).all()
+    assert jnp.abs(found.q - exact.q).max() < 1e-10
+
+
 def test_options_are_not_ignored():
     with pytest.raises(ValueError, match="unknown options"):
         EnergyNewton().init(None, None, None, {"lower": 0}, None, None, frozenset())
