@@ -13,7 +13,7 @@ def run(arguments: argparse.Namespace) -> int:
     same = arguments.out.exists() and arguments.out.resolve() == arguments.model.resolve()
     if same:
         raise InputProblem("--out", "file", str(arguments.out), "another file than the model")
-    written = export_osim(arguments.knee, arguments.model)
+    written = export_osim(arguments.knee, arguments.model, replace=arguments.replace)
     write_bytes(arguments.out, written.data)
     for change in written.changes:
         print(change)

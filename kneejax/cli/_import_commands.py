@@ -118,4 +118,10 @@ def add_export(commands) -> None:
     osim.add_argument("knee", help=KNEE)
     osim.add_argument("model", type=Path, help="the original model; it is not changed")
     osim.add_argument("--out", type=Path, required=True, help="the new model")
+    osim.add_argument(
+        "--replace",
+        action="store_true",
+        help="the model's fibres over the knee become the knee's: grafts are put in, what the knee "
+        "has not is taken out",
+    )
     osim.set_defaults(run=lazily("_export_osim"))

@@ -43,6 +43,7 @@ _MODULES = {
     "format_knee": "kneejax.files.knee",
     "mirror_document": "kneejax.files.knee",
     "read_knee": "kneejax.files.knee",
+    "reconstructed": "kneejax.files.knee",
     "restated": "kneejax.files.knee",
     "write_knee": "kneejax.files.knee",
     "MESH_UNITS": "kneejax.files.meshes",
@@ -122,6 +123,7 @@ if TYPE_CHECKING:
     from kneejax.files.knee import format_knee as format_knee
     from kneejax.files.knee import mirror_document as mirror_document
     from kneejax.files.knee import read_knee as read_knee
+    from kneejax.files.knee import reconstructed as reconstructed
     from kneejax.files.knee import restated as restated
     from kneejax.files.knee import write_knee as write_knee
     from kneejax.files.meshes import MESH_UNITS as MESH_UNITS
