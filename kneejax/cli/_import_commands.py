@@ -8,6 +8,7 @@ from kneejax.cli._parser import (
     KNEE,
     Parser,
     add_command,
+    add_convention,
     add_kinds,
     add_out,
     add_repeated,
@@ -124,4 +125,12 @@ def add_export(commands) -> None:
         help="the model's fibres over the knee become the knee's: grafts are put in, what the knee "
         "has not is taken out",
     )
+    osim.add_argument(
+        "--coupled",
+        type=Path,
+        metavar="POSES.csv",
+        help="the model's knee follows its flexion as these poses do, along splines: a CustomJoint "
+        "of one coordinate",
+    )
+    add_convention(osim, "of these poses")
     osim.set_defaults(run=lazily("_export_osim"))

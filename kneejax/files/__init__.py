@@ -55,10 +55,12 @@ _MODULES = {
     "import_meshes": "kneejax.files.meshes",
     "read_mesh_points": "kneejax.files.meshes",
     "SMALLEST_MODEL": "kneejax.files.opensim",
+    "CoupledMotion": "kneejax.files.opensim",
     "OsimExport": "kneejax.files.opensim",
     "OsimGeometry": "kneejax.files.opensim",
     "OsimImport": "kneejax.files.opensim",
     "add_osim_contacts": "kneejax.files.opensim",
+    "coupled_motion": "kneejax.files.opensim",
     "export_osim": "kneejax.files.opensim",
     "format_import_report": "kneejax.files.opensim",
     "import_osim": "kneejax.files.opensim",
@@ -135,10 +137,12 @@ if TYPE_CHECKING:
     from kneejax.files.meshes import import_meshes as import_meshes
     from kneejax.files.meshes import read_mesh_points as read_mesh_points
     from kneejax.files.opensim import SMALLEST_MODEL as SMALLEST_MODEL
+    from kneejax.files.opensim import CoupledMotion as CoupledMotion
     from kneejax.files.opensim import OsimExport as OsimExport
     from kneejax.files.opensim import OsimGeometry as OsimGeometry
     from kneejax.files.opensim import OsimImport as OsimImport
     from kneejax.files.opensim import add_osim_contacts as add_osim_contacts
+    from kneejax.files.opensim import coupled_motion as coupled_motion
     from kneejax.files.opensim import export_osim as export_osim
     from kneejax.files.opensim import format_import_report as format_import_report
     from kneejax.files.opensim import import_osim as import_osim

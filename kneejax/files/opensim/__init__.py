@@ -7,11 +7,14 @@ from kneejax._lazy import lazy_names
 #: Public name -> its module, imported when one of its names is first asked for.
 _MODULES = {
     "read_activity": "kneejax.files.opensim._activity",
+    "CoupledMotion": "kneejax.files.opensim._coupled_motion",
+    "coupled_motion": "kneejax.files.opensim._coupled_motion",
     "FRAMES": "kneejax.files.opensim._registration",
     "SMALLEST_MODEL": "kneejax.files.opensim._example",
     "OsimExport": "kneejax.files.opensim._export",
     "export_osim": "kneejax.files.opensim._export",
     "simm_splines": "kneejax.files.opensim._functions",
+    "transform_axes": "kneejax.files.opensim._spatial_transform",
     "OsimGeometry": "kneejax.files.opensim._geometry",
     "add_osim_contacts": "kneejax.files.opensim._geometry",
     "OsimImport": "kneejax.files.opensim._import",
@@ -21,6 +24,8 @@ _MODULES = {
 
 if TYPE_CHECKING:
     from kneejax.files.opensim._activity import read_activity as read_activity
+    from kneejax.files.opensim._coupled_motion import CoupledMotion as CoupledMotion
+    from kneejax.files.opensim._coupled_motion import coupled_motion as coupled_motion
     from kneejax.files.opensim._example import SMALLEST_MODEL as SMALLEST_MODEL
     from kneejax.files.opensim._export import OsimExport as OsimExport
     from kneejax.files.opensim._export import export_osim as export_osim
@@ -31,6 +36,7 @@ if TYPE_CHECKING:
     from kneejax.files.opensim._import import import_osim as import_osim
     from kneejax.files.opensim._registration import FRAMES as FRAMES
     from kneejax.files.opensim._report import format_import_report as format_import_report
+    from kneejax.files.opensim._spatial_transform import transform_axes as transform_axes
 else:
     __all__ = [*_MODULES]
     __getattr__, __dir__ = lazy_names(__name__, _MODULES)

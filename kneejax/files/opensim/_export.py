@@ -15,12 +15,15 @@ import numpy as np
 from kneejax.files._bundled import bundled_knees
 from kneejax.files._knees import check_kind, load_knee_file
 from kneejax.files.knee import KneeFile, check_knee, read_knee
+from kneejax.files.opensim._coupled_joint import couple_knee
+from kneejax.files.opensim._coupled_motion import CoupledMotion
 from kneejax.files.opensim._edits import Edits
 from kneejax.files.opensim._fibres import replace_fibres
 from kneejax.files.opensim._import import OsimImport, import_osim
 from kneejax.files.opensim._knee import SIDES
 from kneejax.files.opensim._ligaments import NUMBERS, OsimLigament
 from kneejax.files.opensim._numbers import METRES_TO_MM, unshifted
+from kneejax.files.opensim._registration import SAME
 from kneejax.files.opensim._wraps import WRAP_KINDS, carrier_in_bone
 from kneejax.files.reading import Field, InputProblem, load_yaml
 
@@ -48,6 +51,7 @@ def export_osim(
     model: str | os.PathLike[str],
     *,
     replace: bool = False,
+    coupled: CoupledMotion | None = None,
 ) -> OsimExport:
     """Write a knee's ligaments and obstacles into the model that it came from.
 
@@ -62,6 +66,7 @@ def export_osim(
         replace: whether the model's fibres over the knee become the knee's: those that it has not
             are added (grafts, or bundles of another source in the same frames), those that the
             knee has not are taken out (a torn ligament).
+        coupled: secondary motion that the model's knee is to have, a CustomJoint of one coordinate.
 
     Returns:
         The new content, and what changed.
@@ -104,6 +109,8 @@ def export_osim(
         replace_fibres(edits, base, document, _added(knee_file, base, origin))
     _ligaments(edits, knee_file, base, origin.get("ligaments", {}), replace)
     _wraps(edits, knee_file, base, origin.get("wraps", {}))
+    if coupled is not None:
+        couple_knee(edits, base.knee, coupled, SAME)
     data = base.model.file.spliced(edits.splices)
     notes = _notes(knee_file, base, origin, replace)
     if edits.splices:

@@ -41,6 +41,10 @@ class Registration(NamedTuple):
     doubts: tuple[str, ...] = ()
 
 
+#: Of a knee that is in the model's frames.
+SAME = Registration(np.zeros(3), np.zeros(3), True, ())
+
+
 def registration(
     model: Model, bones: OsimKneeJoint, knee: Knee, document: dict[str, Any], frames: str
 ) -> Registration:
@@ -64,8 +68,7 @@ def registration(
         raise InputProblem("--frames", "frames", frames, f"one of {', '.join(FRAMES)}", FRAMES)
     if frames == "same" or (frames == "auto" and _made_of(model, document)):
         why = "as asked for" if frames == "same" else f"as the knee was made of {_name(model)}"
-        shift = np.zeros(3)
-        return Registration(shift, shift, True, (f"Frames: those of the model, {why}.",))
+        return SAME._replace(notes=(f"Frames: those of the model, {why}.",))
     mirror = np.array([1.0, 1.0, -1.0 if bones.side == "l" else 1.0])
     own = condyle_axes(*condyle_points(knee)).points[1].mean(axis=0)
     reference = knee.reference_pose.to_table()
