@@ -56,6 +56,13 @@ _MODULES = {
     "read_mesh_points": "kneejax.files.meshes",
     "SMALLEST_MODEL": "kneejax.files.opensim",
     "CoupledMotion": "kneejax.files.opensim",
+    "Registration": "kneejax.files.opensim",
+    "registered": "kneejax.files.opensim",
+    "couple_model": "kneejax.files.opensim",
+    "WholeBody": "kneejax.files.opensim",
+    "WholeBodyForces": "kneejax.files.opensim",
+    "whole_body": "kneejax.files.opensim",
+    "ask_opensim": "kneejax.files.opensim",
     "OsimExport": "kneejax.files.opensim",
     "OsimGeometry": "kneejax.files.opensim",
     "OsimImport": "kneejax.files.opensim",
@@ -141,12 +148,19 @@ if TYPE_CHECKING:
     from kneejax.files.opensim import OsimExport as OsimExport
     from kneejax.files.opensim import OsimGeometry as OsimGeometry
     from kneejax.files.opensim import OsimImport as OsimImport
+    from kneejax.files.opensim import Registration as Registration
+    from kneejax.files.opensim import WholeBody as WholeBody
+    from kneejax.files.opensim import WholeBodyForces as WholeBodyForces
     from kneejax.files.opensim import add_osim_contacts as add_osim_contacts
+    from kneejax.files.opensim import ask_opensim as ask_opensim
+    from kneejax.files.opensim import couple_model as couple_model
     from kneejax.files.opensim import coupled_motion as coupled_motion
     from kneejax.files.opensim import export_osim as export_osim
     from kneejax.files.opensim import format_import_report as format_import_report
     from kneejax.files.opensim import import_osim as import_osim
     from kneejax.files.opensim import read_activity as read_activity
+    from kneejax.files.opensim import registered as registered
+    from kneejax.files.opensim import whole_body as whole_body
     from kneejax.files.reading import InputProblem as InputProblem
     from kneejax.files.reading import counted as counted
     from kneejax.files.reading import nearest_name as nearest_name

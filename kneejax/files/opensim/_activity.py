@@ -55,7 +55,7 @@ def read_activity(
     side: str,
     knee: Knee,
     document: dict[str, Any] | None = None,
-    frames: str = "auto",
+    frames: str | Registration = "auto",
     instants: int | None = None,
 ) -> LegRecord:
     """Read a recorded movement, without OpenSim.
@@ -68,7 +68,8 @@ def read_activity(
         side: `r` or `l`.
         knee: in whose frames the record is wanted.
         document: of the knee's file, which tells whether it was made of this model.
-        frames: `same`, `landmarks`, or `auto` for the first where the knee was made of this model.
+        frames: `same`, `landmarks`, or `auto` for the first where the knee was made of this model;
+            or those of `registered`.
         instants: how many, evenly spaced; by default the rows of the coarsest table.
 
     Returns:
@@ -84,7 +85,9 @@ def read_activity(
     bones = find_knee(model, side)
     given = _sorted(model, bones, files)
     time = common_times(given.tables, instants)
-    shifts = registration(model, bones, knee, document or {}, frames)
+    shifts = frames
+    if not isinstance(shifts, Registration):
+        shifts = registration(model, bones, knee, document or {}, shifts)
     movement, around = _moved(model, bones, given.motion, time)
     below = _below(movement.joints, bones)
     tibia = movement.placed[bones.tibia]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 
 import numpy as np
@@ -9,8 +10,8 @@ import numpy as np
 from kneejax.files.opensim._coupled_motion import CoupledMotion
 from kneejax.files.opensim._edits import Edits
 from kneejax.files.opensim._joints import Joint
-from kneejax.files.opensim._knee import SIDES, OsimKneeJoint
-from kneejax.files.opensim._model import Model
+from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, find_knee
+from kneejax.files.opensim._model import Model, read_model
 from kneejax.files.opensim._movement import Rigid, moved
 from kneejax.files.opensim._registration import Registration, flexion_coordinate, poses_of
 from kneejax.files.opensim._spatial_transform import transform_axes
@@ -76,6 +77,28 @@ def couple_knee(
     edits.changes.append(
         f"{joint.name}: follows {name} along splines from {low:.4g} to {high:.4g} degrees{without}"
     )
+
+
+def couple_model(
+    model_path: str | os.PathLike[str], side: str, motion: CoupledMotion, shifts: Registration
+) -> bytes:
+    """A model whose knee follows flexion as a motion does.
+
+    Args:
+        model_path: the model (.osim).
+        side: `r` or `l`.
+        motion: from `coupled_motion`, in the frames of a knee.
+        shifts: from the model's frames to those, from `registered`.
+
+    Returns:
+        The new model; the old one's bytes but for the knee's joint.
+
+    Raises:
+        InputProblem: see `couple_knee`.
+    """
+    edits = Edits(read_model(model_path))
+    couple_knee(edits, find_knee(edits.model, side), motion, shifts)
+    return edits.model.file.spliced(edits.splices)
 
 
 def _flexion_of(model: Model, bones: OsimKneeJoint, name: str) -> tuple[float, float]:

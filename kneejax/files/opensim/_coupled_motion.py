@@ -10,7 +10,7 @@ from kneejax.files.opensim._functions import simm_splines
 from kneejax.files.reading import InputProblem
 
 #: Between knots where many poses share a flexion, degrees.
-_APART_DEG = 5.0
+_APART_DEG = 10.0
 #: Weight of a spline's bending beside a pose's distance, for knots between which no pose lies.
 _STIFF = 1e-3
 _FEWEST = 4
@@ -43,7 +43,7 @@ def coupled_motion(
 
     Where flexion grows or falls from row to row, splines pass through every pose. Otherwise, as in
     a step of walking, which is bent to one angle several times, they are the nearest to all poses
-    by least squares, with knots every 5 degrees.
+    by least squares, with knots every 10 degrees.
 
     Args:
         poses: table rows, `(n, 6)`, degrees and mm.
