@@ -52,6 +52,9 @@ def add_activity(commands) -> None:
         help="beside --motion: reserves and residuals, a ForceSet (.xml); weak ones otherwise",
     )
     activity.add_argument(
+        "--time_s", metavar="BEGIN:END", help="beside --motion: a part of it (default: all)"
+    )
+    activity.add_argument(
         "--rounds",
         type=int,
         default=0,

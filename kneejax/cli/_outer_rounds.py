@@ -40,7 +40,7 @@ def movement_of(arguments: argparse.Namespace) -> WholeBody | None:
         InputProblem: options that do not go together, or a movement that does not fit the model.
     """
     asked = {"--grf": arguments.grf, "--actuators": arguments.actuators,
-             "--rounds": arguments.rounds}  # fmt: skip
+             "--time_s": arguments.time_s, "--rounds": arguments.rounds}  # fmt: skip
     if arguments.motion is None:
         for option, value in asked.items():
             if value:
@@ -58,7 +58,20 @@ def movement_of(arguments: argparse.Namespace) -> WholeBody | None:
     return whole_body(
         arguments.model, arguments.motion, arguments.grf, side=arguments.side,
         actuators=arguments.actuators, instants=arguments.instants,
+        time_s=_time(arguments.time_s),
     )  # fmt: skip
+
+
+def _time(word: str | None) -> tuple[float, float] | None:
+    """Begin and end, s, as two numbers with a colon between."""
+    if word is None:
+        return None
+    try:
+        begin, end = (float(x) for x in word.split(":"))
+    except ValueError:
+        expected = "BEGIN:END, two numbers of seconds"
+        raise InputProblem("--time_s", "time", word, expected) from None
+    return begin, end
 
 
 def asked_of_opensim(
@@ -108,7 +121,8 @@ def asked_of_opensim(
 def _record(
     body: WholeBody, model: Path, said: WholeBodyForces, own: Knee, shifts: Registration
 ) -> LegRecord:
-    forces = [said.reactions] if body.loads is None else [said.forces, body.loads]
+    # Where no ground is given, the feet's own contacts are among the forces.
+    forces = [said.forces, *([] if body.loads is None else [body.loads])]
     # The instants are those of static optimisation, between which nothing is known.
     return read_activity(model, [body.motion, *forces], side=body.side, knee=own, frames=shifts)
 

@@ -98,6 +98,8 @@ def ground(folder):
         ("--motion misspelt.sto", "no knee_angle_r: expected a column of the coordinate"),
         ("--motion angles.sto --side l", "--side: l: expected a side the model has a knee of: r"),
         ("--motion angles.sto --rounds 21", "--rounds: rounds: 21: expected 0 to 20"),
+        ("--motion angles.sto --time_s 0.2", "--time_s: time: 0.2: expected BEGIN:END"),
+        ("--motion angles.sto --time_s 0.2:3", "expected two times from 0 to 1 s, which"),
         ("--motion angles.sto --actuators m.osim", "expected reserves and residuals of OpenSim"),
         ("--motion angles.sto --actuators nowhere.xml", "nowhere.xml: file: missing"),
     ],

@@ -30,12 +30,30 @@ def main(file: str) -> None:
     osim.Logger.setLevelString("Error")
     folder = Path(settings["folder"])
     _inverse_dynamics(osim, settings)
-    forces = _static_optimisation(osim, settings)
-    reactions = _joint_reaction(osim, settings, forces)
-    forces.rename(folder / FORCES)
-    reactions.rename(folder / REACTIONS)
+    text = _static_optimisation(osim, settings).read_text(encoding="utf-8")
+    (folder / FORCES).write_text(named_once(text), encoding="utf-8")
+    _joint_reaction(osim, settings, folder / FORCES).rename(folder / REACTIONS)
     for other in folder.glob(f"{_NAME}_*"):
         other.unlink()
+
+
+def named_once(table: str) -> str:
+    """A table of OpenSim without columns of one name: contacts write theirs once for each force.
+
+    Args:
+        table: text of a .sto.
+
+    Example:
+        >>> named_once("nColumns=4\\nendheader\\ntime\\ta\\tb\\tb\\n0\\t1\\t2\\t3\\n").splitlines()
+        ['nColumns=2', 'endheader', 'time\\ta', '0\\t1']
+    """
+    lines = table.splitlines()
+    begin = lines.index("endheader") + 1
+    names = lines[begin].split("\t")
+    kept = [k for k, name in enumerate(names) if names.count(name) == 1]
+    head = [f"nColumns={len(kept)}" if x.startswith("nColumns=") else x for x in lines[:begin]]
+    rows = [line.split("\t") for line in lines[begin:] if line.strip()]
+    return "\n".join([*head, *("\t".join(row[k] for k in kept) for row in rows)]) + "\n"
 
 
 def _inverse_dynamics(osim: Any, settings: dict[str, Any]) -> None:

@@ -28,6 +28,8 @@ from kneejax.numerics import check_installed
 
 #: Instants of static optimisation where no number is asked for: it is the slow part.
 _USUAL_INSTANTS = 151
+#: Steps of a table that differ by more are made even, s.
+_UNEVEN_S = 1e-6
 #: What reserves give before a muscle would be spared for them: N m, and N at the ground.
 _RESERVE = 1.0
 _NAME = "reserves.xml"
@@ -40,7 +42,8 @@ class WholeBody:
 
     Attributes:
         model: that moves.
-        motion: table of coordinates.
+        motion: table of coordinates, as it was given.
+        coordinates: the same by the coordinates' own names, rad or degrees, and m.
         loads: external loads; None where the model's own contacts press its feet.
         side: `r` or `l`.
         joint: the knee's.
@@ -51,6 +54,7 @@ class WholeBody:
 
     model: Path
     motion: Path
+    coordinates: Storage
     loads: Path | None
     side: str
     joint: str
@@ -82,6 +86,7 @@ def whole_body(
     side: str,
     actuators: str | os.PathLike[str] | None = None,
     instants: int | None = None,
+    time_s: tuple[float, float] | None = None,
 ) -> WholeBody:
     """Check a movement before OpenSim is asked about it.
 
@@ -94,6 +99,7 @@ def whole_body(
         actuators: a ForceSet of reserves and residuals (.xml); by default a weak one is made for
             every coordinate.
         instants: of static optimisation, about; by default at most 151.
+        time_s: begin and end; by default all that the tables cover.
 
     Returns:
         The movement.
@@ -118,22 +124,33 @@ def whole_body(
             raise file.problem(file.root, "", file.root.tag, _ACTUATORS)
     common_times(tables)
     begin, end = max(x.time[0] for x in tables), min(x.time[-1] for x in tables)
-    _check_coordinates(model, flexion_coordinate(model, bones), table)
-    rows = int(np.sum((table.time >= begin) & (table.time <= end)))
+    if time_s is not None:
+        if not begin <= time_s[0] < time_s[1] <= end:
+            expected = f"two times from {begin:g} to {end:g} s, which the tables cover"
+            raise InputProblem("--time_s", "time", f"{time_s[0]:g}:{time_s[1]:g}", expected)
+        begin, end = time_s
+    coordinates = _coordinates(model, flexion_coordinate(model, bones), table)
+    rows = int(np.sum((coordinates.time >= begin) & (coordinates.time <= end)))
     every = max(1, int(np.ceil((rows - 1) / ((instants or _USUAL_INSTANTS) - 1))))
     return WholeBody(
-        Path(model_path), Path(motion), None if loads is None else Path(loads), side,
+        Path(model_path), Path(motion), coordinates, None if loads is None else Path(loads), side,
         bones.joints[-1].name, (float(begin), float(end)), every,
         None if actuators is None else Path(actuators),
     )  # fmt: skip
 
 
-def _check_coordinates(model: Model, flexion: str, table: Storage) -> None:
+def _coordinates(model: Model, flexion: str, table: Storage) -> Storage:
+    """The coordinates of a table of these or of states; at even times, as analyses take rows."""
     columns = coordinate_columns(model, table)
     if flexion not in columns:
         expected = f"a column of the coordinate {flexion} of {model.file.path.name}"
         raise InputProblem(table.file, "columns", f"no {flexion}", expected, table.columns)
     angles_rad(table, columns[flexion])
+    time = table.time
+    if np.ptp(np.diff(time)) > _UNEVEN_S:
+        time = np.linspace(time[0], time[-1], len(time))
+    values = table.at(time, list(columns.values()))
+    return Storage(table.file, time, dict(zip(columns, values, strict=True)), table.in_degrees)
 
 
 def ask_opensim(body: WholeBody, folder: Path, model: Path | None = None) -> WholeBodyForces:
@@ -156,8 +173,10 @@ def ask_opensim(body: WholeBody, folder: Path, model: Path | None = None) -> Who
     if actuators is None:
         actuators = folder / _NAME
         write_text(actuators, _reserves(read_model(asked)))
+    motion = folder / "coordinates.sto"
+    write_text(motion, _written(body.coordinates))
     settings = {
-        "model": asked, "motion": body.motion, "loads": body.loads, "actuators": actuators,
+        "model": asked, "motion": motion, "loads": body.loads, "actuators": actuators,
         "folder": folder,
     }  # fmt: skip
     absolute = {name: str(Path(x).absolute()) if x else "" for name, x in settings.items()}
@@ -181,6 +200,16 @@ def _last(done: subprocess.CompletedProcess[str]) -> str:
     if not told:
         return f"nothing (status {done.returncode})"
     return re.sub(r"^(\[\w+\]|RuntimeError:)\s*(std::exception in '.*?': )?", "", told[-1])
+
+
+def _written(table: Storage) -> str:
+    """A table as OpenSim reads it."""
+    rows = np.column_stack([table.time, *table.columns.values()])
+    text = "\n".join("\t".join(f"{x:.17g}" for x in row) for row in rows.tolist())
+    degrees = "yes" if table.in_degrees else "no"
+    size = f"nRows={len(rows)}\nnColumns={rows.shape[1]}"
+    names = "\t".join(["time", *table.columns])
+    return f"coordinates\nversion=1\n{size}\ninDegrees={degrees}\nendheader\n{names}\n{text}\n"
 
 
 def _reserves(model: Model) -> str:

@@ -136,6 +136,21 @@ def test_a_muscle_pulls_along_its_line(swing):
         assert np.allclose(wrench, [*force, *np.cross(end, force)], atol=1e-9)
 
 
+def test_beside_muscles_a_reaction_tells_what_else_acts(swing, tmp_path, knee):
+    """A muscle that a joint reaction includes pulls once, along its line."""
+    folder = written(tmp_path)
+    whole = sum(swing.acting.values(), on_tibia(swing).sum(axis=0))
+    axes = [f"knee_r_on_tibia_r_in_tibia_r_{kind}{axis}" for kind in "fmp" for axis in "xyz"]
+    values = np.column_stack([-whole[:, :3], -whole[:, 3:] / 1e3, np.zeros((len(TIME), 3))])
+    columns = {"time": TIME} | dict(zip(axes, values.T, strict=True))
+    storage(folder / "reaction.sto", columns)
+    found = read(folder, knee, files=("angles.mot", "pulls.sto", "reaction.sto"))
+    assert found.muscles.names == swing.muscles.names
+    acting = sum(swing.acting.values())
+    assert np.abs(found.acting["besides muscles"] - acting).max() < 1e-6 * np.abs(acting).max()
+    assert [*found.acting] == ["besides muscles"]
+
+
 def test_a_left_leg_is_its_mirrored_right_twin(swing, tmp_path, knee):
     left = read(written(tmp_path, side="l", spin="l"), knee, side="l")
     assert np.allclose(left.pose, swing.pose, atol=1e-9)
