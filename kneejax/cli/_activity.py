@@ -8,10 +8,18 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from kneejax.cli._given import check_within, read_pairs
+from kneejax.cli._outer_rounds import asked_of_opensim, movement_of
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli._say_status import say_status
-from kneejax.experiments import Activity, Cycle, activity, cycle_of, with_flips
-from kneejax.files import InputProblem, knee_with, load_knee_file, read_activity, write_rows
+from kneejax.experiments import Activity, Cycle, Round, activity, cycle_of, with_flips
+from kneejax.files import (
+    InputProblem,
+    WholeBody,
+    knee_with,
+    load_knee_file,
+    read_activity,
+    write_rows,
+)
 from kneejax.geometry import BODIES, COLUMNS, FEMORAL, convert_table
 from kneejax.mechanics import Knee, LegRecord, Range
 from kneejax.parameters import cut
@@ -30,6 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Read, balance, print; write tables and a figure."""
     if arguments.instants is not None:
         check_within("--instants", "instants", [arguments.instants], _INSTANTS)
+    body = movement_of(arguments)
     plan = _plan(arguments)
     if plan is None:
         values = read_pairs("--set", arguments.values)
@@ -45,16 +54,27 @@ def run(arguments: argparse.Namespace) -> int:
     knees = {INTACT: knee}
     if arguments.cut:
         knees[f"without {', '.join(arguments.cut)}"] = cut(knee, arguments.cut)
-    record = read_activity(
-        arguments.model, arguments.files, side=arguments.side, knee=own, document=document,
-        frames=arguments.frames, instants=arguments.instants,
-    )  # fmt: skip
+    record, rounds = _record(arguments, body, knee, own, document)
     _check_pulls(knee, record)
     _say_record(record)
     with stages_on_terminal(knee.name):
         knees = knees if plan is None else operated_knees(plan)
         found = {name: activity(one, record) for name, one in knees.items()}
-    return _report(arguments, found, cycle_of(record))
+    return _report(arguments, found, cycle_of(record), rounds)
+
+
+def _record(
+    arguments: argparse.Namespace, body: WholeBody | None, knee: Knee, own: Knee, document
+) -> tuple[LegRecord, list[Round]]:
+    """What acted on the leg: as it was recorded, or as OpenSim finds it."""
+    if body is not None:
+        with stages_on_terminal("OpenSim") as show:
+            return asked_of_opensim(arguments, body, knee, own, document, show)
+    record = read_activity(
+        arguments.model, arguments.files, side=arguments.side, knee=own, document=document,
+        frames=arguments.frames, instants=arguments.instants,
+    )  # fmt: skip
+    return record, []
 
 
 def _plan(arguments: argparse.Namespace) -> AclPlan | None:
@@ -84,14 +104,19 @@ def _say_record(record: LegRecord) -> None:
     print("\n".join([*record.notes, *(f"doubtful: {doubt}" for doubt in record.doubts)]))
 
 
-def _report(arguments: argparse.Namespace, found: Mapping[str, Activity], cycle: Cycle) -> int:
+def _report(
+    arguments: argparse.Namespace, found: Mapping[str, Activity], cycle: Cycle, rounds: list[Round]
+) -> int:
     from kneejax.report import (
         PLACE_COLUMNS,
+        ROUND_COLUMNS,
         activity_figure,
         activity_lines,
         place_lines,
         place_rows,
         places_figure,
+        round_lines,
+        round_rows,
         save_figure,
     )
 
@@ -125,6 +150,11 @@ def _report(arguments: argparse.Namespace, found: Mapping[str, Activity], cycle:
         write_rows(out / "places.csv", PLACE_COLUMNS, place_rows(found))
         save_figure(places_figure(found, cycle, words), folder, "places", svg=arguments.svg)
         more = ", places.csv, figures/places.png"
+    if rounds:
+        print("\n".join(round_lines(rounds)))
+        write_rows(out / "rounds.csv", ROUND_COLUMNS, round_rows(rounds))
+        more += ", rounds.csv"
+    more += ", opensim/" if arguments.motion is not None else ""
     files = "activity.csv, forces.csv, contact.csv, residual.csv, settings.json"
     print(f"written: {out}/{files}, figures/activity.png{more}")
     return int(doubtful)

@@ -5,7 +5,14 @@ from __future__ import annotations
 import argparse
 
 from kneejax.cli._main import DONE
-from kneejax.files import InputProblem, counted, export_osim, write_bytes
+from kneejax.files import (
+    InputProblem,
+    counted,
+    coupled_motion,
+    export_osim,
+    read_poses,
+    write_bytes,
+)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -13,7 +20,13 @@ def run(arguments: argparse.Namespace) -> int:
     same = arguments.out.exists() and arguments.out.resolve() == arguments.model.resolve()
     if same:
         raise InputProblem("--out", "file", str(arguments.out), "another file than the model")
-    written = export_osim(arguments.knee, arguments.model)
+    coupled = None
+    if arguments.coupled is not None:
+        file = str(arguments.coupled)
+        coupled = coupled_motion(read_poses(file, arguments.convention), file)
+    written = export_osim(
+        arguments.knee, arguments.model, replace=arguments.replace, coupled=coupled
+    )
     write_bytes(arguments.out, written.data)
     for change in written.changes:
         print(change)

@@ -8,6 +8,7 @@ from kneejax.cli._parser import (
     KNEE,
     Parser,
     add_command,
+    add_convention,
     add_kinds,
     add_out,
     add_repeated,
@@ -118,4 +119,18 @@ def add_export(commands) -> None:
     osim.add_argument("knee", help=KNEE)
     osim.add_argument("model", type=Path, help="the original model; it is not changed")
     osim.add_argument("--out", type=Path, required=True, help="the new model")
+    osim.add_argument(
+        "--replace",
+        action="store_true",
+        help="the model's fibres over the knee become the knee's: grafts are put in, what the knee "
+        "has not is taken out",
+    )
+    osim.add_argument(
+        "--coupled",
+        type=Path,
+        metavar="POSES.csv",
+        help="the model's knee follows its flexion as these poses do, along splines: a CustomJoint "
+        "of one coordinate",
+    )
+    add_convention(osim, "of these poses")
     osim.set_defaults(run=lazily("_export_osim"))

@@ -7,14 +7,26 @@ import dataclasses
 import importlib.metadata
 import json
 
+import numpy as np
+
 from kneejax import planning, studies
 from kneejax.cli._progress import stages_on_terminal
-from kneejax.files import InputProblem, write_netcdf, write_rows, write_text
+from kneejax.files import (
+    InputProblem,
+    reconstructed,
+    restated,
+    write_knee,
+    write_netcdf,
+    write_rows,
+    write_text,
+)
 from kneejax.inference import versions
 from kneejax.numerics import check_installed
 
 _MOST_POINTS = 401
 _MAP_PACKAGES = ("xarray", "h5netcdf", "h5py")
+_COMMENT = """A computation on a model: {}
+Nothing here supports a decision about a patient."""
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -68,7 +80,7 @@ def _write(arguments: argparse.Namespace, result: planning.PlanResult) -> list[s
     write_rows(out / "octagon.csv", header, octagon_rows(result))
     columns = ["knee", "flexion_deg", "ligament", "strain", "tension_N"]
     write_rows(out / "curves.csv", columns, curve_rows(result))
-    more = []
+    more = _write_knees(arguments, result)
     if result.front is not None:
         write_rows(out / "front.csv", front_columns(plan), front_rows(result.front))
         more.append("front.csv")
@@ -81,3 +93,29 @@ def _write(arguments: argparse.Namespace, result: planning.PlanResult) -> list[s
         "report.html", "plan.json", "plan.csv", "octagon.csv", "curves.csv", *more, "figures/",
         "settings.json",
     ]  # fmt: skip
+
+
+def _write_knees(arguments: argparse.Namespace, result: planning.PlanResult) -> list[str]:
+    """The reconstructed knees as knee files, which every command takes."""
+    plan, one = result.plan, result.plan.surgery.plan
+    known = {"planned": result.planned}
+    if result.optimum is not None:
+        known["optimum"] = result.optimum.outcome
+    base = restated(plan.document, plan.own, f"set by the plan: {plan.title}")
+    written = []
+    for word, outcome in known.items():
+        if not np.isfinite(outcome.slack_mm[0]).all():
+            continue
+        knee = planning.knee_of_outcome(plan.surgery, outcome)
+        tension = " and ".join(f"{x:.4g}" for x in outcome.choices[0, 4 :: len(planning.CHOICES)])
+        about = f"{plan.ligament} replaced by a {plan.graft.name} graft, {word} ({plan.title})"
+        source = (
+            f"{plan.graft.name} graft, {word}: {plan.title}; fixed under {tension} N at "
+            f"{plan.surgery.fixation_deg:g} degrees; {plan.graft.source}"
+        )
+        document = reconstructed(base, knee, one.torn, one.bundles, source)
+        document["name"] = f"{plan.own.name} {word}"
+        document["description"] = f"{document['description'].strip()}; {about}"
+        write_knee(document, arguments.out / f"{word}.yaml", _COMMENT.format(about))
+        written.append(f"{word}.yaml")
+    return written

@@ -24,8 +24,10 @@ from kneejax.experiments._ways import ways_of as ways_of
 from kneejax.experiments._ways import with_flips as with_flips
 from kneejax.experiments.activity import Activity as Activity
 from kneejax.experiments.activity import Cycle as Cycle
+from kneejax.experiments.activity import Round as Round
 from kneejax.experiments.activity import activity as activity
 from kneejax.experiments.activity import cycle_of as cycle_of
+from kneejax.experiments.activity import weights as weights
 from kneejax.experiments.extensor import TENDON as TENDON
 from kneejax.experiments.extensor import Extensor as Extensor
 from kneejax.experiments.extensor import Shank as Shank

@@ -43,6 +43,7 @@ _MODULES = {
     "format_knee": "kneejax.files.knee",
     "mirror_document": "kneejax.files.knee",
     "read_knee": "kneejax.files.knee",
+    "reconstructed": "kneejax.files.knee",
     "restated": "kneejax.files.knee",
     "write_knee": "kneejax.files.knee",
     "MESH_UNITS": "kneejax.files.meshes",
@@ -54,10 +55,19 @@ _MODULES = {
     "import_meshes": "kneejax.files.meshes",
     "read_mesh_points": "kneejax.files.meshes",
     "SMALLEST_MODEL": "kneejax.files.opensim",
+    "CoupledMotion": "kneejax.files.opensim",
+    "Registration": "kneejax.files.opensim",
+    "registered": "kneejax.files.opensim",
+    "couple_model": "kneejax.files.opensim",
+    "WholeBody": "kneejax.files.opensim",
+    "WholeBodyForces": "kneejax.files.opensim",
+    "whole_body": "kneejax.files.opensim",
+    "ask_opensim": "kneejax.files.opensim",
     "OsimExport": "kneejax.files.opensim",
     "OsimGeometry": "kneejax.files.opensim",
     "OsimImport": "kneejax.files.opensim",
     "add_osim_contacts": "kneejax.files.opensim",
+    "coupled_motion": "kneejax.files.opensim",
     "export_osim": "kneejax.files.opensim",
     "format_import_report": "kneejax.files.opensim",
     "import_osim": "kneejax.files.opensim",
@@ -122,6 +132,7 @@ if TYPE_CHECKING:
     from kneejax.files.knee import format_knee as format_knee
     from kneejax.files.knee import mirror_document as mirror_document
     from kneejax.files.knee import read_knee as read_knee
+    from kneejax.files.knee import reconstructed as reconstructed
     from kneejax.files.knee import restated as restated
     from kneejax.files.knee import write_knee as write_knee
     from kneejax.files.meshes import MESH_UNITS as MESH_UNITS
@@ -133,14 +144,23 @@ if TYPE_CHECKING:
     from kneejax.files.meshes import import_meshes as import_meshes
     from kneejax.files.meshes import read_mesh_points as read_mesh_points
     from kneejax.files.opensim import SMALLEST_MODEL as SMALLEST_MODEL
+    from kneejax.files.opensim import CoupledMotion as CoupledMotion
     from kneejax.files.opensim import OsimExport as OsimExport
     from kneejax.files.opensim import OsimGeometry as OsimGeometry
     from kneejax.files.opensim import OsimImport as OsimImport
+    from kneejax.files.opensim import Registration as Registration
+    from kneejax.files.opensim import WholeBody as WholeBody
+    from kneejax.files.opensim import WholeBodyForces as WholeBodyForces
     from kneejax.files.opensim import add_osim_contacts as add_osim_contacts
+    from kneejax.files.opensim import ask_opensim as ask_opensim
+    from kneejax.files.opensim import couple_model as couple_model
+    from kneejax.files.opensim import coupled_motion as coupled_motion
     from kneejax.files.opensim import export_osim as export_osim
     from kneejax.files.opensim import format_import_report as format_import_report
     from kneejax.files.opensim import import_osim as import_osim
     from kneejax.files.opensim import read_activity as read_activity
+    from kneejax.files.opensim import registered as registered
+    from kneejax.files.opensim import whole_body as whole_body
     from kneejax.files.reading import InputProblem as InputProblem
     from kneejax.files.reading import counted as counted
     from kneejax.files.reading import nearest_name as nearest_name

@@ -19,6 +19,7 @@ _WHO_NEEDS = {
     "planning": "a plan needs",
     "tables": "tables need",
     "sensitivity": "global indices need",
+    "opensim": "inverse dynamics and static optimisation need",
 }
 
 

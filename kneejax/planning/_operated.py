@@ -9,6 +9,7 @@ from kneejax.parameters import UnsuitableData
 from kneejax.planning._footprints import octagon
 from kneejax.planning._plan import AclPlan
 from kneejax.planning._pretension import fix
+from kneejax.planning._surgery import Outcome, Surgery
 
 #: What the knees are called that have no graft, and the one with the graft where it is planned.
 INTACT, PLANNED = "intact", "planned"
@@ -44,3 +45,23 @@ def operated_knees(plan: AclPlan) -> dict[str, Knee]:
     values = np.vstack([*bare, one.value(ends, slack)])
     every = INTACT, f"without {plan.ligament}", *names
     return {name: one.vary(one.knee, own) for name, own in zip(every, values, strict=True)}
+
+
+def knee_of_outcome(surgery: Surgery, outcome: Outcome) -> Knee:
+    """The knee that was tried out, its grafts fixed at the lengths that were found.
+
+    Args:
+        surgery: that tried it out.
+        outcome: whose first variant is meant.
+
+    Returns:
+        A knee in which the torn ligament does not act.
+
+    Raises:
+        UnsuitableData: no graft was fixed, since the knee had no balance under the tension.
+    """
+    slack = outcome.slack_mm[:1]
+    if not np.isfinite(slack).all():
+        raise UnsuitableData("the graft has no zero-load length: expected a knee that holds it")
+    ends, _ = surgery.ends(outcome.choices[:1])
+    return surgery.plan.vary(surgery.plan.knee, surgery.plan.value(ends, slack)[0])

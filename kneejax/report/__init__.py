@@ -1,11 +1,14 @@
 """Results for people: text, JSON, figures and the HTML report."""
 
 from kneejax.report.activity import PLACE_COLUMNS as PLACE_COLUMNS
+from kneejax.report.activity import ROUND_COLUMNS as ROUND_COLUMNS
 from kneejax.report.activity import activity_figure as activity_figure
 from kneejax.report.activity import activity_lines as activity_lines
 from kneejax.report.activity import place_lines as place_lines
 from kneejax.report.activity import place_rows as place_rows
 from kneejax.report.activity import places_figure as places_figure
+from kneejax.report.activity import round_lines as round_lines
+from kneejax.report.activity import round_rows as round_rows
 from kneejax.report.bayesian import POSTERIOR_COLUMNS as POSTERIOR_COLUMNS
 from kneejax.report.bayesian import marginals_figure as marginals_figure
 from kneejax.report.bayesian import pairs_figure as pairs_figure

@@ -69,6 +69,63 @@ def test_what_does_not_fit_is_refused_in_one_line(files, options, said, folder, 
     assert not out.exists()
 
 
+LOADS = """<?xml version="1.0" encoding="UTF-8"?><OpenSimDocument Version="40000">
+<ExternalLoads><objects><ExternalForce name="floor">
+<applied_to_body>tibia_r</applied_to_body><force_identifier>v</force_identifier>
+<point_identifier>p</point_identifier></ExternalForce></objects>
+<datafile>floor.mot</datafile></ExternalLoads></OpenSimDocument>"""
+
+
+@pytest.fixture
+def ground(folder):
+    """Forces from the ground, from 5 s on."""
+    (folder / "floor.xml").write_text(LOADS)
+    rows = "\n".join("\t".join(map(str, [5.0 + t, *[0.0] * 6])) for t in np.linspace(0, 1, 8))
+    head = "\t".join(["time", *(f"{kind}{axis}" for kind in "vp" for axis in "xyz")])
+    (folder / "floor.mot").write_text(f"m\ninDegrees=no\nendheader\n{head}\n{rows}\n")
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("", "FILES: files: none: expected OpenSim's tables, or --motion and --grf"),
+        ("angles.sto --grf floor.xml", "--grf: options: --grf: expected --motion beside it"),
+        ("angles.sto --rounds 2", "--rounds: options: --rounds: expected --motion beside it"),
+        ("reaction.sto --motion angles.sto", "--motion and FILES: expected one of both"),
+        ("--motion angles.sto --grf floor.xml", "time: from 5 s: expected times that overlap"),
+        ("--motion radians.sto", "radians are suspected"),
+        ("--motion misspelt.sto", "no knee_angle_r: expected a column of the coordinate"),
+        ("--motion angles.sto --side l", "--side: l: expected a side the model has a knee of: r"),
+        ("--motion angles.sto --rounds 21", "--rounds: rounds: 21: expected 0 to 20"),
+        ("--motion angles.sto --time_s 0.2", "--time_s: time: 0.2: expected BEGIN:END"),
+        ("--motion angles.sto --time_s 0.2:3", "expected two times from 0 to 1 s, which"),
+        ("--motion angles.sto --actuators m.osim", "expected reserves and residuals of OpenSim"),
+        ("--motion angles.sto --actuators nowhere.xml", "nowhere.xml: file: missing"),
+    ],
+)
+def test_a_movement_for_opensim_is_checked_before_it_is_asked(
+    words, said, ground, capsys, monkeypatch
+):
+    monkeypatch.chdir(ground)
+    monkeypatch.setattr("kneejax.files.opensim._whole_body.check_installed", lambda *_: None)
+    command = ["activity", *words.split(), "--model", "m.osim", "--knee", "four_ligament"]
+    assert main([*command, "--out", "out"]) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1
+    assert not (ground / "out").exists()
+
+
+def test_without_the_extra_one_line_says_what_to_install(ground, capsys, monkeypatch):
+    monkeypatch.chdir(ground)
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    words = ["--motion", "nowhere.sto", "--model", "m.osim", "--out", "out"]
+    assert main(["activity", *words]) == 2
+    error = capsys.readouterr().err
+    assert "opensim, which is not installed: pip install 'kneejax[opensim]'" in error
+    assert error.count("\n") == 1 and not (ground / "out").exists()
+
+
 @pytest.mark.slow
 def test_a_joint_reaction_is_balanced_written_and_run_again(folder, capsys):
     """A made-up reaction: tables, figure, settings, and the same numbers once more."""

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 import yaml
 
+from kneejax import evaluate, passive_flexion
 from kneejax.cli import main
+from kneejax.files import load_knee_file
 from kneejax.planning import undominated
 
 pytest.importorskip("dtaidistance")
@@ -91,3 +93,21 @@ def test_a_curve_of_the_graft_ends_where_its_strain_does(written):
     at_fixation = next(x for x in planned if float(x["flexion_deg"]) == 20.0)
     assert float(at_fixation["tension_N"]) == pytest.approx(50.0, abs=0.01)
     assert np.all([float(x["strain"]) > -0.2 for x in rows])
+
+
+@pytest.mark.parametrize("word", ["planned", "optimum"])
+def test_the_knee_file_carries_the_graft_that_was_fixed(word, written):
+    """Its graft pulls with the tension of fixation where it was fixed; the torn fibre is gone."""
+    _, out = written
+    read = load_knee_file(out / f"{word}.yaml")
+    assert read.knee.ligaments.names == ("PCL", "MCL", "LCL", "graft")
+    row = next(x for x in rows_of(out / "plan.csv") if x["knee"] == word)
+    every = rows_of(out / "curves.csv")
+    curve = [x for x in every if (x["knee"], x["ligament"]) == (word, "graft")]
+    angles = [float(x["flexion_deg"]) for x in curve]
+    moved = passive_flexion(read.knee, angles)
+    tension = np.asarray(evaluate(read.knee, moved.settled.state).tension)[:, 3]
+    assert np.abs(tension - [float(x["tension_N"]) for x in curve]).max() < 1e-3
+    assert tension[angles.index(20.0)] == pytest.approx(float(row["graft_tension_N"]), abs=1e-3)
+    said = read.document["ligaments"]["graft"]["source"]
+    assert f"under {float(row['graft_tension_N']):.4g} N at 20 degrees" in said

@@ -8,7 +8,7 @@ import jax
 import numpy as np
 
 from kneejax.files.joint._file import JointFile
-from kneejax.files.opensim import simm_splines
+from kneejax.files.opensim import simm_splines, transform_axes
 from kneejax.geometry import FREE_COORDINATES, TIBIA, State
 from kneejax.joints import Joint
 
@@ -58,21 +58,6 @@ _JOINT = """      <CustomJoint name="knee_{s}">
 {axes}
         </SpatialTransform>
       </CustomJoint>"""
-_AXIS = """          <TransformAxis name="{name}">
-            <coordinates>{coordinate}</coordinates>
-            <axis>{axis}</axis>
-            {function}
-          </TransformAxis>"""
-_LINEAR = '<LinearFunction name="function"><coefficients>-1 0</coefficients></LinearFunction>'
-# Coordinate -> axis of the transform, of a right knee and of a left one, Z to the person's right.
-_AXES = {
-    "flexion": ("rotation1", "0 0 1", "0 0 1"),
-    "adduction": ("rotation2", "1 0 0", "-1 0 0"),
-    "internal_rotation": ("rotation3", "0 1 0", "0 -1 0"),
-    "anterior": ("translation1", "1 0 0", "1 0 0"),
-    "superior": ("translation2", "0 1 0", "0 1 0"),
-    "lateral": ("translation3", "0 0 1", "0 0 -1"),
-}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -121,9 +106,10 @@ def export_joint(file: JointFile) -> JointExport:
             break
     s = file.side[0]
     names = {"femur": f"femur_{s}", "tibia": f"tibia_{s}"}
+    columns = dict(zip(FREE_COORDINATES, values.T, strict=True))
     snippet = _JOINT.format(
         s=s, note=_note(file), coordinate=f"knee_flexion_{s}", low=float(low), high=float(high),
-        axes="\n".join(_axes(file.side, f"knee_flexion_{s}", knots, values)), **names,
+        axes=transform_axes(file.side, f"knee_flexion_{s}", knots, columns), **names,
     )  # fmt: skip
     model = _MODEL.format(name=_plain(file.name) or "joint", joint=snippet, **names)
     return JointExport(snippet + "\n", model, np.rad2deg(knots), error)
@@ -165,19 +151,6 @@ def _error(joint: Joint, knots: np.ndarray, values: np.ndarray) -> np.ndarray:
     places = (knots[:-1, None] + width * [0.2, 0.5, 0.8]).ravel()
     apart = np.abs(simm_splines(knots, values, places) - _free(joint, places)).max(axis=0)
     return apart * np.r_[np.rad2deg([1.0, 1.0]), 1e3, 1e3, 1e3]
-
-
-def _axes(side: str, coordinate: str, knots: np.ndarray, values: np.ndarray):
-    columns = dict(zip(FREE_COORDINATES, values.T, strict=True))
-    for name, (axis, right, left) in _AXES.items():
-        function = _LINEAR if name == "flexion" else _spline(knots, columns[name])
-        direction = left if side == "left" else right
-        yield _AXIS.format(name=axis, coordinate=coordinate, axis=direction, function=function)
-
-
-def _spline(knots: np.ndarray, values: np.ndarray) -> str:
-    x, y = (" ".join(repr(float(number)) for number in row) for row in (knots, values))
-    return f'<SimmSpline name="function"><x>{x}</x><y>{y}</y></SimmSpline>'
 
 
 def _note(file: JointFile) -> str:

@@ -15,6 +15,7 @@ _MODULES = {
     "write_knee": "kneejax.files.knee._file",
     "mirror_document": "kneejax.files.knee._mirror",
     "mirror_part": "kneejax.files.knee._mirror",
+    "reconstructed": "kneejax.files.knee._reconstructed",
     "restated": "kneejax.files.knee._restated",
     "check_knee": "kneejax.files.knee._schema",
 }
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from kneejax.files.knee._format import format_knee as format_knee
     from kneejax.files.knee._mirror import mirror_document as mirror_document
     from kneejax.files.knee._mirror import mirror_part as mirror_part
+    from kneejax.files.knee._reconstructed import reconstructed as reconstructed
     from kneejax.files.knee._restated import restated as restated
     from kneejax.files.knee._schema import check_knee as check_knee
     from kneejax.files.knee._schema_parts import ENDS as ENDS

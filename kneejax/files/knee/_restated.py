@@ -16,8 +16,8 @@ from kneejax.files.knee._schema_parts import FACES, SLACK_FIELDS
 from kneejax.geometry import PATELLA
 from kneejax.mechanics import RANGES, Fibres, Knee, at_reference, usual_failure_strain
 
-# Field of a part -> attribute of the part's class that it gives.
-_FIBRE = {
+#: Field of a fibre -> attribute of fibres that it gives; likewise those below.
+FIBRE = {
     "stiffness_N": "stiffness",
     "transition_strain": "transition_strain",
     "transition_width": "transition_width",
@@ -144,7 +144,7 @@ def _muscles(section: dict[str, Any], knee: Knee, source: str) -> None:
 
 def _fibres(parts: dict[str, dict[str, Any]], knee: Knee, source: str) -> None:
     fibres = knee.ligaments
-    numbers = {field: np.asarray(getattr(fibres, name)) for field, name in _FIBRE.items()}
+    numbers = {field: np.asarray(getattr(fibres, name)) for field, name in FIBRE.items()}
     _, lengths = at_reference(fibres, knee.at_reference, detour_counts(parts))
     lengths, slack = np.asarray(lengths).tolist(), np.asarray(fibres.slack_length)
     attachments = [np.asarray(x) for x in (fibres.femoral_attachment, fibres.tibial_attachment)]

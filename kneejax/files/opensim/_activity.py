@@ -10,7 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from kneejax.files.opensim._external_loads import ExternalLoads, on_bodies, read_external_loads
+from kneejax.files.opensim._external_loads import (
+    ExternalLoads,
+    has_contacts,
+    of_contacts,
+    on_bodies,
+    read_external_loads,
+)
 from kneejax.files.opensim._joints import Joint, read_joints
 from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, find_knee
 from kneejax.files.opensim._model import Model, angles_xyz, read_model, turn_xyz
@@ -25,8 +31,8 @@ from kneejax.files.opensim._registration import (
 )
 from kneejax.files.reading import InputProblem, counted
 from kneejax.files.tables import Storage, angles_rad, common_times, last_word, read_storage
-from kneejax.geometry import FEMUR, TIBIA
-from kneejax.mechanics import Knee, LegRecord, MovingMass, wrench_in_frame
+from kneejax.geometry import FEMUR, TIBIA, Pose, State
+from kneejax.mechanics import Knee, LegRecord, MovingMass, Muscles, wrench_in_frame
 
 #: Between the five instants by which accelerations are taken, s.
 _STEP_S = 5e-4
@@ -55,7 +61,7 @@ def read_activity(
     side: str,
     knee: Knee,
     document: dict[str, Any] | None = None,
-    frames: str = "auto",
+    frames: str | Registration = "auto",
     instants: int | None = None,
 ) -> LegRecord:
     """Read a recorded movement, without OpenSim.
@@ -63,12 +69,14 @@ def read_activity(
     Args:
         model_path: the model that moved (.osim).
         files: .sto or .mot tables of coordinates, and either of muscle forces with the external
-            loads (.xml, whose table is sought beside it), or of joint reactions; each is known by
-            its columns.
+            loads (.xml, whose table is sought beside it; not needed where the forces are recorded
+            with those of the model's own contacts), or of joint reactions, alone or beside muscle
+            forces; each is known by its columns.
         side: `r` or `l`.
         knee: in whose frames the record is wanted.
         document: of the knee's file, which tells whether it was made of this model.
-        frames: `same`, `landmarks`, or `auto` for the first where the knee was made of this model.
+        frames: `same`, `landmarks`, or `auto` for the first where the knee was made of this model;
+            or those of `registered`.
         instants: how many, evenly spaced; by default the rows of the coarsest table.
 
     Returns:
@@ -84,7 +92,9 @@ def read_activity(
     bones = find_knee(model, side)
     given = _sorted(model, bones, files)
     time = common_times(given.tables, instants)
-    shifts = registration(model, bones, knee, document or {}, frames)
+    shifts = frames
+    if not isinstance(shifts, Registration):
+        shifts = registration(model, bones, knee, document or {}, shifts)
     movement, around = _moved(model, bones, given.motion, time)
     below = _below(movement.joints, bones)
     tibia = movement.placed[bones.tibia]
@@ -102,6 +112,9 @@ def read_activity(
     muscles, quadriceps = _muscles(given, movement, bones, found, frames_of, shifts, time, notes)
     there = frames_of[FEMUR].after(frame.inverse())
     own = poses_of(Rigid(there.turn, there.shift / 1e3), "r")
+    if given.reaction is not None and given.muscles is not None:
+        acting = _besides(acting, muscles, own)
+        notes.append("What acts besides muscles: what the joint reaction leaves for it.")
     still = np.zeros((len(time), 3))
     return LegRecord(
         time, own, acting, muscles, quadriceps, still if ground is None else ground, shifts.same,
@@ -142,7 +155,8 @@ def _sorted(model: Model, bones: OsimKneeJoint, files: Sequence[str | os.PathLik
     if "coordinates" not in kinds:
         expected = f"a table with the coordinate {flexion} among the files"
         raise InputProblem("FILES", "coordinates", "missing", expected)
-    if "joint reactions" not in kinds:
+    own = "muscle forces" in kinds and has_contacts(kinds["muscle forces"])
+    if "joint reactions" not in kinds and not own:
         for kind, what in (("muscle forces", "table"), ("external loads", ".xml")):
             if kind not in kinds:
                 expected = f"a {what} of {kind}, or a table of joint reactions, among the files"
@@ -185,7 +199,6 @@ def _below(joints: tuple[Joint, ...], bones: OsimKneeJoint) -> set[str]:
 def _acting(given: _Files, movement: Movement, around: Movement, below, frame: Rigid, time):
     """What acts besides muscles, by name, in the knee's tibia; the leg's mass; force of the ground
     on this foot."""
-    assert given.ground is not None
     model = movement.model
     gravity = np.array(model.point(model.root, "gravity", "0 -9.80665 0"), float)
     none = np.zeros((len(time), 3))
@@ -196,7 +209,11 @@ def _acting(given: _Files, movement: Movement, around: Movement, below, frame: R
         for_weight, for_inertia = part.weight(gravity), part.inertia()
         weight = weight[0] + for_weight[0], weight[1] + for_weight[1]
         inertia = inertia[0] + for_inertia[0], inertia[1] + for_inertia[1]
-    ground = on_bodies(given.ground, movement, below, time)
+    if given.ground is not None:
+        ground = on_bodies(given.ground, movement, below, time)
+    else:
+        assert given.muscles is not None  # with the contacts of the model
+        ground = of_contacts(model, given.muscles, below, time)
     parts = {"ground": ground, "weight": weight, "inertia": inertia}
     found = {name: _on_tibia(pair[0], pair[1], frame) for name, pair in parts.items()}
     return found, total, ground[0]
@@ -245,6 +262,16 @@ def _reaction(table: Storage, bones: OsimKneeJoint, time, shifts: Registration, 
     about = 1e3 * moment * mirror * mirror.prod()
     own = force * mirror
     return {"joint reaction": -np.concatenate([own, about + np.cross(place, own)], axis=1)}
+
+
+def _besides(
+    acting: dict[str, np.ndarray], muscles: Muscles, pose: np.ndarray
+) -> dict[str, np.ndarray]:
+    """What acts without the muscles that a joint reaction includes: they pull by themselves."""
+    if not muscles.names:
+        return acting
+    pulls = np.asarray(muscles.on_tibia(State({TIBIA: Pose.from_table(pose)}))).sum(axis=0).T
+    return {"besides muscles": sum(acting.values(), -pulls)}
 
 
 def _muscles(given, movement, bones, found: Crossing, frames_of, shifts, time, notes):

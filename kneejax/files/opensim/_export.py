@@ -15,11 +15,15 @@ import numpy as np
 from kneejax.files._bundled import bundled_knees
 from kneejax.files._knees import check_kind, load_knee_file
 from kneejax.files.knee import KneeFile, check_knee, read_knee
+from kneejax.files.opensim._coupled_joint import couple_knee
+from kneejax.files.opensim._coupled_motion import CoupledMotion
 from kneejax.files.opensim._edits import Edits
+from kneejax.files.opensim._fibres import replace_fibres
 from kneejax.files.opensim._import import OsimImport, import_osim
 from kneejax.files.opensim._knee import SIDES
 from kneejax.files.opensim._ligaments import NUMBERS, OsimLigament
 from kneejax.files.opensim._numbers import METRES_TO_MM, unshifted
+from kneejax.files.opensim._registration import SAME
 from kneejax.files.opensim._wraps import WRAP_KINDS, carrier_in_bone
 from kneejax.files.reading import Field, InputProblem, load_yaml
 
@@ -43,7 +47,11 @@ class OsimExport:
 
 
 def export_osim(
-    knee: KneeFile | str | os.PathLike[str], model: str | os.PathLike[str]
+    knee: KneeFile | str | os.PathLike[str],
+    model: str | os.PathLike[str],
+    *,
+    replace: bool = False,
+    coupled: CoupledMotion | None = None,
 ) -> OsimExport:
     """Write a knee's ligaments and obstacles into the model that it came from.
 
@@ -55,13 +63,17 @@ def export_osim(
         knee: a knee that was imported from the model, with whatever numbers since: the name of a
             bundled one, a file, or what was read of it.
         model: the original model.
+        replace: whether the model's fibres over the knee become the knee's: those that it has not
+            are added (grafts, or bundles of another source in the same frames), those that the
+            knee has not are taken out (a torn ligament).
+        coupled: secondary motion that the model's knee is to have, a CustomJoint of one coordinate.
 
     Returns:
         The new content, and what changed.
 
     Raises:
-        InputProblem: the model cannot be read, or the knee has a fibre, obstacle or via point that
-            the model has not.
+        InputProblem: the model cannot be read, or the knee has an obstacle or via point that the
+            model has not; likewise a fibre, unless `replace`.
 
     Example:
         >>> import tempfile
@@ -93,10 +105,14 @@ def export_osim(
         expected = f"the model that the knee came from, {origin['file']}, which has this body"
         raise InputProblem(model, "body", problem.value, expected) from None
     edits = Edits(base.model)
-    _ligaments(edits, knee_file, base, origin.get("ligaments", {}))
+    if replace:
+        replace_fibres(edits, base, document, _added(knee_file, base, origin))
+    _ligaments(edits, knee_file, base, origin.get("ligaments", {}), replace)
     _wraps(edits, knee_file, base, origin.get("wraps", {}))
+    if coupled is not None:
+        couple_knee(edits, base.knee, coupled, SAME)
     data = base.model.file.spliced(edits.splices)
-    notes = _notes(knee_file, base, origin)
+    notes = _notes(knee_file, base, origin, replace)
     if edits.splices:
         notes += _read_back(knee_file, base, data)
     return OsimExport(data, tuple(edits.changes), tuple(notes))
@@ -124,13 +140,36 @@ def _opened(knee: KneeFile | str | os.PathLike[str]) -> _Stated:
     return _Stated(path, document, functools.cache(lambda: read_knee(path)))
 
 
-def _ligaments(edits: Edits, knee_file: _Stated, base: OsimImport, keys: dict[str, str]) -> None:
+def _added(knee_file: _Stated, base: OsimImport, origin: dict[str, Any]) -> dict[str, Any]:
+    """Fibres that the model has not, with all their numbers."""
+    keys, known = origin.get("ligaments", {}), {x.key for x in base.ligaments.values()}
+    wraps = origin.get("wraps", {})
+    added = {}
+    for row, (name, entry) in enumerate(knee_file.document["ligaments"].items()):
+        if keys.get(name, name) in known:
+            continue
+        if name in base.found.outside | base.found.unsupported:
+            expected = f"a name that no other force of {base.model.file.path.name} has"
+            raise InputProblem(knee_file.path, f"ligaments.{name}", name, expected)
+        slack = float(knee_file.built().knee.ligaments.slack_length[row])
+        added[name] = {"damping_N_s": 0.0, "slack_length_mm": slack} | entry
+        if "wrap" in entry:
+            added[name]["wrap"] = wraps.get(entry["wrap"], entry["wrap"])
+    return added
+
+
+def _ligaments(
+    edits: Edits, knee_file: _Stated, base: OsimImport, keys: dict[str, str], replace: bool
+) -> None:
     document = knee_file.document
     by_key = {ligament.key: name for name, ligament in base.ligaments.items()}
     for row, (name, entry) in enumerate(document["ligaments"].items()):
         key, place = keys.get(name, name), f"ligaments.{name}"
+        if key not in by_key and replace:
+            continue
         if key not in by_key:
-            expected = f"a fibre of {base.model.file.path.name} that spans the knee"
+            file = base.model.file.path.name
+            expected = f"a fibre of {file} that spans the knee, or --replace to add it"
             raise InputProblem(knee_file.path, place, key, expected, by_key)
         ligament, old = base.ligaments[by_key[key]], base.document["ligaments"][by_key[key]]
         for field, (tag, _) in NUMBERS.items():
@@ -216,17 +255,24 @@ def _same(knee_file: _Stated, place: str, value, model_value) -> None:
         raise InputProblem(knee_file.path, place, value or "none", expected)
 
 
-def _notes(knee_file: _Stated, base: OsimImport, origin: dict[str, Any]) -> list[str]:
+def _notes(
+    knee_file: _Stated, base: OsimImport, origin: dict[str, Any], replace: bool
+) -> list[str]:
     notes = []
     digest = hashlib.sha256(base.model.file.original).hexdigest()
-    if not origin:
+    if not origin and replace:
+        notes.append("The knee does not say which model it came from; its frames were taken for "
+                     f"those of {base.knee.femur} and {base.knee.tibia}.")  # fmt: skip
+    elif not origin:
         notes.append("The knee does not say which model it came from; names were compared.")
     elif origin["sha256"] != digest:
         notes.append(f"The model is not, byte by byte, the one imported ({origin['file']}).")
     keys = origin.get("ligaments", {})
     kept = {keys.get(name, name) for name in knee_file.document["ligaments"]}
     missing = [x.key for x in base.ligaments.values() if x.key not in kept]
-    if missing:
+    if replace and base.found.unsupported:
+        notes.append(f"Not read, and left in the model: {', '.join(base.found.unsupported)}.")
+    if missing and not replace:
         notes.append(f"Not in the knee, and left as they are: {', '.join(missing)}.")
     return notes
 
@@ -245,7 +291,9 @@ def _read_back(knee_file: _Stated, base: OsimImport, data: bytes) -> list[str]:
             key = origin.get(section, {}).get(name, name)
             other = again.document.get(section, {}).get(by_key.get(key, ""), {})
             for field, value in entry.items():
-                if field in other and field.endswith(("_mm", "_deg", "_N", "_s", "strain")):
+                # At which strain a fibre tears is no number of OpenSim's.
+                given = field in other and field != "failure_strain"
+                if given and field.endswith(("_mm", "_deg", "_N", "_s", "strain")):
                     worst = float(np.max(np.abs(np.subtract(value, other[field]))))
                     if worst > 0:
                         notes.append(f"{name}.{field} reads back with an error of {worst:.1g}.")

@@ -169,6 +169,38 @@ def on_bodies(
     return force, moment
 
 
+def has_contacts(table: Storage) -> bool:
+    """Whether a table of forces has what a model's own contacts do to the ground."""
+    return any(".ground.force." in name for name in table.columns)
+
+
+def of_contacts(
+    model: Model, table: Storage, bodies: set[str], time: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Force and moment of the ground on some bodies, by the contacts of the model itself.
+
+    Args:
+        model: with contacts between these bodies and the ground.
+        table: of forces, in which OpenSim records each contact with the bodies that it acts on.
+        bodies: on which the contacts that count act.
+        time: within the table, `(n,)`, s.
+
+    Returns:
+        As `on_bodies`: the opposite of what the ground bears.
+    """
+    carriers = {e.name: e.word("socket_frame").rsplit("/", 1)[-1] for e in model.elements()
+                if e.tag.startswith("Contact") and e.child("socket_frame") is not None}  # fmt: skip
+    force, moment = np.zeros((len(time), 3)), np.zeros((len(time), 3))
+    for element in model.elements():
+        names = [f"{element.name}.ground.{kind}.{axis}" for kind in ("force", "torque")
+                 for axis in "XYZ"]  # fmt: skip
+        words = {w for e in element.walk() if e.tag == "geometry" for w in e.text.split()}
+        if names[0] in table.columns and {carriers.get(word, "") for word in words} & bodies:
+            both = -table.at(time, names, degree=1).T
+            force, moment = force + both[:, :3], moment + both[:, 3:]
+    return force, moment
+
+
 def _column(table: Storage, names: tuple[str, ...]) -> np.ndarray:
     if not names:
         return np.zeros((3, len(table.time)))

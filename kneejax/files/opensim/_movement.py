@@ -101,7 +101,12 @@ def moved(model: Model, values: Mapping[str, np.ndarray]) -> Movement:
     while waiting:
         ready = [joint for joint in waiting if joint.parent in placed]
         if not ready:
-            break
+            # A body that no joint carries begins at the ground, as in OpenSim.
+            free = {joint.parent for joint in waiting} - {joint.child for joint in waiting}
+            if not free:
+                break
+            placed |= dict.fromkeys(free, still)
+            continue
         for joint in ready:
             placed[joint.child] = placed[joint.parent].after(_placement(model, joint, every, shape))
         waiting = [joint for joint in waiting if joint not in ready]

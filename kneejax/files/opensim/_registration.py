@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from kneejax.files.opensim._knee import OsimKneeJoint
-from kneejax.files.opensim._model import Model
+from kneejax.files.opensim._knee import OsimKneeJoint, find_knee
+from kneejax.files.opensim._model import Model, read_model
 from kneejax.files.opensim._movement import Movement, Rigid, moved, turning
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import FEMUR, TIBIA, angles_from_rotation
@@ -41,6 +42,10 @@ class Registration(NamedTuple):
     doubts: tuple[str, ...] = ()
 
 
+#: Of a knee that is in the model's frames.
+SAME = Registration(np.zeros(3), np.zeros(3), True, ())
+
+
 def registration(
     model: Model, bones: OsimKneeJoint, knee: Knee, document: dict[str, Any], frames: str
 ) -> Registration:
@@ -64,8 +69,7 @@ def registration(
         raise InputProblem("--frames", "frames", frames, f"one of {', '.join(FRAMES)}", FRAMES)
     if frames == "same" or (frames == "auto" and _made_of(model, document)):
         why = "as asked for" if frames == "same" else f"as the knee was made of {_name(model)}"
-        shift = np.zeros(3)
-        return Registration(shift, shift, True, (f"Frames: those of the model, {why}.",))
+        return SAME._replace(notes=(f"Frames: those of the model, {why}.",))
     mirror = np.array([1.0, 1.0, -1.0 if bones.side == "l" else 1.0])
     own = condyle_axes(*condyle_points(knee)).points[1].mean(axis=0)
     reference = knee.reference_pose.to_table()
@@ -88,6 +92,25 @@ def registration(
         f"The model's flexion axis is {off:.0f} degrees off its Z axis: axes by name are doubtful.",
     )
     return Registration(femur, tibia, False, notes, doubts if off > _ASKEW_DEG else ())
+
+
+def registered(
+    model_path: str | os.PathLike[str], side: str, knee: Knee, document: dict[str, Any], frames: str
+) -> Registration:
+    """Register a model to a knee once, for models that differ from it in how the knee moves.
+
+    Args:
+        model_path: the model (.osim).
+        side: `r` or `l`.
+        knee: to which it is registered.
+        document: of the knee.
+        frames: one of `FRAMES`.
+
+    Raises:
+        InputProblem: the model cannot be read or has no such knee.
+    """
+    model = read_model(model_path)
+    return registration(model, find_knee(model, side), knee, document, frames)
 
 
 def _name(model: Model) -> str:

@@ -65,7 +65,9 @@ def _of_lost(motion: Motion, row: int, loads: Mapping[str, float]) -> str:
     reached = float(motion.reached[row])
     if motion.status[row] == Status.GIVES_WAY:
         return f"held {_part(loads, reached)}, and nothing beyond"
-    left = motion.settled.residual[:, row] * scales(free_of(motion.settled.prescribed))
+    left = motion.settled.residual[:, row] * scales(
+        free_of(motion.settled.prescribed, motion.knee.bodies)
+    )
     left_mm, left_N = motion.left_mm[row], np.abs(left).max()
     if not np.isfinite([left_mm, left_N]).all():
         return ""

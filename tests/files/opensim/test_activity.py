@@ -136,6 +136,41 @@ def test_a_muscle_pulls_along_its_line(swing):
         assert np.allclose(wrench, [*force, *np.cross(end, force)], atol=1e-9)
 
 
+def test_feet_with_contacts_of_their_own_bear_what_the_ground_gives(swing, tmp_path, knee):
+    """OpenSim records what a contact does to the ground, about the ground's origin."""
+    folder = written(tmp_path)
+    contact = """<HuntCrossleyForce name="sole"><HuntCrossleyForce::ContactParameters>
+<geometry>floor ball</geometry></HuntCrossleyForce::ContactParameters></HuntCrossleyForce>"""
+    ball = """<ContactGeometrySet><objects><ContactSphere name="ball">
+<socket_frame>/bodyset/tibia_r</socket_frame></ContactSphere></objects></ContactGeometrySet>"""
+    text = (folder / "swing.osim").read_text()
+    text = text.replace("<ForceSet><objects>", f"{ball}<ForceSet><objects>{contact}")
+    (folder / "swing.osim").write_text(text)
+    about = np.cross(POINT, FORCE) + SPIN
+    names = [f"sole.ground.{kind}.{axis}" for kind in ("force", "torque") for axis in "XYZ"]
+    bears = {name: -x + 0 * TIME for name, x in zip(names, [*FORCE, *about], strict=True)}
+    pulls = {"hams_r": 100.0 + 0 * TIME, "other_r": 0 * TIME}
+    storage(folder / "pulls.sto", {"time": TIME} | pulls | bears)
+    found = read(folder, knee, files=("angles.mot", "pulls.sto"))
+    assert np.abs(found.acting["ground"] - swing.acting["ground"]).max() < 1e-6
+    assert np.allclose(found.ground_N, FORCE)
+
+
+def test_beside_muscles_a_reaction_tells_what_else_acts(swing, tmp_path, knee):
+    """A muscle that a joint reaction includes pulls once, along its line."""
+    folder = written(tmp_path)
+    whole = sum(swing.acting.values(), on_tibia(swing).sum(axis=0))
+    axes = [f"knee_r_on_tibia_r_in_tibia_r_{kind}{axis}" for kind in "fmp" for axis in "xyz"]
+    values = np.column_stack([-whole[:, :3], -whole[:, 3:] / 1e3, np.zeros((len(TIME), 3))])
+    columns = {"time": TIME} | dict(zip(axes, values.T, strict=True))
+    storage(folder / "reaction.sto", columns)
+    found = read(folder, knee, files=("angles.mot", "pulls.sto", "reaction.sto"))
+    assert found.muscles.names == swing.muscles.names
+    acting = sum(swing.acting.values())
+    assert np.abs(found.acting["besides muscles"] - acting).max() < 1e-6 * np.abs(acting).max()
+    assert [*found.acting] == ["besides muscles"]
+
+
 def test_a_left_leg_is_its_mirrored_right_twin(swing, tmp_path, knee):
     left = read(written(tmp_path, side="l", spin="l"), knee, side="l")
     assert np.allclose(left.pose, swing.pose, atol=1e-9)

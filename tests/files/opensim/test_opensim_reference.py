@@ -14,7 +14,7 @@ pytestmark = pytest.mark.opensim
 MODELS = Path(__file__).parent / "models"
 LENHART = Path(__file__).parents[3] / "../shared/data/lenhart2015/lenhart2015.osim"
 # Classes of OpenSim JAM that OpenSim does not have, and the one that our file leaves half empty.
-_FOREIGN = re.compile(
+FOREIGN = re.compile(
     r"<(Smith2018\w+|Ligament|Millard2012EquilibriumMuscle)\b(?: name=\"[^\"]*\")?>.*?</\1>", re.S
 )
 # The one with <defaults> comes last: OpenSim keeps them for every model that follows.
@@ -33,7 +33,7 @@ def both(request, tmp_path_factory):
     if not path.exists():
         pytest.skip("the shared data are not here")
     known = tmp_path_factory.mktemp("osim") / path.name
-    known.write_text(_FOREIGN.sub("", path.read_text(encoding="utf-8")), encoding="utf-8")
+    known.write_text(FOREIGN.sub("", path.read_text(encoding="utf-8")), encoding="utf-8")
     osim.Logger.setLevelString("Off")
     model = osim.Model(str(known))
     return import_osim(path, side=side), model, model.initSystem(), osim

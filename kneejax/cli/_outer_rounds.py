@@ -1,0 +1,161 @@
+"""OpenSim asked about a movement, and asked again with the knee's own secondary motion."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kneejax.experiments import Activity, Round, activity, weights
+from kneejax.files import (
+    CoupledMotion,
+    InputProblem,
+    Registration,
+    WholeBody,
+    WholeBodyForces,
+    ask_opensim,
+    couple_model,
+    coupled_motion,
+    read_activity,
+    registered,
+    whole_body,
+    write_bytes,
+)
+from kneejax.geometry import TIBIA, Pose, State
+from kneejax.mechanics import Knee, LegRecord
+
+_MOST_ROUNDS = 20
+
+
+def movement_of(arguments: argparse.Namespace) -> WholeBody | None:
+    """The movement that OpenSim is to be asked about, checked; None where tables are given.
+
+    Args:
+        arguments: of the command.
+
+    Raises:
+        InputProblem: options that do not go together, or a movement that does not fit the model.
+    """
+    asked = {"--grf": arguments.grf, "--actuators": arguments.actuators,
+             "--time_s": arguments.time_s, "--rounds": arguments.rounds}  # fmt: skip
+    if arguments.motion is None:
+        for option, value in asked.items():
+            if value:
+                expected = "--motion beside it: coordinates that OpenSim computes forces for"
+                raise InputProblem(option, "options", option, expected)
+        if not arguments.files:
+            expected = "OpenSim's tables, or --motion and --grf for OpenSim to make them"
+            raise InputProblem("FILES", "files", "none", expected)
+        return None
+    if arguments.files:
+        expected = "one of both: with --motion OpenSim makes the other tables itself"
+        raise InputProblem("--motion", "options", "--motion and FILES", expected)
+    if not 0 <= arguments.rounds <= _MOST_ROUNDS:
+        raise InputProblem("--rounds", "rounds", arguments.rounds, f"0 to {_MOST_ROUNDS}")
+    return whole_body(
+        arguments.model, arguments.motion, arguments.grf, side=arguments.side,
+        actuators=arguments.actuators, instants=arguments.instants,
+        time_s=_time(arguments.time_s),
+    )  # fmt: skip
+
+
+def _time(word: str | None) -> tuple[float, float] | None:
+    """Begin and end, s, as two numbers with a colon between."""
+    if word is None:
+        return None
+    try:
+        begin, end = (float(x) for x in word.split(":"))
+    except ValueError:
+        expected = "BEGIN:END, two numbers of seconds"
+        raise InputProblem("--time_s", "time", word, expected) from None
+    return begin, end
+
+
+def asked_of_opensim(
+    arguments: argparse.Namespace,
+    body: WholeBody,
+    knee: Knee,
+    own: Knee,
+    document: dict[str, Any],
+    show,
+) -> tuple[LegRecord, list[Round]]:
+    """What acts on the leg as OpenSim finds it, in the last of the rounds asked for.
+
+    Args:
+        arguments: of the command.
+        body: the movement, checked.
+        knee: whose secondary motion goes back into the model.
+        own: the knee of two bones, which frames are registered to.
+        document: of its file.
+        show: called with what is done.
+
+    Returns:
+        The record, and the rounds; none where no motion was to go back.
+    """
+    shifts = registered(arguments.model, arguments.side, own, document, arguments.frames)
+    rounds, model, motion = [], body.model, None  # the model's own motion, to begin with
+    for number in range(arguments.rounds + 1):
+        show(f"OpenSim, round {number}" if arguments.rounds else "OpenSim", 0, 0)
+        folder = arguments.out / "opensim" / (f"round_{number}" if arguments.rounds else "")
+        if motion is not None:
+            model = folder / body.model.name
+            data = couple_model(body.model, arguments.side, motion, shifts)
+            write_bytes(model, data)
+        said = ask_opensim(body, folder, model)
+        record = _record(body, model, said, own, shifts)
+        if arguments.rounds:
+            show(f"{knee.name}, round {number}", 0, 0)
+            one = activity(knee, record)
+            before = coupled_motion(record.pose) if motion is None else motion
+            after = _motion(one, str(arguments.motion), before.flexion_deg)
+            off = _reaction_off(body, model, said, own, shifts, record)
+            rounds.append(_round(number, one, before, after, off))
+            part = before.secondary + weights(rounds)[-1] * rounds[-1].change
+            motion = dataclasses.replace(after, secondary=part)
+    return record, rounds
+
+
+def _record(
+    body: WholeBody, model: Path, said: WholeBodyForces, own: Knee, shifts: Registration
+) -> LegRecord:
+    # Where no ground is given, the feet's own contacts are among the forces.
+    forces = [said.forces, *([] if body.loads is None else [body.loads])]
+    # The instants are those of static optimisation, between which nothing is known.
+    return read_activity(model, [body.motion, *forces], side=body.side, knee=own, frames=shifts)
+
+
+def _reaction_off(
+    body: WholeBody, model: Path, said: WholeBodyForces, own: Knee, shifts: Registration,
+    record: LegRecord,
+) -> float:  # fmt: skip
+    """By how much OpenSim's reaction differs from the sum of what was read, rms, N."""
+    if body.loads is None or record.quadriceps_N.any():
+        return float("nan")
+    theirs = read_activity(model, [body.motion, said.reactions], side=body.side, knee=own,
+                           frames=shifts)  # fmt: skip
+    state = State({TIBIA: Pose.from_table(record.pose)})
+    pulls = np.asarray(record.muscles.on_tibia(state)).sum(axis=0).T
+    ours = sum(record.acting.values(), pulls)[:, :3]
+    there = theirs.acting["joint reaction"][:, :3]
+    same = np.stack([np.interp(record.time_s, theirs.time_s, x) for x in there.T], axis=1)
+    return float(np.sqrt(np.mean(np.sum((ours - same) ** 2, axis=1))))
+
+
+def _motion(one: Activity, file: str, knots_deg: np.ndarray) -> CoupledMotion:
+    poses = np.asarray(one.motion.to_table())[one.holds]
+    if not len(poses):
+        expected = "a movement under which the knee balances, for its motion to go back"
+        raise InputProblem(file, "balances", f"none of {len(one.holds)}", expected)
+    return coupled_motion(poses, file, knots_deg)
+
+
+def _round(
+    number: int, one: Activity, before: CoupledMotion, after: CoupledMotion, reaction_N: float
+) -> Round:
+    holds = int(one.holds.sum()), len(one.holds)
+    moment = float(np.sqrt(np.nanmean(one.residual_Nm**2)))
+    return Round(number, after.flexion_deg, before.secondary, after.secondary, after.rms, holds,
+                 moment, reaction_N)  # fmt: skip

@@ -1,0 +1,133 @@
+"""OpenSim itself on a movement: inverse dynamics, static optimisation, joint reaction.
+
+A process of its own (`python -m kneejax.files.opensim._engine SETTINGS.json`): where OpenSim stops
+without a word, only that process ends.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from kneejax.numerics import imported
+
+#: Files that it writes: what OpenSim calls them, what they are called here.
+MOMENTS = "inverse_dynamics.sto"
+FORCES = "static_optimisation_force.sto"
+REACTIONS = "joint_reactions.sto"
+# By which files begin that are not kept.
+_NAME = "opensim"
+
+
+def main(file: str) -> None:
+    """Do what a file of settings says: `model`, `motion`, `loads`, `actuators`, `joint`, `begin_s`,
+    `end_s`, `every` (rows of the motion), `folder`."""
+    settings = json.loads(Path(file).read_text(encoding="utf-8"))
+    osim = imported("opensim", "opensim", "opensim")
+    osim.Logger.removeFileSink()
+    osim.Logger.setLevelString("Error")
+    folder = Path(settings["folder"])
+    _inverse_dynamics(osim, settings)
+    text = _static_optimisation(osim, settings).read_text(encoding="utf-8")
+    (folder / FORCES).write_text(named_once(text), encoding="utf-8")
+    _joint_reaction(osim, settings, folder / FORCES).rename(folder / REACTIONS)
+    for other in folder.glob(f"{_NAME}_*"):
+        other.unlink()
+
+
+def named_once(table: str) -> str:
+    """A table of OpenSim without columns of one name: contacts write theirs once for each force.
+
+    Args:
+        table: text of a .sto.
+
+    Example:
+        >>> named_once("nColumns=4\\nendheader\\ntime\\ta\\tb\\tb\\n0\\t1\\t2\\t3\\n").splitlines()
+        ['nColumns=2', 'endheader', 'time\\ta', '0\\t1']
+    """
+    lines = table.splitlines()
+    begin = lines.index("endheader") + 1
+    names = lines[begin].split("\t")
+    kept = [k for k, name in enumerate(names) if names.count(name) == 1]
+    head = [f"nColumns={len(kept)}" if x.startswith("nColumns=") else x for x in lines[:begin]]
+    rows = [line.split("\t") for line in lines[begin:] if line.strip()]
+    return "\n".join([*head, *("\t".join(row[k] for k in kept) for row in rows)]) + "\n"
+
+
+def _inverse_dynamics(osim: Any, settings: dict[str, Any]) -> None:
+    tool = osim.InverseDynamicsTool()
+    tool.setModelFileName(settings["model"])
+    tool.setCoordinatesFileName(settings["motion"])
+    if settings["loads"]:
+        tool.setExternalLoadsFileName(settings["loads"])
+    tool.setStartTime(settings["begin_s"])
+    tool.setEndTime(settings["end_s"])
+    excluded = osim.ArrayStr()
+    excluded.append("Muscles")
+    tool.setExcludedForces(excluded)
+    tool.setResultsDir(settings["folder"])
+    tool.setOutputGenForceFileName(MOMENTS)
+    _run(tool, "inverse dynamics")
+
+
+def _static_optimisation(osim: Any, settings: dict[str, Any]) -> Path:
+    analysis = osim.StaticOptimization()
+    analysis.setUseModelForceSet(True)
+    analysis.setActivationExponent(2)
+    analysis.setUseMusclePhysiology(True)
+    return _analysed(osim, settings, analysis, "StaticOptimization_force")
+
+
+def _joint_reaction(osim: Any, settings: dict[str, Any], forces: Path) -> Path:
+    analysis = osim.JointReaction()
+    analysis.setName("JointReaction")
+    analysis.setForcesFileName(str(forces))
+    for give, word in (
+        (analysis.setJointNames, settings["joint"]),
+        (analysis.setOnBody, "child"),
+        (analysis.setInFrame, "child"),
+    ):
+        words = osim.ArrayStr()
+        words.append(word)
+        give(words)
+    return _analysed(osim, settings, analysis, "JointReaction_ReactionLoads")
+
+
+def _analysed(osim: Any, settings: dict[str, Any], analysis: Any, ending: str) -> Path:
+    """The table that an analysis of the movement writes."""
+    folder = Path(settings["folder"])
+    analysis.setStartTime(settings["begin_s"])
+    analysis.setEndTime(settings["end_s"])
+    analysis.setStepInterval(settings["every"])
+    tool = osim.AnalyzeTool()
+    tool.setName(_NAME)
+    tool.setModelFilename(settings["model"])
+    tool.setCoordinatesFileName(settings["motion"])
+    if settings["loads"]:
+        tool.setExternalLoadsFileName(settings["loads"])
+    actuators = osim.ArrayStr()
+    actuators.append(settings["actuators"])
+    tool.setForceSetFiles(actuators)
+    tool.setReplaceForceSet(False)
+    tool.setSolveForEquilibrium(False)
+    tool.setInitialTime(settings["begin_s"])
+    tool.setFinalTime(settings["end_s"])
+    tool.setResultsDir(str(folder))
+    tool.updAnalysisSet().cloneAndAppend(analysis)
+    setup = folder / f"setup_{ending}.xml"
+    tool.printToXML(str(setup))
+    # Only a tool that is read from a file loads its model.
+    _run(osim.AnalyzeTool(str(setup)), ending)
+    setup.unlink()
+    return folder / f"{_NAME}_{ending}.sto"
+
+
+def _run(tool: Any, what: str) -> None:
+    if not tool.run():
+        raise SystemExit(f"OpenSim's {what} failed")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

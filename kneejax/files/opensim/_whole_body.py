@@ -1,0 +1,235 @@
+"""A movement handed to OpenSim: what it needs is checked before, what it says is read after."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from kneejax.files.opensim._engine import FORCES, MOMENTS, REACTIONS
+from kneejax.files.opensim._external_loads import read_external_loads
+from kneejax.files.opensim._joints import read_joints
+from kneejax.files.opensim._knee import SIDES, find_knee
+from kneejax.files.opensim._model import GROUND, Model, read_model
+from kneejax.files.opensim._movement import coordinate_columns
+from kneejax.files.opensim._registration import flexion_coordinate
+from kneejax.files.opensim._xml import parse_xml
+from kneejax.files.reading import InputProblem, write_text
+from kneejax.files.tables import Storage, angles_rad, common_times, read_storage
+from kneejax.numerics import check_installed
+
+#: Instants of static optimisation where no number is asked for: it is the slow part.
+_USUAL_INSTANTS = 151
+#: Steps of a table that differ by more are made even, s.
+_UNEVEN_S = 1e-6
+#: What reserves give before a muscle would be spared for them: N m, and N at the ground.
+_RESERVE = 1.0
+_NAME = "reserves.xml"
+_ACTUATORS = "reserves and residuals of OpenSim: a ForceSet (.xml)"
+
+
+@dataclasses.dataclass(frozen=True)
+class WholeBody:
+    """A movement that OpenSim can be asked about.
+
+    Attributes:
+        model: that moves.
+        motion: table of coordinates, as it was given.
+        coordinates: the same by the coordinates' own names, rad or degrees, and m.
+        loads: external loads; None where the model's own contacts press its feet.
+        side: `r` or `l`.
+        joint: the knee's.
+        time_s: begin and end.
+        every: rows of the motion from one instant of static optimisation to the next.
+        actuators: reserves and residuals; None for those that are made.
+    """
+
+    model: Path
+    motion: Path
+    coordinates: Storage
+    loads: Path | None
+    side: str
+    joint: str
+    time_s: tuple[float, float]
+    every: int
+    actuators: Path | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class WholeBodyForces:
+    """Tables that OpenSim wrote.
+
+    Attributes:
+        moments: generalised forces of inverse dynamics.
+        forces: of muscles and actuators, of static optimisation.
+        reactions: of the knee on the tibia.
+    """
+
+    moments: Path
+    forces: Path
+    reactions: Path
+
+
+def whole_body(
+    model_path: str | os.PathLike[str],
+    motion: str | os.PathLike[str],
+    loads: str | os.PathLike[str] | None,
+    *,
+    side: str,
+    actuators: str | os.PathLike[str] | None = None,
+    instants: int | None = None,
+    time_s: tuple[float, float] | None = None,
+) -> WholeBody:
+    """Check a movement before OpenSim is asked about it.
+
+    Args:
+        model_path: the model (.osim).
+        motion: its coordinates over time (.sto, .mot).
+        loads: forces from the ground (.xml, whose table is sought beside it); None where the model
+            has contacts of its own.
+        side: `r` or `l`, of the knee that is meant.
+        actuators: a ForceSet of reserves and residuals (.xml); by default a weak one is made for
+            every coordinate.
+        instants: of static optimisation, about; by default at most 151.
+        time_s: begin and end; by default all that the tables cover.
+
+    Returns:
+        The movement.
+
+    Raises:
+        MissingPackage: OpenSim is not installed.
+        InputProblem: a file cannot be read, times do not overlap, angles are in the other unit
+            than the header says, or the model has no such knee.
+    """
+    check_installed("opensim", "opensim")
+    if side not in SIDES:
+        raise InputProblem("--side", "side", side, "r or l")
+    model = read_model(model_path)
+    bones = find_knee(model, side)
+    table = read_storage(motion)
+    tables = [table]
+    if loads is not None:
+        tables.append(read_external_loads(loads, model).table)
+    if actuators is not None:
+        file = parse_xml(actuators, _ACTUATORS)
+        if all(element.tag != "ForceSet" for element in file.root.walk()):
+            raise file.problem(file.root, "", file.root.tag, _ACTUATORS)
+    common_times(tables)
+    begin, end = max(x.time[0] for x in tables), min(x.time[-1] for x in tables)
+    if time_s is not None:
+        if not begin <= time_s[0] < time_s[1] <= end:
+            expected = f"two times from {begin:g} to {end:g} s, which the tables cover"
+            raise InputProblem("--time_s", "time", f"{time_s[0]:g}:{time_s[1]:g}", expected)
+        begin, end = time_s
+    coordinates = _coordinates(model, flexion_coordinate(model, bones), table)
+    rows = int(np.sum((coordinates.time >= begin) & (coordinates.time <= end)))
+    every = max(1, int(np.ceil((rows - 1) / ((instants or _USUAL_INSTANTS) - 1))))
+    return WholeBody(
+        Path(model_path), Path(motion), coordinates, None if loads is None else Path(loads), side,
+        bones.joints[-1].name, (float(begin), float(end)), every,
+        None if actuators is None else Path(actuators),
+    )  # fmt: skip
+
+
+def _coordinates(model: Model, flexion: str, table: Storage) -> Storage:
+    """The coordinates of a table of these or of states; at even times, as analyses take rows."""
+    columns = coordinate_columns(model, table)
+    if flexion not in columns:
+        expected = f"a column of the coordinate {flexion} of {model.file.path.name}"
+        raise InputProblem(table.file, "columns", f"no {flexion}", expected, table.columns)
+    angles_rad(table, columns[flexion])
+    time = table.time
+    if np.ptp(np.diff(time)) > _UNEVEN_S:
+        time = np.linspace(time[0], time[-1], len(time))
+    values = table.at(time, list(columns.values()))
+    return Storage(table.file, time, dict(zip(columns, values, strict=True)), table.in_degrees)
+
+
+def ask_opensim(body: WholeBody, folder: Path, model: Path | None = None) -> WholeBodyForces:
+    """Inverse dynamics, static optimisation and the knee's reaction, by OpenSim.
+
+    Args:
+        body: from `whole_body`.
+        folder: where the tables come to lie.
+        model: in place of the movement's own, with the same coordinates but those of the knee.
+
+    Returns:
+        The tables.
+
+    Raises:
+        InputProblem: OpenSim stopped; with the last that it said.
+    """
+    asked = model or body.model
+    folder.mkdir(parents=True, exist_ok=True)
+    actuators = body.actuators
+    if actuators is None:
+        actuators = folder / _NAME
+        write_text(actuators, _reserves(read_model(asked)))
+    motion = folder / "coordinates.sto"
+    write_text(motion, _written(body.coordinates))
+    settings = {
+        "model": asked, "motion": motion, "loads": body.loads, "actuators": actuators,
+        "folder": folder,
+    }  # fmt: skip
+    absolute = {name: str(Path(x).absolute()) if x else "" for name, x in settings.items()}
+    said = absolute | {"joint": body.joint, "begin_s": body.time_s[0], "end_s": body.time_s[1],
+                       "every": body.every}  # fmt: skip
+    with tempfile.TemporaryDirectory() as place:
+        file = Path(place) / "settings.json"
+        file.write_text(json.dumps(said), encoding="utf-8")
+        words = [sys.executable, "-m", "kneejax.files.opensim._engine", str(file)]
+        done = subprocess.run(words, capture_output=True, text=True, cwd=place, check=False)
+    found = WholeBodyForces(*(folder / name for name in (MOMENTS, FORCES, REACTIONS)))
+    if done.returncode or not found.reactions.is_file():
+        expected = f"a movement that it can compute; it said: {_last(done)}"
+        raise InputProblem(os.fspath(asked), "OpenSim", "stopped", expected)
+    return found
+
+
+def _last(done: subprocess.CompletedProcess[str]) -> str:
+    lines = [line.strip() for line in (done.stdout + done.stderr).splitlines() if line.strip()]
+    told = [line for line in lines if "rror" in line or "xception" in line] or lines
+    if not told:
+        return f"nothing (status {done.returncode})"
+    return re.sub(r"^(\[\w+\]|RuntimeError:)\s*(std::exception in '.*?': )?", "", told[-1])
+
+
+def _written(table: Storage) -> str:
+    """A table as OpenSim reads it."""
+    rows = np.column_stack([table.time, *table.columns.values()])
+    text = "\n".join("\t".join(f"{x:.17g}" for x in row) for row in rows.tolist())
+    degrees = "yes" if table.in_degrees else "no"
+    size = f"nRows={len(rows)}\nnColumns={rows.shape[1]}"
+    names = "\t".join(["time", *table.columns])
+    return f"coordinates\nversion=1\n{size}\ninDegrees={degrees}\nendheader\n{names}\n{text}\n"
+
+
+def _reserves(model: Model) -> str:
+    """A weak actuator for every coordinate that may move."""
+    rows = []
+    for joint in read_joints(model):
+        at_ground = GROUND in (joint.parent, joint.child)
+        for coordinate in joint.coordinates:
+            if coordinate.locked:
+                continue
+            kind = "residual" if at_ground else "reserve"
+            name = quoteattr(f"{coordinate.name}_{kind}")
+            rows.append(
+                f"<CoordinateActuator name={name}><coordinate>{coordinate.name}</coordinate>"
+                f"<optimal_force>{_RESERVE:g}</optimal_force>"
+                "<min_control>-Inf</min_control><max_control>Inf</max_control>"
+                "</CoordinateActuator>\n"
+            )
+    return (
+        '<?xml version="1.0" encoding="UTF-8"?>\n<OpenSimDocument Version="40000">\n'
+        f'<ForceSet name="reserves"><objects>\n{"".join(rows)}</objects></ForceSet>\n'
+        "</OpenSimDocument>\n"
+    )
