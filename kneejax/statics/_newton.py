@@ -13,7 +13,7 @@ there took a lax knee (MCL strain 0.015) for lost at 13 of 25 angles below 12 de
 Where contacts have patches, a tangent is kept while steps still shrink by `_GOOD`, and computed
 anew when a quarter of the lanes that come further ask for that: a look takes a fourth to an eighth
 of its time. What a step has shown of a kept tangent is put into it (Broyden's first update, Math.
-Comp. 19, 1965): through time 2.05 looks a step do where there were 3.19. Over points a tangent
+Comp. 19, 1965): through time 2.3 looks a step do where there were 3.2. Over points a tangent
 costs two forces (0.29 and 0.14 ms a lane, 2 x 432 points): every look takes one along, and 4 looks
 do where there were 9.
 """
