@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
-from kneejax.geometry import TIBIA, Placement, Pose, State, free_of
+from kneejax.geometry import TIBIA, Placement, Pose, State, coordinates_of, free_of
 from kneejax.mechanics import (
     Border,
     Contact,
@@ -150,10 +150,15 @@ def _evaluate(knee: Knee, state: State, meeting: Array | None) -> Mechanics:
     ]
     force, moment, area, peak, mean, depth, center, far, share, known, deep, flat, through = stacked
     length, wrap = ligaments.length_and_wrap(state)
+    # Of a pose that is not known a smooth law would say that a ligament is slack.
+    nowhere = jnp.isnan(jnp.sum(state.at(coordinates_of(knee.bodies)), axis=0))
+    length, tension = (
+        jnp.where(nowhere, jnp.nan, x) for x in (length, ligaments.tension_at(length))
+    )
     return Mechanics(
         length.T,
         (length / ligaments.slack_length - 1.0).T,
-        ligaments.tension_at(length).T,
+        tension.T,
         jnp.moveaxis(force, 0, -1),
         area,
         peak,

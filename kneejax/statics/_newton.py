@@ -44,7 +44,7 @@ _ROUNDING = 1e-11
 _CLOSE = 1e-3
 # Steps with a kept tangent shall shrink by this factor, or it is computed anew.
 _GOOD = 0.2
-# A step by a kept tangent may shrink by more than this, by luck: so much of it is left all the same.
+# A step by a kept tangent may shrink by more than this, by luck: so much of it is left in any case.
 # Without it a search to 1e-10 mm that began with a tangent wrong by a tenth ended 9e-9 mm off.
 _LUCKY = 0.05
 # How far meeting points may be off, mm, for a pose to be judged, and to be the answer. Where

@@ -52,3 +52,12 @@ def test_what_a_pose_is_does_not_depend_on_its_row():
     for name in ("beyond_mm", "beyond_share", "contact_force", "known"):
         there, here = np.asarray(getattr(found, name))[order], np.asarray(getattr(mixed, name))
         np.testing.assert_allclose(here, there, rtol=1e-9, atol=1e-9, err_msg=name)
+
+
+def test_nothing_is_told_of_a_pose_that_is_not_known(ball_on_a_plane):
+    """A smooth law of a length of 0 would say that the rope is slack."""
+    table = np.array([[0.0, 0.0, 0.0, 3.0, -29.0, -4.0], [0.0, *[np.nan] * 5]])
+    found = kj.evaluate(ball_on_a_plane, geo.Pose.from_table(table))
+    for name in ("length", "strain", "tension", "contact_force"):
+        told = np.isfinite(np.asarray(getattr(found, name))).reshape(2, -1)
+        assert told[0].all() and not told[1].any(), name
