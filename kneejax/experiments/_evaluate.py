@@ -13,6 +13,7 @@ from kneejax.mechanics import (
     Border,
     Contact,
     FibreFaults,
+    Foundation,
     Knee,
     Sampled,
     add_lane_axis,
@@ -135,15 +136,17 @@ def _evaluate(knee: Knee, state: State, meeting: Array | None) -> Mechanics:
         held = {"flexion": state.tibia.flexion}
         q = state.at(free_of(held, knee.bodies))
         meeting = with_meeting(lanes, held, q).meeting
-    ligaments = lanes.ligaments
-    row, contacts = 0, []
-    for contact in lanes.contacts:
-        there = state.between(contact.bodies)
-        if contact.has_patch:
-            contacts.append(_over_patch(contact, there, meeting[row]))
-            row += 1
-        else:
-            contacts.append(_over_points_in_blocks(contact, there))
+    ligaments, found = lanes.ligaments, {}
+    patches = [row for row, contact in enumerate(lanes.contacts) if contact.has_patch]
+    for row, own in zip(patches, meeting, strict=True):
+        contact = lanes.contacts[row]
+        found[row] = _over_patch(contact, state.between(contact.bodies), own)
+    for foundation in lanes.over_points:
+        each = _over_points_in_blocks(foundation, state.between(foundation.bodies))
+        for k, row in enumerate(foundation.rows):
+            through = lanes.contacts[row].passed_through(state.between(foundation.bodies))
+            found[row] = *(x[k] for x in each), jnp.zeros_like(through), through
+    contacts = [found[row] for row in range(len(lanes.contacts))]
     stacked = [jnp.stack(x, axis=-1) for x in zip(*contacts, strict=True)] or [
         jnp.zeros(shape + state.shape + (0,))
         for shape in ((3,), (3,), (), (), (), (), (3,), *((),) * 6)
@@ -221,38 +224,39 @@ def _border(contact: Contact, tibia: Placement, meeting: Array, known: Array) ->
     return jax.tree.map(lambda x: x.ravel()[place], found)
 
 
-def _over_points_in_blocks(contact: Contact, tibia: Placement):
+def _over_points_in_blocks(foundation: Foundation, tibia: Placement):
     """As `_over_points`: one unusual ray then costs a few poses a thorough search, not all."""
     count = len(tibia.translation[0])
     block = _RAY_LANES if count % _RAY_LANES == 0 else count
     blocks = jax.tree.map(lambda x: x.reshape(-1, block), tibia)
-    found = lax.map(lambda some: _over_points(contact, some), blocks)
+    found = lax.map(lambda some: _over_points(foundation, some), blocks)
     return tuple(jnp.moveaxis(x, 0, -2).reshape(*x.shape[1:-1], count) for x in found)
 
 
-def _over_points(contact: Contact, tibia: Placement):
+def _over_points(foundation: Foundation, tibia: Placement):
+    """What is told of each contact over points, arrays `(contacts, ..., poses)`."""
+    of_each = foundation.of_each
+
     def summed(sampled: Sampled):
-        points = sampled.points
-        pressure = contact.point_pressure(sampled)
+        points, depth = sampled.points, sampled.depth
+        pressure = points.pressure(depth)
         share = pressure * points.area
-        area = jnp.sum(contact.touching(sampled.depth) * points.area, axis=0)
-        wrench = contact.sampled_wrench(tibia, sampled)
-        force, moment = (jnp.stack(tibia.turn_back(x)) for x in (wrench.force, wrench.moment))
-        total = jnp.sum(share, axis=0)
+        area = of_each(jnp.sum, points.touching(depth) * points.area)
+        wrenches = foundation.wrenches(tibia, sampled)
+        force, moment = (
+            jnp.stack(tibia.turn_back(x), axis=1) for x in (wrenches.force, wrenches.moment)
+        )
+        total = of_each(jnp.sum, share)
         # Divided after the sums: all of them then go over the points together.
-        middle = tuple(jnp.sum(share * x, axis=0) / total for x in points.point)
-        center = jnp.stack(contact.tibial.frame.placement.apply(middle))
-        mean = total / area
-        faults, border = contact.faults(tibia, sampled), contact.border(tibia, sampled)
-        peak, depth = jnp.max(pressure, axis=0), jnp.max(sampled.depth, axis=0)
+        middle = [of_each(jnp.sum, share * x) / total for x in points.point]
+        faults, border = foundation.faults(tibia, sampled), foundation.border(tibia, sampled)
         return (
-            force, moment, area, peak, mean, depth, center, border.beyond_mm, border.share,
+            force, moment, area, of_each(jnp.max, pressure), total / area,
+            of_each(jnp.max, depth), jnp.stack(middle, axis=1), border.beyond_mm, border.share,
             ~faults.outside, faults.too_deep | faults.lost,
         )  # fmt: skip
 
-    through = contact.passed_through(tibia)
-    flat = jnp.zeros_like(through)
-    return *contact.over_points(tibia, summed), flat, through
+    return foundation.over_points(tibia, summed)
 
 
 def status_of(poses: Mechanics, knee: Knee) -> Array:

@@ -83,11 +83,11 @@ def _rings(contact: Contact, poses: Pose, meeting: Array) -> tuple[Array, Array,
 def _points(contact: Contact, poses: Pose) -> tuple[Array, Array, Array]:
     """Pressure, area and place of points on the tibial surface, likewise."""
     first, second = contact.points
-    fine = dataclasses.replace(contact, points=(_FINER * first, _FINER * second), placed=None)
-    sampled = fine.sample(poses.placement)
-    pressure = jnp.where(sampled.depth > 0, fine.point_pressure(sampled), 0.0)
-    place = fine.tibial.frame.placement.apply(sampled.points.point)
-    return _spread(pressure, sampled.points.area, place)
+    fine = dataclasses.replace(contact, points=(_FINER * first, _FINER * second))
+    sampled = fine.foundation.sample(poses.placement)
+    points, depth = sampled.points, sampled.depth
+    pressure = jnp.where(depth > 0, points.pressure(depth), 0.0)
+    return _spread(pressure, points.area, points.point)
 
 
 def _spread(pressure: Array, area: Array, place) -> tuple[Array, Array, Array]:

@@ -70,6 +70,7 @@ from kneejax.geometry.surfaces import BASES as BASES
 from kneejax.geometry.surfaces import CUBIC_SPLINE as CUBIC_SPLINE
 from kneejax.geometry.surfaces import POWER as POWER
 from kneejax.geometry.surfaces import Condyle as Condyle
+from kneejax.geometry.surfaces import Condyles as Condyles
 from kneejax.geometry.surfaces import Ellipsoid as Ellipsoid
 from kneejax.geometry.surfaces import Height as Height
 from kneejax.geometry.surfaces import Jet as Jet

@@ -48,12 +48,14 @@ from kneejax.mechanics.contact import QUADRATURE as QUADRATURE
 from kneejax.mechanics.contact import Border as Border
 from kneejax.mechanics.contact import Contact as Contact
 from kneejax.mechanics.contact import ContactDamper as ContactDamper
+from kneejax.mechanics.contact import Foundation as Foundation
 from kneejax.mechanics.contact import Gap as Gap
 from kneejax.mechanics.contact import PointFaults as PointFaults
 from kneejax.mechanics.contact import Pressed as Pressed
 from kneejax.mechanics.contact import Sampled as Sampled
 from kneejax.mechanics.contact import cartilage_law as cartilage_law
 from kneejax.mechanics.contact import contact_damping_force as contact_damping_force
+from kneejax.mechanics.contact import foundations_of as foundations_of
 from kneejax.mechanics.ligaments import FAILURE_SOURCE as FAILURE_SOURCE
 from kneejax.mechanics.ligaments import Course as Course
 from kneejax.mechanics.ligaments import Dampers as Dampers

@@ -20,7 +20,7 @@ from kneejax.mechanics._muscles import QUADRICEPS, Muscles
 from kneejax.mechanics._patella_path import PatellaOnPath
 from kneejax.mechanics._step import TimeStep
 from kneejax.mechanics._wrench import Wrenches
-from kneejax.mechanics.contact import Contact, PointFaults, Pressed
+from kneejax.mechanics.contact import Contact, Foundation, PointFaults, Pressed, foundations_of
 from kneejax.mechanics.ligaments import FibreFaults, Ligaments
 
 
@@ -64,6 +64,7 @@ class Knee(eqx.Module):
         name: of the knee.
         side: `right` or `left`, the side it was read from.
         step: inertia and dampers of a step through time; None of a knee at rest.
+        foundations: of the contacts over points, where they have been placed for many poses.
     """
 
     ligaments: Ligaments
@@ -78,6 +79,7 @@ class Knee(eqx.Module):
     other_bones: dict[str, Pose] = eqx.field(default_factory=dict)
     muscles: Muscles | None = None
     step: TimeStep | None = None
+    foundations: tuple[Foundation, ...] | None = None
 
     def __check_init__(self):
         known = {FEMUR, *self.bodies}
@@ -115,7 +117,10 @@ class Knee(eqx.Module):
         if self.muscles is not None:
             total = total + self.muscles.energy(state)
         for contact in self.contacts:
-            total = total + contact.energy(state.between(contact.bodies))
+            if contact.has_patch:
+                total = total + contact.energy(state.between(contact.bodies))
+        for foundation in self.over_points:
+            total = total + foundation.energy(state.between(foundation.bodies))
         return total if self.step is None else total + self.step.pull(state, Wrenches())
 
     def press(self, state: State, meeting: tuple[Array, Array]) -> Held:
@@ -131,12 +136,11 @@ class Knee(eqx.Module):
         """
         wrenches, energy, fibres = self.pull(state)
         each = []
-        for contact in self.contacts:
-            if not contact.has_patch:
-                own, wrench, faults = contact.press_points(state.between(contact.bodies))
-                energy = energy + own
-                wrenches.add(contact.bodies, wrench.alone())
-                each.append(faults)
+        for foundation in self.over_points:
+            own, wrench, faults = foundation.press(state.between(foundation.bodies))
+            energy = energy + own
+            wrenches.add(foundation.bodies, wrench.alone())
+            each.append(faults)
         points = functools.reduce(PointFaults.and_of, each) if each else None
         if not self.patch_count:
             return Held(wrenches, energy, None, points, fibres)
@@ -148,8 +152,13 @@ class Knee(eqx.Module):
 
     def for_many_poses(self) -> Knee:
         """The same knee with what does not depend on the pose computed once."""
-        contacts = tuple(contact.with_points_placed() for contact in self.contacts)
-        return dataclasses.replace(self, contacts=contacts)
+        return dataclasses.replace(self, foundations=foundations_of(self.contacts))
+
+    @property
+    def over_points(self) -> tuple[Foundation, ...]:
+        """The contacts over points, those together that can be computed at once."""
+        known = self.foundations
+        return foundations_of(self.contacts) if known is None else known
 
     def map_patches(self, function, state: State, meeting):
         """Apply `function(contact, there, meeting)` to each contact that has a patch.

@@ -15,10 +15,17 @@ def instantiate(tree):
         tree: tangents as a rule with `symbolic_zeros=True` gets them.
     """
     return jax.tree.map(
-        lambda t: jnp.zeros(t.shape, t.dtype) if isinstance(t, SymbolicZero) else t,
+        lambda t: _zeros(t) if isinstance(t, SymbolicZero) else t,
         tree,
         is_leaf=lambda t: isinstance(t, SymbolicZero),
     )
+
+
+def _zeros(tangent):
+    # Whole numbers have tangents of a type that only NumPy knows.
+    if tangent.dtype == jax.dtypes.float0:
+        return np.zeros(tangent.shape, jax.dtypes.float0)
+    return jnp.zeros(tangent.shape, tangent.dtype)
 
 
 def none_of(tree):

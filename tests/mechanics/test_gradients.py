@@ -195,7 +195,7 @@ def _of_contact(contact, pose):
     """Energy, and for a patch all that is known of the gap; sampled depths for the other form."""
     tibia = pose.placement
     if not contact.has_patch:
-        sampled = contact.sample(tibia)
+        sampled = contact.foundation.sample(tibia)
         numbers = [jnp.sum(sampled.points.area), *sampled.depth[5:7], sampled.points.point[1][3]]
         depth = sampled.depth[5]
     else:

@@ -193,5 +193,5 @@ def _one(lanes: Knee, state: State, meeting: Array, springs, kind: str, rows: tu
         patch = sum(one.has_patch for one in lanes.contacts[: rows[0]])
         force = contact.press(there, (meeting[patch, 0], meeting[patch, 1])).wrench.force
     else:
-        force = contact.press_points(there)[1].force
+        force = contact.wrench(there).force
     return safe_sqrt(sum(x * x for x in force))

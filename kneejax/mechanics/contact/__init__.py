@@ -8,9 +8,11 @@ from kneejax.mechanics.contact._contact import QUADRATURE as QUADRATURE
 from kneejax.mechanics.contact._contact import Contact as Contact
 from kneejax.mechanics.contact._damper import ContactDamper as ContactDamper
 from kneejax.mechanics.contact._damper import contact_damping_force as contact_damping_force
+from kneejax.mechanics.contact._foundation import Foundation as Foundation
+from kneejax.mechanics.contact._foundation import foundations_of as foundations_of
 from kneejax.mechanics.contact._patch import Gap as Gap
 from kneejax.mechanics.contact._patch_force import Pressed as Pressed
+from kneejax.mechanics.contact._points import Sampled as Sampled
 from kneejax.mechanics.contact._points_force import PointFaults as PointFaults
-from kneejax.mechanics.contact._quadrature import Sampled as Sampled
 
 __all__ = ["cartilage_law"]

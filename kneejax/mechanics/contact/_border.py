@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import equinox as eqx
@@ -9,14 +10,14 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from kneejax.geometry import Placement, add, excess, scale
+from kneejax.geometry import Placement, Surface, add, excess, scale
 from kneejax.mechanics.contact import _cartilage_law as law
 from kneejax.mechanics.contact._patch import Nearby, nearby
 from kneejax.numerics import safe_sqrt
 
 if TYPE_CHECKING:
     from kneejax.mechanics.contact._contact import Contact
-    from kneejax.mechanics.contact._quadrature import Sampled
+    from kneejax.mechanics.contact._points import Sampled
 
 # Rings of equal area that a patch is cut into, and places on each.
 _RINGS, _PLACES = 6, 16
@@ -34,25 +35,28 @@ class Border(eqx.Module):
     share: Array
 
 
-def of_points(contact: Contact, tibia: Placement, sampled: Sampled) -> Border:
-    """Border of a contact summed over points.
+def of_points(
+    femoral: Surface, sampled: Sampled, motion: Placement, of_each: Callable[..., Array]
+) -> Border:
+    """Border of contacts summed over points.
 
     All points lie on tibial cartilage; only the femoral region can be left.
 
     Args:
-        contact: whose pressure law is meant.
-        tibia: where the tibia is.
+        femoral: whose region is meant.
         sampled: depths at the points.
+        motion: from femoral to tibial axes.
+        of_each: makes `(contacts, ...)` of `(points, ...)`, by a sum or a maximum.
     """
-    hit = contact.femur_to_plateau(tibia).apply_inverse(sampled.hit)
-    away = jnp.where(sampled.depth > 0, contact.femoral.beyond(hit), 0.0)
-    force = contact.point_pressure(sampled) * sampled.points.area
-    carried = jnp.where(sampled.points.area > 0, away, 0.0)
-    total = jnp.sum(force, axis=0)
+    points = sampled.points
+    away = femoral.beyond(points.in_femoral(motion, sampled.hit))
+    force = points.pressure(sampled.depth) * points.area
+    carried = jnp.where((sampled.depth > 0) & (points.area > 0), away, 0.0)
+    total = of_each(jnp.sum, force)
     # Far apart nothing is carried, not even what the rounded onset leaves.
-    outside = jnp.sum(jnp.where(carried > 0, force, 0.0), axis=0)
+    outside = of_each(jnp.sum, jnp.where(carried > 0, force, 0.0))
     share = outside / jnp.where(total == 0.0, 1.0, total)
-    return Border(jnp.max(carried, axis=0), share)
+    return Border(of_each(jnp.max, carried), share)
 
 
 def of_patch(contact: Contact, tibia: Placement, meeting: Array) -> Border:

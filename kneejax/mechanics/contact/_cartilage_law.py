@@ -19,7 +19,7 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.numerics import branch
+from kneejax.numerics import branch, positive_part
 
 #: The pressure laws by name.
 LAWS = ("linear", "log", "ratio")
@@ -45,6 +45,17 @@ def confined_modulus(youngs_modulus: ArrayLike, poisson_ratio: ArrayLike) -> Arr
     """
     e, nu = jnp.asarray(youngs_modulus, float), jnp.asarray(poisson_ratio, float)
     return e * (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))
+
+
+def touching(depth: Array, onset_width: Array) -> Array:
+    """From 0 apart to 1 in touch: the slope of the rounded depth, `positive_part`, by the depth.
+
+    Args:
+        depth: overlap, mm.
+        onset_width: rounding at first touch, mm.
+    """
+    root = jnp.sqrt(depth * depth + onset_width * onset_width)
+    return positive_part(depth, onset_width) / root
 
 
 def relative_pressure(law: str, s: ArrayLike) -> Array:

@@ -8,9 +8,6 @@ depths, at a cost in proportion to its points.
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Callable
-
 import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
@@ -29,22 +26,10 @@ from kneejax.mechanics.contact import _border, _patch
 from kneejax.mechanics.contact import _cartilage_law as law
 from kneejax.mechanics.contact._border import Border
 from kneejax.mechanics.contact._damper import ContactDamper
+from kneejax.mechanics.contact._foundation import Foundation, foundations_of
 from kneejax.mechanics.contact._patch import Gap
 from kneejax.mechanics.contact._patch_force import Pressed, press
-from kneejax.mechanics.contact._points_force import (
-    PointFaults,
-    faults_of_points,
-    press_points,
-    sampled_wrench,
-)
-from kneejax.mechanics.contact._quadrature import (
-    Answer,
-    Points,
-    Sampled,
-    midpoints,
-    over_rays,
-    sample,
-)
+from kneejax.mechanics.contact._points import Sampled
 from kneejax.mechanics.contact._rays import faded
 from kneejax.numerics import positive_part
 
@@ -69,7 +54,6 @@ class Contact(eqx.Module):
         law: pressure law, one of `linear`, `log`, `ratio`.
         form: `elliptical_patch` or `quadrature`.
         points: quadrature points along the two parameters of the tibial surface.
-        placed: these points, where they have been computed beforehand.
         bodies: the two bones. Methods ask where the second is in the first: `tibia`.
         damper: what resists compression during a step through time; None at rest.
     """
@@ -84,7 +68,6 @@ class Contact(eqx.Module):
     law: str = eqx.field(static=True)
     form: str = eqx.field(static=True)
     points: tuple[int, int] = eqx.field(static=True)
-    placed: Points | None
     bodies: Pair = eqx.field(static=True)
     damper: ContactDamper | None
 
@@ -100,7 +83,6 @@ class Contact(eqx.Module):
         form: str = ELLIPTICAL_PATCH,
         points: tuple[int, int] = (24, 24),
         layer_variation: ArrayLike | None = None,
-        placed: Points | None = None,
         bodies: Pair = FEMUR_AND_TIBIA,
         damper: ContactDamper | None = None,
     ):
@@ -115,7 +97,6 @@ class Contact(eqx.Module):
         self.law = law
         self.form = form
         self.points = points
-        self.placed = placed
         self.bodies = bodies
         self.damper = damper
 
@@ -156,57 +137,20 @@ class Contact(eqx.Module):
         """Gap of the surfaces at a femoral point."""
         return _patch.gap_at(self.femoral, self.tibial, self.femur_to_plateau(tibia), meeting)
 
-    def quadrature_points(self) -> Points:
-        """Points of the tibial surface, along an axis before the lanes."""
-        placed = self.placed
-        if placed is None:
-            placed = midpoints(self.tibial, self.points, jnp.ndim(self.onset_width))
-        return placed if self.damper is None else dataclasses.replace(placed, damper=self.damper)
+    @property
+    def foundation(self) -> Foundation:
+        """The contact as springs at its points."""
+        return foundations_of((self,))[0]
 
-    def with_points_placed(self) -> Contact:
-        """The same contact for many poses: where its points are is computed once, here."""
-        if self.has_patch:
-            return self
-        return eqx.tree_at(
-            lambda c: c.placed, self, self.quadrature_points(), is_leaf=lambda x: x is None
-        )
+    def layer(self, across: tuple[Array, Array]) -> Array:
+        """Thickness of both cartilages at points of the tibial surface, mm.
 
-    def sample(self, tibia: Placement) -> Sampled:
-        """Depth at the quadrature points; see `Sampled`."""
-        return sample(self.femoral, self.quadrature_points(), self.femur_to_plateau(tibia))
-
-    def over_points(self, tibia: Placement, answer: Callable[[Sampled], Answer]) -> Answer:
-        """What a function makes of the depths at the quadrature points; faster than `sample`
-        where it returns less than it reads."""
-        motion = self.femur_to_plateau(tibia)
-        return over_rays(self.femoral, self.quadrature_points(), motion, answer)
-
-    def layer(self, points: Points) -> Array:
-        """Thickness of both cartilages at points of the tibial surface, mm."""
+        Args:
+            across: both parameters there, scaled to -1..1 over the region, `(points, ...)`.
+        """
         if self.layer_variation is None:
-            return self.layer_thickness
-        return self.layer_thickness + partials(self.layer_variation, *points.across, 0)[0][0]
-
-    def point_pressure(self, sampled: Sampled) -> Array:
-        """Pressure at points of the tibial surface, MPa, with the rounded onset.
-
-        It is the derivative of the energy per area with respect to the depth.
-        """
-        relative = self.rounded(sampled.depth) / self.layer(sampled.points)
-        steep = self.touching(sampled.depth)
-        return self.modulus * law.relative_pressure(self.law, relative) * steep
-
-    def point_force(self, sampled: Sampled) -> Array:
-        """Force at points of the tibial surface along the slope of the depth, N.
-
-        It is the derivative of the energy with respect to the depth, with the damper's.
-        """
-        force = self.point_pressure(sampled) * sampled.points.area
-        damper = sampled.points.damper
-        if damper is None:
-            return force
-        near, slope = self._counting(sampled.depth)
-        return force + damper.force(near) * slope
+            return self.layer_thickness[None]
+        return self.layer_thickness + partials(self.layer_variation, *across, 0)[0][0]
 
     def overlap(self, tibia: Placement, meeting: tuple[Array, Array]) -> tuple[Array, Array]:
         """What a damper must know: depths, mm, and elastic forces, N.
@@ -224,14 +168,10 @@ class Contact(eqx.Module):
             return gap.depth, pressing
 
         def seen(sampled: Sampled) -> tuple[Array, Array]:
-            return sampled.depth, self.point_pressure(sampled) * sampled.points.area
+            points, depth = sampled.points, sampled.depth
+            return faded(depth)[0], points.pressure(depth) * points.area
 
-        depth, pressing = self.over_points(tibia, seen)
-        return self._counting(depth)[0], pressing
-
-    def faults(self, tibia: Placement, sampled: Sampled) -> PointFaults:
-        """What is wrong with a contact summed over points."""
-        return faults_of_points(self, sampled, self.femur_to_plateau(tibia))
+        return self.foundation.over_points(tibia, seen)
 
     def has_no_patch(self, gap: Gap) -> Array:
         """Whether surfaces that overlap have no elliptical patch: the gap is nearly flat or not
@@ -250,15 +190,14 @@ class Contact(eqx.Module):
         core = self.femur_to_plateau(tibia).apply(self.femoral.core())
         return self.tibial.level(core) < 0.0
 
-    def border(self, tibia: Placement, at: Sampled | Array) -> Border:
-        """How far contact reaches beyond the fitted regions, and what force is carried there.
+    def border(self, tibia: Placement, meeting: Array) -> Border:
+        """How far a patch reaches beyond the fitted regions, and what force is carried there.
 
         Args:
             tibia: where the tibia is.
-            at: depths at the points, or the parameters of a patch's meeting point.
+            meeting: parameters of its meeting point, `(2, ...)`.
         """
-        of = _border.of_points if isinstance(at, Sampled) else _border.of_patch
-        return of(self, tibia, at)
+        return _border.of_patch(self, tibia, meeting)
 
     def patch_energy(self, gap: Gap) -> Array:
         """Energy of the layer if the patch were centred at a point with this gap, N mm."""
@@ -276,7 +215,7 @@ class Contact(eqx.Module):
         relative, factor = rounded / self.layer_thickness, 2.0 * jnp.pi * self.modulus
         energy = rounded * law.patch_energy(self.law, relative)
         # The mean over 0..depth times the depth: its slope is the density itself.
-        by_depth = self.touching(depth) * law.relative_energy(self.law, relative)
+        by_depth = law.touching(depth, self.onset_width) * law.relative_energy(self.law, relative)
         return factor * self.layer_thickness * energy, factor * self.layer_thickness * by_depth
 
     def press(self, tibia: Placement, meeting: tuple[Array, Array]) -> Pressed:
@@ -299,33 +238,13 @@ class Contact(eqx.Module):
         """Of the layer on the tibia, about the tibia's origin in femur axes."""
         if self.has_patch:
             return self.press(tibia, self.meeting(tibia)).wrench
-        return self.press_points(tibia)[1]
-
-    def press_points(self, tibia: Placement) -> tuple[Array, Wrench, PointFaults]:
-        """Energy over points, N mm, the wrench on the tibia as in `wrench`, and what is wrong."""
-        motion = self.femur_to_plateau(tibia)
-        energy, wrench, faults = press_points(self, self.quadrature_points(), motion)
-        return energy, wrench.moved(self.tibial.frame.placement).turned(tibia), faults
-
-    def sampled_wrench(self, tibia: Placement, sampled: Sampled) -> Wrench:
-        """As `wrench`, from depths at the quadrature points."""
-        return sampled_wrench(self, sampled).moved(self.tibial.frame.placement).turned(tibia)
+        return self.foundation.press(tibia)[1]
 
     def energy(self, tibia: Placement) -> Array:
         """Elastic energy of the layer, N mm."""
         if self.has_patch:
             return self.patch_energy(self.gap(tibia, self.meeting(tibia)))
-        return self.sampled_energy(self.sample(tibia))
-
-    def sampled_energy(self, sampled: Sampled) -> Array:
-        """As `energy`, from depths at the quadrature points."""
-        layer, area = self.layer(sampled.points), sampled.points.area
-        density = law.relative_energy(self.law, self.rounded(sampled.depth) / layer)
-        energy = self.modulus * jnp.sum(area * layer * density, axis=0)
-        damper = sampled.points.damper
-        if damper is None:
-            return energy
-        return energy + jnp.sum(damper.energy(self._counting(sampled.depth)[0]), axis=0)
+        return self.foundation.energy(tibia)
 
     def pressure(self, depth: Array) -> Array:
         """Pressure at a depth, MPa, with the rounded onset."""
@@ -334,17 +253,4 @@ class Contact(eqx.Module):
 
     def rounded(self, depth: Array) -> Array:
         """Depth with the rounded onset, mm: positive, and far less than `onset_width` apart."""
-        return positive_part(self._counting(depth)[0], self.onset_width)
-
-    def touching(self, depth: Array) -> Array:
-        """From 0 apart to 1 in touch, over the onset: the slope of `rounded` by depth."""
-        near, slope = self._counting(depth)
-        return (
-            slope
-            * positive_part(near, self.onset_width)
-            / jnp.sqrt(near * near + self.onset_width**2)
-        )
-
-    def _counting(self, depth: Array) -> tuple[Array, Array | float]:
-        """The depth that counts and its slope: far apart, that of a ray may mean nothing."""
-        return (depth, 1.0) if self.has_patch else faded(depth)
+        return positive_part(depth, self.onset_width)

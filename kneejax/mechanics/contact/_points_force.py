@@ -1,4 +1,4 @@
-"""Force and moment of a contact summed over points, and how they change as the bones move.
+"""Force and moment of springs at points, and how they change as the bones move.
 
 A solve asks for the change of the wrench along five motions. Differentiated, each motion would go
 over all points again; but what it does to a point is a few lines of vector algebra, and their sum
@@ -15,9 +15,8 @@ derivatives of the femoral level. Any other change, of a surface or of a modulus
 
 from __future__ import annotations
 
-import dataclasses
+from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING
 
 import equinox as eqx
 import jax
@@ -26,8 +25,10 @@ from jax import Array, lax
 from jax.custom_derivatives import SymbolicZero
 
 from kneejax.geometry import (
+    Condyles,
     Placement,
     Rotation,
+    Surface,
     Vector,
     add,
     compose,
@@ -41,24 +42,27 @@ from kneejax.geometry import (
     transpose,
 )
 from kneejax.mechanics._wrench import Wrench
+from kneejax.mechanics.contact._points import Points, Sampled, asked_at
 from kneejax.mechanics.contact._quadrature import (
-    Points,
-    Sampled,
     over_rays,
     quick_depths,
     quickly_with_bend,
     thoroughly,
 )
+from kneejax.mechanics.contact._rays import FARTHEST
+from kneejax.mechanics.contact._unusual_rays import (
+    of_usual_rows,
+    over_unusual_rows,
+    row_after_row,
+)
 from kneejax.numerics import instantiate, none_of
 
-if TYPE_CHECKING:
-    from kneejax.mechanics.contact._contact import Contact
 
 class PointFaults(eqx.Module):
-    """What is wrong with a contact over points, or with several; each `(...)` for the lanes.
+    """What is wrong with springs at points, or with contacts of them; each ends in the lanes.
 
     Attributes:
-        depth: the largest overlap, mm, of the contact that is least deep; negative apart.
+        depth: overlap, mm, negative apart; of a contact the largest, of several the least of these.
         too_deep: the overlap is the whole layer somewhere.
         outside: points touch outside the region in which the femoral surface is known.
         lost: the depth of a point could not be found.
@@ -82,69 +86,67 @@ class PointFaults(eqx.Module):
 _UNITS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
-def sampled_wrench(contact: Contact, sampled: Sampled) -> Wrench:
-    """Wrench on the tibia in its surface's frame.
+def sampled_wrenches(sampled: Sampled) -> Wrench:
+    """Wrench of each spring on the tibia, about its origin and in its axes.
 
     A displacement of the tibia changes a depth by its slope, at the point where the normal's line
     leaves the femur: the force is pressure times area times that slope, there.
 
     Args:
-        contact: whose pressure law is meant.
         sampled: depths at the points.
     """
-    share = -contact.point_force(sampled)
+    share = -sampled.points.force(sampled.depth)
     couple = scale(share, sampled.twist)
-    return _sum(Wrench.at(sampled.hit, scale(share, sampled.slope), couple))
+    return Wrench.at(sampled.hit, scale(share, sampled.slope), couple)
 
 
-def faults_of_points(contact: Contact, sampled: Sampled, motion: Placement) -> PointFaults:
-    """What is wrong with a contact, from depths at its points.
+def faults_at(femoral: Surface, sampled: Sampled, motion: Placement) -> PointFaults:
+    """What is wrong at each point.
 
     Args:
-        contact: whose layer and femoral region are meant.
+        femoral: whose region is meant.
         sampled: depths at the points.
-        motion: from the femoral to the tibial surface's frame.
+        motion: from femoral to tibial axes.
     """
-    depth = sampled.depth
-    deep = jnp.any(depth >= contact.layer(sampled.points), axis=0)
-    known = contact.femoral.knows(motion.apply_inverse(sampled.hit))
-    outside = jnp.any((depth > 0) & ~known, axis=0)
-    return PointFaults(jnp.max(depth, axis=0), deep, outside, jnp.any(sampled.lost, axis=0))
+    depth, points = sampled.depth, sampled.points
+    known = femoral.knows(points.in_femoral(motion, sampled.hit))
+    return PointFaults(depth, depth >= points.layer, (depth > 0) & ~known, sampled.lost)
 
 
 @jax.custom_jvp
 def press_points(
-    contact: Contact, points: Points, motion: Placement
+    femoral: Surface | Condyles, points: Points, motion: Placement
 ) -> tuple[Array, Wrench, PointFaults]:
-    """Energy and wrench of a layer over points, and what is wrong with it.
+    """Energy and wrench of springs at points, and what is wrong with them.
 
     Args:
-        contact: gives the femoral surface and the pressure law.
-        points: of the tibial surface.
-        motion: from the femoral to the tibial surface's frame.
+        femoral: what presses.
+        points: of tibial surfaces.
+        motion: from femoral to tibial axes.
 
     Returns:
-        N mm; the wrench on the tibia in its surface's frame; faults, which have no derivative.
+        N mm; the wrench on the tibia about its origin and in its axes; faults, of which the depth
+        is told point by point, and which have no derivative.
     """
-    answer = partial(_pressed_and_faults, contact, motion)
-    (energy, wrench), faults = over_rays(contact.femoral, points, motion, answer)
+    answer = partial(_pressed_and_faults, asked_at(femoral, points), motion)
+    (energy, wrench), faults = over_rays(femoral, points, motion, answer)
     return energy, wrench, lax.stop_gradient(faults)
 
 
-def _pressed_and_faults(contact: Contact, motion: Placement, sampled: Sampled):
-    return _pressed(contact, sampled), faults_of_points(contact, sampled, motion)
-
-
-def _pressed(contact: Contact, sampled: Sampled) -> tuple[Array, Wrench]:
-    return contact.sampled_energy(sampled), sampled_wrench(contact, sampled)
+def _pressed_and_faults(femoral: Surface, motion: Placement, sampled: Sampled):
+    energy = jnp.sum(sampled.points.energy(sampled.depth), axis=0)
+    faults = faults_at(femoral, sampled, motion)
+    depth = jnp.broadcast_to(faults.depth, jnp.shape(faults.too_deep))
+    found = (jnp.any(x, axis=0) for x in (faults.too_deep, faults.outside, faults.lost))
+    return (energy, _of_all(sampled_wrenches(sampled))), PointFaults(depth, *found)
 
 
 def _press_points_jvp(primals, tangents):
-    contact, points, motion = primals
+    femoral, points, motion = primals
     *of_parts, of_motion = tangents
     if not all(isinstance(t, SymbolicZero) for t in jax.tree.leaves(of_parts)):
         return jax.jvp(press_points.fun, primals, instantiate(tangents))
-    (energy, wrench), faults, by_twist = _stiff(contact, points, motion)
+    energy, wrench, by_twist, faults = _stiff(femoral, points, motion)
     shift, turn = _twist(motion, instantiate(of_motion))
     change = Wrench((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     for rate, by in zip((*shift, *turn), by_twist, strict=True):
@@ -154,58 +156,60 @@ def _press_points_jvp(primals, tangents):
     return (energy, wrench, faults), (work, change, none_of(faults))
 
 
-def _stiff(contact: Contact, points: Points, motion: Placement):
-    """Energy and wrench, faults, and the wrench's change by three shifts and three turns."""
-    quick, sound = quick_depths(contact.femoral, points, motion)
-    sampled, *level = quickly_with_bend(contact.femoral, points, motion, quick)
-    stiff = stiffness(contact, sampled, motion, *level)
-    usual = *_pressed_and_faults(contact, motion, sampled), stiff
+def _stiff(femoral: Surface | Condyles, points: Points, motion: Placement):
+    """Energy and wrench, the wrench's change by three shifts and three turns, and faults."""
+    surface = asked_at(femoral, points)
+    quick, sound = quick_depths(surface, points, motion)
+    sampled, *level = quickly_with_bend(surface, points, motion, quick)
+    usual = sampled.only(of_usual_rows(sound))
+    held, faults = _pressed_and_faults(surface, motion, usual)
+    sums = held, stiffness(usual, motion, *level)
 
     def again():
-        nowhere = (jnp.zeros(jnp.shape(motion.translation[0])),) * 6
-
-        def of_row(row):
-            own, known, is_known = row
-
-            def pressed(*twist: Array):
-                moved = _displaced(motion, twist)
-                sampled = thoroughly(contact.femoral, own, moved, known, is_known)
-                return _pressed_and_faults(contact, motion, sampled)
-
-            def by(unit: Array):
-                rates = tuple(x + rate for x, rate in zip(nowhere, unit, strict=True))
-                return jax.jvp(pressed, nowhere, rates, has_aux=True)
-
-            return lax.map(by, jnp.eye(6))
-
-        # Row by row of points: a program's memory is that of its largest part, asked for in each
-        # call. All at once, this part, which is seldom needed, made every solve four times slower.
-        count, shape = contact.points[0], jnp.shape(quick)
-        split = jax.tree.map(
-            lambda x: _by_rows(x, count, shape), (points, quick, sound), is_leaf=_is_number
+        search = partial(_stiff_row, femoral, motion)
+        *rows, found = over_unusual_rows(points, quick, sound, search, _nothing)
+        held, by_twist = jax.tree.map(lambda x: jnp.sum(x, axis=0), rows)
+        changes = [jax.tree.map(lambda x, k=k: x[k], by_twist) for k in range(6)]
+        depth = jnp.maximum(faults.depth, row_after_row(found.depth)[: len(quick)])
+        bad = (
+            x | jnp.any(y, axis=0)
+            for x, y in zip(jax.tree.leaves(faults)[1:], jax.tree.leaves(found)[1:], strict=True)
         )
-        held, changes, faults = lax.map(of_row, split)
-        worst = jax.tree.map(lambda x: jnp.max(x[:, 0], axis=0), faults)
-        held, changes = jax.tree.map(lambda x: jnp.sum(x, axis=0), (held, changes[1]))
-        first = jax.tree.map(lambda x: x[0], held)
-        return first, worst, [jax.tree.map(lambda x, k=k: x[k], changes) for k in range(6)]
+        return jax.tree.map(jnp.add, sums, (held, changes)), PointFaults(depth, *bad)
 
-    return lax.cond(jnp.all(sound), lambda: usual, again)
+    (held, changes), faults = lax.cond(jnp.all(sound), lambda: (sums, faults), again)
+    return *held, changes, faults
 
 
-def _is_number(x) -> bool:
-    return isinstance(x, float)
+def _stiff_row(
+    femoral: Surface | Condyles, motion: Placement, points: Points, known: Array, is_known: Array
+):
+    """As `_stiff`, differentiated: of points whose rays are searched thoroughly."""
+    surface, nowhere = asked_at(femoral, points), (jnp.zeros(known.shape[1:]),) * 6
+
+    def pressed(*twist: Array):
+        sampled = thoroughly(surface, points, _displaced(motion, twist), known, is_known)
+        return _pressed_and_faults(surface, motion, sampled)
+
+    def by(unit: Array):
+        rates = tuple(x + rate for x, rate in zip(nowhere, unit, strict=True))
+        return jax.jvp(pressed, nowhere, rates, has_aux=True)
+
+    held, (_, changes), faults = lax.map(by, jnp.eye(6))
+    held, faults = jax.tree.map(lambda x: x[0], (held, faults))
+    return held, changes, faults
 
 
-def _by_rows(x: Array | float, count: int, shape: tuple[int, ...]) -> Array:
-    """What is known of points, `(points, ...)`, as `(rows, points of a row, ...)`."""
-    x = jnp.asarray(x)
-    whole = jnp.broadcast_to(x, shape[:1] + (x.shape[1:] or (1,) * (len(shape) - 1)))
-    return whole.reshape(count, -1, *whole.shape[1:])
+def _nothing(known: Array):
+    """What `_stiff_row` gives of points that do nothing."""
+    zero, fine = jnp.zeros(known.shape[1:]), jnp.zeros(known.shape[1:], bool)
+    wrench, changes = (Wrench((x,) * 3, (x,) * 3) for x in (zero, jnp.zeros((6, *zero.shape))))
+    apart = jnp.full(known.shape, -FARTHEST)
+    return (zero, wrench), changes, PointFaults(apart, fine, fine, fine)
 
 
 def _displaced(motion: Placement, twist: tuple[Array, ...]) -> Placement:
-    """The femur after a small shift and turn about the origin of the tibial surface's frame."""
+    """The femur after a small shift and turn about the tibia's origin."""
     shift, turn = twist[:3], twist[3:]
     columns = transpose(_UNITS if motion.rotation is None else motion.rotation)
     turned = transpose(tuple(add(column, cross(turn, column)) for column in columns))
@@ -217,14 +221,13 @@ press_points.defjvp(_press_points_jvp, symbolic_zeros=True)
 
 
 def stiffness(
-    contact: Contact, sampled: Sampled, motion: Placement, gradient: Vector, bend: Rotation
+    sampled: Sampled, motion: Placement, gradient: Vector, bend: Rotation
 ) -> list[Wrench]:
-    """Change of the wrench on the tibia by motions of the femur, in the tibial surface's frame.
+    """Change of the wrench on the tibia by motions of the femur, about its origin in its axes.
 
     Args:
-        contact: gives the femoral surface and the pressure law.
-        sampled: depths at the points of the tibial surface, none of them held.
-        motion: from the femoral to the tibial surface's frame.
+        sampled: depths at the points, none of them held.
+        motion: from femoral to tibial axes.
         gradient: of the femoral level where the rays end, in the femoral surface's frame.
         bend: its derivative, rows by x, y, z.
 
@@ -232,7 +235,9 @@ def stiffness(
         Per mm along X, Y and Z; per rad about them, through the origin.
     """
     hit, slope, normal = sampled.hit, sampled.slope, sampled.points.normal
-    pressing, firm = _force_and_slope(contact, sampled)
+    depth = sampled.depth
+    # N, and N per mm of depth.
+    pressing, firm = jax.jvp(sampled.points.force, (depth,), (jnp.ones_like(depth),))
     force = -pressing
     # Force by a motion of the femoral point, if the slope keeps its direction: symmetric.
     bent = _bend_along_layer(sampled, motion, gradient, bend)
@@ -245,22 +250,13 @@ def stiffness(
         change = rotate(spring, unit)
         # The point at which the force acts moves along the normal, as the depth does.
         arm_moves = scale(-times(force, dot(slope, unit)), aside)
-        by_shift.append(_sum(Wrench(change, add(arm_moves, cross(hit, change)))))
+        by_shift.append(_of_all(Wrench(change, add(arm_moves, cross(hit, change)))))
         moved = cross(unit, hit)
         turned = subtract(cross(unit, slope), scale(dot(unit, aside), slope))
         change = add(rotate(spring, moved), scale(force, turned))
         arm_moves = scale(-force * dot(slope, moved), aside)
-        by_turn.append(_sum(Wrench(change, add(arm_moves, cross(hit, change)))))
+        by_turn.append(_of_all(Wrench(change, add(arm_moves, cross(hit, change)))))
     return [*by_shift, *by_turn]
-
-
-def _force_and_slope(contact: Contact, sampled: Sampled):
-    """N, and N per mm of depth."""
-
-    def pressing(depth):
-        return contact.point_force(dataclasses.replace(sampled, depth=depth))
-
-    return jax.jvp(pressing, (sampled.depth,), (jnp.ones_like(sampled.depth),))
 
 
 def _bend_along_layer(
@@ -268,9 +264,10 @@ def _bend_along_layer(
 ) -> Rotation:
     """The matrix `M` of the file's first lines, 1/mm."""
     slope, normal = sampled.slope, sampled.points.normal
-    if motion.rotation is not None:
-        gradient = motion.turn(gradient)
-        bend = compose(motion.rotation, compose(bend, transpose(motion.rotation)))
+    rotation = motion.after(sampled.points.femoral).rotation
+    if rotation is not None:
+        gradient = rotate(rotation, gradient)
+        bend = compose(rotation, compose(bend, transpose(rotation)))
     along = rotate(bend, normal)
     twice = dot(normal, along)
     steep = dot(gradient, normal)
@@ -286,7 +283,7 @@ def _bend_along_layer(
 
 
 def _twist(motion: Placement, rates: Placement) -> tuple[Vector, Vector]:
-    """Velocity of the femur's point at the tibial frame's origin, and its rotation."""
+    """Velocity of the femur's point at the tibia's origin, and its rotation."""
     if motion.rotation is None:
         return rates.translation, (0.0, 0.0, 0.0)
     spin = compose(rates.rotation, transpose(motion.rotation))
@@ -296,7 +293,11 @@ def _twist(motion: Placement, rates: Placement) -> tuple[Vector, Vector]:
     return subtract(rates.translation, cross(turn, motion.translation)), turn
 
 
-def _sum(wrench: Wrench) -> Wrench:
+def summed(wrench: Wrench, add: Callable[[Array], Array]) -> Wrench:
+    """Wrenches at points, put together by a sum over the points."""
     parts = jnp.broadcast_arrays(*(jnp.asarray(x) for x in (*wrench.force, *wrench.moment)))
-    fx, fy, fz, mx, my, mz = (jnp.sum(x, axis=0) for x in parts)
+    fx, fy, fz, mx, my, mz = map(add, parts)
     return Wrench((fx, fy, fz), (mx, my, mz))
+
+
+_of_all = partial(summed, add=partial(jnp.sum, axis=0))

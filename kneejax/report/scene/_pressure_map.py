@@ -157,12 +157,11 @@ def _over_points(contact: Contact, points: tuple[int, int]) -> Contact:
 
 @eqx.filter_jit
 def _field(contact: Contact, state: State) -> tuple[Array, Array, Array]:
-    sampled = contact.sample(state.between(contact.bodies))
-    pressure = jnp.where(sampled.depth > 0, contact.point_pressure(sampled), 0.0)
-    place = contact.tibial.frame.placement.apply(sampled.points.point)
-    shape = sampled.depth.shape
-    place = jnp.stack([jnp.broadcast_to(x, shape) for x in place], axis=1)
-    return place, pressure, jnp.broadcast_to(sampled.points.area, shape)
+    sampled = contact.foundation.sample(state.between(contact.bodies))
+    points, depth = sampled.points, sampled.depth
+    pressure = jnp.where(depth > 0, points.pressure(depth), 0.0)
+    place = jnp.stack([jnp.broadcast_to(x, depth.shape) for x in points.point], axis=1)
+    return place, pressure, jnp.broadcast_to(points.area, depth.shape)
 
 
 @eqx.filter_jit

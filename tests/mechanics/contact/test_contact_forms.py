@@ -160,7 +160,7 @@ def test_the_closed_form_is_exact_for_a_paraboloid_on_a_plane(law):
 def test_sampled_points_cover_the_plateau_with_its_area_and_measure_depth_along_its_normal():
     plane = geo.Plane(half_extent=(10.0, 8.0))
     contact = Contact(geo.Sphere(30.0), plane, form="quadrature", points=(12, 9))
-    sampled = jax.jit(Contact.sample)(contact, at([0.0, -29.0, 0.0]))
+    sampled = jax.jit(lambda c, tibia: c.foundation.sample(tibia))(contact, at([0.0, -29.0, 0.0]))
     assert sampled.depth.shape == (108,)
     assert float(sampled.points.area.sum()) == pytest.approx(4 * 10 * 8, rel=1e-12)
     x, _, z = (np.asarray(c) for c in sampled.points.point)
@@ -171,10 +171,10 @@ def test_sampled_points_cover_the_plateau_with_its_area_and_measure_depth_along_
 @jax.jit
 def told(contact, tibia):
     """Faults, and depth, pressure, energy and wrench with its derivative by the translation."""
-    sampled = contact.sample(tibia)
-    faults = contact.faults(tibia, sampled)
+    sampled = contact.foundation.sample(tibia)
+    faults = contact.foundation.faults(tibia, sampled)
     wrench = jax.jacfwd(lambda t: contact.wrench(geo.Placement(None, t)))(tibia.translation)
-    peak = jnp.max(contact.point_pressure(sampled))
+    peak = jnp.max(sampled.points.pressure(sampled.depth))
     numbers = sampled.depth.max(), peak, contact.energy(tibia), wrench
     return faults.too_deep | faults.outside | faults.lost, jax.tree.leaves(numbers)
 
@@ -202,8 +202,9 @@ def test_off_the_cartilage_nothing_is_pressed_however_deep(law):
 
 def test_what_is_far_apart_carries_nothing_beyond_a_border():
     contact = Contact(geo.Sphere(10.0), geo.Plane(half_extent=(10.0, 8.0)), form="quadrature")
-    border = jax.jit(lambda c, tibia: c.border(tibia, c.sample(tibia)))(contact, at([0, -20, 0]))
-    assert float(border.share) == float(border.beyond_mm) == 0.0
+    bed = contact.foundation
+    border = jax.jit(lambda tibia: bed.border(tibia, bed.sample(tibia)))(at([0, -20, 0]))
+    assert float(border.share[0]) == float(border.beyond_mm[0]) == 0.0
 
 
 def test_pressure_has_the_rounded_onset_of_the_energy():

@@ -1,6 +1,7 @@
 """Wrench and stiffness of a contact over points, against differentiation."""
 
 import dataclasses
+from functools import partial, reduce
 
 import jax
 import jax.numpy as jnp
@@ -8,8 +9,10 @@ import numpy as np
 import pytest
 
 import kneejax.geometry as geo
-from kneejax.mechanics import Contact
+from kneejax.mechanics import Contact, PointFaults, Wrench, foundations_of
 from kneejax.mechanics._wrench import wrench_of
+from kneejax.mechanics.contact._points import asked_at
+from kneejax.mechanics.contact._quadrature import quick_depths
 from kneejax.numerics import compiled
 
 
@@ -27,6 +30,13 @@ def condyle_on_plateau(basis, rng):
     return Contact(femoral, tibial, law="log", form="quadrature", points=(9, 8))
 
 
+def of_springs(contact, tibia):
+    """The sum of what the springs do, each by itself."""
+    foundation = contact.foundation
+    each = foundation.wrenches(tibia, foundation.sample(tibia))
+    return jax.tree.map(lambda x: x[0], each)
+
+
 @compiled()
 def both(contact, state, flexion):
     """Wrench and its change by five coordinates, written out and differentiated."""
@@ -37,7 +47,7 @@ def both(contact, state, flexion):
             if written_out:
                 found = contact.wrench(tibia)
             else:
-                found = contact.sampled_wrench(tibia, contact.sample(tibia))
+                found = of_springs(contact, tibia)
             return jnp.stack([*found.force, *found.moment])
 
         return of(state), jax.jacfwd(of)(state)
@@ -86,10 +96,91 @@ def test_a_wrench_has_a_derivative_by_everything_else_too(rng, central_differenc
     np.testing.assert_allclose(exact, expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
 
 
-def test_points_placed_beforehand_change_nothing(rng):
-    contact = condyle_on_plateau("cubic_spline", rng)
-    tibia = geo.Pose(*(jnp.asarray(x) for x in (0.5, 0.02, -0.05, 0.7, 1.5, -0.6))).placement
-    energy = jax.jit(lambda contact: contact.energy(tibia))
-    expected = energy(contact)
-    assert expected > 10.0
-    np.testing.assert_allclose(energy(contact.with_points_placed()), expected, rtol=1e-13)
+@compiled()
+def apart_and_together(contacts, state, flexion):
+    """Energy, wrench, its change by five coordinates, and faults of contacts over points, each by
+    itself and as one foundation, with all that is read of it."""
+
+    def of(foundations):
+        def wrench(state):
+            tibia = geo.State.of({"flexion": flexion}, state).tibia.placement
+            energies, wrenches, faults = zip(*(x.press(tibia) for x in foundations), strict=True)
+            total = Wrench.total([wrench.alone() for wrench in wrenches])
+            worst = reduce(PointFaults.and_of, faults)
+            return jnp.stack([*total.force, *total.moment]), (sum(energies), worst)
+
+        tibia = geo.State.of({"flexion": flexion}, state).tibia.placement
+        sampled = [x.sample(tibia) for x in foundations]
+        read = [
+            (x.wrenches(tibia, own), x.faults(tibia, own), x.border(tibia, own))
+            for x, own in zip(foundations, sampled, strict=True)
+        ]
+        each = jax.tree.map(lambda *x: jnp.concatenate(x), *read)
+        return wrench(state), jax.jacfwd(wrench, has_aux=True)(state)[0], each
+
+    return of([contact.foundation for contact in contacts]), of(foundations_of(contacts))
+
+
+# At the second pose rays graze at six points: two rows of three are searched thoroughly.
+@pytest.mark.parametrize(("tilt", "up", "unusual"), [(0.02, 1.5, 0), (-0.9, 8.0, 6)])
+def test_contacts_in_one_foundation_do_what_they_do_apart(tilt, up, unusual, rng):
+    contacts = pair_of_splines(rng)
+    (together,) = foundations_of(contacts)
+    assert together.counts == (72, 30) and together.rows == (0, 1)
+    state = jnp.array([tilt, -0.05, 0.7, up, -0.6])
+    tibia = geo.State.of({"flexion": jnp.asarray(0.5)}, state).tibia.placement
+    surface = asked_at(together.femoral, together.points)
+    _, sound = jax.jit(quick_depths)(surface, together.points, tibia.inverse())
+    assert np.sum(~np.asarray(sound)) == unusual
+    apart, joined = apart_and_together(contacts, state, jnp.asarray(0.5))
+    assert float(apart[0][1][0]) > 10.0
+    for one, other in zip(jax.tree.leaves(apart), jax.tree.leaves(joined), strict=True):
+        largest = np.abs(np.asarray(one, float)).max(initial=1.0)
+        np.testing.assert_allclose(other, one, rtol=1e-9, atol=1e-11 * largest)
+
+
+def test_all_numbers_of_joined_contacts_have_their_derivatives(rng):
+    contacts, state = pair_of_splines(rng), jnp.array([0.02, -0.05, 0.7, 1.5, -0.6])
+    tibia = geo.State.of({"flexion": jnp.asarray(0.5)}, state).tibia.placement
+    leaves, tree = jax.tree.flatten(contacts)
+    ways = tree.unflatten([jnp.asarray(rng.normal(size=x.shape)) for x in leaves])
+
+    @compiled()
+    def change(contacts, ways):
+        def total(contacts, apart):
+            foundations = [x.foundation for x in contacts] if apart else foundations_of(contacts)
+            return Wrench.total([x.press(tibia)[1].alone() for x in foundations])
+
+        by = [partial(total, apart=apart) for apart in (True, False)]
+        return [jax.tree.leaves(jax.jvp(one, (contacts,), (ways,))[1]) for one in by]
+
+    apart, together = np.array(change(contacts, ways))
+    assert np.abs(apart).max() > 100.0
+    np.testing.assert_allclose(together, apart, rtol=1e-8, atol=1e-10 * np.abs(apart).max())
+
+
+def test_what_cannot_be_asked_at_once_stays_apart(rng):
+    one, other = pair_of_splines(rng)
+    powers = condyle_on_plateau("power", rng)
+    by_another_law = dataclasses.replace(other, law="log")
+    elsewhere = dataclasses.replace(other, bodies=("femur", "patella"))
+    found = foundations_of((one, powers, by_another_law, other, elsewhere, powers))
+    assert [x.rows for x in found] == [(0, 3), (1,), (2,), (4,), (5,)]
+
+
+def pair_of_splines(rng):
+    """Two contacts between the same bones, of tables and points of different sizes."""
+    one = dataclasses.replace(condyle_on_plateau("cubic_spline", rng), law="linear")
+    femoral = geo.Condyle(
+        24.0 + rng.normal(size=(6, 8)), (0.2, 2.8), (-10, 11),
+        geo.Frame([1, -1, -20], [0.05, -0.02, 0.04]), "cubic_spline",
+    )  # fmt: skip
+    tibial = geo.Plateau(
+        0.4 * rng.normal(size=(5, 7)), (-17, 18), (-11, 10),
+        geo.Frame([0.5, -23.5, -20.5], [0.03, 0.02, -0.06]), "cubic_spline",
+    )  # fmt: skip
+    other = Contact(
+        femoral, tibial, 7.0, 0.4, 5.0, 0.03, "linear", "quadrature", (6, 5),
+        layer_variation=[[0.3, 0.1], [-0.2, 0.05]],
+    )  # fmt: skip
+    return one, other

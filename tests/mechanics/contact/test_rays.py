@@ -121,7 +121,7 @@ def wrench_and_stiffness(contact, state, flexion):
         return jnp.stack([*found.force, *found.moment])
 
     tibia = geo.State.of({"flexion": flexion}, state).tibia.placement
-    sampled = contact.sample(tibia)
+    sampled = contact.foundation.sample(tibia)
     of_energy = wrench_of(contact.energy, tibia)
     return (
         wrench(state), jax.jacfwd(wrench)(state),

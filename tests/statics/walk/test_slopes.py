@@ -9,7 +9,7 @@ import pytest
 
 import kneejax as kj
 from kneejax.geometry import State
-from kneejax.mechanics import Contact, add_lane_axis
+from kneejax.mechanics import Foundation, add_lane_axis
 from kneejax.statics import Stations, balance_with_slopes
 from kneejax.statics.walk._slopes import _LANES, _slopes
 
@@ -54,7 +54,7 @@ def test_bundles_of_a_whole_knee_vary_in_stiffness_and_strain_together(
     in_lanes = np.tile(values, (_LANES, 1))
     given = knee, in_lanes, None, stations.of(knee).plain(), known
     slope, _ = _slopes(chosen.apply, *given)
-    monkeypatch.setattr(Contact, "press_points", lambda *_: pytest.fail("a contact was asked"))
+    monkeypatch.setattr(Foundation, "press", lambda *_: pytest.fail("a contact was asked"))
     jax.eval_shape(functools.partial(_slopes.__wrapped__, chosen.apply), *given)
 
     @jax.jit

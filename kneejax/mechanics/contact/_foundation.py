@@ -1,0 +1,171 @@
+"""The springs of all contacts over points that can be asked at once.
+
+A contact over points is a bed of springs, an elastic foundation, and two contacts between the same
+bones are a larger one: what differs from contact to contact is told point by point. So a knee has
+one region to compile, however many menisci it has.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from kneejax.geometry import Condyles, Pair, Placement, Surface
+from kneejax.mechanics._wrench import Wrench
+from kneejax.mechanics.contact import _border
+from kneejax.mechanics.contact._border import Border
+from kneejax.mechanics.contact._points import Points, Sampled, asked_at, midpoints
+from kneejax.mechanics.contact._points_force import (
+    PointFaults,
+    faults_at,
+    press_points,
+    sampled_wrenches,
+    summed,
+)
+from kneejax.mechanics.contact._quadrature import Answer, over_rays
+
+if TYPE_CHECKING:
+    from kneejax.mechanics.contact._contact import Contact
+
+
+class Foundation(eqx.Module):
+    """Springs of one contact over points, or of several between the same bones.
+
+    Methods ask where the second bone is in the first: `tibia`.
+
+    Attributes:
+        femoral: what presses.
+        points: of all contacts, one contact after the other.
+        counts: points of each.
+        rows: numbers of the contacts among those that it was made of.
+        bodies: the two bones.
+    """
+
+    femoral: Surface | Condyles
+    points: Points
+    counts: tuple[int, ...] = eqx.field(static=True)
+    rows: tuple[int, ...] = eqx.field(static=True)
+    bodies: Pair = eqx.field(static=True)
+
+    def press(self, tibia: Placement) -> tuple[Array, Wrench, PointFaults]:
+        """Energy, N mm; the wrench on the tibia about its origin, in femur axes; and faults."""
+        energy, wrench, faults = press_points(self.femoral, self.points, tibia.inverse())
+        least = jnp.min(self.of_each(jnp.max, faults.depth), axis=0)
+        return energy, wrench.turned(tibia), dataclasses.replace(faults, depth=least)
+
+    def energy(self, tibia: Placement) -> Array:
+        """Energy alone, N mm."""
+
+        def summed(sampled: Sampled) -> Array:
+            return jnp.sum(self.points.energy(sampled.depth), axis=0)
+
+        return self.over_points(tibia, summed)
+
+    def sample(self, tibia: Placement) -> Sampled:
+        """Depth at the points; see `Sampled`."""
+
+        def all_of(sampled: Sampled) -> tuple[Array, ...]:
+            parts = sampled.depth, *sampled.slope, *sampled.twist
+            shape = jnp.broadcast_shapes(*(jnp.shape(x) for x in parts))
+            return tuple(jnp.broadcast_to(x, shape) for x in (*parts, sampled.lost))
+
+        depth, *six, lost = self.over_points(tibia, all_of)
+        return Sampled(self.points, depth, tuple(six[:3]), tuple(six[3:]), lost)
+
+    def over_points(self, tibia: Placement, answer: Callable[[Sampled], Answer]) -> Answer:
+        """What a function makes of the depths at the points; faster than `sample` where it returns
+        less than it reads."""
+        return over_rays(self.femoral, self.points, tibia.inverse(), answer)
+
+    def of_each(self, reduce: Callable[..., Array], x: Array) -> Array:
+        """What a sum, a maximum or the like makes of the points of each contact.
+
+        Args:
+            reduce: as `jax.numpy.sum`.
+            x: `(points, ...)`.
+
+        Returns:
+            `(contacts, ...)`.
+        """
+        ends = np.cumsum((0, *self.counts))
+        return jnp.stack([reduce(x[a:b], axis=0) for a, b in pairwise(ends)])
+
+    def wrenches(self, tibia: Placement, sampled: Sampled) -> Wrench:
+        """Of each contact on the tibia about its origin, in femur axes, `(contacts, ...)`."""
+        add = partial(self.of_each, jnp.sum)
+        return summed(sampled_wrenches(sampled), add).turned(tibia)
+
+    def faults(self, tibia: Placement, sampled: Sampled) -> PointFaults:
+        """What is wrong with each contact, `(contacts, ...)`."""
+        there = faults_at(asked_at(self.femoral, self.points), sampled, tibia.inverse())
+        found = (self.of_each(jnp.any, x) for x in (there.too_deep, there.outside, there.lost))
+        return PointFaults(self.of_each(jnp.max, there.depth), *found)
+
+    def border(self, tibia: Placement, sampled: Sampled) -> Border:
+        """How far each contact reaches beyond the fitted regions, and what it carries there."""
+        surface, motion = asked_at(self.femoral, self.points), tibia.inverse()
+        return _border.of_points(surface, sampled, motion, self.of_each)
+
+
+def foundations_of(contacts: Sequence[Contact]) -> tuple[Foundation, ...]:
+    """The contacts over points among some, as few foundations as can hold them.
+
+    Args:
+        contacts: of any form; those of one foundation join the same bones by the same law.
+    """
+    kinds: dict[object, list[int]] = {}
+    for row, contact in enumerate(contacts):
+        if not contact.has_patch:
+            alone = None if Condyles.can_hold(contact.femoral) else row
+            left_out = contact.femoral.frame.rotation is None, contact.damper is None
+            kind = alone, contact.bodies, contact.law, jnp.ndim(contact.onset_width), left_out
+            kinds.setdefault(kind, []).append(row)
+    return tuple(_of_rows(contacts, rows) for rows in kinds.values())
+
+
+def _of_rows(contacts: Sequence[Contact], rows: Sequence[int]) -> Foundation:
+    own = [contacts[row] for row in rows]
+    each, bodies = [_points_of(contact) for contact in own], own[0].bodies
+    counts = tuple(math.prod(contact.points) for contact in own)
+    if len(own) == 1:
+        return Foundation(own[0].femoral, each[0], counts, tuple(rows), bodies)
+    lanes = (1,) * jnp.ndim(own[0].onset_width)
+
+    def joined(*parts: Array | float) -> Array:
+        full = [x.reshape(-1, *(x.shape[1:] or lanes)) for x in map(jnp.asarray, parts)]
+        shape = jnp.broadcast_shapes(*(x.shape[1:] for x in full))
+        each = [jnp.broadcast_to(x, (n, *shape)) for x, n in zip(full, counts, strict=True)]
+        return jnp.concatenate(each)
+
+    which = jnp.asarray(np.repeat(np.arange(len(own)), counts).reshape(-1, *lanes), jnp.int32)
+    points = dataclasses.replace(jax.tree.map(joined, *each), which=which)
+    femoral = Condyles.of([contact.femoral for contact in own])
+    return Foundation(femoral, points, counts, tuple(rows), bodies)
+
+
+def _points_of(contact: Contact) -> Points:
+    """Points of a contact, in the axes of its second bone."""
+    surface, lanes = contact.tibial, jnp.ndim(contact.onset_width)
+    point, normal, area, across = midpoints(surface, contact.points, lanes)
+    frame = surface.frame.placement
+    numbers = contact.modulus, contact.onset_width, contact.femoral.frame.placement
+    return Points(
+        frame.apply(point),
+        frame.turn(normal),
+        area,
+        contact.layer(across),
+        *jax.tree.map(lambda x: jnp.asarray(x)[None], numbers),
+        which=None,
+        damper=contact.damper,
+        law=contact.law,
+    )
