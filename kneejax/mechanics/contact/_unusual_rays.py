@@ -73,6 +73,11 @@ def row_after_row(x: Array) -> Array:
 
 
 def _split(x: Array) -> Array:
-    """What is known of points, `(points, ...)`, in rows; the last point fills up the last row."""
-    own = np.minimum(np.arange(-(-len(x) // _ROW) * _ROW), len(x) - 1)
-    return x[own].reshape(-1, _ROW, *x.shape[1:])
+    """What is known of points, `(points, ...)`, in rows; the last point fills up the last row.
+
+    Joined and not gathered: where a gather is fused, XLA (jaxlib 0.10.2) ends the process while it
+    compiles the derivative backwards.
+    """
+    more = -len(x) % _ROW
+    last = jnp.broadcast_to(x[-1:], (more, *x.shape[1:]))
+    return jnp.concatenate([x, last]).reshape(-1, _ROW, *x.shape[1:])
