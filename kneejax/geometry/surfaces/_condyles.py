@@ -54,7 +54,13 @@ class Condyles(eqx.Module):
         """
         own, every = jnp.ravel(which), self.tables
         numbers = (x[own] for x in (every.begins, every.rows, every.columns))
-        limits = self.angle[:, own], self.width[:, own]
+        limits = (
+            sum(
+                jnp.where((own == k).reshape(-1, *(1,) * (x.ndim - 2)), x[:, k, None], 0.0)
+                for k in range(x.shape[1])
+            )
+            for x in (self.angle, self.width)
+        )
         empty = Condyle(jnp.zeros((4, 4)), *limits, basis=CUBIC_SPLINE)
         tables = SplineTables(every.values, *numbers)
         return eqx.tree_at(lambda one: one.coefficients, empty, tables)
