@@ -13,7 +13,7 @@ from kneejax.mechanics import Contact, PointFaults, Wrench, foundations_of
 from kneejax.mechanics._wrench import wrench_of
 from kneejax.mechanics.contact._points import asked_at
 from kneejax.mechanics.contact._quadrature import quick_depths
-from kneejax.numerics import compiled
+from kneejax.numerics import compiled, compiler_options
 
 
 def condyle_on_plateau(basis, rng):
@@ -157,6 +157,25 @@ def test_all_numbers_of_joined_contacts_have_their_derivatives(rng):
     apart, together = np.array(change(contacts, ways))
     assert np.abs(apart).max() > 100.0
     np.testing.assert_allclose(together, apart, rtol=1e-8, atol=1e-10 * np.abs(apart).max())
+
+
+@pytest.mark.slow  # where operations are fused as in a command: gathers once ended the process
+def test_their_energy_is_differentiated_backwards_as_forwards(rng):
+    contacts, state = pair_of_splines(rng), jnp.array([0.02, -0.05, 0.7, 1.5, -0.6])
+    tibia = geo.State.of({"flexion": jnp.asarray(0.5)}, state).tibia.placement
+    leaves, tree = jax.tree.flatten(contacts)
+    ways = tree.unflatten([jnp.asarray(rng.normal(size=x.shape)) for x in leaves])
+
+    def energy(contacts):
+        (together,) = foundations_of(contacts)
+        return together.energy(tibia)
+
+    options = dict(compiler_options())
+    found = jax.jit(jax.grad(energy), compiler_options=options)(contacts)
+    pairs = zip(jax.tree.leaves(found), jax.tree.leaves(ways), strict=True)
+    backwards = sum(jnp.vdot(x, y) for x, y in pairs)
+    forwards = jax.jit(lambda x, way: jax.jvp(energy, (x,), (way,))[1], compiler_options=options)
+    np.testing.assert_allclose(backwards, forwards(contacts, ways), rtol=1e-10)
 
 
 def test_what_cannot_be_asked_at_once_stays_apart(rng):
