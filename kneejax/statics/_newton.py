@@ -119,7 +119,8 @@ class EnergyNewton(optx.AbstractRootFinder):
             residual, forces, tangent_there = linearised(force_at, y.q, y.meeting, at_once=dear)
         here = Seen(y, residual, forces)
         verdict = self._judged(here, state, dear)
-        best = _with_secant(state, state.at(verdict.accept, here), verdict)
+        best = state.at(verdict.accept, here)
+        best = _with_secant(state, best, verdict) if dear else best
         best = _with_tangent(best, verdict, tangent_there, dear)
         best = _steadied(best, verdict, _miss(forces))
         ahead = self._ahead(best, state, verdict)
