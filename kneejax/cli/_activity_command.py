@@ -34,33 +34,7 @@ def add_activity(commands) -> None:
         "loads (.xml), or of joint reactions; each is known by its columns",
     )
     activity.add_argument("--model", type=Path, required=True, help="the model that moved (.osim)")
-    activity.add_argument(
-        "--motion",
-        type=Path,
-        help="in place of FILES: coordinates (.sto, .mot) for which OpenSim itself finds the "
-        "forces, by inverse dynamics and static optimisation; needs the extra opensim",
-    )
-    activity.add_argument(
-        "--grf",
-        type=Path,
-        help="beside --motion: forces from the ground, external loads (.xml); without them the "
-        "model's own contacts press its feet",
-    )
-    activity.add_argument(
-        "--actuators",
-        type=Path,
-        help="beside --motion: reserves and residuals, a ForceSet (.xml); weak ones otherwise",
-    )
-    activity.add_argument(
-        "--time_s", metavar="BEGIN:END", help="beside --motion: a part of it (default: all)"
-    )
-    activity.add_argument(
-        "--rounds",
-        type=int,
-        default=0,
-        help="beside --motion: how often the knee's secondary motion goes back into the model, as "
-        "splines of flexion, for OpenSim to find the forces again (default: 0)",
-    )
+    _add_what_opensim_is_asked(activity)
     activity.add_argument("--side", choices=("r", "l"), default="r", help="right or left knee")
     activity.add_argument("--knee", help=f"{KNEE} (default: lenhart2015_reduced)")
     activity.add_argument(
@@ -93,3 +67,34 @@ def add_activity(commands) -> None:
     add_svg(activity)
     add_convention(activity, "of the poses written")
     activity.set_defaults(run=lazily("_activity"))
+
+
+def _add_what_opensim_is_asked(activity) -> None:
+    """Options of a movement for which OpenSim itself finds the forces."""
+    activity.add_argument(
+        "--motion",
+        type=Path,
+        help="in place of FILES: coordinates (.sto, .mot) for which OpenSim itself finds the "
+        "forces, by inverse dynamics and static optimisation; needs the extra opensim",
+    )
+    activity.add_argument(
+        "--grf",
+        type=Path,
+        help="beside --motion: forces from the ground, external loads (.xml); without them the "
+        "model's own contacts press its feet",
+    )
+    activity.add_argument(
+        "--actuators",
+        type=Path,
+        help="beside --motion: reserves and residuals, a ForceSet (.xml); weak ones otherwise",
+    )
+    activity.add_argument(
+        "--time_s", metavar="BEGIN:END", help="beside --motion: a part of it (default: all)"
+    )
+    activity.add_argument(
+        "--rounds",
+        type=int,
+        default=0,
+        help="beside --motion: how often the knee's secondary motion goes back into the model, as "
+        "splines of flexion, for OpenSim to find the forces again",
+    )

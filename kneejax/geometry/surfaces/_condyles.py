@@ -54,6 +54,7 @@ class Condyles(eqx.Module):
         """
         own, every = jnp.ravel(which), self.tables
         numbers = (x[own] for x in (every.begins, every.rows, every.columns))
+        # Not gathered: see `_by_all` of splines.
         limits = (
             sum(
                 jnp.where((own == k).reshape(-1, *(1,) * (x.ndim - 2)), x[:, k, None], 0.0)
