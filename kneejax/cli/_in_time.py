@@ -18,7 +18,7 @@ from kneejax.experiments import MOST_ERROR_MM, Transient, lab_tests, leg_of_pers
 from kneejax.files import InputProblem, parse_flexion, read_loads_over_time, write_rows
 from kneejax.geometry import COLUMNS, FEMORAL, convert_table, coordinate
 from kneejax.inference.transients import DAMPING, FittedTransient, Recorded
-from kneejax.mechanics import Knee, Range, load_words
+from kneejax.mechanics import RANGES, Knee, Range, load_words
 from kneejax.statics import Status
 
 _FLEXION = {"settle": 20.0, "drop": 60.0, "lachman": 20.0}
@@ -28,12 +28,10 @@ _SIZES = {
     "duration_s": Range(1e-4, 120.0, "s"),
     "every_ms": Range(1e-3, 1e3, "ms"),
     "ramp_s": Range(0.0, 60.0, "s"),
-    **{name: damper.allowed for name, damper in DAMPING.items()},
-    "error_mm": Range(1e-6, 10.0, "mm"),
-    "body_kg": Range(20.0, 300.0, "kg"),
-    "height_m": Range(1.0, 2.5, "m", too_large="cm are suspected"),
-    "ankle_kg": Range(0.0, 100.0, "kg"),
-    "femur_deg": Range(-90.0, 90.0, "degrees"),
+    **{
+        name: RANGES[name]
+        for name in (*DAMPING, "error_mm", "body_kg", "height_m", "ankle_kg", "femur_deg")
+    },
 }
 #: Of a test by load that nobody can ask for through time.
 _NOT_IN_TIME = (

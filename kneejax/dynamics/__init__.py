@@ -7,7 +7,9 @@ from kneejax.dynamics._continuous import integrated as integrated
 from kneejax.dynamics._grid import Grid as Grid
 from kneejax.dynamics._march import Given as Given
 from kneejax.dynamics._march import Moments as Moments
+from kneejax.dynamics._march import followed as followed
 from kneejax.dynamics._march import march as march
+from kneejax.dynamics._march import searched as searched
 from kneejax.dynamics._moving import GRAVITY as GRAVITY
 from kneejax.dynamics._moving import MovingKnee as MovingKnee
 from kneejax.dynamics._moving import gravity_of as gravity_of

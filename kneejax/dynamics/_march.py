@@ -109,17 +109,33 @@ def march(
         The motion, differentiable by every number of the knee and of what is given, forward and
         backward; the lengths of steps are fixed.
     """
-    count = len(given.length_s)
-    still = lax.stop_gradient((moving, given))
-    if traced(still):
-        _, settled = found(still[0], still[1].steps, begun(*still))
-    else:
-        settled = _in_blocks(found, still[0], (still[1].steps,), begun(*still), progress)
-    whole = (given.steps, jax.tree.map(lambda x: x[:count], settled))
+    settled = searched(moving, given, progress)
     if traced((moving, given)):
-        return follow(moving, *whole, begun(moving, given), True)[1]
-    moments = _in_blocks(_followed, moving, whole, begun(moving, given))
-    return jax.tree.map(lambda x: x[:count], moments)
+        return followed(moving, given, settled)
+    moments = _in_blocks(_followed, moving, (given.steps, settled), begun(moving, given))
+    return jax.tree.map(lambda x: x[: len(given.length_s)], moments)
+
+
+def searched(
+    moving: MovingKnee, given: Given, progress: Callable[[int], None] | None = None
+) -> Settled:
+    """The balances of all steps of a motion, which depend on nothing.
+
+    Arguments as those of `march`.
+    """
+    moving, given = lax.stop_gradient((moving, given))
+    if traced((moving, given)):
+        return found(moving, given.steps, begun(moving, given))[1]
+    settled = _in_blocks(found, moving, (given.steps,), begun(moving, given), progress)
+    return jax.tree.map(lambda x: x[: len(given.length_s)], settled)
+
+
+def followed(moving: MovingKnee, given: Given, settled: Settled) -> Moments:
+    """The motion whose balances were found (`searched`), as a function of all that it depends on.
+
+    For programs that are differentiated: the search compiles once for all of them.
+    """
+    return follow(moving, given.steps, settled, begun(moving, given), True)[1]
 
 
 def _in_blocks(program, moving: MovingKnee, rows, carry: Carry, progress=None):

@@ -38,6 +38,7 @@ from kneejax.experiments.extensor import patella_path as patella_path
 from kneejax.experiments.extensor import patellar_tracking as patellar_tracking
 from kneejax.experiments.in_time import MOST_ERROR_MM as MOST_ERROR_MM
 from kneejax.experiments.in_time import Beginning as Beginning
+from kneejax.experiments.in_time import Frames as Frames
 from kneejax.experiments.in_time import RaisedLeg as RaisedLeg
 from kneejax.experiments.in_time import Transient as Transient
 from kneejax.experiments.in_time import beginning as beginning

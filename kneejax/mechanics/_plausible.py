@@ -123,6 +123,17 @@ RANGES: dict[str, Range] = {
                       too_small="N mm are suspected"),
     "internal_Nm": Range(-1e3, 1e3, "N m", too_large="N mm are suspected",
                          too_small="N mm are suspected"),
+    # of motion through time
+    "body_kg": Range(20.0, 300.0, "kg"),
+    "height_m": Range(1.0, 2.5, "m", too_large="cm are suspected"),
+    "ankle_kg": Range(0.0, 100.0, "kg"),
+    "femur_deg": Range(-90.0, 90.0, "degrees"),
+    "time_s": Range(-1e6, 1e6, "s"),
+    "period_s": Range(1e-2, 1e3, "s"),
+    "error_mm": Range(1e-6, 10.0, "mm"),
+    "critical": Range(0.0, 100.0, ""),
+    "damping_N_s_per_mm": Range(0.0, 1e3, "N s/mm"),
+    "dissipation_s_per_mm": Range(0.0, 10.0, "s/mm", too_large="s/m are suspected"),
     # of what is measured
     "noise_mm": Range(1e-6, 100.0, "mm", or_zero=True),
     "noise_deg": Range(1e-6, 90.0, "degrees", or_zero=True),

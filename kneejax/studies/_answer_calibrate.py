@@ -126,5 +126,6 @@ def _get_ready(study: Study) -> None:
     with contextlib.suppress(Exception):
         evaluate(study.knee, Pose.from_table(np.zeros((poses, 6))), meeting)
         table, unknowns = np.zeros((poses, 6)), len(study.selection) + len(study.frame_offset)
-        problem = Problem.of(study.knee, study.selection, table, np.ones(5), tests=study.tests)
+        tests = study.tests
+        problem = Problem.of(study.knee, study.selection, table, np.ones(5), tests=tests)
         compile_step(unknowns, problem.cases.count + unknowns * bool(study.prior))

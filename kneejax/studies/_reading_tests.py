@@ -15,6 +15,7 @@ from kneejax.files import LabTable, parse_flexion, read_lab_table
 from kneejax.files.reading import Field
 from kneejax.geometry import BODIES, CLINICAL, CONVENTIONS, FREE_COORDINATES, OTHER_COLUMNS
 from kneejax.mechanics import AXES, NAMED_LOADS, RANGES
+from kneejax.studies._frames import read_frames, refused
 from kneejax.studies._published_tests import PublishedTest, published_test
 
 #: Signs of a left knee in axes with Z to the person's right: adduction, internal rotation and
@@ -32,7 +33,7 @@ _OTHERS = {one.name: column for column, one in OTHER_COLUMNS.items()}
 _OPTIONAL = (
     "source", "columns", "ignore", "convention", "mirror", "flexion_deg", "at_deg", "coordinates",
     "counted_from", "constant", "load", "point_mm", "axes", "sd_mm", "sd_deg", "sd_N", "sd_strain",
-    "cut", "weight",
+    "cut", "weight", "in_time",
 )  # fmt: skip
 #: Option of a test -> what a standard deviation may be.
 _SPREADS = {
@@ -81,6 +82,7 @@ def _read(item: Field, folder: Path, lines: Sequence[str]) -> tuple[MeasuredTest
         "readings": readings, "tensions": tensions, "weight": _weight(item, table),
         "cut": _cut(item),
     }  # fmt: skip
+    given["frames"] = read_frames(item, table, flexion)
     given |= {} if counted_from is None else {"counted_from": counted_from}
     for name, allowed in _SPREADS.items():
         if name in item:
@@ -99,8 +101,7 @@ def _read(item: Field, folder: Path, lines: Sequence[str]) -> tuple[MeasuredTest
             weight = weights_by_load(test.loads[test.driven_by])
             test = dataclasses.replace(test, weight=weight)
     except ValueError as problem:
-        part, found, expected = _parts(str(problem))
-        raise Field(item.file, f"{item.path}.{part}", found).problem(expected) from None
+        raise refused(item, str(problem)) from None
     return test, dict(item.value) | {"file": _path(item["file"], folder) or item.value["file"]}
 
 
@@ -151,13 +152,6 @@ def _weight(item: Field, table: LabTable) -> np.ndarray | None:
         if table.weight is not None:
             raise item["weight"].problem("this field left out: the table has a column weight")
     return table.weight
-
-
-def _parts(sentence: str) -> tuple[str, str, str]:
-    """What a test does not take, in the parts of an error: where, what, what was expected."""
-    place, rest = sentence.split(": ", 1)
-    found, expected = rest.split("; expected ", 1)
-    return place, found, expected
 
 
 def _path(field: Field, folder: Path) -> str:

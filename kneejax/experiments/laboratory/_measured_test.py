@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kneejax.experiments.laboratory._curves import Curves
 from kneejax.geometry import FREE_COORDINATES, OTHER_COLUMNS
 from kneejax.mechanics import AXES, GROOD_SUNTAY, NAMED_LOADS
+
+if TYPE_CHECKING:
+    from kneejax.experiments.in_time import Frames
 
 #: What measured numbers are counted from -> what that means.
 COUNTED_FROM = {
@@ -66,6 +70,8 @@ class MeasuredTest:
         sd_strain: of strains.
         weight: of each row's squared errors against those of the other rows, `(n,)`; all alike by
             default (`weights_by_load`).
+        frames: when rows were seen and what moved, of a knee in motion; None where the knee was in
+            balance in each row.
 
     Raises:
         ValueError: what is missing or does not fit, with its row.
@@ -94,6 +100,7 @@ class MeasuredTest:
     sd_N: float | None = None
     sd_strain: float | None = None
     weight: np.ndarray | None = None
+    frames: Frames | None = None
 
     def __post_init__(self) -> None:
         flexion = np.atleast_1d(np.asarray(self.flexion_deg, float))
@@ -127,6 +134,7 @@ class MeasuredTest:
             raise ValueError("observed: nothing; expected a number in some row")
         self._check_readings(shape[:1])
         self._check_weight(shape[:1])
+        self._check_frames()
         self.partner  # noqa: B018 - says what does not fit
 
     def _check_readings(self, shape: tuple[int]) -> None:
@@ -158,6 +166,16 @@ class MeasuredTest:
         if not (np.isfinite(weight).all() and (weight >= 0).all() and weight.any()):
             raise ValueError("weight: not finite, negative or all zero; expected 0 or more")
 
+    def _check_frames(self) -> None:
+        if self.frames is None:
+            return
+        if len(self.frames.time_s) != len(self.flexion_deg):
+            rows = len(self.flexion_deg)
+            raise ValueError(f"frames: {len(self.frames.time_s)} times; expected {rows}, one a row")
+        if self.tensions or self.readings:
+            name = next(iter({**self.tensions, **self.readings}))
+            raise ValueError(f"frames: {name} too; expected loads and coordinates alone")
+
     def _check_loads(self, flexion: np.ndarray, acting: Sequence[np.ndarray]) -> None:
         """Some load acts or something was read of the knee's parts, or the motion needs none; and
         without a load each row has a flexion of its own."""
@@ -165,9 +183,14 @@ class MeasuredTest:
         if not told and self.counted_from not in WITHOUT_LOADS:
             raise ValueError("loads: none; expected a load that is not zero in some row")
         angles, rows = np.unique(flexion, return_counts=True)
-        if rows.max() > 1 and not (self.loads and told):
+        if rows.max() > 1 and self.frames is None and not (self.loads and told):
             found = f"{angles[rows > 1][0]:g} degrees {rows.max()} times"
             raise ValueError(f"flexion_deg: {found}; expected each once, since no load acts")
+
+    @property
+    def bent_deg(self) -> np.ndarray:
+        """Flexion of each row of a model's knee, `(n,)`: as measured, or as a motion is led."""
+        return self.flexion_deg if self.frames is None else self.frames.led_deg
 
     @property
     def driven_by(self) -> str:

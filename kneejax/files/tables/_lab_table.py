@@ -19,7 +19,7 @@ _LOAD = re.compile(r"load|force|torque|moment|tension|_(N|Nm|Nmm|kN)$", re.IGNOR
 #: Moments of which no knee has had more, N m; N mm are a thousand times as large.
 _MOST_MOMENT_NM = 100.0
 #: Names of columns that a table may have, beside those of parts.
-_KNOWN = (*NAMED_LOADS, *COLUMNS, *OTHER_COLUMNS, "weight")
+_KNOWN = (*NAMED_LOADS, *COLUMNS, *OTHER_COLUMNS, "weight", "time_s")
 #: Ways in which tables of `kneejax simulate` call a load, beside its name.
 _ALSO = {name.replace("_N", "_force_N"): name for name in NAMED_LOADS if name.endswith("_N")}
 _ALSO |= {name.replace("_Nm", "_moment_Nm"): name for name in NAMED_LOADS if name.endswith("_Nm")}
@@ -41,6 +41,7 @@ class LabTable(NamedTuple):
             the patella, its column -> degrees or mm along the femur's axes; NaN where a cell is
             empty.
         weight: of each row, `(n,)`; None where a table has no such column.
+        time_s: of each row, s; likewise.
     """
 
     flexion_deg: np.ndarray
@@ -48,6 +49,7 @@ class LabTable(NamedTuple):
     observed: np.ndarray
     readings: dict[str, np.ndarray] = {}
     weight: np.ndarray | None = None
+    time_s: np.ndarray | None = None
 
     def take(self, rows: np.ndarray) -> LabTable:
         """Some of the rows."""
@@ -56,7 +58,7 @@ class LabTable(NamedTuple):
             {name: sizes[rows] for name, sizes in self.loads.items()},
             self.observed[rows],
             {name: sizes[rows] for name, sizes in self.readings.items()},
-            None if self.weight is None else self.weight[rows],
+            *(x if x is None else x[rows] for x in (self.weight, self.time_s)),
         )
 
 
@@ -75,7 +77,7 @@ def read_lab_table(
         path: the table, with `flexion_deg`, any loads (`kneejax.mechanics.NAMED_LOADS`), any of
             the other columns of a pose, of the patella's (`patella_tilt_deg`), and of what was
             read of parts (`ACL.tension_N`, `LCL.strain`, `medial.contact_N`); a column `weight`
-            weighs rows.
+            weighs rows, one `time_s` says when each was seen.
         columns: name of such a column -> column of the file, for tables with other names; a minus
             in front turns its sense round, a factor may stand before it as in
             `0.001 * Torque [Nmm]`.
@@ -119,8 +121,11 @@ def read_lab_table(
         for name, place in named.items()
         if _is_reading(name)
     }
-    weight = table.column(*named["weight"], RANGES["weight"]) if "weight" in named else None
-    return LabTable(observed[:, 0], loads, observed[:, 1:], readings, weight)
+    weight, time_s = (
+        table.column(*named[name], RANGES[name]) if name in named else None
+        for name in ("weight", "time_s")
+    )
+    return LabTable(observed[:, 0], loads, observed[:, 1:], readings, weight, time_s)
 
 
 def _loads(table: _Readings, named: Mapping[str, tuple[str, float]]) -> dict[str, np.ndarray]:

@@ -95,6 +95,7 @@ def ready(question: Question) -> Ready:
     start, lower, upper = _box(knee, selection, question.bounds or {}, len(question.offsets))
     if question.prior:
         problem = problem.with_prior(start, question.prior)
+    problem = problem.stepping(start)
     return Ready(question, problem, stated, weights, start, lower, upper, procedures)
 
 

@@ -31,6 +31,8 @@ from kneejax.statics import Slopes
 
 #: Part of a poor objective below which a walk to the same answer has found other balances.
 _LOWER = 0.9
+#: How often steps through time are chosen anew for an answer.
+_STEPPINGS = 2
 #: What the data of one knee explain: the others go on.
 _EXPLAINED = (UnsuitableData, UnknownParameter)
 
@@ -58,7 +60,7 @@ def calibrate_side_by_side(
         forms.setdefault(_form(place, one), []).append((place, one))
     for members in forms.values():
         places, alike = zip(*members, strict=True)
-        found |= dict(zip(places, _of_one_form(alike, progress), strict=True))
+        found |= dict(zip(places, _with_short_steps(alike, progress), strict=True))
     return [found[place] for place in range(len(questions))]
 
 
@@ -72,6 +74,22 @@ def _form(place: int, one: Ready) -> object:
         form, *(x.tobytes() for x in numbers), one.procedures, tuple(asked.stages), asked.starts,
         asked.seed, asked.method, asked.cycles,
     )  # fmt: skip
+
+
+def _with_short_steps(members: Sequence[Ready], progress: Progress | None) -> list:
+    """Answers whose motions through time have steps that are short enough there too."""
+    answers = _of_one_form(members, progress)
+    for _ in range(_STEPPINGS if members[0].problem.cases.passages else 0):
+        (one,), (answer,) = members, answers
+        if not isinstance(answer, Calibration):
+            break
+        finer = one.problem.stepping(_values(answer))
+        if finer.steps <= one.problem.steps:
+            break
+        _tell(progress, "shorter steps through time: once more")
+        members = (dataclasses.replace(one, problem=finer),)
+        answers = _of_one_form(members, progress)
+    return answers
 
 
 def _of_one_form(members: Sequence[Ready], progress: Progress | None) -> list:

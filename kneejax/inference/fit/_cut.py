@@ -12,10 +12,11 @@ import numpy as np
 
 from kneejax.experiments import slack_poses
 from kneejax.geometry import State
+from kneejax.inference.fit._frames import Passage
 from kneejax.inference.fit._load_cases import Balance, LoadCases
 from kneejax.mechanics import Knee
 from kneejax.parameters import Selection, fibre_rows
-from kneejax.statics import Own, Slopes, balance_with_slopes
+from kneejax.statics import Own, Slopes, Stations, Vary, balance_with_slopes
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,25 +61,36 @@ def balances_of(
     if own and any(cases.cuts):
         raise ValueError("knees side by side have no ligament cut: one whole knee stands for all")
     every = cases.stations.of(knee)
-    parts = []
+    parts: list[tuple[np.ndarray, Balance]] = []
     for number, names in enumerate(cases.cuts):
-        rows = np.flatnonzero(cases.cut == number)
+        base, vary = without(knee, selection, names)
+        rows = np.flatnonzero((cases.cut == number) & ~cases.moved)
         if len(rows):
             # A fit asks a hundred times: what is the same each time is made once.
             there = jax.tree.map(np.asarray, every.take(rows).plain())
-            parts.append((rows, *without(knee, selection, names), there))
+            parts.append((rows, _balanced(base, vary, there, own)))
+        parts += [
+            (passage.rows, _passed(base, vary, passage))
+            for passage in cases.passages
+            if cases.cut[passage.rows[0]] == number
+        ]
 
     def balance(values: np.ndarray, near: Slopes | None = None) -> Slopes:
         if len(parts) == 1:
-            _, base, vary, there = parts[0]
-            return balance_with_slopes(base, vary, values, there, near, own)
-        found = [
-            balance_with_slopes(base, vary, values, there, near and near.at(rows))
-            for rows, base, vary, there in parts
-        ]
-        return Slopes.joined(found, [rows for rows, *_ in parts])
+            return parts[0][1](values, near)
+        found = [of_part(values, near and near.at(rows)) for rows, of_part in parts]
+        return Slopes.joined(found, [rows for rows, _ in parts])
 
     return balance
+
+
+def _balanced(knee: Knee, vary: Vary, there: Stations, own: Own | None) -> Balance:
+    return lambda values, near: balance_with_slopes(knee, vary, values, there, near, own)
+
+
+def _passed(knee: Knee, vary: Vary, passage: Passage) -> Balance:
+    """A motion begins anew with other values: nothing of near ones is of use."""
+    return lambda values, near: passage.slopes(knee, vary, values)
 
 
 def without(knee: Knee, selection: Selection, names: tuple[str, ...]):

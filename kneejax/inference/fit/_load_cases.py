@@ -16,6 +16,7 @@ from kneejax.numerics import lanes_for
 from kneejax.statics import Slopes, Stations
 
 if TYPE_CHECKING:
+    from kneejax.inference.fit._frames import Passage
     from kneejax.inference.fit._readings import Readings
 
 #: Degrees and mm per internal unit of a free coordinate.
@@ -69,6 +70,7 @@ class LoadCases:
         cuts: what was cut, a set of ligaments each; the first is that of a whole knee, none.
         cut: which of these each load case had, `(stations,)`; the first by default.
         readings: forces and strains that were read of parts of the knee; None without any.
+        passages: load cases that a knee in motion passes; all others are balances.
     """
 
     stations: Stations
@@ -84,6 +86,7 @@ class LoadCases:
     cuts: tuple[tuple[str, ...], ...] = ((),)
     cut: np.ndarray = dataclasses.field(default=None)  # pyright: ignore[reportAssignmentType]
     readings: Readings | None = None
+    passages: tuple[Passage, ...] = ()
 
     def __post_init__(self) -> None:
         if self.cut is None:
@@ -93,6 +96,14 @@ class LoadCases:
     def counted(self) -> np.ndarray:
         """Load cases that count, `(stations,)`."""
         return np.ones(len(self.stations), bool) if self.used is None else self.used
+
+    @property
+    def moved(self) -> np.ndarray:
+        """Load cases that a knee in motion passes, `(stations,)`."""
+        moved = np.zeros(len(self.stations), bool)
+        for passage in self.passages:
+            moved[passage.rows] = True
+        return moved
 
     @property
     def count(self) -> int:

@@ -156,7 +156,7 @@ def _rows(test: MeasuredTest, first: int) -> tuple[np.ndarray, np.ndarray, np.nd
     if test.weight is not None:
         seen[test.weight == 0] = np.nan
     return (
-        np.r_[test.flexion_deg, bare],
+        np.r_[test.bent_deg, bare],
         np.vstack([seen, np.full((len(bare), 5), np.nan)]),
         np.r_[counted, np.full(len(bare), -1)],
     )

@@ -5,12 +5,14 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from kneejax.experiments import MeasuredTest
 from kneejax.geometry import FREE_COORDINATES, State
-from kneejax.inference.fit._cut import balances_of, state_of
+from kneejax.inference.fit._cut import balances_of, state_of, without
+from kneejax.inference.fit._frames import Passage
 from kneejax.inference.fit._load_cases import (
     TABLE_UNITS,
     Balance,
@@ -38,7 +40,8 @@ class Problem:
         selection: the free parameters.
         cases: what was observed; its noise weighs.
         offsets: free coordinates with an unknown constant difference to the measurement.
-        tests: under load whose rows the cases hold, after the poses.
+        tests: under load whose rows the cases hold, after the poses; of a knee in motion `stepping`
+            chooses the steps first.
 
     Example:
         >>> import kneejax as kj
@@ -85,6 +88,31 @@ class Problem:
         poses = len(np.reshape(measured, (-1, 6)))
         cases = dataclasses.replace(cases, readings=readings_of(knee, selection, poses, tests))
         return cls(knee, selection, cases, offsets, tuple(tests))
+
+    def stepping(self, values: np.ndarray) -> Problem:
+        """The same with steps of motions through time that are short enough at values, `(p,)`.
+
+        Raises:
+            UnsuitableData: a motion ends early, or does not repeat itself as it should.
+        """
+        passages, every = [], self.cases.stations.of(self.knee)
+        for test, place in zip(self.tests, self.rows_of_tests(), strict=True):
+            if test.frames is not None:
+                rows = np.arange(place.start, place.stop)
+                varied = without(self.knee, self.selection, test.cut)
+                there = jax.tree.map(np.asarray, every.take(rows).plain())
+                own = values[: len(self.selection)]
+                try:
+                    passages.append(Passage.of(*varied, own, test.frames, rows, there))
+                except UnsuitableData as problem:
+                    raise UnsuitableData(f"{test.name}: {problem}") from None
+        cases = dataclasses.replace(self.cases, passages=tuple(passages))
+        return dataclasses.replace(self, cases=cases)
+
+    @property
+    def steps(self) -> int:
+        """Of all motions through time together."""
+        return sum(len(passage.grid.time_s) for passage in self.cases.passages)
 
     @property
     def size(self) -> int:

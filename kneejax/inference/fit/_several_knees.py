@@ -86,9 +86,9 @@ class SeveralKnees:
 
 def form_of(problem: Problem) -> bytes | None:
     """What problems have in common that may stand side by side; None for one that may not: where
-    ligaments were cut, or forces were read."""
+    ligaments were cut, forces were read, or the knee moved."""
     cases = problem.cases
-    if any(cases.cuts) or cases.readings is not None:
+    if any(cases.cuts) or cases.readings is not None or cases.passages:
         return None
     plain = dataclasses.replace(problem.knee, name="", side="right")
     leaves, tree = jax.tree.flatten(plain)

@@ -136,6 +136,7 @@ def identify(
     start = start_within(knee, selection, lower, upper)
     weights = DEFAULT_WEIGHTS if weights is None else np.asarray(weights, float)
     problem = Problem.of(knee, selection, measured, weights, offsets, loads, tests, stated)
+    problem = problem.stepping(start)
     balance = balances_of(knee, selection, problem.cases)
     begin = balance(start[None])
     problem = problem.balanced_by(begin)

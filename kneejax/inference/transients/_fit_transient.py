@@ -16,13 +16,22 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.dynamics import Given, Grid, MovingKnee, Trajectory, given_of, march, move_within
+from kneejax.dynamics import (
+    Given,
+    Grid,
+    MovingKnee,
+    Trajectory,
+    followed,
+    given_of,
+    move_within,
+    searched,
+)
 from kneejax.geometry import FREE_COORDINATES, coordinate, coordinates_of, table_units
 from kneejax.inference.fit import BoundedLevenbergMarquardt
 from kneejax.inference.intervals import Uncertainty, uncertainty
-from kneejax.mechanics import Range, add_lane_axis
+from kneejax.mechanics import RANGES, Range, add_lane_axis
 from kneejax.numerics import compiled
-from kneejax.statics import converged
+from kneejax.statics import Settled, converged
 
 #: Evaluations of a motion and its derivative before a fit is given up.
 _MOST = 40
@@ -52,11 +61,9 @@ def _of_contacts(moving: MovingKnee, size: Array) -> MovingKnee:
 
 #: What can be found, by the names of the options of `kneejax simulate`.
 DAMPING: Mapping[str, Damper] = {
-    "critical": Damper(MovingKnee.critically_damped, Range(0.0, 100.0, "")),
-    "damping_N_s_per_mm": Damper(MovingKnee.damped_everywhere, Range(0.0, 1e3, "N s/mm")),
-    "dissipation_s_per_mm": Damper(
-        _of_contacts, Range(0.0, 10.0, "s/mm", too_large="s/m are suspected")
-    ),
+    "critical": Damper(MovingKnee.critically_damped, RANGES["critical"]),
+    "damping_N_s_per_mm": Damper(MovingKnee.damped_everywhere, RANGES["damping_N_s_per_mm"]),
+    "dissipation_s_per_mm": Damper(_of_contacts, RANGES["dissipation_s_per_mm"]),
 }
 
 
@@ -196,7 +203,8 @@ def _evaluated(moving, names, start, recorded: Recorded, grid: Grid, options) ->
     seen = jnp.isfinite(measured)
 
     def evaluate(x: Array) -> tuple[Array, Array]:
-        changes, slopes = _changes(moving, names, given, asked, x)
+        settled = searched(add_lane_axis(_damped(moving, names, x)), given)
+        changes, slopes = _changes(moving, names, given, settled, asked, x)
         off = jnp.where(seen, changes - measured, 0.0)
         return off.ravel(), jnp.where(seen[..., None], slopes, 0.0).reshape(off.size, len(x))
 
@@ -204,17 +212,25 @@ def _evaluated(moving, names, start, recorded: Recorded, grid: Grid, options) ->
 
 
 @compiled(static_argnums=(1,))
-def _changes(moving: MovingKnee, names: tuple[str, ...], given: Given, asked: Array, x: Array):
+def _changes(
+    moving: MovingKnee,
+    names: tuple[str, ...],
+    given: Given,
+    settled: Settled,
+    asked: Array,
+    x: Array,
+):
     """Changes from the start, `(times, 5)`, degrees and mm, and their derivative by the dampers.
 
-    One program: nothing of it is computed twice, and it serves all records on as many steps.
+    One program for all records on as many steps.
     """
     every = coordinates_of(moving.knee.bodies)
     rows = jnp.array([every.index(name) for name in FREE_COORDINATES])
     units = jnp.asarray(table_units(FREE_COORDINATES))
 
     def changes(x: Array) -> Array:
-        found = march(add_lane_axis(_damped(moving, names, x)), given).known.q[asked, :, 0]
+        lanes = add_lane_axis(_damped(moving, names, x))
+        found = followed(lanes, given, settled).known.q[asked, :, 0]
         return ((found - given.q[:, 0])[:, rows]) * units
 
     there, push = jax.linearize(changes, x)

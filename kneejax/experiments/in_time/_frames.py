@@ -1,0 +1,123 @@
+"""Frames of a knee that moves: when each was taken, and what moved with the knee."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Callable
+
+import numpy as np
+
+from kneejax.dynamics import MovingKnee, rising
+from kneejax.mechanics import Knee, Mass
+
+#: s; for a rate by differences.
+_SHORT_S = 1e-6
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Frames:
+    """When the rows of a measured test were seen, of a knee whose flexion somebody led.
+
+    Attributes:
+        time_s: of each row, rising, `(n,)`.
+        flexion_deg: that was measured, `(n,)`.
+        leg: shank and foot.
+        gravity_m_s2: along the femur's axes, `(3,)`; zeros without.
+        critical: damping of each fibre as part of `sqrt(4 k m)`.
+        damping_N_s_per_mm: of every coordinate, rotations at 30 mm: without it a bone whose fibres
+            are slack swings on for seconds.
+        period_s: of a motion that repeats itself; None for one that begins at rest in the first
+            row.
+        harmonics: of a motion that repeats itself, those with which flexion is led: noise in it
+            would shake the leg. One that does not is led through every row.
+        cycles_before: how often it had gone through its period before the first row.
+        most_mm: that the steps may leave of the error of any pose (rotations at 30 mm).
+
+    Raises:
+        ValueError: times that do not rise or outlast the period, or fewer rows than harmonics need.
+
+    Example:
+        >>> from kneejax.experiments.in_time import leg_of_person
+        >>> times = np.linspace(0.0, 1.9, 20)
+        >>> bent = 30.0 - 20.0 * np.cos(np.pi * times)
+        >>> frames = Frames(times, bent, leg_of_person(75.0, 1.75), period_s=2.0)
+        >>> frames.led_deg[[0, 10]].round(6).tolist(), len(frames.since_start_s)
+        ([10.0, 50.0], 40)
+    """
+
+    time_s: np.ndarray
+    flexion_deg: np.ndarray
+    leg: Mass
+    gravity_m_s2: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    critical: float = 1.0
+    damping_N_s_per_mm: float = 1.0
+    period_s: float | None = None
+    harmonics: int = 3
+    cycles_before: int = 1
+    most_mm: float = 0.01
+
+    def __post_init__(self) -> None:
+        times, flexion = rising(self.time_s), np.asarray(self.flexion_deg, float)
+        object.__setattr__(self, "time_s", times)
+        object.__setattr__(self, "flexion_deg", flexion)
+        if times.shape != flexion.shape or len(times) < 2:
+            raise ValueError(f"time_s: {len(times)} rows; expected {max(len(flexion), 2)}")
+        if self.period_s is None:
+            return
+        if times[-1] - times[0] >= self.period_s:
+            found = f"{self.period_s:g} s of rows over {times[-1] - times[0]:g} s"
+            raise ValueError(f"period_s: {found}; expected a longer one, or the rows of one period")
+        if len(times) <= 2 * self.harmonics:
+            expected = f"at most {(len(times) - 1) // 2} from {len(times)} rows"
+            raise ValueError(f"harmonics: {self.harmonics}; expected {expected}")
+
+    @property
+    def led_deg(self) -> np.ndarray:
+        """Flexion that is led, at the rows, `(n,)`."""
+        return np.rad2deg(self._way(self.time_s))
+
+    @property
+    def since_start_s(self) -> np.ndarray:
+        """Times at which the motion is computed, from its start on, the rows last."""
+        cycles = 1 if self.period_s is None else self.cycles_before + 1
+        begin = np.arange(cycles)[:, None] * (self.period_s or 0.0)
+        return (begin + self.time_s - self.time_s[0]).ravel()
+
+    def led(self, since_start_s: np.ndarray) -> np.ndarray:
+        """Flexion, rad, at times from the start of the motion on."""
+        return self._way(np.asarray(since_start_s, float) + self.time_s[0])
+
+    @property
+    def starts_with_rad_s(self) -> float:
+        """Rate of flexion at the start."""
+        after, before = self.led(np.array([_SHORT_S, -_SHORT_S]))
+        return float(after - before) / (2.0 * _SHORT_S)
+
+    @functools.cached_property
+    def _way(self) -> Callable[[np.ndarray], np.ndarray]:
+        """Flexion over time, rad."""
+        through = np.deg2rad(self.flexion_deg)
+        if self.period_s is None:
+            from scipy.interpolate import PchipInterpolator
+
+            return PchipInterpolator(self.time_s, through)
+
+        def waves(time_s: np.ndarray) -> np.ndarray:
+            turn = 2.0 * np.pi / self.period_s * np.multiply.outer(
+                np.asarray(time_s, float), np.arange(1, self.harmonics + 1)
+            )  # fmt: skip
+            still = np.ones((*turn.shape[:-1], 1))
+            return np.concatenate([still, np.cos(turn), np.sin(turn)], axis=-1)
+
+        size, *_ = np.linalg.lstsq(waves(self.time_s), through, rcond=None)
+        return lambda time_s: waves(time_s) @ size
+
+    def over_time(self, rows: np.ndarray) -> np.ndarray:
+        """What was told for each row, `(n, ...)`, at `since_start_s`: alike in each cycle."""
+        cycles = len(self.since_start_s) // len(self.time_s)
+        return np.tile(rows, (cycles, *(1,) * (rows.ndim - 1)))
+
+    def moving(self, knee: Knee) -> MovingKnee:
+        """The knee with the mass of the leg, under gravity, without dampers."""
+        return MovingKnee.of(knee, self.leg, gravity_m_s2=self.gravity_m_s2)

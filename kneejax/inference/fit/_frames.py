@@ -1,0 +1,232 @@
+"""Poses of a knee in motion at the times of frames, with their derivatives: no balances.
+
+A motion is computed as it is by itself (`kneejax.dynamics.march`), in lanes of variants, and
+followed by the implicit rule of each of its steps. It begins in balance, and how that balance
+turns with the values is part of the derivative.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from kneejax.dynamics import (
+    Given,
+    Grid,
+    LoadCurve,
+    MovingKnee,
+    followed,
+    given_of,
+    move_within,
+    searched,
+)
+from kneejax.experiments import Frames
+from kneejax.geometry import coordinates_of
+from kneejax.mechanics import Knee, add_lane_axis
+from kneejax.numerics import compiled, on_all_cores
+from kneejax.parameters import UnsuitableData
+from kneejax.statics import (
+    Settled,
+    Slopes,
+    Stations,
+    Status,
+    Vary,
+    balance_with_slopes,
+    converged,
+    in_lanes,
+)
+
+#: Of the error that steps may leave: how far a motion that repeats itself may be from where it was
+#: a period before.
+_REPEATS_WITHIN = 10.0
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Passage:
+    """Load cases that a knee in motion passes.
+
+    Attributes:
+        frames: when, and what moves.
+        rows: of the load cases, `(n,)`.
+        stations: these.
+        grid: steps of the motion.
+    """
+
+    frames: Frames
+    rows: np.ndarray
+    stations: Stations
+    grid: Grid
+
+    @classmethod
+    def of(cls, knee: Knee, vary: Vary, values, frames: Frames, rows, stations) -> Passage:
+        """With steps that leave as little error as was asked for.
+
+        Args:
+            knee: gives all numbers that do not vary.
+            vary: sets values.
+            values: of the variant for which steps are chosen, `(p,)`.
+            frames: as the attribute, and so are the others.
+            rows: likewise.
+            stations: likewise.
+
+        Raises:
+            UnsuitableData: the motion has no start, ends early, or does not repeat itself.
+        """
+        begin = _started(knee, vary, np.asarray(values, float)[None], frames, stations)
+        if not begin.converged.all():
+            status = Status(int(begin.status[0, 0]))
+            raise UnsuitableData(f"no balance from which a motion could begin: {status.sentence}")
+        moving = frames.moving(vary(knee, jnp.asarray(values)))
+        moving = moving.critically_damped(frames.critical)
+        found = move_within(
+            frames.most_mm, moving.damped_everywhere(frames.damping_N_s_per_mm), _start(knee, frames, begin)[0][0], frames.since_start_s,
+            loads=_loads(frames, stations), held={"flexion": frames.led},
+            rate=_rate(knee, frames),
+        )  # fmt: skip
+        if not converged(np.asarray(found.status)).all():
+            raise UnsuitableData(
+                f"frames: with the start's parameters the motion ends after {found.ended_s:.3g} "
+                f"of {frames.since_start_s[-1]:.3g} s: {found.ended.sentence}"
+            )
+        passage = cls(frames, np.asarray(rows), stations, found.grid)
+        passage._check_repeats(np.asarray(found.to_table()))
+        return passage
+
+    def _check_repeats(self, table: np.ndarray) -> None:
+        """A motion that should repeat itself is, in the half of a period that is farther from its
+        start, where it was a period ago."""
+        count, frames = len(self.rows), self.frames
+        if frames.period_s is None or not frames.cycles_before:
+            return
+        now, before = table[-count:, 1:], table[-2 * count : -count, 1:]
+        off = float(np.abs(now - before)[count // 2 :].max())
+        if off > _REPEATS_WITHIN * frames.most_mm:
+            raise UnsuitableData(
+                f"frames: after {frames.cycles_before} of its periods the knee is still {off:.2g} mm or "
+                "degrees from where it was a period before: expected more cycles_before"
+            )
+
+    def slopes(self, knee: Knee, vary: Vary, values: np.ndarray) -> Slopes:
+        """Poses of variants at the frames, and their derivatives.
+
+        Args:
+            knee: gives all numbers that do not vary.
+            vary: sets values.
+            values: `(variants, p)`.
+        """
+        begin = _started(knee, vary, values, self.frames, self.stations)
+        q, slope = _start(knee, self.frames, begin)
+
+        # One by one: a program of more lanes compiles for as long as a hundred motions take.
+        def one(row: int):
+            own = slice(row, row + 1)
+            return self._passed(knee, vary, values[own], q[own], slope[own])
+
+        parts = on_all_cores(one, range(len(values)))
+        whole = (np.concatenate(x) for x in zip(*parts, strict=True))
+        found = dict(zip(_Passed._fields, whole, strict=True))
+        lost = ~converged(begin.status)
+        found["status"] = np.where(lost, begin.status, found["status"])
+        found["q"] = np.where(converged(found["status"])[..., None], found["q"], np.nan)
+        free = found["q"].shape[-1]
+        unknown = np.zeros((*found["status"].shape, free, free))
+        return Slopes(values, **found, tangent=unknown)
+
+    def _passed(self, knee: Knee, vary: Vary, values, q, slope) -> _Passed:
+        frames = self.frames
+        given = given_of(
+            frames.moving(knee), np.zeros(q.shape[1]), self.grid, rate=_rate(knee, frames),
+            loads=_loads(frames, self.stations), held={"flexion": frames.led},
+        )  # fmt: skip
+        dampers = jnp.array([frames.critical]), jnp.array([frames.damping_N_s_per_mm])
+        asked = jnp.asarray(self.grid.asked[-len(self.rows) :])
+        given, moving = dataclasses.replace(given, q=jnp.asarray(q.T)), frames.moving(knee)
+        settled = searched(_in_lanes(vary, moving, dampers, values), given)
+        answer = _passed(vary, moving, dampers, given, settled, asked, values, slope)
+        return _Passed(*map(np.asarray, answer))
+
+
+class _Passed(NamedTuple):
+    """Fields of `Slopes` that a motion has; arrays begin with variant and frame."""
+
+    q: np.ndarray
+    jacobian: np.ndarray
+    meeting: np.ndarray
+    meeting_jacobian: np.ndarray
+    status: np.ndarray
+
+
+def _in_lanes(vary: Vary, moving: MovingKnee, dampers, values) -> MovingKnee:
+    """Damped variants; leaves end in lanes."""
+    knee = in_lanes(moving.knee, vary, values)
+    lanes = dataclasses.replace(add_lane_axis(moving), knee=knee)
+    return lanes.critically_damped(dampers[0]).damped_everywhere(dampers[1])
+
+
+@compiled(static_argnums=(0,))
+def _passed(
+    vary: Vary,
+    moving: MovingKnee,
+    dampers: tuple[Array, Array],
+    given: Given,
+    settled: Settled,
+    asked: Array,
+    values: Array,
+    slope: Array,
+):
+    """Free coordinates, meeting points and statuses at the frames, and derivatives by values."""
+    names = coordinates_of(moving.knee.bodies)
+    rows = jnp.array([k for k, name in enumerate(names) if name not in given.held])
+
+    def motion(x: Array):
+        begin = given.q + jnp.einsum("vcp,vp->cv", slope, x - values)
+        lanes = _in_lanes(vary, moving, dampers, x)
+        found = followed(lanes, dataclasses.replace(given, q=begin), settled)
+        return (found.known.q[asked][:, rows], found.meeting[asked]), found.status[asked]
+
+    there, push, status = jax.linearize(motion, values, has_aux=True)
+    size = values.shape[1]
+    units = jnp.broadcast_to(jnp.eye(size)[:, None], (size, *values.shape))
+    turned = jax.vmap(push, out_axes=-1)(units)
+    (q, meeting), (turn, met) = jax.tree.map(jnp.nan_to_num, (there, turned))
+    return (
+        jnp.moveaxis(q, -1, 0), jnp.moveaxis(turn, -2, 0), jnp.moveaxis(meeting, -1, 0),
+        jnp.moveaxis(met, -2, 0), jnp.moveaxis(status, -1, 0),
+    )  # fmt: skip
+
+
+def _started(knee: Knee, vary: Vary, values: np.ndarray, frames: Frames, stations) -> Slopes:
+    """Balances from which the variants begin to move, at one station."""
+    flexion = np.rad2deg(frames.led(np.zeros(1)))
+    heavy = dataclasses.replace(knee, loads=frames.moving(knee).loads)
+    first = Stations.at(flexion, jax.tree.map(lambda x: x[:1], stations.loads))
+    return balance_with_slopes(heavy, vary, values, first)
+
+
+def _start(knee: Knee, frames: Frames, begin: Slopes) -> tuple[np.ndarray, np.ndarray]:
+    """All coordinates of these balances, `(variants, 6 bodies)`, and by the values."""
+    names = coordinates_of(knee.bodies)
+    rows = [k for k, name in enumerate(names) if name != "flexion"]
+    size = len(begin.values), len(names)
+    q, slope = np.zeros(size), np.zeros((*size, begin.values.shape[1]))
+    q[:, names.index("flexion")] = frames.led(np.zeros(1))[0]
+    q[:, rows] = np.nan_to_num(begin.q[:, 0])
+    slope[:, rows] = np.nan_to_num(begin.jacobian[:, 0])
+    return q, slope
+
+
+def _loads(frames: Frames, stations: Stations) -> LoadCurve:
+    """What acts besides the knee's own loads, over the time since the start."""
+    along = jax.tree.map(lambda x: jnp.asarray(frames.over_time(np.asarray(x))), stations.loads)
+    return LoadCurve(jnp.asarray(frames.since_start_s), along)
+
+
+def _rate(knee: Knee, frames: Frames) -> np.ndarray:
+    """Of all coordinates at the start: flexion is led from there on, the others are at rest."""
+    led = [name == "flexion" for name in coordinates_of(knee.bodies)]
+    return np.where(led, frames.starts_with_rad_s, 0.0)
