@@ -10,6 +10,7 @@ from kneejax.dynamics._march import Moments as Moments
 from kneejax.dynamics._march import followed as followed
 from kneejax.dynamics._march import march as march
 from kneejax.dynamics._march import searched as searched
+from kneejax.dynamics._march import with_idle_steps as with_idle_steps
 from kneejax.dynamics._moving import GRAVITY as GRAVITY
 from kneejax.dynamics._moving import MovingKnee as MovingKnee
 from kneejax.dynamics._moving import gravity_of as gravity_of

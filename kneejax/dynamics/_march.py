@@ -34,6 +34,8 @@ from kneejax.statics import (
 
 #: Steps that are computed by one call.
 BLOCK = 256
+#: Motions that are followed are filled up to a multiple of so many steps.
+_IDLE = 64
 #: mm; what a step may leave of its search. Its own error is larger in any motion of interest.
 SEARCH = EnergyNewton(atol=1e-10, seldom=True)
 
@@ -138,12 +140,28 @@ def followed(moving: MovingKnee, given: Given, settled: Settled) -> Moments:
     return follow(moving, given.steps, settled, begun(moving, given), True)[1]
 
 
+def with_idle_steps(given: Given, settled: Settled) -> tuple[Given, Settled]:
+    """With steps of no length at the end, so that one program follows motions of several lengths.
+
+    Args:
+        given: of a motion.
+        settled: its balances.
+
+    Returns:
+        The same; what is followed of it has moments beyond the last.
+    """
+    count = -(-len(given.length_s) // _IDLE) * _IDLE
+    rows = jax.tree.map(lambda x: _filled_up(x, count), (given.steps, settled))
+    steps = {f.name: getattr(rows[0], f.name) for f in dataclasses.fields(Step)}
+    return dataclasses.replace(given, **steps), rows[1]
+
+
 def _in_blocks(program, moving: MovingKnee, rows, carry: Carry, progress=None):
     """Steps by the block: one compiled program serves motions of any length."""
     count, blocks = len(jax.tree.leaves(rows)[0]), []
     rows = jax.tree.map(np.asarray, rows)
     for first in range(0, count, BLOCK):
-        block = jax.tree.map(lambda x, k=first: _block(x[k : k + BLOCK]), rows)
+        block = jax.tree.map(lambda x, k=first: _filled_up(x[k : k + BLOCK], BLOCK), rows)
         carry, answer = program(moving, *block, carry)
         blocks.append(jax.tree.map(np.asarray, answer))
         if progress is not None:
@@ -152,9 +170,10 @@ def _in_blocks(program, moving: MovingKnee, rows, carry: Carry, progress=None):
     return jax.tree.map(lambda *x: np.concatenate(x), *blocks)
 
 
-def _block(rows: np.ndarray) -> np.ndarray:
+def _filled_up(rows, count: int) -> np.ndarray:
     """Filled up with rows of zeros: steps of no length."""
-    return np.pad(rows, [(0, BLOCK - len(rows))] + [(0, 0)] * (rows.ndim - 1))
+    rows = np.asarray(rows)
+    return np.pad(rows, [(0, count - len(rows))] + [(0, 0)] * (rows.ndim - 1))
 
 
 @compiled()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +14,8 @@ from kneejax.mechanics import Knee, Mass
 
 #: s; for a rate by differences.
 _SHORT_S = 1e-6
+#: At a period of flexion, for its largest.
+_LOOKS = 400
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -31,7 +34,8 @@ class Frames:
             row.
         harmonics: of a motion that repeats itself, those with which flexion is led: noise in it
             would shake the leg. One that does not is led through every row.
-        cycles_before: how often it had gone through its period before the first row.
+        cycles_before: how often at least it had gone through its period before the first row; it
+            begins at rest where it is bent most.
         most_mm: that the steps may leave of the error of any pose (rotations at 30 mm).
 
     Raises:
@@ -42,8 +46,8 @@ class Frames:
         >>> times = np.linspace(0.0, 1.9, 20)
         >>> bent = 30.0 - 20.0 * np.cos(np.pi * times)
         >>> frames = Frames(times, bent, leg_of_person(75.0, 1.75), period_s=2.0)
-        >>> frames.led_deg[[0, 10]].round(6).tolist(), len(frames.since_start_s)
-        ([10.0, 50.0], 40)
+        >>> frames.led_deg[[0, 10]].round(6).tolist(), frames.since_start_s[-20].round(6).item()
+        ([10.0, 50.0], 3.0)
     """
 
     time_s: np.ndarray
@@ -77,16 +81,39 @@ class Frames:
         """Flexion that is led, at the rows, `(n,)`."""
         return np.rad2deg(self._way(self.time_s))
 
+    @functools.cached_property
+    def _times_s(self) -> np.ndarray:
+        """At which the motion is computed, the rows last."""
+        if self.period_s is None:
+            return self.time_s
+        first = self._turns_before() - self.cycles_before * self.period_s
+        cycles = np.arange(-self.cycles_before - 1, 1)[:, None] * self.period_s
+        times = (cycles + self.time_s).ravel()
+        return np.r_[first, times[times > first + _SHORT_S]]
+
+    def _turns_before(self) -> float:
+        """The last time before the rows at which a motion that repeats itself is bent most: there a
+        knee may begin at rest without a shock."""
+        from scipy.optimize import minimize_scalar
+
+        assert self.period_s is not None
+        times = self.time_s[0] - np.linspace(1.0, 0.0, _LOOKS) * self.period_s
+        k = int(np.argmax(self._way(times)))
+        near = self.period_s / _LOOKS
+        found: Any = minimize_scalar(
+            lambda t: -float(self._way(np.array([t]))[0]), method="bounded",
+            bounds=(times[k] - near, times[k] + near), options={"xatol": _SHORT_S},
+        )  # fmt: skip
+        return float(found.x) - self.period_s * (found.x > self.time_s[0])
+
     @property
     def since_start_s(self) -> np.ndarray:
         """Times at which the motion is computed, from its start on, the rows last."""
-        cycles = 1 if self.period_s is None else self.cycles_before + 1
-        begin = np.arange(cycles)[:, None] * (self.period_s or 0.0)
-        return (begin + self.time_s - self.time_s[0]).ravel()
+        return self._times_s - self._times_s[0]
 
     def led(self, since_start_s: np.ndarray) -> np.ndarray:
         """Flexion, rad, at times from the start of the motion on."""
-        return self._way(np.asarray(since_start_s, float) + self.time_s[0])
+        return self._way(np.asarray(since_start_s, float) + self._times_s[0])
 
     @property
     def starts_with_rad_s(self) -> float:
@@ -114,9 +141,9 @@ class Frames:
         return lambda time_s: waves(time_s) @ size
 
     def over_time(self, rows: np.ndarray) -> np.ndarray:
-        """What was told for each row, `(n, ...)`, at `since_start_s`: alike in each cycle."""
-        cycles = len(self.since_start_s) // len(self.time_s)
-        return np.tile(rows, (cycles, *(1,) * (rows.ndim - 1)))
+        """What was told for each row, `(n, k)`, at `since_start_s`: alike in each cycle."""
+        times, known = self._times_s, self.time_s
+        return np.stack([np.interp(times, known, x, period=self.period_s) for x in rows.T], axis=1)
 
     def moving(self, knee: Knee) -> MovingKnee:
         """The knee with the mass of the leg, under gravity, without dampers."""

@@ -24,6 +24,7 @@ from kneejax.dynamics import (
     given_of,
     move_within,
     searched,
+    with_idle_steps,
 )
 from kneejax.experiments import Frames
 from kneejax.geometry import coordinates_of
@@ -41,9 +42,8 @@ from kneejax.statics import (
     in_lanes,
 )
 
-#: Of the error that steps may leave: how far a motion that repeats itself may be from where it was
-#: a period before.
-_REPEATS_WITHIN = 10.0
+#: mm and degrees: how far a motion that repeats itself may be from where it was a period before.
+_REPEATS_WITHIN = 0.05
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -105,7 +105,7 @@ class Passage:
             return
         now, before = table[-count:, 1:], table[-2 * count : -count, 1:]
         off = float(np.abs(now - before)[count // 2 :].max())
-        if off > _REPEATS_WITHIN * frames.most_mm:
+        if off > _REPEATS_WITHIN:
             raise UnsuitableData(
                 f"frames: after {frames.cycles_before} of its periods the knee is still {off:.2g} mm or "
                 "degrees from where it was a period before: expected more cycles_before"
@@ -147,6 +147,7 @@ class Passage:
         asked = jnp.asarray(self.grid.asked[-len(self.rows) :])
         given, moving = dataclasses.replace(given, q=jnp.asarray(q.T)), frames.moving(knee)
         settled = searched(_in_lanes(vary, moving, dampers, values), given)
+        given, settled = with_idle_steps(given, settled)
         answer = _passed(vary, moving, dampers, given, settled, asked, values, slope)
         return _Passed(*map(np.asarray, answer))
 

@@ -77,12 +77,13 @@ def reading_table(calibration: Calibration) -> tuple[tuple[str, ...], list[list[
 
     Returns:
         The header, in which each line whose tension a table gave has a column as in that table,
-        and a row for each reading.
+        and times where the knee was in motion, and a row for each reading.
     """
     tests = [own.test for own in calibration.fit.tests]
     lines = tuple(dict.fromkeys(line for test in tests for line in test.tensions))
     pulls = (f"{line}.tension_N" for line in lines)
-    header = ("test", "flexion_deg", *NAMED_LOADS, *pulls, *_COMPARED_COLUMNS)
+    timed = any(test.frames is not None for test in tests)
+    header = ("test", *("time_s",) * timed, "flexion_deg", *NAMED_LOADS, *pulls, *_COMPARED_COLUMNS)
     rows = []
     for own, before in zip(calibration.fit.tests, calibration.start_tests, strict=True):
         test = own.test
@@ -93,7 +94,7 @@ def reading_table(calibration: Calibration) -> tuple[tuple[str, ...], list[list[
         acting += [test.tensions.get(line, nothing) for line in lines]
         rows += [
             [
-                test.name, test.flexion_deg[row], *(size[row] for size in acting), name,
+                test.name, *_times(test, row, timed), test.flexion_deg[row], *(size[row] for size in acting), name,
                 unit_of(name), _counted_from(test, name), measured[row],
                 before.compared[name][1][row], fitted[row], Status(int(own.status[row])).word,
             ]
@@ -102,6 +103,11 @@ def reading_table(calibration: Calibration) -> tuple[tuple[str, ...], list[list[
             if np.isfinite(measured[row])
         ]  # fmt: skip
     return header, rows
+
+
+def _times(test: MeasuredTest, row: int, timed: bool) -> list[Any]:
+    """When a row was seen, where some test of the table says so."""
+    return ["" if test.frames is None else test.frames.time_s[row]] * timed
 
 
 def _counted_from(test: MeasuredTest, name: str) -> str:
@@ -168,7 +174,7 @@ def tests_figure(calibration: Calibration) -> Figure:
 
     Returns:
         A panel for each coordinate of each test. Load over displacement, a colour for each flexion;
-        over flexion where there is one reading at each.
+        over flexion where there is one reading at each, over time of a knee in motion.
     """
     from matplotlib.figure import Figure
 
@@ -185,8 +191,12 @@ def tests_figure(calibration: Calibration) -> Figure:
     )
     for axes, (own, before, name) in zip(every, panels, strict=True):
         flexions = own.test.flexion_deg[_seen(own, name)]
-        along = _over_flexion if len(np.unique(flexions)) == len(flexions) > 1 else _over_load
-        along(axes, own, before, name)
+        if own.test.frames is not None:
+            _along(axes, own, before, name, own.test.frames.time_s, "Time, s")
+        elif len(np.unique(flexions)) == len(flexions) > 1:
+            _along(axes, own, before, name, own.test.flexion_deg, "Flexion, deg")
+        else:
+            _over_load(axes, own, before, name)
         axes.set_title(verbatim(f"{own.test.name}: {label_of(name)}{without(own.test)}"))
         if own.test.counted_from != "absolute":
             axes.axhline(0.0, color=GREY, linewidth=0.5)
@@ -243,14 +253,17 @@ def _curve(one: FittedTest, rows: np.ndarray, name: str, load: np.ndarray):
     return x, y
 
 
-def _over_flexion(axes: Axes, own: FittedTest, before: FittedTest, name: str) -> None:
+def _along(
+    axes: Axes, own: FittedTest, before: FittedTest, name: str, across: np.ndarray, label: str
+) -> None:
+    """One reading at each flexion, or time."""
     rows = np.flatnonzero(_seen(own, name))
-    order = rows[np.argsort(own.test.flexion_deg[rows])]
-    x, (measured, fitted) = own.test.flexion_deg[order], own.compared[name]
+    order = rows[np.argsort(across[rows])]
+    x, (measured, fitted) = across[order], own.compared[name]
     axes.plot(x, before.compared[name][1][order], ":", color="black", linewidth=0.9)
     axes.plot(x, fitted[order], color="black")
     axes.plot(x, measured[order], "o", color="black", markersize=3)
-    axes.set_xlabel("Flexion, deg")
+    axes.set_xlabel(label)
     axes.set_ylabel(_label(own, name))
     _legend(axes, None)
 
