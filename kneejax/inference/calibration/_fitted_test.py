@@ -26,6 +26,8 @@ class FittedTest:
         status: of the knee's balances, one `Status` value a row.
         readings: the knee's in the place of each of `test.readings`, `(n,)`, N or strain; NaN where
             nothing was compared.
+        restless: of a motion that repeats itself, how far it is from where it was a period before,
+            mm or degrees; 0 of all others.
     """
 
     test: MeasuredTest
@@ -33,6 +35,7 @@ class FittedTest:
     fitted: np.ndarray
     status: np.ndarray
     readings: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
+    restless: float = 0.0
 
     @property
     def compared(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -81,15 +81,26 @@ def _with_short_steps(members: Sequence[Ready], progress: Progress | None) -> li
     answers = _of_one_form(members, progress)
     for _ in range(_STEPPINGS if members[0].problem.cases.passages else 0):
         (one,), (answer,) = members, answers
-        if not isinstance(answer, Calibration):
+        if not isinstance(answer, Calibration) or not answer.fit.success:
             break
-        finer = one.problem.stepping(_values(answer))
-        if finer.steps <= one.problem.steps:
+        there = one.problem.stepping(_values(answer))
+        answers = [_with_restless(answer, there.restless)]
+        if there.steps <= one.problem.steps:
             break
         _tell(progress, "shorter steps through time: once more")
-        members = (dataclasses.replace(one, problem=finer),)
+        members = (dataclasses.replace(one, problem=there),)
         answers = _of_one_form(members, progress)
     return answers
+
+
+def _with_restless(answer: Calibration, restless: Mapping[str, float]) -> Calibration:
+    """With how far motions are from repeating themselves."""
+    fit = answer.fit
+    tests = (
+        dataclasses.replace(own, restless=restless.get(own.test.name, 0.0)) for own in fit.tests
+    )
+    fit = dataclasses.replace(fit, tests=tuple(tests))
+    return dataclasses.replace(answer, fits=(fit, *answer.fits[1:]))
 
 
 def _of_one_form(members: Sequence[Ready], progress: Progress | None) -> list:

@@ -42,8 +42,6 @@ from kneejax.statics import (
     in_lanes,
 )
 
-#: mm and degrees: how far a motion that repeats itself may be from where it was a period before.
-_REPEATS_WITHIN = 0.05
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -55,12 +53,15 @@ class Passage:
         rows: of the load cases, `(n,)`.
         stations: these.
         grid: steps of the motion.
+        restless: how far a motion that repeats itself is from where it was a period before, mm or
+            degrees, at worst in the last half of the rows; 0 of one that does not.
     """
 
     frames: Frames
     rows: np.ndarray
     stations: Stations
     grid: Grid
+    restless: float
 
     @classmethod
     def of(cls, knee: Knee, vary: Vary, values, frames: Frames, rows, stations) -> Passage:
@@ -75,7 +76,7 @@ class Passage:
             stations: likewise.
 
         Raises:
-            UnsuitableData: the motion has no start, ends early, or does not repeat itself.
+            UnsuitableData: the motion has no start, or ends early.
         """
         begin = _started(knee, vary, np.asarray(values, float)[None], frames, stations)
         if not begin.converged.all():
@@ -90,26 +91,14 @@ class Passage:
         )  # fmt: skip
         if not converged(np.asarray(found.status)).all():
             raise UnsuitableData(
-                f"frames: with the start's parameters the motion ends after {found.ended_s:.3g} "
+                f"with the start's parameters the motion ends after {found.ended_s:.3g} "
                 f"of {frames.since_start_s[-1]:.3g} s: {found.ended.sentence}"
             )
-        passage = cls(frames, np.asarray(rows), stations, found.grid)
-        passage._check_repeats(np.asarray(found.to_table()))
-        return passage
-
-    def _check_repeats(self, table: np.ndarray) -> None:
-        """A motion that should repeat itself is, in the half of a period that is farther from its
-        start, where it was a period ago."""
-        count, frames = len(self.rows), self.frames
-        if frames.period_s is None or not frames.cycles_before:
-            return
-        now, before = table[-count:, 1:], table[-2 * count : -count, 1:]
-        off = float(np.abs(now - before)[count // 2 :].max())
-        if off > _REPEATS_WITHIN:
-            raise UnsuitableData(
-                f"frames: after {frames.cycles_before} of its periods the knee is still {off:.2g} mm or "
-                "degrees from where it was a period before: expected more cycles_before"
-            )
+        table, count = np.asarray(found.to_table())[:, 1:], len(rows)
+        now, before = table[-count:], table[-2 * count : -count]
+        periodic = frames.period_s is not None and frames.cycles_before
+        restless = float(np.abs(now - before)[count // 2 :].max()) if periodic else 0.0
+        return cls(frames, np.asarray(rows), stations, found.grid, restless)
 
     def slopes(self, knee: Knee, vary: Vary, values: np.ndarray) -> Slopes:
         """Poses of variants at the frames, and their derivatives.

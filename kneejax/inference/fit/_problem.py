@@ -93,7 +93,7 @@ class Problem:
         """The same with steps of motions through time that are short enough at values, `(p,)`.
 
         Raises:
-            UnsuitableData: a motion ends early, or does not repeat itself as it should.
+            UnsuitableData: a motion ends early.
         """
         passages, every = [], self.cases.stations.of(self.knee)
         for test, place in zip(self.tests, self.rows_of_tests(), strict=True):
@@ -108,6 +108,12 @@ class Problem:
                     raise UnsuitableData(f"{test.name}: {problem}") from None
         cases = dataclasses.replace(self.cases, passages=tuple(passages))
         return dataclasses.replace(self, cases=cases)
+
+    @property
+    def restless(self) -> dict[str, float]:
+        """Test of a knee in motion -> `Passage.restless` at the values that chose its steps."""
+        moved = [test.name for test in self.tests if test.frames is not None]
+        return dict(zip(moved, (one.restless for one in self.cases.passages), strict=True))
 
     @property
     def steps(self) -> int:

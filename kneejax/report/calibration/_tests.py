@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from kneejax.experiments import MeasuredTest
     from kneejax.inference import Calibration, FittedTest
 
+#: mm and degrees: how far a motion that repeats itself may be from where it was a period before.
+_REPEATS_WITHIN = 0.05
 _PANEL = 2.9  # inches high
 #: Flexions with a curve each that a legend names.
 _MOST_NAMED = 8
@@ -149,7 +151,8 @@ def readings(calibration: Calibration) -> int:
 
 
 def laxity_doubts(tests: tuple[FittedTest, ...], accepted: tuple[Status, ...] = ()) -> list[str]:
-    """What is wrong with a knee under the loads of tests, a sentence per test and status."""
+    """What is wrong with a knee under the loads of tests, and in motion, a sentence per test and
+    status."""
     found = []
     for own in tests:
         for value in np.unique(own.status):
@@ -161,6 +164,11 @@ def laxity_doubts(tests: tuple[FittedTest, ...], accepted: tuple[Status, ...] = 
             found.append(
                 f"Test {own.test.name}: {int(rows.sum())} of {len(rows)} loads {status.word} "
                 f"({status.sentence}), at {where} deg."
+            )
+        if own.restless > _REPEATS_WITHIN:
+            found.append(
+                f"Test {own.test.name}: {own.restless:.2g} mm or degrees from where the knee was a "
+                "period before, so its start is still seen: more cycles_before, or more damping."
             )
     return found
 
