@@ -144,6 +144,8 @@ def _plain(test: Any) -> dict[str, Any]:
 
 
 def _listed(value: Any) -> Any:
+    if dataclasses.is_dataclass(value):
+        return {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
     return np.asarray(value).tolist() if hasattr(value, "__array__") else dict(value)
 
 

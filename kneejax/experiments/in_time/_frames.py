@@ -130,10 +130,10 @@ class Frames:
 
             return PchipInterpolator(self.time_s, through)
 
+        per_s = 2.0 * np.pi / self.period_s * np.arange(1, self.harmonics + 1)
+
         def waves(time_s: np.ndarray) -> np.ndarray:
-            turn = 2.0 * np.pi / self.period_s * np.multiply.outer(
-                np.asarray(time_s, float), np.arange(1, self.harmonics + 1)
-            )  # fmt: skip
+            turn = np.multiply.outer(np.asarray(time_s, float), per_s)
             still = np.ones((*turn.shape[:-1], 1))
             return np.concatenate([still, np.cos(turn), np.sin(turn)], axis=-1)
 

@@ -8,7 +8,7 @@ turns with the values is part of the derivative.
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -41,7 +41,6 @@ from kneejax.statics import (
     converged,
     in_lanes,
 )
-
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -84,8 +83,10 @@ class Passage:
             raise UnsuitableData(f"no balance from which a motion could begin: {status.sentence}")
         moving = frames.moving(vary(knee, jnp.asarray(values)))
         moving = moving.critically_damped(frames.critical)
+        moving = moving.damped_everywhere(frames.damping_N_s_per_mm)
+        start = _start(knee, frames, begin)[0][0]
         found = move_within(
-            frames.most_mm, moving.damped_everywhere(frames.damping_N_s_per_mm), _start(knee, frames, begin)[0][0], frames.since_start_s,
+            frames.most_mm, moving, start, frames.since_start_s,
             loads=_loads(frames, stations), held={"flexion": frames.led},
             rate=_rate(knee, frames),
         )  # fmt: skip

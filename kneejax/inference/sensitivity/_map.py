@@ -86,6 +86,9 @@ def sensitivity_maps(
     if loads or tests:
         if convention != "femoral":
             raise UnsuitableData(f"convention {convention}: expected femoral where loads act")
+        moved = [test.name for test in tests if test.frames is not None]
+        if moved:
+            raise UnsuitableData(f"{moved[0]}: a knee in motion; expected tests of a knee at rest")
         problem = Problem.of(knee, selection, measured, weights, (), loads, tests, known)
         cases = MapCases.of(problem, offsets, base, failures)
         study: Maps = LoadedMaps(knee, selection, base, problem.cases.stations, weights, cases)

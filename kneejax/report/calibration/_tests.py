@@ -96,8 +96,9 @@ def reading_table(calibration: Calibration) -> tuple[tuple[str, ...], list[list[
         acting += [test.tensions.get(line, nothing) for line in lines]
         rows += [
             [
-                test.name, *_times(test, row, timed), test.flexion_deg[row], *(size[row] for size in acting), name,
-                unit_of(name), _counted_from(test, name), measured[row],
+                test.name, *_times(test, row, timed), test.flexion_deg[row],
+                *(size[row] for size in acting), name, unit_of(name), _counted_from(test, name),
+                measured[row],
                 before.compared[name][1][row], fitted[row], Status(int(own.status[row])).word,
             ]
             for row in range(len(test.flexion_deg))

@@ -6,13 +6,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import kneejax.report as report
 from kneejax.dynamics import LoadCurve, move_within
 from kneejax.experiments import Frames, MeasuredTest
 from kneejax.geometry import coordinates_of, table_units
-from kneejax.inference import calibrate, identify
+from kneejax.inference import FittedTest, calibrate, identify, sensitivity_maps
 from kneejax.inference.fit import Problem
 from kneejax.mechanics import load_of
-from kneejax.parameters import select
+from kneejax.parameters import UnsuitableData, select
+from kneejax.report.calibration._tests import laxity_doubts
 from tests.dynamics.massed import SHANK, in_a_vice
 
 KNEE = in_a_vice(4e4).knee
@@ -115,6 +117,9 @@ def test_parameters_come_back_from_a_motion_and_from_its_frames_as_balances_they
     assert moved.fit.success
     for one, x in zip(moved.fit.estimates, true, strict=True):
         assert abs(one.value - x) < 0.02 * (one.high - one.low)
+    header, rows = report.reading_table(moved)
+    assert [row[header.index("time_s")] for row in rows[::5]] == test.frames.time_s.tolist()
+    assert report.tests_figure(moved).axes[0].get_xlabel() == "Time, s"
     still = dataclasses.replace(test, flexion_deg=test.bent_deg, frames=None)
     stood = calibrate(KNEE, np.zeros((0, 6)), tests=[still], **given)
     pairs = zip(stood.fit.estimates, true, strict=True)
@@ -161,3 +166,15 @@ def test_a_knee_that_swings_on_is_known_not_to_repeat_itself():
     swings = asked(measured(damping_N_s_per_mm=0.0, critical=0.01, most_mm=0.1))
     assert swings.restless["cine"] > 0.1
     assert asked(measured()).restless["cine"] < 0.05
+
+
+def test_that_a_knee_swings_on_is_said():
+    nothing = np.full((COUNT, 5), np.nan)
+    one = FittedTest(measured(), nothing, nothing, np.zeros(COUNT, int), restless=0.3)
+    (said,) = laxity_doubts((one,))
+    assert "0.3 mm or degrees from where the knee was a period before" in said
+
+
+def test_a_map_takes_no_knee_in_motion():
+    with pytest.raises(UnsuitableData, match="cine: a knee in motion; expected tests of a knee at"):
+        sensitivity_maps(KNEE, np.zeros((0, 6)), [FREE], grid=(2, 2), tests=[measured()])
