@@ -2,10 +2,11 @@
 
     python benchmarks/coverage.py [--draws 200] [--seed 0] [--designs twin twelve_poses ...]
 
-A motion is made with known parameters and noise is drawn; each draw is calibrated from the knee's
-own values, as procedure III does, and its intervals are those that `kneejax calibrate` prints:
-an estimate +- 1.96 standard errors, limits of the profile, or one limit. All draws of a design are
-fitted at once. A parameter that is not determined has no interval; its share is stated.
+A motion, or a Lachman test without the ACL (paper 2, 4.2), is made with known parameters and noise
+is drawn; each draw is calibrated from the knee's own values, as procedure III does, and its
+intervals are those that `kneejax calibrate` prints: an estimate +- 1.96 standard errors, limits of
+the profile, or one limit. All draws of a design are fitted at once. A parameter that is not
+determined has no interval; its share is stated.
 """
 
 from __future__ import annotations
@@ -16,16 +17,16 @@ import time
 from pathlib import Path
 
 import numpy as np
-from _protocol import ANGLES, RESULTS, TRUTH, finish, load, true_knee
+from _protocol import ANGLES, RESULTS, TRUTH, finish, load
 
 import kneejax as kj
 from kneejax.geometry import COLUMNS, FREE_COORDINATES
 from kneejax.inference import LoadCases, balances_of, fit_lanes
-from kneejax.inference.fit import DEFAULT_WEIGHTS, TABLE_UNITS
+from kneejax.inference.fit import DEFAULT_WEIGHTS, observations
 from kneejax.inference.fit._load_cases import add_offsets, best_offsets, with_offsets
 from kneejax.inference.intervals._intervals import IntervalKind, sureties
 from kneejax.inference.intervals._profiles import named
-from kneejax.statics import Stations, balance_with_slopes
+from kneejax.statics import Stations
 
 NAMES = ("*.stiffness", "*.reference_strain")
 MRI = Path(__file__).parents[2] / (
@@ -46,6 +47,10 @@ class Design:
         strain: bounds of reference strains.
         stated: whether the study states the noise.
         offsets: constants between frames that are free.
+        knee: whose parameters they are.
+        names: of the parameters.
+        true: what those of the knee are changed by; None for `TRUTH`.
+        cut: what a Lachman test had cut; a passive motion without.
     """
 
     flexion_deg: np.ndarray
@@ -54,6 +59,21 @@ class Design:
     strain: tuple[float, float] = (-0.2, 0.2)
     stated: bool = True
     offsets: tuple[str, ...] = ()
+    knee: str = "four_ligament"
+    names: tuple[str, ...] = NAMES
+    true: float | None = None
+    cut: tuple[str, ...] = ()
+
+    def cases(self, knee: kj.Knee) -> LoadCases:
+        """What is observed; its numbers are those of the knee without parameters of its own."""
+        noise = 1.0 / np.sqrt(DEFAULT_WEIGHTS)
+        if not self.cut:
+            stations = Stations.at(self.flexion_deg)
+            return LoadCases(stations, np.zeros((len(stations), 5)), noise, self.offsets)
+        (test,) = kj.lab_tests("lachman", self.flexion_deg, steps=11)
+        (curves,) = kj.load_curves(kj.cut(knee, self.cut), test)
+        measured = kj.MeasuredTest.of(curves, cut=self.cut, counted_from="unloaded")
+        return observations(np.zeros((0, 6)), noise, tests=[measured])
 
 
 def designs() -> dict[str, Design]:
@@ -68,6 +88,11 @@ def designs() -> dict[str, Design]:
         "twelve poses, noise estimated": Design(twelve, 0.2, stated=False),
         "twelve poses, wide bounds": Design(twelve, 0.2, (100.0, 30000.0), (-0.4, 0.4)),
     }
+    deficient = ("aMCL", "iMCL", "pMCL", "aDMCL", "pDMCL", "LCL")
+    strains = tuple(f"{name}.reference_strain" for name in deficient)
+    found["Lachman, ACL cut"] = Design(
+        np.array([20.0]), 0.2, knee="ten_bundle", names=strains, true=0.01, cut=("aACL", "pACL")
+    )
     if MRI.exists():
         flexion = np.genfromtxt(MRI, delimiter=",", names=True)["knee_flex_deg"]
         # Every third of the 60 frames: what is not determined is slow to follow.
@@ -77,29 +102,32 @@ def designs() -> dict[str, Design]:
 
 def intervals(knee, design: Design, draws: int, seed: int):
     """Fit all draws; for each its answer and how sure it is, and the names of the values."""
-    chosen, stations = kj.select(knee, NAMES), Stations.at(design.flexion_deg)
-    truth = np.array([TRUTH[name] for name in chosen.names])
-    exact = balance_with_slopes(true_knee(knee), chosen.apply, truth[None], stations)
-    errors = np.random.default_rng(seed).standard_normal((draws, len(stations), 5))
-    target = exact.q[0] * TABLE_UNITS + design.noise * errors
+    chosen, cases = kj.select(knee, design.names), design.cases(knee)
     start = np.asarray(chosen.read(knee))
-    begin = balance_with_slopes(knee, chosen.apply, start[None], stations)
+    truth = start + (design.true or 0.0) * (-1.0) ** np.arange(len(start))
+    if design.true is None:
+        truth = np.array([TRUTH[name] for name in chosen.names])
+    balance = balances_of(knee, chosen, cases)
+    exact, begin = balance(truth[None]), balance(start[None])
+    errors = np.random.default_rng(seed).standard_normal((draws, len(cases.stations), 5))
+    seen = np.where(cases.seen, 0.0, np.nan)
+    target = cases.observed(exact)[0][0] + seen + design.noise * errors
     bounds = [design.stiffness if ".stiffness" in name else design.strain for name in chosen.names]
     answers, found = [], []
     for first in range(0, draws, _AT_ONCE):
         lot = target[first : first + _AT_ONCE]
-        some = _some(knee, chosen, design, stations, lot, begin, bounds)
+        some = _some(knee, chosen, design, cases, lot, begin, bounds)
         answers += list(some[0])
         found += some[1]
     shifts = [(name, 0.0) for name in design.offsets]
     return answers, found, dict(zip(chosen.names, truth, strict=True)) | dict(shifts)
 
 
-def _some(knee, chosen, design: Design, stations, target, begin, bounds):
+def _some(knee, chosen, design: Design, cases, target, begin, bounds):
     count, offsets = len(target), design.offsets
     lower, upper = np.array(bounds).T
     tiles = [np.tile(x, (count, 1)) for x in (begin.values[0], lower, upper)]
-    data = LoadCases(stations, target, 1.0 / np.sqrt(DEFAULT_WEIGHTS), offsets)
+    data = dataclasses.replace(cases, target=target)
     balance = balances_of(knee, chosen, data)
     fits = fit_lanes(balance, data, begin.take(np.zeros(count, int)), *tiles, most=200, far=True)
     shift = [best_offsets(data.take([k]), fits.slopes.take([k])) for k in range(count)]
@@ -157,16 +185,17 @@ def _share(holds: np.ndarray, chosen: np.ndarray) -> float:
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--out", type=Path, default=RESULTS / "coverage.json")
-    parser.add_argument("--knee", default="four_ligament")
     parser.add_argument("--draws", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
     known = designs()
     parser.add_argument("--designs", nargs="+", choices=list(known), default=list(known))
     options = parser.parse_args()
-    knee, rows = load(options.knee), {}
+    rows = {}
     for name in options.designs:
         begun = time.perf_counter()
-        found = coverage(*intervals(knee, known[name], options.draws, options.seed))
+        design = known[name]
+        knee = load(design.knee)
+        found = coverage(*intervals(knee, design, options.draws, options.seed))
         seconds = time.perf_counter() - begun
         rows |= {f"{name}: {key}": value for key, value in found.items()}
         rows |= {f"{name}: draws": options.draws, f"{name}: seconds": seconds}
