@@ -69,7 +69,8 @@ def extension_by_length(
 
     Example:
         >>> import kneejax as kj
-        >>> kj.extension_by_length(kj.load_knee("four_ligament"), [30.0], [-1.0])
+        >>> from kneejax.experiments import extension_by_length
+        >>> extension_by_length(kj.load_knee("four_ligament"), [30.0], [-1.0])
         Traceback (most recent call last):
         ValueError: four_ligament has no patella with a quadriceps: expected a knee read with its
         patella
@@ -112,8 +113,9 @@ def leg_raise_by_length(knee: Knee, longer_mm: ArrayLike, shank: Shank | Load) -
 
     Example:
         >>> import kneejax as kj
+        >>> from kneejax.experiments import leg_raise_by_length
         >>> knee = kj.load_knee("four_ligament")
-        >>> kj.leg_raise_by_length(knee, [10.0], kj.Shank.of_person(75.0, 1.75))
+        >>> leg_raise_by_length(knee, [10.0], kj.Shank.of_person(75.0, 1.75))
         Traceback (most recent call last):
         ValueError: four_ligament has no patella with a quadriceps: expected a knee read with its
         patella
