@@ -104,7 +104,6 @@ def document(source: Path) -> dict[str, Any]:
         }
         for fibre, _, said in reasons
     ]
-    left_out = ", ".join(sorted({name.rstrip("0123456789") for name in read.found.outside}))
     return made | {
         "description": (
             f"One healthy adult's right knee with all {len(made['ligaments'])} tibiofemoral "
@@ -115,7 +114,8 @@ def document(source: Path) -> dict[str, Any]:
         "notes": (
             "No menisci or gravity. Patella, its ligaments and muscles stand in a section of their "
             "own, which acts where the patella is asked for; without it the line patellar_tendon "
-            f"stands for them. Left out is what ends on the pelvis ({left_out}). "
+            "stands for them. The iliotibial band (ITB1) is there too: like muscles it comes from "
+            "the pelvis, and an isolated knee has none. "
             f"{_contact_note(made['contacts'])} Fibres take the shortest way around a wrap object; "
             "for MCLp4 and MCLp5 the ways around both sides of Med_LigP_r are nearly as long over "
             "much of the motion. damping_N_s is the model's and plays no part in statics. "
@@ -190,7 +190,8 @@ def reduced(full: dict[str, Any], read: KneeFile, poses: State) -> dict[str, Any
             "sums. A single line pulls later and more suddenly than fibres that tighten one after "
             "the other; what that costs in force stands in the adaptations. "
             f"{_contact_note(answer['contacts'])} No menisci or gravity. The section of the "
-            "patella acts where the patella is asked for; the tendon is three lines there."
+            "patella acts where the patella is asked for; the tendon is three lines there, and the "
+            "iliotibial band is left out, since its pull is that of one pose of the hip."
         ),
     }
 

@@ -11,29 +11,30 @@ from kneejax.cli._given import check_within, read_loads
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli._say_status import say_status
 from kneejax.experiments import (
+    DrivenExtensor,
     Extensor,
     Shank,
+    extension_by_length,
     isometric_extension,
     leg_raise,
+    leg_raise_by_length,
     patellar_tracking,
     with_flips,
 )
-from kneejax.files import InputProblem, parse_flexion, write_rows
-from kneejax.mechanics import Knee, Range, load_of
+from kneejax.files import InputProblem, parse_flexion, parse_range, write_rows
+from kneejax.mechanics import RANGES, Knee, Range, load_of
 from kneejax.report import pose_words, search_words
 
 _FLEXION = {"patellar-tracking": "0:120:5", "extension": "0:90:30", "leg-raise": "0:90:5"}
 _PULL_N = {"patellar-tracking": 100.0, "extension": 1000.0}
 _MOST_STEPS = 200
+_LONGER = Range(-20.0, 100.0, "mm")
+_OF_LEG = ("body_kg", "height_m", "ankle_kg", "femur_deg")
 #: Option -> what it may be.
 _SIZES = {
     "quadriceps_N": Range(1.0, 12000.0, "N"),
-    "body_kg": Range(20.0, 300.0, "kg"),
-    "height_m": Range(1.0, 2.5, "m", too_large="cm are suspected"),
-    "ankle_kg": Range(0.0, 100.0, "kg"),
-    "femur_deg": Range(-90.0, 90.0, "degrees"),
+    **{name: RANGES[name] for name in _OF_LEG},
 }
-_OF_LEG = ("body_kg", "height_m", "ankle_kg", "femur_deg")
 
 
 def run_extensor(arguments: argparse.Namespace) -> int:
@@ -41,13 +42,19 @@ def run_extensor(arguments: argparse.Namespace) -> int:
     name = arguments.experiment
     flexion = parse_flexion(arguments.flexion or _FLEXION[name])
     _check(arguments)
+    lengths = _lengths(arguments)
     loads = read_loads(arguments.load)
     knee = asked_knee(arguments, patella=True)
+    acting, driven = [load_of(**loads)] if loads else [], None
     with stages_on_terminal(knee.name):
-        found = _made(arguments, knee, flexion, [load_of(**loads)] if loads else [])
+        if lengths is None:
+            found = _made(arguments, knee, flexion, acting)
+        else:
+            driven = _driven(arguments, knee, flexion, lengths, acting)
+            found = driven.found
     status = with_flips(found.motion.status, found.mechanics)
     said = pose_words(knee, found.mechanics, search_words(found.motion, loads))
-    _report(arguments, knee, found, status)
+    _report(arguments, knee, found, status, driven)
     places = [f"{x:g}" for x in found.flexion_deg]
     doubtful = say_status(status, places, "degrees", said, given=False)
     files = "extensor.csv, forces.csv, tibia_forces.csv, settings.json"
@@ -72,13 +79,41 @@ def _check(arguments: argparse.Namespace) -> None:
         raise InputProblem("--steps", "steps", str(steps), f"between 1 and {_MOST_STEPS}")
 
 
+def _lengths(arguments: argparse.Namespace) -> np.ndarray | None:
+    """How much longer the quadriceps is to be than at rest, mm."""
+    if arguments.quadriceps_mm is None:
+        return None
+    name, option = arguments.experiment, "--quadriceps_mm"
+    if name == "patellar-tracking":
+        raise InputProblem("simulate", option, name, "extension or leg-raise with it")
+    for other in ("quadriceps_N", "steps", "flexion" if name == "leg-raise" else "quadriceps_N"):
+        if getattr(arguments, other) is not None:
+            raise InputProblem("simulate", f"--{other}", name, f"{option} without it: a result")
+    return parse_range(arguments.quadriceps_mm, option, "lengths", _LONGER, "length")
+
+
+def _driven(
+    arguments: argparse.Namespace, knee: Knee, flexion: np.ndarray, lengths: np.ndarray, loads
+) -> DrivenExtensor:
+    if arguments.experiment == "extension":
+        return extension_by_length(knee, flexion, lengths, loads)
+    try:
+        return leg_raise_by_length(knee, lengths, _shank(arguments))
+    except ValueError as problem:
+        found, _, expected = str(problem).partition(": expected ")
+        raise InputProblem("--quadriceps_mm", "lengths", found, expected) from None
+
+
+def _shank(arguments: argparse.Namespace) -> Shank:
+    usual = {"body_kg": 75.0, "height_m": 1.75, "ankle_kg": 0.0, "femur_deg": 0.0}
+    given = {option: getattr(arguments, option) for option in _OF_LEG}
+    return Shank.of_person(**{k: usual[k] if given[k] is None else given[k] for k in usual})
+
+
 def _made(arguments: argparse.Namespace, knee: Knee, flexion: np.ndarray, loads) -> Extensor:
     name = arguments.experiment
     if name == "leg-raise":
-        usual = {"body_kg": 75.0, "height_m": 1.75, "ankle_kg": 0.0, "femur_deg": 0.0}
-        given = {option: getattr(arguments, option) for option in _OF_LEG}
-        chosen = {k: usual[k] if given[k] is None else given[k] for k in usual}
-        return leg_raise(knee, flexion, Shank.of_person(**chosen))
+        return leg_raise(knee, flexion, _shank(arguments))
     pull = arguments.quadriceps_N or _PULL_N[name]
     if name == "patellar-tracking":
         return patellar_tracking(knee, flexion, pull, loads)
@@ -86,7 +121,9 @@ def _made(arguments: argparse.Namespace, knee: Knee, flexion: np.ndarray, loads)
     return isometric_extension(knee, flexion, pull * np.arange(1, steps + 1) / steps, loads)
 
 
-def _report(arguments, knee: Knee, found: Extensor, status: np.ndarray) -> None:
+def _report(
+    arguments, knee: Knee, found: Extensor, status: np.ndarray, driven: DrivenExtensor | None
+) -> None:
     from kneejax.report import (
         EXTENSOR_COLUMNS,
         extensor_figure,
@@ -104,8 +141,15 @@ def _report(arguments, knee: Knee, found: Extensor, status: np.ndarray) -> None:
         print(
             f"walked to anew, the balance lay farther than 1 mm from where expected: {places} deg"
         )
-    out = arguments.out
-    write_rows(out / "extensor.csv", list(EXTENSOR_COLUMNS), extensor_rows(found, status))
+    out, columns, rows = arguments.out, list(EXTENSOR_COLUMNS), extensor_rows(found, status)
+    if driven is not None:
+        columns += ["longer_mm", "slack"]
+        more = zip(driven.longer_mm, driven.slack, strict=True)
+        rows = ([*row, x, bool(loose)] for row, (x, loose) in zip(rows, more, strict=True))
+        for x, angle in zip(driven.longer_mm[driven.slack], found.flexion_deg[driven.slack],
+                            strict=True):  # fmt: skip
+            print(f"slack: {x:g} mm longer than at rest, at {angle:g} deg: a cable cannot push")
+    write_rows(out / "extensor.csv", columns, rows)
     key = ["flexion_deg", "quadriceps_N", "part"]
     write_rows(out / "forces.csv", [*key, "force_N"], _forces(knee, found))
     axes = [f"{way}_N" for way in ("anterior", "superior", "lateral")]

@@ -57,6 +57,13 @@ def _add_import_osim(osim: Parser) -> None:
         action="store_true",
         help="leave out the patella, its ligaments and the muscles over the knee",
     )
+    add_repeated(
+        osim,
+        "--at",
+        metavar="COORDINATE=VALUE",
+        help="of hip or foot, degrees: where muscles and ligaments from the pelvis begin; the "
+        "model's defaults otherwise",
+    )
     add_out(osim, "kneejax-import")
     osim.set_defaults(run=lazily("_import_osim"))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from kneejax.cli._given import read_pairs
 from kneejax.cli._main import DONE, DOUBTFUL
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.files import (
@@ -27,6 +28,7 @@ def run(arguments: argparse.Namespace) -> int:
         without=arguments.without,
         inside=arguments.inside,
         patella=not arguments.without_patella,
+        at=read_pairs("--at", arguments.at),
     )
     findings, doubtful = (), bool(read.doubts)
     document, file = read.document, arguments.out / "knee.yaml"

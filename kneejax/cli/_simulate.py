@@ -31,7 +31,9 @@ _OF_TESTS = (
     "steps",
 )  # fmt: skip
 #: Options of experiments in which the quadriceps pulls.
-_OF_EXTENSOR = ("quadriceps_N", "body_kg", "height_m", "ankle_kg", "femur_deg")
+_OF_EXTENSOR = (
+    "quadriceps_N", "quadriceps_mm", "body_kg", "height_m", "ankle_kg", "femur_deg",
+)  # fmt: skip
 #: Options of motions through time.
 _OF_TIME = (
     "loads", "duration_s", "every_ms", "ramp_s", "critical", "damping_N_s_per_mm",
@@ -44,6 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Move a knee through flexion or time, load it, or let its quadriceps pull."""
     if arguments.experiment in IN_TIME or arguments.dynamic:
         _refuse(arguments, _OF_EXTENSOR[:1], f"{' or '.join(EXTENSOR[:2])} with it")
+        _refuse(arguments, _OF_EXTENSOR[1:2], "one at rest; in time --loads gives lengths")
         if arguments.experiment == "leg-raise":
             from kneejax.cli._raised_leg import run_raised_leg
 

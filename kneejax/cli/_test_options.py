@@ -74,6 +74,13 @@ def add_extensor_options(simulate: argparse.ArgumentParser) -> None:
         "extension (default: 1000), which --steps divides",
     )
     simulate.add_argument(
+        "--quadriceps_mm",
+        metavar="FROM:TO:STEP",
+        help="of extension and leg-raise, instead of a pull: how much longer the quadriceps is "
+        "than at rest, at the flexion that is held or in extension; as 0:-3:-0.5; its pull, and "
+        "of leg-raise flexion, is a result",
+    )
+    simulate.add_argument(
         "--body_kg", type=float, help="of leg-raise: the person (default: 75); shank and foot are "
         "6.1 %% of it"
     )  # fmt: skip

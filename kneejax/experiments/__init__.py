@@ -29,10 +29,13 @@ from kneejax.experiments.activity import activity as activity
 from kneejax.experiments.activity import cycle_of as cycle_of
 from kneejax.experiments.activity import weights as weights
 from kneejax.experiments.extensor import TENDON as TENDON
+from kneejax.experiments.extensor import DrivenExtensor as DrivenExtensor
 from kneejax.experiments.extensor import Extensor as Extensor
 from kneejax.experiments.extensor import Shank as Shank
+from kneejax.experiments.extensor import extension_by_length as extension_by_length
 from kneejax.experiments.extensor import isometric_extension as isometric_extension
 from kneejax.experiments.extensor import leg_raise as leg_raise
+from kneejax.experiments.extensor import leg_raise_by_length as leg_raise_by_length
 from kneejax.experiments.extensor import on_path as on_path
 from kneejax.experiments.extensor import patella_path as patella_path
 from kneejax.experiments.extensor import patellar_tracking as patellar_tracking

@@ -20,6 +20,7 @@ _MODULES = {
     "named_path": "kneejax.files._bundled",
     "study_path": "kneejax.files._bundled",
     "parse_flexion": "kneejax.files._flexion",
+    "parse_range": "kneejax.files._flexion",
     "check_new": "kneejax.files._knees",
     "load_knee": "kneejax.files._knees",
     "load_knee_file": "kneejax.files._knees",
@@ -107,6 +108,7 @@ if TYPE_CHECKING:
     from kneejax.files._bundled import named_path as named_path
     from kneejax.files._bundled import study_path as study_path
     from kneejax.files._flexion import parse_flexion as parse_flexion
+    from kneejax.files._flexion import parse_range as parse_range
     from kneejax.files._knees import check_new as check_new
     from kneejax.files._knees import load_knee as load_knee
     from kneejax.files._knees import load_knee_file as load_knee_file

@@ -1,11 +1,11 @@
-"""Flexion angles as people write them: `0:120:5`, or `0,30,60`."""
+"""Angles and lengths as people write them: `0:120:5`, or `0,30,60`."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from kneejax.files.reading import Field
-from kneejax.mechanics import RANGES
+from kneejax.mechanics import RANGES, Range
 
 _MOST_VALUES = 10_000
 
@@ -29,28 +29,48 @@ def parse_flexion(text: str, file: str = "--flexion", field: str = "flexion_deg"
         >>> parse_flexion("0:20:5").tolist()
         [0.0, 5.0, 10.0, 15.0, 20.0]
     """
+    return parse_range(text, file, field, RANGES["flexion_deg"], "angle")
+
+
+def parse_range(text: str, file: str, field: str, allowed: Range, of: str) -> np.ndarray:
+    """Numbers from `FROM:TO:STEP`, both ends included, or from a comma separated list.
+
+    Args:
+        text: as of `parse_flexion`.
+        file: where the text stands, for the error.
+        field: likewise.
+        allowed: what each number may be.
+        of: what one of them is, in a word.
+
+    Returns:
+        Shape `(n,)`.
+
+    Raises:
+        InputProblem: as of `parse_flexion`.
+
+    Example:
+        >>> from kneejax.mechanics import Range
+        >>> lengths = Range(-20.0, 60.0, "mm")
+        >>> parse_range("0:-4:-2", "--quadriceps_mm", "lengths", lengths, "length").tolist()
+        [0.0, -2.0, -4.0]
+    """
     place = Field(file, field, text)
-    expected = f"FROM:TO:STEP or a comma separated list, {RANGES['flexion_deg']}"
+    expected = f"FROM:TO:STEP or a comma separated list, {allowed}"
     is_range = ":" in text
     try:
         numbers = [float(part) for part in text.split(":" if is_range else ",")]
     except ValueError:
         raise place.problem(expected) from None
-    if not is_range:
-        return _angles(place, numbers)
-    if len(numbers) != 3 or not np.isfinite(numbers).all():
+    if is_range and (len(numbers) != 3 or not np.isfinite(numbers).all()):
         raise place.problem(expected)
+    if not all(allowed.holds(x) for x in (numbers[:2] if is_range else numbers)):
+        raise place.problem(f"{of}s {allowed}")
+    if not is_range:
+        return np.array(numbers, float)
     first, last, step = numbers
-    _angles(place, [first, last])
     if step == 0 or (last - first) / step < 0:
-        raise place.problem("a step that leads from the first angle to the last")
+        raise place.problem(f"a step that leads from the first {of} to the last")
     count = np.floor((last - first) / step + 1e-9) + 1
     if count > _MOST_VALUES:
-        raise place.problem(f"at most {_MOST_VALUES} angles")
+        raise place.problem(f"at most {_MOST_VALUES} {of}s")
     return first + step * np.arange(int(count))
-
-
-def _angles(place: Field, numbers) -> np.ndarray:
-    if not all(RANGES["flexion_deg"].holds(x) for x in numbers):
-        raise place.problem(f"angles {RANGES['flexion_deg']}")
-    return np.array(numbers, float)

@@ -22,6 +22,14 @@ from kneejax.files import load_knee_file, write_knee
         (["patellar-tracking", "--femur_deg", "10"], "expected leg-raise with it"),
         (["drawer", "--body_kg", "70"], "patellar-tracking, extension, leg-raise with it"),
         (["leg-rise"], "did you mean leg-raise?"),
+        (["patellar-tracking", "--quadriceps_mm", "0,5"], "extension or leg-raise with it"),
+        (["leg-raise", "--quadriceps_mm", "5", "--flexion", "30"], "without it: a result"),
+        (["extension", "--quadriceps_mm", "0,-1", "--steps", "9"], "without it: a result"),
+        (["extension", "--quadriceps_mm", "0:5"], "expected FROM:TO:STEP or a comma separated"),
+        (["extension", "--quadriceps_mm", "0:5:-1"], "leads from the first length to the last"),
+        (["extension", "--quadriceps_mm", "500"], "lengths between -20 and 100 mm"),
+        (["drawer", "--quadriceps_mm", "5"], "patellar-tracking, extension, leg-raise with it"),
+        (["leg-raise", "--dynamic", "--quadriceps_mm", "5"], "in time --loads gives lengths"),
     ],
 )
 def test_options_that_mean_nothing_are_refused_in_one_line(words, said, tmp_path, capsys):

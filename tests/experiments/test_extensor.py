@@ -12,7 +12,13 @@ import kneejax as kj
 import kneejax.geometry as geo
 from kneejax import report
 from kneejax.dynamics import gravity_of
-from kneejax.experiments import TENDON, leg_of_person, raised_leg
+from kneejax.experiments import (
+    TENDON,
+    extension_by_length,
+    leg_of_person,
+    leg_raise_by_length,
+    raised_leg,
+)
 from kneejax.experiments.extensor import held_leg, weight_of
 from kneejax.mechanics import Contact, Knee, Ligaments, Muscles, add_lane_axis
 from kneejax.statics import settle, with_meeting
@@ -173,6 +179,57 @@ def test_a_held_leg_is_differentiable_by_every_number_of_the_knee(knee):
         numeric = sum(part * moved[k][row] for k, part in parts.items()) / (12.0 * step)
         scale = np.abs(numeric).max(axis=-1, keepdims=True)
         np.testing.assert_allclose(exact[row] / scale, numeric / scale, atol=1e-6, err_msg=what)
+
+
+def test_a_quadriceps_of_given_length_pulls_as_the_force_under_which_it_is_as_long(knee):
+    """At a held flexion the pull is a result; given as a force it leads to the same length."""
+    driven = extension_by_length(knee, FLEXION, [0.5, -0.4, -1.2])
+    found, length = driven.found, np.asarray(driven.found.quadriceps_mm).reshape(2, 3)
+    assert np.all(found.motion.stable)
+    under = kj.patellar_tracking(knee, found.flexion_deg, np.asarray(found.quadriceps_N))
+    np.testing.assert_allclose(found.quadriceps_mm, under.quadriceps_mm, atol=1e-6)
+    rest = np.asarray(kj.patellar_tracking(knee, FLEXION, 20.0).quadriceps_mm)[:, None]
+    np.testing.assert_allclose(length[:, 1:] - rest, [[-0.4, -1.2]] * 2, atol=2e-6)
+    # A cable that is longer than the way hangs slack: the heads keep what they have at rest.
+    assert driven.slack.tolist() == [True, False, False] * 2
+    np.testing.assert_allclose(found.quadriceps_N[::3], 20.0, atol=0.1)
+    np.testing.assert_allclose(length[:, :1], rest, atol=1e-3)
+
+
+@pytest.mark.slow
+def test_a_leg_whose_quadriceps_has_a_length_rests_where_it_would_be_held(knee):
+    shank = kj.Shank.of_person(75.0, 1.75)
+    raised = leg_raise_by_length(knee, [12.0, 18.0], shank).found
+    held = kj.leg_raise(knee, raised.flexion_deg, shank)
+    np.testing.assert_allclose(raised.quadriceps_N, held.quadriceps_N, atol=1e-3)
+    np.testing.assert_allclose(raised.quadriceps_mm, held.quadriceps_mm, atol=1e-6)
+    np.testing.assert_allclose(np.diff(raised.quadriceps_mm), [6.0], atol=2e-6)
+    assert np.abs(raised.extension_Nm).max() < 1e-4 and np.all(raised.motion.stable)
+    with pytest.raises(ValueError, match=r"90 mm longer than at rest: expected between .* mm"):
+        leg_raise_by_length(knee, [90.0], shank)
+
+
+@pytest.mark.slow
+def test_derivatives_under_a_given_length_are_exact(knee, central_difference):
+    """Of the pull at a held flexion, of the pull and of where a leg rests: by the tendon's slack
+    length and by the length."""
+    shank = kj.Shank.of_person(75.0, 1.75)
+    own = kj.select(knee, ["PT1.slack_length"])
+    start = float(own.read(knee)[0])
+
+    def drawn(x):
+        return extension_by_length(own.apply(knee, x[:1]), [45.0], x[1:]).found.quadriceps_N
+
+    def raised(x):
+        found = leg_raise_by_length(own.apply(knee, x[:1]), x[1:], shank).found
+        return jnp.concatenate([found.flexion_deg, found.quadriceps_N])
+
+    for of, longer in ((drawn, -0.8), (raised, 15.0)):
+        at = np.array([start, longer])
+        exact = np.asarray(jax.jacfwd(of)(jnp.asarray(at)))
+        numeric = central_difference(lambda x, of=of: of(jnp.asarray(x)), at, 0.01)
+        scale = np.abs(numeric).max(axis=-1, keepdims=True)
+        np.testing.assert_allclose(exact / scale, numeric / scale, atol=1e-6)
 
 
 def test_a_balance_elsewhere_than_expected_is_walked_to(knee, monkeypatch):

@@ -27,6 +27,7 @@ from kneejax.mechanics import (
     pull_of,
 )
 from kneejax.numerics import compiled
+from kneejax.parameters import cut
 from kneejax.statics import Stations, converged
 
 #: What pulls on the tibia for the quadriceps, among what acts.
@@ -168,7 +169,9 @@ def muscled(knee: Knee, record: LegRecord, muscles: Muscles) -> tuple[Knee, Stat
     nothing = np.zeros((len(record.time_s), 6))
     total = sum(record.acting.values(), nothing)
     leg = Load(total[:, :3], total[:, 3:], nothing[:, :3], axes=TIBIA, name="leg")
-    body = dataclasses.replace(knee, lines=(), muscles=every)
+    # What the record pulls by name, as a band from the pelvis, follows the hip there.
+    own = cut(knee, [name for name in muscles.names if name in knee.ligaments.names])
+    body = dataclasses.replace(own, lines=(), muscles=every)
     return body, Stations.at(record.pose[:, 0], [*pulls, leg])
 
 

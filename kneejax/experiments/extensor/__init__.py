@@ -1,5 +1,8 @@
 """Experiments in which the quadriceps pulls on a patella."""
 
+from kneejax.experiments.extensor._by_length import DrivenExtensor as DrivenExtensor
+from kneejax.experiments.extensor._by_length import extension_by_length as extension_by_length
+from kneejax.experiments.extensor._by_length import leg_raise_by_length as leg_raise_by_length
 from kneejax.experiments.extensor._extensor import Extensor as Extensor
 from kneejax.experiments.extensor._extensor import isometric_extension as isometric_extension
 from kneejax.experiments.extensor._extensor import leg_raise as leg_raise

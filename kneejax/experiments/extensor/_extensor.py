@@ -125,7 +125,7 @@ def patellar_tracking(
     weightless = weight_of(np.zeros(3), np.zeros(3))
     motion = followed(knee, pulled_at(knee, flexion, pull, (weightless, *loads)))
     nowhere = np.zeros(len(motion.status), bool)
-    return _described(motion, jnp.asarray(pull, float), nowhere, weightless)
+    return described(motion, jnp.asarray(pull, float), nowhere, weightless)
 
 
 def isometric_extension(
@@ -170,7 +170,7 @@ def leg_raise(knee: Knee, flexion_deg: ArrayLike, shank: Shank | Load) -> Extens
     needs_patella(knee)
     weight = shank.load() if isinstance(shank, Shank) else shank
     flexion = jnp.atleast_1d(jnp.asarray(flexion_deg, float))
-    return _described(*held_leg(knee, flexion, weight), weight)
+    return described(*held_leg(knee, flexion, weight), weight)
 
 
 def _check_pull(pull: np.ndarray) -> None:
@@ -180,7 +180,7 @@ def _check_pull(pull: np.ndarray) -> None:
         raise ValueError(f"the quadriceps pulls with {wrong[0]:g} N: expected {expected}")
 
 
-def _described(motion: Motion, pull: Array, walked: np.ndarray, weight: Load) -> Extensor:
+def described(motion: Motion, pull: Array, walked: np.ndarray, weight: Load) -> Extensor:
     mechanics = evaluate(motion.knee, motion.settled.state)
     forces = jnp.linalg.norm(mechanics.contact_force, axis=-1)
     on_patella = [k for k, c in enumerate(motion.knee.contacts) if c.bodies == (FEMUR, PATELLA)]

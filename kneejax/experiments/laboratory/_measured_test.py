@@ -28,7 +28,8 @@ COUNTED_FROM = {
 }
 #: What can be read of a part of the knee, as `PART.KIND` -> what that means. Forces are counted as
 #: they are, strains like displacements. Coordinates of the patella, by their columns
-#: (`patella_tilt_deg`), are read too, and counted as those of the tibia are.
+#: (`patella_tilt_deg`), are read too, and counted as those of the tibia are, with unknown
+#: constants of their own.
 READINGS = {
     "tension_N": "pull of a ligament or group, the sum over its fibres",
     "strain": "of a ligament, or the mean over a group's fibres",
@@ -150,10 +151,10 @@ class MeasuredTest:
             if np.isnan(self.sd_of(name)):
                 sd = f"sd_{reading_unit(name) or 'strain'}"
                 raise ValueError(f"{sd}: not stated; expected how well {name} is known")
-            if counts_like_poses(name) and self.counted_from.startswith("offset"):
+            if name.endswith(".strain") and self.counted_from.startswith("offset"):
                 raise ValueError(
                     f"readings.{name}: counted from {self.counted_from}; expected unloaded or "
-                    "absolute, since unknown constants are of the tibia's coordinates alone"
+                    "absolute, since unknown constants are of the bones' coordinates alone"
                 )
 
     def _check_weight(self, shape: tuple[int]) -> None:

@@ -126,9 +126,9 @@ def check_patella(patella: Field, sources: dict[str, str], ligaments: tuple[str,
         if name in ligaments:
             raise ligament.problem("a name that no ligament between femur and tibia has")
         ends = [end for end in parts.ENDS if isinstance(ligament.value, dict) and end in ligament]
-        if len(ends) != 2 or "patellar_attachment_mm" not in ends:
+        if len(ends) != 2:
             given = ", ".join(ends) or "none"
-            expected = "patellar_attachment_mm and one of the femoral and the tibial attachment"
+            expected = f"two of {', '.join(parts.ENDS)}"
             raise Field(ligament.file, ligament.path, given).problem(expected)
         parts.check_ligament(ligament, sources, known, tuple(ends))
     for _, contact in patella["contacts"].named("a contact", empty=True):

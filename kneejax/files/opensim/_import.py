@@ -8,11 +8,13 @@ import fnmatch
 import hashlib
 import os
 import re
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from kneejax.files.knee import ENDS, check_knee
+from kneejax.files.opensim._beyond import posed, standing, with_pelvis_and_foot
 from kneejax.files.opensim._contact import FORCE, OsimContact, find_contacts
 from kneejax.files.opensim._joints import Joint
 from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, find_knee
@@ -25,7 +27,7 @@ from kneejax.files.opensim._patella import PatellaSection, patella_section
 from kneejax.files.opensim._wraps import OsimWrap, depth_inside, wrap_document
 from kneejax.files.reading import Field, InputProblem
 from kneejax.geometry import COLUMNS, PATELLA
-from kneejax.mechanics import FAILURE_SOURCE, usual_failure_strain
+from kneejax.mechanics import FAILURE_SOURCE, RANGES, usual_failure_strain
 
 #: Rounding of the ligament law's corners, which OpenSim's law does not have: small enough for its
 #: forces, see `kneejax.mechanics.ligament_law.largest_tension_error`.
@@ -85,6 +87,7 @@ def import_osim(
     without: tuple[str, ...] | list[str] = (),
     inside: str = "refuse",
     patella: bool = True,
+    at: Mapping[str, float] | None = None,
     data: bytes | None = None,
 ) -> OsimImport:
     """Read a knee from an OpenSim model of schema 3 or 4.
@@ -99,7 +102,10 @@ def import_osim(
         without: names or patterns of fibres to leave out.
         inside: what to do with a fibre that begins more than 0.5 mm inside what it goes around:
             `refuse` the model, or let it run `straight`, as OpenSim does.
-        patella: whether to read the patella, its ligaments and the muscles over the knee.
+        patella: whether to read the patella, its ligaments, and the muscles and ligaments that
+            come over the knee from the pelvis or go to the foot.
+        at: coordinate of hip or foot -> where those begin and end, degrees or mm; at the model's
+            defaults without it.
         data: the model's bytes, if they are at hand.
 
     Returns:
@@ -107,7 +113,8 @@ def import_osim(
 
     Raises:
         InputProblem: the file is not a model that can be read, it has no knee of that side or
-            several, no ligament spans it, or something in a ligament or wrap object is wrong.
+            several, no ligament spans it, something in a ligament or wrap object is wrong, or hip
+            and foot have no such coordinate.
 
     Example:
         >>> from kneejax.files import SMALLEST_MODEL
@@ -121,13 +128,14 @@ def import_osim(
         raise InputProblem(path, "--side", side, "r or l")
     model = read_model(path, data)
     knee = find_knee(model, side, femur, tibia)
-    found = find_ligaments(model, knee)
+    whole = with_pelvis_and_foot(model, knee, at)
+    found = find_ligaments(model, whole)
     left_out = _leave_out(model, found, without)
-    if all(_on_patella(x, knee) for x in found.ligaments):
+    if not any(_of_two_bones(x, knee) for x in found.ligaments):
         raise _no_ligament(path, knee, found)
-    found.ligaments[:] = _outside_obstacles(model, knee, found, inside)
-    patellar = [x for x in found.ligaments if _on_patella(x, knee)]
-    found.ligaments[:] = [x for x in found.ligaments if not _on_patella(x, knee)]
+    found.ligaments[:] = _outside_obstacles(model, whole, found, inside)
+    beside = [x for x in found.ligaments if not _of_two_bones(x, knee)]
+    found.ligaments[:] = [x for x in found.ligaments if _of_two_bones(x, knee)]
     keys = [ligament.key for ligament in found.ligaments]
     ligaments = dict(zip(file_names(keys, "L"), found.ligaments, strict=True))
     used = {id(x.wrap.element): x.wrap for x in found.ligaments if x.wrap is not None}
@@ -135,15 +143,17 @@ def import_osim(
     every, others = find_contacts(model, knee)
     contacts = tuple(c for c in every if c.other.bone != PATELLA)
     on_patella = tuple(c for c in every if c.other.bone == PATELLA)
-    section = _patella(model, knee, patellar) if patella else PatellaSection({}, ())
+    section = PatellaSection({}, ())
+    if patella:
+        section = _patella(model, whole, beside, set(knee.rigid), posed(at))
     if not section.document:
-        found.outside.update((one.key, f"attached to {knee.patella}") for one in patellar)
+        found.outside.update((one.key, f"attached to {_beside(one, knee)}") for one in beside)
         others += [f"{one.name} ({FORCE}): between femur and patella" for one in on_patella]
     answer = OsimImport(
         {}, model, knee, ligaments, wraps, found, contacts, tuple(others), left_out, on_patella,
         section.notes,
     )  # fmt: skip
-    _check_lengths(model, knee, [*found.ligaments, *patellar])
+    _check_lengths(model, whole, [*found.ligaments, *beside])
     answer.document.update(_document(answer))
     if section.document:
         answer.document["patella"] = section.document
@@ -160,23 +170,36 @@ def _no_ligament(path, knee: OsimKneeJoint, found: Found) -> InputProblem:
     )  # fmt: skip
 
 
-def _on_patella(ligament: OsimLigament, knee: OsimKneeJoint) -> bool:
-    return any(knee.rigid[ligament.points[i].body][0] == PATELLA for i in (0, -1))
+def _of_two_bones(ligament: OsimLigament, knee: OsimKneeJoint) -> bool:
+    """Whether it joins femur and tibia themselves: no patella, nothing beyond them."""
+    return not _beside(ligament, knee)
+
+
+def _beside(ligament: OsimLigament, knee: OsimKneeJoint) -> str:
+    """The body of a fibre that is neither of femur nor of tibia; empty without one."""
+    bodies = (point.body for point in ligament.points)
+    others = (x for x in bodies if x not in knee.rigid or knee.rigid[x][0] == PATELLA)
+    return next(others, "")
 
 
 def _patella(
-    model: Model, knee: OsimKneeJoint, ligaments: list[OsimLigament]
+    model: Model, knee: OsimKneeJoint, ligaments: list[OsimLigament], own: set[str], where: str
 ) -> PatellaSection:
-    """The section of the patella, with the muscles over the knee."""
-    muscles, file = find_muscles(model, knee), model.file.path.name
-    every = [x.wrap for x in (*ligaments, *muscles.muscles) if x.wrap is not None]
-    used = {id(wrap.element): wrap for wrap in every}
+    """The section of the patella, with the muscles over the knee and ligaments from the pelvis.
+
+    `own` are the bodies of the knee itself, `where` says how pelvis and foot are posed.
+    """
+    muscles, file = find_muscles(model, knee), f"{model.file.path.name}{where}"
+    every = (*ligaments, *muscles.muscles)
+    if any(point.body not in own for one in every for point in one.points):
+        muscles = muscles.noted(standing(where))
+    used = {id(x.wrap.element): x.wrap for x in every if x.wrap is not None}
     names = dict(zip(used, file_names([w.key for w in used.values()], "W"), strict=True))
     entries = {
         name: _ligament(one, knee, file, names)
         for name, one in zip(file_names([x.key for x in ligaments], "L"), ligaments, strict=True)
     }
-    return patella_section(model, knee, entries, muscles, [*used.values()], names)
+    return patella_section(model, knee, entries, muscles, [*used.values()], names, file)
 
 
 def _document(read: OsimImport) -> dict[str, Any]:
@@ -306,7 +329,7 @@ def _outside_obstacles(
 
 
 def _check_lengths(model: Model, knee: OsimKneeJoint, ligaments: list[OsimLigament]) -> None:
-    """Attachments closer than 1 mm or farther than 300 mm are in another unit or frame."""
+    """Attachments closer or farther than any are in another unit or frame."""
     for ligament in ligaments:
         ends = [ligament.points[i] for i in (0, -1)]
         first, last = (
@@ -314,10 +337,11 @@ def _check_lengths(model: Model, knee: OsimKneeJoint, ligaments: list[OsimLigame
             for end in ends
         )
         length = 1e3 * float(np.linalg.norm(last - first))
-        if not 1.0 <= length <= 300.0:
+        allowed = RANGES["length_mm"]
+        if not allowed.holds(length):
             raise model.file.problem(
                 ligament.element, "attachments", f"{length:.4g} mm apart at the reference pose",
-                "1 to 300 mm: another unit than metres, or a default pose in which the knee is "
+                f"{allowed}: another unit than metres, or a default pose in which the knee is "
                 "apart, are suspected",
             )  # fmt: skip
 

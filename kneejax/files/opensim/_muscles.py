@@ -5,13 +5,12 @@ from __future__ import annotations
 import dataclasses
 import re
 
-from kneejax.files.opensim._joints import read_joints
-from kneejax.files.opensim._knee import OsimKneeJoint, placed
+from kneejax.files.opensim._knee import OsimKneeJoint
 from kneejax.files.opensim._ligaments import OsimPoint, in_order, path_objects, path_point
 from kneejax.files.opensim._model import Model
 from kneejax.files.opensim._wraps import WRAP_KINDS, OsimWrap, read_wraps
 from kneejax.files.opensim._xml import Element
-from kneejax.geometry import FEMUR, PATELLA, TIBIA
+from kneejax.geometry import FEMUR, PATELLA
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,14 +41,15 @@ class OsimMuscles:
 
     Attributes:
         muscles: that can be read.
-        knee: with pelvis and foot where the coordinates' defaults have them: a muscle from the
-            pelvis begins at a point of the femur here.
         notes: what was left out or assumed, a sentence each.
     """
 
     muscles: tuple[OsimMuscle, ...]
-    knee: OsimKneeJoint
     notes: tuple[str, ...]
+
+    def noted(self, sentence: str) -> OsimMuscles:
+        """The same with a further sentence."""
+        return OsimMuscles(self.muscles, (*self.notes, sentence))
 
 
 def find_muscles(model: Model, knee: OsimKneeJoint) -> OsimMuscles:
@@ -57,18 +57,17 @@ def find_muscles(model: Model, knee: OsimKneeJoint) -> OsimMuscles:
 
     Args:
         model: the model.
-        knee: its bones.
+        knee: its bones, with what a muscle may begin or end on.
     """
-    whole, notes = _with_pelvis_and_foot(model, knee), []
-    wraps, found = read_wraps(model), []
+    notes, wraps, found = [], read_wraps(model), []
     for element in model.elements():
         if not element.tag.endswith("Muscle"):
             continue
         path = element.child("GeometryPath")
         points = [path_point(model, e) for e in path_objects(path, "PathPointSet")]
-        if any(point.body not in whole.rigid for point in points):
+        if any(point.body not in knee.rigid for point in points):
             continue
-        bones = [whole.rigid[point.body][0] for point in points]
+        bones = [knee.rigid[point.body][0] for point in points]
         if len(set(bones)) < 2:
             continue
         if not in_order(bones[0], bones[-1]):
@@ -78,40 +77,10 @@ def find_muscles(model: Model, knee: OsimKneeJoint) -> OsimMuscles:
             why = "a point that moves along the bone" if not straight else "three bones"
             notes.append(f"Muscle {element.name} was left out: its path has {why}.")
             continue
-        wrap = wrap_of(model, element, wraps, whole, (bones[0], bones[-1]), notes)
+        wrap = wrap_of(model, element, wraps, knee, (bones[0], bones[-1]), notes)
         strongest = float(model.numbers(element, "max_isometric_force", 1, "1000")[0])
         found.append(OsimMuscle(element, tuple(points), wrap, strongest))
-    if any(point.body not in knee.rigid for muscle in found for point in muscle.points):
-        notes.append(
-            "Pelvis and foot stand where the model's default coordinates have them: muscles from "
-            "there begin or end at a fixed point of the femur or the tibia."
-        )
-    return OsimMuscles(tuple(found), whole, tuple(notes))
-
-
-def _with_pelvis_and_foot(model: Model, knee: OsimKneeJoint) -> OsimKneeJoint:
-    joints = read_joints(model)
-    above = {joint.child: joint for joint in joints}
-    rigid = dict(knee.rigid)
-    body, seen = knee.femur, set()
-    while body in above and body not in seen:
-        seen.add(body)
-        body = above[body].parent
-        if body not in rigid and body in model.bodies:
-            rigid[body] = FEMUR, _motion(model, above, knee.femur, body)
-    waiting = [name for name, (bone, _) in knee.rigid.items() if bone == TIBIA]
-    while waiting:
-        at = waiting.pop()
-        for joint in joints:
-            if joint.parent == at and joint.child not in rigid:
-                rigid[joint.child] = TIBIA, _motion(model, above, knee.tibia, joint.child)
-                waiting.append(joint.child)
-    return dataclasses.replace(knee, rigid=rigid)
-
-
-def _motion(model: Model, above: dict, bone: str, body: str):
-    """From a body's coordinates to a bone's, at the coordinates' defaults."""
-    return placed(model, above, bone, []).inverse().after(placed(model, above, body, []))
+    return OsimMuscles(tuple(found), tuple(notes))
 
 
 def wrap_of(

@@ -41,30 +41,33 @@ def patella_section(
     found: OsimMuscles,
     wraps: list[OsimWrap],
     names: dict[int, str],
+    file: str,
 ) -> PatellaSection:
     """Make the section of the patella.
 
     Args:
         model: the model.
-        knee: its bones.
-        ligaments: of the patella, as entries of a knee document.
+        knee: its bones, with pelvis and foot.
+        ligaments: of the patella and from beyond the femur, as entries of a knee document.
         found: the muscles over the knee.
         wraps: what these ligaments and muscles go around.
         names: identity of a wrap object's element -> its name in the section.
+        file: what the numbers' sources call the model.
     """
-    heads = quadriceps(found.muscles, found.knee)
-    if not knee.patella or not ligaments or not heads:
-        lacks = "a patella" if not knee.patella else "its ligaments" if not ligaments else "muscles"
+    heads = quadriceps(found.muscles, knee)
+    held = any("patellar_attachment_mm" in entry for entry in ligaments.values())
+    if not knee.patella or not held or not heads:
+        lacks = "a patella" if not knee.patella else "muscles" if held else "its ligaments"
         return PatellaSection({}, (f"Read without a patella: the model has not {lacks}.",))
-    file, notes = model.file.path.name, list(found.notes)
+    notes = list(found.notes)
     whole = sum(head.strongest_N for head in heads)
     muscles = {}
     for name, muscle in zip(file_names([m.name for m in found.muscles], "M"), found.muscles,
                             strict=True):  # fmt: skip
-        muscles[name] = entry = _muscle(muscle, found.knee, file)
+        muscles[name] = entry = _muscle(muscle, knee, file)
         if muscle in heads:
             entry["tension_N"] = round(AT_REST_N * muscle.strongest_N / whole, 4)
-        if muscle.wrap is not None and _is_outside(model, muscle, found.knee, notes):
+        if muscle.wrap is not None and _is_outside(model, muscle, knee, notes):
             entry["wrap"] = names[id(muscle.wrap.element)]
     asked = {part.get("wrap") for part in (*ligaments.values(), *muscles.values())}
     obstacles = {names[id(wrap.element)]: wrap for wrap in wraps}
@@ -78,7 +81,7 @@ def patella_section(
         "muscles": muscles,
         "wraps": {
             name: wrap_document(
-                model, wrap, found.knee, f"{file}, {wrap.element.tag} {wrap.key} of {wrap.body}"
+                model, wrap, knee, f"{file}, {wrap.element.tag} {wrap.key} of {wrap.body}"
             )
             for name, wrap in obstacles.items()
         },

@@ -24,8 +24,8 @@ class FittedTest:
             nothing was.
         fitted: the same of the knee; the best of unknown constants is added.
         status: of the knee's balances, one `Status` value a row.
-        readings: the knee's in the place of each of `test.readings`, `(n,)`, N or strain; NaN where
-            nothing was compared.
+        readings: the knee's in the place of each of `test.readings`, `(n,)`, in its unit, the best
+            of unknown constants added; NaN where nothing was compared.
         restless: of a motion that repeats itself, how far it is from where it was a period before,
             mm or degrees; 0 of all others.
     """
@@ -88,7 +88,8 @@ def _readings(problem: Problem, found: Slopes) -> dict[str, np.ndarray]:
     data = problem.cases.readings
     if data is None:
         return {}
-    value, every = data.model(problem.cases, found)[0][0], {}
+    error, counted = data.error(problem.cases, found)[0][0], data.counted(problem.cases)
+    value, every = np.where(counted, data.target + error, np.nan), {}
     for place, name in enumerate(data.names):
         own = data.name == place
         every[name] = np.full(len(problem.cases.stations), np.nan)

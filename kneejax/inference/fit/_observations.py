@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from kneejax.experiments import MeasuredTest, counts_like_poses
-from kneejax.geometry import COORDINATES, FREE_COORDINATES
+from kneejax.geometry import COORDINATES, FREE_COORDINATES, OTHER_COLUMNS
 from kneejax.inference.fit._load_cases import LoadCases
 from kneejax.inference.fit._readings import Readings, check_readable
 from kneejax.mechanics import NAMED_LOADS, Knee, Load, Pull, load_of, pull_of
@@ -112,7 +112,7 @@ def readings_of(
     """
     names = tuple(dict.fromkeys(name for test in tests for name in test.readings))
     check_readable(knee, names)
-    found = []
+    found, groups = [], 0
     for test, place in zip(tests, rows_of_tests(poses, tests), strict=True):
         counted = _rows(test, place.start)[2][: len(test.flexion_deg)]
         weight = np.ones(len(counted)) if test.weight is None else test.weight
@@ -125,7 +125,10 @@ def readings_of(
             sd *= np.sqrt(2.0) if like_poses and (test.partner >= 0).any() else 1.0
             rest = counted[rows] if like_poses else np.full(len(rows), -1)
             kind = np.full(len(rows), names.index(name))
-            found.append((kind, place.start + rows, rest, seen[rows], sd))
+            own = test.groups[rows] if name in OTHER_COLUMNS else np.full(len(rows), -1)
+            group = np.where(own < 0, -1, own + groups)
+            groups += 1 + int(own.max(initial=-1))
+            found.append((kind, place.start + rows, rest, seen[rows], sd, group))
     if not found:
         return None
     return Readings(knee, selection, names, *map(np.concatenate, zip(*found, strict=True)))

@@ -41,6 +41,8 @@ class Readings:
         neutral: load case from which it is counted, `(r,)`, -1 where it counts as it is.
         target: what was read, `(r,)`, N, strain, degrees or mm.
         sd: its standard deviation, `(r,)`.
+        group: numbers that are off by one unknown constant share a number, `(r,)`; -1 where there
+            is none.
     """
 
     knee: Knee
@@ -51,6 +53,7 @@ class Readings:
     neutral: np.ndarray
     target: np.ndarray
     sd: np.ndarray
+    group: np.ndarray
 
     def __len__(self) -> int:
         return len(self.target)
@@ -73,14 +76,30 @@ class Readings:
         value = at[own] - np.where(counts, at[rest], 0.0)
         return value, slope[own] - np.where(counts[:, None], slope[rest], 0.0)
 
-    def residual(self, cases: LoadCases, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
-        """Errors over standard deviations `(fits, r)`, and by the values; zero where the load
-        case does not count."""
-        value, slope = self.model(cases, found)
+    def counted(self, cases: LoadCases) -> np.ndarray:
+        """Of which numbers the load case counts, and the one that it is counted from, `(r,)`."""
         zero = np.where(self.neutral >= 0, self.neutral, self.case)
-        counted = cases.counted[self.case] & cases.counted[zero]
-        error = np.where(counted, (value - self.target) / self.sd, 0.0)
-        return error, np.where(counted[:, None], slope / self.sd[:, None], 0.0)
+        return cases.counted[self.case] & cases.counted[zero]
+
+    def error(self, cases: LoadCases, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
+        """Knee minus what was read, the best unknown constants taken out, `(fits, r)`, and by the
+        values; zero where the load case does not count."""
+        value, slope = self.model(cases, found)
+        counted = self.counted(cases)
+        error = np.where(counted, value - self.target, 0.0)
+        slope = np.where(counted[:, None], slope, 0.0)
+        for group in np.unique(self.group[self.group >= 0]):
+            share = np.where(counted & (self.group == group), self.sd**-2.0, 0.0)
+            own = np.flatnonzero(share)
+            share = share[own] / max(share.sum(), 1e-300)
+            error[:, own] -= (error[:, own] @ share)[:, None]
+            slope[:, own] -= np.einsum("r,frp->fp", share, slope[:, own])[:, None]
+        return error, slope
+
+    def residual(self, cases: LoadCases, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
+        """Errors over standard deviations `(fits, r)`, and by the values."""
+        error, slope = self.error(cases, found)
+        return error / self.sd, slope / self.sd[:, None]
 
     def _at_cases(self, cases: LoadCases, found: Slopes, rows: np.ndarray):
         """All that can be read at some load cases, `(fits, cases, names)`, and by the values; NaN

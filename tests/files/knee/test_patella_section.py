@@ -105,7 +105,7 @@ def test_the_tendon_runs_around_its_ellipsoid_and_is_longer_than_straight(docume
         ({"patella__reference_pose__patella_tilt_deg": 200.0}, ("patella_tilt_deg", "degrees")),
         ({"patella__reference_pose__patella_tilt_deg": None}, ("patella_tilt_deg", "missing")),
         ({"patella__ligaments__PTc__femoral_attachment_mm": [1.0, 2.0, 3.0]},
-         ("patella.ligaments.PTc", "patellar_attachment_mm and one of")),
+         ("patella.ligaments.PTc", "expected two of femoral_attachment_mm")),
         ({"patella__ligaments__ACLam": {}}, ("patella.ligaments.ACLam", "no ligament between")),
         ({"patella__ligaments__PTc__wrap": "Med_Lig_r"}, ("PTc.wrap", "PatTen_r")),
         ({f"patella__muscles__{head}__tension_N": 0.0

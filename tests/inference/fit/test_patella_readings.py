@@ -45,6 +45,16 @@ def tracked(knee, **given):
     return dataclasses.replace(test, **given)
 
 
+#: Constants between the frames of the laboratory and the knee, of the patella's coordinates.
+OFF = np.array([3.0, -2.0, 4.0, 1.5, -2.5, 0.8])
+
+
+def off_by(test, off):
+    """The same test in frames that are off."""
+    readings = {name: test.readings[name] + x for name, x in zip(OF_PATELLA, off, strict=True)}
+    return dataclasses.replace(test, readings=readings)
+
+
 def problem_of(knee, test, names=NAMES):
     selection = kj.select(knee, names)
     none = np.empty((0, 6))
@@ -57,7 +67,7 @@ def knee():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("counted_from", ["absolute", "extension", "unloaded"])
+@pytest.mark.parametrize("counted_from", ["absolute", "extension", "unloaded", "offset"])
 def test_a_knee_shows_no_residual_against_where_its_own_patella_was(
     knee, counted_from, central_difference
 ):
@@ -71,6 +81,8 @@ def test_a_knee_shows_no_residual_against_where_its_own_patella_was(
         test = dataclasses.replace(
             test, observed=test.observed - away, readings=changed, counted_from="unloaded"
         )
+    if counted_from == "offset":
+        test = off_by(test, OFF)
     test = dataclasses.replace(test, counted_from=counted_from)
     problem = problem_of(knee, test)
     start = np.asarray(problem.selection.read(knee))
@@ -80,7 +92,7 @@ def test_a_knee_shows_no_residual_against_where_its_own_patella_was(
     assert np.abs(residual).max() < 1e-6
     assert problem.cases.readings is not None
     assert len(problem.cases.readings) == 6 * (2 if counted_from == "extension" else 3)
-    if counted_from != "absolute":
+    if counted_from not in ("absolute", "offset"):
         return
 
     def at(x):
@@ -92,11 +104,16 @@ def test_a_knee_shows_no_residual_against_where_its_own_patella_was(
 
 
 @pytest.mark.slow
-def test_a_tendon_and_a_groove_are_found_from_where_the_patella_was(knee):
+@pytest.mark.parametrize("counted_from", ["absolute", "offset"])
+def test_a_tendon_and_a_groove_are_found_from_where_the_patella_was(knee, counted_from):
+    """Also in frames that are off by a constant in each of the patella's coordinates."""
     selection = kj.select(knee, NAMES)
     start = np.asarray(selection.read(knee))[None]
     away = np.array([0.9, 0.5, 0.5, 1.0, 0.4, 0.005])
-    problem = problem_of(knee, tracked(selection.apply(knee, start[0] + away)))
+    test = tracked(selection.apply(knee, start[0] + away))
+    if counted_from == "offset":
+        test = dataclasses.replace(off_by(test, OFF), counted_from="offset")
+    problem = problem_of(knee, test)
     box = [start - 5.0, start + 5.0]
     found = fit_lanes(problem.balance, problem.cases, problem.begin(start), start, *box)
     assert (found.values - start)[0] == pytest.approx(away, rel=1e-4)
@@ -108,7 +125,6 @@ def test_a_tendon_and_a_groove_are_found_from_where_the_patella_was(knee):
         ({"readings": {"patella_yaw_deg": np.zeros(3)}}, "of PART.tension_N.*patella_tilt_deg"),
         ({"sd_deg": None}, "sd_deg: not stated; expected how well patella_flexion"),
         ({"sd_mm": None}, "sd_mm: not stated; expected how well patella_anterior"),
-        ({"counted_from": "offset"}, "unknown constants are of the tibia's coordinates alone"),
     ],
 )
 def test_readings_of_the_patella_that_say_nothing_are_refused(given, says):
@@ -141,6 +157,28 @@ def test_what_is_counted_from_another_row_is_less_that_row_and_scatters_more(kne
     assert read.sd[tilt] == pytest.approx(0.5 * np.sqrt(2.0))
     assert read.target[force].tolist() == [10.0, 20.0, 40.0] and (read.neutral[force] == -1).all()
     assert read.sd[force].tolist() == [2.0] * 3
+
+
+def test_the_best_constant_leaves_what_scatters_about_it(knee):
+    """With weights 1, 1, 2 the best constant of errors e is (e0 + e1 + 2 e2) / 4; each coordinate
+    has its own, and one a flexion leaves nothing of a single number."""
+    weight = np.array([0.5, 0.5, 1.0])
+    tilt, lateral = np.array([1.0, 3.0, 8.0]), np.array([4.0, 4.0, 4.0])
+    found = {}
+    for counted_from in ("absolute", "offset", "offset_each_flexion"):
+        test = kj.MeasuredTest(
+            "tracking", FLEXION, {}, np.full((3, 5), np.nan), counted_from=counted_from,
+            tensions={"quadriceps": np.full(3, PULL_N)}, weight=weight, sd_mm=1.0, sd_deg=1.0,
+            readings={"patella_tilt_deg": tilt, "patella_lateral_mm": lateral},
+        )  # fmt: skip
+        problem = problem_of(knee, test, ["ACL.stiffness"])
+        here = problem.begin(np.asarray(problem.selection.read(knee))[None])
+        found[counted_from] = problem.cases.readings.error(problem.cases, here)[0][0].reshape(2, 3)
+    error = found["absolute"]
+    best = error @ np.array([0.25, 0.25, 0.5])
+    assert found["offset"] == pytest.approx(error - best[:, None], abs=1e-12)
+    assert np.abs(found["offset"]).max() > 0.1
+    assert found["offset_each_flexion"] == pytest.approx(0.0, abs=1e-12)
 
 
 def written(folder, item, **fields):

@@ -1,0 +1,204 @@
+"""Isometric extension and a raised leg whose quadriceps is given a length."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike
+
+from kneejax.experiments._motion import Motion, again, expected, followed
+from kneejax.experiments.extensor._extensor import Extensor, described, needs_patella
+from kneejax.experiments.extensor._gravity import Shank, weight_of
+from kneejax.experiments.extensor._held_leg import at_rest, held_leg, pulled_at
+from kneejax.experiments.extensor._of_length import (
+    SLACK_N,
+    OnCable,
+    balanced,
+    drawn_to,
+    with_derivatives,
+)
+from kneejax.mechanics import Knee, Load, add_lane_axis
+from kneejax.numerics import compiled, traced
+from kneejax.statics import Stations, converged
+
+#: Flexions at which a leg is held before its quadriceps is given a length, degrees.
+_HELD_DEG = np.arange(0.0, 91.0, 5.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class DrivenExtensor:
+    """A knee of three bones whose quadriceps has a given length.
+
+    Attributes:
+        longer_mm: than at rest, negative where it is shorter, `(poses,)`.
+        found: poses and forces; its `quadriceps_N` is a result.
+        slack: where a quadriceps of this length hangs loose: a cable cannot push, `(poses,)`.
+    """
+
+    longer_mm: np.ndarray
+    found: Extensor
+    slack: np.ndarray
+
+
+def extension_by_length(
+    knee: Knee, flexion_deg: ArrayLike, longer_mm: ArrayLike, loads: Sequence[Load] = ()
+) -> DrivenExtensor:
+    """Draw the quadriceps at held flexions: how hard it pulls is a result.
+
+    Args:
+        knee: of three bones (`KneeFile.with_patella`).
+        flexion_deg: held angles, `(angles,)`.
+        longer_mm: how much longer the quadriceps is than at rest at the same flexion, shorter
+            where it is negative, `(lengths,)`.
+        loads: on the tibia besides.
+
+    Returns:
+        Poses in rows of angles, for each all lengths in their order; NaN where a search failed.
+        Stable is what is stable under the length, which holds more than a force does.
+        Differentiable by every number of the knee and by the lengths, outside `jax.jit`.
+
+    Raises:
+        ValueError: the knee has no patella.
+
+    Source: paper 3, Eq 20, at rest.
+
+    Example:
+        >>> import kneejax as kj
+        >>> from kneejax.experiments import extension_by_length
+        >>> extension_by_length(kj.load_knee("four_ligament"), [30.0], [-1.0])
+        Traceback (most recent call last):
+        ValueError: four_ligament has no patella with a quadriceps: expected a knee read with its
+        patella
+    """
+    needs_patella(knee)
+    angles, lengths = (jnp.atleast_1d(jnp.asarray(x, float)) for x in (flexion_deg, longer_mm))
+    flexion, longer = jnp.repeat(angles, len(lengths)), jnp.tile(lengths, len(angles))
+    weightless = weight_of(np.zeros(3), np.zeros(3))
+    acting = (weightless, *loads)
+
+    def stations_of(flexion: Array) -> Stations:
+        return Stations.at(flexion, acting)
+
+    known = jax.lax.stop_gradient((knee, flexion, longer))
+    resting = followed(known[0], pulled_at(known[0], known[1], at_rest(known[0]), acting))
+    rest = np.asarray(_length(resting))
+    start = OnCable(resting.settled, jnp.zeros(len(rest)))
+    found = drawn_to(known[0], stations_of(known[1]), rest, np.asarray(known[2]), start)
+    if traced(knee, flexion, longer):
+        still = again(knee, resting.stations, resting.settled, resting.reached)
+        found = with_derivatives(knee, stations_of(flexion), _length(still) + longer, found)
+    return _driven(knee, flexion, np.asarray(known[2]), found, acting)
+
+
+def leg_raise_by_length(knee: Knee, longer_mm: ArrayLike, shank: Shank | Load) -> DrivenExtensor:
+    """Give the quadriceps of a leg its length: where the leg comes to rest is a result.
+
+    Args:
+        knee: of three bones.
+        longer_mm: how much longer the quadriceps is than that of the extended knee at rest,
+            `(poses,)`.
+        shank: what hangs on the tibia, or its weight as a load.
+
+    Returns:
+        Poses, flexion among them, and the pull; differentiable as `extension_by_length`.
+
+    Raises:
+        ValueError: the knee has no patella, or a length with which the quadriceps does not hold
+            the leg between 0 and 90 degrees.
+
+    Example:
+        >>> import kneejax as kj
+        >>> from kneejax.experiments import leg_raise_by_length
+        >>> knee = kj.load_knee("four_ligament")
+        >>> leg_raise_by_length(knee, [10.0], kj.Shank.of_person(75.0, 1.75))
+        Traceback (most recent call last):
+        ValueError: four_ligament has no patella with a quadriceps: expected a knee read with its
+        patella
+    """
+    needs_patella(knee)
+    weight = shank.load() if isinstance(shank, Shank) else shank
+    longer = jnp.atleast_1d(jnp.asarray(longer_mm, float))
+    known = jax.lax.stop_gradient((knee, longer))
+    resting = followed(known[0], pulled_at(known[0], jnp.zeros(1), at_rest(known[0]), (weight,)))
+    length = np.asarray(_length(resting) + known[1])
+    begin, near = _between_held(known[0], weight, length, np.asarray(known[1]))
+    stations = Stations.at(begin, (weight,), flexion_is_free=True)
+    found = balanced(known[0], stations, length, near)
+    if traced(knee, longer):
+        still = again(knee, resting.stations, resting.settled, resting.reached)
+        found = with_derivatives(knee, stations, _length(still) + longer, found)
+    flexion = jnp.rad2deg(found.settled.q[0])
+    return _driven(knee, flexion, np.asarray(known[1]), found, (weight,))
+
+
+@compiled()
+def _length(motion: Motion) -> Array:
+    """Of the quadriceps, mm."""
+    return add_lane_axis(motion.knee.muscles).quadriceps_length(motion.settled.state)
+
+
+def _between_held(
+    knee: Knee, weight: Load, length: np.ndarray, longer: np.ndarray
+) -> tuple[np.ndarray, OnCable]:
+    """Flexions, and where a leg of such lengths is expected: between legs that are held."""
+    held = held_leg(knee, jnp.asarray(_HELD_DEG), weight)
+    rest, every = float(at_rest(knee)), np.asarray(_length(held.motion))
+    good = np.asarray(converged(held.motion.status)) & (np.asarray(held.pull) > rest)
+    rows = np.flatnonzero(good)
+    rows = rows[np.argsort(every[rows])]
+    known = every[rows]
+    least, most = (known[0], known[-1]) if len(rows) > 1 else (np.inf, -np.inf)
+    wrong = ~((length >= least) & (length <= most))
+    if wrong.any():
+        low, high = (x - (length[0] - longer[0]) for x in (least, most))
+        raise ValueError(
+            f"a quadriceps that is {longer[wrong][0]:g} mm longer than at rest: expected between "
+            f"{low:.4g} and {high:.4g} mm, with which it holds the leg of {knee.name}"
+        )
+    above = np.clip(np.searchsorted(known, length), 1, len(known) - 1)
+    low, high = rows[above - 1], rows[above]
+    part = (length - every[low]) / (every[high] - every[low])
+
+    def between(x) -> Array:
+        x = np.asarray(x)
+        return jnp.asarray(x[..., low] + part * (x[..., high] - x[..., low]))
+
+    settled = held.motion.settled
+    begin = between(_HELD_DEG)
+    q = jnp.concatenate([jnp.deg2rad(begin)[None], between(settled.q)])
+    free = len(q)
+    near = dataclasses.replace(
+        settled, q=q, meeting=between(settled.meeting), tangent=jnp.zeros((free, free, len(length)))
+    )
+    return np.asarray(begin), OnCable(near, between(held.pull) - rest)
+
+
+def _driven(
+    knee: Knee, flexion: Array, longer: np.ndarray, found: OnCable, acting: tuple[Load, ...]
+) -> DrivenExtensor:
+    """What is told of balances: as under a quadriceps that pulls as much at the same flexion."""
+    still = jax.lax.stop_gradient((knee, flexion, found))
+    own, bent, (settled, cable) = still
+    first = len(settled.q) - len(Stations.at(0.0).of(own).free)
+    pull = jnp.where(jnp.isfinite(settled.q[0]), cable, 0.0) + at_rest(own)
+    bent = jnp.where(jnp.isfinite(bent), bent, 0.0)
+    tangent = settled.tangent[first:, first:]
+    near = expected(
+        own, pulled_at(own, bent, pull, acting), settled.q[first:], settled.meeting, tangent
+    )
+    motion = near
+    if traced(knee, flexion, found):
+        pulls = found.pull + at_rest(knee)
+        motion = again(knee, pulled_at(knee, flexion, pulls, acting), near.settled, near.reached)
+    holds = jnp.isfinite(settled.q[0]) & converged(near.status)
+    status = jnp.where(holds, settled.status, jnp.maximum(settled.status, near.status))
+    motion = dataclasses.replace(motion, status=status, stable=settled.stable)
+    total = jnp.where(holds, found.pull + at_rest(knee), jnp.nan)
+    nowhere = np.zeros(len(longer), bool)
+    slack = np.asarray(holds & (cable < SLACK_N))
+    return DrivenExtensor(longer, described(motion, total, nowhere, acting[0]), slack)
