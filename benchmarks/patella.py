@@ -4,7 +4,7 @@
 
 Rates: the motion of the knee of two bones and of three, in turns, warm. Random knees: attachments
 on the patella moved by up to 3 mm along each axis, tendon longer or shorter by up to 5 %, pulls of
-20 to 1,500 N at 0 to 120 degrees. A balance counts that is stable and on its surfaces.
+20 to 1,500 N at 0 to 120 degrees. A balance is sound that is stable and on its surfaces.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from _protocol import arguments, finish
 import kneejax as kj
 from kneejax.geometry import PATELLA, TIBIA
 from kneejax.mechanics import QUADRICEPS, Knee, pull_of
-from kneejax.statics import Stations, Status, balance_many
+from kneejax.statics import Stations, Status, balance_many, sound
 
 FLEXION_DEG = (0.0, 30.0, 60.0, 90.0, 120.0)
 PULLS_N = (20.0, 100.0, 500.0, 1500.0)
@@ -98,6 +98,7 @@ def main() -> None:
     rows["random_s"] = time.perf_counter() - begun
     status = np.asarray(found.status)
     rows["sound"] = float(np.isin(status, _SOUND).mean())
+    rows["stable"] = float(sound(status).mean())
     for kind, many in collections.Counter(status.ravel().tolist()).items():
         rows[Status(kind).word.replace(" ", "_")] = many
     lost = (~np.isin(status, _SOUND)).reshape(-1, len(FLEXION_DEG), len(PULLS_N)).mean(axis=0)

@@ -116,7 +116,7 @@ class EnergyNewton(optx.AbstractRootFinder):
             residual, forces = force_at(y.q, y.meeting)
             tangent_there = partial(_tangent_of, force_at, y)
         else:
-            residual, forces, tangent_there = linearised(force_at, y.q, y.meeting, at_once=dear)
+            residual, forces, tangent_there = linearised(force_at, y.q, y.meeting)
         here = Seen(y, residual, forces)
         verdict = self._judged(here, state, dear)
         best = state.at(verdict.accept, here)
@@ -241,7 +241,7 @@ def _with_secant(before: SearchState, best: SearchState, verdict: Verdict) -> Se
 
 
 def _tangent_of(force_at, y: Guess) -> Array:
-    return linearised(force_at, y.q, y.meeting, at_once=True)[2]()
+    return linearised(force_at, y.q, y.meeting)[2]()
 
 
 def _with_tangent(

@@ -12,6 +12,7 @@ searched node by node together took as long as the slowest, and Figures 3 to 10 
 from __future__ import annotations
 
 import dataclasses
+import functools
 from functools import partial
 from typing import NamedTuple
 
@@ -252,18 +253,21 @@ class _Stretch(NamedTuple):
         stride = ahead - memory.when[0]
         reach = jnp.where(loading, _LOADED_MM, jnp.maximum(1.0, self.nodes.reach[there] * stride))
         far = memory.begun & (jnp.max(jnp.abs(change), axis=0) > reach)
-        expected = _extrapolated(memory.away_q, memory.when, ahead, memory.known)
-        miss = (found.q - own_q - expected) / units
-        far |= (memory.known > 1) & (jnp.max(jnp.abs(miss), axis=0) > _MISSED_MM)
-        astray = far | (loading & ~(softness > 0.0))
-        status = jnp.where(astray & converged(status), Status.NOT_CONVERGED, status)
+        far |= (memory.known > 1) & (_missed(memory, ahead, found.q - own_q, units) > _MISSED_MM)
+        astray = converged(status) & (far | (loading & ~(softness > 0.0)))
+        status = jnp.where(astray, Status.NOT_CONVERGED, status)
         good = ended & converged(status)
         finest = jnp.where(loading, _FINEST_LOADED, _FINEST)
-        again = ended & ~good & ~walk.patient & ~(loading & memory.based)
-        shorter = ended & ~good & ~again & memory.based & (0.5 * stride >= finest)
+        divides = memory.based & (0.5 * stride >= finest)
+        # A balance that lies far is mostly the right one, which another search finds once more:
+        # half of the way tells.
+        again = ended & ~good & ~walk.patient & ~(loading & memory.based) & ~(astray & divides)
+        shorter = ended & ~good & ~again & divides
         lost = ended & ~(good | shorter | again)
         # What ends beside a turning point may be so soft that no balance is told from it.
         behind = jnp.where(~far & (softness < memory.softness), softness, memory.softness)
+        # Where the least part of a load leads to a balance elsewhere, nothing held this one.
+        behind = jnp.where(astray & loading, 0.0, behind)
         return _Judged(good, again, shorter, lost, status, fault, softness, behind, ahead)
 
     def remembered(self, walk: _Walk, judged: _Judged, ended: Array, over: Array) -> Memory:
@@ -320,6 +324,18 @@ def first_meeting(knee: Knee, like: Place, here: Array, away_q: Array) -> Array:
 def _pushed(rows: Array, latest: Array, good: Array) -> Array:
     """Rows with the latest one in front, in lanes that are good."""
     return jnp.where(good, jnp.concatenate([latest[None], rows[:-1]]), rows)
+
+
+def _missed(memory: Memory, ahead: Array, away_q: Array, units: Array) -> Array:
+    """How far a balance is from where the last ones lead, mm: round a corner a parabola leads
+    astray that a line, or the last balance itself, does not."""
+
+    def miss(of: int) -> Array:
+        known = jnp.minimum(memory.known, of)
+        expected = _extrapolated(memory.away_q, memory.when, ahead, known)
+        return jnp.max(jnp.abs((away_q - expected) / units), axis=0)
+
+    return functools.reduce(jnp.minimum, map(miss, (1, 2, 3)))
 
 
 def _extrapolated(away: Array, when: Array, ahead: Array, known: Array) -> Array:
