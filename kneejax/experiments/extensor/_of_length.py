@@ -17,7 +17,7 @@ from jax import Array
 
 from kneejax.geometry import scales
 from kneejax.mechanics import Cable, Knee, add_lane_axis
-from kneejax.numerics import compiled
+from kneejax.numerics import compiled, lanes_for
 from kneejax.statics import Guess, Settled, Stations, differentiable, settle
 
 #: N; a cable that is slack still pulls a rounding of 0.05.
@@ -58,17 +58,20 @@ def drawn(knee: Knee, stations: Stations, length: Array, expected: Array) -> Kne
 
 def balanced(knee: Knee, stations: Stations, length: np.ndarray, near: OnCable) -> OnCable:
     """Balances near others, of quadriceps that are as long as they are told to be."""
-    stations, found = stations.of(knee), near
+    # Filled up: another number of lanes is no other program.
+    rows = np.minimum(np.arange(lanes_for(len(length))), len(length) - 1)
+    stations, long = stations.of(knee).take(rows), jnp.asarray(length)[rows]
+    found = jax.tree.map(lambda x: x[..., rows], near)
     for _ in range(_MOST_TIMES):
         settled, pull = found
-        lanes = drawn(knee, stations, jnp.asarray(length), pull)
+        lanes = drawn(knee, stations, long, pull)
         guess = Guess(settled.q, settled.meeting, settled.tangent)
         again = settle(lanes, stations.prescribed, guess)
         comes = _pull(lanes, again)
         found = OnCable(again, jnp.where(jnp.isfinite(comes), comes, pull))
         if not (jnp.abs(found.pull - pull) > _SAME_N).any():
             break
-    return found
+    return jax.tree.map(lambda x: x[..., : len(length)], found)
 
 
 def drawn_to(

@@ -22,7 +22,9 @@ from kneejax.report.scene._pressure_map import (
 BONES = (FEMUR, TIBIA, PATELLA)
 #: A muscle is shown as far as this beyond what else is, mm: its origin may be at the hip.
 _MUSCLE_MM = 15.0
-#: Points along it.
+#: Likewise a ligament that is longer than any of the knee itself, mm: a band from the pelvis.
+_LONGEST_MM = 200.0
+#: Points along them.
 _ALONG = 80
 
 
@@ -104,7 +106,7 @@ class Scene:
         lateral: sign of the lateral direction along Z: 1 on a right knee, -1 on a left one.
         condyles: the femoral surfaces.
         plateaus: the tibial surfaces, and the patella's, with their pressure.
-        fibres: all ligament fibres, then the heads of the quadriceps near the knee.
+        fibres: all ligament fibres, then bands and heads of the quadriceps near the knee.
         obstacles: what ligaments wrap around.
         bones: meshes, placed.
     """
@@ -210,13 +212,15 @@ def scenes(
             numbers = float(course.strain[i]), float(course.tension_N[i])
             return Fibre(course.name, course.group, points_mm, *numbers)
 
+        fibres = [line(course) for course in courses]
+        far = [x for x in fibres if _along(x)[-1] > _LONGEST_MM]
         scene = Scene(
             title=f"{knee.name}, {knee.side} knee",
             flexion_deg=float(np.rad2deg(state.tibia.flexion[i])),
             lateral=sign,
             condyles=tuple(Sheet(sheet.name, seen(sheet.points_mm, FEMUR)) for sheet in condyles),
             plateaus=tuple(map(pressed, pressures, drawn)),
-            fibres=tuple(map(line, courses)),
+            fibres=tuple(x for x in fibres if all(x is not y for y in far)),
             obstacles=tuple(Sheet("", seen(grid, bone)) for grid, bone in grids),
             bones=tuple(
                 dataclasses.replace(
@@ -225,20 +229,26 @@ def scenes(
                 for mesh in bones
             ),
         )
-        near = _near(tuple(map(line, muscles)), scene.points_mm) if muscles else ()
+        near = _near([*far, *map(line, muscles)], scene.points_mm) if far or muscles else ()
         return dataclasses.replace(scene, fibres=(*scene.fibres, *near))
 
     return tuple(at(i) for i in range(state.shape[0]))
 
 
+def _along(fibre: Fibre) -> np.ndarray:
+    """Way along a fibre to each of its points, mm."""
+    steps = np.linalg.norm(np.diff(fibre.points_mm, axis=0), axis=1)
+    return np.append(0.0, steps.cumsum())
+
+
 def _near(muscles: Sequence[Fibre], points_mm: np.ndarray) -> tuple[Fibre, ...]:
-    """The parts of muscles that are near everything else."""
+    """The parts of muscles and bands that are near everything else."""
     middle = points_mm.mean(axis=0)
     reach = np.linalg.norm(points_mm - middle, axis=1).max() + _MUSCLE_MM
     answer = []
     for muscle in muscles:
         line = muscle.points_mm
-        way = np.append(0.0, np.linalg.norm(np.diff(line, axis=0), axis=1).cumsum())
+        way = _along(muscle)
         places = np.linspace(0.0, way[-1], _ALONG)
         fine = np.stack([np.interp(places, way, x) for x in line.T], axis=1)
         kept = fine[np.linalg.norm(fine - middle, axis=1) < reach]

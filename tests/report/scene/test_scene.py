@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 
+import equinox as eqx
 import jax
 import numpy as np
 import pytest
@@ -79,6 +80,19 @@ def test_fibres_follow_their_course(right, scenes):
     assert np.linalg.norm(lcl - [-6.0, -25.0, 44.0], axis=1).min() < 1e-9
     mcl = scenes[0].fibres[2].points_mm
     assert np.linalg.norm(mcl - [6.0, -30.0, -24.0], axis=1).min() > 9.0 - 1e-6
+
+
+def test_a_band_from_the_pelvis_is_drawn_near_the_knee_alone(right, scenes):
+    """Its upper end is cut off; the others are as long as they were."""
+    row = right.ligaments.names.index("LCL")
+    up = right.ligaments.femoral_attachment.at[row, 1].add(450.0)
+    band = eqx.tree_at(lambda k: k.ligaments.femoral_attachment, right, up)
+    (scene, *_), whole = report.scenes(band, Pose.from_table(TABLE)), scenes[0]
+    drawn, before = ({f.name: f.points_mm for f in x.fibres} for x in (scene, whole))
+    assert set(drawn) == set(before)
+    reach = np.abs(np.concatenate([x for name, x in drawn.items() if name != "LCL"])).max()
+    assert np.abs(drawn["LCL"]).max() < 2.0 * reach + 15.0 < 300.0
+    np.testing.assert_allclose(drawn["ACL"], before["ACL"])
 
 
 def test_groups_name_their_fibres(scenes):
