@@ -21,7 +21,7 @@ from kneejax.dynamics._history import History, Moment, Step
 from kneejax.dynamics._moving import MovingKnee
 from kneejax.geometry import Prescribed, coordinates_of, free_of, scales
 from kneejax.mechanics import Load
-from kneejax.numerics import compiled, traced
+from kneejax.numerics import compiled, on_all_cores, traced
 from kneejax.statics import (
     EnergyNewton,
     Guess,
@@ -34,6 +34,8 @@ from kneejax.statics import (
 
 #: Steps that are computed by one call.
 BLOCK = 256
+#: Motions that one program computes side by side; more are dealt to all cores.
+_MOST_LANES = 32
 #: Motions that are followed are filled up to a multiple of so many steps.
 _IDLE = 64
 #: mm; what a step may leave of its search. Its own error is larger in any motion of interest.
@@ -111,11 +113,33 @@ def march(
         The motion, differentiable by every number of the knee and of what is given, forward and
         backward; the lengths of steps are fixed.
     """
+    if not traced((moving, given)) and given.q.shape[1] > _MOST_LANES:
+        return _on_all_cores(moving, given, progress)
     settled = searched(moving, given, progress)
     if traced((moving, given)):
         return followed(moving, given, settled)
     moments = _in_blocks(_followed, moving, (given.steps, settled), begun(moving, given))
     return jax.tree.map(lambda x: x[: len(given.length_s)], moments)
+
+
+def _on_all_cores(moving: MovingKnee, given: Given, progress) -> Moments:
+    """Many motions, dealt to cores by lanes: one program keeps one core busy."""
+    lanes = given.q.shape[1]
+    each = -(-lanes // -(-lanes // _MOST_LANES))
+    steps = {"length_s": given.length_s, "ratio": given.ratio}
+
+    def some(first: int) -> Moments:
+        # Filled up with the last: one program serves all parts.
+        rows = np.minimum(np.arange(first, first + each), lanes - 1)
+
+        def taken(x):
+            return x[..., rows] if jnp.ndim(x) and x.shape[-1] == lanes else x
+
+        own = dataclasses.replace(jax.tree.map(taken, given), **steps)
+        return march(jax.tree.map(taken, moving), own, None if first else progress)
+
+    parts = on_all_cores(some, range(0, lanes, each))
+    return jax.tree.map(lambda *x: np.concatenate(x, axis=-1)[..., :lanes], *parts)
 
 
 def searched(

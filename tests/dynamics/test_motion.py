@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from kneejax.dynamics import Account, Grid, MovingKnee, gravity_of, move
+from kneejax.dynamics import Account, Grid, MovingKnee, given_of, gravity_of, march, move
 from kneejax.experiments import Mechanics, Transient
 from kneejax.geometry import Frame, Plane, Sphere
 from kneejax.mechanics import Contact, Load, Mass, add_lane_axis
@@ -192,3 +192,20 @@ def test_a_search_needs_no_derivative_and_a_motion_in_a_jit_is_the_same():
     alone = move(vice, begin, times)
     within = jax.jit(lambda q: move(vice, q, times).q)(begin)
     np.testing.assert_allclose(within, alone.q, atol=1e-10)
+
+
+def test_many_motions_are_each_what_it_is_alone_on_however_many_cores():
+    """37 lanes are two parts, the second filled up."""
+    moving, grid = in_a_vice(), Grid.of(np.linspace(0.0, 0.01, 6))
+    given = given_of(moving, np.zeros(6), grid, held=("flexion",))
+    start = np.zeros((6, 37))
+    start[4] = np.linspace(0.0, 0.5, 37)
+    lanes = jax.tree.map(lambda x: jnp.broadcast_to(x, (*x.shape[:-1], 37)), given.held)
+    rate = jnp.zeros((6, 37))
+    many = dataclasses.replace(given, q=jnp.asarray(start), rate=rate, held=lanes)
+    found = march(add_lane_axis(moving), many)
+    assert found.known.q.shape == (len(grid.time_s), 6, 37)
+    for lane in (0, 18, 19, 36):
+        alone = dataclasses.replace(given, q=jnp.asarray(start[:, [lane]]))
+        one = march(add_lane_axis(moving), alone)
+        np.testing.assert_allclose(found.known.q[..., [lane]], one.known.q, atol=1e-9)
