@@ -83,8 +83,8 @@ RANGES: dict[str, Range] = {
     "stiffness_N": Range(1e-3, 1e7, "N"),
     "reference_strain": Range(-0.9, 0.5, too_large=_PERCENT, too_small=_PERCENT),
     # The iliotibial band, the longest of all, is 550 mm.
-    "slack_length_mm": Range(1.0, 800.0, "mm", too_small=_METRES),
-    "length_mm": Range(1.0, 800.0, "mm"),
+    "slack_length_mm": Range(1.0, 700.0, "mm", too_small=_METRES),
+    "length_mm": Range(1.0, 700.0, "mm"),
     "reference_force_N": Range(1e-6, 1e5, "N"),
     "transition_strain": Range(1e-4, 0.5, too_large=_PERCENT),
     "transition_width": Range(1e-7, 0.5, too_large=_PERCENT),
@@ -179,7 +179,7 @@ def range_of_parameter(name: str) -> Range | None:
 
     Example:
         >>> str(range_of_parameter("ACL.slack_length"))
-        'between 1 and 800 mm'
+        'between 1 and 700 mm'
     """
     quantities = [name.split(".", 1)[-1], name]
     for quantity in quantities:

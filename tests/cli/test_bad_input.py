@@ -121,7 +121,7 @@ BAD = {
         lambda t: simulate(t, "--set", "ACL.stiffness=-5"), "--set: ACL.stiffness: -5: expected",
     ),
     "set: slack length zero": (
-        lambda t: simulate(t, "--set", "ACL.slack_length=0"), "between 1 and 800 mm",
+        lambda t: simulate(t, "--set", "ACL.slack_length=0"), "between 1 and 700 mm",
     ),
     "set: a strain that no length has": (
         lambda t: simulate(t, "--set", "ACL.reference_strain=-1.5"), "between -0.9 and 0.5",

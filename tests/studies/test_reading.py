@@ -137,7 +137,7 @@ SYNTHETIC = {"parameters": {"ACL.stiffness": 5876}, "flexion_deg": "0:120:5"}
         ({"weights": {"mm": 1e-300}}, "weights.mm: 1e-300: expected 0, or between"),
         ({"starts": 10**9}, "a whole number from 1 to 1000"),
         ({"start": {"ACL.stiffness": 1e30}}, "start.ACL.stiffness: 1e+30: expected between 0.001"),
-        ({"set": {"*.slack_length": 0.04}}, "between 1 and 800 mm; metres are suspected"),
+        ({"set": {"*.slack_length": 0.04}}, "between 1 and 700 mm; metres are suspected"),
         ({"bounds": {"stiffness": [-5, 1e4]}}, "bounds.stiffness[0]: -5: expected between 0.001"),
         ({"bounds": {"reference_strain": [-20, 20]}}, "0.5; a strain, not percent"),
         ({"weights": {"mm": 0, "deg": 0}}, "above 0"),

@@ -297,7 +297,7 @@ def test_surfaces_are_fitted_to_meshes_where_the_model_puts_them(changed, tmp_pa
         (RIGHT, "r", [("0.004 -0.055 -0.02", "0.004 -0.055 nan")], ("location", "3 numbers")),
         (RIGHT, "r", [("knee", "joint"), ("Oberschenkel", "one"), ("Unterschenkel", "two")],
          ("knee joint", "--femur BODY --tibia BODY", "ankle_r: two_r to Fuss_r")),
-        (RIGHT, "r", [("0.004 -0.055 -0.02", "0.004 -0.9 -0.02")], ("800 mm", "apart")),
+        (RIGHT, "r", [("0.004 -0.055 -0.02", "0.004 -0.9 -0.02")], ("700 mm", "apart")),
         (RIGHT, "r", [("<x>-2.1 -0.4 0.2</x>", "<x>-2.1 -0.4</x>")], ("2 values of x and 3 of y",)),
     ],
 )  # fmt: skip

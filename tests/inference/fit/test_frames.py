@@ -11,7 +11,7 @@ from kneejax.dynamics import LoadCurve, move_within
 from kneejax.experiments import Frames, MeasuredTest
 from kneejax.geometry import coordinates_of, table_units
 from kneejax.inference import FittedTest, calibrate, identify, sensitivity_maps
-from kneejax.inference.fit import Problem
+from kneejax.inference.fit import Problem, form_of
 from kneejax.mechanics import load_of
 from kneejax.parameters import UnsuitableData, select
 from kneejax.report.calibration._tests import laxity_doubts
@@ -65,6 +65,7 @@ def test_frames_are_poses_of_the_motion_that_steps_ten_times_as_exact_find():
     problem, through = asked(test), test.frames
     found = problem.begin(START[None])
     assert found.converged.all()
+    assert form_of(problem) is None, "knees in motion do not stand side by side"
     moving = through.moving(KNEE).critically_damped(through.critical)
     moving = moving.damped_everywhere(through.damping_N_s_per_mm)
     times = through.since_start_s
@@ -115,6 +116,7 @@ def test_parameters_come_back_from_a_motion_and_from_its_frames_as_balances_they
     given |= {"noise_mm": 0.1, "noise_deg": 0.1}
     moved = calibrate(KNEE, np.zeros((0, 6)), tests=[test], **given)
     assert moved.fit.success
+    assert 0.0 < moved.fit.tests[0].restless < 0.05
     for one, x in zip(moved.fit.estimates, true, strict=True):
         assert abs(one.value - x) < 0.02 * (one.high - one.low)
     header, rows = report.reading_table(moved)
