@@ -181,6 +181,14 @@ def _check_pull(pull: np.ndarray) -> None:
 
 
 def described(motion: Motion, pull: Array, walked: np.ndarray, weight: Load) -> Extensor:
+    """All that is told of balances of a knee of three bones.
+
+    Args:
+        motion: the balances.
+        pull: of the quadriceps, `(poses,)`, N.
+        walked: `Extensor.walked`, as its searches found it.
+        weight: that bends the knee; weightless where none does.
+    """
     mechanics = evaluate(motion.knee, motion.settled.state)
     forces = jnp.linalg.norm(mechanics.contact_force, axis=-1)
     on_patella = [k for k, c in enumerate(motion.knee.contacts) if c.bodies == (FEMUR, PATELLA)]

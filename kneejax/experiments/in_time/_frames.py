@@ -30,8 +30,8 @@ class Frames:
         critical: damping of each fibre as part of `sqrt(4 k m)`.
         damping_N_s_per_mm: of every coordinate, rotations at 30 mm: without it a bone whose fibres
             are slack swings on for seconds.
-        period_s: of a motion that repeats itself; None for one that begins at rest in the first
-            row.
+        period_s: of a motion that repeats itself; None for one that begins in the first row, in
+            balance but for its flexion, which is led from there on.
         harmonics: of a motion that repeats itself, those with which flexion is led: noise in it
             would shake the leg. One that does not is led through every row.
         cycles_before: how often at least it had gone through its period before the first row; it

@@ -79,13 +79,15 @@ def _form(place: int, one: Ready) -> object:
 def _with_short_steps(members: Sequence[Ready], progress: Progress | None) -> list:
     """Answers whose motions through time have steps that are short enough there too."""
     answers = _of_one_form(members, progress)
-    for _ in range(_STEPPINGS if members[0].problem.cases.passages else 0):
+    if not members[0].problem.cases.passages:
+        return answers
+    for left in reversed(range(_STEPPINGS + 1)):
         (one,), (answer,) = members, answers
         if not isinstance(answer, Calibration) or not answer.fit.success:
             break
         there = one.problem.stepping(_values(answer))
         answers = [_with_restless(answer, there.restless)]
-        if there.steps <= one.problem.steps:
+        if there.steps <= one.problem.steps or not left:
             break
         _tell(progress, "shorter steps through time: once more")
         members = (dataclasses.replace(one, problem=there),)

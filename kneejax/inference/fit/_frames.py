@@ -1,7 +1,7 @@
 """Poses of a knee in motion at the times of frames, with their derivatives: no balances.
 
-A motion is computed as it is by itself (`kneejax.dynamics.march`), in lanes of variants, and
-followed by the implicit rule of each of its steps. It begins in balance, and how that balance
+A motion is searched as it is by itself (`kneejax.dynamics.searched`), one variant after the other,
+and followed by the implicit rule of each of its steps. It begins in balance, and how that balance
 turns with the values is part of the derivative.
 """
 
@@ -92,8 +92,8 @@ class Passage:
         )  # fmt: skip
         if not converged(np.asarray(found.status)).all():
             raise UnsuitableData(
-                f"with the start's parameters the motion ends after {found.ended_s:.3g} "
-                f"of {frames.since_start_s[-1]:.3g} s: {found.ended.sentence}"
+                f"with the parameters that choose its steps the motion ends after "
+                f"{found.ended_s:.3g} of {frames.since_start_s[-1]:.3g} s: {found.ended.sentence}"
             )
         table, count = np.asarray(found.to_table())[:, 1:], len(rows)
         now, before = table[-count:], table[-2 * count : -count]

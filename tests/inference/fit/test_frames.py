@@ -1,6 +1,7 @@
 """Rows of a test that are frames of a knee in motion: poses of a motion, not balances."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import jax.numpy as jnp
 import numpy as np
@@ -11,6 +12,7 @@ from kneejax.dynamics import LoadCurve, move_within
 from kneejax.experiments import Frames, MeasuredTest
 from kneejax.geometry import coordinates_of, table_units
 from kneejax.inference import FittedTest, calibrate, identify, sensitivity_maps
+from kneejax.inference.calibration import _side_by_side
 from kneejax.inference.fit import Problem, form_of
 from kneejax.mechanics import load_of
 from kneejax.parameters import UnsuitableData, select
@@ -181,3 +183,37 @@ def test_that_a_knee_swings_on_is_said():
 def test_a_map_takes_no_knee_in_motion():
     with pytest.raises(UnsuitableData, match="cine: a knee in motion; expected tests of a knee at"):
         sensitivity_maps(KNEE, np.zeros((0, 6)), [FREE], grid=(2, 2), tests=[measured()])
+
+
+@dataclasses.dataclass
+class Asked:
+    """A question in motion that always asks for more steps."""
+
+    problem: object
+
+
+@pytest.mark.parametrize(("more", "fits"), [(0, 1), (1, 3)])
+def test_each_answer_is_looked_at_the_last_too(monkeypatch, more, fits):
+    """Steps are chosen anew twice at most; what the last answer does is told all the same."""
+    made = []
+
+    def problem(steps):
+        return SimpleNamespace(
+            steps=steps, restless={"cine": 0.1 * steps}, cases=SimpleNamespace(passages=(1,)),
+            stepping=lambda values: problem(steps + more),
+        )  # fmt: skip
+
+    def answered(members, progress):
+        made.append(members[0].problem.steps)
+        return [SimpleNamespace(fit=SimpleNamespace(success=True), told=None)]
+
+    def told(answer, restless):
+        return SimpleNamespace(fit=answer.fit, told=restless["cine"])
+
+    monkeypatch.setattr(_side_by_side, "_of_one_form", answered)
+    monkeypatch.setattr(_side_by_side, "Calibration", SimpleNamespace)
+    monkeypatch.setattr(_side_by_side, "_values", lambda answer: None)
+    monkeypatch.setattr(_side_by_side, "_with_restless", told)
+    (answer,) = _side_by_side._with_short_steps([Asked(problem(4))], None)
+    assert len(made) == fits
+    np.testing.assert_allclose(answer.told, 0.1 * (made[-1] + more))
