@@ -148,7 +148,10 @@ def _report(
         rows = ([*row, x, bool(loose)] for row, (x, loose) in zip(rows, more, strict=True))
         for x, angle in zip(driven.longer_mm[driven.slack], found.flexion_deg[driven.slack],
                             strict=True):  # fmt: skip
-            print(f"slack: {x:g} mm longer than at rest, at {angle:g} deg: a cable cannot push")
+            print(
+                f"slack: {x:g} mm longer than at rest, at {angle:g} deg: the cable hangs loose, "
+                "and the heads pull as at rest"
+            )
     write_rows(out / "extensor.csv", columns, rows)
     key = ["flexion_deg", "quadriceps_N", "part"]
     write_rows(out / "forces.csv", [*key, "force_N"], _forces(knee, found))

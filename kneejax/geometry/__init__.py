@@ -59,6 +59,7 @@ from kneejax.geometry.fitting import fit_plateau as fit_plateau
 from kneejax.geometry.fitting import fit_plateau_spline as fit_plateau_spline
 from kneejax.geometry.fitting import fit_sphere as fit_sphere
 from kneejax.geometry.fitting import fit_transverse_axis as fit_transverse_axis
+from kneejax.geometry.paths import SIDES as SIDES
 from kneejax.geometry.paths import Obstacle as Obstacle
 from kneejax.geometry.paths import TautPath as TautPath
 from kneejax.geometry.paths import WrapCylinder as WrapCylinder

@@ -183,16 +183,17 @@ def test_a_held_leg_is_differentiable_by_every_number_of_the_knee(knee):
 
 def test_a_quadriceps_of_given_length_pulls_as_the_force_under_which_it_is_as_long(knee):
     """At a held flexion the pull is a result; given as a force it leads to the same length."""
-    driven = extension_by_length(knee, FLEXION, [0.5, -0.4, -1.2])
-    found, length = driven.found, np.asarray(driven.found.quadriceps_mm).reshape(2, 3)
+    driven = extension_by_length(knee, FLEXION, [0.5, 0.0, -0.4, -1.2])
+    found, length = driven.found, np.asarray(driven.found.quadriceps_mm).reshape(2, 4)
     assert np.all(found.motion.stable)
     under = kj.patellar_tracking(knee, found.flexion_deg, np.asarray(found.quadriceps_N))
     np.testing.assert_allclose(found.quadriceps_mm, under.quadriceps_mm, atol=1e-6)
     rest = np.asarray(kj.patellar_tracking(knee, FLEXION, 20.0).quadriceps_mm)[:, None]
-    np.testing.assert_allclose(length[:, 1:] - rest, [[-0.4, -1.2]] * 2, atol=2e-6)
-    # A cable that is longer than the way hangs slack: the heads keep what they have at rest.
-    assert driven.slack.tolist() == [True, False, False] * 2
-    np.testing.assert_allclose(found.quadriceps_N[::3], 20.0, atol=0.1)
+    np.testing.assert_allclose(length[:, 2:] - rest, [[-0.4, -1.2]] * 2, atol=2e-6)
+    # A cable that is longer than the way hangs slack: the heads keep what they have at rest. One
+    # that is as long as the way does not hang.
+    assert driven.slack.tolist() == [True, False, False, False] * 2
+    np.testing.assert_allclose(found.quadriceps_N[::4], 20.0, atol=0.1)
     np.testing.assert_allclose(length[:, :1], rest, atol=1e-3)
 
 

@@ -37,7 +37,8 @@ class DrivenExtensor:
     Attributes:
         longer_mm: than at rest, negative where it is shorter, `(poses,)`.
         found: poses and forces; its `quadriceps_N` is a result.
-        slack: where a quadriceps of this length hangs loose: a cable cannot push, `(poses,)`.
+        slack: where a quadriceps of this length hangs loose, since a cable cannot push,
+            `(poses,)`; at the very length of rest it does not.
     """
 
     longer_mm: np.ndarray
@@ -200,5 +201,5 @@ def _driven(
     motion = dataclasses.replace(motion, status=status, stable=settled.stable)
     total = jnp.where(holds, found.pull + at_rest(knee), jnp.nan)
     nowhere = np.zeros(len(longer), bool)
-    slack = np.asarray(holds & (cable < SLACK_N))
+    slack = np.asarray(holds & (cable < SLACK_N)) & (longer > 0.0)
     return DrivenExtensor(longer, described(motion, total, nowhere, acting[0]), slack)

@@ -279,7 +279,7 @@ def build_obstacle(wrap: dict[str, Any]) -> Obstacle:
     if wrap["kind"] == "sphere":
         return WrapSphere(wrap["radius_mm"], frame)
     if wrap["kind"] == "cylinder":
-        return WrapCylinder(wrap["radius_mm"], wrap["length_mm"], frame)
+        return WrapCylinder(wrap["radius_mm"], wrap["length_mm"], frame, wrap.get("side", ""))
     return WrapEllipsoid(wrap["semi_axes_mm"], frame)
 
 

@@ -66,7 +66,7 @@ _LINE = {"tension_N": "tension", "insertion_mm": "insertion", "origin_mm": "orig
 _LOAD = {"force_N": "force", "moment_Nmm": "moment", "point_mm": "point"}
 #: Fields without a number, and parts that have a source of their own.
 _NOT_SOURCED = (
-    "source", "kind", "bone", "wrap", "form", "points", "law", "axes", "point_in",
+    "source", "kind", "bone", "side", "wrap", "form", "points", "law", "axes", "point_in",
     "insertion_bone", *FACES,
 )  # fmt: skip
 #: Numbers that differ by less than so many of the last digit are one.

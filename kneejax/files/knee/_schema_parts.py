@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kneejax.files.reading import Field
-from kneejax.geometry import BASES, BODIES, CUBIC_SPLINE, FEMUR, PATELLA, TIBIA
+from kneejax.geometry import BASES, BODIES, CUBIC_SPLINE, FEMUR, PATELLA, SIDES, TIBIA
 from kneejax.mechanics import AXES, BONES, FORMS, QUADRATURE, RANGES, Range, cartilage_law
 
 #: Bone -> fields of its pose.
@@ -68,6 +68,7 @@ WRAP_FIELDS = (
     "semi_axes_mm",
     "radius_mm",
     "length_mm",
+    "side",
     "source",
 )
 LINE_FIELDS = ("tension_N", "insertion_mm", "origin_mm", "source")
@@ -152,14 +153,17 @@ def check_wrap(wrap: Field, sources: dict[str, str], bones: tuple[str, ...] = BO
     if not isinstance(wrap.value, dict) or "kind" not in wrap:
         raise wrap.problem(f"a mapping with the field kind, one of {', '.join(WRAPS)}")
     sizes = WRAPS[wrap["kind"].choice(WRAPS)]
-    wrap.mapping(("kind", "bone", "center_mm", *sizes, "source"), ("rotation_deg",))
+    side = ("side",) if wrap["kind"].value == "cylinder" else ()
+    wrap.mapping(("kind", "bone", "center_mm", *sizes, "source"), ("rotation_deg", *side))
     wrap["bone"].choice(bones)
     check_point(wrap["center_mm"])
     if "rotation_deg" in wrap:
         wrap["rotation_deg"].numbers(3, RANGES["rotation_deg"])
     for name in sizes:
         _check_size(wrap[name])
-    check_source(wrap, sources, without=("kind", "bone"))
+    if "side" in wrap:
+        wrap["side"].choice(tuple(SIDES))
+    check_source(wrap, sources, without=("kind", "bone", "side"))
 
 
 def check_contact(

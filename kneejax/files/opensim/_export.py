@@ -233,8 +233,8 @@ def _wraps(edits: Edits, knee_file: _Stated, base: OsimImport, keys: dict[str, s
             expected = f"a wrap object of {base.model.file.path.name} on the knee's bones"
             raise InputProblem(knee_file.path, f"wraps.{name}", key, expected, by_key)
         wrap, old = base.wraps[by_key[key]], base.document["wraps"][by_key[key]]
-        for field in ("kind", "bone"):
-            _same(knee_file, f"wraps.{name}.{field}", entry[field], old[field])
+        for field in ("kind", "bone", "side"):
+            _same(knee_file, f"wraps.{name}.{field}", entry.get(field), old.get(field))
         carrier, straight = carrier_in_bone(wrap, base.knee), [0.0, 0.0, 0.0]
         edits.place(wrap.element, "translation", carrier, old["center_mm"], entry["center_mm"])
         edits.say(f"{name}.center_mm", old["center_mm"], entry["center_mm"])

@@ -8,7 +8,7 @@ import re
 from kneejax.files.opensim._knee import OsimKneeJoint
 from kneejax.files.opensim._ligaments import OsimPoint, in_order, path_objects, path_point
 from kneejax.files.opensim._model import Model
-from kneejax.files.opensim._wraps import WRAP_KINDS, OsimWrap, read_wraps
+from kneejax.files.opensim._wraps import WRAP_KINDS, OsimWrap, read_wraps, unsupported
 from kneejax.files.opensim._xml import Element
 from kneejax.geometry import FEMUR, PATELLA
 
@@ -110,8 +110,8 @@ def wrap_of(
                 found.append(wrap)
     if not found:
         return None
-    quadrant = found[0].element.word("quadrant")
-    if quadrant.lower() not in ("", "all", "unassigned"):
+    if unsupported(found[0]):
+        quadrant = found[0].element.word("quadrant")
         notes.append(
             f"Muscle {element.name} takes the shorter way around {found[0].key}, which the model "
             f"confines to the quadrant {quadrant}."

@@ -20,6 +20,8 @@ WRAP_KINDS: dict[str, tuple[str, tuple[tuple[str, str, int], ...]]] = {
     "WrapEllipsoid": ("ellipsoid", (("semi_axes_mm", "dimensions", 3),)),
 }
 _EVERYWHERE = ("", "all", "unassigned")
+#: Quadrant of a cylinder -> side on which paths pass.
+_SIDES = {"x": "+x", "+x": "+x", "-x": "-x", "y": "+y", "+y": "+y", "-y": "-y"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,9 +74,15 @@ def unsupported(wrap: OsimWrap) -> str:
     if wrap.element.tag not in WRAP_KINDS:
         return f"its wrap object {wrap.key} is a {wrap.element.tag}"
     quadrant = wrap.element.word("quadrant")
-    if quadrant.lower() not in _EVERYWHERE:
+    if quadrant.lower() not in _EVERYWHERE and not side_of(wrap):
         return f"its wrap object {wrap.key} is confined to the quadrant {quadrant}"
     return ""
+
+
+def side_of(wrap: OsimWrap) -> str:
+    """The side on which paths must pass a cylinder; empty where they take the shorter way."""
+    around = wrap.element.tag == "WrapCylinder"
+    return _SIDES.get(wrap.element.word("quadrant").lower(), "") if around else ""
 
 
 def wrap_document(model: Model, wrap: OsimWrap, knee: OsimKneeJoint, source: str) -> dict[str, Any]:
@@ -109,6 +117,8 @@ def wrap_document(model: Model, wrap: OsimWrap, knee: OsimKneeJoint, source: str
         document[field] = lengths if count > 1 else lengths[0]
     if not any(document["rotation_deg"]):
         del document["rotation_deg"]
+    if side := side_of(wrap):
+        document["side"] = side
     return document | {"source": source}
 
 

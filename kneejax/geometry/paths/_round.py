@@ -20,6 +20,7 @@ meet again at the end: the path is then about to lose its place as the shortest 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -80,6 +81,11 @@ def unit(a: Vector) -> Vector:
     return v.scale(inverse, a)
 
 
+def unit_outside(a: Vector) -> Vector:
+    """Direction of a point outside the unit sphere; shorter than one for a point inside."""
+    return v.scale(1.0 / jnp.sqrt(jnp.maximum(v.dot(a, a), 1.0)), a)
+
+
 def choose(condition: Array, a: Vector, b: Vector) -> Vector:
     """`a` where the condition holds, else `b`."""
     x, y, z = (jnp.where(condition, i, j) for i, j in zip(a, b, strict=True))
@@ -87,15 +93,13 @@ def choose(condition: Array, a: Vector, b: Vector) -> Vector:
 
 
 def section(start: Vector, end: Vector) -> Section:
-    """Tangents to the unit sphere in the plane of its centre and two points outside it.
+    """Tangents to the unit sphere in the plane of its centre and two points outside it, the
+    shorter way around.
 
     Where the three are on one line any plane does; the one nearest to the least component of
     `start` is taken.
     """
-    square = v.dot(start, start), v.dot(end, end)
-    distance = tuple(jnp.sqrt(jnp.maximum(s, 1.0)) for s in square)
-    tangents = tuple(jnp.sqrt(jnp.maximum(s - 1.0, ON_SURFACE)) for s in square)
-    out = v.scale(1.0 / distance[0], start)
+    out = unit_outside(start)
     along = v.dot(out, end)
     across = v.subtract(end, v.scale(along, out))
     width = v.norm(across)
@@ -104,21 +108,51 @@ def section(start: Vector, end: Vector) -> Section:
     least_x, least_y = (x <= y) & (x <= z), (y < x) & (y <= z)
     axis = (1.0 * least_x, 1.0 * least_y, 1.0 * ~(least_x | least_y))
     beside = unit(v.subtract(axis, v.scale(v.dot(axis, out), out)))
-    aligned = width < 1e-12 * distance[1]
+    aligned = width < 1e-12 * v.norm(end)
     forward = choose(aligned, beside, v.scale(1.0 / jnp.where(aligned, 1.0, width), across))
-    pole = v.cross(out, forward)
-    out_end = v.scale(1.0 / distance[1], end)
+    return _tangents(start, end, forward, width)
+
+
+def section_by_side(start: Vector, end: Vector, side: Vector) -> Section:
+    """The same in the plane across Z, the way that passes on a given side of the axis, however far
+    it leads around.
+
+    Args:
+        start: outside the unit circle; Z counts for nothing.
+        end: likewise.
+        side: direction across Z.
+    """
+    ends = unit_outside(start), unit_outside(end)
+    # From `start` over `side` to `end`. The end that stands farther off the line along `side`
+    # decides: the other may go past the far side.
+    lead = v.dot(v.cross(v.subtract(*ends), side), (0.0, 0.0, 1.0))
+    pole = (0.0, 0.0, jnp.where(lead >= 0.0, 1.0, -1.0))
+    forward = v.cross(pole, ends[0])
+    return _tangents(start, end, forward, v.dot(forward, end))
+
+
+def _tangents(start: Vector, end: Vector, forward: Vector, width: Array) -> Section:
+    """Tangents to the unit sphere of a path that leaves `start` forward, a unit vector across it
+    in the plane of the section; `width` is how far `end` lies that way, negative beyond half a
+    turn."""
+    square = v.dot(start, start), v.dot(end, end)
+    distance = tuple(jnp.sqrt(jnp.maximum(s, 1.0)) for s in square)
+    tangents = tuple(jnp.sqrt(jnp.maximum(s - 1.0, ON_SURFACE)) for s in square)
+    out, out_end = v.scale(1.0 / distance[0], start), v.scale(1.0 / distance[1], end)
+    along, pole = v.dot(out, end), v.cross(out, forward)
     back = v.cross(out_end, pole)
     first = v.scale(1.0 / distance[0], v.add(out, v.scale(tangents[0], forward)))
     last = v.scale(1.0 / distance[1], v.add(out_end, v.scale(tangents[1], back)))
     # Arguments of complex numbers add: one arctangent for the angle less its two free parts.
     free = 1.0 - tangents[0] * tangents[1], tangents[0] + tangents[1]
     turn = arctan2(width * free[0] - along * free[1], along * free[0] + width * free[1])
+    between = arctan2(width, along)
+    # Beyond half a turn both count on.
+    turn = jnp.where((width < 0.0) & (turn < 0.0), turn + 2.0 * jnp.pi, turn)
+    between = jnp.where(width < 0.0, between + 2.0 * jnp.pi, between)
     # Round the other side the ends see each other at 2 pi less their angle.
-    opposite = turn - 2.0 * arctan2(width, along)
-    return Section(
-        turn, (first, last), forward, pole, (tangents[0], tangents[1]), 2.0 * jnp.pi + opposite
-    )
+    opposite = 2.0 * jnp.pi + turn - 2.0 * between
+    return Section(turn, (first, last), forward, pole, (tangents[0], tangents[1]), opposite)
 
 
 def joined(first: Array, arc: tuple[Array, Array, Array, Array], last: Array) -> tuple[Array, ...]:
@@ -152,7 +186,12 @@ def around_sphere(
 
 
 def around_cylinder(
-    start: Vector, end: Vector, shape: tuple[Array, ...], aim: tuple[Array, ...] = ()
+    start: Vector,
+    end: Vector,
+    shape: tuple[Array, ...],
+    aim: tuple[Array, ...] = (),
+    *,
+    section: Callable[[Vector, Vector], Section] = section,
 ) -> Wrapped:
     """The taut path around an endless cylinder of radius `shape[0]` about Z: a helix between."""
     radius = shape[0]

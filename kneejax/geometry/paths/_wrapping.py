@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import Array
@@ -15,19 +12,16 @@ from jax.custom_derivatives import SymbolicZero
 from jax.typing import ArrayLike
 
 from kneejax.geometry import _vectors as v
-from kneejax.geometry._pose import Frame
 from kneejax.geometry._vectors import Vector
-from kneejax.geometry.paths._ellipsoid import around_ellipsoid, search, trace
-from kneejax.geometry.paths._round import (
-    Section,
-    Wrapped,
-    around_cylinder,
-    around_sphere,
-    choose,
-    differentiate,
-    section,
-    unit,
+from kneejax.geometry.paths._ellipsoid import search, trace
+from kneejax.geometry.paths._obstacles import (
+    Around,
+    Obstacle,
+    Shape,
+    WrapCylinder,
+    WrapEllipsoid,
 )
+from kneejax.geometry.paths._round import Section, Wrapped, choose, differentiate, unit
 
 #: Wrap angle over which a free path turns into a wrapped one, rad.
 HANDOVER_WIDTH = 0.02
@@ -35,107 +29,6 @@ HANDOVER_WIDTH = 0.02
 _INSIDE = 1e-9
 #: Ends, scaled, of a path that wraps gently: what lanes that do not wrap compute with.
 _HARMLESS = (1.2, -0.5, 0.1), (-1.2, -0.5, -0.1)
-
-Shape: TypeAlias = tuple[Array, ...]
-Around: TypeAlias = Callable[..., Wrapped]
-
-
-class Obstacle(eqx.Module):
-    """A convex body that fibres cannot pass through, fixed to a bone.
-
-    Attributes:
-        frame: the obstacle's frame in the bone's.
-    """
-
-    frame: eqx.AbstractVar[Frame]
-
-    @property
-    @abstractmethod
-    def semi_axes_along_frame(self) -> Shape:
-        """Semi-axes along the frame's X, Y, Z, mm; infinite along a cylinder."""
-
-    @property
-    @abstractmethod
-    def _around(self) -> Around:
-        """The function that winds a path around this kind."""
-
-
-class WrapSphere(Obstacle):
-    """A sphere.
-
-    Attributes:
-        radius: mm, a number or shape `(lanes,)`.
-        frame: its frame in the bone's; only the origin matters.
-    """
-
-    radius: Array
-    frame: Frame
-
-    def __init__(self, radius: ArrayLike, frame: Frame | None = None):
-        self.radius = jnp.asarray(radius, float)
-        self.frame = Frame() if frame is None else frame
-
-    @property
-    def semi_axes_along_frame(self) -> Shape:
-        """Three times the radius, mm."""
-        return self.radius, self.radius, self.radius
-
-    @property
-    def _around(self) -> Around:
-        return around_sphere
-
-
-class WrapCylinder(Obstacle):
-    """A cylinder about the Z axis of its frame, treated as endless.
-
-    Attributes:
-        radius: mm, a number or shape `(lanes,)`.
-        length: mm; a path that touches beyond half of it is flagged, not changed.
-        frame: its frame in the bone's.
-    """
-
-    radius: Array
-    length: Array
-    frame: Frame
-
-    def __init__(self, radius: ArrayLike, length: ArrayLike, frame: Frame | None = None):
-        self.radius = jnp.asarray(radius, float)
-        self.length = jnp.asarray(length, float)
-        self.frame = Frame() if frame is None else frame
-
-    @property
-    def semi_axes_along_frame(self) -> Shape:
-        """The radius twice, then infinity, mm."""
-        return self.radius, self.radius, jnp.full_like(self.radius, jnp.inf)
-
-    @property
-    def _around(self) -> Around:
-        return around_cylinder
-
-
-class WrapEllipsoid(Obstacle):
-    """An ellipsoid.
-
-    Attributes:
-        semi_axes: shape `(3, ...)`, mm, along its frame's X, Y, Z.
-        frame: its frame in the bone's.
-    """
-
-    semi_axes: Array
-    frame: Frame
-
-    def __init__(self, semi_axes: ArrayLike, frame: Frame | None = None):
-        self.semi_axes = jnp.asarray(semi_axes, float)
-        self.frame = Frame() if frame is None else frame
-
-    @property
-    def semi_axes_along_frame(self) -> Shape:
-        """The semi-axes, mm."""
-        return self.semi_axes[0], self.semi_axes[1], self.semi_axes[2]
-
-    @property
-    def _around(self) -> Around:
-        return around_ellipsoid
 
 
 class TautPath(NamedTuple):
@@ -155,8 +48,8 @@ class TautPath(NamedTuple):
         side: direction from the centre (a cylinder's axis) to the path's middle. Between two
             successive poses it turns by much where the path has flipped to another side.
         detour_other_side: by how much the path round another side is longer, mm; infinite where
-            it is free. Small values announce a flip. For an ellipsoid it is taken from the best
-            plane section at least a right angle away.
+            it is free or has to keep its side. Small values announce a flip. For an ellipsoid it is
+            taken from the best plane section at least a right angle away.
         inside: an end lies inside the obstacle; the path is then the straight line.
         beyond_ends: it touches a cylinder beyond its length.
     """
@@ -205,7 +98,7 @@ def taut(
     straight = v.norm(line)
     ahead = unit(line)
     inside = jnp.minimum(v.dot(p, p), v.dot(q, q)) < 1.0 - _INSIDE
-    free = jax.lax.stop_gradient(section(p, q))
+    free = jax.lax.stop_gradient(obstacle.section(p, q))
     near = (free.turn > -_width(free, width)) & ~inside & (straight > 0.0)
 
     far = [tuple(c * jnp.ones_like(straight) for c in point) for point in _HARMLESS]
@@ -213,9 +106,9 @@ def taut(
     held = tuple(jnp.where(jnp.isinf(a), 1.0, a) for a in shape)
     start_near = choose(near, start, v.stretch(_triple(held), _triple(far[0])))
     end_near = choose(near, end, v.stretch(_triple(held), _triple(far[1])))
-    length, leave, reach, rest = _wound(obstacle._around, start_near, end_near, shape)
+    length, leave, reach, rest = _wound(obstacle.around, start_near, end_near, shape)
 
-    s = section(p, q)
+    s = obstacle.section(p, q)
     share, slope, by_start, by_end = _blend(s, p, q, inverse, width)
     share, slope = jnp.where(near, share, 0.0), jnp.where(near, slope, 0.0)
     detour = jnp.where(near, length - straight, 0.0)
@@ -266,7 +159,7 @@ def path_points(obstacle: Obstacle, start: Vector, end: Vector, n: int = 33) -> 
         touching = trace(begin, finish, shape, search(begin, finish, shape)[0], n - 2)
     else:
         inverse = _triple(tuple(1.0 / a for a in shape))
-        s = section(v.stretch(inverse, begin), v.stretch(inverse, finish))
+        s = obstacle.section(v.stretch(inverse, begin), v.stretch(inverse, finish))
         cosine, sine = jnp.cos(along * s.turn), jnp.sin(along * s.turn)
         quarter = v.cross(s.pole, s.contacts[0])
         x, y, z = v.add(v.scale(cosine, s.contacts[0]), v.scale(sine, quarter))
@@ -380,12 +273,13 @@ def _report(
     part = jnp.clip(-v.dot(p, line) / jnp.where(square > 0.0, square, 1.0), 0.0, 1.0)
     nearest = v.add(start, v.scale(part, v.subtract(end, start)))
     leaves, arrives = choose(wraps, w.contacts[0], nearest), choose(wraps, w.contacts[1], nearest)
-    middle = v.add(leaves, arrives)
+    # Of an arc of more than half a turn the middle lies across from that of its ends.
+    middle = v.scale(jnp.where(angle > jnp.pi, -1.0, 1.0), v.add(leaves, arrives))
     if isinstance(obstacle, WrapCylinder):
         middle = middle[0], middle[1], 0.0 * middle[2]
         height = jnp.maximum(jnp.abs(leaves[2]), jnp.abs(arrives[2]))
         beyond = wraps & (height > 0.5 * obstacle.length)
     else:
         beyond = jnp.zeros_like(wraps)
-    detour = jnp.where(wraps, w.opposite - w.length, jnp.inf)
+    detour = jnp.where(wraps & (not obstacle.keeps_side), w.opposite - w.length, jnp.inf)
     return angle, leaves, arrives, unit(middle), detour, inside, beyond

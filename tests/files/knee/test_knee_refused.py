@@ -16,6 +16,9 @@ WRAP = {
 }  # fmt: skip
 
 
+CYLINDER = {**WRAP, "kind": "cylinder", "length_mm": 60.0}
+
+
 def refusal(path):
     with pytest.raises(InputProblem) as caught:
         read_knee(path)
@@ -64,6 +67,8 @@ CONDYLE, PLATEAU = [*MEDIAL, "femoral_surface"], [*MEDIAL, "tibial_surface"]
         (["wraps"], {"W": {"kind": "torus"}}, "one of sphere"),
         (["wraps"], {"W": {**WRAP, "radius_mm": 0.0}}, "between 1 and 1000 mm"),
         (["wraps"], {"W": {**WRAP, "bone": "pelvis"}}, "one of femur, tibia"),
+        (["wraps"], {"W": {**WRAP, "side": "+x"}}, "no such field"),
+        (["wraps"], {"W": {**CYLINDER, "side": "front"}}, "one of +x, -x, +y, -y"),
         (["ligaments", "ACL", "wrap"], "W", "no section wraps"),
         (["ligaments", "ACL", "via_points"], [{"bone": "fibula", "point_mm": [0, 0, 0]}], "femur"),
         (["ligaments", "ACL", "damping_N_s"], -1, "0, or between 1e-09 and 100,000 N s"),

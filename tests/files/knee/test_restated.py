@@ -18,11 +18,18 @@ SPHERE = {
 }  # fmt: skip
 
 
+CYLINDER = {
+    "kind": "cylinder", "bone": "femur", "center_mm": [0.0, -20.0, 42.0], "radius_mm": 2.0,
+    "length_mm": 30.0, "side": "+x", "source": "assumed",
+}  # fmt: skip
+
+
 def everything(document):
     """The same with what a knee may have besides: via points, obstacles, an outline."""
     document = copy.deepcopy(document)
     points = [{"bone": "tibia", "point_mm": [1.0, -30.0, -46.0]}]
-    document["wraps"] = {"knob": SPHERE}
+    document["wraps"] = {"knob": SPHERE, "rod": CYLINDER}
+    document["ligaments"]["PCL"]["wrap"] = "rod"
     document["ligaments"]["MCL"] |= {"via_points": points, "wrap": "knob"}
     document["ligaments"]["ACL"]["via_points"] = [{"bone": "femur", "point_mm": [0.0, 1.0, 2.0]}]
     document["ligaments"]["ACL"]["source"] = "paper, Table 1"
@@ -104,6 +111,7 @@ def test_a_force_becomes_a_length_and_a_strain_that_no_fibre_has_too(knee_docume
 def test_an_obstacle_that_two_courses_share_becomes_two(knee_document):
     document = everything(knee_document)
     document["ligaments"]["PCL"] |= {"wrap": "knob"}
+    del document["wraps"]["rod"]
     read = build_knee(document, "knee.yaml")
     knee = with_values(read.knee, {"MCL.radius": 2.5})
     found = restated(document, knee, "our robot")

@@ -49,6 +49,10 @@ def test_every_number_of_a_published_model_to_the_last_digit():
     heads = {name for name, x in muscles.items() if x["insertion_bone"] == "patella"}
     assert heads == {"recfem", "vasint", "vaslat", "vasmed"} and len(muscles) == 13
     assert sum(x["tension_N"] for x in muscles.values()) == pytest.approx(19.61, abs=1e-3)
+    # They pass in front of the femur however far the knee bends: the model's quadrant x.
+    obstacles = {muscles[name]["wrap"] for name in heads}
+    assert {document["patella"]["wraps"][name]["side"] for name in obstacles} == {"+x"}
+    assert "shorter way" not in " ".join(read.found.notes)
     alone = import_osim(DATA / "lenhart2015.osim", side="r", patella=False)
     assert "patella" not in alone.document and "PT1" in alone.found.outside
     assert alone.document["ligaments"] == document["ligaments"]

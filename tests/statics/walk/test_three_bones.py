@@ -10,9 +10,10 @@ from scipy.optimize import minimize
 
 import kneejax as kj
 from kneejax.geometry import free_of, scales
-from kneejax.mechanics import add_lane_axis
-from kneejax.statics import Status
+from kneejax.mechanics import QUADRICEPS, add_lane_axis, pull_of
+from kneejax.statics import Stations, Status, sound
 from kneejax.statics._balance import balance
+from kneejax.statics.walk import own_motion
 
 pytestmark = pytest.mark.slow
 #: Attachments moved, mm: of the tendon and of the retinacula on the patella; a tendon longer by.
@@ -73,3 +74,27 @@ def test_they_are_where_another_search_finds_the_least_energy(extensor, angle):
     rest = np.asarray(knee.at_reference.at(free_of(["flexion"], knee.bodies)))
     least, units = lowest(knee, angle, np.asarray(motion.settled.q[:, 0]) * 0.8 + 0.2 * rest)
     np.testing.assert_allclose(np.asarray(motion.settled.q[:, 0]) / units, least, atol=1e-4)
+
+
+def test_a_quadriceps_holds_the_patella_in_the_groove_however_far_the_knee_bends():
+    """It passes in front of the femur. By the shorter way one head after the other went behind it
+    from 119 degrees on, and the patella turned out of the groove under 111 N."""
+    knee = moved([[0.0] * 3] * 3, [[0.0] * 3] * 2, 0.0)
+    angles, pulls = np.array([90.0, 115.0, 120.0, 140.0]), np.array([20.0, 100.0, 500.0, 1500.0])
+    flexion, pull = (x.ravel() for x in np.meshgrid(angles, pulls, indexing="ij"))
+    rest = float(knee.muscles.tension.sum())
+    stations = Stations.at(flexion, [pull_of(QUADRICEPS, pull - rest)])
+    found = own_motion(knee, as_it_is, np.zeros(1), stations)
+    assert sound(found.status).all()
+    coordinates = dict(zip(found.free, np.rad2deg(found.q[0].T), strict=True))
+    turned = np.abs([coordinates["patella_rotation"], coordinates["patella_tilt"]])
+    assert turned.max() < 12.0
+    # The harder it pulls, the more firmly it sits there.
+    units = np.array(scales(found.free))
+    stiffness = found.holding["tangent"][0] * units[:, None] * units
+    least = np.linalg.eigvalsh(stiffness + np.swapaxes(stiffness, 1, 2))[:, 0] / 2.0
+    assert (np.diff(least.reshape(len(angles), -1)[:, 1:], axis=1) > 0.0).all()
+
+
+def as_it_is(knee, value):
+    return knee

@@ -1,0 +1,166 @@
+"""What fibres go around: spheres, cylinders and ellipsoids fixed to a bone."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable
+from functools import partial
+from typing import TypeAlias
+
+import equinox as eqx
+import jax.numpy as jnp
+from jax import Array
+from jax.typing import ArrayLike
+
+from kneejax.geometry._pose import Frame
+from kneejax.geometry._vectors import Vector
+from kneejax.geometry.paths._ellipsoid import around_ellipsoid
+from kneejax.geometry.paths._round import (
+    Section,
+    Wrapped,
+    around_cylinder,
+    around_sphere,
+    section,
+    section_by_side,
+)
+
+#: Name of a side of a cylinder -> where it is in the cylinder's frame.
+SIDES: dict[str, Vector] = {
+    "+x": (1.0, 0.0, 0.0),
+    "-x": (-1.0, 0.0, 0.0),
+    "+y": (0.0, 1.0, 0.0),
+    "-y": (0.0, -1.0, 0.0),
+}
+
+Shape: TypeAlias = tuple[Array, ...]
+Around: TypeAlias = Callable[..., Wrapped]
+
+
+class Obstacle(eqx.Module):
+    """A convex body that fibres cannot pass through, fixed to a bone.
+
+    Attributes:
+        frame: the obstacle's frame in the bone's.
+    """
+
+    frame: eqx.AbstractVar[Frame]
+
+    @property
+    @abstractmethod
+    def semi_axes_along_frame(self) -> Shape:
+        """Semi-axes along the frame's X, Y, Z, mm; infinite along a cylinder."""
+
+    @property
+    @abstractmethod
+    def around(self) -> Around:
+        """The function that winds a path around this kind."""
+
+    @property
+    def section(self) -> Callable[[Vector, Vector], Section]:
+        """The function that finds the way around, where the obstacle is scaled to a sphere."""
+        return section
+
+    @property
+    def keeps_side(self) -> bool:
+        """Whether a path may not go to the other side where that is shorter."""
+        return False
+
+
+class WrapSphere(Obstacle):
+    """A sphere.
+
+    Attributes:
+        radius: mm, a number or shape `(lanes,)`.
+        frame: its frame in the bone's; only the origin matters.
+    """
+
+    radius: Array
+    frame: Frame
+
+    def __init__(self, radius: ArrayLike, frame: Frame | None = None):
+        self.radius = jnp.asarray(radius, float)
+        self.frame = Frame() if frame is None else frame
+
+    @property
+    def semi_axes_along_frame(self) -> Shape:
+        """Three times the radius, mm."""
+        return self.radius, self.radius, self.radius
+
+    @property
+    def around(self) -> Around:
+        return around_sphere
+
+
+class WrapCylinder(Obstacle):
+    """A cylinder about the Z axis of its frame, treated as endless.
+
+    Attributes:
+        radius: mm, a number or shape `(lanes,)`.
+        length: mm; a path that touches beyond half of it is flagged, not changed.
+        frame: its frame in the bone's.
+        side: on which paths pass, of `SIDES`, however far that leads around; empty where they take
+            the shorter way.
+    """
+
+    radius: Array
+    length: Array
+    frame: Frame
+    side: str = eqx.field(static=True)
+
+    def __init__(
+        self,
+        radius: ArrayLike,
+        length: ArrayLike,
+        frame: Frame | None = None,
+        side: str = "",
+    ):
+        self.radius = jnp.asarray(radius, float)
+        self.length = jnp.asarray(length, float)
+        self.frame = Frame() if frame is None else frame
+        self.side = side
+
+    def __check_init__(self):
+        if self.side and self.side not in SIDES:
+            raise ValueError(f"WrapCylinder: side is {self.side!r}, not one of {', '.join(SIDES)}")
+
+    @property
+    def semi_axes_along_frame(self) -> Shape:
+        """The radius twice, then infinity, mm."""
+        return self.radius, self.radius, jnp.full_like(self.radius, jnp.inf)
+
+    @property
+    def around(self) -> Around:
+        return partial(around_cylinder, section=self.section)
+
+    @property
+    def section(self) -> Callable[[Vector, Vector], Section]:
+        return partial(section_by_side, side=SIDES[self.side]) if self.side else section
+
+    @property
+    def keeps_side(self) -> bool:
+        return bool(self.side)
+
+
+class WrapEllipsoid(Obstacle):
+    """An ellipsoid.
+
+    Attributes:
+        semi_axes: shape `(3, ...)`, mm, along its frame's X, Y, Z.
+        frame: its frame in the bone's.
+    """
+
+    semi_axes: Array
+    frame: Frame
+
+    def __init__(self, semi_axes: ArrayLike, frame: Frame | None = None):
+        self.semi_axes = jnp.asarray(semi_axes, float)
+        self.frame = Frame() if frame is None else frame
+
+    @property
+    def semi_axes_along_frame(self) -> Shape:
+        """The semi-axes, mm."""
+        return self.semi_axes[0], self.semi_axes[1], self.semi_axes[2]
+
+    @property
+    def around(self) -> Around:
+        return around_ellipsoid
