@@ -113,6 +113,8 @@ def test_a_movement_for_opensim_is_checked_before_it_is_asked(
     assert main([*command, "--out", "out"]) == 2
     error = capsys.readouterr().err
     assert said in error and error.count("\n") == 1
+    # An option that this command has not is no advice.
+    assert "--femur" not in error
     assert not (ground / "out").exists()
 
 

@@ -127,7 +127,7 @@ def import_osim(
     if side not in SIDES:
         raise InputProblem(path, "--side", side, "r or l")
     model = read_model(path, data)
-    knee = find_knee(model, side, femur, tibia)
+    knee = find_knee(model, side, femur, tibia, may_be_named=True)
     whole = with_pelvis_and_foot(model, knee, at)
     found = find_ligaments(model, whole)
     left_out = _leave_out(model, found, without)

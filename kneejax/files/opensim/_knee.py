@@ -68,7 +68,12 @@ class OsimKneeJoint:
 
 
 def find_knee(
-    model: Model, side: str, femur: str | None = None, tibia: str | None = None
+    model: Model,
+    side: str,
+    femur: str | None = None,
+    tibia: str | None = None,
+    *,
+    may_be_named: bool = False,
 ) -> OsimKneeJoint:
     """Find the knee of a side.
 
@@ -80,6 +85,7 @@ def find_knee(
         side: `r` or `l`.
         femur: the femur's body; with `tibia`, nothing is guessed.
         tibia: the tibia's body.
+        may_be_named: whether who asked could have said which bodies: a refusal then says how.
 
     Returns:
         The bones, what is rigidly joined to each, and the reference pose.
@@ -99,7 +105,7 @@ def find_knee(
         found = _between(above, femur, tibia)
         turned = _upside_down(above, femur, tibia)
     else:
-        found = _guess(model, joints, above, side, findings)
+        found = _guess(model, joints, above, side, findings, may_be_named)
         femur, tibia = found[0].parent, found[-1].child
     for bone, body in (("femur", femur), ("tibia", tibia)):
         findings.append(f"{body} was taken as the {bone}.")
@@ -162,7 +168,12 @@ def _patella(model: Model, joints: list[Joint], rigid: dict, side: str) -> str:
 
 
 def _guess(
-    model: Model, joints: list[Joint], above: dict[str, Joint], side: str, findings: list[str]
+    model: Model,
+    joints: list[Joint],
+    above: dict[str, Joint],
+    side: str,
+    findings: list[str],
+    may_be_named: bool,
 ) -> list[Joint]:
     moving = [joint for joint in joints if joint.coordinates]
     candidates = [j for j in moving if _KNEE.search(_words(j)) and not _OTHER.search(_words(j))]
@@ -178,10 +189,9 @@ def _guess(
         if not marked[side]:
             other = "l" if side == "r" else "r"
             names = ", ".join(joint.name for joint in marked[other])
-            raise InputProblem(
-                model.file.path, "--side", side,
-                f"a side the model has a knee of: {other} ({names}); or give --femur and --tibia",
-            )  # fmt: skip
+            expected = f"a side the model has a knee of: {other} ({names})"
+            expected += "; or give --femur and --tibia" if may_be_named else ""
+            raise InputProblem(model.file.path, "--side", side, expected)
         candidates = marked[side]
     elif candidates:
         findings.append(
@@ -195,10 +205,8 @@ def _guess(
     shown = candidates or moving
     names = "; ".join(f"{j.name}: {j.parent} to {j.child}" for j in shown[:12]) or "no joint"
     many = f"{len(candidates)} joints that may be the knee" if candidates else "no joint of a knee"
-    raise InputProblem(
-        model.file.path, "knee joint", many,
-        f"one; say which bodies with --femur BODY --tibia BODY ({names})",
-    )  # fmt: skip
+    say = "; say which bodies with --femur BODY --tibia BODY" if may_be_named else ""
+    raise InputProblem(model.file.path, "knee joint", many, f"one{say} ({names})")
 
 
 def _words(joint: Joint) -> str:
