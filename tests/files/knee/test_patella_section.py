@@ -51,6 +51,25 @@ def test_three_bones_have_its_parts_and_no_line_in_its_place(document):
     assert float(knee.muscles.tension.sum()) == pytest.approx(19.61, abs=1e-3)
 
 
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_the_quadriceps_passes_in_front_of_the_femur(document, side):
+    """Bent by 130 degrees, where the way behind the femur is the shorter one."""
+    own = document if side == "right" else mirror_document(document)
+    free = copy.deepcopy(own)
+    for wrap in free["patella"]["wraps"].values():
+        wrap.pop("side", None)
+    bent = State({
+        "tibia": Pose.from_table([[130.0, 6.0, -13.0, -5.0, -9.0, -1.0]]),
+        "patella": Pose.from_table([[108.0, -8.0, 2.0, -11.0, -24.0, 3.0]]),
+    })  # fmt: skip
+    ahead, behind = (
+        float(add_lane_axis(build_knee(x, "knee.yaml").with_patella().muscles)
+              .quadriceps_length(bent)[0])
+        for x in (own, free)
+    )  # fmt: skip
+    assert ahead > behind + 3.0
+
+
 def test_muscles_pull_as_they_are_told(document):
     read = build_knee(document, "knee.yaml")
     knee = read.with_patella({"semimem": 80.0, "recfem": 0.0})
