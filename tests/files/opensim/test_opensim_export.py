@@ -197,6 +197,7 @@ def test_what_cannot_be_written_is_refused_by_name():
         (lambda d: d["ligaments"]["cross1"].update(wrap="rim"), "ligaments.cross1.wrap"),
         (lambda d: d["ligaments"]["inner_band"].pop("via_points"), "via_points"),
         (lambda d: d["wraps"]["rim"].update(bone="femur"), "wraps.rim.bone"),
+        (lambda d: d["wraps"]["back_of_knee"].update(side="+x"), "wraps.back_of_knee.side"),
         (lambda d: d.update(side="right"), "side"),
     ):
         other = copy.deepcopy(document)
