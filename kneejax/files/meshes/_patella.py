@@ -17,7 +17,8 @@ from kneejax.geometry import (
 )
 
 _WIDTHS_MM = (20.0, 80.0)
-#: How far around the condyles a patella gets, degrees from anterior: that of a knee bent by 140.
+#: How far around the condyles a patella gets, degrees from anterior, in a knee bent by 120: bent by
+#: 140 it reaches 5 mm farther, which its status says.
 _LOWEST_DEG = 120.0
 #: The patella's joint looks backwards: Y of this frame points there, X upwards, Z to the right.
 _BACKWARDS = (0.0, 0.0, 0.5 * np.pi)
