@@ -6,12 +6,13 @@ import shutil
 from pathlib import Path
 
 # Tests wait for the compiler. With shared fusion, as the command sets it, and without optimising
-# machine code a motion compiles in two thirds of the time. XLA reads this once, hence here.
-# Its older emitters (xla_cpu_use_fusion_emitters=false) take half of that, and compute wrong sums.
+# machine code a motion compiles in two thirds of the time. XLA reads its flags once, hence here;
+# its older emitters (xla_cpu_use_fusion_emitters=false) take half of that, and compute wrong sums.
+# The level is that of files which ask for `optimised_code`: JAX keeps all others from it.
 os.environ.setdefault(
     "XLA_FLAGS",
     "--xla_backend_extra_options=xla_cpu_use_multi_output_fusion"
-    " --xla_backend_optimization_level=0",
+    " --xla_backend_optimization_level=1 --xla_llvm_disable_expensive_passes=true",
 )
 # Processes side by side leave the threads of each other's linear algebra only to wait. NumPy reads
 # this once too: what pytest-xdist starts inherits it.
@@ -29,6 +30,9 @@ import pytest
 from kneejax.numerics import keep_programs
 
 jax.config.update("jax_enable_x64", True)
+# Who gives flags of their own, as the second tier does, gets what they ask for.
+AS_ABOVE = "--xla_llvm_disable_expensive_passes" in os.environ["XLA_FLAGS"]
+jax.config.update("jax_disable_most_optimizations", AS_ABOVE)
 # Tests replace parts of commands, never of what is traced.
 keep_programs(Path(os.environ["JAX_COMPILATION_CACHE_DIR"]) / "traced")
 
@@ -45,14 +49,23 @@ LONGEST = (
     "experiments/laboratory/test_average_knee.py",
     "validation/test_lenhart2015.py",
     "experiments/test_gradients.py",
-    "parameters/test_leaves.py",
-    "mechanics/contact/test_contact_forms.py",
+    "experiments/test_extensor.py",
     "statics/walk/test_choices.py",
+    "mechanics/contact/test_points_force.py",
     "inference/fit/test_cut_and_readings.py",
+    "statics/test_bodies.py",
+    "parameters/test_leaves.py",
+    "dynamics/test_derivatives.py",
+    "inference/fit/test_frames.py",
+    "mechanics/contact/test_contact_forms.py",
+    "inference/transients/test_fit_transient.py",
+    "statics/walk/test_slopes.py",
+    "experiments/test_activity.py",
     "geometry/paths/test_wrapping.py",
     "cli/test_simulate_tests.py",
     "data/test_ten_bundle.py",
-    "mechanics/contact/test_points_force.py",
+    "dynamics/test_dampers.py",
+    "dynamics/test_integrators.py",
     "mechanics/ligaments/test_courses.py",
     "cli/test_calibrate_tests.py",
     "statics/test_settle.py",
@@ -61,7 +74,6 @@ LONGEST = (
     "inference/calibration/test_prior.py",
     "geometry/test_gradients.py",
     "statics/walk/test_batch.py",
-    "statics/test_bodies.py",
     "experiments/test_branches.py",
     "report/scene/test_scene.py",
     "files/meshes/test_mesh_import.py",
@@ -98,6 +110,20 @@ def pytest_collection_modifyitems(items):
     """The longest files first, all others as they come."""
     place = {Path(__file__).parent / "tests" / name: i for i, name in enumerate(LONGEST)}
     items.sort(key=lambda item: place.get(item.path, len(place)))
+
+
+@pytest.fixture(scope="module")
+def optimised_code():
+    """Optimise machine code a little, for a file that computes longer than it compiles.
+
+    Without, a kernel that sums over fibres and writes a stack computes the sums anew wherever it
+    reads them: 64 lanes of a body in ten cables take 100 ms a look instead of 0.5. A knee with two
+    contacts has no such kernel, and compiles in two thirds of the time.
+    """
+    before = jax.config.read("jax_disable_most_optimizations")
+    jax.config.update("jax_disable_most_optimizations", False)
+    yield
+    jax.config.update("jax_disable_most_optimizations", before)
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -13,6 +13,8 @@ from kneejax.geometry import Frame, Plane, Sphere
 from kneejax.mechanics import Contact, Load, Mass
 from tests.dynamics.massed import ALL_BUT_SUPERIOR, SHANK, STEPS, bare, in_a_vice
 
+pytestmark = pytest.mark.usefixtures("optimised_code")
+
 TIMES = np.linspace(0.0, 0.012, STEPS + 1)
 WHICH = ("fibre damping", "damping while lengthening", "coordinate damping", "mass", "centre",
          "stiffness", "start", "rate at start", "load", "gravity")  # fmt: skip

@@ -13,6 +13,8 @@ from kneejax.mechanics import Contact, Mass
 from kneejax.statics import Status
 from tests.dynamics.massed import ALL_BUT_SUPERIOR, STEPS, bare, in_a_vice
 
+pytestmark = pytest.mark.usefixtures("optimised_code")
+
 START = np.array([0.03, -0.01, 0.02, 0.2, -0.1, 0.15])
 
 

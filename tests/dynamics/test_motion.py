@@ -23,6 +23,8 @@ from tests.dynamics.massed import (
     in_a_vice,
 )
 
+pytestmark = pytest.mark.usefixtures("optimised_code")
+
 SIZES = [STEPS // 4, STEPS // 2, STEPS]
 
 

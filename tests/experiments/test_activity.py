@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import kneejax as kj
-from kneejax.experiments import activity, cycle_of
+from kneejax.experiments import TENDON, activity, cycle_of
+from kneejax.experiments.activity._activity import muscles_over
 from kneejax.experiments.activity._tendon import tendon_of_quadriceps
 from kneejax.mechanics import LegRecord, Load, Muscles
 from kneejax.parameters import cut
@@ -82,12 +83,19 @@ def test_muscles_from_the_pelvis_pull_from_where_they_are(pressed):
 
 def test_a_quadriceps_extends_and_a_hamstring_bends(knee):
     press = np.broadcast_to([0.0, 400.0, 0.0, 0.0, 0.0, 0.0], (COUNT, 6))
-    pulls = (0.0, 0.0), (100.0, 0.0), (0.0, 100.0)
+    pulls = (20.0, 0.0), (120.0, 0.0), (20.0, 100.0)
     rest, quadriceps, hams = (activity(knee, record(press, *pair)) for pair in pulls)
     assert np.all(quadriceps.residual_Nm > rest.residual_Nm)
     assert np.all(hams.residual_Nm < rest.residual_Nm)
-    without = activity(cut(knee, ["ACL"]), record(press))
+    without = activity(cut(knee, ["ACL"]), record(press, *pulls[0]))
     assert np.all(np.asarray(without.mechanics.tension)[:, 0] == 0.0)
+
+
+def test_where_no_quadriceps_pulls_the_tendon_is_no_muscle(knee):
+    told = record(np.zeros((COUNT, 6)), pull=70.0)
+    assert muscles_over(knee, told) is told.muscles
+    both = muscles_over(knee, dataclasses.replace(told, quadriceps_N=np.full(COUNT, 20.0)))
+    assert both.names == ("hams_r", TENDON)
 
 
 def test_the_tendon_is_straight_between_the_records_angles():

@@ -242,7 +242,11 @@ def _by_machine(knee: Knee, laid, neutral: Motion, constant: list[Load], grows: 
     prescribed = dict(zip(names, neutral.settled.state.at(names)[:, own] + moved, strict=True))
     flexion = np.concatenate([test.flexion_deg for test, *_ in laid])
     bent = jnp.deg2rad(jnp.asarray(flexion, float))[own]
-    stations = Stations({"flexion": bent, **prescribed}, (*constant, grows), later=1)
+    acting, later = (*constant, grows), 1
+    if constant and all(test.displacement is not None for test, *_ in laid):
+        # A machine that moves the tibia adds no load: the search of the neutral pose serves.
+        acting, later = tuple(constant), 0
+    stations = Stations({"flexion": bent, **prescribed}, acting, later=later)
     return followed(knee, stations)
 
 

@@ -19,6 +19,8 @@ from kneejax.parameters import UnsuitableData, select
 from kneejax.report.calibration._tests import laxity_doubts
 from tests.dynamics.massed import SHANK, in_a_vice
 
+pytestmark = pytest.mark.usefixtures("optimised_code")
+
 KNEE = in_a_vice(4e4).knee
 FREE = ("f0.stiffness", "f4.slack_length")
 SELECTION = select(KNEE, FREE)

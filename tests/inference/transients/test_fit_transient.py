@@ -10,6 +10,8 @@ from kneejax.inference.transients import Recorded, fit_transient
 from kneejax.mechanics import load_of
 from tests.dynamics.massed import in_a_vice
 
+pytestmark = pytest.mark.usefixtures("optimised_code")
+
 TIMES = np.linspace(0.0, 0.02, 21)
 START = np.zeros(6)
 TRUE = {"critical": 0.35, "damping_N_s_per_mm": 0.08}
@@ -57,7 +59,7 @@ def test_with_noise_the_truth_is_as_near_as_the_interval_says_and_the_noise_is_k
 
 def test_what_is_no_damper_or_no_coordinate_is_refused():
     with pytest.raises(ValueError, match="'stiffness'.*expected some of \\['critical'"):
-        fitted(recorded(), {"stiffness": 1.0})
+        fitted(Recorded(TIMES, {"anterior": TIMES}), {"stiffness": 1.0})
     with pytest.raises(ValueError, match="has 'flexion'; expected some of adduction"):
         Recorded(TIMES, {"flexion": TIMES})
     with pytest.raises(ValueError, match="expected a coordinate at least"):
