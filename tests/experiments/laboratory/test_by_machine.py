@@ -126,6 +126,7 @@ def test_a_held_rotation_does_not_wait_for_the_load(knee):
     ("name", "options"),
     [
         ("drawer", {"displacement_mm": 4.0}),
+        pytest.param("torsion", {"rotation_deg": 6.0}, marks=pytest.mark.slow),
         pytest.param(
             "drawer", {"force_N": 80.0, "held": ["internal_rotation"]}, marks=pytest.mark.slow
         ),

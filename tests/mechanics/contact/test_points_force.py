@@ -58,8 +58,9 @@ def both(contact, state, flexion):
 
 
 # The other basis against its energy and differences, where rays graze: test_rays.py.
-def test_stiffness_over_points_is_the_derivative_of_the_wrench(rng):
-    contact = condyle_on_plateau("cubic_spline", rng)
+@pytest.mark.parametrize("basis", ["cubic_spline", pytest.param("power", marks=pytest.mark.slow)])
+def test_stiffness_over_points_is_the_derivative_of_the_wrench(basis, rng):
+    contact = condyle_on_plateau(basis, rng)
     state = jnp.array([0.02, -0.05, 0.7, 1.5, -0.6])
     out, differentiated, of_energy = both(contact, state, jnp.asarray(0.5))
     largest = np.abs(out[0]).max()

@@ -18,10 +18,11 @@ from kneejax.statics import Stations, Status, balance_many, balance_with_slopes
 #: What is held besides flexion, and whether flexion is free. Each is a program of its own.
 CHOICES = {
     "anterior held": ({"anterior_mm": 2.0}, False),
+    "rotation held": ({"internal_rotation_deg": 5.0}, False),
     "flexion free": ({}, True),
     "flexion free, two held": ({"internal_rotation_deg": 6.0, "anterior_mm": 1.0}, True),
 }
-MORE = {"flexion free"}
+MORE = {"rotation held", "flexion free"}
 
 pytestmark = pytest.mark.usefixtures("optimised_code")
 
