@@ -21,6 +21,7 @@ from kneejax.cohorts import (
     Task,
     Work,
     bootstraps,
+    check_bootstraps,
     dashboard_of,
     in_process,
     local_workers,
@@ -53,7 +54,9 @@ def run(arguments: argparse.Namespace) -> int:
     shard = _shard(arguments.shard)
     _check_options(arguments)
     try:
-        cohort = read_cohort(arguments.study)
+        cohort, by_blocks = read_cohort(arguments.study), bool(arguments.blocks)
+        if arguments.bootstrap:
+            check_bootstraps(cohort, by_blocks)
     except CohortProblems as every:
         return _refused(every)
     out, tasks = arguments.out.resolve(), plan(cohort)
@@ -63,11 +66,11 @@ def run(arguments: argparse.Namespace) -> int:
     own = shard_of(tasks, *shard) if shard else tasks
     _say_plan(cohort, tasks, own, arguments)
     work, count, lost = CohortWork(out, arguments.svg), arguments.bootstrap or 0, []
-    rounds = (own, " knees"), (bootstraps(own, count), " fits")
+    rounds = (own, " knees"), (bootstraps(own, count, by_blocks), " fits")
     with _computer([task for some, _ in rounds for task in some], work, arguments) as compute:
         for some, unit in rounds:
             lost += _computed(compute, some, work, unit)
-    every = [*tasks, *bootstraps(tasks, count)]
+    every = [*tasks, *bootstraps(tasks, count, by_blocks)]
     # Other parts may have ended meanwhile.
     ended = [(task, finished(task, out)) for task in every]
     open_ = [task for task, done in ended if done is None]
@@ -138,6 +141,8 @@ def _check_options(arguments: argparse.Namespace) -> None:
     if arguments.bootstrap is not None and not 1 <= arguments.bootstrap <= _MOST_DRAWS:
         expected = f"a whole number from 1 to {_MOST_DRAWS}"
         raise InputProblem("--bootstrap", "draws", str(arguments.bootstrap), expected)
+    if arguments.blocks and arguments.bootstrap is None:
+        raise InputProblem("--blocks", "option", "alone", "--bootstrap N beside it")
     given = [name for name in ("jobs", "scheduler", "shard") if getattr(arguments, name)]
     if arguments.jobs is not None and not 1 <= arguments.jobs <= _MOST_JOBS:
         expected = f"a whole number from 1 to {_MOST_JOBS}"

@@ -7,6 +7,7 @@ on disk. Which worker computes a task changes no number: a task is the same call
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -89,15 +90,22 @@ def on_workers(
         work: of one task; results must lie where all workers see them.
 
     Raises:
-        InputProblem: a worker runs another version of the package.
+        InputProblem: a worker runs another version of the package, or the scheduler has gone.
     """
     from distributed import as_completed
 
     _prepare(client)
-    waiting = {client.submit(work, task, pure=False, retries=0): task for task in tasks}
+    submit = functools.partial(
+        client.submit, _of_version, work, versions()["kneejax"], pure=False, retries=0
+    )
+    waiting = {submit(task): task for task in tasks}
     tried: dict[str, int] = {}
     following = as_completed(list(waiting))
     for future in following:
+        if future.cancelled():
+            # Whoever comes to the same address does not know how workers are made ready.
+            expected = "a scheduler that stays; it has gone, and the same command goes on"
+            raise InputProblem("--scheduler", "address", client.scheduler.address, expected)
         task = waiting.pop(future)
         problem = future.exception() if future.status != "finished" else None
         if problem is None:
@@ -107,9 +115,17 @@ def on_workers(
         if tried[task.fingerprint] > 1:
             yield task, lost(task, problem)
             continue
-        again = client.submit(work, task, pure=False, retries=0)
+        again = submit(task)
         waiting[again] = task
         following.add(again)
+
+
+def _of_version(work: Work, expected: str, task: Task) -> Sequence[KneeDone]:
+    """Compute a task, which is named by the version that asks: a worker that comes late may have
+    another."""
+    if (found := _version()) != expected:
+        raise RuntimeError(f"a worker has kneejax {found}: expected {expected}, as the command")
+    return work(task)
 
 
 def _settings() -> dict[str, Any]:
