@@ -13,6 +13,7 @@ import numpy as np
 from tqdm import tqdm
 
 from kneejax.cli._cohort_work import KNEES, CohortWork, draws_of, finished
+from kneejax.cli._out import check_room
 from kneejax.cli._parser import BAD_INPUT
 from kneejax.cohorts import (
     Cohort,
@@ -45,6 +46,8 @@ _PRIOR = """# What a cohort says of a knee of which nothing is measured: {}.
 # In a study: prior: prior.yaml
 """
 _MOST_JOBS, _MOST_SHARDS, _MOST_DRAWS = 1024, 100_000, 1_000_000
+#: Files of a knee take at least this; those of a knee with a dozen curves 1.2 MB.
+_KNEE_MB = 0.5
 #: Computes tasks, each yielded with what became of its knees when it has ended.
 Compute = Callable[[Sequence[Task], Work], Iterator[tuple[Task, Sequence[KneeDone]]]]
 
@@ -64,6 +67,8 @@ def run(arguments: argparse.Namespace) -> int:
         for new in ("knee.yaml", "result.json"):
             check_new(out / KNEES / member.name / new, member.study.knee_name)
     own = shard_of(tasks, *shard) if shard else tasks
+    waiting = [name for task in own if finished(task, out) is None for name in task.names]
+    check_room(out, _KNEE_MB * len(waiting), f"results of {counted(len(waiting), 'knee')}")
     _say_plan(cohort, tasks, own, arguments)
     work, count, lost = CohortWork(out, arguments.svg), arguments.bootstrap or 0, []
     rounds = (own, " knees"), (bootstraps(own, count, by_blocks), " fits")
@@ -78,6 +83,8 @@ def run(arguments: argparse.Namespace) -> int:
     if any(not said.keys() & set(task.names) for task in open_):
         print(f"{counted(len(open_), 'task')} left to other parts: the last one writes the report")
         return int(bool(said))
+    for one in lost:
+        print(f"{one.name}: {one.failed}")
     known = {one.name: one for task, done in ended if not task.draws for one in done or ()}
     return _finish(cohort, said | known, draws_of(every, out) if count else {}, arguments, lost)
 
@@ -191,8 +198,6 @@ def _finish(
         missing = str(problem)
     write_cohort_report(summary, out, KNEES, svg=arguments.svg)
     print(cohort_text(summary))
-    for one in lost:
-        print(f"{one.name}: {one.failed}")
     print(f"written: {out}/{', '.join(files)}, {KNEES}/NAME/")
     if missing:
         print(f"not written: {out}/cohort.nc: {missing}")

@@ -79,10 +79,10 @@ def bootstrap_by_blocks(
 
     def drawn(some: Sequence[int]) -> LoadCases:
         times = np.ones((len(some), *shape))
-        for own, k in zip(times, some, strict=True):
+        for place, k in enumerate(some):
             lot = np.random.default_rng([seed, k]).integers(0, count, count)
             for rows, often in zip(curves, np.bincount(lot, minlength=count), strict=True):
-                own[rows] = often
+                times[place, rows] = often
         with np.errstate(divide="ignore"):  # what is not drawn counts for nothing
             return dataclasses.replace(
                 cases, target=np.tile(cases.target, (len(some), 1, 1)),
