@@ -65,6 +65,16 @@ def test_workers_of_another_version_are_refused(monkeypatch):
         _on_cluster._prepare(Client())
 
 
+def test_a_worker_of_another_version_that_comes_late_computes_nothing():
+    from kneejax.cohorts import Task, _on_cluster
+
+    def work(task):
+        raise AssertionError
+
+    with pytest.raises(RuntimeError, match=r"a worker has kneejax .*: expected 0.0.1"):
+        _on_cluster._of_version(work, "0.0.1", Task((), ""))
+
+
 def test_without_dask_workers_are_no_traceback(monkeypatch, made_up):
     monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
     from kneejax.cohorts import local_workers
