@@ -1,12 +1,15 @@
 """A made-up cohort: seconds of a knee, of a bootstrap and of SciPy's loop; how often limits hold.
 
     python benchmarks/cohort.py [--knee four_ligament] [--knees 100] [--bootstrap 1000] [--scipy 3]
+                                [--attachments 14]
 
 Each knee has its own size and shape, and its own stiffness and reference strain of each ligament;
 measured are a passive motion and 12 laxity curves, with noise. Knees are calibrated side by side in
 blocks, each with its 95 % limits, as `kneejax calibrate COHORT` does before it writes. SciPy's
 least squares takes finite differences of the same balances, for a few knees. Seconds are those of
-processors, without compiling: what other programs do beside it does not count.
+processors, without compiling: what other programs do beside it does not count. `--attachments N`
+frees that many coordinates of attachments beside, each known to a millimetre beforehand; coverage
+is told of the others.
 """
 
 from __future__ import annotations
@@ -23,19 +26,31 @@ from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference.bootstrap import bootstrap
 from kneejax.inference.calibration import Question, calibrate_side_by_side, ready
 from kneejax.inference.population import in_log, population
+from kneejax.parameters import select, with_values
 
 #: Knees of a block, as `kneejax.cohorts` deals them.
 BLOCK = 8
+ANYWHERE_MM = (-120.0, 120.0)
 BOUNDS = {"stiffness": (100.0, 30000.0), "reference_strain": (-0.25, 0.25)}
 
 
-def asked(made: MadeUpKnee, spread: Spread) -> Question:
-    """What is asked of a made-up knee: the study that `kneejax cohort synthesise` writes."""
+def asked(made: MadeUpKnee, spread: Spread, attachments: int = 0) -> Question:
+    """What is asked of a made-up knee: the study that `kneejax cohort synthesise` writes, and where
+    some of its attachments are."""
     weights = np.array([spread.noise_deg] * 2 + [spread.noise_mm] * 3) ** -2.0
+    knee = build_knee(made.document, made.name).knee
+    usual = ("*.stiffness", "*.reference_strain")
+    places = select(knee, ["*.femoral_attachment", "*.tibial_attachment"])
+    names = places.names[:attachments]
+    # What is believed of a knee is not where its attachments are.
+    draws = np.random.default_rng([1, int(made.name[1:])])
+    true = np.asarray(places.read(knee))[:attachments]
+    believed = true + spread.attachment_mm * draws.standard_normal(attachments)
     return Question(
-        build_knee(made.document, made.name).knee, made.passive, bounds=BOUNDS, weights=weights,
+        with_values(knee, dict(zip(names, believed, strict=True))), made.passive,
+        (*usual, *names), bounds=BOUNDS | dict.fromkeys(names, ANYWHERE_MM), weights=weights,
         procedures=("III",), noise_mm=spread.noise_mm, noise_deg=spread.noise_deg,
-        tests=made.tests, title=made.name,
+        tests=made.tests, title=made.name, prior=dict.fromkeys(names, spread.attachment_mm),
     )  # fmt: skip
 
 
@@ -107,10 +122,11 @@ def _within(x: float, limits: tuple[float, float]) -> float:
 
 
 def main() -> None:
-    options = arguments("cohort", __doc__, knees=100, bootstrap=1000, scipy=3, seed=0)
+    options = arguments("cohort", __doc__, knees=100, bootstrap=1000, scipy=3, seed=0,
+                        attachments=0)  # fmt: skip
     spread = Spread()
     made = list(synthesise(options.knees, options.seed, options.knee, spread))
-    questions = [asked(one, spread) for one in made]
+    questions = [asked(one, spread, options.attachments) for one in made]
     first, _, _ = processor_seconds(calibrated, questions[:BLOCK])
     one, _, _ = processor_seconds(calibrated, questions[:1])
     alone, _, _ = processor_seconds(calibrated, questions[:1])
@@ -132,13 +148,16 @@ def main() -> None:
     answer = answers[0]
     values = [e.value for e in answer.fit.estimates]
     noise = [answer.noise[name] for name in FREE_COORDINATES]
-    bootstrap(questions[0], values, noise, range(100))
+    if options.bootstrap:
+        bootstrap(questions[0], values, noise, range(min(100, options.bootstrap)))
     cpu, clock, draws = processor_seconds(
         bootstrap, questions[0], values, noise, range(options.bootstrap)
     )
     rows |= {
         "bootstraps": options.bootstrap, "bootstraps_cpu_s": cpu, "bootstraps_clock_s": clock,
-        "bootstraps_converged": float(np.isfinite(draws).all(axis=1).mean()),
+        "bootstraps_converged": float(np.isfinite(draws).all(axis=1).mean())
+        if options.bootstrap
+        else 0.0,
     }  # fmt: skip
     taken, evaluations = 0.0, 0
     for question in questions[: options.scipy]:

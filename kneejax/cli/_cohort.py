@@ -13,6 +13,7 @@ import numpy as np
 from tqdm import tqdm
 
 from kneejax.cli._cohort_work import KNEES, CohortWork, draws_of, finished
+from kneejax.cli._out import check_room
 from kneejax.cli._parser import BAD_INPUT
 from kneejax.cohorts import (
     Cohort,
@@ -21,6 +22,7 @@ from kneejax.cohorts import (
     Task,
     Work,
     bootstraps,
+    check_bootstraps,
     dashboard_of,
     in_process,
     local_workers,
@@ -44,6 +46,8 @@ _PRIOR = """# What a cohort says of a knee of which nothing is measured: {}.
 # In a study: prior: prior.yaml
 """
 _MOST_JOBS, _MOST_SHARDS, _MOST_DRAWS = 1024, 100_000, 1_000_000
+#: Files of a knee take at least this; those of a knee with a dozen curves 1.2 MB.
+_KNEE_MB = 0.5
 #: Computes tasks, each yielded with what became of its knees when it has ended.
 Compute = Callable[[Sequence[Task], Work], Iterator[tuple[Task, Sequence[KneeDone]]]]
 
@@ -53,7 +57,9 @@ def run(arguments: argparse.Namespace) -> int:
     shard = _shard(arguments.shard)
     _check_options(arguments)
     try:
-        cohort = read_cohort(arguments.study)
+        cohort, by_blocks = read_cohort(arguments.study), bool(arguments.blocks)
+        if arguments.bootstrap:
+            check_bootstraps(cohort, by_blocks)
     except CohortProblems as every:
         return _refused(every)
     out, tasks = arguments.out.resolve(), plan(cohort)
@@ -61,13 +67,15 @@ def run(arguments: argparse.Namespace) -> int:
         for new in ("knee.yaml", "result.json"):
             check_new(out / KNEES / member.name / new, member.study.knee_name)
     own = shard_of(tasks, *shard) if shard else tasks
+    waiting = [name for task in own if finished(task, out) is None for name in task.names]
+    check_room(out, _KNEE_MB * len(waiting), f"results of {counted(len(waiting), 'knee')}")
     _say_plan(cohort, tasks, own, arguments)
     work, count, lost = CohortWork(out, arguments.svg), arguments.bootstrap or 0, []
-    rounds = (own, " knees"), (bootstraps(own, count), " fits")
+    rounds = (own, " knees"), (bootstraps(own, count, by_blocks), " fits")
     with _computer([task for some, _ in rounds for task in some], work, arguments) as compute:
         for some, unit in rounds:
             lost += _computed(compute, some, work, unit)
-    every = [*tasks, *bootstraps(tasks, count)]
+    every = [*tasks, *bootstraps(tasks, count, by_blocks)]
     # Other parts may have ended meanwhile.
     ended = [(task, finished(task, out)) for task in every]
     open_ = [task for task, done in ended if done is None]
@@ -75,6 +83,8 @@ def run(arguments: argparse.Namespace) -> int:
     if any(not said.keys() & set(task.names) for task in open_):
         print(f"{counted(len(open_), 'task')} left to other parts: the last one writes the report")
         return int(bool(said))
+    for one in lost:
+        print(f"{one.name}: {one.failed}")
     known = {one.name: one for task, done in ended if not task.draws for one in done or ()}
     return _finish(cohort, said | known, draws_of(every, out) if count else {}, arguments, lost)
 
@@ -138,6 +148,8 @@ def _check_options(arguments: argparse.Namespace) -> None:
     if arguments.bootstrap is not None and not 1 <= arguments.bootstrap <= _MOST_DRAWS:
         expected = f"a whole number from 1 to {_MOST_DRAWS}"
         raise InputProblem("--bootstrap", "draws", str(arguments.bootstrap), expected)
+    if arguments.blocks and arguments.bootstrap is None:
+        raise InputProblem("--blocks", "option", "alone", "--bootstrap N beside it")
     given = [name for name in ("jobs", "scheduler", "shard") if getattr(arguments, name)]
     if arguments.jobs is not None and not 1 <= arguments.jobs <= _MOST_JOBS:
         expected = f"a whole number from 1 to {_MOST_JOBS}"
@@ -186,8 +198,6 @@ def _finish(
         missing = str(problem)
     write_cohort_report(summary, out, KNEES, svg=arguments.svg)
     print(cohort_text(summary))
-    for one in lost:
-        print(f"{one.name}: {one.failed}")
     print(f"written: {out}/{', '.join(files)}, {KNEES}/NAME/")
     if missing:
         print(f"not written: {out}/cohort.nc: {missing}")

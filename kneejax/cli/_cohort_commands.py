@@ -7,7 +7,7 @@ import argparse
 from kneejax.cli._parser import KNEE, add_command, add_kinds, add_out, lazily
 from kneejax.files import InputProblem
 
-_OF_COHORTS = ("bootstrap", "jobs", "scheduler", "shard")
+_OF_COHORTS = ("bootstrap", "blocks", "jobs", "scheduler", "shard")
 
 
 def add_cohort(commands) -> None:
@@ -37,6 +37,13 @@ def add_cohort_options(calibrate: argparse.ArgumentParser) -> None:
         type=int,
         metavar="N",
         help="of a cohort: for each knee N fits of data that its answer would give, with noise",
+    )
+    calibrate.add_argument(
+        "--blocks",
+        action="store_const",
+        const=True,
+        help="with --bootstrap: of curves drawn among those that were measured, each the passive "
+        "motion or a test at one flexion",
     )
     calibrate.add_argument(
         "--jobs",

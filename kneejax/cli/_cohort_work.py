@@ -69,13 +69,15 @@ class CohortWork:
         return done
 
     def _bootstrap(self, task: Task, member: Member) -> KneeDone:
-        """Fit what the answer of a knee would give; nothing for a knee without one."""
+        """Fit data of a knee that are drawn again; nothing for a knee without an answer."""
         begun, folder, failed = time.perf_counter(), self.out / KNEES / member.name, ""
         values = np.zeros((0, 0))
         if (folder / "result.json").is_file():
             answer = read_calibrated(folder / "result.json")
             try:
-                values = bootstrapped(member.study, range(*task.draws or ()), answer)
+                values = bootstrapped(
+                    member.study, range(*task.draws or ()), answer, task.by_blocks
+                )
             except UnsuitableData as problem:
                 failed = " ".join(str(problem).split())
         stream = io.BytesIO()

@@ -52,7 +52,8 @@ def main(arguments: list[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return status
     except OSError as problem:
-        print(f"kneejax: {problem.filename}: {problem.strerror}", file=sys.stderr)
+        said = f"{problem.filename}: {problem.strerror}" if problem.filename else str(problem)
+        print(f"kneejax: {' '.join(said.split())}", file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
         print("kneejax: stopped; no half-written files are left", file=sys.stderr)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shutil
 import tempfile
 from pathlib import Path
 
@@ -47,3 +48,21 @@ def try_out(out: Path, *, folder: bool) -> None:
             # Whoever else writes there keeps the folder.
             with contextlib.suppress(OSError):
                 one.rmdir()
+
+
+def check_room(out: Path, needed_mb: float, what: str) -> None:
+    """Refuse a disk that is too full for what shall be written.
+
+    Args:
+        out: folder of the results, which may not be there yet.
+        needed_mb: that it certainly takes.
+        what: is written, in words.
+
+    Raises:
+        InputProblem: there is less room.
+    """
+    place = next(one for one in (out, *out.parents) if one.exists())
+    free_mb = shutil.disk_usage(place).free / 1e6
+    if free_mb < needed_mb:
+        expected = f"at least {needed_mb:.3g} MB free for {what}; there are {free_mb:.3g} MB"
+        raise InputProblem("--out", "folder", str(out), expected)

@@ -19,6 +19,7 @@ _MODULES = {
     "in_process": "kneejax.cohorts._execute",
     "Task": "kneejax.cohorts._plan",
     "bootstraps": "kneejax.cohorts._plan",
+    "check_bootstraps": "kneejax.cohorts._plan",
     "plan": "kneejax.cohorts._plan",
     "shard_of": "kneejax.cohorts._plan",
     "structures": "kneejax.cohorts._plan",
@@ -56,6 +57,7 @@ if TYPE_CHECKING:
     from kneejax.cohorts._on_cluster import workers_of as workers_of
     from kneejax.cohorts._plan import Task as Task
     from kneejax.cohorts._plan import bootstraps as bootstraps
+    from kneejax.cohorts._plan import check_bootstraps as check_bootstraps
     from kneejax.cohorts._plan import plan as plan
     from kneejax.cohorts._plan import shard_of as shard_of
     from kneejax.cohorts._plan import structures as structures

@@ -7,7 +7,10 @@ on disk. Which worker computes a task changes no number: a task is the same call
 from __future__ import annotations
 
 import contextlib
+import functools
+import logging
 import os
+import time
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -25,6 +28,15 @@ _ONE_THREAD = {
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 }
 _PATIENCE_S = 20.0
+#: How often workers are started and made ready, who may die meanwhile; the pause in between, s.
+_TRIALS, _PAUSE_S = 5, 1.0
+
+
+class SchedulerGone(ConnectionError):
+    """The scheduler of a cluster has ended, or cannot be reached any more."""
+
+    def __str__(self) -> str:
+        return "a scheduler that stays: it has gone; with another one the same command goes on"
 
 
 @contextlib.contextmanager
@@ -33,18 +45,27 @@ def local_workers(jobs: int) -> Iterator[Any]:
 
     Raises:
         MissingPackage: Dask is not installed.
+        InputProblem: workers die as they start, again and again.
     """
     check_installed("distributed", "cohorts")
     from dask import config
-    from distributed import Client, LocalCluster
+    from distributed import Client
 
-    with config.set(_settings()):
-        cluster = LocalCluster(
-            n_workers=jobs, threads_per_worker=1, processes=True, memory_limit=_MEMORY,
-            env=_ONE_THREAD, dashboard_address=":0", silence_logs=50,
-        )  # fmt: skip
-        with cluster, Client(cluster) as client:
-            yield client
+    with config.set(_settings()), _started(jobs) as cluster, Client(cluster) as client:
+        yield client
+
+
+def _started(jobs: int) -> Any:
+    from distributed import LocalCluster
+
+    for _ in range(_TRIALS):
+        with contextlib.suppress(OSError, RuntimeError, TimeoutError):
+            return LocalCluster(
+                n_workers=jobs, threads_per_worker=1, processes=True, memory_limit=_MEMORY,
+                env=_ONE_THREAD, dashboard_address=":0", silence_logs=50,
+            )  # fmt: skip
+        time.sleep(_PAUSE_S)
+    raise InputProblem("--jobs", "workers", str(jobs), "workers that start; they died at once")
 
 
 @contextlib.contextmanager
@@ -53,7 +74,7 @@ def workers_of(address: str) -> Iterator[Any]:
 
     Raises:
         MissingPackage: Dask is not installed.
-        InputProblem: no scheduler answers there.
+        InputProblem: no scheduler answers there, or it has gone meanwhile.
     """
     check_installed("distributed", "cohorts")
     from dask import config
@@ -66,8 +87,13 @@ def workers_of(address: str) -> Iterator[Any]:
             words = " ".join(str(problem).split())[:60] or type(problem).__name__
             expected = f"the address of a Dask scheduler that answers ({words})"
             raise InputProblem("--scheduler", "address", address, expected) from None
+        # Whether a scheduler has gone is said here, in one line.
+        logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
         with client:
-            yield client
+            try:
+                yield client
+            except SchedulerGone as problem:
+                raise InputProblem("--scheduler", "address", address, str(problem)) from None
 
 
 def dashboard_of(client: Any) -> str:
@@ -90,14 +116,33 @@ def on_workers(
 
     Raises:
         InputProblem: a worker runs another version of the package.
+        SchedulerGone: there is no scheduler any more.
     """
+    try:
+        _prepare(client)
+        yield from _each(client, tasks, work)
+    except Exception:
+        if client.status == "running":
+            raise
+        raise SchedulerGone from None
+
+
+def _each(
+    client: Any, tasks: Sequence[Task], work: Work
+) -> Iterator[tuple[Task, Sequence[KneeDone]]]:
+    """Each task when it has ended, on workers that are ready."""
     from distributed import as_completed
 
-    _prepare(client)
-    waiting = {client.submit(work, task, pure=False, retries=0): task for task in tasks}
+    submit = functools.partial(
+        client.submit, _of_version, work, versions()["kneejax"], pure=False, retries=0
+    )
+    waiting = {submit(task): task for task in tasks}
     tried: dict[str, int] = {}
     following = as_completed(list(waiting))
     for future in following:
+        if future.cancelled():
+            # Whoever comes to the same address does not know how workers are made ready.
+            raise SchedulerGone
         task = waiting.pop(future)
         problem = future.exception() if future.status != "finished" else None
         if problem is None:
@@ -107,9 +152,17 @@ def on_workers(
         if tried[task.fingerprint] > 1:
             yield task, lost(task, problem)
             continue
-        again = client.submit(work, task, pure=False, retries=0)
+        again = submit(task)
         waiting[again] = task
         following.add(again)
+
+
+def _of_version(work: Work, expected: str, task: Task) -> Sequence[KneeDone]:
+    """Compute a task, which is named by the version that asks: a worker that comes late may have
+    another."""
+    if (found := _version()) != expected:
+        raise RuntimeError(f"a worker has kneejax {found}: expected {expected}, as the command")
+    return work(task)
 
 
 def _settings() -> dict[str, Any]:
@@ -130,6 +183,16 @@ def _settings() -> dict[str, Any]:
 
 def _prepare(client: Any) -> None:
     """Workers ready to compute, each one's core its own, of this version of the package."""
+    for left in reversed(range(_TRIALS)):
+        try:
+            return _made_ready(client)
+        except OSError:  # a worker has died meanwhile: another comes for it
+            if not left or client.status != "running":
+                raise
+            time.sleep(_PAUSE_S)
+
+
+def _made_ready(client: Any) -> None:
     from distributed import WorkerPlugin
 
     class Ready(WorkerPlugin):

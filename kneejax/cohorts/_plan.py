@@ -15,8 +15,10 @@ from typing import Any
 import jax
 import numpy as np
 
-from kneejax.cohorts._cohort import Cohort, Member
+from kneejax.cohorts._cohort import Cohort, CohortProblems, Member
 from kneejax.inference import versions
+from kneejax.inference.bootstrap import check_curves, check_redrawn, curves_of
+from kneejax.parameters import UnsuitableData
 from kneejax.studies import Study
 
 #: Knees of a block. More share what an evaluation costs by itself; fewer are lost when a worker is.
@@ -39,11 +41,13 @@ class Task:
         fingerprint: of everything that their numbers depend on, and of the package's version.
         draws: of a bootstrap, the numbers of the first one and of the one after the last; none of a
             calibration.
+        by_blocks: whether these draw among the curves that were measured.
     """
 
     members: tuple[Member, ...]
     fingerprint: str
     draws: tuple[int, int] | None = None
+    by_blocks: bool = False
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -72,21 +76,46 @@ def plan(cohort: Cohort, block: int = BLOCK) -> tuple[Task, ...]:
     return tuple(Task(tuple(members), _fingerprint(members)) for members in blocks)
 
 
-def bootstraps(tasks: Sequence[Task], count: int) -> tuple[Task, ...]:
-    """Tasks that fit data which the answers of others would give, so many times for each knee.
+def bootstraps(tasks: Sequence[Task], count: int, by_blocks: bool = False) -> tuple[Task, ...]:
+    """Tasks that draw the data of others again and fit them, so many times for each knee.
 
     Args:
         tasks: calibrations, which must have ended.
         count: of draws of each knee.
+        by_blocks: whether curves are drawn among those that were measured; otherwise the answers
+            make the data, with their noise.
     """
-    found = []
+    found, kind = [], "by blocks" if by_blocks else "bootstrap"
     for task in tasks:
         for member in task.members:
             for first in range(0, count, DRAWS):
                 draws = first, min(first + DRAWS, count)
-                words = f"{task.fingerprint} {member.name} bootstrap {draws}"
-                found.append(Task((member,), _digest(words.encode()).hex(), draws))
+                words = f"{task.fingerprint} {member.name} {kind} {draws}"
+                found.append(Task((member,), _digest(words.encode()).hex(), draws, by_blocks))
     return tuple(found)
+
+
+def check_bootstraps(cohort: Cohort, by_blocks: bool) -> None:
+    """Refuse a bootstrap that some knee's data do not allow.
+
+    Args:
+        cohort: that was read.
+        by_blocks: whether curves are to be drawn.
+
+    Raises:
+        CohortProblems: every such knee, with its file and row.
+    """
+    problems = []
+    for member in cohort.members:
+        study = member.study
+        try:
+            check_redrawn(study.tests)
+            if by_blocks:
+                check_curves(curves_of(len(study.flexion_deg), study.tests))
+        except UnsuitableData as problem:
+            problems.append(f"{member.place}: {problem}")
+    if problems:
+        raise CohortProblems(problems)
 
 
 def shard_of(tasks: Sequence[Task], number: int, count: int) -> tuple[Task, ...]:

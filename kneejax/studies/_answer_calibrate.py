@@ -14,7 +14,7 @@ from kneejax.experiments import evaluate
 from kneejax.files import Calibrated
 from kneejax.geometry import FREE_COORDINATES, Pose
 from kneejax.inference import Calibration, Question, calibrate_side_by_side, compile_step
-from kneejax.inference.bootstrap import bootstrap
+from kneejax.inference.bootstrap import bootstrap, bootstrap_by_blocks
 from kneejax.inference.fit import Problem, Progress
 from kneejax.parameters import UnsuitableData
 from kneejax.studies._poses import measured_poses
@@ -55,13 +55,17 @@ def run_side_by_side(studies: Sequence[Study]) -> list[Calibration | Exception]:
     ]
 
 
-def bootstrapped(study: Study, draws: Sequence[int], answer: Calibrated) -> np.ndarray:
-    """Make the data of a study again from its answer, and fit them again.
+def bootstrapped(
+    study: Study, draws: Sequence[int], answer: Calibrated, by_blocks: bool = False
+) -> np.ndarray:
+    """Draw the data of a study again, and fit them from its answer.
 
     Args:
         study: that was calibrated.
         draws: numbers of the draws.
         answer: what its result.json says.
+        by_blocks: whether curves are drawn among those that were measured; otherwise the answer
+            makes the data, with its noise.
 
     Returns:
         Values of each draw, `(draws, p)`, parameters, then constants between frames; NaN where its
@@ -69,8 +73,11 @@ def bootstrapped(study: Study, draws: Sequence[int], answer: Calibrated) -> np.n
     """
     values = [answer.found[name] for name in study.selection.names]
     shifts = [answer.frame_offset[name] for name in tuple(study.frame_offset)]  # pyright: ignore
+    values += shifts
+    if by_blocks:
+        return bootstrap_by_blocks(_question(study), values, draws, study.seed)
     noise = [answer.noise[name] for name in FREE_COORDINATES]
-    return bootstrap(_question(study), [*values, *shifts], noise, draws, study.seed)
+    return bootstrap(_question(study), values, noise, draws, study.seed)
 
 
 def _of_one_name(questions: Sequence[Question]) -> list[Question]:

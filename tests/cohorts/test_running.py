@@ -2,6 +2,9 @@
 
 import csv
 import math
+import resource
+import shutil
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -135,6 +138,42 @@ def test_what_ends_a_task_is_met_once_more_and_then_said(cohort, capsys, monkeyp
     assert main(["calibrate", str(cohort), "--out", str(out)]) == 1
     assert len(met) == 4
     assert "K1: OSError: [Errno 28] No space left on device" in capsys.readouterr().out
+
+
+def test_a_disk_that_is_too_full_is_said_before_the_work(cohort, capsys, monkeypatch):
+    out = cohort.parent / "no_room"
+    monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=1.2e6))
+    assert main(["calibrate", str(cohort), "--out", str(out)]) == 2
+    said = "expected at least 2 MB free for results of 4 knees; there are 1.2 MB"
+    assert said in capsys.readouterr().err and not out.exists()
+
+
+def test_what_a_full_disk_ends_is_no_file_and_goes_on_later(
+    cohort, calibrated, numbers, capsys, monkeypatch
+):
+    """No file may grow beyond 4 kB, which the results of a knee and the netCDF need."""
+    out = shutil.copytree(calibrated[1], cohort.parent / "full_later")
+    whole = {path.relative_to(out): path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    for path in (out / "cohort.nc", *(out / "knees" / "K0").glob("*.*")):
+        path.unlink()
+    monkeypatch.setattr("kneejax.report.write_report", lambda *_, **__: None)  # pages of knees
+    monkeypatch.setattr("kneejax.numerics._kept_programs._kept_in", None)
+    words = ["calibrate", str(cohort), "--out", str(out), "--bootstrap", "25"]
+    usual = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4_000, usual[1]))
+    try:
+        assert main(words) in (1, 2)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, usual)
+    said = capsys.readouterr()
+    assert "File too large" in said.out + said.err and "Traceback" not in said.err
+    for path in out.rglob("*"):
+        if path.suffix in (".npz", ".nc") or path.name == "result.json":
+            assert path.read_bytes() == whole[path.relative_to(out)]
+    assert not (out / "knees" / "K0" / "task.json").exists()
+    assert not [path for path in out.rglob(".*") if path.is_file()]
+    assert main(words) == calibrated[0]
+    assert numbers(out) == numbers(calibrated[1])
 
 
 def test_a_knee_among_others_is_what_it_is_alone(cohort):

@@ -1,11 +1,8 @@
 """Workers of Dask: the very same numbers, whoever computes them and whoever is killed."""
 
 import os
-import random
-import signal
 import subprocess
 import sys
-import time
 
 import pytest
 
@@ -46,21 +43,6 @@ def test_any_number_of_workers_gives_the_same_bits(made_up, undisturbed, numbers
     assert numbers(out) == undisturbed
 
 
-@pytest.mark.parametrize("words", [(), ("--jobs", "2")])
-def test_a_command_that_is_killed_goes_on_where_it_was(made_up, undisturbed, numbers, words):
-    out, draws = made_up.parent / f"killed{len(words)}", random.Random(0)
-    for _ in range(4):
-        process = command(made_up, out, *words)
-        time.sleep(draws.uniform(3.0, 20.0))
-        if process.poll() is not None:
-            break
-        os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
-    assert command(made_up, out, *words).wait() in (0, 1)
-    assert numbers(out) == undisturbed
-    assert not [path for path in out.rglob(".*") if path.is_file() and path.suffix != ".tmp"]
-
-
 def test_a_scheduler_that_does_not_answer_is_one_line(made_up, capsys, monkeypatch):
     monkeypatch.setattr("kneejax.cohorts._on_cluster._PATIENCE_S", 1.0)
     words = ["--scheduler", "tcp://127.0.0.1:9", "--out", str(made_up.parent / "none")]
@@ -81,6 +63,16 @@ def test_workers_of_another_version_are_refused(monkeypatch):
 
     with pytest.raises(InputProblem, match=r"version: 0.0.1: expected workers with kneejax"):
         _on_cluster._prepare(Client())
+
+
+def test_a_worker_of_another_version_that_comes_late_computes_nothing():
+    from kneejax.cohorts import Task, _on_cluster
+
+    def work(task):
+        raise AssertionError
+
+    with pytest.raises(RuntimeError, match=r"a worker has kneejax .*: expected 0.0.1"):
+        _on_cluster._of_version(work, "0.0.1", Task((), ""))
 
 
 def test_without_dask_workers_are_no_traceback(monkeypatch, made_up):

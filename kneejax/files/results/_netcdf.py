@@ -6,6 +6,8 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from kneejax.files.reading import write_bytes
+
 if TYPE_CHECKING:
     from xarray import Dataset
 
@@ -19,13 +21,11 @@ def write_netcdf(path: str | os.PathLike[str], dataset: Dataset) -> Path:
 
     Returns:
         The path.
+
+    Raises:
+        InputProblem: the file cannot be written.
     """
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    draft = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        dataset.to_netcdf(draft, engine="h5netcdf", format="NETCDF4")
-        os.replace(draft, path)
-    finally:
-        draft.unlink(missing_ok=True)
-    return path
+    # HDF5 that meets a full disk may end the process when it closes its file.
+    content = dataset.to_netcdf(engine="h5netcdf", format="NETCDF4")
+    write_bytes(path, bytes(content))
+    return Path(path)

@@ -7,14 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from kneejax.inference.calibration import Question, ready
-from kneejax.inference.fit import LoadCases, fit_lanes
-from kneejax.parameters import UnsuitableData
-from kneejax.statics import Slopes
-
-#: Draws that are fitted at once: bounds memory.
-_AT_ONCE = 100
-_MOST_EVALUATIONS = 100
+from kneejax.inference.bootstrap._answered import Answered
+from kneejax.inference.calibration import Question
+from kneejax.inference.fit import LoadCases
 
 
 def bootstrap(
@@ -45,31 +40,16 @@ def bootstrap(
 
     Source: B. Efron and R. J. Tibshirani, An Introduction to the Bootstrap (1993), section 6.5.
     """
-    own = ready(question)
-    problem = own.problem
-    if problem.cases.readings is not None:
-        raise UnsuitableData("bootstrap: forces or strains were read, which it does not make again")
-    first = problem.begin(np.asarray(answer, float)[None])
-    if not first.converged[0].any():
-        raise UnsuitableData("bootstrap: the answer has no balance")
-    cases = problem.with_used(first.converged[0] & problem.used).cases
-    model, spread = cases.observed(first)[0][0], np.asarray(noise, float)
+    answered = Answered.of(question, answer)
+    cases = answered.cases
+    model, spread = cases.observed(answered.first)[0][0], np.asarray(noise, float)
     spread = np.where(np.isfinite(spread), spread, 0.0)
     if cases.spread is not None:
         spread = spread * cases.spread
-    found = []
-    for begin in range(0, len(draws), _AT_ONCE):
-        some = draws[begin : begin + _AT_ONCE]
+
+    def made_again(some: Sequence[int]) -> LoadCases:
         scatter = [np.random.default_rng([seed, k]).standard_normal(model.shape) for k in some]
         target = model + spread * np.array(scatter)
-        target = np.where(np.isnan(cases.target), np.nan, target)
-        found.append(_fitted(problem.balance, cases, first, target, own.lower, own.upper))
-    return np.concatenate(found) if found else np.empty((0, len(own.start)))
+        return dataclasses.replace(cases, target=np.where(np.isnan(cases.target), np.nan, target))
 
-
-def _fitted(balance, cases: LoadCases, first: Slopes, target, lower, upper) -> np.ndarray:
-    count = len(target)
-    data, begin = dataclasses.replace(cases, target=target), first.take(np.zeros(count, int))
-    box = [np.tile(bound, (count, 1)) for bound in (lower, upper)]
-    fits = fit_lanes(balance, data, begin, begin.values, *box, most=_MOST_EVALUATIONS)
-    return np.where(fits.converged[:, None], fits.values, np.nan)
+    return answered.fitted(draws, made_again)

@@ -6,6 +6,7 @@ from kneejax.inference.calibration._fitted_test import FittedTest as FittedTest
 from kneejax.inference.calibration._quality import Fault as Fault
 from kneejax.inference.calibration._quality import Misfit as Misfit
 from kneejax.inference.calibration._question import Question as Question
+from kneejax.inference.calibration._question import Ready as Ready
 from kneejax.inference.calibration._question import ready as ready
 from kneejax.inference.calibration._result import Calibration as Calibration
 from kneejax.inference.calibration._result import Ending as Ending

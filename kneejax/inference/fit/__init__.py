@@ -18,6 +18,7 @@ from kneejax.inference.fit._many_fits import ManyFits as ManyFits
 from kneejax.inference.fit._many_fits import compile_step as compile_step
 from kneejax.inference.fit._many_fits import fit_lanes as fit_lanes
 from kneejax.inference.fit._observations import observations as observations
+from kneejax.inference.fit._observations import rows_of_tests as rows_of_tests
 from kneejax.inference.fit._problem import Problem as Problem
 from kneejax.inference.fit._problem import Progress as Progress
 from kneejax.inference.fit._problem import check_finite as check_finite

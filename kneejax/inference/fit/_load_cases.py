@@ -65,8 +65,9 @@ class LoadCases:
             as it is; None where all do.
         group: load cases that share unknown constants, one a coordinate: their number
             `(stations,)`, -1 for cases without; None where no case has any.
-        spread: times its coordinate's noise that an observation has, `(stations, 5)`; None where
-            all have that noise itself.
+        spread: times its coordinate's noise that an observation has, `(stations, 5)`, or one set
+            per fit `(fits, stations, 5)`, infinite for one that does not count; None where all have
+            that noise itself.
         cuts: what was cut, a set of ligaments each; the first is that of a whole knee, none.
         cut: which of these each load case had, `(stations,)`; the first by default.
         readings: forces and strains that were read of parts of the knee; None without any.
@@ -151,10 +152,12 @@ class LoadCases:
         """The data of some of the fits."""
         target = self.target if self.target.ndim == 2 else self.target[rows]
         noise = self.noise if self.noise.ndim == 1 else self.noise[rows]
-        prior = self.prior
+        spread, prior = self.spread, self.prior
+        if spread is not None and spread.ndim == 3:
+            spread = spread[rows]
         if prior is not None and prior[0].ndim == 2:
             prior = prior[0][rows], prior[1]
-        return dataclasses.replace(self, target=target, noise=noise, prior=prior)
+        return dataclasses.replace(self, target=target, noise=noise, spread=spread, prior=prior)
 
     def observed(self, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
         """What the model gives to compare with the target, and its derivative by the values.
@@ -210,7 +213,7 @@ class LoadCases:
         error, slope = (each[:, self.counted] for each in self.error(found))
         noise = self.noise[..., None, :]
         if self.spread is not None:
-            noise = noise * self.spread[self.counted]
+            noise = noise * self.spread[..., self.counted, :]
         error, slope = error / noise, slope / noise[..., None]
         error = error.reshape(len(error), -1)
         slope = slope.reshape(len(slope), -1, slope.shape[-1])
