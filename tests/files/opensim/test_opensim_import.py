@@ -114,21 +114,6 @@ def test_schema_4_left_knee():
         assert any(name in doubt for doubt in read.doubts)
 
 
-@pytest.mark.parametrize(
-    ("quadrant", "side"), [("-x", "-x"), ("y", "+y"), ("+Y", "+y"), ("all", None)]
-)
-def test_a_cylinder_in_a_quadrant_is_passed_on_that_side(quadrant, side):
-    text = LEFT.read_bytes()
-    sizes = b"<length>0.12</length>"
-    data = text.replace(sizes, sizes + f"<quadrant>{quadrant}</quadrant>".encode())
-    read = import_osim(LEFT, side="l", data=data)
-    assert read.document["ligaments"]["capsule"]["wrap"] == "back_of_knee"
-    assert read.document["wraps"]["back_of_knee"].get("side") == side
-    # Along its axis a cylinder has no sides.
-    odd = text.replace(sizes, sizes + b"<quadrant>z</quadrant>")
-    assert "quadrant z" in import_osim(LEFT, side="l", data=odd).found.unsupported["capsule"]
-
-
 def test_schema_3_right_knee():
     document = import_osim(RIGHT, side="r").document
     assert list(document["ligaments"]) == ["Band1"]
