@@ -87,6 +87,7 @@ def taut(
         flags carry no derivative. An end inside the obstacle leaves the path straight.
 
     Example:
+        >>> from kneejax.geometry import WrapSphere
         >>> path = taut(WrapSphere(10.0), (-20.0, 0.0, 5.0), (20.0, 0.0, 5.0))
         >>> round(float(path.excess), 4), bool(path.angle > 0)
         (1.2848, True)
@@ -144,6 +145,7 @@ def path_points(obstacle: Obstacle, start: Vector, end: Vector, n: int = 33) -> 
         Shape `(n, 3, ...)`, mm, in the obstacle's frame.
 
     Example:
+        >>> from kneejax.geometry import WrapSphere
         >>> path_points(WrapSphere(10.0), (-20.0, 0.0, 5.0), (20.0, 0.0, 5.0), 9).shape
         (9, 3)
     """
