@@ -78,4 +78,5 @@ def check_single(arguments: argparse.Namespace) -> None:
                 "this option with a cohort alone (a folder, a pattern in quotes or a cohort file), "
                 f"not {study}"
             )
-            raise InputProblem(f"--{name}", "value", str(value), expected)
+            given = "given" if value is True else str(value)
+            raise InputProblem(f"--{name}", "option", given, expected)

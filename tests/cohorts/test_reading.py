@@ -140,3 +140,5 @@ def test_an_option_that_means_nothing_is_one_line(tmp_path, capsys, words, said)
 def test_a_single_study_refuses_what_only_a_cohort_can_be_asked(capsys):
     assert main(["calibrate", "paper1", "--jobs", "2"]) == 2
     assert "with a cohort alone" in capsys.readouterr().err
+    assert main(["calibrate", "paper1", "--blocks"]) == 2
+    assert "--blocks: option: given: expected" in capsys.readouterr().err
