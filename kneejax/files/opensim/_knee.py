@@ -77,15 +77,15 @@ def find_knee(
 ) -> OsimKneeJoint:
     """Find the knee of a side.
 
-    Without `femur` and `tibia`, it is the joint (or the joints in a row) whose names speak of a
-    knee of that side, and of these the one whose child carries the foot.
+    It is the joint (or the joints in a row) whose names speak of a knee of that side, and of these
+    the one whose child carries the foot.
 
     Args:
         model: the model.
         side: `r` or `l`.
         femur: the femur's body; with `tibia`, nothing is guessed.
-        tibia: the tibia's body.
-        may_be_named: whether who asked could have said which bodies: a refusal then says how.
+        tibia: likewise.
+        may_be_named: whether a person could say these, and is told how where no knee is found.
 
     Returns:
         The bones, what is rigidly joined to each, and the reference pose.
@@ -128,10 +128,12 @@ def find_knee(
     )  # fmt: skip
     if not patella:
         return knee
-    on_femur = from_femur.after(placed(model, above, patella, []))
-    return dataclasses.replace(
-        knee, patella=patella, patella_pose=_pose(on_femur, side), patella_in_femur=on_femur
-    )
+    return _with_patella(knee, patella, from_femur.after(placed(model, above, patella, [])))
+
+
+def _with_patella(knee: OsimKneeJoint, patella: str, in_femur: Offset) -> OsimKneeJoint:
+    pose = _pose(in_femur, knee.side)
+    return dataclasses.replace(knee, patella=patella, patella_pose=pose, patella_in_femur=in_femur)
 
 
 def _rigid_with_bones(
