@@ -107,8 +107,7 @@ def find_knee(
     else:
         found = _guess(model, joints, above, side, findings, may_be_named)
         femur, tibia = found[0].parent, found[-1].child
-    for bone, body in (("femur", femur), ("tibia", tibia)):
-        findings.append(f"{body} was taken as the {bone}.")
+    findings += [f"{femur} was taken as the femur.", f"{tibia} was taken as the tibia."]
     names = ", ".join(f"{joint.name} ({joint.kind})" for joint in found)
     findings.append(f"Joint between them: {names}.")
     doubts: list[str] = []
@@ -121,9 +120,8 @@ def find_knee(
         own = _rigid(model, joints, patella, [], doubts)
         rigid |= {body: (PATELLA, offset) for body, offset, _ in own}
     doubts += turned + _axes_doubts(joints, rigid) + _coupled(model, found)
-    pose = _pose(there, side)
     knee = OsimKneeJoint(
-        side, femur, tibia, tuple(found), rigid, pose, there, tuple(findings),
+        side, femur, tibia, tuple(found), rigid, _pose(there, side), there, tuple(findings),
         tuple(dict.fromkeys(doubts)),
     )  # fmt: skip
     if not patella:

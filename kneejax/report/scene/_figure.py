@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kneejax.report.look import BLACK, GREY, WIDTH, styled, verbatim
-from kneejax.report.scene._colours import OBSTACLE, pressure_limit, strain_colours, strain_limit
+from kneejax.report.scene._colours import (
+    MUSCLE,
+    OBSTACLE,
+    pressure_limit,
+    strain_colours,
+    strain_limit,
+)
 from kneejax.report.scene._pressure_map import PRESSURE_COLOURS, degrees, spread
 from kneejax.report.scene._render import VIEWS, Camera, camera, render
 from kneejax.report.scene._scene import Fibre, Scene
@@ -30,6 +36,8 @@ _LETTER = 0.065
 _TRIAD = 0.2
 #: Inches: the page, room for the names beside a view, head, foot, words at the left, gaps.
 _PAGE_WIDTH, _LABELS, _HEAD, _FOOT, _SIDE, _GAP = 1.25 * WIDTH, 0.48, 0.3, 0.75, 0.5, 0.08
+#: Between what explains two colours, inches.
+_KEY = 1.1
 
 
 @styled
@@ -344,8 +352,9 @@ def _panel(figure: Figure, left: float, bottom: float, width: float, height: flo
 def _head(figure: Figure, text: str, scene: Scene) -> None:
     page, height = figure.get_size_inches()
     figure.text(0.1 / page, 1 - 0.08 / height, verbatim(text), fontsize=9, va="top")
-    if scene.obstacles:
-        place = {"ha": "right", "va": "top", "fontsize": 8}
-        figure.text(
-            1 - 0.1 / page, 1 - 0.08 / height, "\u25a0 wrap obstacles", color=OBSTACLE, **place
-        )
+    keys = [("wrap obstacles", OBSTACLE)] if scene.obstacles else []
+    keys += [("quadriceps", MUSCLE)] if any(x.is_muscle for x in scene.fibres) else []
+    for k, (words, colour) in enumerate(keys):
+        right = 1 - (0.1 + _KEY * k) / page
+        place = {"ha": "right", "va": "top", "fontsize": 8, "color": colour}
+        figure.text(right, 1 - 0.08 / height, f"\u25a0 {words}", **place)

@@ -5,11 +5,13 @@ import io
 import os
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import equinox as eqx
 import jax
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import kneejax as kj
 from kneejax import report
@@ -21,7 +23,7 @@ from kneejax.report.scene._colours import (
     strain_colour,
     strain_limit,
 )
-from kneejax.report.scene._figure import _apart
+from kneejax.report.scene._figure import _apart, _head
 from kneejax.report.scene._grids import grid_triangles, obstacle_grid
 from kneejax.report.scene._render import camera
 
@@ -380,3 +382,15 @@ def test_a_bone_of_many_triangles_is_simplified_where_it_was():
     assert 2000 < len(fewer.faces) <= 4400
     np.testing.assert_allclose(np.linalg.norm(fewer.points_mm, axis=1), 30.0, atol=0.1)
     assert report.simplified(fewer, 8000) is fewer
+
+
+def test_colours_that_no_scale_explains_are_named():
+    """Of obstacles and of the quadriceps, where they are drawn."""
+    fibre = SimpleNamespace(is_muscle=True)
+    for obstacles, fibres, words in (
+        ((), (), []), ((1,), (), ["wrap obstacles"]), ((), (fibre,), ["quadriceps"]),
+        ((1,), (fibre,), ["wrap obstacles", "quadriceps"]),
+    ):  # fmt: skip
+        figure = Figure()
+        _head(figure, "knee", SimpleNamespace(obstacles=obstacles, fibres=fibres))
+        assert [text.get_text()[2:] for text in figure.texts[1:]] == words
