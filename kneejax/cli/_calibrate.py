@@ -38,7 +38,7 @@ def _written(result: Calibration, out: Path, svg: bool) -> int:
     from kneejax.report import calibration_summary, outcome
     from kneejax.report.look import wrapped
 
-    missing = write_results(result, out, svg)
+    missing = write_results(result, out, svg=svg)
     print(calibration_summary(result))
     knee = "" if missing else "knee.yaml, "
     tables = "parameters.csv, poses.csv" + ", tests.csv" * bool(result.fit.tests)

@@ -11,13 +11,14 @@ from kneejax.inference import Calibration
 from kneejax.statics import Status
 
 
-def write_results(result: Calibration, out: Path, svg: bool) -> str:
+def write_results(result: Calibration, out: Path, *, svg: bool, figures: bool = True) -> str:
     """Write what was found, the calibrated knee and the report.
 
     Args:
         result: of a study.
         out: folder.
         svg: whether figures are written as SVG too.
+        figures: whether they are files at all; the report holds them.
 
     Returns:
         Why there is no calibrated knee, where the search ended at none; empty otherwise.
@@ -47,7 +48,7 @@ def write_results(result: Calibration, out: Path, svg: bool) -> str:
     )
     if result.fit.tests:
         write_rows(out / "tests.csv", *reading_table(result))
-    write_report(result, out, svg=svg)
+    write_report(result, out, svg=svg, figures=figures)
     return _write_knee(out)
 
 

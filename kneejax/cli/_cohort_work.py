@@ -33,7 +33,7 @@ class CohortWork:
 
     Attributes:
         out: of the cohort's results.
-        svg: whether figures are written as SVG too.
+        svg: whether each knee's figures are files too, as PNG and SVG; its page holds them.
     """
 
     out: Path
@@ -62,7 +62,7 @@ class CohortWork:
         if isinstance(answer, Exception):
             failed = " ".join(str(answer).split())
         else:
-            write_results(answer, folder, self.svg)
+            write_results(answer, folder, svg=self.svg, figures=self.svg)
         done = KneeDone(member.name, failed, seconds + time.perf_counter() - begun)
         mark = {"task": task.fingerprint, "failed": failed, "seconds": done.seconds}
         write_text(folder / MARK, json.dumps(mark) + "\n")

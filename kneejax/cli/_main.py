@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import gc
 import os
 import sys
 
@@ -103,10 +102,8 @@ def _prepare_jax() -> None:
     what it waits for, so that only what ends a process is left to XLA, unless somebody asks.
     """
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
-    from kneejax.numerics import configure, share_memory_between_threads
+    from kneejax.numerics import collect_seldom, configure, share_memory_between_threads
 
     share_memory_between_threads()
-    # Tracing makes millions of objects that stay: to look through all of them for circles again
-    # and again took a twelfth of a first run.
-    gc.set_threshold(100_000, 20, 20)
+    collect_seldom()
     configure()

@@ -62,7 +62,7 @@ def _started(jobs: int) -> Any:
         with contextlib.suppress(OSError, RuntimeError, TimeoutError):
             return LocalCluster(
                 n_workers=jobs, threads_per_worker=1, processes=True, memory_limit=_MEMORY,
-                env=_ONE_THREAD, dashboard_address=":0", silence_logs=50,
+                dashboard_address=":0", silence_logs=50,
             )  # fmt: skip
         time.sleep(_PAUSE_S)
     raise InputProblem("--jobs", "workers", str(jobs), "workers that start; they died at once")
@@ -175,6 +175,9 @@ def _settings() -> dict[str, Any]:
         "distributed.worker.memory.target": False,
         "distributed.worker.memory.spill": False,
         "distributed.worker.memory.pause": False,
+        # Whoever gives memory back after each task asks for it again in the next one.
+        "distributed.nanny.pre-spawn-environ": _ONE_THREAD,
+        "distributed.worker.profile.enabled": False,
         # A worker that computes does not answer for as long as a program compiles.
         "distributed.comm.timeouts.connect": "60s",
         "distributed.scheduler.worker-ttl": None,
@@ -212,9 +215,10 @@ def _made_ready(client: Any) -> None:
 
 
 def _ready(place: int) -> None:
-    from kneejax.numerics import configure, share_memory_between_threads
+    from kneejax.numerics import collect_seldom, configure, share_memory_between_threads
 
     share_memory_between_threads()
+    collect_seldom()
     _take_a_core(place)
     configure()
 

@@ -1,6 +1,7 @@
 """Compiling, lanes, all cores, elimination, safe primitives. Knows no knee."""
 
 from kneejax.numerics._arctangent import arctan2 as arctan2
+from kneejax.numerics._compiled import collect_seldom as collect_seldom
 from kneejax.numerics._compiled import compiled as compiled
 from kneejax.numerics._compiled import compiler_options as compiler_options
 from kneejax.numerics._compiled import compiling as compiling

@@ -128,7 +128,7 @@ def test_parts_make_the_very_same_and_what_is_there_is_not_computed_again(
 def test_what_ends_a_task_is_met_once_more_and_then_said(cohort, capsys, monkeypatch):
     out, met = cohort.parent / "full", []
 
-    def full(*_):
+    def full(*_, **options):
         met.append(1)
         raise OSError(28, "No space left on device")
 

@@ -46,6 +46,7 @@ from kneejax.report.look import (
     number,
     page,
     picture,
+    picture_svg,
     save_and_inline,
     section,
     table,
@@ -84,7 +85,11 @@ def _drawn(calibration: Calibration) -> dict[str, Any]:
 
 
 def write_report(
-    calibration: Calibration, folder: str | os.PathLike[str], *, svg: bool = False
+    calibration: Calibration,
+    folder: str | os.PathLike[str],
+    *,
+    svg: bool = False,
+    figures: bool = True,
 ) -> list[Path]:
     """Write the report of a calibration with its figures.
 
@@ -92,6 +97,7 @@ def write_report(
         calibration: what to report.
         folder: where; made if needed. Files of the same names are replaced.
         svg: whether figures are saved as SVG as well; the page holds them in any case.
+        figures: whether figures are files at all. To draw them twice is half of a report's time.
 
     Returns:
         `report.html`, which needs no other file, then `figures/NAME.png`.
@@ -101,8 +107,11 @@ def write_report(
     with _collection_paused():
         for name, draw in _drawn(calibration).items():
             figure = draw(calibration)
-            written, pictures[name] = save_and_inline(figure, folder / "figures", name, svg=svg)
-            paths += written
+            if figures:
+                written, pictures[name] = save_and_inline(figure, folder / "figures", name, svg=svg)
+                paths += written
+            else:
+                pictures[name] = picture_svg(figure, name)
     written = write_whole(folder / "report.html", report_page(calibration, pictures).encode())
     return [written, *paths]
 

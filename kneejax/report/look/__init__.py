@@ -18,6 +18,7 @@ from kneejax.report.look._page import table as table
 from kneejax.report.look._page import warnings_box as warnings_box
 from kneejax.report.look._page_style import CSS as CSS
 from kneejax.report.look._saving import picture_png as picture_png
+from kneejax.report.look._saving import picture_svg as picture_svg
 from kneejax.report.look._saving import save_and_inline as save_and_inline
 from kneejax.report.look._saving import save_figure as save_figure
 from kneejax.report.look._saving import write_whole as write_whole
