@@ -36,8 +36,8 @@ class Cost:
         sum_up_s: of the command for each knee when all is done.
     """
 
-    knee_s: float = 0.55
-    report_s: float = 1.2
+    knee_s: float = 0.5
+    report_s: float = 0.45
     draw_s: float = 0.025
     scatter: float = 0.25
     begin_s: float = 12.0

@@ -46,8 +46,8 @@ _PRIOR = """# What a cohort says of a knee of which nothing is measured: {}.
 # In a study: prior: prior.yaml
 """
 _MOST_JOBS, _MOST_SHARDS, _MOST_DRAWS = 1024, 100_000, 1_000_000
-#: Files of a knee take at least this; those of a knee with a dozen curves 1.2 MB.
-_KNEE_MB = 0.5
+#: Files of a knee take about this; those of one with 22 parameters 0.4 MB.
+_KNEE_MB = 0.25
 #: Computes tasks, each yielded with what became of its knees when it has ended.
 Compute = Callable[[Sequence[Task], Work], Iterator[tuple[Task, Sequence[KneeDone]]]]
 

@@ -142,9 +142,9 @@ def test_what_ends_a_task_is_met_once_more_and_then_said(cohort, capsys, monkeyp
 
 def test_a_disk_that_is_too_full_is_said_before_the_work(cohort, capsys, monkeypatch):
     out = cohort.parent / "no_room"
-    monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=1.2e6))
+    monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=0.6e6))
     assert main(["calibrate", str(cohort), "--out", str(out)]) == 2
-    said = "expected at least 2 MB free for results of 4 knees; there are 1.2 MB"
+    said = "expected at least 1 MB free for results of 4 knees; there are 0.6 MB"
     assert said in capsys.readouterr().err and not out.exists()
 
 
