@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,8 +16,8 @@ if TYPE_CHECKING:
 
 #: Panels beside each other, and knees whose names are all written.
 _ACROSS, _NAMED = 4, 40
-#: Above all panels, and between two rows of them, inches.
-_ABOVE, _BETWEEN = 0.35, 0.62
+#: Above all panels, and between two rows of them, inches: room for titles of two lines.
+_ABOVE, _BETWEEN = 0.48, 0.76
 
 
 @styled
@@ -88,7 +89,7 @@ def _panel(axes, summary: CohortSummary, name: str) -> None:
         light = "in the others' light"
         axes.plot(shrunk, rows, "|", ms=4.0, mew=1.0, color=VERMILLION, label=light)
     axes.set_xlim(left, right)
-    axes.set_title(readable(name), fontsize=8)
+    axes.set_title(textwrap.fill(readable(name), 22), fontsize=8)
     axes.set_xlabel(unit or "strain" if name.endswith("strain") else unit or "-")
     axes.tick_params(axis="x", labelsize=7)
     axes.locator_params(axis="x", nbins=4)
