@@ -98,6 +98,13 @@ def test_what_knees_say_together_is_a_prior_for_the_next(cohort, calibrated):
         read_study(cohort.parent / "next.yaml")
 
 
+def test_figures_of_a_knee_stand_in_its_page_and_are_drawn_once(calibrated):
+    for name in KNEES:
+        folder = calibrated[1] / "knees" / name
+        assert (folder / "report.html").read_text().count("<svg") == 5
+        assert not (folder / "figures").exists()
+
+
 def test_the_page_links_to_every_knee_that_has_a_report(calibrated):
     out = calibrated[1]
     page = (out / "report.html").read_text()
