@@ -7,9 +7,9 @@ on disk. Which worker computes a task changes no number: a task is the same call
 from __future__ import annotations
 
 import contextlib
-import functools
 import logging
 import os
+import pickle
 import time
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -133,9 +133,12 @@ def _each(
     """Each task when it has ended, on workers that are ready."""
     from distributed import as_completed
 
-    submit = functools.partial(
-        client.submit, _of_version, work, versions()["kneejax"], pure=False, retries=0
-    )
+    def submit(task: Task) -> Any:
+        # A scheduler opens what it passes on, in a process whose JAX knows 32 bits alone: bytes
+        # stay what they are.
+        packed = pickle.dumps((work, task))
+        return client.submit(_of_version, versions()["kneejax"], packed, pure=False, retries=0)
+
     waiting = {submit(task): task for task in tasks}
     tried: dict[str, int] = {}
     following = as_completed(list(waiting))
@@ -157,11 +160,12 @@ def _each(
         following.add(again)
 
 
-def _of_version(work: Work, expected: str, task: Task) -> Sequence[KneeDone]:
+def _of_version(expected: str, packed: bytes) -> Sequence[KneeDone]:
     """Compute a task, which is named by the version that asks: a worker that comes late may have
     another."""
     if (found := _version()) != expected:
         raise RuntimeError(f"a worker has kneejax {found}: expected {expected}, as the command")
+    work, task = pickle.loads(packed)
     return work(task)
 
 

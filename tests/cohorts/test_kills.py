@@ -144,3 +144,13 @@ def cluster(folder):
         for one in every:
             one.send_signal(signal.SIGKILL)
             one.communicate()
+
+
+def test_workers_of_an_outside_scheduler_find_the_same_bits(
+    made_up, undisturbed, numbers, tmp_path
+):
+    """A scheduler knows nothing of 64 bits: what it opened on its way became numbers of 32."""
+    out = made_up.parent / "outside"
+    with cluster(tmp_path) as (_, address):
+        assert command(made_up, out, "--scheduler", address).wait() == undisturbed[1]
+    assert numbers(out) == undisturbed[0]

@@ -1,9 +1,10 @@
 """What a linear model of a misfit leaves out: how the derivatives change along the way.
 
-Where a fibre goes slack or a contact begins, the others cannot make up for a step as the
-derivatives at one point say, and an arm that believes them crawls. What it saw of the derivatives
-elsewhere is kept as a second-order part of the sum of squares, as NL2SOL does (J. E. Dennis,
-D. M. Gay and R. E. Welsch, ACM Trans. Math. Softw. 7, 348, 1981). It costs no evaluation.
+Where a valley of the misfit bends, the others cannot make up for a step as the derivatives at one
+point say, and an arm that believes them crawls. What it saw of the derivatives elsewhere is kept as
+a second-order part of the sum of squares, as NL2SOL does (J. E. Dennis, D. M. Gay and R. E. Welsch,
+ACM Trans. Math. Softw. 7, 348, 1981). It costs no evaluation. Of kinks, where a fibre goes slack
+or a contact begins, nothing is learned: believed, they end arms early.
 """
 
 from __future__ import annotations

@@ -254,7 +254,7 @@ class Arms:
             self.near.put([row], there.take([k]))
             self.model[row] = models[k]
             self.linear[row] = models[k][:-1, :-1]
-            self.bent[row] = False
+            self.curvature[row], self.bent[row] = 0.0, False
             self.reach[row], self.active[row] = self.steps.longest, True
             self.part[row] = self.steps.parts.index(1.0)
             self._aim(row)
