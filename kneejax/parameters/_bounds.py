@@ -10,6 +10,7 @@ from jax import Array
 
 from kneejax.mechanics import Knee
 from kneejax.parameters._leaves import is_size
+from kneejax.parameters._scales import looked_up
 from kneejax.parameters._selection import Selection, UnsuitableData
 
 #: Bounds of paper 1, section 2.3, and wide ones for the rest, by quantity.
@@ -56,7 +57,8 @@ def stated_bounds(
     Args:
         knee: gives the middle of default bounds of attachments.
         selection: the parameters.
-        given: quantity, `*.quantity` or name -> lower and upper bound; the last of these counts.
+        given: name, `*.quantity` or quantity -> lower and upper bound; a name counts before a
+            wildcard, that before a quantity.
 
     Returns:
         Lower and upper bounds, `(p,)` each.
@@ -65,11 +67,9 @@ def stated_bounds(
         UnsuitableData: bounds that are reversed, equal or not finite.
     """
     lower, upper = (np.array(b) for b in default_bounds(knee, selection))
-    for i, name in enumerate(selection.names):
-        quantity = selection.quantity(i)
-        for key in (quantity, f"*.{quantity}", name):
-            if key in given:
-                lower[i], upper[i] = given[key]
+    for i, (name, own) in enumerate(zip(selection.names, looked_up(selection, given), strict=True)):
+        if own is not None:
+            lower[i], upper[i] = own
         if not (np.isfinite([lower[i], upper[i]]).all() and lower[i] < upper[i]):
             raise UnsuitableData(
                 f"{name}: bounds {lower[i]:g} to {upper[i]:g}: expected lower below upper"

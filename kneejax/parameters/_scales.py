@@ -140,9 +140,13 @@ def looked_up(selection: Selection, given: Mapping[str, T]) -> list[T | None]:
 
 
 def _keys(selection: Selection, index: int) -> tuple[str, ...]:
-    """What may stand for a parameter, the nearest first."""
-    quantity = selection.quantity(index)
-    return selection.names[index], f"*.{quantity}", quantity
+    """What may stand for a parameter, the nearest first: of one number of several
+    (`ACL.femoral_attachment.anterior`), all of them too (`ACL.femoral_attachment`)."""
+    name, quantity = selection.names[index], selection.quantity(index)
+    keys = [name, f"*.{quantity}", quantity]
+    if "." in quantity:
+        keys = [key for one in keys for key in (one, one.rpartition(".")[0])]
+    return tuple(keys)
 
 
 def _usual(quantity: str, value: float) -> float:

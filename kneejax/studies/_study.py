@@ -41,14 +41,16 @@ class Study:
         tests: under load that were made (`kneejax.MeasuredTest`), each by a name of its own.
         start: name or wildcard -> value where the search begins; the knee's own otherwise.
         bounds: name, `*.quantity` or quantity -> lower and upper bound; a name counts before a
-            wildcard, that before a quantity, and usual bounds hold for the rest.
+            wildcard, that before a quantity, and usual bounds hold for the rest. What is said of a
+            place (`ACL.femoral_attachment`), here and in `prior`, holds for each coordinate.
         weights: free coordinate, or `mm` or `deg` -> weight of its squared error, per mm^2 or per
             degree^2; those of paper 1 otherwise. Later: one for each free coordinate.
         procedures: of `I`, `II`, `III`, `S`; the first is the answer, others are there to compare.
             `S` alone where there are stages, unless others are named.
         stages: of procedure S, in turn: `parameters` that are free and `data` that count in each,
             `poses` or names of tests (`kneejax.Stage`, or a mapping); all where left out.
-        starts: number of starts of procedure III.
+        starts: number of starts of procedure III: the knee's own, then draws from the prior, or
+            between the bounds where there is none.
         seed: of the further starts.
         prior: name, `*.quantity` or quantity -> standard deviation of a normal prior around the
             start, of a calibration. Needs `noise_mm` and `noise_deg`; of weights then counts only

@@ -10,6 +10,7 @@ import pytest
 import kneejax as kj
 from kneejax.geometry import FEMUR, PATELLA, TIBIA
 from kneejax.mechanics import Implausible
+from kneejax.numerics import compiled
 from kneejax.parameters import UnknownParameter, default_bounds, prior_scales, select
 from kneejax.statics import Stations, balance_with_slopes
 
@@ -159,3 +160,27 @@ def test_ends_are_named_by_the_bones_that_they_are_on():
     ends = "joins patella and tibia; its ends are tibial_attachment and patellar_attachment"
     with pytest.raises(UnknownParameter, match=ends):
         select(knee, [f"{fibres.names[tendon]}.femoral_attachment"])
+
+
+def test_lengths_follow_ends_and_strains_backwards(wrapped, central_difference):
+    # Fibres of one kind are not neighbours here: what was read through a gather ended the process
+    # while XLA compiled this.
+    names = ["ACLam.reference_strain", "MCLd.reference_strain", "ACLam.femoral_attachment",
+             "ACLam.tibial_attachment"]  # fmt: skip
+    selection = select(wrapped, names)
+    values = selection.read(wrapped)
+
+    def found(values):
+        ligaments = selection.apply(wrapped, values).ligaments
+        return ligaments.slack_length, ligaments.femoral_attachment, ligaments.tibial_attachment
+
+    @compiled()
+    def backwards(lanes, weights):
+        every, pull = jax.vjp(jax.vmap(found), lanes)
+        weighed = jax.tree.map(lambda w, x: jnp.broadcast_to(w, x.shape), tuple(weights), every)
+        return pull(weighed)[0]
+
+    slope = jax.jit(jax.vmap(backwards, (None, 0)))(jnp.tile(values, (2, 1)), jnp.eye(3))[:, 0]
+    sums = jax.jit(lambda values: jnp.stack([jnp.sum(x) for x in found(values)]))
+    expected = central_difference(sums, values, 1e-4)
+    np.testing.assert_allclose(slope, expected, rtol=1e-6, atol=1e-6)

@@ -9,6 +9,7 @@ from kneejax.parameters import (
     percent_scales,
     prior_scales,
     select,
+    stated_bounds,
     unphysiological,
 )
 
@@ -30,6 +31,28 @@ def test_priors_follow_the_quantity(small_knee):
     # A name counts before a wildcard, and that before a quantity.
     given = {"stiffness": 1.0, "*.stiffness": 2.0, "ACL.stiffness": 3.0}
     assert prior_scales(selection, values, given)[:2].tolist() == [3.0, 2.0]
+
+
+def test_what_is_said_of_all_numbers_of_a_place_holds_for_each(small_knee):
+    names = ("ACL.femoral_attachment", "PCL.femoral_attachment", "ACL.stiffness")
+    selection = select(small_knee, names)
+    values = np.asarray(selection.read(small_knee))
+    given = {
+        "*.femoral_attachment": 1.0,
+        "ACL.femoral_attachment": 3.0,
+        "ACL.femoral_attachment.lateral": 0.5,
+        "*.femoral_attachment.superior": 2.0,
+    }
+    widths = dict(zip(selection.names, prior_scales(selection, values, given), strict=True))
+    axes = ("anterior", "superior", "lateral")
+    assert [widths[f"ACL.femoral_attachment.{axis}"] for axis in axes] == [3.0, 3.0, 0.5]
+    assert [widths[f"PCL.femoral_attachment.{axis}"] for axis in axes] == [1.0, 2.0, 1.0]
+    assert widths["ACL.stiffness"] == 0.3 * values[-1]
+    low, high = stated_bounds(small_knee, selection, {"ACL.femoral_attachment": (-60.0, 70.0)})
+    assert (low[:3] == -60.0).all() and (high[:3] == 70.0).all()
+    np.testing.assert_allclose(high[3:6] - low[3:6], 20.0)
+    with pytest.raises(UnknownParameter, match="prior of 'ACL.tibial_attachment'"):
+        prior_scales(selection, values, {"ACL.tibial_attachment": 1.0})
 
 
 @pytest.mark.parametrize("width", [0.0, -1.0, np.nan, np.inf])

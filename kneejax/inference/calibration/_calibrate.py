@@ -57,7 +57,8 @@ def calibrate(
         noise_deg: of measured rotations; likewise.
         offsets: free coordinates whose constant difference between measured and model frame is
             unknown too.
-        starts: number of starts of procedure III, drawn between the bounds besides the knee's.
+        starts: number of starts of procedure III, besides the knee's own drawn from the prior, or
+            between the bounds where there is none.
         seed: of those draws.
         method: `least_squares`, or `lbfgsb` to minimise the objective by jaxopt's L-BFGS-B, which
             takes seconds for each step of a procedure.

@@ -223,10 +223,18 @@ def _fit(problem, procedure: str, trail: Trail, one: Ready, surety: Surety | Non
 
 
 def _from_several(problem, one: Ready) -> tuple[np.ndarray, np.ndarray]:
-    """Where the starts of one knee end, and their objectives."""
-    count = one.question.starts
+    """Where the starts of one knee end, and their objectives.
+
+    Besides the knee's own they are drawn from what is believed, where there is a prior, otherwise
+    between the bounds.
+    """
+    shape = one.question.starts - 1, len(one.start)
     draws = np.random.default_rng(one.question.seed)
-    more = draws.uniform(one.lower, one.upper, (count - 1, len(one.start)))
+    more = draws.uniform(one.lower, one.upper, shape)
+    if problem.cases.prior is not None:
+        mean, deviation = problem.cases.prior
+        believed = mean + deviation * draws.standard_normal(shape)
+        more = np.where(np.isfinite(deviation), np.clip(believed, one.lower, one.upper), more)
     return several_starts(problem, np.vstack([one.start, more]), one.lower, one.upper)
 
 

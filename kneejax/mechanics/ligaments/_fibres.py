@@ -125,11 +125,8 @@ class Fibres(eqx.Module):
         return inside
 
     def _of(self, rows: tuple[int, ...], array: Array) -> Array:
-        """Rows of an array; all of them, or neighbours, without a gather."""
-        first, last = (rows[0], rows[-1] + 1) if rows else (0, 0)
-        if rows == tuple(range(first, last)):
-            return array if last - first == len(self.names) else _neighbours(array, first, last)
-        return array[np.array(rows)]
+        """Rows of an array; all of them as they are."""
+        return array if rows == tuple(range(len(self.names))) else _rows_of(array, rows)
 
     def _ends(self, rows: tuple[int, ...]) -> tuple[Array, Array]:
         return self._of(rows, self.femoral_attachment), self._of(rows, self.tibial_attachment)
@@ -163,18 +160,20 @@ class _Way(NamedTuple):
     bent: list[TautPath]
 
 
-@functools.partial(jax.custom_jvp, nondiff_argnums=(1, 2))
-def _neighbours(array: Array, first: int, last: int) -> Array:
-    """Rows of an array that are next to each other."""
-    return array[first:last]
+@functools.partial(jax.custom_jvp, nondiff_argnums=(1,))
+def _rows_of(array: Array, rows: tuple[int, ...]) -> Array:
+    """Some rows of an array; neighbours without a gather."""
+    first, last = (rows[0], rows[-1] + 1) if rows else (0, 0)
+    return array[first:last] if rows == tuple(range(first, last)) else array[np.array(rows)]
 
 
-@_neighbours.defjvp
-def _neighbours_jvp(first: int, last: int, primals, tangents):
-    # What is read backwards through a slice is padded, and kernels that XLA 0.10 makes of such
-    # pads, of stiffness and of slack length, abort the process.
+@_rows_of.defjvp
+def _rows_of_jvp(rows: tuple[int, ...], primals, tangents):
+    # By a matrix of zeros and ones: backwards a slice becomes a pad and a gather a scatter, and
+    # kernels that XLA (jaxlib 0.10.2) makes of several abort the process.
     (array,), (change,) = primals, tangents
-    return _neighbours(array, first, last), change[np.arange(first, last)]
+    chosen = np.equal.outer(rows, np.arange(len(array))).astype(float)
+    return _rows_of(array, rows), jnp.tensordot(chosen, change, 1)
 
 
 def _free(length: Array) -> WrapState:

@@ -5,6 +5,8 @@ import pytest
 
 import kneejax as kj
 from kneejax.inference import identify
+from kneejax.inference.calibration import _side_by_side
+from kneejax.inference.calibration._search import several_starts
 from kneejax.parameters import UnsuitableData
 
 NAME, TRUE = "PCL.stiffness", 5000.0
@@ -65,3 +67,22 @@ def test_calibrate_and_identify_tell_the_same_of_a_belief(knee, measured):
 def test_a_belief_needs_the_noise_that_it_is_weighed_against(knee, measured):
     with pytest.raises(UnsuitableData, match="prior: expected noise_mm and noise_deg too"):
         kj.calibrate(knee, measured, (NAME,), prior={NAME: 300.0})
+
+
+def test_further_starts_are_drawn_from_what_is_believed(knee, measured, monkeypatch):
+    begun = []
+
+    def kept(problem, starts, lower, upper):
+        begun.append(starts)
+        return several_starts(problem, starts[:2], lower, upper)
+
+    monkeypatch.setattr(_side_by_side, "several_starts", kept)
+    kj.calibrate(
+        knee, measured, (NAME, "ACL.stiffness"), procedures=("III",), starts=200, seed=0,
+        prior={NAME: 100.0}, bounds={"ACL.stiffness": (2000.0, 9000.0)}, **NOISE,
+    )  # fmt: skip
+    believed, unknown = begun[0][1:].T
+    assert np.mean(believed) == pytest.approx(knee_value(knee), abs=25.0)
+    assert np.std(believed) == pytest.approx(100.0, rel=0.2)
+    # Of what nobody believes anything, anywhere between the bounds.
+    assert unknown.min() < 2300.0 and unknown.max() > 8700.0
