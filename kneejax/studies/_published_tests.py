@@ -55,18 +55,25 @@ def published_test(item: Field, cut: Collection[str] = ()) -> PublishedTest:
         expected = f"a CSV table, or a published test ({', '.join(known)})"
         raise item["file"].problem(expected, known)
     for field in _OF_OWN_TABLES:
-        if field in item:
+        if field in item and not (field == "ignore" and name in measured):
             raise item[field].problem(f"this field left out: {name} comes with the package")
     if name in measured:
         return _motion(item, measured[name])
     return _laxity(item, bundled_bands(name=name), cut)
 
 
+def ignored(item: Field) -> tuple[str, ...]:
+    """Columns of a test's table that are left out on purpose."""
+    return tuple(one.text() for one in item["ignore"].items("columns")) if "ignore" in item else ()
+
+
 def _motion(item: Field, measured: Measurement) -> PublishedTest:
     for field in ("load", "counted_from"):
         if field in item:
             raise item[field].problem(f"this field left out: {item['file'].value} says it itself")
-    table = read_lab_table(measured.path, measured.columns, unloaded=True)
+    table = read_lab_table(
+        measured.path, measured.columns, ignore=ignored(item), unloaded=True
+    )
     return PublishedTest(table, measured.counted_from)
 
 

@@ -16,7 +16,7 @@ from kneejax.files.reading import Field
 from kneejax.geometry import BODIES, CLINICAL, CONVENTIONS, FREE_COORDINATES, OTHER_COLUMNS
 from kneejax.mechanics import AXES, NAMED_LOADS, RANGES
 from kneejax.studies._frames import read_frames, refused
-from kneejax.studies._published_tests import PublishedTest, published_test
+from kneejax.studies._published_tests import PublishedTest, ignored, published_test
 
 #: Signs of a left knee in axes with Z to the person's right: adduction, internal rotation and
 #: lateral shift change.
@@ -172,12 +172,11 @@ def _table(item: Field, folder: Path) -> PublishedTest:
         if not isinstance(renamed.value, dict):
             raise renamed.problem("a mapping from a name to a column of the file")
         columns = {name: renamed[name].text() for name in renamed.value}
-    ignore = [one.text() for one in item["ignore"].items("columns")] if "ignore" in item else []
     at = item["at_deg"].number(RANGES["flexion_deg"]) if "at_deg" in item else None
     convention = item["convention"].choice(CONVENTIONS) if "convention" in item else CLINICAL
     unloaded = "counted_from" in item and item["counted_from"].value in WITHOUT_LOADS
     return PublishedTest(
-        read_lab_table(file, columns, at, convention, tuple(ignore), unloaded=unloaded)
+        read_lab_table(file, columns, at, convention, ignored(item), unloaded=unloaded)
     )
 
 

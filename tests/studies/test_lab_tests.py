@@ -273,6 +273,15 @@ def test_published_coupled_motion_is_counted_from_extension(tmp_path):
     assert cases.target[at_90, 1] == 14.88
 
 
+def test_published_forces_of_the_collateral_structures_are_readings(tmp_path):
+    item = {"name": "forces", "file": "kanamori2000", "sd_N": 10, "ignore": ["PFL.tension_N"]}
+    (test,) = study(tmp_path, [item], noise_mm=1.0, noise_deg=1.0).tests
+    assert test.loads["anterior_N"].tolist() == [134.0] * 5 and np.isnan(test.observed).all()
+    assert {name: sizes.tolist() for name, sizes in test.readings.items()} == {
+        "MCL.tension_N": [10.0] * 5, "LCL.tension_N": [10.0] * 5,
+    }  # fmt: skip
+
+
 def test_published_mean_poses_are_off_by_unknown_constants(tmp_path):
     (test,) = study(tmp_path, [{"name": "lunge", "file": "paper5_eos"}]).tests
     assert test.counted_from == "offset"

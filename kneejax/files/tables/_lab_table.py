@@ -105,7 +105,7 @@ def read_lab_table(
     table = _Readings(file, *read_rows(file, [column for column, _ in named.values()]))
     for own in table.header:
         name = _ALSO.get(own, own)
-        if name in _KNOWN or _is_reading(name):
+        if own not in ignore and (name in _KNOWN or _is_reading(name)):
             named.setdefault(name, (own, 1.0))
     _check_header(table, named, flexion_deg, ignore, unloaded)
     loads = _loads(table, named)
