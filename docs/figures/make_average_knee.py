@@ -48,7 +48,7 @@ def drawn() -> Figure:
         color, said = (VERMILLION, "ACL cut") if without else (BLUE, "intact")
         drawing.errorbar(
             band.flexion_deg, band.mean, np.nan_to_num(2 * band.sd), fmt="s", color=color,
-            markersize=3, elinewidth=0.8, capsize=2, alpha=0.5, label=f"12 knees, {said}",
+            markersize=3, elinewidth=0.8, capsize=2, alpha=0.5, label=f"12 knees (2 sd), {said}",
         )  # fmt: skip
         (test,) = kj.lab_tests("drawer", band.flexion_deg, force_N=90.0, steps=1)
         (curves,) = kj.load_curves(cut(average, band.cut), test, average)

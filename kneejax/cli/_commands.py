@@ -108,7 +108,7 @@ def _add_simulate(commands) -> None:
         f"with the patella, {', '.join(EXTENSOR)}; or through time, {', '.join(IN_TIME)}, or a "
         "test with --dynamic",
     )
-    simulate.add_argument("--knee", default="four_ligament", help=KNEE)
+    simulate.add_argument("--knee", default="average_knee", help=KNEE)
     simulate.add_argument(
         "--flexion",
         help="degrees: first:last:step or a,b,c (default: 0:120:5 in passive-flexion, 0:90:15 in "
@@ -149,7 +149,7 @@ def _add_evaluate(commands) -> None:
         "evaluate",
         "Say how ligaments and contact are at given poses; nothing is solved.",
         "kneejax simulate passive-flexion && "
-        "kneejax evaluate four_ligament kneejax-passive-flexion/poses.csv",
+        "kneejax evaluate average_knee kneejax-passive-flexion/poses.csv",
     )
     evaluate.add_argument("knee", help=KNEE)
     evaluate.add_argument("poses", type=Path, help="CSV of poses")
@@ -204,7 +204,7 @@ def _add_view(commands) -> None:
         "view",
         "Draw a knee in space at poses: pictures, a film, and a page to turn it.",
         "kneejax simulate passive-flexion && "
-        "kneejax view four_ligament kneejax-passive-flexion/poses.csv",
+        "kneejax view average_knee kneejax-passive-flexion/poses.csv",
     )
     view.add_argument("knee", help=KNEE)
     view.add_argument("poses", nargs="?", type=Path, help="CSV of poses; the reference pose else")

@@ -15,6 +15,7 @@ from kneejax.cli import main
 
 POSES = "flexion_deg,adduction_deg,internal_rotation_deg,anterior_mm,superior_mm,lateral_mm\n"
 #: 25 angles each, as many as the bundled study has: one program serves all commands.
+PASSIVE = ["simulate", "passive-flexion", "--knee", "four_ligament"]
 FLEXION, BEYOND = "0:120:5", "40:160:5"
 
 
@@ -58,7 +59,7 @@ def test_knees_says_which_study_lacks_its_measurement(tmp_path, monkeypatch, cap
 
 def test_simulate_then_evaluate(tmp_path, capsys):
     out = tmp_path / "passive"
-    assert main(["simulate", "passive-flexion", "--flexion", FLEXION, "--out", str(out)]) == 0
+    assert main([*PASSIVE, "--flexion", FLEXION, "--out", str(out)]) == 0
     poses = rows(out / "poses.csv")
     assert [float(row["flexion_deg"]) for row in poses] == list(range(0, 121, 5))
     assert {row["status"] for row in poses} == {"balanced"}
@@ -84,7 +85,7 @@ def test_a_drawer_is_read_along_the_axis_it_pulls_along(tmp_path, capsys):
     tables = []
     for load in ([], ["--load", "anterior_N=50"]):
         out = tmp_path / f"load{len(load)}"
-        main(["simulate", "passive-flexion", "--flexion", FLEXION, "--out", str(out), *load])
+        main([*PASSIVE, "--flexion", FLEXION, "--out", str(out), *load])
         tables.append([float(row["anterior_mm"]) for row in rows(out / "poses.csv")])
     femoral = np.array(tables[1]) - np.array(tables[0])
     moved = [float(row["anterior_change_mm"]) for row in rows(out / "displacement.csv")]
@@ -120,7 +121,7 @@ write_poses(sys.argv[1], motion.to_table())
 def test_a_command_and_a_library_without_flags_find_the_poses_of_a_test(tmp_path, capsys):
     """The command sets XLA up before anything is computed, a library leaves XLA as it is, and the
     tests' own process has flags of its own: up to three programs, one motion."""
-    asked = ["simulate", "passive-flexion", "--flexion", FLEXION, "--load", "anterior_N=20"]
+    asked = [*PASSIVE, "--flexion", FLEXION, "--load", "anterior_N=20"]
     main([*asked, "--out", str(tmp_path / "here")])
     flags = {k: v for k, v in os.environ.items() if k != "XLA_FLAGS"}
     library = tmp_path / "library.csv"
@@ -193,7 +194,7 @@ def test_calibrate_writes_everything(tmp_path, capsys):
 
 def test_flexion_outside_the_surfaces_is_said(tmp_path, capsys):
     out = str(tmp_path)
-    assert main(["simulate", "passive-flexion", "--flexion", BEYOND, "--out", out]) == 1
+    assert main([*PASSIVE, "--flexion", BEYOND, "--out", out]) == 1
     assert "160 degrees: " in capsys.readouterr().out
     status = {row["flexion_deg"]: row["status"] for row in rows(tmp_path / "poses.csv")}
     assert status["40.0"] == "balanced" and status["160.0"] != "balanced"

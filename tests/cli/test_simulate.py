@@ -10,7 +10,7 @@ from kneejax.cli import main
 from kneejax.experiments import Branch
 from kneejax.statics import Status
 
-ASKED = ["simulate", "passive-flexion", "--flexion", "20"]
+ASKED = ["simulate", "passive-flexion", "--knee", "four_ligament", "--flexion", "20"]
 
 
 def rows(path):
@@ -58,7 +58,7 @@ def test_without_the_option_nobody_looks_for_others(two_balances, tmp_path):
 def test_a_lost_pose_says_how_far_it_was_and_what_was_in_the_way(
     flexion, change, status, told, tmp_path, capsys
 ):
-    asked = ["simulate", "passive-flexion", "--flexion", flexion, *change]
+    asked = [*ASKED[:-1], flexion, *change]
     assert main([*asked, "--out", str(tmp_path)]) == 1
     (pose,) = rows(tmp_path / "poses.csv")
     printed = capsys.readouterr().out

@@ -8,6 +8,8 @@ from kneejax.cli import main
 from kneejax.cli._test_options import TESTS
 from kneejax.experiments import READY
 
+KNEE = ["--knee", "four_ligament"]
+
 
 def rows_of(path):
     with open(path, encoding="utf-8", newline="") as file:
@@ -19,7 +21,7 @@ def test_the_command_knows_every_ready_test():
 
 
 def test_a_drawer_writes_curves_and_laxity(tmp_path, capsys):
-    asked = ["simulate", "drawer", "--flexion", "20,30", "--force_N", "60", "--both"]
+    asked = ["simulate", "drawer", *KNEE, "--flexion", "20,30", "--force_N", "60", "--both"]
     assert main([*asked, "--steps", "3", "--out", str(tmp_path)]) == 0
     curves, laxity = rows_of(tmp_path / "curves.csv"), rows_of(tmp_path / "laxity.csv")
     assert list(curves[0]) == [
@@ -39,7 +41,7 @@ def test_a_drawer_writes_curves_and_laxity(tmp_path, capsys):
 
 
 def test_what_a_knee_does_not_hold_is_said(tmp_path, capsys):
-    asked = ["simulate", "drawer", "--cut", "PCL", "--flexion", "90", "--both", "--steps", "2"]
+    asked = ["simulate", "drawer", *KNEE, "--cut", "PCL", "--flexion", "90", "--both", "--steps", "2"]
     assert main([*asked, "--out", str(tmp_path)]) == 1
     said = capsys.readouterr().out
     assert "of 100 N of posterior force: gives_way" in said
@@ -47,7 +49,7 @@ def test_what_a_knee_does_not_hold_is_said(tmp_path, capsys):
 
 
 def test_a_cut_knee_is_counted_from_the_intact_ones_path(tmp_path, capsys):
-    asked = ["simulate", "drawer", "--flexion", "30", "--force_N", "60", "--steps", "1"]
+    asked = ["simulate", "drawer", *KNEE, "--flexion", "30", "--force_N", "60", "--steps", "1"]
     found = {}
     for name, words in {
         "intact": [], "own": ["--cut", "ACL"],
@@ -67,7 +69,7 @@ def test_a_cut_knee_is_counted_from_the_intact_ones_path(tmp_path, capsys):
 
 
 def test_any_wrench_and_axial_load(tmp_path):
-    words = ["--flexion", "30", "--steps", "1"]
+    words = [*KNEE, "--flexion", "30", "--steps", "1"]
     wrench = ["--load", "internal_Nm=1", "--load", "anterior_N=20"]
     assert main(["simulate", "load", *words, *wrench, "--out", str(tmp_path / "a")]) == 0
     row = rows_of(tmp_path / "a" / "curves.csv")[1]
@@ -109,7 +111,7 @@ def test_a_test_that_cannot_be_made_is_refused(tmp_path, capsys, words, says):
 
 
 def test_a_machine_moves_the_tibia_and_holds_its_rotation(tmp_path, capsys):
-    asked = ["simulate", "drawer", "--flexion", "30", "--displacement_mm", "4", "--both"]
+    asked = ["simulate", "drawer", *KNEE, "--flexion", "30", "--displacement_mm", "4", "--both"]
     asked += ["--hold", "internal_rotation", "--steps", "2"]
     assert main([*asked, "--out", str(tmp_path)]) == 0
     rows = rows_of(tmp_path / "curves.csv")

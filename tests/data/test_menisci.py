@@ -114,7 +114,13 @@ def test_cartilage_and_fibres_are_those_of_lenhart2015(knee):
     for own, other in pairs:
         np.testing.assert_array_equal(own, other)
     assert knee.ligaments.names == (*start.ligaments.names, "ALL")
-    count = len(start.ligaments.names)
+    names = start.ligaments.names
     for field in ("femoral_attachment", "tibial_attachment", "transition_strain"):
         own, other = (np.asarray(getattr(k.ligaments, field)) for k in (knee, start))
-        np.testing.assert_array_equal(own[:count], other)
+        moved = own[: len(names)] - other
+        for bundle in ("ACLam", "MCLp"):
+            rows = [row for row, name in enumerate(names) if name.startswith(bundle)]
+            # The whole bundle alike, as far as files have digits.
+            assert np.ptp(moved[rows], axis=0).max() < 2e-3
+            moved[rows] = 0.0
+        np.testing.assert_array_equal(moved, 0.0)

@@ -36,6 +36,9 @@ def test_its_study_is_bundled_and_whole():
     assert study.knee.name == "average_knee"
     # It begins at the published numbers, about which the prior lies, not at what was fitted.
     assert study.start["ACLam.stiffness"] == 820.0
-    assert study.tests[0].driven_by == "anterior_N"
-    assert len(study.selection) == 20
+    whole = kj.load_knee("lenhart2015")
+    published = np.asarray(study.selection.read(whole))
+    np.testing.assert_allclose(study.selection.read(study.knee_at_start), published, rtol=1e-4)
+    assert [test.driven_by for test in study.tests] == ["anterior_N", "anterior_N"]
+    assert len(study.selection) == 32
     assert set(study.prior) == set(study.selection.names)
