@@ -41,7 +41,7 @@ loaded as laxity is measured: 100 N anterior and posterior, 5 N m of internal an
 `docs/make_cut_ligaments.py`; one of them by hand:
 
 ```sh
-kneejax simulate passive-flexion --knee four_ligament --cut ACL --flexion 0:90:30 --load anterior_N=100
+kneejax simulate passive-flexion --knee four_ligament --cut ACL --load anterior_N=100
 ```
 
 A cell lists the flexions 0, 30, 60 and 90 degrees:

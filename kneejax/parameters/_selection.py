@@ -260,15 +260,16 @@ def with_values(knee: Knee, values: dict[str, float]) -> Knee:
 
     Args:
         knee: any knee.
-        values: `LIGAMENT.quantity`, `GROUP.quantity` or `*.quantity` -> value.
+        values: `LIGAMENT.quantity`, `GROUP.quantity` or `*.quantity` -> value. Reference strains
+            are set last, whatever their order: a fibre whose end moves keeps the one that it gets.
 
     Raises:
         UnknownParameter: the knee has no such parameter.
         Implausible: a value that no knee has (`kneejax.mechanics.RANGES`), or one that leads to
             such a knee, as in a knee file.
     """
-    for name, value in values.items():
-        selection = select(knee, [name])
+    for name in sorted(values, key=lambda name: name.endswith(".reference_strain")):
+        value, selection = values[name], select(knee, [name])
         allowed = range_of_parameter(selection.names[0])
         if allowed and not allowed.holds(value):
             owner, quantity = name.split(".", 1)

@@ -107,3 +107,11 @@ def test_no_number_is_driven_twice(bundled):
 def test_the_nearest_name_is_one_that_would_be_right_there(bundled, name, said):
     with pytest.raises(UnknownParameter, match=said):
         select(bundled, [name])
+
+
+def test_a_strain_is_that_of_the_moved_fibre_whatever_is_said_first(small_knee):
+    values = {"ACL.reference_strain": 0.04, "ACL.femoral_attachment.superior": 6.0}
+    for order in (values, dict(reversed(values.items()))):
+        knee = with_values(small_knee, order)
+        selection = select(knee, list(values))
+        np.testing.assert_allclose(selection.read(knee), [0.04, 6.0], rtol=1e-12)

@@ -5,6 +5,7 @@ import pytest
 
 import kneejax as kj
 from kneejax.files import bundled_bands
+from kneejax.parameters import stated
 
 
 @pytest.fixture(scope="module")
@@ -41,4 +42,5 @@ def test_its_study_is_bundled_and_whole():
     np.testing.assert_allclose(study.selection.read(study.knee_at_start), published, rtol=1e-4)
     assert [test.driven_by for test in study.tests] == ["anterior_N", "anterior_N"]
     assert len(study.selection) == 32
-    assert set(study.prior) == set(study.selection.names)
+    assert None not in stated(study.selection, study.prior, "prior")
+    assert set(study.selection.names) == set(study.start)
