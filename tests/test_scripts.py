@@ -11,6 +11,7 @@ SCRIPTS = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
 LONGEST = 20
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore:kneejax:RuntimeWarning")
 def test_the_scripts_run_as_printed(capsys):
     names: dict = {}

@@ -10,6 +10,7 @@ from kneejax.files import bundled_path
 POSES = "flexion_deg,adduction_deg,internal_rotation_deg,anterior_mm,superior_mm,lateral_mm\n"
 #: 25 angles each, as many as the bundled study has: one program serves all commands.
 FLEXION, BEYOND = "0:120:5", "40:160:5"
+PASSIVE = ["simulate", "passive-flexion", "--knee", "four_ligament"]
 
 
 def bad_knee(tmp_path, old, new):
@@ -33,7 +34,7 @@ def study(tmp_path, text):
 
 
 def simulate(tmp_path, *words):
-    return ["simulate", "passive-flexion", *words, "--out", str(tmp_path / "o")]
+    return [*PASSIVE, *words, "--out", str(tmp_path / "o")]
 
 
 TWIN = bundled_path("studies", "paper1").read_text()
@@ -86,7 +87,7 @@ BAD = {
     "NaN in a table": (lambda t: bad_table(t, POSES + "0,0,nan,0,0,1\n"), "nan"),
     "missing file": (lambda t: ["evaluate", "four_ligament", str(t / "no.csv")], "no.csv"),
     "unknown parameter": (
-        lambda t: ["simulate", "passive-flexion", "--set", "ACL.stifness=3", "--out", str(t / "o")],
+        lambda t: [*PASSIVE, "--set", "ACL.stifness=3", "--out", str(t / "o")],
         "ACL.stiffness",
     ),
     "set: a parameter of no ligament": (

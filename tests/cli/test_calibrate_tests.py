@@ -45,6 +45,7 @@ def specimen(tmp_path_factory):
     return folder
 
 
+@pytest.mark.long
 def test_laxity_leads_back_to_the_ligaments_that_made_it(specimen, capsys):
     out = specimen / "calibrated"
     assert main(["calibrate", str(specimen / "study.yaml"), "--out", str(out)]) == 0
@@ -80,6 +81,7 @@ def test_identify_reads_the_same_study(specimen, capsys):
     assert set(TRUTH) <= set(json.dumps(result).replace('"', " ").split())
 
 
+@pytest.mark.long
 def test_a_recommended_test_is_measured_and_added_to_the_study(specimen):
     out = specimen / "next"
     words = ["identify", str(specimen / "study.yaml"), "--next-tests", "2", "--out", str(out)]
@@ -110,6 +112,7 @@ def test_a_recommended_test_is_measured_and_added_to_the_study(specimen):
         assert found[1][name]["low"] < value < found[1][name]["high"]
 
 
+@pytest.mark.long
 def test_curves_that_simulate_wrote_are_a_test_of_a_study(tmp_path, capsys):
     """As docs/my_specimen.md says: a model's laboratory is read like a real one."""
     lab = ["simulate", "drawer", "--knee", "four_ligament", "--set", "ACL.stiffness=6000"]
@@ -128,6 +131,7 @@ def test_curves_that_simulate_wrote_are_a_test_of_a_study(tmp_path, capsys):
     assert found["value"] == pytest.approx(6000.0, rel=1e-4)
 
 
+@pytest.mark.long
 def test_a_cut_knee_and_a_load_cell_calibrate_from_the_command(tmp_path, capsys):
     """A robot's table of an intact and a cut knee, with the pull of the ACL beside the pose."""
     truth = kj.load_knee("four_ligament")

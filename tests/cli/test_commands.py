@@ -57,6 +57,7 @@ def test_knees_says_which_study_lacks_its_measurement(tmp_path, monkeypatch, cap
     assert "not bundled" not in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_simulate_then_evaluate(tmp_path, capsys):
     out = tmp_path / "passive"
     assert main([*PASSIVE, "--flexion", FLEXION, "--out", str(out)]) == 0
@@ -146,6 +147,7 @@ def test_a_command_and_a_library_without_flags_find_the_poses_of_a_test(tmp_path
     capsys.readouterr()
 
 
+@pytest.mark.long
 def test_calibrate_writes_everything(tmp_path, capsys):
     assert main(["calibrate", "--out", str(tmp_path)]) == 0
     result = json.loads((tmp_path / "result.json").read_text())

@@ -69,6 +69,7 @@ def test_a_cut_knee_is_counted_from_the_intact_ones_path(tmp_path, capsys):
     assert "along the load's own axes, from the intact knee, mm" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_any_wrench_and_axial_load(tmp_path):
     words = [*KNEE, "--flexion", "30", "--steps", "1"]
     wrench = ["--load", "internal_Nm=1", "--load", "anterior_N=20"]
@@ -111,6 +112,7 @@ def test_a_test_that_cannot_be_made_is_refused(tmp_path, capsys, words, says):
     assert not (tmp_path / "o").exists()
 
 
+@pytest.mark.long
 def test_a_machine_moves_the_tibia_and_holds_its_rotation(tmp_path, capsys):
     asked = ["simulate", "drawer", *KNEE, "--flexion", "30", "--displacement_mm", "4", "--both"]
     asked += ["--hold", "internal_rotation", "--steps", "2"]

@@ -104,6 +104,7 @@ def identified(study, tmp_path_factory):
     return out, main([*words, "--out", str(out)])
 
 
+@pytest.mark.long
 def test_identify_writes_estimates_profiles_and_tests(identified):
     out, status = identified
     assert status == 0

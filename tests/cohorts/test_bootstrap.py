@@ -104,6 +104,7 @@ def test_draws_of_curves_are_those_of_the_linear_model(asked, truth, linear):
     np.testing.assert_allclose(found - truth, expected, rtol=0.02, atol=0.02 * expected.std())
 
 
+@pytest.mark.long
 def test_errors_of_whole_curves_are_felt_by_blocks_alone(asked, truth, linear):
     model, slope, curves = linear
     shared = np.zeros((len(model), len(model)))  # which rows are of one curve

@@ -60,6 +60,7 @@ def rows_of(out):
         return list(csv.DictReader(file))
 
 
+@pytest.mark.long
 def test_good_knees_have_an_answer_beside_a_bad_one(calibrated):
     status, out = calibrated
     assert status == 1

@@ -45,6 +45,7 @@ def forwards():
 force_of = eqx.filter_jit(lambda contact, tibia: jnp.stack(contact.wrench(tibia).force))
 
 
+@pytest.mark.long
 def test_they_leave_the_path_of_passive_flexion_free(rims):
     for contact in rims.values():
         for pose in read_poses(ROOM)[::2]:
@@ -56,6 +57,7 @@ def test_they_push_a_tibia_back_that_is_drawn_forwards(rims, forwards):
     assert max(back) < 1.0 and sum(back) < -50.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name", [RIMS[0], pytest.param(RIMS[1], marks=pytest.mark.slow)]
 )
@@ -69,6 +71,7 @@ def test_their_wrench_is_the_derivative_of_their_energy(rims, forwards, name):
         np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-6 * 30.0 * size)
 
 
+@pytest.mark.long
 def test_force_by_their_numbers_and_heights_against_differences(
     rims, forwards, central_difference
 ):

@@ -42,6 +42,7 @@ def test_what_was_reconstructed_of_paper_3_is_said():
     assert any("ASSUMPTION" in part["to"] for part in document["adaptations"])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", [NAMES[0], pytest.param(NAMES[1], marks=pytest.mark.slow)])
 def test_they_stand_from_0_to_90_degrees(name):
     motion = kj.passive_flexion(kj.load_knee(name), [0.0, 30.0, 60.0, 90.0])

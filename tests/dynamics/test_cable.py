@@ -41,6 +41,7 @@ def swung(moving, way, pull_N=WEIGHT_N - REST_N, **options):
     return move(moving, np.zeros(12), TIMES, held=held, pull_N=pull_N, **options)
 
 
+@pytest.mark.long
 def test_the_pull_is_what_a_mass_on_a_cable_needs(hanging, slope_on_log_axes):
     """Weight and acceleration, with errors of second order; lengths are those that were given."""
     size, turning = 3.0, 2.0 * np.pi / TIMES[-1]
@@ -74,6 +75,7 @@ def test_a_cable_that_is_paid_out_too_fast_becomes_slack(hanging):
     assert np.nanmax(every.pull) > 1000.0 and np.nanmin(every.q[:, HEIGHT]) > -40.2
 
 
+@pytest.mark.long
 def test_derivatives_of_a_driven_motion_equal_differences(hanging):
     """Of pose and pull by what is lifted and by the way, forward and backward."""
     weights = np.random.default_rng(3).normal(size=(2, len(TIMES)))

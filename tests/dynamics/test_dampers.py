@@ -56,6 +56,7 @@ def test_a_contact_damper_has_a_potential_and_never_pulls(rate):
     assert float(none.energy(overlap)) == float(jax.grad(none.energy)(overlap)) == 0.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("form", ["elliptical_patch", "quadrature"])
 def test_a_damped_bounce_is_as_slow_as_its_equation_says(form):
     """Whatever the elastic force: `u - log(1 + u)` is the same before and after a bounce.

@@ -53,6 +53,7 @@ def end_of_bounce(x):
     return jnp.stack([found.q[-1, 4], 1e-3 * found.rate[-1, 4]])
 
 
+@pytest.mark.long
 def test_derivatives_of_a_damped_bounce_are_those_of_differences():
     """By the modulus, the dissipation, and the speed."""
     step, columns = 1e-3, []
@@ -76,6 +77,7 @@ def by_differences():
     return np.stack(columns, axis=-1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mode", [jax.jacfwd, jax.jacrev], ids=["forward", "backward"])
 def test_derivatives_of_a_motion_are_those_of_differences(mode, by_differences):
     exact = mode(end_of)(jnp.zeros(len(WHICH)))

@@ -72,6 +72,7 @@ def test_steps_become_as_short_as_an_error_asks():
     assert (strict.grid.ratio <= 2.0 + 1e-9).all()
 
 
+@pytest.mark.long
 def test_a_step_that_fails_is_tried_in_shorter_ones():
     """Thrown onto the femur in one long step the layer is crossed; in short ones it bounces."""
     fast = [0.0, 0.0, 0.0, 0.0, 900.0, 0.0]

@@ -28,6 +28,7 @@ pytestmark = pytest.mark.usefixtures("optimised_code")
 SIZES = [STEPS // 4, STEPS // 2, STEPS]
 
 
+@pytest.mark.long
 def test_a_pendulum_swings_as_its_equation_says_with_errors_of_second_order(slope_on_log_axes):
     swinging = MovingKnee.of(bare(), SHANK, gravity_m_s2=gravity_of(-90.0))
     x, y, _ = np.asarray(SHANK.center_mm)
@@ -79,6 +80,7 @@ def _has_all_over_time(found, account):
     np.testing.assert_allclose(gained - data["energy_missing"], data["energy_work"], atol=1e-9)
 
 
+@pytest.mark.long
 def test_a_mass_on_a_damped_fibre_swings_as_in_closed_form(slope_on_log_axes):
     on_fibre = bare(fibres([[0.0, 100.0, 0.0]], [[0.0, 0.0, 0.0]]), loads=(Load([0.0, -190.0, 0]),))
     mass = Mass(2.0, [0.0] * 3, np.zeros((3, 3)))
@@ -103,6 +105,7 @@ def test_a_mass_on_a_damped_fibre_swings_as_in_closed_form(slope_on_log_axes):
     assert off[-1] < 0.02
 
 
+@pytest.mark.long
 def test_a_body_that_tumbles_keeps_energy_and_momentum(slope_on_log_axes):
     """Free of all forces, with three different moments; Euler's equations tell how it turns."""
     moments = np.array([3e4, 1.2e4, 2.2e4])
@@ -131,6 +134,7 @@ def test_a_body_that_tumbles_keeps_energy_and_momentum(slope_on_log_axes):
     np.testing.assert_allclose(found.q[-1, 3:], np.array([100.0, 0.0, -50.0]) * span, atol=1e-9)
 
 
+@pytest.mark.long
 def test_a_knee_that_settles_ends_in_its_static_balance():
     pulled = Load([30.0, 20.0, -10.0], [200.0, 100.0, 300.0], point_in="tibia")
     vice = in_a_vice()
@@ -187,6 +191,7 @@ def test_times_that_go_back_are_refused():
         Grid.of([0.0, np.nan])
 
 
+@pytest.mark.long
 def test_a_search_needs_no_derivative_and_a_motion_in_a_jit_is_the_same():
     vice = in_a_vice()
     times = np.linspace(0.0, 0.01, STEPS + 1)
@@ -196,6 +201,7 @@ def test_a_search_needs_no_derivative_and_a_motion_in_a_jit_is_the_same():
     np.testing.assert_allclose(within, alone.q, atol=1e-10)
 
 
+@pytest.mark.long
 def test_many_motions_are_each_what_it_is_alone_on_however_many_cores():
     """37 lanes are two parts, the second filled up."""
     moving, grid = in_a_vice(), Grid.of(np.linspace(0.0, 0.01, 6))

@@ -32,6 +32,7 @@ def begin_of(moving):
     return begin, begin / np.r_[np.rad2deg([1.0, 1.0, 1.0]), 1.0, 1.0, 1.0]
 
 
+@pytest.mark.long
 def test_opensim_integrates_the_same_motion():
     """Half a second after the tibia was let go 3 mm before its balance and turned by 2 degrees."""
     pytest.importorskip("opensim")

@@ -45,6 +45,7 @@ def pressed(knee):
     return activity(knee, record(wrench, quadriceps=150.0, pull=100.0))
 
 
+@pytest.mark.long
 def test_every_instant_is_in_balance(pressed):
     assert pressed.holds.all()
 
@@ -61,6 +62,7 @@ def test_what_acts_equals_what_contacts_and_ligaments_hold(pressed):
     assert np.allclose(along, 1000.0 * pressed.residual_Nm, atol=1e-3)
 
 
+@pytest.mark.long
 def test_balances_are_those_of_the_same_loads_given_by_hand(knee, pressed):
     """One wrench that holds at each instant what record and muscles do there."""
     bare, total = dataclasses.replace(knee, lines=()), pressed.total

@@ -21,6 +21,7 @@ def found(knee):
     return kj.branches(knee, FLEXION, VALGUS)
 
 
+@pytest.mark.long
 def test_a_knee_without_load_rests_in_one_pose(knee):
     found = kj.branches(knee, FLEXION)
     assert [branch.by_test for branch in found] == [True, True, True]
@@ -29,6 +30,7 @@ def test_a_knee_without_load_rests_in_one_pose(knee):
     assert all(branch.starts > 20 for branch in found)
 
 
+@pytest.mark.long
 def test_both_ways_to_give_are_found_at_every_angle(found):
     turned = {station: [] for station in range(3)}
     for branch in found:

@@ -23,6 +23,7 @@ def ball_on_a_plane():
     return Knee(rope, (contact,), (), (), reference, ("ball",))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mode", [jax.jacfwd, jax.jacrev])
 def test_a_ball_that_sinks_into_an_untilted_plane_has_the_derivatives_of_differences(
     ball_on_a_plane, mode, central_difference
@@ -39,6 +40,7 @@ def test_a_ball_that_sinks_into_an_untilted_plane_has_the_derivatives_of_differe
     np.testing.assert_allclose(exact / scale, numeric / scale, atol=1e-6)
 
 
+@pytest.mark.long
 def test_what_a_pose_is_does_not_depend_on_its_row():
     """Borders are asked in blocks of the poses that need it, which are put together for that."""
     knee, rng = kj.load_knee("four_ligament"), np.random.default_rng(3)

@@ -105,6 +105,7 @@ def ball_knee(mirrored):
     return Knee(ligaments, contacts, (), (), Pose.from_table([0.0] * 6), ("medial", "lateral"))
 
 
+@pytest.mark.long
 def test_varus_of_a_mirrored_knee_is_valgus():
     coarse = {"full_Nm": 6.0, "body_weight_N": 600.0, "axial_steps": 2, "moment_steps": 4}
     varus, valgus = (

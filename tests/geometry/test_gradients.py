@@ -162,6 +162,7 @@ def _of_function(name):
     return both_ways(FUNCTIONS[name][0])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", FUNCTIONS)
 @given(seed=seeds)
 def test_derivatives_of_geometry_equal_central_differences(name, seed):
@@ -177,6 +178,7 @@ def _of_kind(name):
     return both_ways(_of_surface(structure, name in ("sphere", "plane")))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", SURFACES)
 @settings(max_examples=8)
 @given(seed=seeds)

@@ -235,6 +235,7 @@ def _objective(joint, flexion):
     return jnp.sum(table * jnp.cos(jnp.arange(table.size).reshape(table.shape)))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("joint", [_moving(), _general()], ids=["moving", "general"])
 def test_gradients_are_central_differences(joint):
     flexion = jnp.deg2rad(jnp.array([-5.0, 12.0, 41.0, 77.0, 95.0]))

@@ -290,6 +290,7 @@ def _of_part(part):
     return compare, np.r_[_sizes(first), 0.1 * POSE_SIZE]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "part", [pytest.param(x, marks=[pytest.mark.slow] * (x == "quadrature")) for x in PARTS]
 )

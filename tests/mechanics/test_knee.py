@@ -37,6 +37,7 @@ def energies(knee, pose):
     return knee.energy(state), held.energy, held.patches.gap, parts, depths
 
 
+@pytest.mark.long
 def test_energy_is_the_sum_of_the_parts_and_that_at_the_meeting_points(knee):
     whole, at_meeting, gap, parts, depths = energies(knee, POSE)
     np.testing.assert_allclose(np.asarray(whole), np.asarray(parts), rtol=1e-12)
@@ -46,6 +47,7 @@ def test_energy_is_the_sum_of_the_parts_and_that_at_the_meeting_points(knee):
     assert knee.patch_count == 2
 
 
+@pytest.mark.long
 def test_contacts_of_unlike_kinds_keep_their_order(knee):
     sphere = geo.Sphere(23.0, geo.Frame([0, 0, 23]))
     plane = geo.Plane(geo.Frame([0, -22, 23]), (8.0, 8.0))

@@ -70,6 +70,7 @@ LEAVES = ("medial.youngs_modulus", "lateral.layer_thickness", "medial.tibial_sur
 FLEXION = [10.0, 40.0, 80.0]
 
 
+@pytest.mark.long
 def test_leaves_are_calibrated_without_a_line_written_for_them(knee):
     """Poses made with other values of them lead back to those values."""
     selection = select(knee, LEAVES)
@@ -121,6 +122,7 @@ def test_every_parameter_has_bounds_and_a_width_of_its_prior(knee):
     assert (prior_scales(selection, values) > 0).all()
 
 
+@pytest.mark.long
 def test_muscles_and_the_patella_have_numbers_with_names():
     knee = kj.load_knee("lenhart2015_reduced", patella=True)
     row = knee.muscles.names.index("vasint")

@@ -47,12 +47,14 @@ def pull_of_graft(plan, knee, flexion):
     return lanes.tension(motion.settled.state)[plan.vary.grafts[0], 0]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("tension", [30.0, 80.0, 140.0])
 def test_the_balanced_knee_carries_the_stated_force_where_the_graft_was_fixed(plan, ends, tension):
     knee = fixed_knee(plan, ends, [tension], FLEXION)
     assert float(pull_of_graft(plan, knee, FLEXION)) == pytest.approx(tension, abs=1e-6)
 
 
+@pytest.mark.long
 def test_lanes_and_one_knee_give_the_same_slack_length(plan, ends):
     found = fix(plan, ends[None], np.array([[TENSION]]), FLEXION, slopes=True)
     one = fixed_knee(plan, ends, [TENSION], FLEXION).ligaments.slack_length[plan.vary.grafts[0]]

@@ -59,6 +59,7 @@ def test_knees_of_a_plan_are_those_that_were_drawn(calibrated):
     assert np.std(strains) > 1e-4
 
 
+@pytest.mark.long
 def test_two_draws_are_the_ends_of_their_quantiles(tmp_path):
     (tmp_path / "result.json").write_text(
         json.dumps({"knee": "four_ligament", "parameters": {NAMES[0]: {"value": 0.07}}})

@@ -43,6 +43,7 @@ def rows_of(path):
         return list(csv.DictReader(file))
 
 
+@pytest.mark.long
 def test_everything_is_written_and_says_that_it_is_for_no_patient(written):
     _, out = written
     for name in ("map_tibia.nc", "map_femur.nc", "figures/strains.png", "figures/map_tibia.png"):
@@ -95,6 +96,7 @@ def test_a_curve_of_the_graft_ends_where_its_strain_does(written):
     assert np.all([float(x["strain"]) > -0.2 for x in rows])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("word", ["planned", "optimum"])
 def test_the_knee_file_carries_the_graft_that_was_fixed(word, written):
     """Its graft pulls with the tension of fixation where it was fixed; the torn fibre is gone."""

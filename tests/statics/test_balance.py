@@ -77,6 +77,7 @@ def shifted(q, direction):
     return lambda e: q + e * jnp.eye(5)[direction][:, None]
 
 
+@pytest.mark.long
 def test_the_poses_press_and_lift_both_compartments(knee, meeting, balanced):
     depth = np.asarray(balanced.forces.depth)
     assert depth.shape == (2, 3)
@@ -170,6 +171,7 @@ LEAVES = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("leaf", LEAVES)
 def test_the_force_follows_each_number_of_the_knee(
     leaf, knee, meeting, balanced, compiled_force, compiled_derivative, central_difference

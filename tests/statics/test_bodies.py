@@ -124,6 +124,7 @@ def full_knee():
 
 
 
+@pytest.mark.long
 def test_what_the_parts_do_to_every_bone_is_what_the_energy_loses(full_knee, central_difference):
     """A part between patella and tibia pulls on both, each about its own origin."""
     knee = add_lane_axis(full_knee)
@@ -160,6 +161,7 @@ def settled(knee, prescribed, nudge=0.0):
 FLEXION = {"flexion": np.deg2rad(22.0)}
 
 
+@pytest.mark.long
 def test_a_patella_balances_beside_the_tibia_in_eleven_unknowns(full_knee):
     found = settled(full_knee, FLEXION)
     assert found.q.shape == (11, 1) and bool(found.stable[0])
@@ -170,6 +172,7 @@ def test_a_patella_balances_beside_the_tibia_in_eleven_unknowns(full_knee):
                                atol=2e-2 * np.linalg.norm(tangent, 2))  # fmt: skip
 
 
+@pytest.mark.long
 def test_its_derivatives_are_those_of_differences(full_knee, central_difference):
     """By the stiffness of all fibres, the radius of the groove, the pull of the muscles, and the
     flexion prescribed."""
@@ -204,6 +207,7 @@ def test_its_derivatives_are_those_of_differences(full_knee, central_difference)
     np.testing.assert_allclose(exact / largest, numeric / largest, atol=1e-6)
 
 
+@pytest.mark.long
 def test_a_patella_bound_ever_stiffer_to_the_tibia_becomes_part_of_it(slope_on_log_axes):
     """A fibre to the patella then is one to the tibia, and the misfit falls like the stiffness."""
     rng = np.random.default_rng(8)

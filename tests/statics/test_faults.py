@@ -157,6 +157,7 @@ def test_a_balance_through_bone_is_none(knee):
     assert not Status(int(status)).converged and np.isnan(table[0, 1:]).all()
 
 
+@pytest.mark.long
 def test_nothing_is_through_bone_that_meets_within_the_layer_where_surfaces_are_known(knee, motion):
     """So a search need not ask it of such poses: 4,000 random ones, up to 80 mm off the motion."""
     rng = np.random.default_rng(0)

@@ -117,6 +117,7 @@ def four_lanes(factor, lanes, flexion, guess):
     return found, slope
 
 
+@pytest.mark.long
 def test_one_bad_lane_is_nan_alone(knee, motion):
     """A lane without a balance is NaN in value and derivative; its neighbours do not notice."""
     here, flexion = motion.settled, jnp.deg2rad(jnp.array([20.0, 25.0, 30.0, 35.0]))
@@ -129,6 +130,7 @@ def test_one_bad_lane_is_nan_alone(knee, motion):
     assert np.isfinite(slope[:, [0, 2, 3]]).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("wrong_by", [1.1, 1.5, 2.0])
 def test_a_kept_tangent_learns_from_its_steps_and_is_not_believed_too_soon(knee, motion, wrong_by):
     """By the wrong tangent alone it takes up to eight looks, and two more tangents."""
@@ -188,6 +190,7 @@ def test_a_lane_whose_meeting_points_are_lost_finds_them_again(knee, motion):
     assert np.allclose(found.q, here.q[:, 4:5], atol=1e-9)
 
 
+@pytest.mark.long
 def test_a_compartment_that_is_apart_is_apart_as_far_as_it_is(knee):
     """It pulls at nothing: a pose balances however wrong its meeting point is."""
     lower = eqx.tree_at(

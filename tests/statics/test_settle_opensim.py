@@ -36,6 +36,7 @@ def _apart(motion, rests):
     return np.abs(poses - np.asarray(motion.to_table()))
 
 
+@pytest.mark.long
 def test_opensim_rests_where_kneejax_balances(motion, rests):
     assert (np.asarray(motion.status) == 0).all()
     apart = _apart(motion, rests)[1]

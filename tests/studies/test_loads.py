@@ -28,6 +28,7 @@ def drawer(knee):
     return truth, asked, kj.run(asked)
 
 
+@pytest.mark.long
 def test_a_drawer_test_leads_back_to_the_ligament_that_made_it(drawer, knee):
     truth, asked, fit = drawer
     (estimate,) = fit.fit.estimates

@@ -204,6 +204,7 @@ def test_a_generalised_axis_joins_where_there_are_more_poses(axes, tmp_path):
     assert rmse["generalised axis", "AP"] < rmse["moving axis", "AP"] < rmse["hinge", "AP"]
 
 
+@pytest.mark.long
 def test_a_contact_knee_beside_joints(cohort, tmp_path):
     """four_ligament, and the same as a calibration would leave it; offsets shift its motion."""
     result = tmp_path / "result.json"

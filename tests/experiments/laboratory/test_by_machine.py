@@ -22,6 +22,7 @@ BY_MACHINE = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name", ["drawer", "torsion", pytest.param("varus-valgus", marks=pytest.mark.slow)]
 )
@@ -112,6 +113,7 @@ def test_a_held_rotation_stays_where_it_is_without_the_load(knee):
     assert np.abs(moment).max() > 10.0
 
 
+@pytest.mark.long
 def test_a_held_rotation_does_not_wait_for_the_load(knee):
     # Free, this knee gives way under 5 N backwards; held against varus it stays.
     cut = kj.cut(knee, ["PCL"])
@@ -122,6 +124,7 @@ def test_a_held_rotation_does_not_wait_for_the_load(knee):
     assert (held.status, held.held_negative) == (Status.BALANCED, -20.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "options"),
     [

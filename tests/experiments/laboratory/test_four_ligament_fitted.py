@@ -17,6 +17,7 @@ def knee():
     return kj.load_knee(NAME)
 
 
+@pytest.mark.long
 def test_the_tibia_turns_inwards_over_the_whole_range_without_a_warning(knee):
     motion = kj.passive_flexion(knee, np.arange(0.0, 121.0, 5.0))
     assert not np.asarray(motion.status).any()

@@ -67,6 +67,7 @@ def test_a_force_is_no_moment():
         kj.lab_tests("drawr")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["drawer", "torsion", "varus-valgus"])
 def test_the_work_of_the_load_is_the_change_of_energy(knee, name):
     found = curves_of(knee, name, [30.0], steps=160)
@@ -160,6 +161,7 @@ def test_a_test_of_the_negative_sense_is_read_the_same(knee):
     assert np.isnan(pivot.stiffness_start)
 
 
+@pytest.mark.long
 def test_a_curve_has_exact_derivatives(knee, central_difference):
     selection = select(knee, ["ACL.stiffness", "PCL.reference_strain"])
     (test,) = kj.lab_tests("drawer", [30.0], steps=2, both=True)

@@ -99,6 +99,7 @@ def test_the_same_text_is_written_for_it(document):
     assert yaml.safe_load(text) == document and format_knee(yaml.safe_load(text)) == text
 
 
+@pytest.mark.long
 def test_the_tendon_runs_around_its_ellipsoid_and_is_longer_than_straight(document):
     knee = build_knee(document, "knee.yaml").with_patella()
     bent = State({

@@ -38,6 +38,7 @@ def right(tmp_path_factory):
     return import_meshes(*files(folder), side="r", **bones)
 
 
+@pytest.mark.long
 def test_both_compartments_are_found_with_their_shapes(right):
     assert list(right.contacts) == ["medial", "lateral"] and not right.doubtful
     for name, contact in right.contacts.items():

@@ -61,6 +61,7 @@ def tension(document):
     return dict(zip(document["ligaments"], np.asarray(found), strict=True))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("model", "side"), [(LEFT, "l"), (RIGHT, "r")], ids=["left", "right"])
 def test_read_again_it_gives_the_same_forces(model, side, tmp_path):
     document = reconstruction(model, side)
@@ -134,6 +135,7 @@ def test_bundles_of_another_source_take_the_place_of_all_fibres(tmp_path, capsys
     assert "patella" in again
 
 
+@pytest.mark.long
 @pytest.mark.opensim
 def test_opensim_finds_the_length_and_tension_of_a_planned_graft(tmp_path):
     """Paper 2's bundles with a graft under 80 N, in the model on whose bones they are."""

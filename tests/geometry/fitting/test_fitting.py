@@ -54,6 +54,7 @@ def test_a_sphere_is_recovered_from_a_cap(rng):
     assert float(rough.surface.radius) == pytest.approx(22.0, abs=0.2)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("turned", [False, True])
 def test_an_ellipsoid_is_recovered_with_its_turn(turned, rng):
     rotation = [0.1, -0.15, 0.2] if turned else None

@@ -200,6 +200,7 @@ def _brought_to(obstacle, ends, angle):
 ENDS = np.array([-22.0, 3.0, 4.0, 18.0, 5.0, -9.0])
 
 
+@pytest.mark.long
 @every_kind
 @pytest.mark.parametrize("angle", [None, 0.5, 0.015, 0.004, 0.0, -0.008, -0.018, -0.3])
 def test_gradients_and_second_derivatives(kind, angle, central_difference):
@@ -316,6 +317,7 @@ def test_inside_is_straight_and_says_so(kind):
     assert path.inside and path.excess == 0.0
 
 
+@pytest.mark.long
 @every_kind
 def test_path_flips_where_the_other_side_is_as_short(kind):
     """Past the centre the side turns over, and the detour shrinks to nothing on the way."""

@@ -88,6 +88,7 @@ def _least(axes, start, end):
     return min(x for x in lengths if x > np.linalg.norm(start - end))
 
 
+@pytest.mark.long
 def test_geodesics_against_an_independent_minimisation(rng):
     """The shortest of all, over the range that a knee's obstacles may have."""
     lines = _random_lines(rng, 3.0)
@@ -128,6 +129,7 @@ def test_long_ellipsoid_is_nearly_a_cylinder():
         assert slender.length[which] == pytest.approx(float(cylinder.length), abs=tolerance)
 
 
+@pytest.mark.long
 def test_pulls_over_many_obstacles(rng, central_difference):
     """Gradients and second derivatives for 200 obstacles at once."""
     axes, start, end = _random_lines(rng, 2.5, size=(8.0, 30.0), heights=(1.1, 3.0))

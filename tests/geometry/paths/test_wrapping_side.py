@@ -90,6 +90,7 @@ def test_its_length_follows_the_radius(central_difference):
     assert exact > np.pi
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", geo.SIDES)
 def test_every_side_is_the_first_one_turned(name):
     """And what is said of it does not depend on which end is called the first, nor on the mirror

@@ -98,6 +98,7 @@ def test_a_chain_that_runs_out_of_the_density_diverges_alone(rng):
     assert found.position[..., 0].mean() == pytest.approx(mean, abs=0.12)
 
 
+@pytest.mark.long
 def test_trajectories_are_those_of_blackjax(line):
     """Its own kernel, with the same random numbers, draws the same."""
     from blackjax.mcmc import hmc, nuts

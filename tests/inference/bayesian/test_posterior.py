@@ -94,6 +94,7 @@ def test_arviz_takes_it_over(fitted):
     assert np.allclose(summary["ess_bulk"].to_numpy(), fitted.effective_sample_size)
 
 
+@pytest.mark.long
 def test_the_density_is_that_of_the_poses(shifted, central_difference):
     """Its value by the poses of `Problem`, its gradient by central differences."""
     problem, priors, density, near = shifted

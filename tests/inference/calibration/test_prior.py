@@ -31,6 +31,7 @@ def fitted(knee, measured, sd):
     return fit[NAME]
 
 
+@pytest.mark.long
 def test_an_estimate_lies_between_data_and_belief_as_each_is_worth(knee, measured, alone):
     """Of one value, precisions add and the estimate is their mean, weighed by them."""
     believed, sd = knee_value(knee), alone.standard_error
@@ -52,10 +53,12 @@ def test_a_vague_belief_leaves_the_data_alone(knee, measured, alone):
     assert vague.standard_error == pytest.approx(alone.standard_error, rel=1e-4)
 
 
+@pytest.mark.long
 def test_a_certain_belief_moves_nowhere(knee, measured):
     assert fitted(knee, measured, 1.0).value == pytest.approx(knee_value(knee), rel=1e-3)
 
 
+@pytest.mark.long
 def test_calibrate_and_identify_tell_the_same_of_a_belief(knee, measured):
     own = fitted(knee, measured, 300.0)
     found = identify(knee, measured, (NAME,), prior={NAME: 300.0}, weights=np.ones(5), **NOISE)

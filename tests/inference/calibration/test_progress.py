@@ -3,10 +3,12 @@
 import re
 
 import numpy as np
+import pytest
 
 import kneejax as kj
 
 
+@pytest.mark.long
 def test_errors_fall_as_the_search_goes_on():
     knee = kj.load_knee("four_ligament")
     flexion = np.linspace(0.0, 90.0, 25)

@@ -30,6 +30,7 @@ def searched(problem, stages, start):
     return run_procedure(problem, "S", begin, truth - wide, truth + wide, stages=stages)
 
 
+@pytest.mark.long
 def test_a_stage_leaves_what_it_does_not_free(problem):
     truth = np.asarray(problem.selection.read(problem.knee))
     start = truth * [1.2, 1.1, 1.0]
@@ -40,6 +41,7 @@ def test_a_stage_leaves_what_it_does_not_free(problem):
     assert found.objective == pytest.approx(residual @ residual)
 
 
+@pytest.mark.long
 def test_stages_end_where_all_data_are_fitted_once_the_last_frees_all(problem):
     truth = np.asarray(problem.selection.read(problem.knee))
     stages = [Stage(("*.reference_strain",), ("poses",)), Stage(data=("drawer",)), Stage()]

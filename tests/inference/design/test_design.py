@@ -151,6 +151,7 @@ def test_only_what_is_measured_tells(rng):
     np.testing.assert_allclose(told_by(one, jacobian, NOISE, np.ones(2))[0], np.outer(row, row))
 
 
+@pytest.mark.long
 def test_derivatives_under_loads_are_those_of_differences(cases):
     """Along one direction in all parameters, at every station."""
     knee, selection, data, poses, _ = cases[0]

@@ -14,6 +14,7 @@ def fit(function, start, lower, upper):
     return optx.least_squares(function, solver, jnp.asarray(start), max_steps=200)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(6))
 def test_linear_problems_within_bounds_equal_scipy(seed):
     rng = np.random.default_rng(seed)

@@ -71,6 +71,7 @@ def start_of(problem):
     return np.asarray(problem.selection.read(problem.knee))
 
 
+@pytest.mark.long
 def test_a_knee_shows_no_residual_against_what_was_measured_of_it_whole_and_cut(problem):
     residual, _ = problem.residual(problem.begin(start_of(problem)[None]))
     assert len(residual) == problem.cases.count
@@ -194,6 +195,7 @@ def test_what_contradicts_itself_is_refused(knee, given, says):
                            "observed": observed} | given)  # fmt: skip
 
 
+@pytest.mark.long
 def test_a_pull_in_the_table_is_that_of_a_knee_with_such_a_line(knee, passive):
     """Tension per row against knees whose own line pulls so hard throughout."""
     test = measured(knee)

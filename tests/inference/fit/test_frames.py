@@ -64,6 +64,7 @@ def poses(problem, values=START):
     return problem.begin(values[None]).q[0] * table_units(coordinates_of(("tibia",))[1:])
 
 
+@pytest.mark.long
 def test_frames_are_poses_of_the_motion_that_steps_ten_times_as_exact_find():
     test = measured()
     problem, through = asked(test), test.frames

@@ -17,6 +17,7 @@ from kneejax.inference.fit._lbfgsb import minimise_bounded
 from kneejax.parameters import UnsuitableData
 
 
+@pytest.mark.long
 def test_a_bound_is_respected_and_convergence_checked():
     both = jax.value_and_grad(lambda x: jnp.sum((x - jnp.array([2.0, -1.0])) ** 2))
     low, high = np.array([-1.0, -3.0]), np.array([1.0, 3.0])

@@ -78,6 +78,7 @@ def test_whatever_a_robot_counts_from_its_own_knee_fits(knee, curves, passive, c
         assert np.abs(moved.residual(found)[0]).max() > 10.0 * abs(shift) - 1.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "counted_from", ["unloaded", "least_load", "opposite", "offset", "offset_each_flexion"]
 )
@@ -214,6 +215,7 @@ def test_numbers_of_fits_share_what_reads_them():
     assert _read._cache_size() == programs
 
 
+@pytest.mark.long
 def test_a_device_strapped_to_the_shank_pushes_along_the_tibias_own_axes(knee):
     """Frames of cine-MRI: the force of a pad 350 mm down the shank, which swings at 0.5 Hz."""
     flexion = np.array([12.0, 25.0, 40.0, 30.0])

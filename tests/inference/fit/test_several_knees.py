@@ -26,6 +26,7 @@ def several():
     return SeveralKnees.of([Problem.of(one, chosen, table, np.ones(5)) for one in knees()])
 
 
+@pytest.mark.long
 def test_each_lane_is_its_own_knee(several):
     chosen, start = several.problems[0].selection, np.tile([4000.0, 3500.0, 7000.0, 5500.0], (3, 1))
     (attachments,) = several.own.values()

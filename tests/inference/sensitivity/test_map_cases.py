@@ -34,6 +34,7 @@ def measured(knee):
     return poses, (intact, cut)
 
 
+@pytest.mark.long
 def test_grid_points_are_objectives_of_a_calibration(knee, measured):
     poses, tests = measured
     found = sensitivity_map(

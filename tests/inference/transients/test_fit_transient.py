@@ -40,6 +40,7 @@ def fitted(record, free=FIRST):
     )
 
 
+@pytest.mark.long
 def test_dampers_are_found_from_the_motion_that_they_made():
     found = fitted(recorded())
     assert found.converged and found.evaluations < 40

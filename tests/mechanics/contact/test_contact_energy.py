@@ -72,6 +72,7 @@ def pressed(touching):
     return touching + 0.8 * np.eye(6)[4]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("offset", [-0.5, 0.0, 1.0])
 def test_the_slope_of_the_energy_equals_central_differences_through_first_touch(
     offset, touching, central_difference
@@ -135,6 +136,7 @@ def test_the_force_between_two_spheres_acts_along_the_line_of_their_centres():
     assert force @ line > 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("form", ["elliptical_patch", "quadrature"])
 def test_where_the_bones_frames_lie_does_not_change_the_energy(form, pressed, rng):
     contact, tibia = knee_contact(form), placed(pressed)
@@ -184,6 +186,7 @@ def test_both_forms_agree_on_a_knee_like_contact_to_first_order(pressed):
     assert patch == pytest.approx(summed, rel=0.1)
 
 
+@pytest.mark.long
 def test_a_batch_of_poses_has_the_energies_of_its_members(pressed):
     spread = np.array([0.5, 0.1, 0.1, 1, 1, 1])[:, None]
     poses = pressed[:, None] + np.linspace(-0.2, 0.2, 3) * spread

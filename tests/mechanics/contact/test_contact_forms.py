@@ -77,6 +77,7 @@ def test_the_closed_form_has_the_tabulated_resultants(law, depth):
     assert force == pytest.approx(expected, abs=5.1e-4 if expected < 900 else 5.1e-3)
 
 
+@pytest.mark.long
 def test_the_sum_over_points_reaches_the_spherical_cap_with_its_order(slope_on_log_axes):
     radius, depth, layer = 30.0, 1.0, 6.0
     cap = np.pi * K / layer * (radius * depth**2 - depth**3 / 3)
@@ -105,6 +106,7 @@ def test_the_closed_form_is_wrong_by_depth_over_radius(law, semi, slope_on_log_a
     assert (0 < errors).all() and (errors < 0.4 * depths[:, None] / semi[1]).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("semi", "law"),
     [
@@ -140,6 +142,7 @@ def test_force_and_energy_of_both_forms_agree_to_a_millionth_with_enough_points(
     assert slope_on_log_axes(counts, errors[:, 1]) < -1.8
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("law", ["linear", pytest.param("log", marks=pytest.mark.slow)])
 def test_the_closed_form_is_exact_for_a_paraboloid_on_a_plane(law):
     # An upturned paraboloid, y = -x^2 / 60 - z^2 / 40, above a plane: radii 30 and 20 mm.
@@ -183,6 +186,7 @@ def told(contact, tibia):
     return faults.too_deep | faults.outside | faults.lost, jax.tree.leaves(numbers)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "law", ["ratio", *(pytest.param(law, marks=pytest.mark.slow) for law in ("linear", "log"))]
 )

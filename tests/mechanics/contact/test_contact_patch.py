@@ -73,6 +73,7 @@ def test_crossed_ellipsoids_have_johnsons_relative_curvature(psi):
     assert float(there.mean_radius) == pytest.approx(johnson(a, b, psi), rel=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("psi", [0.5, 1.0, 0.5 * np.pi])
 def test_crossed_cylindrical_condyles_have_johnsons_relative_curvature(psi):
     def cylinder(radius, rotation):
@@ -236,6 +237,7 @@ def normal_and_tangents(contact, m, c):
     return jnp.stack(jnp.broadcast_arrays(*gradient)), [jnp.stack(t) for t in tangents]
 
 
+@pytest.mark.long
 def test_at_the_meeting_point_both_tangents_are_normal_to_the_other_surfaces_normal(contact, pose):
     normal, tangents = normal_and_tangents(contact, meeting(contact, pose), pose)
     normal /= np.linalg.norm(normal)
@@ -243,6 +245,7 @@ def test_at_the_meeting_point_both_tangents_are_normal_to_the_other_surfaces_nor
         assert abs(tangent @ normal) / np.linalg.norm(tangent) < 1e-9
 
 
+@pytest.mark.long
 def test_the_meeting_point_has_the_derivative_of_central_differences(
     contact, pose, central_difference
 ):
@@ -251,6 +254,7 @@ def test_the_meeting_point_has_the_derivative_of_central_differences(
     np.testing.assert_allclose(exact, numeric, atol=1e-6)
 
 
+@pytest.mark.long
 def test_the_meeting_point_follows_the_numbers_of_both_surfaces(contact, central_difference):
     leaves, structure = jax.tree.flatten(contact)
     rng = np.random.default_rng(11)
@@ -263,6 +267,7 @@ def test_the_meeting_point_follows_the_numbers_of_both_surfaces(contact, central
     np.testing.assert_allclose(np.asarray(exact), numeric, atol=1e-6)
 
 
+@pytest.mark.long
 def test_second_derivatives_of_the_meeting_point_equal_central_differences_of_the_first(
     central_difference,
 ):
@@ -289,6 +294,7 @@ def pressed(contact, c):
     return contact.press(placement(c), contact.meeting(placement(c)))
 
 
+@pytest.mark.long
 def test_a_patch_inside_both_regions_is_known_and_beyond_them_is_not():
     contact = CONTACTS["condyle on plateau"]
     for shift, known in ((0.0, True), (40.0, False)):

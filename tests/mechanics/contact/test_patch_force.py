@@ -54,6 +54,7 @@ def depth(contact, pose):
 
 
 # A law says how energy grows, a pair where: each of them once.
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("pair", "law"), list(zip(PAIRS, ("ratio", "linear", "log"), strict=True))
 )

@@ -58,6 +58,7 @@ def both(contact, state, flexion):
 
 
 # The other basis against its energy and differences, where rays graze: test_rays.py.
+@pytest.mark.long
 @pytest.mark.parametrize("basis", ["cubic_spline", pytest.param("power", marks=pytest.mark.slow)])
 def test_stiffness_over_points_is_the_derivative_of_the_wrench(basis, rng):
     contact = condyle_on_plateau(basis, rng)
@@ -72,6 +73,7 @@ def test_stiffness_over_points_is_the_derivative_of_the_wrench(basis, rng):
     )
 
 
+@pytest.mark.long
 def test_a_wrench_has_a_derivative_by_everything_else_too(rng, central_difference):
     contact = condyle_on_plateau("power", rng)
     tibia = geo.Pose(*(jnp.asarray(x) for x in (0.5, 0.02, -0.05, 0.7, 1.5, -0.6))).placement
@@ -127,6 +129,7 @@ def apart_and_together(contacts, state, flexion):
 
 
 # At the second pose rays graze at six points: two rows of three are searched thoroughly.
+@pytest.mark.long
 @pytest.mark.parametrize(("tilt", "up", "unusual"), [(0.02, 1.5, 0), (-0.9, 8.0, 6)])
 def test_contacts_in_one_foundation_do_what_they_do_apart(tilt, up, unusual, rng):
     contacts = pair_of_splines(rng)
@@ -144,6 +147,7 @@ def test_contacts_in_one_foundation_do_what_they_do_apart(tilt, up, unusual, rng
         np.testing.assert_allclose(other, one, rtol=1e-9, atol=1e-11 * largest)
 
 
+@pytest.mark.long
 def test_all_numbers_of_joined_contacts_have_their_derivatives(rng):
     contacts, state = pair_of_splines(rng), jnp.array([0.02, -0.05, 0.7, 1.5, -0.6])
     tibia = geo.State.of({"flexion": jnp.asarray(0.5)}, state).tibia.placement

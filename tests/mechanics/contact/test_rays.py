@@ -129,6 +129,7 @@ def wrench_and_stiffness(contact, state, flexion):
     )  # fmt: skip
 
 
+@pytest.mark.long
 def test_wrench_and_stiffness_hold_where_rays_graze(central_difference):
     contact, flexion = pressed_waves(), -0.162
     state = np.array([0.196, -0.263, -4.884, 8.669, 2.027])

@@ -105,6 +105,7 @@ def followed(ligaments, pose):
     return Followed(wrench, six(by_energy), jax.vmap(push, out_axes=1)(jnp.eye(6)))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", COURSES)
 def test_the_wrench_is_what_the_energy_loses(name):
     found = followed(fibres(COURSES[name]), np.array(POSE))
@@ -153,6 +154,7 @@ def test_fibres_keep_their_order_however_they_run():
     assert np.isneginf(wrap.angle[1]) and np.isfinite(np.asarray(wrap.angle)[[0, 2]]).all()
 
 
+@pytest.mark.long
 def test_courses_of_one_kind_are_one_program_and_each_keeps_its_obstacle():
     """Also where one obstacle differs from lane to lane, and by derivatives by its numbers."""
     radii = {0: 14.0, 2: 8.0}

@@ -129,6 +129,7 @@ def test_report_is_the_same_every_time(paths, tmp_path):
     assert [p.read_bytes() for p in paths] == [p.read_bytes() for p in again]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "change",
     [

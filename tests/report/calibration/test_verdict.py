@@ -116,6 +116,7 @@ def test_parameters_that_are_not_determined_are_named_by_their_reason():
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("change", "changes", "expected"),
     [

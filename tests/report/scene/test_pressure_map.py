@@ -48,6 +48,7 @@ def test_pressure_under_a_ball_is_the_law_of_its_depth(knee, form):
     assert field.covered.all()
 
 
+@pytest.mark.long
 def test_the_map_adds_up_to_the_evaluated_force(knee):
     contact = knee.contacts[0]
     summed = Contact(contact.femoral, contact.tibial, form="quadrature", points=(48, 48), **LINEAR)

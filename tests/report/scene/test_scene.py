@@ -66,6 +66,7 @@ def scenes(right):
     return report.scenes(right, Pose.from_table(TABLE))
 
 
+@pytest.mark.long
 def test_fibres_follow_their_course(right, scenes):
     found = kj.evaluate(right, Pose.from_table(TABLE))
     for i, scene in enumerate(scenes):
@@ -298,6 +299,7 @@ def test_report_imports_without_the_extra():
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.long
 def test_fibres_around_obstacles_of_one_kind_are_drawn_together(tmp_path):
     """Two balls of different size share a program; each fibre still goes around its own."""
     made = document()

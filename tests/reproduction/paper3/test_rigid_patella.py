@@ -41,6 +41,7 @@ def found(patella):
     return jax.jit(RigidPatella.balanced)(patella, patella.tibial_attachment, jnp.array(START))
 
 
+@pytest.mark.long
 def test_the_constraints_hold_and_the_forces_are_pushes(patella, found):
     there = geo.Pose(*found[:6]).placement
     for side in (0, 1):

@@ -153,6 +153,7 @@ def test_what_a_knee_reaches_depends_neither_on_lanes_nor_on_stretches(knee, cho
     np.testing.assert_allclose(apart.q[:, 5:] / UNITS, together.q[few, 5:] / UNITS, atol=2e-6)
 
 
+@pytest.mark.long
 def test_loads_of_stations_are_loads_of_the_knee(knee, chosen, base):
     """A drawer at two flexions, against a knee that carries the same load always."""
     forces = [100.0, -100.0, 100.0]

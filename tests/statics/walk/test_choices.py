@@ -64,6 +64,7 @@ def energy(knee, q):
     return add_lane_axis(knee).energy(State.of({}, q))
 
 
+@pytest.mark.long
 def test_what_is_held_is_where_it_is_held_and_the_rest_balances(knee, motion, choice):
     assert (np.asarray(motion.status) == Status.BALANCED).all()
     rows = np.asarray(motion.to_table())
@@ -98,6 +99,7 @@ def test_a_pose_held_where_it_rests_is_that_pose(knee):
     assert np.abs(again.reaction("anterior")).max() < 1e-4
 
 
+@pytest.mark.long
 def test_a_knee_that_is_let_go_comes_to_rest_at_one_flexion(knee):
     """Wherever it was begun; there no moment is needed to keep its flexion."""
     rest = kj.passive_flexion(knee, [-5.0, 10.0], flexion_is_free=True)
@@ -108,6 +110,7 @@ def test_a_knee_that_is_let_go_comes_to_rest_at_one_flexion(knee):
     assert abs(float(at_rest.reaction("flexion")[0])) < 1e-2
 
 
+@pytest.mark.long
 def test_the_moment_that_keeps_a_flexion_keeps_it_when_flexion_is_free(knee):
     kept = kj.passive_flexion(knee, [20.0])
     support = Support(kept.reaction("flexion")[0], "flexion")
@@ -125,6 +128,7 @@ def test_a_displacement_and_its_reaction_are_a_load_and_its_displacement(knee):
     np.testing.assert_allclose(pushed.to_table(), held.to_table(), atol=1e-5)
 
 
+@pytest.mark.long
 def test_derivatives_are_central_differences(knee, choice):
     held, free = choice
     names = ["cable0.stiffness", "cable3.slack_length", "cable8.femoral_attachment.superior"]

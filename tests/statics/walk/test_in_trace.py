@@ -27,6 +27,7 @@ def traced(knee):
     return selection, jax.jit(motion, compiler_options=dict(compiler_options()))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(6))
 def test_random_knees_move_alike(knee, traced, seed):
     """Lost poses included: those of knees too lax or too tight to balance everywhere."""
@@ -46,6 +47,7 @@ def test_random_knees_move_alike(knee, traced, seed):
     np.testing.assert_array_equal(status[~lost], np.asarray(walked.status)[~lost])
 
 
+@pytest.mark.long
 def test_derivatives_inside_and_outside_are_one(knee, traced):
     selection, motion = traced
     values = selection.read(knee)
@@ -64,6 +66,7 @@ def test_derivatives_inside_and_outside_are_one(knee, traced):
     np.testing.assert_allclose(inside / scale, outside / scale, atol=1e-6)
 
 
+@pytest.mark.long
 def test_flexion_may_be_traced_too(knee):
     @jax.jit
     def rotation(flexion):

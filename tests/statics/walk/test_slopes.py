@@ -14,6 +14,7 @@ from kneejax.statics import Stations, balance_with_slopes
 from kneejax.statics.walk._slopes import _LANES, _slopes
 
 
+@pytest.mark.long
 def test_derivatives_by_many_and_by_few_parameters_agree():
     """By few they are taken column by column, by more than there are coordinates row by row."""
     knee = kj.load_knee("four_ligament")
@@ -32,6 +33,7 @@ def test_derivatives_by_many_and_by_few_parameters_agree():
         np.testing.assert_allclose(by_row, by_column, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.long
 def test_bundles_of_a_whole_knee_vary_in_stiffness_and_strain_together(
     central_difference, monkeypatch
 ):
