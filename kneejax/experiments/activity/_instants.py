@@ -2,7 +2,8 @@
 
 An instant lies near its neighbours in time, so only a few are walked to from the reference pose,
 each on its own route. The others are sought where their neighbours in time say, half-way first;
-what is not found there is walked to.
+what is not found there is walked to. A walk bends the knee without the movement's loads first, and
+a loose one can be lost there: then it is sought where another knee balances at the same instant.
 """
 
 from __future__ import annotations
@@ -17,7 +18,16 @@ from scipy.interpolate import PchipInterpolator
 from kneejax.experiments._motion import Motion, again, itself
 from kneejax.geometry import scales
 from kneejax.mechanics import Knee
-from kneejax.statics import Balances, Stations, converged, own_motion, own_motion_near, settled_of
+from kneejax.statics import (
+    Balances,
+    Settled,
+    Stations,
+    Status,
+    converged,
+    own_motion,
+    own_motion_near,
+    settled_of,
+)
 
 #: Instants that are walked to. A walk costs as much as eighty instants that are found between
 #: others; of a recorded step 25, 9, 5 and 3 led to the same balances.
@@ -45,12 +55,13 @@ class Instants:
     reached: np.ndarray
 
     @classmethod
-    def of(cls, knee: Knee, stations: Stations) -> Instants:
+    def of(cls, knee: Knee, stations: Stations, near: Settled | None = None) -> Instants:
         """Find them all.
 
         Args:
             knee: without a lane axis, its numbers known.
             stations: as in the attributes.
+            near: balances of a like knee at the same instants, see `activity`.
         """
         count = len(stations)
         stations = jax.tree.map(np.asarray, stations.of(knee))
@@ -63,6 +74,8 @@ class Instants:
         lost = np.flatnonzero(~found._known(np.arange(count)))
         if len(lost):
             found._walk(lost)
+        if near is not None:
+            found._where_another_is(near)
         return found
 
     def motion(self, knee: Knee, stations: Stations) -> Motion:
@@ -131,6 +144,19 @@ class Instants:
             if not is_near(row):
                 for values, old in zip(self._every(), kept, strict=True):
                     values[row] = old
+
+    def _where_another_is(self, other: Settled) -> None:
+        """Seek what no walk led to where another knee balances; then what lies beside that.
+
+        Where a knee was found to give way, it does: only what was not found at all is sought.
+        """
+        lost = self.nodes["status"] == Status.NOT_CONVERGED
+        rows = np.flatnonzero(lost & np.asarray(converged(other.status)))
+        if len(rows):
+            begin = (np.moveaxis(np.asarray(getattr(other, name)), -1, 0) for name in _GUESSED)
+            self._near(rows, [values[rows] for values in begin])
+            self._in_time(1)
+            self._in_time(-1)
 
     def _every(self) -> list[np.ndarray]:
         return [*self.nodes.values(), self.reached]
