@@ -121,7 +121,7 @@ def test_a_record_with_one_heel_strike_is_counted_from_it(pressed):
 def test_a_record_without_ground_is_counted_as_a_whole(pressed):
     still = dataclasses.replace(pressed.record, ground_N=np.zeros((COUNT, 3)))
     cycle = cycle_of(still)
-    assert cycle.words == "of the record" and cycle.percent[16] == pytest.approx(50.0)
+    assert cycle.words == "the whole record" and cycle.percent[16] == pytest.approx(50.0)
 
 
 def test_a_quadriceps_that_ends_on_the_tibia_is_taken_out_before_a_patella_pulls():

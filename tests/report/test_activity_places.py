@@ -78,6 +78,13 @@ def test_knees_that_do_not_balance_are_counted_and_have_no_numbers(found):
     assert rows["without ACL"][:2] == [0, 0] and np.isnan(rows["without ACL"][2:]).all()
     assert rows["octagon 3"][:2] == [COUNT - 5, 2] and np.isfinite(rows["octagon 3"][2:]).all()
     assert [*place_lines(found)][3].split()[2:] == ["0", "0", *"-----"]
-    cycle = Cycle(np.linspace(0.0, 100.0, COUNT), np.nan, "of the record")
-    labels = [x.get_text() for x in places_figure(found, cycle, "x").legends[0].get_texts()]
-    assert labels[1] == "without ACL (0 of 20)" and labels[5] == "octagon 3 (15 of 20)"
+    cycle = Cycle(np.linspace(0.0, 100.0, COUNT), np.nan, "the whole record")
+    for one in found.values():
+        one.holds[-1] = False
+    figure = places_figure(found, cycle, "x")
+    figure.canvas.draw()
+    (legend,) = figure.legends
+    box = legend.get_window_extent().transformed(figure.transFigure.inverted())
+    assert box.x0 > 0.0 and box.x1 < 1.0 and box.y1 < figure.axes[-1].get_position().y0
+    labels = [x.get_text() for x in legend.get_texts()]
+    assert labels[1] == "without ACL (0 of 20)" and labels[5] == "octagon 3 (14 of 20)"

@@ -47,12 +47,14 @@ class Instants:
         stations: the instants, in order of time.
         nodes: fields of the balances, arrays begin with the instant.
         reached: as in `Motion`.
+        near: balances of a like knee at the same instants, see `activity`; or none.
     """
 
     knee: Knee
     stations: Stations
     nodes: dict[str, np.ndarray]
     reached: np.ndarray
+    near: Settled | None = None
 
     @classmethod
     def of(cls, knee: Knee, stations: Stations, near: Settled | None = None) -> Instants:
@@ -61,11 +63,11 @@ class Instants:
         Args:
             knee: without a lane axis, its numbers known.
             stations: as in the attributes.
-            near: balances of a like knee at the same instants, see `activity`.
+            near: likewise.
         """
         count = len(stations)
         stations = jax.tree.map(np.asarray, stations.of(knee))
-        found = cls(knee, stations, {}, np.full(count, np.nan))
+        found = cls(knee, stations, {}, np.full(count, np.nan), near)
         anchors = np.unique(np.linspace(0, count - 1, min(count, _ANCHORS)).round().astype(int))
         found._walk(anchors)
         found._between(anchors)
@@ -74,8 +76,6 @@ class Instants:
         lost = np.flatnonzero(~found._known(np.arange(count)))
         if len(lost):
             found._walk(lost)
-        if near is not None:
-            found._where_another_is(near)
         return found
 
     def motion(self, knee: Knee, stations: Stations) -> Motion:
@@ -91,8 +91,16 @@ class Instants:
         return jax.tree.map(lambda x: x[rows], self.stations)
 
     def _walk(self, rows: np.ndarray) -> None:
-        """Walk to some instants, each on its own route."""
+        """Walk to some instants, each on its own route; what was not found at all is sought where
+        the other knee balances. Where the knee was found to give way, it does."""
         self._take(rows, own_motion(self.knee, itself, np.zeros(()), self._at(rows)))
+        if self.near is None:
+            return
+        lost = self.nodes["status"][rows] == Status.NOT_CONVERGED
+        rows = rows[lost & np.asarray(converged(self.near.status))[rows]]
+        if len(rows):
+            begin = (np.moveaxis(np.asarray(getattr(self.near, x)), -1, 0) for x in _GUESSED)
+            self._near(rows, [values[rows] for values in begin])
 
     def _near(self, rows: np.ndarray, begin: list[np.ndarray]) -> None:
         """Find some near where they are expected."""
@@ -144,19 +152,6 @@ class Instants:
             if not is_near(row):
                 for values, old in zip(self._every(), kept, strict=True):
                     values[row] = old
-
-    def _where_another_is(self, other: Settled) -> None:
-        """Seek what no walk led to where another knee balances; then what lies beside that.
-
-        Where a knee was found to give way, it does: only what was not found at all is sought.
-        """
-        lost = self.nodes["status"] == Status.NOT_CONVERGED
-        rows = np.flatnonzero(lost & np.asarray(converged(other.status)))
-        if len(rows):
-            begin = (np.moveaxis(np.asarray(getattr(other, name)), -1, 0) for name in _GUESSED)
-            self._near(rows, [values[rows] for values in begin])
-            self._in_time(1)
-            self._in_time(-1)
 
     def _every(self) -> list[np.ndarray]:
         return [*self.nodes.values(), self.reached]

@@ -133,7 +133,9 @@ def places_figure(found: Mapping[str, Activity], cycle: Cycle, title: str) -> Fi
            for line, label in zip(*axes.get_legend_handles_labels(), strict=True)}  # fmt: skip
     lines = [own[verbatim(name)] for name in found]
     names = [_label(name, one.holds) for name, one in found.items()]
-    figure.legend(lines, names, loc="lower center", ncols=6, fontsize=7.5, handlelength=1.6,
+    # Names with counts are longer: four of them are as wide as the figure.
+    columns = 6 if all(one.holds.all() for one in found.values()) else 4
+    figure.legend(lines, names, loc="lower center", ncols=columns, fontsize=7.5, handlelength=1.6,
                   columnspacing=1.2)  # fmt: skip
     return figure
 
