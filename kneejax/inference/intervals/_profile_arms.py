@@ -31,6 +31,9 @@ _HALVINGS = 3
 _MOST = 60
 #: Model and knee agree, and contradict each other: differences of chi squared in parts of its rise.
 _AGREES, _CONTRADICTS = 0.25, 0.5
+#: A shorter step, as a part of the bounds' width, tells nothing: at a kink, or in a search's own
+#: errors, steps become ever shorter, by their square where the model is damped most.
+_SHORTEST = 1e-6
 #: A step of other parameters as long as the reach counts like such a part of the level.
 _DAMPING = 0.03
 #: With a longer reach than this, parts of the bounds' width, the others go where they want to.
@@ -346,6 +349,8 @@ class Arms:
         self.reach[row] = self._half_a_step(row)
         if self.looks[row] > _MOST:
             self._stop(row, f"given up after {_MOST} steps")
+        elif self.reach[row] < _SHORTEST:
+            self._stop(row, "no step leads on")
         else:
             self._aim(row)
 
