@@ -30,7 +30,9 @@ def test_a_planned_graft_pulls_while_the_patella_is_pulled():
     plan = read_plan("ten_bundle", patella=True)
     knees = operated_knees(plan)
     assert len(knees) == 11
-    found = {name: activity(knees[name], push_off()) for name in ("intact", PLANNED)}
+    intact = activity(knees["intact"], push_off())
+    # With its graft this knee, bent without load, is lost near 10 degrees: the other one leads.
+    found = {"intact": intact, PLANNED: activity(knees[PLANNED], push_off(), near=intact)}
     for name, one in found.items():
         assert np.asarray(converged(one.motion.status)).all(), name
         assert one.motion.knee.other_bones and "vas_int_r" not in one.acting
