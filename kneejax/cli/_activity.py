@@ -23,7 +23,7 @@ from kneejax.files import (
 from kneejax.geometry import BODIES, COLUMNS, FEMORAL, convert_table
 from kneejax.mechanics import Knee, LegRecord, Range
 from kneejax.parameters import cut
-from kneejax.planning import AclPlan, operated_knees
+from kneejax.planning import AclPlan, intact_knee, operated_knees
 from kneejax.report import pose_words, search_words
 from kneejax.statics import Status
 from kneejax.studies import read_plan
@@ -43,35 +43,37 @@ def run(arguments: argparse.Namespace) -> int:
     if plan is None:
         values = read_pairs("--set", arguments.values)
         read = load_knee_file(arguments.knee or _USUAL)
-        own, document = read.knee, read.document
-        knee = knee_with(read.with_patella() if arguments.patella else own, values, "--set")
+        document = read.document
+        knee = knee_with(read.with_patella() if arguments.patella else read.knee, values, "--set")
     else:
-        knee = own = plan.own
-        document = plan.document
+        knee, document = intact_knee(plan), plan.document
     if document["side"] != {"r": "right", "l": "left"}[arguments.side]:
         expected = f"{document['side'][0]}, the side of the knee {knee.name}"
         raise InputProblem("--side", "side", arguments.side, expected)
     knees = {INTACT: knee}
     if arguments.cut:
         knees[f"without {', '.join(arguments.cut)}"] = cut(knee, arguments.cut)
-    record, rounds = _record(arguments, body, knee, own, document)
+    record, rounds = _record(arguments, body, knee, document)
     _check_pulls(knee, record)
     _say_record(record)
-    with stages_on_terminal(knee.name):
+    with stages_on_terminal(knee.name) as show:
         knees = knees if plan is None else operated_knees(plan)
-        found = {name: activity(one, record) for name, one in knees.items()}
+        found: dict[str, Activity] = {}
+        for name, one in knees.items():
+            show(f"{knee.name}, {name}", 0, 0)
+            found[name] = activity(one, record, near=found.get(INTACT))
     return _report(arguments, found, cycle_of(record), rounds)
 
 
 def _record(
-    arguments: argparse.Namespace, body: WholeBody | None, knee: Knee, own: Knee, document
+    arguments: argparse.Namespace, body: WholeBody | None, knee: Knee, document
 ) -> tuple[LegRecord, list[Round]]:
     """What acted on the leg: as it was recorded, or as OpenSim finds it."""
     if body is not None:
         with stages_on_terminal("OpenSim") as show:
-            return asked_of_opensim(arguments, body, knee, own, document, show)
+            return asked_of_opensim(arguments, body, knee, document, show)
     record = read_activity(
-        arguments.model, arguments.files, side=arguments.side, knee=own, document=document,
+        arguments.model, arguments.files, side=arguments.side, knee=knee, document=document,
         frames=arguments.frames, instants=arguments.instants,
     )  # fmt: skip
     return record, []
@@ -81,13 +83,12 @@ def _plan(arguments: argparse.Namespace) -> AclPlan | None:
     """The plan that is asked for, if one is."""
     if arguments.plan is None:
         return None
-    others = {"--knee": arguments.knee, "--set": arguments.values, "--cut": arguments.cut,
-              "--patella": arguments.patella}  # fmt: skip
+    others = {"--knee": arguments.knee, "--set": arguments.values, "--cut": arguments.cut}
     for option, given in others.items():
         if given:
             expected = "one of both: a plan says what its knee is and which ligament is torn"
             raise InputProblem("--plan", "options", f"--plan and {option}", expected)
-    return read_plan(arguments.plan)
+    return read_plan(arguments.plan, patella=arguments.patella)
 
 
 def _check_pulls(knee: Knee, record: LegRecord) -> None:

@@ -78,7 +78,6 @@ def asked_of_opensim(
     arguments: argparse.Namespace,
     body: WholeBody,
     knee: Knee,
-    own: Knee,
     document: dict[str, Any],
     show,
 ) -> tuple[LegRecord, list[Round]]:
@@ -88,14 +87,13 @@ def asked_of_opensim(
         arguments: of the command.
         body: the movement, checked.
         knee: whose secondary motion goes back into the model.
-        own: the knee of two bones, which frames are registered to.
         document: of its file.
         show: called with what is done.
 
     Returns:
         The record, and the rounds; none where no motion was to go back.
     """
-    shifts = registered(arguments.model, arguments.side, own, document, arguments.frames)
+    shifts = registered(arguments.model, arguments.side, knee, document, arguments.frames)
     rounds, model, motion = [], body.model, None  # the model's own motion, to begin with
     for number in range(arguments.rounds + 1):
         show(f"OpenSim, round {number}" if arguments.rounds else "OpenSim", 0, 0)
@@ -105,13 +103,13 @@ def asked_of_opensim(
             data = couple_model(body.model, arguments.side, motion, shifts)
             write_bytes(model, data)
         said = ask_opensim(body, folder, model)
-        record = _record(body, model, said, own, shifts)
+        record = _record(body, model, said, knee, shifts)
         if arguments.rounds:
             show(f"{knee.name}, round {number}", 0, 0)
             one = activity(knee, record)
             before = coupled_motion(record.pose) if motion is None else motion
             after = _motion(one, str(arguments.motion), before.flexion_deg)
-            off = _reaction_off(body, model, said, own, shifts, record)
+            off = _reaction_off(body, model, said, knee, shifts, record)
             rounds.append(_round(number, one, before, after, off))
             part = before.secondary + weights(rounds)[-1] * rounds[-1].change
             motion = dataclasses.replace(after, secondary=part)
@@ -119,22 +117,22 @@ def asked_of_opensim(
 
 
 def _record(
-    body: WholeBody, model: Path, said: WholeBodyForces, own: Knee, shifts: Registration
+    body: WholeBody, model: Path, said: WholeBodyForces, knee: Knee, shifts: Registration
 ) -> LegRecord:
     # Where no ground is given, the feet's own contacts are among the forces.
     forces = [said.forces, *([] if body.loads is None else [body.loads])]
     # The instants are those of static optimisation, between which nothing is known.
-    return read_activity(model, [body.motion, *forces], side=body.side, knee=own, frames=shifts)
+    return read_activity(model, [body.motion, *forces], side=body.side, knee=knee, frames=shifts)
 
 
 def _reaction_off(
-    body: WholeBody, model: Path, said: WholeBodyForces, own: Knee, shifts: Registration,
+    body: WholeBody, model: Path, said: WholeBodyForces, knee: Knee, shifts: Registration,
     record: LegRecord,
 ) -> float:  # fmt: skip
     """By how much OpenSim's reaction differs from the sum of what was read, rms, N."""
     if body.loads is None or record.quadriceps_N.any():
         return float("nan")
-    theirs = read_activity(model, [body.motion, said.reactions], side=body.side, knee=own,
+    theirs = read_activity(model, [body.motion, said.reactions], side=body.side, knee=knee,
                            frames=shifts)  # fmt: skip
     state = State({TIBIA: Pose.from_table(record.pose)})
     pulls = np.asarray(record.muscles.on_tibia(state)).sum(axis=0).T

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from kneejax.geometry import Surface
+from kneejax.geometry import FEMUR_AND_TIBIA, Surface
 from kneejax.mechanics._knee import Knee
 
 # About 0.8 mm apart on a condyle.
@@ -14,18 +14,19 @@ _AROUND, _ALONG = 120, 40
 
 
 def condyle_points(knee: Knee) -> tuple[np.ndarray, np.ndarray]:
-    """Sample the femoral surfaces of a knee, each once, over the regions to which they were fitted.
+    """Sample a knee's condyles, each surface once, over the regions to which they were fitted.
 
-    With them `kneejax.joints.condyle_axes` finds the axes of a knee that has no mesh.
+    With them `kneejax.joints.condyle_axes` finds the axes of a knee that has no mesh. The groove of
+    the patella is none of them.
 
     Args:
-        knee: any knee with contacts.
+        knee: any knee in which femur and tibia touch.
 
     Returns:
         Points, mm, and outward unit normals, in femur axes, each of shape `(n, 3)`.
 
     Raises:
-        ValueError: the knee has no contacts.
+        ValueError: femur and tibia have no contacts.
 
     Example:
         >>> import kneejax as kj
@@ -34,10 +35,11 @@ def condyle_points(knee: Knee) -> tuple[np.ndarray, np.ndarray]:
         >>> [round(facet.cylinder.radius) for facet in axes.facets]
         [30, 46, 23, 21]
     """
-    if not knee.contacts:
+    condyles = [x.femoral for x in knee.contacts if x.bodies == FEMUR_AND_TIBIA]
+    if not condyles:
         raise ValueError(f"{knee.name} has no contacts, hence no condyles")
     sampled = []
-    for surface in _different([contact.femoral for contact in knee.contacts]):
+    for surface in _different(condyles):
         place = surface.frame.placement
         (first, last), (medial, lateral) = np.asarray(surface.bounds())
         a, b = np.meshgrid(

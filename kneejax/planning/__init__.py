@@ -30,6 +30,7 @@ _MODULES = {
     "over_tension": "kneejax.planning._maps",
     "tunnel_map": "kneejax.planning._maps",
     "PLANNED": "kneejax.planning._operated",
+    "intact_knee": "kneejax.planning._operated",
     "knee_of_outcome": "kneejax.planning._operated",
     "operated_knees": "kneejax.planning._operated",
     "MOST_EVALUATIONS": "kneejax.planning._optimum",
@@ -89,6 +90,7 @@ if TYPE_CHECKING:
     from kneejax.planning._maps import over_tension as over_tension
     from kneejax.planning._maps import tunnel_map as tunnel_map
     from kneejax.planning._operated import PLANNED as PLANNED
+    from kneejax.planning._operated import intact_knee as intact_knee
     from kneejax.planning._operated import knee_of_outcome as knee_of_outcome
     from kneejax.planning._operated import operated_knees as operated_knees
     from kneejax.planning._optimum import MOST_EVALUATIONS as MOST_EVALUATIONS

@@ -15,6 +15,15 @@ from kneejax.planning._surgery import Outcome, Surgery
 INTACT, PLANNED = "intact", "planned"
 
 
+def intact_knee(plan: AclPlan) -> Knee:
+    """A plan's knee before anything is torn, of the structure of `operated_knees`.
+
+    Args:
+        plan: checked.
+    """
+    return _bare(plan, torn=False)
+
+
 def operated_knees(plan: AclPlan) -> dict[str, Knee]:
     """A plan's knee intact, without its ligament, and with the graft fixed where it is planned and
     in the corners of the octagon.
@@ -41,10 +50,16 @@ def operated_knees(plan: AclPlan) -> dict[str, Knee]:
             f"{plan.file}: fixation: the knee holds no graft under its tension at "
             f"{', '.join(lost)}: expected a tension under which it balances"
         )
-    bare = [one.value(ends[:1], elastic=False, torn=torn) for torn in (False, True)]
-    values = np.vstack([*bare, one.value(ends, slack)])
-    every = INTACT, f"without {plan.ligament}", *names
-    return {name: one.vary(one.knee, own) for name, own in zip(every, values, strict=True)}
+    bare = {INTACT: intact_knee(plan), f"without {plan.ligament}": _bare(plan, torn=True)}
+    values = zip(names, one.value(ends, slack), strict=True)
+    return bare | {name: one.vary(one.knee, own) for name, own in values}
+
+
+def _bare(plan: AclPlan, torn: bool) -> Knee:
+    """Without a graft."""
+    one = plan.surgery.plan
+    ends, _ = plan.surgery.ends(plan.base[None])
+    return one.vary(one.knee, one.value(ends, elastic=False, torn=torn)[0])
 
 
 def knee_of_outcome(surgery: Surgery, outcome: Outcome) -> Knee:

@@ -68,19 +68,21 @@ _USUAL: dict[str, Any] = {
 _STEPS = 1
 
 
-def read_plan(name_or_path: str | os.PathLike[str]) -> AclPlan:
+def read_plan(name_or_path: str | os.PathLike[str], *, patella: bool = False) -> AclPlan:
     """Read a plan, its knee and its bones.
 
     Args:
         name_or_path: name of a bundled plan, or a plan file; paths in it are relative to its
             folder.
+        patella: whether the knee is the one of three bones, grafts fixed with the patella in
+            balance: for a movement in which the quadriceps pulls on it.
 
     Returns:
         The plan, checked whole.
 
     Raises:
         InputProblem: the file or one that it names cannot be read, or a field is missing,
-            unknown or out of range.
+            unknown or out of range; or the knee's file has no patella and one is asked for.
         UnknownParameter: a parameter that the knee does not have.
 
     Example:
@@ -88,19 +90,20 @@ def read_plan(name_or_path: str | os.PathLike[str]) -> AclPlan:
         >>> plan.graft.name, plan.surgery.plan.torn
         ('hamstring', ('aACL', 'pACL'))
     """
-    return plan_of(*named_document("plans", name_or_path))
+    return plan_of(*named_document("plans", name_or_path), patella=patella)
 
 
-def plan_of(plan: Field, folder: Path = Path()) -> AclPlan:
+def plan_of(plan: Field, folder: Path = Path(), *, patella: bool = False) -> AclPlan:
     """Make a plan of what a file says.
 
     Args:
         plan: everything that the file says.
         folder: to which paths in it are relative.
+        patella: as in `read_plan`.
     """
     plan.mapping(_REQUIRED, _OPTIONAL)
     read, path = _read_knee(plan, folder)
-    knee, drawn, held = _knee(plan, read.knee, path)
+    knee, drawn, held = _knee(plan, read.with_patella() if patella else read.knee, path)
     ligament = _ligament(plan, knee)
     graft, stiffness, bundles = _graft(plan["graft"])
     reconstruction = reconstruction_of(knee, ligament, bundles, stiffness, graft.failure_N)

@@ -118,6 +118,34 @@ def test_a_movement_for_opensim_is_checked_before_it_is_asked(
     assert not (ground / "out").exists()
 
 
+class _AskedError(Exception):
+    """OpenSim would be asked now."""
+
+
+@pytest.mark.parametrize(("option", "bodies"), [([], 1), (["--patella"], 2)])
+def test_of_a_plan_the_motion_of_its_intact_knee_goes_back(
+    option, bodies, ground, monkeypatch, capsys
+):
+    """In the structure of all its knees, so that one program serves rounds and places."""
+    asked = []
+
+    def ask(arguments, body, knee, document, show):
+        asked.append((arguments.rounds, knee, document["name"]))
+        raise _AskedError
+
+    monkeypatch.chdir(ground)
+    monkeypatch.setattr("kneejax.files.opensim._whole_body.check_installed", lambda *_: None)
+    monkeypatch.setattr("kneejax.cli._activity.asked_of_opensim", ask)
+    words = ["--motion", "angles.sto", "--model", "m.osim", "--plan", "ten_bundle", "--rounds", "2"]
+    with pytest.raises(_AskedError):
+        main(["activity", *words, *option, "--out", "out"])
+    ((rounds, knee, name),) = asked
+    assert (rounds, name, len(knee.bodies)) == (2, "ten_bundle", bodies)
+    at = knee.ligaments.names.index("graft")
+    acts = dict(zip(knee.ligaments.names, np.asarray(knee.ligaments.stiffness), strict=True))
+    assert acts["aACL"] > 0.0 and float(knee.ligaments.stiffness[at]) == 0.0
+
+
 def test_without_the_extra_one_line_says_what_to_install(ground, capsys, monkeypatch):
     monkeypatch.chdir(ground)
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)

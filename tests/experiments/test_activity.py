@@ -9,10 +9,12 @@ import pytest
 
 import kneejax as kj
 from kneejax.experiments import TENDON, activity, cycle_of
+from kneejax.experiments.activity import _instants
 from kneejax.experiments.activity._activity import muscles_over
 from kneejax.experiments.activity._tendon import tendon_of_quadriceps
 from kneejax.mechanics import LegRecord, Load, Muscles
 from kneejax.parameters import cut
+from kneejax.statics import Status
 
 COUNT = 33
 #: What a number is changed by in a difference, as a part of its leaf's size.
@@ -121,7 +123,7 @@ def test_a_record_with_one_heel_strike_is_counted_from_it(pressed):
 def test_a_record_without_ground_is_counted_as_a_whole(pressed):
     still = dataclasses.replace(pressed.record, ground_N=np.zeros((COUNT, 3)))
     cycle = cycle_of(still)
-    assert cycle.words == "of the record" and cycle.percent[16] == pytest.approx(50.0)
+    assert cycle.words == "the whole record" and cycle.percent[16] == pytest.approx(50.0)
 
 
 def test_a_quadriceps_that_ends_on_the_tibia_is_taken_out_before_a_patella_pulls():
@@ -133,6 +135,32 @@ def test_a_quadriceps_that_ends_on_the_tibia_is_taken_out_before_a_patella_pulls
     assert np.all(moved.quadriceps_N == 140.0)
     assert np.array_equal(moved.muscles.tension, told.muscles.tension)
     assert told.with_heads_on_patella() is told
+
+
+def all_lost(status):
+    """A walk that leads nowhere."""
+
+    def walk(*arguments):
+        found = _instants_walk(*arguments)
+        found.q[...] = np.nan
+        found.status[...] = int(status)
+        return found
+
+    return walk
+
+
+_instants_walk = _instants.own_motion
+
+
+@pytest.mark.parametrize("status", [Status.NOT_CONVERGED, Status.GIVES_WAY])
+def test_what_no_walk_finds_is_sought_where_another_knee_is(knee, pressed, status, monkeypatch):
+    """But where a knee gives way, no other knee says otherwise."""
+    monkeypatch.setattr(_instants, "own_motion", all_lost(status))
+    assert not activity(knee, pressed.record).holds.any()
+    found = activity(knee, pressed.record, near=pressed)
+    assert found.holds.all() == (status == Status.NOT_CONVERGED) == found.holds.any()
+    if found.holds.all():
+        assert np.allclose(found.motion.to_table(), pressed.motion.to_table(), atol=1e-6)
 
 
 @pytest.fixture(scope="module")

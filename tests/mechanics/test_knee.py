@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import kneejax.geometry as geo
-from kneejax.files import load_knee
+from kneejax.files import load_knee, load_knee_file
 from kneejax.mechanics import Contact, Knee, Ligaments, add_lane_axis, condyle_points
 
 POSE = geo.Pose.from_table([[0.0, 0, 0, 0, -0.3, 0], [29.0, 1.7, 3.0, 1.0, 0.5, 0.3]])
@@ -158,4 +158,12 @@ def test_a_condyle_that_two_contacts_share_is_sampled_once():
     contacts, names = (*bundled.contacts, bundled.contacts[0]), (*bundled.contact_names, "meniscus")
     shared = dataclasses.replace(bundled, contacts=contacts, contact_names=names)
     for own, other in zip(condyle_points(shared), condyle_points(bundled), strict=True):
+        np.testing.assert_array_equal(own, other)
+
+
+def test_the_groove_of_the_patella_is_no_condyle():
+    read = load_knee_file("four_ligament")
+    three = read.with_patella()
+    assert "patellofemoral" in three.contact_names
+    for own, other in zip(condyle_points(three), condyle_points(read.knee), strict=True):
         np.testing.assert_array_equal(own, other)

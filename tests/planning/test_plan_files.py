@@ -8,8 +8,9 @@ import trimesh
 import yaml
 
 from kneejax.cli import main
-from kneejax.files import InputProblem, bone_surface
+from kneejax.files import InputProblem, bone_surface, load_knee_file, write_knee
 from kneejax.parameters import UnknownParameter
+from kneejax.planning import intact_knee
 from kneejax.studies import read_plan
 
 PLAN = {"title": "a plan", "knee": "four_ligament", "graft": {"type": "hamstring"}}
@@ -125,6 +126,25 @@ def test_the_bundled_plan_is_paper_2s(tmp_path):
     assert len(plan.surgery.protocol.extension_deg) == 33
     assert plan.octagon_mm == 10.0
     assert plan.free_choices.all()
+
+
+def test_a_plan_on_the_knee_of_three_bones_is_the_same_plan():
+    two, three = read_plan("ten_bundle"), read_plan("ten_bundle", patella=True)
+    assert three.own.bodies == ("tibia", "patella")
+    assert three.base.tolist() == two.base.tolist()
+    assert three.surgery.plan.torn == two.surgery.plan.torn
+    intact = intact_knee(three)
+    assert intact.muscles.names[-1] == "graft" and len(intact.muscles.quadriceps) > 1
+    assert float(intact.muscles.tension[-1]) == 0.0
+
+
+def test_a_plan_asked_for_a_patella_that_its_knee_has_not_says_so(tmp_path):
+    document = dict(load_knee_file("four_ligament").document)
+    del document["patella"]
+    write_knee(document, tmp_path / "bare.yaml")
+    (tmp_path / "plan.yaml").write_text(yaml.safe_dump(PLAN | {"knee": "bare.yaml"}))
+    with pytest.raises(InputProblem, match="patella: missing: expected this section"):
+        read_plan(tmp_path / "plan.yaml", patella=True)
 
 
 def test_two_bundles_stand_where_the_halves_of_the_ligament_do(tmp_path):

@@ -7,6 +7,7 @@ import pytest
 
 from kneejax.experiments import Cycle
 from kneejax.report import PLACE_COLUMNS, place_lines, place_rows, places_figure
+from kneejax.statics import Status
 
 COUNT = 20
 WAVE = np.sin(np.linspace(0.0, np.pi, COUNT))
@@ -20,6 +21,7 @@ def knee(stiffness, pull, forward):
     return SimpleNamespace(
         holds=np.ones(COUNT, bool),
         motion=SimpleNamespace(
+            status=np.zeros(COUNT, int),
             knee=SimpleNamespace(ligaments=SimpleNamespace(stiffness=np.array(stiffness))),
             to_table=lambda: table,
         ),
@@ -60,3 +62,29 @@ def test_every_knee_has_its_line_and_its_curve(found):
     figure = places_figure(found, cycle, "ten_bundle")
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert labels == [*found]
+
+
+@pytest.mark.filterwarnings("error")
+def test_knees_that_do_not_balance_are_counted_and_have_no_numbers(found):
+    """One is lost everywhere, one at five instants and overstretched at two others."""
+    for name, lost in (("without ACL", slice(None)), ("octagon 3", slice(5))):
+        one = found[name]
+        one.holds[lost] = False
+        for values in (one.motion.to_table(), one.mechanics.tension, one.mechanics.strain,
+                       one.mechanics.contact_force):  # fmt: skip
+            values[lost] = np.nan
+    found["octagon 3"].motion.status[5:7] = Status.OVERSTRETCHED
+    rows = {row[0]: row[1:] for row in place_rows(found)}
+    assert rows["without ACL"][:2] == [0, 0] and np.isnan(rows["without ACL"][2:]).all()
+    assert rows["octagon 3"][:2] == [COUNT - 5, 2] and np.isfinite(rows["octagon 3"][2:]).all()
+    assert [*place_lines(found)][3].split()[2:] == ["0", "0", *"-----"]
+    cycle = Cycle(np.linspace(0.0, 100.0, COUNT), np.nan, "the whole record")
+    for one in found.values():
+        one.holds[-1] = False
+    figure = places_figure(found, cycle, "x")
+    figure.canvas.draw()
+    (legend,) = figure.legends
+    box = legend.get_window_extent().transformed(figure.transFigure.inverted())
+    assert box.x0 > 0.0 and box.x1 < 1.0 and box.y1 < figure.axes[-1].get_position().y0
+    labels = [x.get_text() for x in legend.get_texts()]
+    assert labels[1] == "without ACL (0 of 20)" and labels[5] == "octagon 3 (14 of 20)"

@@ -90,7 +90,7 @@ class Activity:
         return np.asarray(self.motion.reaction("flexion")) / 1000.0
 
 
-def activity(knee: Knee, record: LegRecord) -> Activity:
+def activity(knee: Knee, record: LegRecord, near: Activity | None = None) -> Activity:
     """Balance a knee at each instant of a recorded movement.
 
     Flexion is the record's; the other coordinates balance under what acts on the leg below the
@@ -102,6 +102,8 @@ def activity(knee: Knee, record: LegRecord) -> Activity:
     Args:
         knee: of two bones, or of three (`KneeFile.with_patella`).
         record: from `kneejax.files.read_activity`.
+        near: of a like knee under the same record, as an intact one: where the search for an
+            instant finds nothing, it begins at that knee's balance too.
 
     Returns:
         The balances. Its motion is differentiable by every number of the knee; the record holds.
@@ -114,7 +116,8 @@ def activity(knee: Knee, record: LegRecord) -> Activity:
         record = record.with_heads_on_patella()
     muscles = muscles_over(knee, record)
     body, stations = muscled(knee, record, muscles)
-    found = Instants.of(*jax.lax.stop_gradient((body, stations)))
+    other = None if near is None else jax.lax.stop_gradient(near.motion.settled)
+    found = Instants.of(*jax.lax.stop_gradient((body, stations)), other)
     motion = found.motion(body, stations)
     table = np.asarray(jax.lax.stop_gradient(motion.to_table()))
     tibia = np.where(np.isnan(table), record.pose, table)

@@ -48,7 +48,7 @@ def cycle_of(record: LegRecord) -> Cycle:
     strikes, lifts = time[1:][change > 0], time[1:][change < 0]
     strikes = strikes[np.diff(strikes, prepend=-np.inf) > _SHORTEST_S]
     if not len(strikes):
-        begin, end, words = time[0], time[-1], "of the record"
+        begin, end, words = time[0], time[-1], "the whole record"
     elif len(strikes) == 1:
         begin, end, words = strikes[0], time[-1], "from heel strike to the end of the record"
     else:

@@ -2,7 +2,8 @@
 
 An instant lies near its neighbours in time, so only a few are walked to from the reference pose,
 each on its own route. The others are sought where their neighbours in time say, half-way first;
-what is not found there is walked to.
+what is not found there is walked to. A walk bends the knee without the movement's loads first, and
+a loose one can be lost there: then it is sought where another knee balances at the same instant.
 """
 
 from __future__ import annotations
@@ -17,7 +18,16 @@ from scipy.interpolate import PchipInterpolator
 from kneejax.experiments._motion import Motion, again, itself
 from kneejax.geometry import scales
 from kneejax.mechanics import Knee
-from kneejax.statics import Balances, Stations, converged, own_motion, own_motion_near, settled_of
+from kneejax.statics import (
+    Balances,
+    Settled,
+    Stations,
+    Status,
+    converged,
+    own_motion,
+    own_motion_near,
+    settled_of,
+)
 
 #: Instants that are walked to. A walk costs as much as eighty instants that are found between
 #: others; of a recorded step 25, 9, 5 and 3 led to the same balances.
@@ -37,24 +47,27 @@ class Instants:
         stations: the instants, in order of time.
         nodes: fields of the balances, arrays begin with the instant.
         reached: as in `Motion`.
+        near: balances of a like knee at the same instants, see `activity`; or none.
     """
 
     knee: Knee
     stations: Stations
     nodes: dict[str, np.ndarray]
     reached: np.ndarray
+    near: Settled | None = None
 
     @classmethod
-    def of(cls, knee: Knee, stations: Stations) -> Instants:
+    def of(cls, knee: Knee, stations: Stations, near: Settled | None = None) -> Instants:
         """Find them all.
 
         Args:
             knee: without a lane axis, its numbers known.
             stations: as in the attributes.
+            near: likewise.
         """
         count = len(stations)
         stations = jax.tree.map(np.asarray, stations.of(knee))
-        found = cls(knee, stations, {}, np.full(count, np.nan))
+        found = cls(knee, stations, {}, np.full(count, np.nan), near)
         anchors = np.unique(np.linspace(0, count - 1, min(count, _ANCHORS)).round().astype(int))
         found._walk(anchors)
         found._between(anchors)
@@ -78,8 +91,16 @@ class Instants:
         return jax.tree.map(lambda x: x[rows], self.stations)
 
     def _walk(self, rows: np.ndarray) -> None:
-        """Walk to some instants, each on its own route."""
+        """Walk to some instants, each on its own route; what was not found at all is sought where
+        the other knee balances. Where the knee was found to give way, it does."""
         self._take(rows, own_motion(self.knee, itself, np.zeros(()), self._at(rows)))
+        if self.near is None:
+            return
+        lost = self.nodes["status"][rows] == Status.NOT_CONVERGED
+        rows = rows[lost & np.asarray(converged(self.near.status))[rows]]
+        if len(rows):
+            begin = (np.moveaxis(np.asarray(getattr(self.near, x)), -1, 0) for x in _GUESSED)
+            self._near(rows, [values[rows] for values in begin])
 
     def _near(self, rows: np.ndarray, begin: list[np.ndarray]) -> None:
         """Find some near where they are expected."""

@@ -25,12 +25,16 @@ from kneejax.statics import Slopes
 NEAR = 0.05
 #: Better by more than this than the fit: the fit was not the best there is.
 BETTER = 0.01
-#: A step beyond which there is no balance is halved so often.
-_HALVINGS = 3
+#: A step beyond which there is no balance is shortened so often, each time to this part: a search
+#: that finds none costs as much as fifty that do.
+_SHORTENINGS, _TO = 3, 0.25
 #: Points of an arm from one level to the next before it is given up.
 _MOST = 60
 #: Model and knee agree, and contradict each other: differences of chi squared in parts of its rise.
 _AGREES, _CONTRADICTS = 0.25, 0.5
+#: A shorter step, as a part of the bounds' width, tells nothing: at a kink, or in a search's own
+#: errors, steps become ever shorter, by their square where the model is damped most.
+_SHORTEST = 1e-6
 #: A step of other parameters as long as the reach counts like such a part of the level.
 _DAMPING = 0.03
 #: With a longer reach than this, parts of the bounds' width, the others go where they want to.
@@ -129,7 +133,7 @@ class Arms:
         rows = count * arms
         self.limit, self.end = np.full(rows, np.nan), [""] * rows
         self.active, self.part = np.ones(rows, bool), np.zeros(rows, int)
-        self.halved, self.looks = np.zeros(rows, int), np.zeros(rows, int)
+        self.shortened, self.looks = np.zeros(rows, int), np.zeros(rows, int)
         self.reach = np.full(rows, self.steps.longest)
         # Steps are in parts of the bounds' width.
         self.step, self.price = np.zeros((rows, self.size)), np.zeros(rows)
@@ -247,7 +251,7 @@ class Arms:
                 p for p in self.points[row]
                 if self.way[row] * (end - p.value) > 0 and p.rise < self.level**2
             ] + [one.point]  # fmt: skip
-            self.limit[row], self.looks[row], self.halved[row] = np.nan, 0, 0
+            self.limit[row], self.looks[row], self.shortened[row] = np.nan, 0, 0
             if lost[k] or close:
                 self._stop(row, "another valley goes farther")
                 continue
@@ -339,13 +343,15 @@ class Arms:
         return bool(short and level and spare and not self.descends[row])
 
     def _shorten(self, row: int, lost: bool) -> None:
-        self.halved[row] += lost
-        if self.halved[row] > _HALVINGS:
+        self.shortened[row] += lost
+        if self.shortened[row] > _SHORTENINGS:
             self._stop(row, "no balance beyond")
             return
-        self.reach[row] = self._half_a_step(row)
+        self.reach[row] = 2.0 * _TO * self._half_a_step(row) if lost else self._half_a_step(row)
         if self.looks[row] > _MOST:
             self._stop(row, f"given up after {_MOST} steps")
+        elif self.reach[row] < _SHORTEST:
+            self._stop(row, "no step leads on")
         else:
             self._aim(row)
 

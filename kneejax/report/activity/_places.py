@@ -9,6 +9,7 @@ import numpy as np
 
 from kneejax.experiments import Activity, Cycle
 from kneejax.report.look import BLACK, BLUE, GREY, LIGHT, VERMILLION, WIDTH, styled, verbatim
+from kneejax.statics import Status
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 #: Columns of `place_rows`.
 PLACE_COLUMNS = (
-    "knee", "in_balance", "graft_peak_N", "graft_peak_strain", "contact_peak_N",
+    "knee", "in_balance", "overstretched", "graft_peak_N", "graft_peak_strain", "contact_peak_N",
     "anterior_rms_from_intact_mm", "internal_rotation_rms_from_intact_deg",
 )  # fmt: skip
 #: Columns of a table of poses.
@@ -57,22 +58,35 @@ def place_rows(found: Mapping[str, Activity]) -> Iterator[list]:
     intact = next(iter(tables.values()))
     for name, one in found.items():
         contact = np.linalg.norm(np.asarray(one.mechanics.contact_force), axis=-1)
-        away = np.sqrt(np.nanmean((tables[name] - intact) ** 2, axis=0))
+        away = (tables[name] - intact)[:, [_FORWARD, _TURN]]
+        away = away[np.isfinite(away).all(axis=1)]
+        rms = np.sqrt(np.mean(away**2, axis=0)) if len(away) else [np.nan, np.nan]
         pull = pulls[name]
-        peaks = [np.nan if np.isnan(x).all() else np.nanmax(x) for x in (pull.force, pull.strain)]
-        yield [
-            name, int(one.holds.sum()), *peaks, np.nanmax(contact), away[_FORWARD], away[_TURN]
-        ]  # fmt: skip
+        peaks = [_peak(x) for x in (pull.force, pull.strain, contact)]
+        torn = np.asarray(one.motion.status) == Status.OVERSTRETCHED
+        yield [name, int(one.holds.sum()), int(torn.sum()), *peaks, *rms]
+
+
+def _peak(values: np.ndarray) -> float:
+    """The largest number; NaN where there is none."""
+    return float(np.nanmax(values)) if np.isfinite(values).any() else np.nan
 
 
 def place_lines(found: Mapping[str, Activity]) -> Iterator[str]:
     """`place_rows` for a terminal; arguments likewise."""
     count = len(next(iter(found.values())).holds)
-    yield f"{count} instants      in balance  ligament or graft    contact     rms from intact"
-    yield "                             peak, N  strain, %   peak, N   forward, mm  turn, deg"
-    for name, held, force, strain, contact, forward, turn in place_rows(found):
-        cells = f"{force:8.0f}{100 * strain:10.1f}" if np.isfinite(force) else f"{'-':>8}{'-':>10}"
-        yield f"  {name:<15}{held:8d}   {cells}{contact:12.0f}{forward:12.2f}{turn:12.2f}"
+    yield f"{count:4d} instants  in balance    over-  ligament or graft   contact   rms from intact"
+    yield "                          stretched  peak, N  strain, %  peak, N  forward, mm turn, deg"
+    for name, held, torn, *numbers in place_rows(found):
+        force, strain, contact, forward, turn = numbers
+        cells = (
+            f"{one:{form}}" if np.isfinite(one) else f"{'-':>{width}}"
+            for one, form, width in (
+                (force, "9.0f", 9), (100 * strain, "11.1f", 11), (contact, "9.0f", 9),
+                (forward, "13.2f", 13), (turn, "10.2f", 10),
+            )
+        )  # fmt: skip
+        yield f"  {name:<13}{held:9d}{torn:11d}{''.join(cells)}"
 
 
 @styled
@@ -86,7 +100,8 @@ def places_figure(found: Mapping[str, Activity], cycle: Cycle, title: str) -> Fi
 
     Returns:
         Four panels: strain and force of ligament or graft, and how much farther forwards and
-        inwards the tibia is than that of the intact knee.
+        inwards the tibia is than that of the intact knee. The legend says at how many instants a
+        knee balances that does not at all.
     """
     from matplotlib.figure import Figure
 
@@ -116,10 +131,19 @@ def places_figure(found: Mapping[str, Activity], cycle: Cycle, title: str) -> Fi
         axes.set_xlabel("Gait cycle, %" if "heel" in cycle.words else "Record, %")
     own = {label: line for axes in panels.ravel()
            for line, label in zip(*axes.get_legend_handles_labels(), strict=True)}  # fmt: skip
-    names = [verbatim(name) for name in found]
-    figure.legend([own[name] for name in names], names, loc="lower center", ncols=6, fontsize=7.5,
-                  handlelength=1.6, columnspacing=1.2)  # fmt: skip
+    lines = [own[verbatim(name)] for name in found]
+    names = [_label(name, one.holds) for name, one in found.items()]
+    # Names with counts are longer: four of them are as wide as the figure.
+    columns = 6 if all(one.holds.all() for one in found.values()) else 4
+    figure.legend(lines, names, loc="lower center", ncols=columns, fontsize=7.5, handlelength=1.6,
+                  columnspacing=1.2)  # fmt: skip
     return figure
+
+
+def _label(name: str, holds: np.ndarray) -> str:
+    """What a knee is called, and at how many instants it balances where that is not all."""
+    lost = "" if holds.all() else f" ({int(holds.sum())} of {len(holds)})"
+    return verbatim(name) + lost
 
 
 def _curves(axes: Axes, cycle: Cycle, values: Mapping[str, np.ndarray], first: int = 0) -> None:
