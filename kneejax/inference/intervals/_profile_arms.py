@@ -26,7 +26,7 @@ NEAR = 0.05
 #: Better by more than this than the fit: the fit was not the best there is.
 BETTER = 0.01
 #: A step beyond which there is no balance is shortened so often, each time to this part: a search
-#: that finds none costs as much as fifty that do.
+#: that finds none costs tens of times what one costs that does.
 _SHORTENINGS, _TO = 3, 0.25
 #: Points of an arm from one level to the next before it is given up.
 _MOST = 60
