@@ -80,6 +80,7 @@ def test_good_knees_have_an_answer_beside_a_bad_one(calibrated):
         assert float(row["bootstrap_sd"]) == pytest.approx(half / 1.96, rel=0.5)
 
 
+@pytest.mark.long
 def test_what_knees_say_together_is_a_prior_for_the_next(cohort, calibrated):
     out = calibrated[1]
     said = yaml.safe_load((out / "prior.yaml").read_text())

@@ -60,6 +60,7 @@ def test_a_knee_with_a_bone_without_mass_is_refused_there():
         integrated(dataclasses.replace(in_a_vice(), masses={}), START, [0.0, 0.1])
 
 
+@pytest.mark.long
 def test_steps_become_as_short_as_an_error_asks():
     times = np.linspace(0.0, 0.01, 6)
     exact = move(damped(), START, times, within=400)

@@ -52,6 +52,7 @@ def test_every_instant_is_in_balance(pressed):
     assert pressed.holds.all()
 
 
+@pytest.mark.long
 def test_what_acts_equals_what_contacts_and_ligaments_hold(pressed):
     force, moment = pressed.left_over[:, :3], pressed.left_over[:, 3:]
     size = np.linalg.norm(pressed.total[:, :3], axis=1)

@@ -44,6 +44,7 @@ def test_both_ways_to_give_are_found_at_every_angle(found):
     assert min(branch.apart_mm for branch in (others[0], others[-1])) > 30.0
 
 
+@pytest.mark.long
 def test_each_of_them_is_in_balance(knee, found):
     poses = Pose.from_table(np.array([branch.pose for branch in found]))
     lanes = add_lane_axis(dataclasses.replace(knee, loads=(*knee.loads, *VALGUS)))

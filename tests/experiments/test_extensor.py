@@ -23,6 +23,9 @@ from kneejax.experiments.extensor import held_leg, weight_of
 from kneejax.mechanics import Contact, Knee, Ligaments, Muscles, add_lane_axis
 from kneejax.statics import settle, with_meeting
 
+#: Each compiles a search of its own.
+pytestmark = pytest.mark.long
+
 #: Flexions and one pull: what all tests look at, so that one compiled program serves them.
 FLEXION, PULL_N = np.array([30.0, 45.0]), 300.0
 CENTER = np.array([0.0, 5.0, 0.0])
@@ -89,7 +92,6 @@ def tracked(knee):
     return kj.patellar_tracking(knee, FLEXION, PULL_N)
 
 
-@pytest.mark.long
 def test_all_that_pulls_on_the_patella_has_no_moment_about_the_ball(knee, tracked):
     """The ball presses through its centre: quadriceps, tendon and bands balance about it."""
     assert bool(np.all(tracked.motion.stable))
@@ -154,7 +156,6 @@ SIZES = {"attachment": 0.3, "stiffness": 30.0, "slack_length": 0.03, "origin": 0
          "rotation": 1e-3, "radius": 0.1, "force": 1.0, "point": 1.0}  # fmt: skip
 
 
-@pytest.mark.long
 def test_a_held_leg_is_differentiable_by_every_number_of_the_knee(knee):
     """The pull that holds it and both poses, along a random change of everything at once."""
     weight, flexion = kj.Shank.of_person(75.0, 1.75).load(), jnp.asarray(FLEXION)
@@ -183,7 +184,6 @@ def test_a_held_leg_is_differentiable_by_every_number_of_the_knee(knee):
         np.testing.assert_allclose(exact[row] / scale, numeric / scale, atol=1e-6, err_msg=what)
 
 
-@pytest.mark.long
 def test_a_quadriceps_of_given_length_pulls_as_the_force_under_which_it_is_as_long(knee):
     """At a held flexion the pull is a result; given as a force it leads to the same length."""
     driven = extension_by_length(knee, FLEXION, [0.5, 0.0, -0.4, -1.2])
@@ -294,7 +294,6 @@ def test_what_cannot_be_is_refused(knee, call, words):
         call(knee)
 
 
-@pytest.mark.long
 def test_three_bones_are_drawn_where_they_are(knee, tracked):
     state, row = tracked.motion.settled.state, 1
     corner = report.BoneMesh("patella", np.array([[0.0, 0.0, 0.0]]), np.zeros((0, 3), int))

@@ -88,6 +88,7 @@ def test_leaves_are_calibrated_without_a_line_written_for_them(knee):
         assert found[name].value == pytest.approx(value, abs=1e-4 * size), name
 
 
+@pytest.mark.long
 def test_slopes_of_other_parts_are_central_differences(knee):
     selection, stations = select(knee, LEAVES), Stations.at(FLEXION)
     values = np.asarray(selection.read(knee))[None]

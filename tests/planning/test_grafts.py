@@ -62,6 +62,7 @@ def test_lanes_and_one_knee_give_the_same_slack_length(plan, ends):
     assert found.status[0] == 0
 
 
+@pytest.mark.long
 def test_slack_length_follows_force_and_ends_as_central_differences_say(plan, ends):
     at = fix(plan, ends[None], np.array([[TENSION]]), FLEXION, slopes=True)
     numbers = plan.value(ends[None], tension_N=TENSION, elastic=False).shape[1]

@@ -12,6 +12,9 @@ from kneejax.cli import main
 from kneejax.files import load_knee_file
 from kneejax.planning import undominated
 
+#: Each compiles a search of its own.
+pytestmark = pytest.mark.long
+
 pytest.importorskip("dtaidistance")
 pytest.importorskip("h5netcdf")
 pytest.importorskip("pymoo")
@@ -43,7 +46,6 @@ def rows_of(path):
         return list(csv.DictReader(file))
 
 
-@pytest.mark.long
 def test_everything_is_written_and_says_that_it_is_for_no_patient(written):
     _, out = written
     for name in ("map_tibia.nc", "map_femur.nc", "figures/strains.png", "figures/map_tibia.png"):
@@ -96,7 +98,6 @@ def test_a_curve_of_the_graft_ends_where_its_strain_does(written):
     assert np.all([float(x["strain"]) > -0.2 for x in rows])
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("word", ["planned", "optimum"])
 def test_the_knee_file_carries_the_graft_that_was_fixed(word, written):
     """Its graft pulls with the tension of fixation where it was fixed; the torn fibre is gone."""

@@ -179,6 +179,7 @@ def test_a_guess_has_the_types_of_a_search_that_ended(knee, motion):
     assert jax.tree.map(jax.typeof, guess) == jax.tree.map(jax.typeof, ended)
 
 
+@pytest.mark.long
 def test_a_lane_whose_meeting_points_are_lost_finds_them_again(knee, motion):
     """Guesses off where the surfaces meet, or none at all, of the meeting points or of the pose."""
     lanes, here = add_lane_axis(knee), motion.settled

@@ -7,13 +7,15 @@ import kneejax as kj
 from kneejax.files import bundled_bands
 from kneejax.parameters import stated
 
+#: Each compiles a search of its own.
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture(scope="module")
 def knee():
     return kj.load_knee("average_knee")
 
 
-@pytest.mark.long
 def test_the_tibia_turns_inwards_with_flexion(knee):
     table = np.asarray(kj.passive_flexion(knee, [0.0, 30.0, 60.0, 90.0]).to_table("grood-suntay"))
     turned = np.diff(table[:, 2])

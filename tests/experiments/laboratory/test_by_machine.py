@@ -14,6 +14,9 @@ from kneejax.parameters import select
 from kneejax.statics import Status
 from tests.experiments.laboratory.curves import curves_of
 
+#: Each compiles a search of its own.
+pytestmark = pytest.mark.long
+
 #: Test -> its load, and the displacement that a machine prescribes in its place.
 BY_MACHINE = {
     "drawer": ({"force_N": 60.0}, "displacement_mm"),
@@ -22,7 +25,6 @@ BY_MACHINE = {
 }
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(
     "name", ["drawer", "torsion", pytest.param("varus-valgus", marks=pytest.mark.slow)]
 )
@@ -113,7 +115,6 @@ def test_a_held_rotation_stays_where_it_is_without_the_load(knee):
     assert np.abs(moment).max() > 10.0
 
 
-@pytest.mark.long
 def test_a_held_rotation_does_not_wait_for_the_load(knee):
     # Free, this knee gives way under 5 N backwards; held against varus it stays.
     cut = kj.cut(knee, ["PCL"])
@@ -124,7 +125,6 @@ def test_a_held_rotation_does_not_wait_for_the_load(knee):
     assert (held.status, held.held_negative) == (Status.BALANCED, -20.0)
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "options"),
     [

@@ -93,6 +93,7 @@ def test_no_load_depends_on_the_others(knee):
     assert np.asarray(few.to_table())[0] == pytest.approx(every, abs=1e-8)
 
 
+@pytest.mark.long
 def test_no_test_depends_on_those_made_with_it(knee):
     envelope = kj.lab_tests("envelope", [0.0, 45.0], steps=3)
     (pressed,) = kj.lab_tests("drawer", [45.0], steps=2, constant={"compression_N": 100.0})

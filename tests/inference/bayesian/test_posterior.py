@@ -144,6 +144,7 @@ def test_positions_bend_at_bounds_and_priors_follow(knee, shifted, central_diffe
     assert np.allclose(beyond, [[300.0, -0.2], [10000.0, 0.2]])
 
 
+@pytest.mark.long
 def test_parameters_without_balance_have_no_density_and_leave_others_alone(shifted):
     """Without an MCL nothing balances in extension; the others' poses are found as exactly as
     before."""

@@ -13,6 +13,9 @@ from kneejax.mechanics import Contact, Knee, Ligaments, add_lane_axis
 from kneejax.parameters import UnknownParameter
 from kneejax.statics import Slopes
 
+#: Each compiles a search of its own.
+pytestmark = pytest.mark.long
+
 NAMES = ["ACL.stiffness", "ACL.reference_strain", "PCL.reference_strain", "MCL.reference_strain"]
 NOISE = np.full(5, 0.1)
 ANTERIOR = FREE_COORDINATES.index("anterior")
@@ -71,7 +74,6 @@ def start_of(problem):
     return np.asarray(problem.selection.read(problem.knee))
 
 
-@pytest.mark.long
 def test_a_knee_shows_no_residual_against_what_was_measured_of_it_whole_and_cut(problem):
     residual, _ = problem.residual(problem.begin(start_of(problem)[None]))
     assert len(residual) == problem.cases.count
@@ -195,7 +197,6 @@ def test_what_contradicts_itself_is_refused(knee, given, says):
                            "observed": observed} | given)  # fmt: skip
 
 
-@pytest.mark.long
 def test_a_pull_in_the_table_is_that_of_a_knee_with_such_a_line(knee, passive):
     """Tension per row against knees whose own line pulls so hard throughout."""
     test = measured(knee)

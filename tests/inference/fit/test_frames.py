@@ -19,7 +19,8 @@ from kneejax.parameters import UnsuitableData, select
 from kneejax.report.calibration._tests import laxity_doubts
 from tests.dynamics.massed import SHANK, in_a_vice
 
-pytestmark = pytest.mark.usefixtures("optimised_code")
+#: Each compiles a search of its own.
+pytestmark = [pytest.mark.long, pytest.mark.usefixtures("optimised_code")]
 
 KNEE = in_a_vice(4e4).knee
 FREE = ("f0.stiffness", "f4.slack_length")
@@ -64,7 +65,6 @@ def poses(problem, values=START):
     return problem.begin(values[None]).q[0] * table_units(coordinates_of(("tibia",))[1:])
 
 
-@pytest.mark.long
 def test_frames_are_poses_of_the_motion_that_steps_ten_times_as_exact_find():
     test = measured()
     problem, through = asked(test), test.frames

@@ -45,6 +45,7 @@ def test_each_lane_is_its_own_knee(several):
         np.testing.assert_allclose(moved.jacobian[row], alone.jacobian[0], atol=1e-6 * scale)
 
 
+@pytest.mark.long
 def test_a_lane_s_derivative_is_that_of_its_own_knee(several):
     start = np.tile([4000.0, 3500.0, 7000.0, 5500.0], (3, 1))
     begin = several.begin(start)

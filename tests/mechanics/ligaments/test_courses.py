@@ -113,6 +113,7 @@ def test_the_wrench_is_what_the_energy_loses(name):
     np.testing.assert_allclose(found.wrench, found.by_energy, rtol=1e-9, atol=1e-7)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", COURSES)
 def test_the_wrench_has_a_derivative_that_central_differences_confirm(name, central_difference):
     ligaments = fibres(COURSES[name])

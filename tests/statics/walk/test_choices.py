@@ -82,6 +82,7 @@ def test_what_is_held_is_where_it_is_held_and_the_rest_balances(knee, motion, ch
             assert np.abs(slope * scale).max() < 2e-4
 
 
+@pytest.mark.long
 def test_a_table_of_a_motion_tells_what_holds_it(knee):
     motion = kj.passive_flexion(knee, [-5.0, 10.0], held={"anterior_mm": 2.0})
     table = motion.to_dataframe()
