@@ -76,7 +76,12 @@ def study() -> dict:
         },
         "frame_offset": ["anterior", "superior"],
         "tests": [
-            {"name": "anterior laxity", "file": "robot_anterior_90N", "sd_mm": LAXITY_MM},
+            {
+                "name": "anterior laxity",
+                "file": "robot_anterior_90N",
+                "flexion_deg": "0:90:10",
+                "sd_mm": LAXITY_MM,
+            },
             {
                 "name": "torsion",
                 "file": f"{NAME}_torsion.csv",
