@@ -113,8 +113,9 @@ def evaluate(knee: Knee, poses: Pose | State, meeting: Array | None = None) -> M
     over_points = any(not contact.has_patch for contact in knee.contacts)
     size = _CHUNK_OVER_POINTS if over_points else _CHUNK
     count = len(jnp.atleast_1d(state.tibia.flexion))
+    mechanics = _over_points_too if over_points else _of_patches
     if traced(knee, state, meeting) or not count:
-        return _evaluate(knee, state, meeting)
+        return mechanics(knee, state, meeting)
     size = min(size, lanes_for(count))
     # The last chunk is filled up with the last pose: one shape, one compilation.
     rows = np.minimum(np.arange(-(-count // size) * size), count - 1).reshape(-1, size)
@@ -123,13 +124,12 @@ def evaluate(knee: Knee, poses: Pose | State, meeting: Array | None = None) -> M
 
     def chunk(own: np.ndarray) -> Mechanics:
         here, there = jax.tree.map(lambda x: x[..., own], given)
-        return jax.tree.map(np.asarray, _evaluate(knee, here, there))
+        return jax.tree.map(np.asarray, mechanics(knee, here, there))
 
     parts = on_all_cores(chunk, rows)
     return jax.device_put(jax.tree.map(lambda *x: np.concatenate(x)[:count], *parts))
 
 
-@compiled()
 def _evaluate(knee: Knee, state: State, meeting: Array | None) -> Mechanics:
     lanes = add_lane_axis(knee)
     if meeting is None:
@@ -182,6 +182,10 @@ def _evaluate(knee: Knee, state: State, meeting: Array | None) -> Mechanics:
         through > 0,
         displacement(lanes, state.tibia).T,
     )
+
+
+_of_patches = compiled(optimised=False)(_evaluate)
+_over_points_too = compiled()(_evaluate)
 
 
 def _over_patch(contact: Contact, tibia: Placement, meeting: Array):

@@ -303,7 +303,7 @@ class _Stretch(NamedTuple):
         )
 
 
-@compiled()
+@compiled(optimised=False)
 def first_meeting(knee: Knee, like: Place, here: Array, away_q: Array) -> Array:
     """Meeting points searched from scratch, as distances from the own motion, `(n, 2, lanes)`.
 

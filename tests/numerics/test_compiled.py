@@ -1,0 +1,40 @@
+"""Programs that are compiled quickly compute what optimised ones do, alone and within others."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from kneejax.numerics import compiled
+
+
+def length(x, power):
+    return jnp.sqrt(jnp.sum(jnp.sin(x) ** power))
+
+
+@pytest.fixture
+def options(monkeypatch):
+    """What JAX is asked for, by the function that it compiles."""
+    asked = {}
+    own = jax.jit
+
+    def jit(function, **given):
+        asked.setdefault(function.__name__, []).append(given.get("compiler_options"))
+        return own(function, **given)
+
+    monkeypatch.setattr(jax, "jit", jit)
+    return asked
+
+
+@pytest.mark.parametrize("optimised", [True, False])
+def test_it_answers_alone_in_another_program_and_to_derivatives(optimised, options):
+    quick = compiled(static_argnums=(1,), optimised=optimised)(length)
+    x = np.array([0.3, 1.1])
+    expected = float(np.sqrt(np.sum(np.sin(x) ** 2)))
+    assert float(quick(x, 2)) == pytest.approx(expected, rel=1e-15)
+    within = jax.jit(lambda y: 2.0 * quick(y, 2))(x)
+    assert float(within) == pytest.approx(2.0 * expected, rel=1e-15)
+    slope = jax.grad(quick)(jnp.asarray(x), 2)
+    assert slope == pytest.approx(np.sin(x) * np.cos(x) / expected, rel=1e-14)
+    levels = [own.get("xla_backend_optimization_level") for own in options["length"] if own]
+    assert (0 in levels) is not optimised
