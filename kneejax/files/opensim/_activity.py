@@ -114,7 +114,7 @@ def read_activity(
     own = poses_of(Rigid(there.turn, there.shift / 1e3), "r")
     if given.reaction is not None and given.muscles is not None:
         acting = _besides(acting, muscles, own)
-        notes.append("What acts besides muscles: what the joint reaction leaves for it.")
+        notes.append("Loads other than the muscles' are what the joint reaction leaves without them.")
     still = np.zeros((len(time), 3))
     return LegRecord(
         time, own, acting, muscles, quadriceps, still if ground is None else ground, shifts.same,
@@ -278,7 +278,7 @@ def _muscles(given, movement, bones, found: Crossing, frames_of, shifts, time, n
     """Muscles with their tensions, and the pull of the quadriceps on the patella."""
     count = len(time)
     if given.muscles is None:
-        notes.append("Muscles: their pull is in the joint reaction.")
+        notes.append("No muscle forces were given: their pull is part of the joint reaction.")
         empty = muscles_of(movement, bones, [], np.zeros((0, count)), frames_of, dict, [])
         return empty, np.zeros(count)
     table = given.muscles

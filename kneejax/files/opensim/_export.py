@@ -261,19 +261,20 @@ def _notes(
     notes = []
     digest = hashlib.sha256(base.model.file.original).hexdigest()
     if not origin and replace:
-        notes.append("The knee does not say which model it came from; its frames were taken for "
+        notes.append("The knee does not say which model it came from: its frames are assumed to be "
                      f"those of {base.knee.femur} and {base.knee.tibia}.")  # fmt: skip
     elif not origin:
-        notes.append("The knee does not say which model it came from; names were compared.")
+        notes.append("The knee does not say which model it came from: parts were matched by name.")
     elif origin["sha256"] != digest:
-        notes.append(f"The model is not, byte by byte, the one imported ({origin['file']}).")
+        notes.append(f"The model differs from the one that was imported ({origin['file']}).")
     keys = origin.get("ligaments", {})
     kept = {keys.get(name, name) for name in knee_file.document["ligaments"]}
     missing = [x.key for x in base.ligaments.values() if x.key not in kept]
     if replace and base.found.unsupported:
-        notes.append(f"Not read, and left in the model: {', '.join(base.found.unsupported)}.")
+        left = ", ".join(base.found.unsupported)
+        notes.append(f"Left unchanged, since they could not be read: {left}.")
     if missing and not replace:
-        notes.append(f"Not in the knee, and left as they are: {', '.join(missing)}.")
+        notes.append(f"Left unchanged, since the knee does not have them: {', '.join(missing)}.")
     return notes
 
 
@@ -296,9 +297,9 @@ def _read_back(knee_file: _Stated, base: OsimImport, data: bytes) -> list[str]:
                 if given and field.endswith(("_mm", "_deg", "_N", "_s", "strain")):
                     worst = float(np.max(np.abs(np.subtract(value, other[field]))))
                     if worst > 0:
-                        notes.append(f"{name}.{field} reads back with an error of {worst:.1g}.")
+                        notes.append(f"{name}.{field} differs by {worst:.1g} when read again.")
             if "wrap" in entry and other and "wrap" not in other:
                 notes.append(
-                    f"{name} now begins inside {entry['wrap']}; OpenSim lets it run straight."
+                    f"{name} now ends inside {entry['wrap']}: OpenSim lets it run straight."
                 )
     return notes

@@ -250,7 +250,7 @@ class Model:
         ):  # fmt: skip
             word = self.root.word(tag)
             if not word:
-                self.notes.append(f"The model states no {tag}; OpenSim's own, {unit}, were taken.")
+                self.notes.append(f"The model does not state {tag}: OpenSim's default, {unit}, was assumed.")
             elif word.lower() not in known:
                 raise self.file.problem(self.root, tag, word, unit)
 

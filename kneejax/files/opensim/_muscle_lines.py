@@ -188,7 +188,8 @@ def muscles_of(
         # As OpenSim has it: what ends inside an obstacle does not lie around it.
         buried = _ends_inside(obstacle, ends[bone][rows])
         notes += [
-            f"{names[r]} ends inside {wrap.element.name}: straight." for r in np.array(rows)[buried]
+            f"{names[r]} ends inside {wrap.element.name} and runs straight, as in OpenSim."
+            for r in np.array(rows)[buried]
         ]
         if not buried.all():
             kept = [int(row) for row in np.array(rows)[~buried]]

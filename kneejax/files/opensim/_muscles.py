@@ -117,7 +117,7 @@ def wrap_of(
             f"confines to the quadrant {quadrant}."
         )
     for other in found[1:]:
-        notes.append(f"Muscle {element.name}: of its obstacles {other.key} was left out.")
+        notes.append(f"Muscle {element.name} goes around one obstacle: {other.key} was left out.")
     return found[0]
 
 

@@ -144,13 +144,13 @@ def _notes(read: OsimImport) -> list[str]:
         for e in {(e["stiffness_N"], e["transition_strain"]): e for e in entries}.values()
     )
     notes = [
-        f"transition_width {TRANSITION_WIDTH:g} rounds the corners of the law, which OpenSim's has "
-        f"not: a force errs by at most {error:.2g} N.",
-        "damping_N_s is kept; nothing at rest depends on it.",
+        f"The corners of OpenSim's force law are rounded (transition_width {TRANSITION_WIDTH:g}): "
+        f"forces differ by at most {error:.2g} N.",
+        "damping_N_s was read: it counts in motion, not at rest.",
     ]
     if read.wraps:
         notes.append(
-            "Paths over an obstacle are the shortest; OpenSim's methods for ellipsoids (hybrid, "
-            "midpoint, axial) come near to that."
+            "Fibres take the shortest path around an obstacle; OpenSim's methods for ellipsoids "
+            "(hybrid, midpoint, axial) approximate it."
         )
     return notes

@@ -126,7 +126,7 @@ def test_bundles_of_another_source_take_the_place_of_all_fibres(tmp_path, capsys
     assert main(words) == 2 and not new.exists()
     assert "--replace" in capsys.readouterr().err
     assert main([*words, "--replace"]) == 0
-    assert "its frames were taken for those of femur_distal_r" in capsys.readouterr().out
+    assert "its frames are assumed to be those of femur_distal_r" in capsys.readouterr().out
     own, again = load_knee_file("ten_bundle").document, import_osim(new, side="r").document
     assert again["ligaments"].keys() == own["ligaments"].keys()
     ours = np.asarray(load_knee_file("ten_bundle").knee.ligaments.slack_length)
