@@ -114,7 +114,7 @@ def read_activity(
     own = poses_of(Rigid(there.turn, there.shift / 1e3), "r")
     if given.reaction is not None and given.muscles is not None:
         acting = _besides(acting, muscles, own)
-        notes.append("Loads other than the muscles' are what the joint reaction leaves without them.")
+        notes.append("Other loads than the muscles' are what the joint reaction leaves.")
     still = np.zeros((len(time), 3))
     return LegRecord(
         time, own, acting, muscles, quadriceps, still if ground is None else ground, shifts.same,

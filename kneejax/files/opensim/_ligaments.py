@@ -234,8 +234,8 @@ def _wrap(
         raise _Unsupported(f"goes around {len(found)} wrap objects ({names})")
     if found and len(points) > 2:
         notes.append(
-            f"{key} has via points and the wrap object {found[0].key}: here every part of the fibre "
-            "may touch the object, in OpenSim one part does."
+            f"{key} has via points and the wrap object {found[0].key}: here every part of the "
+            "fibre may touch the object, in OpenSim one part does."
         )
     return found[0] if found else None
 

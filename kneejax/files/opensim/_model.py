@@ -250,7 +250,9 @@ class Model:
         ):  # fmt: skip
             word = self.root.word(tag)
             if not word:
-                self.notes.append(f"The model does not state {tag}: OpenSim's default, {unit}, was assumed.")
+                self.notes.append(
+                    f"The model does not state {tag}: OpenSim's default, {unit}, was assumed."
+                )
             elif word.lower() not in known:
                 raise self.file.problem(self.root, tag, word, unit)
 

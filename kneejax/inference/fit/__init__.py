@@ -5,6 +5,8 @@ from kneejax.inference.fit._cut import balances_of as balances_of
 from kneejax.inference.fit._cut import slack_at as slack_at
 from kneejax.inference.fit._cut import state_of as state_of
 from kneejax.inference.fit._cut import without as without
+from kneejax.inference.fit._frames import Passed as Passed
+from kneejax.inference.fit._frames import passed as passed
 from kneejax.inference.fit._lbfgsb import minimise_bounded as minimise_bounded
 from kneejax.inference.fit._load_cases import DEFAULT_WEIGHTS as DEFAULT_WEIGHTS
 from kneejax.inference.fit._load_cases import TABLE_UNITS as TABLE_UNITS

@@ -8,12 +8,14 @@ turns with the values is part of the derivative.
 from __future__ import annotations
 
 import dataclasses
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.typing import ArrayLike
 
 from kneejax.dynamics import (
     Given,
@@ -119,7 +121,7 @@ class Passage:
 
         parts = on_all_cores(one, range(len(values)))
         whole = (np.concatenate(x) for x in zip(*parts, strict=True))
-        found = dict(zip(_Passed._fields, whole, strict=True))
+        found = dict(zip(Passed._fields, whole, strict=True))
         lost = ~converged(begin.status)
         found["status"] = np.where(lost, begin.status, found["status"])
         found["q"] = np.where(converged(found["status"])[..., None], found["q"], np.nan)
@@ -127,7 +129,7 @@ class Passage:
         unknown = np.zeros((*found["status"].shape, free, free))
         return Slopes(values, **found, tangent=unknown)
 
-    def _passed(self, knee: Knee, vary: Vary, values, q, slope) -> _Passed:
+    def _passed(self, knee: Knee, vary: Vary, values, q, slope) -> Passed:
         frames = self.frames
         given = given_of(
             frames.moving(knee), np.zeros(q.shape[1]), self.grid, rate=_rate(knee, frames),
@@ -136,14 +138,17 @@ class Passage:
         dampers = jnp.array([frames.critical]), jnp.array([frames.damping_N_s_per_mm])
         asked = jnp.asarray(self.grid.asked[-len(self.rows) :])
         given, moving = dataclasses.replace(given, q=jnp.asarray(q.T)), frames.moving(knee)
-        settled = searched(_in_lanes(vary, moving, dampers, values), given)
+        varied = _Varied(vary)
+        settled = searched(varied(moving, dampers, values), given)
         given, settled = with_idle_steps(given, settled)
-        answer = _passed(vary, moving, dampers, given, settled, asked, values, slope)
-        return _Passed(*map(np.asarray, answer))
+        found = passed(varied, moving, dampers, given, settled, asked, values, slope)
+        free = [k for k, name in enumerate(coordinates_of(knee.bodies)) if name not in given.held]
+        return found._replace(q=found.q[..., free], jacobian=found.jacobian[..., free, :])
 
 
-class _Passed(NamedTuple):
-    """Fields of `Slopes` that a motion has; arrays begin with variant and frame."""
+class Passed(NamedTuple):
+    """Fields of `Slopes` that a motion has; arrays begin with variant and time, `q` has all
+    coordinates."""
 
     q: np.ndarray
     jacobian: np.ndarray
@@ -152,33 +157,51 @@ class _Passed(NamedTuple):
     status: np.ndarray
 
 
-def _in_lanes(vary: Vary, moving: MovingKnee, dampers, values) -> MovingKnee:
-    """Damped variants; leaves end in lanes."""
-    knee = in_lanes(moving.knee, vary, values)
-    lanes = dataclasses.replace(add_lane_axis(moving), knee=knee)
-    return lanes.critically_damped(dampers[0]).damped_everywhere(dampers[1])
+@dataclasses.dataclass(frozen=True)
+class _Varied:
+    """Makes damped variants of a knee; leaves end in lanes."""
+
+    vary: Vary
+
+    def __call__(self, moving: MovingKnee, dampers: tuple[Array, Array], values) -> MovingKnee:
+        knee = in_lanes(moving.knee, self.vary, values)
+        lanes = dataclasses.replace(add_lane_axis(moving), knee=knee)
+        return lanes.critically_damped(dampers[0]).damped_everywhere(dampers[1])
 
 
-@compiled(static_argnums=(0,))
-def _passed(
-    vary: Vary,
+def passed(
+    lanes_of: Callable[..., MovingKnee],
     moving: MovingKnee,
-    dampers: tuple[Array, Array],
+    fixed: Any,
     given: Given,
     settled: Settled,
     asked: Array,
-    values: Array,
-    slope: Array,
-):
-    """Free coordinates, meeting points and statuses at the frames, and derivatives by values."""
-    names = coordinates_of(moving.knee.bodies)
-    rows = jnp.array([k for k, name in enumerate(names) if name not in given.held])
+    values: ArrayLike,
+    slope: ArrayLike,
+) -> Passed:
+    """What variants of a moving knee pass, and its derivatives by the values.
 
+    Args:
+        lanes_of: `(moving, fixed, values) -> variants` whose leaves end in lanes; hashable.
+        moving: gives all numbers that do not vary.
+        fixed: arrays that `lanes_of` takes besides.
+        given: start and steps of the motions.
+        settled: these motions, as they were searched.
+        asked: steps that are asked for.
+        values: `(variants, p)`.
+        slope: of the starts by the values, `(variants, coordinates, p)`.
+    """
+    answer = _passed(lanes_of, moving, fixed, given, settled, asked, values, slope)
+    return Passed(*map(np.asarray, answer))
+
+
+@compiled(static_argnums=(0,))
+def _passed(lanes_of, moving, fixed, given: Given, settled, asked, values, slope):
     def motion(x: Array):
         begin = given.q + jnp.einsum("vcp,vp->cv", slope, x - values)
-        lanes = _in_lanes(vary, moving, dampers, x)
+        lanes = lanes_of(moving, fixed, x)
         found = followed(lanes, dataclasses.replace(given, q=begin), settled)
-        return (found.known.q[asked][:, rows], found.meeting[asked]), found.status[asked]
+        return (found.known.q[asked], found.meeting[asked]), found.status[asked]
 
     there, push, status = jax.linearize(motion, values, has_aux=True)
     size = values.shape[1]

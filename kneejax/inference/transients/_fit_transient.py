@@ -10,28 +10,17 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.dynamics import (
-    Given,
-    Grid,
-    MovingKnee,
-    Trajectory,
-    followed,
-    given_of,
-    move_within,
-    searched,
-)
-from kneejax.geometry import FREE_COORDINATES, coordinate, coordinates_of, table_units
-from kneejax.inference.fit import BoundedLevenbergMarquardt
+from kneejax.dynamics import Given, MovingKnee, Trajectory, given_of, move_within, searched
+from kneejax.geometry import FREE_COORDINATES, coordinate, coordinates_of
+from kneejax.inference.fit import LoadCases, ManyFits, fit_lanes, passed
 from kneejax.inference.intervals import Uncertainty, uncertainty
 from kneejax.mechanics import RANGES, Range, add_lane_axis
-from kneejax.numerics import compiled
-from kneejax.statics import Settled, converged
+from kneejax.statics import Slopes, Stations, converged
 
 #: Evaluations of a motion and its derivative before a fit is given up.
 _MOST = 40
@@ -167,23 +156,34 @@ def fit_transient(
     if not names or not set(names) <= set(DAMPING):
         raise ValueError(f"fit_transient: free is {list(names)}; expected some of {list(DAMPING)}")
     ends = [(d.allowed.lower, d.allowed.upper) for d in map(DAMPING.__getitem__, names)]
-    solver = BoundedLevenbergMarquardt(*(jnp.array(x) for x in zip(*ends, strict=True)))
-    x, evaluations, done = jnp.array([free[name] for name in names], float), 0, False
-    found, grid, state = None, None, None
+    lower, upper = (np.array(x, float)[None] for x in zip(*ends, strict=True))
+    target = recorded.table()[1:]
+    data = LoadCases(Stations.at(np.zeros(len(target))), target, np.ones(target.shape[1]))
+    x, evaluations = np.array([[free[name] for name in names]], float), 0
+    found, fit, grid = None, None, None
+
+    def told(*_) -> np.ndarray:
+        nonlocal evaluations
+        evaluations += 1
+        if progress is not None:
+            progress(evaluations)
+        return np.zeros(1, bool)
+
     for _ in range(_GRIDS):
-        with_these = _damped(moving, names, x)
+        with_these = _damped(moving, names, x[0])
         found = move_within(most_mm, with_these, start, recorded.time_s, **options)
         if not converged(np.asarray(found.status)).all():
-            raise ValueError(f"fit_transient: with {_told(names, x)} the motion ends early")
+            raise ValueError(f"fit_transient: with {_told(names, x[0])} the motion ends early")
         if grid is not None and len(found.grid.time_s) <= len(grid.time_s):
             break
         grid = found.grid
-        evaluate = _evaluated(moving, names, start, recorded, grid, options)
-        state, done, more = _searched(solver, evaluate, x, evaluations, progress)
-        assert state is not None
-        x, evaluations = state.x, evaluations + more
-    assert found is not None and state is not None
-    return _fitted(moving, names, found, recorded, state, solver, done, evaluations)
+        motion = _Motions(moving, names, given_of(moving, start, grid, **options), grid.asked)
+        fit = fit_lanes(
+            motion, data, motion(x), x, lower, upper, most=_MOST, far=True, watch=told
+        )
+        x = fit.values
+    assert found is not None and fit is not None
+    return _fitted(moving, names, found, data, fit, (x > lower) & (x < upper), evaluations)
 
 
 def _damped(moving: MovingKnee, names: Sequence[str], x: Array) -> MovingKnee:
@@ -196,81 +196,61 @@ def _told(names: Sequence[str], x: Array) -> str:
     return ", ".join(f"{name} {float(value):.4g}" for name, value in zip(names, x, strict=True))
 
 
-def _evaluated(moving, names, start, recorded: Recorded, grid: Grid, options) -> Callable:
-    """Residuals of a motion on given steps, and their derivative by the dampers."""
-    given, asked = given_of(moving, start, grid, **options), jnp.asarray(grid.asked)
-    measured = recorded.table()[1:]
-    seen = jnp.isfinite(measured)
+@dataclasses.dataclass(frozen=True)
+class _Damped:
+    """Damps a moving knee; leaves end in lanes."""
 
-    def evaluate(x: Array) -> tuple[Array, Array]:
-        settled = searched(add_lane_axis(_damped(moving, names, x)), given)
-        changes, slopes = _changes(moving, names, given, settled, asked, x)
-        off = jnp.where(seen, changes - measured, 0.0)
-        return off.ravel(), jnp.where(seen[..., None], slopes, 0.0).reshape(off.size, len(x))
+    names: tuple[str, ...]
 
-    return evaluate
+    def __call__(self, moving: MovingKnee, _, values: Array) -> MovingKnee:
+        return add_lane_axis(_damped(moving, self.names, values[0]))
 
 
-@compiled(static_argnums=(1,))
-def _changes(
-    moving: MovingKnee,
-    names: tuple[str, ...],
-    given: Given,
-    settled: Settled,
-    asked: Array,
-    x: Array,
-):
-    """Changes from the start, `(times, 5)`, degrees and mm, and their derivative by the dampers.
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Motions:
+    """Changes from the start on given steps, for `fit_lanes`: free coordinates, rad and mm.
 
-    One program for all records on as many steps.
+    One program serves all records on as many steps.
     """
-    every = coordinates_of(moving.knee.bodies)
-    rows = jnp.array([every.index(name) for name in FREE_COORDINATES])
-    units = jnp.asarray(table_units(FREE_COORDINATES))
 
-    def changes(x: Array) -> Array:
-        lanes = add_lane_axis(_damped(moving, names, x))
-        found = followed(lanes, given, settled).known.q[asked, :, 0]
-        return ((found - given.q[:, 0])[:, rows]) * units
+    moving: MovingKnee
+    names: tuple[str, ...]
+    given: Given
+    asked: np.ndarray
 
-    there, push = jax.linearize(changes, x)
-    return there, jax.vmap(push, out_axes=-1)(jnp.eye(len(x)))
+    def __call__(self, values: np.ndarray, _: Slopes | None = None) -> Slopes:
+        every, damped = coordinates_of(self.moving.knee.bodies), _Damped(self.names)
+        settled = searched(damped(self.moving, None, jnp.asarray(values)), self.given)
+        still = np.zeros((1, len(every), len(self.names)))
+        found = passed(
+            damped, self.moving, None, self.given, settled, jnp.asarray(self.asked), values, still
+        )
+        rows = [every.index(name) for name in FREE_COORDINATES]
+        change = np.where(converged(found.status)[..., None], found.q - self.start, np.nan)
+        fields = found._replace(q=change[..., rows], jacobian=found.jacobian[..., rows, :])
+        unknown = np.zeros((*found.status.shape, len(rows), len(rows)))
+        return Slopes(values, **fields._asdict(), tangent=unknown)
 
-
-def _searched(solver: BoundedLevenbergMarquardt, evaluate, x: Array, before: int, progress):
-    """The search on given steps: its state, whether it ended by itself, and evaluations."""
-    state, done, count = None, False, 0
-    while not done and count < _MOST:
-        residual, jacobian = evaluate(x)
-        count += 1
-        if progress is not None:
-            progress(before + count)
-        if state is None:
-            struct = jax.ShapeDtypeStruct(residual.shape, residual.dtype)
-            state = solver.init(None, x, None, {}, struct, None, frozenset())
-        x, state = solver.following(solver.judged(x, residual, jacobian, state))
-        done = bool(solver.terminate(None, x, None, {}, state, frozenset())[0])
-    return state, done, count
+    @property
+    def start(self) -> np.ndarray:
+        """All coordinates at the start."""
+        return np.asarray(self.given.q)[:, 0]
 
 
-def _fitted(moving, names, found, recorded, state, solver, done, evaluations) -> FittedTransient:
-    seen = np.isfinite(recorded.table()[1:])
-    shape = (len(seen), len(FREE_COORDINATES))
-    error = np.asarray(state.residual).reshape(shape)
-    jacobian = np.asarray(state.jacobian).reshape(*shape, len(names))
-    x, width = np.asarray(state.x), np.asarray(solver.upper - solver.lower)
-    held = (x <= np.asarray(solver.lower) + 1e-9 * width) | (
-        x >= np.asarray(solver.upper) - 1e-9 * width
-    )
-    weights = np.array([float(name in recorded.changes) for name in FREE_COORDINATES])
-    spread = uncertainty(np.moveaxis(jacobian, 0, 1), error.T, weights, held, seen=seen.T)
+def _fitted(
+    moving, names, found, data: LoadCases, fit: ManyFits, between, evaluations: int
+) -> FittedTransient:
+    (error,), (jacobian,) = data.error(fit.slopes)
+    (x,), seen = fit.values, data.seen
+    weights = seen.any(axis=0).astype(float)
+    spread = uncertainty(np.moveaxis(jacobian, 0, 1), error.T, weights, ~between[0], seen=seen.T)
     side = _SIDES * spread.standard_error
     rms = {
         name: float(np.sqrt(np.mean(error[seen[:, k], k] ** 2)))
         for k, name in enumerate(FREE_COORDINATES)
-        if name in recorded.changes
+        if seen[:, k].any()
     }
-    with_these = _damped(moving, names, state.x)
     return FittedTransient(
-        names, x, x - side, x + side, with_these, found, spread, rms, done, evaluations
-    )
+        names, x, x - side, x + side, _damped(moving, names, x), found, spread, rms,
+        bool(fit.converged[0]), evaluations,
+    )  # fmt: skip
