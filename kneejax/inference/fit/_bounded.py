@@ -3,6 +3,11 @@
 Variables that sit on a bound and are pushed outwards are held; a step that would leave the box
 stops the variables that leave it on their bound and is solved again for the others. A sigmoid
 that maps the box to a line needs hundreds of steps when a bound is active; this needs none more.
+
+The damping of a variable goes by the steepest slope that any look has shown (by that of the steps
+taken in J. J. More, Lect. Notes Math. 630, 105, 1978). A fibre that is slack has next to no slope:
+by that alone it would be sent as far as it can go, to where it tears or nothing balances, and each
+step of the others would be refused until its own had become short.
 """
 
 from __future__ import annotations
@@ -22,6 +27,7 @@ class _State(eqx.Module):
     residual: Array
     jacobian: Array
     damping: Array
+    steepest: Array
     reduction: Array
     upcoming: Array
     promise: Array
@@ -68,6 +74,7 @@ class BoundedLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
             residual=jnp.full(count, jnp.inf, float),
             jacobian=jnp.zeros((count, y.shape[0])),
             damping=jnp.asarray(self.first_damping, float),
+            steepest=jnp.zeros(y.shape[0]),
             reduction=jnp.asarray(jnp.inf, float),
             upcoming=jnp.asarray(jnp.inf, float),
             promise=jnp.asarray(jnp.inf, float),
@@ -88,12 +95,14 @@ class BoundedLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         predicted = self._predicted(state, y)
         accept = jnp.isfinite(after) & ((after <= before) | ~state.seen)
         good = accept & (before - after > 0.5 * predicted)
+        steep = jnp.sum((jacobian * self._width) ** 2, axis=0)
         change = jnp.where(good, 1.0 / self.lower_by, jnp.where(accept, 1.0, self.raise_by))
         return _State(
             x=jnp.where(accept, y, state.x),
             residual=jnp.where(accept, residual, state.residual),
             jacobian=jnp.where(accept, jacobian, state.jacobian),
             damping=jnp.maximum(state.damping * jnp.where(state.seen, change, 1.0), 1e-15),
+            steepest=jnp.maximum(state.steepest, jnp.where(jnp.isfinite(steep), steep, 0.0)),
             reduction=jnp.where(
                 state.seen & accept, (before - after) / (before + 1e-300), state.reduction
             ),
@@ -130,7 +139,7 @@ class BoundedLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         """The damped step from the accepted point, stopped at the bounds it meets."""
         x, jacobian = state.x, state.jacobian * self._width
         gradient, normal = jacobian.T @ state.residual, jacobian.T @ jacobian
-        diagonal = jnp.maximum(jnp.diag(normal), 1e-12 * jnp.max(jnp.diag(normal)) + 1e-300)
+        diagonal = jnp.maximum(state.steepest, 1e-12 * jnp.max(state.steepest) + 1e-300)
         damped = normal + state.damping * jnp.diag(diagonal)
         low, high = (self.lower - x) / self._width, (self.upper - x) / self._width
         held = ((low >= 0) & (gradient > 0)) | ((high <= 0) & (gradient < 0)) | (low >= high)

@@ -33,6 +33,18 @@ def test_an_active_bound_costs_no_extra_steps():
     assert int(answer.stats["num_steps"]) < 60
 
 
+def test_a_fibre_that_has_become_slack_does_not_hold_up_the_others():
+    def valley_and_fibre(x, _):
+        # Taut above 0.6, and next to nothing below: there a linear model promises long steps.
+        taut = 0.5 * (x[2] - 0.6 + jnp.hypot(x[2] - 0.6, 0.001))
+        return jnp.stack([30 * (x[1] - x[0] ** 2), x[0] - 1 + 1e3 * taut, 1e4 * taut])
+
+    answer = fit(valley_and_fibre, [-1.0, 1.0, 0.61], [-2.0, -2.0, 0.0], [2.0, 2.0, 1.0])
+    assert np.allclose(answer.value, [1.0, 1.0, 0.0], atol=1e-3)
+    # 60 with a damping that knows nothing but the slopes where the search is.
+    assert int(answer.stats["num_steps"]) < 45
+
+
 def test_a_held_variable_does_not_move():
     answer = fit(lambda x, _: x - jnp.array([2.0, 3.0]), [0.7, 0.0], [0.7, -9.0], [0.7, 9.0])
     assert np.allclose(answer.value, [0.7, 3.0])

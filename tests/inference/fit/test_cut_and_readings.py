@@ -8,10 +8,11 @@ import pytest
 import kneejax as kj
 from kneejax.experiments import evaluate, weights_by_load
 from kneejax.geometry import FREE_COORDINATES, Frame, Plane, Sphere
-from kneejax.inference.fit import Problem, fit_lanes, slack_at
+from kneejax.inference import balances_of
+from kneejax.inference.fit import Problem, _cut, fit_lanes, slack_at
 from kneejax.mechanics import Contact, Knee, Ligaments, add_lane_axis
 from kneejax.parameters import UnknownParameter
-from kneejax.statics import Slopes
+from kneejax.statics import Slopes, balance_with_slopes
 
 #: Each compiles a search of its own.
 pytestmark = pytest.mark.long
@@ -106,6 +107,29 @@ def test_what_is_cut_does_not_pull_and_nothing_else_changes(problem):
     alone = kj.passive_flexion(torn, [20.0])
     row = without[np.isclose(np.rad2deg(cases.stations.flexion[without]), 20.0)][-1]
     assert found.q[0, row] == pytest.approx(np.asarray(alone.settled.q)[:, 0], abs=1e-7)
+
+
+def test_a_load_that_is_taken_away_again_is_balanced_once(knee, monkeypatch):
+    selection = kj.select(knee, NAMES)
+    cases = problem_of(knee, np.zeros((0, 6)), [measured(knee, ("ACL",))]).cases
+    forces = np.asarray(cases.stations.loads[0].force)[:, 0]
+    assert (len(forces), len(np.unique(forces))) == (14, 5)
+    values = np.asarray(selection.read(knee))[None] * np.array([[1.0], [1.01]])
+    asked = []
+
+    def watched(knee, vary, values, stations, *rest):
+        asked.append(len(stations))
+        return balance_with_slopes(knee, vary, values, stations, *rest)
+
+    monkeypatch.setattr(_cut, "balance_with_slopes", watched)
+    balance = balances_of(knee, selection, cases)
+    begin = balance(values[:1])
+    near = balance(values, begin.take([0, 0]))
+    assert asked == [10, 10]
+    vary = _cut.without(knee, selection, ("ACL",))
+    every = balance_with_slopes(*vary, values, cases.stations, near)
+    for name in ("q", "jacobian", "status"):
+        assert np.allclose(getattr(near, name), getattr(every, name), rtol=1e-6, atol=1e-8)
 
 
 def test_a_robot_counts_from_the_intact_knee(knee, passive):
