@@ -35,8 +35,9 @@ from kneejax.numerics._lanes import traced
 
 #: `M_ARENA_MAX` of GNU's malloc.h.
 _ARENA_MAX = -8
-#: Its neighbour xla_cpu_disable_tiled_emitter would save a sixth of compiling, and computes wrong
-#: sums (jaxlib 0.10.2: the energy of a contact 676 for 455 mJ).
+#: Its neighbour xla_cpu_disable_tiled_emitter would save a sixth of compiling, and reads the wrong
+#: entries of a table that a kernel turns (jaxlib 0.10.2: the energy of a contact 676 for 455 mJ).
+#: No contact turns one, but it would hold for whatever else the process computes.
 _SHARED_FUSION = "--xla_backend_extra_options=xla_cpu_use_multi_output_fusion"
 #: XLA examines what it has made of each kernel after every pass; without, a tenth less.
 _UNEXAMINED = "--xla_cpu_emitter_verification_level=0"

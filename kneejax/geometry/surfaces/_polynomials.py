@@ -8,6 +8,7 @@ halves the operations of a contact force.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 
 import jax
@@ -36,10 +37,11 @@ def partials(coefficients: Array, s: Array, t: Array, order: int) -> tuple[tuple
         >>> float(d[0][0]), float(d[1][0]), float(d[0][1])
         (10.5, 11.0, 4.0)
     """
-    table = jnp.swapaxes(coefficients, 0, 1)
-    missing = max(jnp.ndim(s), jnp.ndim(t)) - (table.ndim - 2)
-    table = table.reshape(table.shape[:2] + (1,) * missing + table.shape[2:])
-    by_t = _horner(table, t, order)
+    powers, lanes = coefficients.shape[:2], coefficients.shape[2:]
+    missing = max(jnp.ndim(s), jnp.ndim(t)) - len(lanes)
+    table = coefficients.reshape(powers + (1,) * missing + lanes)
+    # Columns are taken, not turned into rows: some of XLA's emitters misread a turned table.
+    by_t = _horner([table[:, j] for j in range(powers[1])], t, order)
     columns = [_horner(by_t[j], s, order - j) for j in range(order + 1)]
     return tuple(tuple(columns[j][i] for j in range(order - i + 1)) for i in range(order + 1))
 
@@ -86,11 +88,11 @@ def change_of_table(more, linear, d_s, d_t, order: int):
     )
 
 
-def _horner(table: Array, x: Array, order: int) -> list[Array]:
-    """Polynomial in `x` with coefficients along axis 0, and its derivatives up to `order`."""
+def _horner(table: Sequence[Array] | Array, x: Array, order: int) -> list[Array]:
+    """Polynomial in `x` with these coefficients, and its derivatives up to `order`."""
     value = table[-1] + 0.0 * x
     slopes = [jnp.zeros_like(value) for _ in range(order)]
-    for power in range(table.shape[0] - 2, -1, -1):
+    for power in range(len(table) - 2, -1, -1):
         for k in range(order - 1, -1, -1):
             # Horner's chains give f'' / 2, f''' / 6, ...; scaled at the end.
             slopes[k] = slopes[k] * x + (slopes[k - 1] if k else value)
