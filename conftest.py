@@ -14,7 +14,6 @@ from pathlib import Path
 os.environ.setdefault(
     "XLA_FLAGS",
     "--xla_backend_extra_options=xla_cpu_use_multi_output_fusion"
-    " --xla_cpu_emitter_verification_level=0"
     " --xla_backend_optimization_level=1 --xla_llvm_disable_expensive_passes=true",
 )
 # Processes side by side leave the threads of each other's linear algebra only to wait. NumPy reads

@@ -26,7 +26,6 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import jax
-import jaxlib.version
 import numpy as np
 from jax.core import eval_context
 
@@ -35,15 +34,8 @@ from kneejax.numerics._lanes import traced
 
 #: `M_ARENA_MAX` of GNU's malloc.h.
 _ARENA_MAX = -8
-#: Its neighbour xla_cpu_disable_tiled_emitter would save a sixth of compiling, and reads the wrong
-#: entries of a table that a kernel turns (jaxlib 0.10.2: the energy of a contact 676 for 455 mJ).
-#: No contact turns one, but it would hold for whatever else the process computes.
 _SHARED_FUSION = "--xla_backend_extra_options=xla_cpu_use_multi_output_fusion"
-#: XLA examines what it has made of each kernel after every pass; without, a tenth less.
-_UNEXAMINED = "--xla_cpu_emitter_verification_level=0"
-#: The newest jaxlib in which that was tried. XLA ends a process that asks for what it does not
-#: know: later ones compile a little longer until somebody has tried them.
-_TRIED = (0, 10, 2)
+
 
 #: Names of what is being compiled, by threads.
 _compiling: dict[int, str] = {}
@@ -69,8 +61,7 @@ def use_shared_fusion() -> bool:
         return True
     if jax._src.xla_bridge.backends_are_initialized():  # pyright: ignore[reportAttributeAccessIssue]
         return False
-    known = jaxlib.version.__version_info__ <= _TRIED
-    os.environ["XLA_FLAGS"] = f"{flags} {_SHARED_FUSION} {_UNEXAMINED if known else ''}".strip()
+    os.environ["XLA_FLAGS"] = f"{flags} {_SHARED_FUSION}".strip()
     return True
 
 

@@ -44,20 +44,6 @@ def test_what_a_person_has_chosen_stays(tmp_path):
     assert words == ["True", "True", folder, "float64"] and not said
 
 
-@pytest.mark.parametrize("tried", [True, False])
-def test_xla_is_asked_only_for_what_its_version_is_known_to_have(tried, tmp_path):
-    """XLA ends the process at a flag that it does not know."""
-    version = "kneejax.numerics._compiled._TRIED" if tried else "(9, 0, 0)"
-    code = f"""
-import jaxlib.version, kneejax.numerics._compiled
-jaxlib.version.__version_info__ = {version}
-kneejax.configure()
-print("verification_level" in os.environ["XLA_FLAGS"])
-"""
-    words, _ = shown("import os, kneejax" + code + "raise SystemExit", tmp_path)
-    assert words == [str(tried)]
-
-
 def test_a_folder_of_no_name_is_none(tmp_path):
     """Programs would be written wherever a command is called."""
     words, _ = shown("import kneejax\nkneejax.configure()", tmp_path, JAX_COMPILATION_CACHE_DIR="")
