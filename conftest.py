@@ -7,9 +7,9 @@ from pathlib import Path
 
 # Tests wait for the compiler. With shared fusion, as the command sets it, and without optimising
 # machine code a motion compiles in two thirds of the time. XLA reads its flags once, hence here;
-# its other emitters (xla_cpu_use_fusion_emitters=false, xla_cpu_disable_tiled_emitter) read the
-# wrong entries of a table that a kernel turns; by the first most tests take about two thirds of
-# their time, and a joint's tables 80 s to compile.
+# its other emitters (xla_cpu_use_fusion_emitters=false, xla_cpu_disable_tiled_emitter) gave
+# wrong values where a contact's kernel turned a table; by the first most tests take about two
+# thirds of their time, and a joint's tables 80 s to compile.
 # The level is that of files which ask for `optimised_code`: JAX keeps all others from it.
 os.environ.setdefault(
     "XLA_FLAGS",

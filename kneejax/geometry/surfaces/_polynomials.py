@@ -40,7 +40,7 @@ def partials(coefficients: Array, s: Array, t: Array, order: int) -> tuple[tuple
     powers, lanes = coefficients.shape[:2], coefficients.shape[2:]
     missing = max(jnp.ndim(s), jnp.ndim(t)) - len(lanes)
     table = coefficients.reshape(powers + (1,) * missing + lanes)
-    # Columns are taken, not turned into rows: some of XLA's emitters misread a turned table.
+    # Columns are taken: kernels that turned them into rows were wrong by two of XLA's emitters.
     by_t = _horner([table[:, j] for j in range(powers[1])], t, order)
     columns = [_horner(by_t[j], s, order - j) for j in range(order + 1)]
     return tuple(tuple(columns[j][i] for j in range(order - i + 1)) for i in range(order + 1))

@@ -36,7 +36,7 @@ def test_each_lane_may_have_its_own_coefficients(rng):
 
 
 def test_no_kernel_turns_a_table(rng):
-    """XLA reads the wrong entries of one by two of its emitters (jaxlib 0.10.2)."""
+    """By two of XLA's emitters a contact that did was wrong (jaxlib 0.10.2)."""
     c, (s, t) = rng.normal(size=(4, 3)), rng.uniform(-1, 1, size=(2, 6))
     lowered = jax.jit(partials, static_argnums=3).lower(c, s, t, 2)
     assert "stablehlo.transpose" not in lowered.as_text()
