@@ -10,6 +10,8 @@ from kneejax.cli import main
 from kneejax.experiments import Branch
 from kneejax.statics import Status
 
+pytestmark = pytest.mark.usefixtures("optimised_code")
+
 ASKED = ["simulate", "passive-flexion", "--knee", "four_ligament", "--flexion", "20"]
 
 

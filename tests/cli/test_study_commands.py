@@ -8,6 +8,8 @@ import pytest
 
 from kneejax.cli import main
 
+pytestmark = pytest.mark.usefixtures("optimised_code")
+
 STUDY = """
 title: A short motion
 knee: four_ligament

@@ -17,6 +17,8 @@ from kneejax.inference.bootstrap._answered import Answered
 from kneejax.inference.fit import rows_of_tests
 from kneejax.parameters import UnsuitableData
 
+pytestmark = pytest.mark.usefixtures("optimised_code")
+
 PARAMETERS = ("ACL.stiffness", "MCL.stiffness")
 #: Standard deviation of readings, mm and degrees, so small that the knee answers linearly.
 NOISE = 1e-3

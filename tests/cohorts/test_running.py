@@ -18,6 +18,8 @@ from kneejax.inference import synthetic_motion
 from kneejax.parameters import with_values
 from kneejax.studies import read_study, run_side_by_side
 
+pytestmark = pytest.mark.usefixtures("optimised_code")
+
 FLEXION = np.linspace(0.0, 120.0, 25)
 TRUTHS = [{"ACL.stiffness": 4000.0 + 600.0 * k, "MCL.stiffness": 7000.0 + 400.0 * k}
           for k in range(3)]  # fmt: skip

@@ -10,6 +10,8 @@ from kneejax.files import load_knee
 from kneejax.files.knee import build_knee
 from kneejax.parameters import UnsuitableData
 
+pytestmark = pytest.mark.usefixtures("optimised_code")
+
 SHORT = Protocol(passive_deg=(0.0, 30.0), flexion_deg=(30.0,), steps=3)
 SAME = Spread(size=0.1, attachment_mm=0.0, stiffness=0.0, reference_strain=0.0)
 

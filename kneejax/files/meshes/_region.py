@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 
+import jax
 import numpy as np
 
 from kneejax.files.meshes._anatomy import Femur
@@ -79,18 +79,19 @@ def contact_regions(
     """
     surface = condyle.surface
     limits = [np.asarray(x) for x in (surface.angle, surface.width)]
-    plateau, cells = np.zeros(len(tibial), bool), set()
-    for slide, flexion in itertools.product(SLIDES_MM, np.deg2rad(FLEXIONS_DEG)):
+    plateau, touched = np.zeros(len(tibial), bool), []
+    for slide in SLIDES_MM:
         angle, distance, along = femur.cylindrical(tibial + np.array([slide, 0.0, 0.0]))
-        turned = angle + flexion
+        # A row for each flexion.
+        turned, along = np.broadcast_arrays(angle + np.deg2rad(FLEXIONS_DEG)[:, None], along)
         over = (turned > limits[0][0]) & (turned < limits[0][1])
         over &= (along > limits[1][0]) & (along < limits[1][1])
-        if not over.any():
-            continue
-        gap = distance - np.asarray(surface.radius(*_clipped(turned, along, limits)))
-        near = over & (gap - gap[over].min() < NEAR_MM)
-        plateau |= near
-        cells |= _around(_cells(turned[near], along[near]))
+        radius = np.asarray(_radius(surface, *_clipped(turned, along, limits)))
+        gap = np.where(over, distance - radius, np.inf)
+        near = gap < gap.min(axis=1, keepdims=True) + NEAR_MM
+        plateau |= near.any(axis=0)
+        touched.append(_cells(turned[near], along[near]))
+    cells = _around(np.concatenate(touched))
     own_angle, _, own_along = femur.cylindrical(condyle.points)
     own = _cells(own_angle, own_along)
     mask = np.array([tuple(cell) in cells for cell in own.tolist()], bool)
@@ -122,6 +123,12 @@ def quality(fit: SplineFit, region: np.ndarray, across: np.ndarray) -> FitQualit
         everywhere_rms=fit.rms,
         held_out_rms=fit.held_out_rms,
     )
+
+
+# One program for all places: operation by operation they took most of an import of meshes.
+@jax.jit
+def _radius(surface: Condyle, angle: np.ndarray, along: np.ndarray) -> jax.Array:
+    return surface.radius(angle, along)
 
 
 def _clipped(a: np.ndarray, b: np.ndarray, limits) -> tuple[np.ndarray, np.ndarray]:

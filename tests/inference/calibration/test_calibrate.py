@@ -13,6 +13,8 @@ from kneejax.inference.intervals._intervals import IntervalKind
 from kneejax.parameters import UnknownParameter, select
 from kneejax.report.calibration import calibration_notes
 
+pytestmark = pytest.mark.usefixtures("optimised_code")
+
 STUDY = kj.read_study("paper1")
 TRUTH = dict(STUDY.synthetic.parameters)
 

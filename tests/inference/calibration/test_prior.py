@@ -9,6 +9,8 @@ from kneejax.inference.calibration import _side_by_side
 from kneejax.inference.calibration._search import several_starts
 from kneejax.parameters import UnsuitableData
 
+pytestmark = pytest.mark.usefixtures("optimised_code")
+
 NAME, TRUE = "PCL.stiffness", 5000.0
 NOISE = {"noise_mm": 0.1, "noise_deg": 0.1}
 FLEXION = np.array([60.0, 75.0, 90.0, 105.0])

@@ -27,6 +27,8 @@ from kneejax.parameters import UnsuitableData, select
 from kneejax.report.design import design_notes, design_words
 from kneejax.statics import Stations, Status, balance_with_slopes
 
+pytestmark = pytest.mark.usefixtures("optimised_code")
+
 PARAMETERS = ("*.stiffness", "*.reference_strain")
 NOISE = noise_of(0.1, 0.1)
 TESTS = usual_candidates()

@@ -12,6 +12,8 @@ from kneejax.inference.fit._load_cases import _read, _read_all
 from kneejax.parameters import UnsuitableData
 from kneejax.statics import Stations
 
+pytestmark = pytest.mark.usefixtures("optimised_code")
+
 NAMES = ["ACL.stiffness", "ACL.reference_strain", "PCL.reference_strain", "MCL.reference_strain"]
 NOISE = np.full(5, 0.1)
 ANTERIOR = FREE_COORDINATES.index("anterior")

@@ -9,6 +9,8 @@ from kneejax.parameters import UnknownParameter, UnsuitableData
 from kneejax.report.identification import fit_doubts
 from kneejax.statics import Stations, balance_with_slopes
 
+pytestmark = pytest.mark.usefixtures("optimised_code")
+
 NAMES = ("*.stiffness", "*.reference_strain")
 FLEXION = np.arange(0.0, 121.0, 5.0)
 UNITS = np.r_[np.rad2deg([1.0, 1.0]), 1.0, 1.0, 1.0]

@@ -7,6 +7,8 @@ import kneejax as kj
 from kneejax import inference, parameters
 from kneejax.statics import converged
 
+pytestmark = pytest.mark.usefixtures("optimised_code")
+
 FLEXION = np.array([0.0, 5.0, 10.0, 20.0, 40.0, 80.0, 120.0])
 
 

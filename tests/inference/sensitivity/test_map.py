@@ -11,6 +11,8 @@ from kneejax.parameters import UnknownParameter, UnsuitableData
 from kneejax.reproduction.paper1._claims_fitting import valley
 from kneejax.statics import Stations, balance_many, balance_with_slopes
 
+pytestmark = pytest.mark.usefixtures("optimised_code")
+
 PAIR = ("PCL.stiffness", "PCL.reference_strain")
 FLEXION = np.array([0.0, 25.0, 70.0, 120.0])
 WEIGHTS = np.array([8.0, 8.0, 1.0, 1.0, 1.0])

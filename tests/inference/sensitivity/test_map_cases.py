@@ -10,6 +10,8 @@ from kneejax.experiments import evaluate
 from kneejax.inference import Condition, sensitivity_map
 from kneejax.inference.fit import Problem
 
+pytestmark = pytest.mark.usefixtures("optimised_code")
+
 PAIR = ("ACL.stiffness", "ACL.reference_strain")
 NOISE = np.array([0.2, 0.2, 0.1, 0.1, 0.1])
 #: One over the variances; the lateral shift does not count.

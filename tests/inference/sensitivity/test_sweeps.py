@@ -7,6 +7,8 @@ from kneejax.inference import local_sensitivity, sweep
 from kneejax.parameters import UnknownParameter, UnsuitableData
 from kneejax.statics import Stations, Status, converged
 
+pytestmark = pytest.mark.usefixtures("optimised_code")
+
 NAMES = ("*.stiffness", "*.reference_strain")
 FLEXION = np.array([0.0, 25.0, 70.0, 120.0])
 ANTERIOR = 2

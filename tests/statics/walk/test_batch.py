@@ -20,6 +20,8 @@ from kneejax.statics import (
 from kneejax.statics.walk._paths import Found, along_chains
 from kneejax.statics.walk._routes import Chain
 
+pytestmark = pytest.mark.usefixtures("optimised_code")
+
 FLEXION = np.array([0.0, 30.0, 75.0, 120.0])
 UNITS = np.array([1 / 30, 1 / 30, 1.0, 1.0, 1.0])
 

@@ -9,6 +9,8 @@ from kneejax.mechanics import load_of
 from kneejax.statics import Stations, Status, balance_many, own_motion
 from kneejax.statics._softness import softness_of
 
+pytestmark = pytest.mark.usefixtures("optimised_code")
+
 UNITS = np.array([1 / 30, 1 / 30, 1.0, 1.0, 1.0])
 
 
