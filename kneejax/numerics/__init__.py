@@ -22,5 +22,8 @@ from kneejax.numerics._optional import imported as imported
 from kneejax.numerics._safe import branch as branch
 from kneejax.numerics._safe import positive_part as positive_part
 from kneejax.numerics._safe import safe_sqrt as safe_sqrt
+from kneejax.numerics._tangents import as_known as as_known
 from kneejax.numerics._tangents import instantiate as instantiate
+from kneejax.numerics._tangents import jvp_of_moved as jvp_of_moved
 from kneejax.numerics._tangents import none_of as none_of
+from kneejax.numerics._tangents import unknown_where as unknown_where

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import Array
 from jax.custom_derivatives import SymbolicZero
+from jax.extend.core import Primitive
+from jax.interpreters import ad, batching, mlir
 
 
 def instantiate(tree):
@@ -15,10 +22,12 @@ def instantiate(tree):
         tree: tangents as a rule with `symbolic_zeros=True` gets them.
     """
     return jax.tree.map(
-        lambda t: _zeros(t) if isinstance(t, SymbolicZero) else t,
-        tree,
-        is_leaf=lambda t: isinstance(t, SymbolicZero),
+        lambda t: _zeros(t) if isinstance(t, SymbolicZero) else t, tree, is_leaf=_vanishes
     )
+
+
+def _vanishes(tangent: Any) -> bool:
+    return isinstance(tangent, SymbolicZero)
 
 
 def _zeros(tangent):
@@ -39,3 +48,99 @@ def none_of(tree):
         else np.zeros(jnp.shape(x), jax.dtypes.float0),
         tree,
     )  # fmt: skip
+
+
+def jvp_of_moved(function: Callable, primals: tuple, tangents: tuple) -> tuple[Any, Any]:
+    """`jax.jvp`, through whatever is not perturbed as through a constant.
+
+    Args:
+        function: of the primals.
+        primals: containers of arrays.
+        tangents: as a rule with `symbolic_zeros=True` gets them.
+
+    Returns:
+        The function's value and its change.
+    """
+    leaves, structure = jax.tree.flatten(primals)
+    rates = jax.tree.leaves(tangents, is_leaf=_vanishes)
+    moved = [k for k, rate in enumerate(rates) if not _vanishes(rate)]
+
+    def of_moved(*some: Array) -> Any:
+        every = list(leaves)
+        for k, leaf in zip(moved, some, strict=True):
+            every[k] = leaf
+        return function(*jax.tree.unflatten(structure, every))
+
+    own = [leaves[k] for k in moved], [rates[k] for k in moved]
+    return jax.jvp(of_moved, *own) if moved else (value := function(*primals), none_of(value))
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(0,))
+def as_known(function: Callable, value: Any, *arguments: Any) -> Any:
+    """The value of a function that has been computed already, differentiable as the function is.
+
+    A rule of differentiation that uses such a value costs no second evaluation, and the function
+    itself is compiled only for who differentiates the rule: for second derivatives.
+
+    Args:
+        function: differentiable by its arguments.
+        value: what it returns for them; nothing is differentiated through it.
+        arguments: of the function.
+    """
+    return value
+
+
+def _as_known_jvp(function: Callable, primals: tuple, tangents: tuple) -> tuple[Any, Any]:
+    value, *arguments = primals
+    _, change = jvp_of_moved(function, tuple(arguments), tuple(tangents[1:]))
+    return as_known(function, value, *arguments), change
+
+
+as_known.defjvp(_as_known_jvp, symbolic_zeros=True)
+
+
+def unknown_where(lost: Array, change: Array) -> Array:
+    """A change that is NaN in some lanes, in forward and in reverse mode.
+
+    `jnp.where` would do in forward mode; transposed it gives zero, as if nothing depended on what
+    was lost. Here a lost lane hands NaN backwards, unless it hands back nothing: a loss over the
+    other lanes keeps its gradient.
+
+    Args:
+        lost: which lanes.
+        change: a tangent, of a shape to which `lost` broadcasts.
+    """
+    return _unknown_where.bind(jnp.broadcast_to(lost, jnp.shape(change)), change, backwards=False)
+
+
+def _unknown(lost: Array, change: Array, *, backwards: bool) -> Array:
+    nothing = backwards & (change == 0.0)
+    return jnp.where(lost, jnp.where(nothing, 0.0, jnp.nan), change)
+
+
+def _unknown_jvp(primals, tangents, *, backwards: bool):
+    (lost, change), rate = primals, tangents[1]
+    value = _unknown_where.bind(lost, change, backwards=backwards)
+    if isinstance(rate, ad.Zero):
+        return value, ad.Zero.from_primal_value(value)
+    if not backwards:
+        return value, _unknown_where.bind(lost, rate, backwards=False)
+    # Nothing that was handed back stays nothing.
+    nothing = lost & (change == 0.0)
+    unknown = _unknown_where.bind(lost & ~nothing, rate, backwards=False)
+    return value, jnp.where(nothing, 0.0, unknown)
+
+
+def _unknown_transpose(cotangent, lost, change, *, backwards: bool):
+    if isinstance(cotangent, ad.Zero):
+        return None, ad.Zero(change.aval)
+    return None, _unknown_where.bind(lost, cotangent, backwards=not backwards)
+
+
+_unknown_where = Primitive("unknown_where")
+_unknown_where.def_impl(jax.jit(_unknown, static_argnames="backwards"))
+_unknown_where.def_abstract_eval(lambda lost, change, *, backwards: change)
+mlir.register_lowering(_unknown_where, mlir.lower_fun(_unknown, multiple_results=False))
+batching.defbroadcasting(_unknown_where)
+ad.primitive_jvps[_unknown_where] = _unknown_jvp
+ad.primitive_transposes[_unknown_where] = _unknown_transpose

@@ -18,7 +18,7 @@ from jax.custom_derivatives import SymbolicZero
 
 from kneejax.geometry import Placement, Pose, Prescribed, State, free_of
 from kneejax.mechanics import Contact, Knee, displacement
-from kneejax.numerics import compiled, identity, instantiate, solve
+from kneejax.numerics import as_known, compiled, identity, instantiate, solve, unknown_where
 from kneejax.statics._balance import (
     balance,
     force_derivative,
@@ -157,9 +157,8 @@ def with_tangent(knee: Knee, prescribed: Prescribed, found: Settled) -> Settled:
         found: the balance; NaN stays NaN.
     """
     knee, prescribed, found = lax.stop_gradient((knee, prescribed, found))
-    there = balance(knee, prescribed, found.q, (found.meeting[:, 0], found.meeting[:, 1]))
-    drift = jnp.stack([jnp.stack(pair, axis=1) for pair in there.forces.drift])
-    return dataclasses.replace(found, tangent=there.tangent, drift=drift)
+    tangent, drift = _stiffness(knee, prescribed, found.q, found.meeting)
+    return dataclasses.replace(found, tangent=tangent, drift=drift)
 
 
 def with_meeting(knee: Knee, prescribed: Prescribed, q: Array) -> Guess:
@@ -280,16 +279,27 @@ def _followed(knee: Knee, prescribed: Prescribed, found: Settled) -> tuple[Array
 
 def _followed_jvp(primals, tangents):
     knee, prescribed, found = primals
-    change, follow = _force_change(knee, prescribed, found.q, found.meeting, *tangents[:2])
-    failed, size = ~found.converged, len(found.q)
-    tangent = jnp.where(failed, identity(size, found.q.ndim - 1), found.tangent)
+    # What the rule reads of the balance follows it in turn: so further derivatives are exact, too.
+    q, meeting = _followed(knee, prescribed, found)
+    failed, size = ~found.converged, len(q)
+    nowhere = jnp.where(failed, jnp.nan_to_num(q), q)
+    held = knee, prescribed, nowhere, meeting
+    change, follow = _force_change(*held, *tangents[:2])
+    tangent, drift = as_known(_stiffness, (found.tangent, found.drift), *held)
+    tangent = jnp.where(failed, identity(size, q.ndim - 1), tangent)
     d_q, _ = solve(tangent, -jnp.where(failed, 0.0, change))
-    d_q = jnp.where(failed, jnp.nan, jnp.stack(d_q))
-    moved = jnp.sum(found.drift * d_q.reshape(size, 1, 1, *found.q.shape[1:]), axis=0)
-    return (found.q, found.meeting), (d_q, follow + moved)
+    d_q = unknown_where(failed, jnp.stack(d_q))
+    moved = jnp.sum(drift * d_q.reshape(size, 1, 1, *q.shape[1:]), axis=0)
+    return (q, meeting), (d_q, follow + moved)
 
 
 _followed.defjvp(_followed_jvp, symbolic_zeros=True)
+
+
+def _stiffness(knee: Knee, prescribed: Prescribed, q: Array, meeting: Array) -> tuple[Array, Array]:
+    """Tangent and drift of a balance, as `Settled` has them."""
+    there = balance(knee, prescribed, q, (meeting[:, 0], meeting[:, 1]))
+    return there.tangent, jnp.stack([jnp.stack(pair, axis=1) for pair in there.forces.drift])
 
 
 def _force_change(knee, prescribed, q, meeting, d_knee, d_prescribed):
@@ -300,15 +310,14 @@ def _force_change(knee, prescribed, q, meeting, d_knee, d_prescribed):
     is known to vanish would be differentiated through the thorough search of every ray.
     """
     contacts_still = all(isinstance(t, SymbolicZero) for t in jax.tree.leaves(d_knee.contacts))
-    nowhere = jnp.nan_to_num(q)
     poses_still = all(isinstance(t, SymbolicZero) for t in jax.tree.leaves(d_prescribed))
     if contacts_still and poses_still:
-        change = force_derivative_without_contacts(knee, prescribed, nowhere, instantiate(d_knee))
+        change = force_derivative_without_contacts(knee, prescribed, q, instantiate(d_knee))
         return change, jnp.zeros_like(meeting)
     change, follow = force_derivative(
         knee,
         prescribed,
-        nowhere,
+        q,
         (meeting[:, 0], meeting[:, 1]),
         instantiate(d_knee),
         instantiate(d_prescribed),
