@@ -9,6 +9,7 @@ from pathlib import Path
 import jax
 
 from kneejax.numerics._compiled import use_shared_fusion
+from kneejax.numerics._kept_executables import check_executables
 from kneejax.numerics._kept_programs import keep_programs
 
 _CACHE = "jax_compilation_cache_dir"
@@ -20,7 +21,8 @@ def configure() -> None:
     It switches float64 on, lets XLA fuse operations without copying shared values
     (`use_shared_fusion`, five times faster), and keeps programs between runs, as they are traced
     and as they are compiled: in `JAX_COMPILATION_CACHE_DIR` if that is set, otherwise in `kneejax`
-    of the user's cache folder (`XDG_CACHE_HOME`, or `~/.cache`). `kneejax` on the command line
+    of the user's cache folder (`XDG_CACHE_HOME`, or `~/.cache`). What is damaged there is made
+    again; what XLA compiled is machine code, so nobody else may write into that folder. `kneejax` on the command line
     begins with it; importing the package changes nothing. To call it again does no harm.
 
     Warns:
@@ -38,6 +40,7 @@ def configure() -> None:
         base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
         jax.config.update(_CACHE, str(Path(base) / "kneejax"))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    check_executables()
     keep_programs(Path(getattr(jax.config, _CACHE)) / "traced")
     if not use_shared_fusion():
         warnings.warn(

@@ -3,34 +3,53 @@
 XLA's cache spares the second run of a command the compiler, not the tracing: Python runs through
 all of the mechanics to learn what to compile, in a warm `calibrate` 5 of 9 s. A kept program is
 what tracing found. It is looked up by what it was traced from: the function, the shapes of its
-arguments, all that is static about them, the versions of JAX and the source files of this package.
-Whatever is wrong with a file, the function is traced as if there were none.
+arguments, the state of all that is static about them, the versions of JAX and the source files of
+this package. A function that says less of itself than that, a closure above all, is not kept.
+
+A file carries the checksum of its contents, which are numbers, names and StableHLO: nothing in it
+is run but arithmetic. Whatever is wrong with a file, the function is traced as if there were none,
+and the file is replaced.
 """
 
 from __future__ import annotations
 
 import contextlib
+import dataclasses
+import enum
 import functools
 import hashlib
+import inspect
+import json
 import os
-import pickle
 import re
+import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import equinox as eqx
 import jax
+import numpy as np
 from jax import export
 
 _PACKAGE = Path(__file__).parents[1]
+#: Packages whose sources are counted: functions of others are not kept.
+_COUNTED = (_PACKAGE.name,)
 #: What the text of a static value must not hold to stand for it: where it lies in memory, or an
-#: array of which only a part is written.
-_NOT_ALL = re.compile(r" at 0x[0-9a-f]+|\.\.\.")
+#: array of which only a part, or the shape alone, is written.
+_NOT_ALL = re.compile(r" at 0x[0-9a-f]+|\.\.\.|\b(bool|[fiuc]\d+)\[")
 #: Set to anything, functions are traced in every process: for who replaces parts of kneejax.
 _TRACE_ANEW = "KNEEJAX_TRACE_ANEW"
+_MAGIC = b"kneejax program 2\n"
+#: An operation that calls what is compiled into the process: no program here has one.
+_CALLS_OUT = b"custom_call"
 
 _kept_in: Path | None = None
+
+
+class _Nameless(Exception):
+    """Something whose state cannot be written down."""
 
 
 def keep_programs(folder: str | os.PathLike[str]) -> None:
@@ -43,7 +62,8 @@ def kept(function: Callable, static_argnums: tuple[int, ...]) -> Callable:
     """A function that JAX traces once for all processes.
 
     Args:
-        function: of arrays in any containers that can be pickled; it must not be differentiated.
+        function: of arrays in tuples, lists, dicts and Equinox modules; it must not be
+            differentiated.
         static_argnums: arguments that are no arrays.
 
     Returns:
@@ -68,7 +88,7 @@ def kept(function: Callable, static_argnums: tuple[int, ...]) -> Callable:
         if program is None:
             return function(*arguments)
         call, answers = program
-        return jax.tree.unflatten(jax.tree.structure(answers), call(*leaves))
+        return jax.tree.unflatten(answers, call(*leaves))
 
     return from_disk
 
@@ -76,21 +96,65 @@ def kept(function: Callable, static_argnums: tuple[int, ...]) -> Callable:
 def _file_of(folder: Path, function: Callable, tree, leaves, static) -> Path | None:
     """Where a program is kept; None if what it is traced from has no text of its own."""
     shapes = [(leaf.shape, str(leaf.dtype), leaf.weak_type) for leaf in leaves]
-    name = f"{function.__module__}.{function.__qualname__}"
-    text = "\n".join([name, str(tree), repr(shapes), repr(static), _made_of()])
+    try:
+        name, state = _state_of(function), _state_of(static)
+    except _Nameless:
+        return None
+    text = "\n".join([name, str(tree), repr(shapes), state, _made_of()])
     if _NOT_ALL.search(text):
         return None
     return folder / f"{function.__name__.strip('_')}-{hashlib.sha256(text.encode()).hexdigest()}"
 
 
+def _state_of(x: Any) -> str:
+    """All that a static value is, in words; an array by its checksum."""
+    if x is None or isinstance(x, (bool, int, float, complex, str, bytes)):
+        return f"{type(x).__name__} {x!r}" if not isinstance(x, enum.Enum) else repr(x)
+    if isinstance(x, (np.ndarray, np.generic, jax.Array)):
+        whole = np.asarray(x)
+        if whole.dtype == object:
+            raise _Nameless
+        sum_of = hashlib.sha256(np.ascontiguousarray(whole).tobytes()).hexdigest()
+        return f"array {whole.shape} {whole.dtype.str} {sum_of}"
+    if isinstance(x, functools.partial):
+        return f"partial {_state_of((x.func, x.args, x.keywords))}"
+    if inspect.ismethod(x):
+        return f"method {_state_of((x.__func__, x.__self__))}"
+    if inspect.isfunction(x) or isinstance(x, type):
+        return _name_of(x)
+    kind = _name_of(type(x), anywhere=isinstance(x, (tuple, list, dict, frozenset)))
+    if isinstance(x, dict):
+        return f"{kind} {[(_state_of(key), _state_of(value)) for key, value in x.items()]}"
+    if isinstance(x, (tuple, list)):
+        return f"{kind} {[_state_of(one) for one in x]}"
+    if isinstance(x, frozenset):
+        return f"{kind} {sorted(map(_state_of, x))}"
+    if isinstance(x, enum.Enum):
+        return f"{kind} {x.name}"
+    if not dataclasses.is_dataclass(x):
+        raise _Nameless
+    fields = [(field.name, getattr(x, field.name, None)) for field in dataclasses.fields(x)]
+    return f"{kind} {[(name, _state_of(value)) for name, value in fields]}"
+
+
+def _name_of(x: Any, anywhere: bool = False) -> str:
+    """The name of a function or class that stands for it: its source counts, and it captures
+    nothing."""
+    name = f"{x.__module__}.{x.__qualname__}"
+    if not anywhere and x.__module__.split(".")[0] not in _COUNTED:
+        raise _Nameless
+    if "<" in name or getattr(x, "__closure__", None):
+        raise _Nameless
+    return name
+
+
 @functools.cache
 def _made_of() -> str:
     """Versions, and the state of every source file of this package."""
-    import equinox
     import jaxlib
     import optimistix
 
-    packages = [f"{one.__name__} {one.__version__}" for one in (jax, jaxlib, equinox, optimistix)]
+    packages = [f"{one.__name__} {one.__version__}" for one in (jax, jaxlib, eqx, optimistix)]
     setting = f"{jax.default_backend()} x64={jax.config.read('jax_enable_x64')}"
     sources = sorted(_PACKAGE.rglob("*.py"))
     files = [f"{x} {x.stat().st_size} {x.stat().st_mtime_ns}" for x in sources]
@@ -100,8 +164,14 @@ def _made_of() -> str:
 def _read(file: Path) -> tuple[Callable, Any] | None:
     # A cache is allowed to be empty, of another version, or broken: then it is no cache.
     with contextlib.suppress(Exception):
-        program, answers = pickle.loads(file.read_bytes())
-        return export.deserialize(program).call, answers
+        found = file.read_bytes()
+        begin = len(_MAGIC) + hashlib.sha256().digest_size
+        contents = found[begin:]
+        if found[:begin] != _MAGIC + hashlib.sha256(contents).digest() or _CALLS_OUT in contents:
+            return None
+        structure, _, program = contents.partition(b"\n")
+        answers = jax.tree.structure(_rebuilt(json.loads(structure)))
+        return export.deserialize(bytearray(program)).call, answers
     return None
 
 
@@ -112,17 +182,106 @@ def _written(file: Path, flat: Callable, leaves) -> tuple[Callable, Any] | None:
     def traced(*leaves: jax.Array) -> list[jax.Array]:
         nonlocal answers
         found, tree = jax.tree.flatten(flat(*leaves))
-        answers = jax.tree.unflatten(tree, range(len(found)))
+        answers = jax.tree.unflatten(tree, [_LEAF] * len(found))
         return found
 
     traced.__name__ = flat.__name__
     like = [jax.ShapeDtypeStruct(x.shape, x.dtype, weak_type=x.weak_type) for x in leaves]
     # What JAX does not export is traced in every process.
-    with contextlib.suppress(OSError, NotImplementedError, ValueError, pickle.PicklingError):
+    with contextlib.suppress(OSError, NotImplementedError, ValueError, _Nameless):
         program = export.export(jax.jit(traced))(*like).serialize()
-        file.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=file.parent, delete=False) as whole:
-            whole.write(pickle.dumps((bytes(program), answers)))
-        os.replace(whole.name, file)
+        contents = json.dumps(_structure_of(answers)).encode() + b"\n" + bytes(program)
+        write_whole(file, _MAGIC + hashlib.sha256(contents).digest() + contents)
         return _read(file)
     return None
+
+
+def write_whole(file: Path, contents: bytes) -> None:
+    """Write a file that is complete or is not there, whatever happens meanwhile.
+
+    Args:
+        file: in a folder that is made where there is none.
+        contents: of it.
+
+    Raises:
+        OSError: it cannot be written; nothing is left of it.
+    """
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.NamedTemporaryFile(dir=file.parent, prefix=".", delete=False) as part:
+        try:
+            part.write(contents)
+            part.flush()
+            os.fsync(part.fileno())
+            part.close()
+            os.replace(part.name, file)
+        except BaseException:
+            part.close()
+            Path(part.name).unlink(missing_ok=True)
+            raise
+
+
+class _Leaf:
+    """Stands for an array in the structure of an answer."""
+
+
+_LEAF = _Leaf()
+
+
+def _structure_of(x: Any) -> Any:
+    """Containers of an answer, as JSON: their kinds, what is static about them, their contents."""
+    if isinstance(x, _Leaf):
+        return "array"
+    if x is None:
+        return "none"
+    if isinstance(x, eqx.Module):
+        fields = {}
+        for field in dataclasses.fields(x):
+            value, static = getattr(x, field.name), field.metadata.get("static", False)
+            fields[field.name] = ["static", _static(value)] if static else _structure_of(value)
+        return ["module", type(x).__module__, type(x).__qualname__, fields]
+    if isinstance(x, tuple) and hasattr(x, "_fields"):
+        parts = [_structure_of(one) for one in x]
+        return ["named", type(x).__module__, type(x).__qualname__, parts]
+    if type(x) is dict and all(isinstance(key, (str, int)) for key in x):
+        return ["dict", [[key, _structure_of(value)] for key, value in x.items()]]
+    if type(x) in (tuple, list):
+        return [type(x).__name__, [_structure_of(one) for one in x]]
+    raise _Nameless
+
+
+def _static(x: Any) -> Any:
+    if type(x) is tuple:
+        return ["tuple", [_static(one) for one in x]]
+    if x is None or type(x) in (bool, int, float, str):
+        return ["value", x]
+    raise _Nameless
+
+
+def _rebuilt(x: Any) -> Any:
+    """The containers of an answer around numbers; classes are looked up, not imported."""
+    if x == "array":
+        return 0
+    if x == "none":
+        return None
+    kind, *rest = x
+    if kind == "dict":
+        return {key: _rebuilt(value) for key, value in rest[0]}
+    if kind in ("tuple", "list"):
+        return {"tuple": tuple, "list": list}[kind](_rebuilt(one) for one in rest[0])
+    module, name, contents = rest
+    found = functools.reduce(getattr, name.split("."), sys.modules[module])
+    if kind == "named" and issubclass(found, tuple) and len(found._fields) == len(contents):
+        return tuple.__new__(found, [_rebuilt(one) for one in contents])
+    names = [field.name for field in dataclasses.fields(found)]
+    if kind != "module" or not issubclass(found, eqx.Module) or names != list(contents):
+        raise ValueError(f"{kind} {module}.{name}")
+    made = object.__new__(found)
+    for key, value in contents.items():
+        is_static = isinstance(value, list) and value[0] == "static"
+        object.__setattr__(made, key, _static_of(value[1]) if is_static else _rebuilt(value))
+    return made
+
+
+def _static_of(x: Any) -> Any:
+    kind, value = x
+    return tuple(_static_of(one) for one in value) if kind == "tuple" else value

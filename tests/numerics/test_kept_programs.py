@@ -1,6 +1,11 @@
 """What was traced once is not traced again, and a file that is no program is no error."""
 
 import dataclasses
+import functools
+import hashlib
+import json
+import pickle
+import zlib
 
 import equinox as eqx
 import jax
@@ -9,8 +14,8 @@ import numpy as np
 import pytest
 from jax import monitoring
 
+from kneejax.numerics import _kept_executables, compiled
 from kneejax.numerics import _kept_programs as programs
-from kneejax.numerics import compiled
 
 
 class Answer(eqx.Module):
@@ -28,6 +33,12 @@ class Power:
     exponent: int
 
 
+@pytest.fixture(autouse=True)
+def counted(monkeypatch):
+    """Functions of this file are taken for the package's own."""
+    monkeypatch.setattr(programs, "_COUNTED", ("kneejax", __name__.split(".")[0]))
+
+
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     monkeypatch.delenv("KNEEJAX_TRACE_ANEW", raising=False)
@@ -36,22 +47,23 @@ def folder(tmp_path, monkeypatch):
     return tmp_path / "traced"
 
 
+#: Shapes for which `squares` was traced.
+TIMES = []
+
+
+def squares(x, power):
+    TIMES.append(x.shape)
+    if x.shape[0] > 9:
+        raise ValueError("nine at most")
+    y = jax.lax.fori_loop(0, power.exponent, lambda _, y: y * x, jnp.ones_like(x))
+    return Answer(y, {"sum": jnp.sum(y)}, "squares")
+
+
 @pytest.fixture
 def fresh():
     """Makes the function anew, as another process would, with how often it was traced."""
-    times = []
-
-    def make():
-        def squares(x, power):
-            times.append(x.shape)
-            if x.shape[0] > 9:
-                raise ValueError("nine at most")
-            y = jax.lax.fori_loop(0, power.exponent, lambda _, y: y * x, jnp.ones_like(x))
-            return Answer(y, {"sum": jnp.sum(y)}, "squares")
-
-        return jax.jit(programs.kept(squares, (1,)), static_argnums=1)
-
-    return make, times
+    TIMES.clear()
+    return lambda: jax.jit(programs.kept(squares, (1,)), static_argnums=1), TIMES
 
 
 X = np.linspace(0.5, 2.0, 5)
@@ -77,15 +89,119 @@ def test_other_shapes_static_values_and_sources_are_other_programs(folder, fresh
     assert len(times) == 5 and len(list(folder.iterdir())) == 5
 
 
-@pytest.mark.parametrize("content", [b"", b"no program", "half"])
-def test_a_broken_file_is_as_good_as_none(folder, fresh, content):
+def test_a_broken_file_is_as_good_as_none_and_is_mended(folder, fresh):
     make, times = fresh
     make()(X, Power(2))
     (file,) = folder.iterdir()
     whole = file.read_bytes()
-    file.write_bytes(whole[: len(whole) // 2] if content == "half" else content)
-    np.testing.assert_allclose(make()(X, Power(2)).whole, X**2)
-    assert len(times) == 2 and file.read_bytes() == whole
+    flipped = [bytearray(whole) for _ in range(3)]
+    for k, broken in enumerate(flipped):
+        broken[-1 - k * (len(whole) // 3)] ^= 1 << k
+    for count, broken in enumerate((b"", b"no program", whole[: len(whole) // 2], *flipped)):
+        file.write_bytes(broken)
+        np.testing.assert_allclose(make()(X, Power(2)).whole, X**2)
+        assert len(times) == count + 2 and file.read_bytes() == whole
+    assert [x.name for x in folder.iterdir()] == [file.name]
+
+
+def with_sum(contents):
+    return programs._MAGIC + hashlib.sha256(contents).digest() + contents
+
+
+def test_a_file_cannot_run_code(folder, fresh):
+    """Whoever can write a file with a right checksum names classes at most, and only ours."""
+    make, times = fresh
+    make()(X, Power(2))
+    (file,) = folder.iterdir()
+    whole = file.read_bytes()
+    contents = whole[len(programs._MAGIC) + 32 :]
+    structure, _, program = contents.partition(b"\n")
+    pickled = pickle.dumps((program, None))
+    elsewhere = json.dumps(["module", "subprocess", "Popen", {"args": "array"}]).encode()
+    for bad in (pickled, elsewhere + b"\n" + program, contents + b"custom_call"):
+        file.write_bytes(with_sum(bad))
+        np.testing.assert_allclose(make()(X, Power(2)).whole, X**2)
+        assert file.read_bytes() == whole
+    assert len(times) == 4
+
+
+def times_two(x):
+    return 2.0 * x
+
+
+def of_captured(function):
+    def outer(x):
+        return function(x)
+
+    return outer
+
+
+def test_what_captures_something_is_never_another_function(folder, monkeypatch):
+    """Two closures of one name: the second got the first one's program, and its numbers."""
+    two, three = (
+        jax.jit(programs.kept(of_captured(f), ())) for f in (times_two, lambda x: 3.0 * x)
+    )
+    np.testing.assert_allclose(two(X), 2.0 * X)
+    np.testing.assert_allclose(three(X), 3.0 * X)
+    nameless = jax.jit(programs.kept(lambda x: 5.0 * x, ()))
+    np.testing.assert_allclose(nameless(X), 5.0 * X)
+    # Sources of others are not counted: their functions may have changed.
+    monkeypatch.setattr(programs, "_COUNTED", ("kneejax",))
+    np.testing.assert_allclose(jax.jit(programs.kept(times_two, ()))(X), 2.0 * X)
+    assert not folder.exists()
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Table:
+    """A static argument that does not print all of its state."""
+
+    numbers: np.ndarray = dataclasses.field(repr=False)
+
+    def apply(self, x):
+        return self.numbers[0] * x
+
+
+def applied(x, function):
+    return function(x)
+
+
+def test_static_arguments_count_with_all_of_their_state(folder):
+    one, other = Table(np.arange(5000.0) + 1.0), Table(np.arange(5000.0) + 2.0)
+    for table in (one, other, one):
+        for function in (table.apply, functools.partial(Table.apply, table)):
+            found = jax.jit(programs.kept(applied, (1,)), static_argnums=1)(X, function)
+            np.testing.assert_allclose(found, table.numbers[0] * X)
+    assert len(list(folder.iterdir())) == 4
+    jax.jit(programs.kept(applied, (1,)), static_argnums=1)(X, of_captured(times_two))
+    assert len(list(folder.iterdir())) == 4
+
+
+def test_what_jax_compiled_is_checked_and_mended_too(tmp_path):
+    class Store:
+        """JAX's, of one folder."""
+
+        eviction_enabled = False
+
+        def get(self, key):
+            file = tmp_path / f"{key}-cache"
+            return file.read_bytes() if file.exists() else None
+
+    cache = _kept_executables._Checked(Store(), tmp_path, zlib.decompress)
+    entry = zlib.compress(b"machine code" * 99)
+    cache.put("key", entry)
+    assert cache.get("key") == entry
+    file = tmp_path / "key-cache"
+    for broken in (b"", entry[:20], entry[:-1] + bytes([entry[-1] ^ 1]), b"not a cache"):
+        file.write_bytes(broken)
+        assert cache.get("key") is None and not file.exists()
+        cache.put("key", entry)
+        assert cache.get("key") == entry
+    # Entries from before have no checksum: they count when they can be unpacked.
+    (tmp_path / "key-sha256").unlink()
+    assert cache.get("key") == entry and (tmp_path / "key-sha256").exists()
+    (tmp_path / "key-sha256").unlink()
+    file.write_bytes(entry[:20])
+    assert cache.get("key") is None
 
 
 def test_a_folder_that_cannot_be_written_is_no_error(fresh, monkeypatch, tmp_path):

@@ -121,10 +121,9 @@ def shot_path(start: Vector, end: Vector, shape: tuple[Array, ...], aim: Aim) ->
     a, b, d = joined(first, (a, b, c, d), last)
     # Newton's step: turned by `swing` at the start, the path gets to the end without a miss.
     miss = v.dot(b1, onward)
-    fixed = lax.stop_gradient((_away_from_zero(b, first + last), d, last))
-    swing = miss / fixed[0]
+    swing = miss / _away_from_zero(b, first + last)
     t0 = v.add(t0, v.scale(swing, b0))
-    t1 = v.add(t1, v.scale(swing * fixed[1] - miss / fixed[2], b1))
+    t1 = v.add(t1, v.scale(swing * d - miss / last, b1))
     length = first + shot.arc + last
     return Wrapped(length, t0, t1, (x0, x1), (n0, n1), (first, last), (a, b, d), length, aim)
 

@@ -22,6 +22,7 @@ from kneejax.geometry.paths._obstacles import (
     WrapEllipsoid,
 )
 from kneejax.geometry.paths._round import Section, Wrapped, choose, differentiate, unit
+from kneejax.numerics import as_known
 
 #: Wrap angle over which a free path turns into a wrapped one, rad.
 HANDOVER_WIDTH = 0.02
@@ -83,7 +84,7 @@ def taut(
 
     Returns:
         The path. `pull_start` and `pull_end` are exact derivatives of `length` and can be
-        differentiated once more, with respect to the ends and the shape; contact points, side and
+        differentiated further, with respect to the ends and the shape; contact points, side and
         flags carry no derivative. An end inside the obstacle leaves the path straight.
 
     Example:
@@ -227,16 +228,17 @@ def _wound(
 def _wound_jvp(around, primals, tangents):
     start, end, shape = primals
     out = _wound(around, start, end, shape)
+    # Its normals and the rest change with the ends as the search for the path does.
+    known = as_known(around, out[3], start, end, shape)
     moved = [_triple(_change(t) for t in d) for d in tangents[:2]]
-    length, leave, reach = differentiate(out[3], out[1], out[2], *moved)
+    length, leave, reach = differentiate(known, out[1], out[2], *moved)
     if not all(isinstance(t, SymbolicZero) for t in tangents[2]):
         # For a fixed aim one step of Newton's rule is left in the path, so its derivative is that
-        # of the taut path; a second derivative would need the aim's, which is not carried.
+        # of the taut path.
         reshaped = tuple(_change(t) for t in tangents[2])
-        aim = jax.lax.stop_gradient(out[3].aim)
 
         def again(shape: Shape) -> tuple[Array, Vector, Vector]:
-            w = around(start, end, shape, aim)
+            w = around(start, end, shape, known.aim)
             return w.length, w.leave, w.reach
 
         _, more = jax.jvp(again, (shape,), (reshaped,))

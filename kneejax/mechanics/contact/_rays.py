@@ -15,6 +15,8 @@ bend are continuous, and no point beneath the surface is ever taken for one that
 
 from __future__ import annotations
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -22,7 +24,7 @@ from jax import Array, lax
 from jax.custom_derivatives import SymbolicZero
 
 from kneejax.geometry import Surface, Vector, add, dot, rotate, scale, subtract
-from kneejax.numerics import instantiate
+from kneejax.numerics import instantiate, jvp_of_moved
 
 #: Parts of Newton's first step up to which a depth is the ray's own, and at which it rests.
 STRAIGHT, HELD = 1.5, 1.8
@@ -217,6 +219,7 @@ def hold(ratio: Array) -> tuple[Array, Array]:
     return held, 1.0 - t * t * (3.0 - 2.0 * t)
 
 
+@jax.custom_jvp
 def any_depth(
     femoral: Surface, start: Vector, along: Vector, found: Exit
 ) -> tuple[Array, Vector, Vector]:
@@ -231,6 +234,25 @@ def any_depth(
     Returns:
         Depth, mm; its derivatives by a motion of the start and by one of the direction.
     """
+    return _near_exit(femoral, start, along, found)
+
+
+def _any_depth_jvp(primals, tangents):
+    *of_line, found = primals
+    # One step of Newton's rule has the first derivative; for further ones the exit follows.
+    depth = jnp.where(found.held, found.depth, follow(*of_line, found.depth))
+    found = dataclasses.replace(found, depth=depth)
+    near = lambda *line: _near_exit(*line, found)  # noqa: E731
+    return jvp_of_moved(near, tuple(of_line), tuple(tangents[:3]))
+
+
+any_depth.defjvp(_any_depth_jvp, symbolic_zeros=True)
+
+
+def _near_exit(
+    femoral: Surface, start: Vector, along: Vector, found: Exit
+) -> tuple[Array, Vector, Vector]:
+    """See `any_depth`: the exit is a step of Newton's rule from where it was found."""
     # The surface is asked at both ends of the line at once: half of what there is to compile.
     end = subtract(start, scale(found.depth, along))
     ends = tuple(jnp.stack(jnp.broadcast_arrays(*pair)) for pair in zip(start, end, strict=True))
@@ -281,8 +303,9 @@ def follow(femoral: Surface, start: Vector, along: Vector, depth: Array) -> Arra
 
 
 def _follow_jvp(primals, tangents):
-    *of_line, depth = primals
+    *of_line, _ = primals
     femoral, start, along = of_line
+    depth = follow(*primals)
     moved = [not isinstance(t, SymbolicZero) for t in jax.tree.leaves(tangents[0])]
     # A surface that is not perturbed need not be differentiated.
     if any(moved):

@@ -160,8 +160,8 @@ def slack_length_from_force(
     """Slack length of a fibre that carries a given force at a given length, by the smooth law.
 
     The published law is inverted in closed form; Newton's rule then carries the strain over to
-    the smooth law. Its last step alone is differentiated: from a strain that solves the equation
-    it has the derivative of the solution.
+    the smooth law. Its last two steps are differentiated: from a strain that solves the equation
+    they have the first three derivatives of the solution.
 
     Args:
         reference_length: length at the reference pose, mm.
@@ -187,7 +187,7 @@ def slack_length_from_force(
         return strain - excess / stiffness_at(strain, stiffness, toe, width)
 
     found = lax.stop_gradient(lax.fori_loop(0, 8, lambda _, x: improved(x), strain))
-    return slack_length_from_strain(reference_length, improved(found))
+    return slack_length_from_strain(reference_length, improved(improved(found)))
 
 
 def _ramp(x: Array, width: ArrayLike) -> Array:
