@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -18,7 +18,6 @@ from kneejax.experiments.extensor._held_leg import STRONGEST_N, held_leg, pulled
 from kneejax.experiments.extensor._mechanism import (
     by_pull,
     forces_on_tibia,
-    known_only,
     tendon_of,
 )
 from kneejax.geometry import FEMUR, PATELLA
@@ -40,9 +39,6 @@ class Extensor:
         extension_Nm: moment about the flexion axis with which the knee, its weight included, would
             extend, `(poses,)`: a machine that holds it there exerts as much towards flexion.
         weight_Nm: how much the weight of the leg bends the knee, `(poses,)`.
-        arm_mm: effective moment arm by virtual work, `(poses,)`: how much shorter the quadriceps
-            becomes per rad of flexion, all other coordinates staying balanced. It is a derivative
-            already: its own is NaN.
         walked: where a pull was found by a walk of its own, since the balance under it lay farther
             than 1 mm from where it was expected, `(poses,)`.
     """
@@ -54,8 +50,14 @@ class Extensor:
     contact_N: Array
     extension_Nm: Array
     weight_Nm: Array
-    arm_mm: Array
     walked: np.ndarray
+
+    @functools.cached_property
+    def arm_mm(self) -> Array:
+        """Effective moment arm by virtual work, `(poses,)`: how much shorter the quadriceps becomes
+        per rad of flexion, all other coordinates staying balanced; NaN where the search failed."""
+        arm = by_pull(self.motion.knee, self.motion.stations, self.motion.settled).arm
+        return jnp.where(converged(self.motion.status), arm, jnp.nan)
 
     @property
     def flexion_deg(self) -> Array:
@@ -193,9 +195,7 @@ def described(motion: Motion, pull: Array, walked: np.ndarray, weight: Load) -> 
     forces = jnp.linalg.norm(mechanics.contact_force, axis=-1)
     on_patella = [k for k, c in enumerate(motion.knee.contacts) if c.bodies == (FEMUR, PATELLA)]
     known = motion.knee, motion.stations, motion.settled
-    moment, arm, *_ = by_pull(*jax.lax.stop_gradient(known))
-    if traced(known):
-        moment = motion.reaction("flexion")
+    moment = motion.reaction("flexion") if traced(known) else by_pull(*known).moment
     holds = converged(motion.status)
 
     def where(x: Array) -> Array:
@@ -209,7 +209,6 @@ def described(motion: Motion, pull: Array, walked: np.ndarray, weight: Load) -> 
         where(jnp.sum(forces[:, np.array(on_patella, int)], axis=1)),
         where(moment) / 1000.0,
         where(_moment(motion, weight)) / 1000.0,
-        known_only(where(arm), motion.settled.q),
         walked,
     )
 

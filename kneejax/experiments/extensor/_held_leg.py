@@ -141,13 +141,16 @@ def _bending(knee: Knee, flexion: Array, weight: Load) -> np.ndarray:
 
 def _differentiable(knee: Knee, flexion: Array, weight: Load, found: Held) -> Held:
     """The same leg as a function of all numbers: the pull makes the moment vanish, the pose
-    balances under it. One step of Newton's method from the root has the root's derivative."""
+    balances under it. From the root a step by the slope there has the root's first derivative, and
+    two have the second as well."""
     settled, reached = found.motion.settled, found.motion.reached
     arm = by_pull(found.motion.knee, found.motion.stations, settled).arm
-    moment = again(knee, pulled_at(knee, flexion, found.pull, (weight,)), settled, reached)
     rest = at_rest(knee)
     moves = (found.pull > jax.lax.stop_gradient(rest)) & (found.pull < STRONGEST_N)
     limit = jnp.where(found.pull < STRONGEST_N, rest, STRONGEST_N)
-    pull = jnp.where(moves, found.pull - moment.reaction("flexion") / arm, limit)
+    pull = found.pull
+    for _ in range(2):
+        held = again(knee, pulled_at(knee, flexion, pull, (weight,)), settled, reached)
+        pull = jnp.where(moves, pull - held.reaction("flexion") / arm, limit)
     motion = again(knee, pulled_at(knee, flexion, pull, (weight,)), settled, reached)
     return found._replace(motion=motion, pull=pull)

@@ -116,15 +116,3 @@ def by_pull(knee: Knee, stations: Stations, settled: Settled) -> ByPull:
 
     (moment, *_), (arm, q, meeting) = jax.jvp(answer, (more,), (jnp.ones_like(more),))
     return ByPull(moment, arm, q, meeting)
-
-
-@jax.custom_jvp
-def known_only(value: Array, of: Array) -> Array:
-    """A number that is itself a derivative: its own derivative is NaN, not wrong."""
-    return value
-
-
-@known_only.defjvp
-def _not_known(primals, tangents):
-    value, _ = primals
-    return value, jnp.full_like(value, jnp.nan)

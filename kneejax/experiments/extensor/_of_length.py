@@ -109,15 +109,17 @@ def drawn_to(
 def with_derivatives(knee: Knee, stations: Stations, length: Array, found: OnCable) -> OnCable:
     """The same balances as a function of the knee, of what is prescribed and of the length.
 
-    The pull is where the one that comes out is the one that was expected: one step of Newton's
-    method from there has the derivative of that.
+    The pull is where the one that comes out is the one that was expected: from there a step by the
+    slope at the root has the first derivative of that, and two have the second as well.
     """
     still = jax.lax.stop_gradient(found)
     known = jax.lax.stop_gradient((knee, stations, length))
     more = (jnp.ones_like(still.pull),)
     _, comes = jax.jvp(lambda x: _followed(*known, still, x)[1], (still.pull,), more)
-    left = _followed(knee, stations, length, still, still.pull)[1] - still.pull
-    pull = still.pull + left / (1.0 - jax.lax.stop_gradient(comes))
+    pull = still.pull
+    for _ in range(2):
+        left = _followed(knee, stations, length, still, pull)[1] - pull
+        pull = pull + left / (1.0 - jax.lax.stop_gradient(comes))
     return OnCable(_followed(knee, stations, length, still, pull)[0], pull)
 
 

@@ -1,0 +1,207 @@
+"""Second derivatives of balances against differences of exact Jacobians, in all four nestings."""
+
+import dataclasses
+import functools
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import kneejax.geometry as geo
+from kneejax.mechanics import Contact, Course, Knee, Ligaments, Load, add_lane_axis
+from kneejax.statics import Guess, differentiable, settle
+
+OPTIONS = {"xla_disable_hlo_passes": "fusion"}
+MODES = {"forward": jax.jacfwd, "reverse": jax.jacrev}
+every_nesting = [(outer, inner) for outer in MODES for inner in MODES]
+TIBIA = geo.Pose.from_table([20.0, 1.0, 2.0, 1.0, -30.0, 0.5])
+PATELLA = geo.Pose.from_table([15.0, 2.0, -3.0, 42.0, 5.0, 1.0])
+
+
+def cage(pair, at, seed, obstacle=None):
+    """Eight fibres all around a bone, of which the first may go around an obstacle."""
+    rng = np.random.default_rng(seed)
+    away = rng.normal(size=(8, 3))
+    away = 40.0 * away / np.linalg.norm(away, axis=1)[:, None]
+    near = 0.5 * away[rng.permutation(8)]
+    first = np.stack(at[pair[1]].placement.translation) + away
+    courses = []
+    if obstacle is not None:
+        # Across the first fibre, a third of its radius off.
+        middle = 0.5 * (first[0] + np.stack(at[pair[1]].placement.apply(tuple(near[0]))))
+        obstacle = dataclasses.replace(obstacle, frame=geo.Frame(middle + [1.0, 1.5, 2.0]))
+        courses = [Course((0,), obstacle=obstacle, obstacle_bone=pair[0], bodies=pair)]
+    names = [f"{pair[1]} {k}" for k in range(8)]
+    fibres = Ligaments(first, near, np.linspace(2500.0, 4500.0, 8), np.ones(8), [0.03] * 8,
+                       [2e-3] * 8, names, courses, bodies=(pair,) * 8)  # fmt: skip
+    slack = fibres.length(geo.State(at)) / np.linspace(1.01, 1.04, 8)
+    return dataclasses.replace(fibres, slack_length=slack)
+
+
+def pressed(**form):
+    """A ball that is pressed into a plane below the tibia's origin."""
+    return Contact(
+        geo.Sphere(21.0, geo.Frame([0.0, -10.0, 5.0])), geo.Plane(geo.Frame([0.0, 0.3, 0.0])),
+        **form,
+    )  # fmt: skip
+
+
+def on_plateau(**form):
+    """Surfaces without symmetry, of which the tibial one has an end."""
+    c = [[22.0, 0.4, -1.6], [-1.5, 0.2, 0.0], [0.8, 0.0, 0.0]]
+    height = [[0.0, 0.3, 0.9], [0.2, 0.1, 0.0], [0.8, 0.0, 0.0]]
+    return Contact(
+        geo.Condyle(c, (0.1, 3.0), (-12, 12), geo.Frame([0.0, -10.0, 5.0])),
+        geo.Plateau(height, (-14, 14), (-12, 12), geo.Frame([0.0, 1.5, 5.0])),
+        **form,
+    )
+
+
+def two_bones(contacts=(), obstacle=None):
+    at = {"tibia": TIBIA}
+    fibres = cage(geo.FEMUR_AND_TIBIA, at, 4, obstacle)
+    load = Load([5.0, 60.0, -8.0], [50.0, -300.0, 200.0], [1.0, -30.0, 2.0], "tibia", "femur")
+    return Knee(fibres, contacts, (load,), (), TIBIA, tuple(map(str, range(len(contacts)))))
+
+
+def three_bones():
+    at = {"tibia": TIBIA, "patella": PATELLA}
+    parts = [cage(geo.FEMUR_AND_TIBIA, at, 4), cage(("femur", "patella"), at, 5)]
+    fields = ("femoral_attachment", "tibial_attachment", "stiffness", "slack_length",
+              "transition_strain", "transition_width")  # fmt: skip
+    tendon = Ligaments([[0.0, -15.0, 2.0]], [[25.0, -10.0, 1.0]], [3000.0], [1.0], [0.03], [2e-3],
+                       ["tendon"], bodies=(("patella", "tibia"),))  # fmt: skip
+    length = tendon.length(geo.State(at))
+    parts.append(dataclasses.replace(tendon, slack_length=length / 1.03))
+    fibres = Ligaments(
+        *(jnp.concatenate([getattr(one, field) for one in parts]) for field in fields),
+        [name for one in parts for name in one.names],
+        bodies=tuple(pair for one in parts for pair in one.bodies),
+    )
+    groove = Contact(
+        geo.Sphere(40.0), geo.Plane(geo.Frame([-2.5, 0.0, 0.0], [0.0, 0.0, np.pi / 2])),
+        bodies=("femur", "patella"),
+    )  # fmt: skip
+    return Knee(fibres, (groove,), (), (), TIBIA, ("groove",), other_bones={"patella": PATELLA})
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """A knee, which coordinates of the tibia are prescribed, and what of its numbers varies."""
+
+    knee: Knee
+    held: tuple[str, ...] = ("flexion",)
+    only_ligaments: bool = False
+
+    @property
+    def size(self) -> int:
+        return 2 if self.only_ligaments else 6
+
+    def __call__(self, x):
+        """The knee in lanes, and what is prescribed, of numbers `(size, lanes)` near zero."""
+        knee, fibres = add_lane_axis(self.knee), add_lane_axis(self.knee).ligaments
+        stiffness = fibres.stiffness * jnp.ones_like(x[0])
+        slack = fibres.slack_length * jnp.ones_like(x[0])
+        changed = [
+            stiffness.at[0].multiply(1.0 + x[0]),
+            slack.at[1].multiply(1.0 + 0.1 * x[1]),
+        ]
+        lanes = eqx.tree_at(lambda k: (k.ligaments.stiffness, k.ligaments.slack_length),
+                            knee, changed)  # fmt: skip
+        held = {name: getattr(TIBIA, name) + jnp.zeros_like(x[0]) for name in self.held}
+        if self.only_ligaments:
+            return lanes, held
+        at = lanes.ligaments.femoral_attachment * jnp.ones_like(x[0])
+        lanes = eqx.tree_at(lambda k: k.ligaments.femoral_attachment, lanes,
+                            at.at[0, 1].add(5.0 * x[2]))  # fmt: skip
+        if lanes.contacts:
+            lanes = eqx.tree_at(
+                lambda k: (k.contacts[0].youngs_modulus, k.contacts[0].femoral.frame.origin),
+                lanes,
+                (lanes.contacts[0].youngs_modulus * (1.0 + x[3]),
+                 lanes.contacts[0].femoral.frame.origin + jnp.stack([0 * x[4], x[4], 0 * x[4]])),
+            )  # fmt: skip
+        elif lanes.ligaments.courses:
+            sizes = jax.tree.leaves(lanes.ligaments.courses[0].obstacle)[0] * (1.0 + x[3])
+            lanes = eqx.tree_at(
+                lambda k: jax.tree.leaves(k.ligaments.courses[0].obstacle)[0], lanes, sizes
+            )
+        return lanes, held | {self.held[-1]: held[self.held[-1]] * (1.0 + 0.3 * x[5])}
+
+
+CASES = {
+    "straight": Case(two_bones()),
+    "ligaments alone": Case(two_bones((pressed(),)), only_ligaments=True),
+    "sphere": Case(two_bones(obstacle=geo.WrapSphere(6.0))),
+    "cylinder": Case(two_bones(obstacle=geo.WrapCylinder(6.0, 90.0))),
+    "ellipsoid": Case(two_bones(obstacle=geo.WrapEllipsoid([8.0, 6.0, 5.0]))),
+    "patch": Case(two_bones((pressed(),))),
+    "plateau": Case(two_bones((on_plateau(),))),
+    "points": Case(two_bones((on_plateau(form="quadrature", points=(7, 6)),))),
+    "held": Case(two_bones((pressed(),)), held=("flexion", "anterior", "adduction")),
+    "three bones": Case(three_bones()),
+}  # fmt: skip
+
+
+@functools.cache
+def at_differences(name):
+    """Balances where nothing is changed and around there, and the differences of their exact
+    Jacobians, `(free, size, size)`."""
+    case, steps = CASES[name], np.array([-1.0, -0.5, 0.5, 1.0]) * 2e-3
+    moved = np.einsum("k,ij->ikj", steps, np.eye(case.size)).reshape(-1, case.size)
+    x = np.concatenate([np.zeros((1, case.size)), moved]).T
+    lanes, held = case(jnp.asarray(x))
+    reference = case.knee.at_reference.at(geo.free_of(held, case.knee.bodies))
+    q = jnp.broadcast_to(reference[:, None], (len(reference), x.shape[1]))
+    nowhere = jnp.full((case.knee.patch_count, 2, x.shape[1]), jnp.nan)
+    found = settle(lanes, held, Guess(q, nowhere))
+    assert bool(found.stable.all()), np.asarray(found.status)
+
+    def along(unit):
+        units = jnp.broadcast_to(unit[:, None], x.shape)
+        return jax.jvp(functools.partial(poses, case, found), (jnp.asarray(x),), (units,))[1]
+
+    exact = jax.jit(lambda: jnp.stack([along(u) for u in np.eye(case.size)], -1),
+                    compiler_options=OPTIONS)()  # fmt: skip
+    near = np.asarray(exact)[:, 1:].reshape(len(q), case.size, 4, case.size)
+    a, b, c, d = np.moveaxis(near, 2, 0)
+    differences = (8.0 * (c - b) - (d - a)) / (6.0 * 2e-3)
+    return jax.tree.map(lambda y: y[..., :1], found), np.moveaxis(differences, 1, 2)
+
+
+def poses(case, found, x):
+    """Coordinates of known balances as a function of numbers."""
+    return differentiable(*case(x), found).q
+
+
+def second(name, outer, inner):
+    """Second derivatives of the coordinates, in one nesting, and by differences."""
+    case = CASES[name]
+    found, expected = at_differences(name)
+
+    def of(x):
+        return poses(case, found, x[:, None])[:, 0]
+
+    return jax.jit(MODES[outer](MODES[inner](of)), compiler_options=OPTIONS), expected
+
+
+def check(name, outer, inner):
+    nested, expected = second(name, outer, inner)
+    exact = np.asarray(nested(np.zeros(CASES[name].size)))
+    scale = np.abs(expected).max(axis=(1, 2), keepdims=True)
+    assert np.all(scale > 1e-6)
+    assert (np.abs(exact - expected) / scale).max() < 1e-6
+
+
+@pytest.mark.parametrize(("outer", "inner"), every_nesting)
+def test_straight_fibres(outer, inner):
+    check("straight", outer, inner)
+
+
+@pytest.mark.parametrize("name", [n for n in CASES if n != "straight"])
+@pytest.mark.parametrize(("outer", "inner"), every_nesting)
+@pytest.mark.long
+def test_every_part_of_a_knee(name, outer, inner):
+    check(name, outer, inner)
