@@ -188,11 +188,13 @@ def passive_flexion(
         flexion_is_free: whether flexion balances too.
 
     Returns:
-        The motion, differentiable with respect to every number of the knee. Poses that fail are
-        NaN in their own row, with the reason in `status`.
+        The motion, differentiable with respect to every number of the knee, to any order. Poses
+        that fail are NaN in their own row, with the reason in `status`, and so are their
+        derivatives, forward and backward.
 
     Raises:
-        ValueError: `held` names no coordinate of the tibia, or a drawer while flexion is free.
+        ValueError: `held` names no coordinate of the tibia, or a drawer while flexion is free; no
+            flexion is given, or one is no number.
         RuntimeError: float64 is switched off.
 
     Example:

@@ -22,8 +22,9 @@ def configure() -> None:
     (`use_shared_fusion`, five times faster), and keeps programs between runs, as they are traced
     and as they are compiled: in `JAX_COMPILATION_CACHE_DIR` if that is set, otherwise in `kneejax`
     of the user's cache folder (`XDG_CACHE_HOME`, or `~/.cache`). What is damaged there is made
-    again; what XLA compiled is machine code, so nobody else may write into that folder. `kneejax` on the command line
-    begins with it; importing the package changes nothing. To call it again does no harm.
+    again; what XLA compiled is machine code, so nobody else may write into that folder. `kneejax`
+    on the command line begins with it; importing the package changes nothing. To call it again
+    does no harm.
 
     Warns:
         RuntimeWarning: JAX has begun to compute without it. float64 holds from here on; arrays

@@ -227,9 +227,7 @@ def holding(here: SearchState) -> dict[str, Array]:
 
 def shapes_of_holding(free: int, patches: int) -> dict[str, tuple[int, ...]]:
     """Shapes of what `holding` gives, without lanes."""
-    return dict(
-        residual=(free,), tangent=(free, free), drift=(free, patches, 2), depth=(patches,)
-    )
+    return dict(residual=(free,), tangent=(free, free), drift=(free, patches, 2), depth=(patches,))
 
 
 def fault_of(knee: Knee, prescribed: Prescribed, here: SearchState, pivots: Array) -> Array:
@@ -282,12 +280,13 @@ def _followed_jvp(primals, tangents):
     # What the rule reads of the balance follows it in turn: so further derivatives are exact, too.
     q, meeting = _followed(knee, prescribed, found)
     failed, size = ~found.converged, len(q)
-    nowhere = jnp.where(failed, jnp.nan_to_num(q), q)
-    held = knee, prescribed, nowhere, meeting
+    # Anywhere, where there is no balance: what is computed there goes nowhere.
+    nowhere = (jnp.where(failed, 0.0, x) for x in (q, meeting))
+    held = knee, prescribed, *nowhere
     change, follow = _force_change(*held, *tangents[:2])
     tangent, drift = as_known(_stiffness, (found.tangent, found.drift), *held)
     tangent = jnp.where(failed, identity(size, q.ndim - 1), tangent)
-    d_q, _ = solve(tangent, -jnp.where(failed, 0.0, change))
+    d_q, _ = solve(tangent, -change)
     d_q = unknown_where(failed, jnp.stack(d_q))
     moved = jnp.sum(drift * d_q.reshape(size, 1, 1, *q.shape[1:]), axis=0)
     return (q, meeting), (d_q, follow + moved)

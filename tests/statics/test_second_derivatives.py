@@ -1,7 +1,7 @@
 """Second derivatives of balances against differences of exact Jacobians, in all four nestings."""
 
 import dataclasses
-import functools
+from functools import cache, partial
 
 import equinox as eqx
 import jax
@@ -11,9 +11,9 @@ import pytest
 
 import kneejax.geometry as geo
 from kneejax.mechanics import Contact, Course, Knee, Ligaments, Load, add_lane_axis
-from kneejax.statics import Guess, differentiable, settle
+from kneejax.statics import Guess, Status, differentiable, settle
 
-OPTIONS = {"xla_disable_hlo_passes": "fusion"}
+OPTIONS = {"xla_disable_hlo_passes": "fusion", "xla_backend_optimization_level": 0}
 MODES = {"forward": jax.jacfwd, "reverse": jax.jacrev}
 every_nesting = [(outer, inner) for outer in MODES for inner in MODES]
 TIBIA = geo.Pose.from_table([20.0, 1.0, 2.0, 1.0, -30.0, 0.5])
@@ -145,7 +145,7 @@ CASES = {
 }  # fmt: skip
 
 
-@functools.cache
+@cache
 def at_differences(name):
     """Balances where nothing is changed and around there, and the differences of their exact
     Jacobians, `(free, size, size)`."""
@@ -161,7 +161,7 @@ def at_differences(name):
 
     def along(unit):
         units = jnp.broadcast_to(unit[:, None], x.shape)
-        return jax.jvp(functools.partial(poses, case, found), (jnp.asarray(x),), (units,))[1]
+        return jax.jvp(partial(poses, case, found), (jnp.asarray(x),), (units,))[1]
 
     exact = jax.jit(lambda: jnp.stack([along(u) for u in np.eye(case.size)], -1),
                     compiler_options=OPTIONS)()  # fmt: skip
@@ -205,3 +205,31 @@ def test_straight_fibres(outer, inner):
 @pytest.mark.long
 def test_every_part_of_a_knee(name, outer, inner):
     check(name, outer, inner)
+
+
+def test_what_has_no_equilibrium_is_nan_in_both_modes_and_spoils_nothing_else():
+    case, (found, _) = CASES["straight"], at_differences("straight")
+    both = jax.tree.map(lambda y: jnp.concatenate([y, y], axis=-1), found)
+    status = both.status.at[1].set(int(Status.NOT_CONVERGED))
+    lost = dataclasses.replace(both, status=status, q=both.q.at[:, 1].set(jnp.nan))
+
+    def of(x):
+        return poses(case, lost, jnp.stack([x, x], axis=1))
+
+    def found_only(x):
+        return jnp.sum(jnp.where(jnp.array([True, False]), of(x), 0.0) ** 2)
+
+    zero = np.zeros(case.size)
+
+    @partial(jax.jit, compiler_options=OPTIONS)
+    def every():
+        table = jax.jacfwd(of)(zero), jax.jacrev(of)(zero)
+        alone = jax.grad(found_only)(zero), jax.hessian(found_only)(zero)
+        return table, jax.grad(lambda x: of(x)[2, 1])(zero), alone
+
+    (forward, reverse), of_lost, (slope, hessian) = every()
+    for jacobian in (forward, reverse):
+        assert np.isnan(jacobian[:, 1]).all() and np.isfinite(jacobian[:, 0]).all()
+    np.testing.assert_allclose(reverse[:, 0], forward[:, 0], rtol=1e-9, atol=1e-12)
+    assert np.isnan(of_lost).all()
+    assert np.isfinite(slope).all() and np.isfinite(hessian).all() and np.abs(hessian).max() > 0.0

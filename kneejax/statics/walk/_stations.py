@@ -8,11 +8,13 @@ from collections.abc import Mapping, Sequence
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
 from kneejax.geometry import TIBIA, Prescribed, free_of, prescribed_of
 from kneejax.mechanics import GROOD_SUNTAY, Knee, Load, Pull, Support
+from kneejax.numerics import traced
 
 #: Name of loads whose own does not matter.
 _PLAIN = "load"
@@ -67,9 +69,10 @@ class Stations(eqx.Module):
             flexion_is_free: whether flexion balances too.
 
         Raises:
-            ValueError: a column is unknown, flexion stands among them, or a drawer is held while
-                flexion is free, which turns its axis.
+            ValueError: a column is unknown, flexion stands among them, a drawer is held while
+                flexion is free, which turns its axis, no angle is given, or one is no number.
         """
+        _check_numbers({"flexion_deg": flexion_deg, **(held or {})})
         values = prescribed_of({"flexion_deg": flexion_deg, **_but_flexion(held or {})})
         rows = [jnp.atleast_1d(x) for x in values.values()]
         rows += [jnp.zeros(load.sizes.shape[:-1] or (1,)) for load in loads]
@@ -158,6 +161,20 @@ class Stations(eqx.Module):
             muscles=muscles,
             loads=(*knee.loads, *wrenches, *self.supports),
         )
+
+
+def _check_numbers(columns: Mapping[str, ArrayLike]) -> None:
+    """Refuse what is prescribed where it is nothing, or no number."""
+    for name, values in columns.items():
+        if traced(values):
+            continue
+        values = np.atleast_1d(np.asarray(values, float))
+        if not values.size:
+            raise ValueError(f"{name} is empty: expected one value at least")
+        wrong = np.flatnonzero(~np.isfinite(values))
+        if wrong.size:
+            place = f", value {wrong[0] + 1} of {values.size}" if values.size > 1 else ""
+            raise ValueError(f"{name} is {values.flat[wrong[0]]}{place}: expected a number")
 
 
 def _but_flexion(held: Mapping[str, ArrayLike]) -> Mapping[str, ArrayLike]:

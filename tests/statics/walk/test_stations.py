@@ -1,0 +1,25 @@
+"""What is prescribed is a number, and there is some of it."""
+
+import jax
+import numpy as np
+import pytest
+
+from kneejax.statics import Stations
+
+
+@pytest.mark.parametrize(
+    ("flexion", "held", "words"),
+    [
+        ([], None, "flexion_deg is empty"),
+        ([np.nan], None, "flexion_deg is nan: expected a number"),
+        ([0.0, np.inf, np.nan], None, "flexion_deg is inf, value 2 of 3"),
+        (30.0, {"anterior_mm": [1.0, np.nan]}, "anterior_mm is nan, value 2 of 2"),
+    ],
+)
+def test_what_is_no_number_is_refused_in_one_line(flexion, held, words):
+    with pytest.raises(ValueError, match=words):
+        Stations.at(flexion, held=held)
+
+
+def test_what_is_traced_is_not_looked_at():
+    assert jax.eval_shape(lambda x: Stations.at(x).flexion, np.zeros(3)).shape == (3,)
