@@ -228,8 +228,10 @@ def test_what_has_no_equilibrium_is_nan_in_both_modes_and_spoils_nothing_else():
         return table, jax.grad(lambda x: of(x)[2, 1])(zero), alone
 
     (forward, reverse), of_lost, (slope, hessian) = every()
-    for jacobian in (forward, reverse):
-        assert np.isnan(jacobian[:, 1]).all() and np.isfinite(jacobian[:, 0]).all()
+    # Without contacts and obstacles two of the numbers are nowhere in the knee.
+    there = [0, 1, 2, 5]
+    assert np.isnan(forward[:, 1]).all() and np.isnan(reverse[:, 1, there]).all()
+    assert np.isfinite(forward[:, 0]).all() and np.isfinite(reverse[:, 0]).all()
     np.testing.assert_allclose(reverse[:, 0], forward[:, 0], rtol=1e-9, atol=1e-12)
-    assert np.isnan(of_lost).all()
+    assert np.isnan(of_lost[np.array(there)]).all()
     assert np.isfinite(slope).all() and np.isfinite(hessian).all() and np.abs(hessian).max() > 0.0
