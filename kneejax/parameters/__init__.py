@@ -22,5 +22,6 @@ from kneejax.parameters._selection import with_values as with_values
 from kneejax.parameters._structures import MEANING as MEANING
 from kneejax.parameters._structures import DoubtfulValue as DoubtfulValue
 from kneejax.parameters._structures import doubt_prior as doubt_prior
+from kneejax.parameters._structures import doubt_value as doubt_value
 from kneejax.parameters._structures import fibres_summed as fibres_summed
 from kneejax.parameters._structures import structure_range as structure_range

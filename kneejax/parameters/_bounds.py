@@ -14,8 +14,8 @@ from kneejax.parameters._scales import looked_up
 from kneejax.parameters._selection import Selection, UnsuitableData
 from kneejax.parameters._structures import of_one_fibre, structure_range
 
-#: Bounds of paper 1, section 2.3, and wide ones for the rest, by quantity. Paper 1 draws a structure
-#: as one line: its bounds of stiffness are a structure's.
+#: Bounds of paper 1, section 2.3, and wide ones for the rest, by quantity. Paper 1 draws each
+#: structure as one line: its bounds of stiffness are a structure's.
 DEFAULT_BOUNDS = {
     "stiffness": (300.0, 10000.0),
     "reference_strain": (-0.2, 0.2),

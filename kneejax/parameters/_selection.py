@@ -124,7 +124,7 @@ class Selection:
 
     def _one(self, knee: Knee, index: int) -> Array:
         leaf, (rows, quantity) = self.leaf(index), self._place(index)
-        return value_of(numbers_of(knee, quantity), rows, quantity) if leaf is None else leaf.read(knee)
+        return leaf.read(knee) if leaf else value_of(numbers_of(knee, quantity), rows, quantity)
 
     def _place(self, index: int) -> tuple[tuple[int, ...], str]:
         rows = tuple(self.ligaments.index(fibre) for fibre in self.fibres(index))

@@ -52,12 +52,13 @@ def with_prior_file(
             place = Field(study.file, f"start.{name}", own[name])
             raise place.problem(f"this start left out: {path.name} says around what {name} lies")
     means = {name: means[name] for name in free if name in means}
-    for name in means:
-        if mark not in file and (count := fibres_summed(knee, name)) > 1:
-            raise file["start"][name].problem(
-                f"the stiffness of all {count} fibres of the structure; this file is of a time when "
-                "it was their mean: write it again by running its cohort, or, with values and "
-                f"deviations of structures times their numbers of fibres, add {mark}: {meaning}"
-            )
     chosen = {name: deviations[name] for name in free if name in deviations}
+    for name in means | chosen:
+        if mark not in file and (count := fibres_summed(knee, name)) > 1:
+            section = file["start" if name in means else "prior"]
+            raise section[name].problem(
+                f"the sum over the structure's {count} fibres; this file is older and has their "
+                "mean: run its cohort again, or multiply values and deviations of structures by "
+                f"their numbers of fibres and add {mark}: {meaning}"
+            )
     return given | {"start": {**own, **means}, "prior": chosen}

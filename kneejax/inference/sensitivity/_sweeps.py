@@ -14,6 +14,7 @@ from kneejax.parameters import (
     Selection,
     UnsuitableData,
     default_bounds,
+    doubt_value,
     select,
     structure_range,
     unphysiological,
@@ -182,6 +183,7 @@ def sweep_values(
         stated = given.get(owner[name])
         line = _usual(knee, selection, i, count) if stated is None else np.asarray(stated, float)
         values.append(_checked(name, line))
+        doubt_value(knee, name, float(line[-1]))
     return selection, values
 
 

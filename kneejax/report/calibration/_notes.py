@@ -8,6 +8,7 @@ import numpy as np
 
 from kneejax.geometry import COORDINATES, FREE_COORDINATES
 from kneejax.inference import IntervalKind
+from kneejax.parameters import fibres_summed
 from kneejax.statics import Status
 
 if TYPE_CHECKING:
@@ -30,6 +31,15 @@ def calibration_notes(calibration: Calibration) -> list[str]:
         notes.append(
             "On a bound: " + ", ".join(bound) + ". The model lacks something that these try to "
             "make up for, or the bounds are too narrow."
+        )
+    knee = fit.motion.knee
+    counts = {e.name: fibres_summed(knee, e.name) for e in fit.estimates} if knee else {}
+    drawn = [f"{name} over {count}" for name, count in counts.items() if count > 1]
+    if drawn:
+        notes.append(
+            "Of a structure drawn as several fibres, stiffness is the sum over its fibres: "
+            + ", ".join(drawn)
+            + "."
         )
     if fit.objective > 0:
         notes.append(_worst(calibration))
