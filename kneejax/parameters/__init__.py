@@ -25,3 +25,4 @@ from kneejax.parameters._structures import doubt_prior as doubt_prior
 from kneejax.parameters._structures import doubt_value as doubt_value
 from kneejax.parameters._structures import fibres_summed as fibres_summed
 from kneejax.parameters._structures import structure_range as structure_range
+from kneejax.parameters._structures import sums_in_words as sums_in_words

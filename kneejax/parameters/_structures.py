@@ -48,6 +48,24 @@ def fibres_summed(knee: Knee, name: str) -> int:
     return len(dict(knee.groups).get(owner, (owner,))) if quantity in SUMMED else 1
 
 
+def sums_in_words(knee: Knee | None, names: Sequence[str]) -> str:
+    """Which parameters are sums over fibres, as a sentence; empty where none is.
+
+    Args:
+        knee: that has the parameters; None where there is none.
+        names: of the parameters.
+
+    Example:
+        >>> import kneejax as kj
+        >>> knee = kj.load_knee("lenhart2015_reduced")
+        >>> sums_in_words(knee, ["MCL.stiffness", "LCL.stiffness", "MCL.slack_length"])
+        'Sums over the fibres of a structure: MCL.stiffness (3 fibres).'
+    """
+    counts = {} if knee is None else {name: fibres_summed(knee, name) for name in names}
+    summed = [f"{name} ({count} fibres)" for name, count in counts.items() if count > 1]
+    return f"Sums over the fibres of a structure: {', '.join(summed)}." if summed else ""
+
+
 def doubt_value(knee: Knee, name: str, value: float) -> None:
     """Warn of a structure's value that is nearer, as a ratio, to that of one of its fibres.
 

@@ -19,6 +19,7 @@ from kneejax.parameters import (
     select,
     start_within,
     structure_range,
+    sums_in_words,
     with_values,
 )
 
@@ -108,3 +109,10 @@ def test_bounds_that_hold_a_fibre_only_say_so(drawn):
     )
     with pytest.raises(UnsuitableData, match="exclude the start 4000$"):
         start_within(drawn, selection, np.array([5000.0]), np.array([9000.0]))
+
+
+def test_results_say_which_numbers_are_sums(drawn):
+    names = ["cruciates.stiffness", "LCL.stiffness", "cruciates.slack_length"]
+    said = "Sums over the fibres of a structure: cruciates.stiffness (2 fibres)."
+    assert sums_in_words(drawn, names) == said
+    assert sums_in_words(drawn, names[1:]) == sums_in_words(None, names) == ""

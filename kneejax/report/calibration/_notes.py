@@ -8,7 +8,7 @@ import numpy as np
 
 from kneejax.geometry import COORDINATES, FREE_COORDINATES
 from kneejax.inference import IntervalKind
-from kneejax.parameters import fibres_summed
+from kneejax.parameters import sums_in_words
 from kneejax.statics import Status
 
 if TYPE_CHECKING:
@@ -32,15 +32,8 @@ def calibration_notes(calibration: Calibration) -> list[str]:
             "On a bound: " + ", ".join(bound) + ". The model lacks something that these try to "
             "make up for, or the bounds are too narrow."
         )
-    knee = fit.motion.knee
-    counts = {e.name: fibres_summed(knee, e.name) for e in fit.estimates} if knee else {}
-    drawn = [f"{name} over {count}" for name, count in counts.items() if count > 1]
-    if drawn:
-        notes.append(
-            "Of a structure drawn as several fibres, stiffness is the sum over its fibres: "
-            + ", ".join(drawn)
-            + "."
-        )
+    if sums := sums_in_words(fit.motion.knee, [e.name for e in fit.estimates]):
+        notes.append(sums)
     if fit.objective > 0:
         notes.append(_worst(calibration))
     if calibration.left_out:
