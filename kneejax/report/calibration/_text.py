@@ -35,6 +35,7 @@ from kneejax.report.look import (
 if TYPE_CHECKING:
     from kneejax.inference import Calibration
 
+
 def calibration_summary(calibration: Calibration) -> str:
     """Say on a terminal what a calibration found.
 
