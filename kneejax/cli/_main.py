@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import sys
+import warnings
+from collections.abc import Iterator
 
 from kneejax.cli._commands import build_parser
 from kneejax.cli._parser import BAD_INPUT
@@ -37,7 +40,8 @@ def main(arguments: list[str] | None = None) -> int:
     status = DOUBTFUL if hasattr(chosen, "out") else DONE
     try:
         _prepare(chosen)
-        status = _run(chosen)
+        with _doubts_in_words():
+            status = _run(chosen)
         sys.stdout.flush()
         return status
     except ValueError as problem:
@@ -57,6 +61,27 @@ def main(arguments: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("kneejax: stopped; no half-written files are left", file=sys.stderr)
         return 130
+
+
+@contextlib.contextmanager
+def _doubts_in_words() -> Iterator[None]:
+    """Print the package's own warnings about values as a line each, every sentence once."""
+    said: set[str] = set()
+    usual = warnings.showwarning
+
+    def show(message, category, *where, **more) -> None:
+        # By its name: importing the class would import JAX for commands that do without.
+        if category.__name__ != "DoubtfulValue":
+            usual(message, category, *where, **more)
+        elif str(message) not in said:
+            said.add(str(message))
+            print(f"doubtful: {message}", file=sys.stderr)
+
+    warnings.showwarning = show
+    try:
+        yield
+    finally:
+        warnings.showwarning = usual
 
 
 def _run(chosen: argparse.Namespace) -> int:

@@ -129,7 +129,9 @@ def add_values(parser: argparse.ArgumentParser) -> None:
         "--set",
         metavar="NAME=VALUE",
         dest="values",
-        help="a parameter, as ACL.stiffness=300 (N) or *.reference_strain=0.02; once for each",
+        help="a parameter, as ACL.stiffness=3000 (N) or *.reference_strain=0.02; once for each. By "
+        "the name of a structure drawn as several fibres (a group), stiffness is the sum over its "
+        "fibres, any other number their mean",
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -14,7 +15,7 @@ from kneejax.files.meshes import MESH_ENDINGS
 from kneejax.files.reading import InputProblem
 from kneejax.files.results import Calibrated, read_calibrated
 from kneejax.mechanics import Knee
-from kneejax.parameters import select
+from kneejax.parameters import DoubtfulValue, select
 
 _NAME = " calibrated"
 _COMMENT = """The knee that a calibration found: {study}
@@ -140,8 +141,11 @@ def _calibrated(read: Calibrated, path: Path) -> KneeFile:
     base = load_knee_file(read.knee)
     knee = base.with_patella() if read.patella else base.knee
     document, study = base.document, read.study or os.fspath(path)
+    read = read.of_structures(knee)
     if read.fixed:
-        knee = knee_with(knee, read.fixed, path)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DoubtfulValue)  # the file says what its values mean
+            knee = knee_with(knee, read.fixed, path)
         document = restated(document, knee, f"set by the study: {study}")
     if read.found:
         # All at once: a strain holds where attachments have moved to.

@@ -159,7 +159,7 @@ def _knee(plan: Field, read: Knee, path: Path) -> tuple[Knee, tuple[Knee, ...], 
         name = plan["knee"].text()
         expected = f"no draws of {name}: a knee that is the result.json of a calibration has them"
         raise plan["draws"].problem(expected)
-    values, held = drawn_parameters(read_calibrated(path), count)
+    values, held = drawn_parameters(read_calibrated(path).of_structures(read), count)
     knees = tuple(knee_with(knee, one | own, plan.file) for one in values)
     return knee, knees, held
 

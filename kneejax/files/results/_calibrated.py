@@ -8,7 +8,8 @@ import os
 
 from kneejax.files.reading import Field, InputProblem, read_text
 from kneejax.geometry import FREE_COORDINATES
-from kneejax.mechanics import Range, range_of_parameter
+from kneejax.mechanics import Knee, Range, range_of_parameter
+from kneejax.parameters import MEANING, fibres_summed
 
 #: Fields of a study's settings with values by parameter, in the order in which they are set.
 _FIXED = ("overrides", "start")
@@ -32,6 +33,8 @@ class Calibrated:
         correlation: parameters, and the correlation of their estimates as rows; empty where the
             result does not say.
         patella: whether the knee had its patella.
+        of_fibres: whether the file is older than stiffnesses that are sums over a structure's
+            fibres: its values are their means, and `of_structures` converts them.
     """
 
     knee: str
@@ -43,11 +46,28 @@ class Calibrated:
     standard_error: dict[str, float] = dataclasses.field(default_factory=dict)
     correlation: tuple[tuple[str, ...], tuple[tuple[float, ...], ...]] = ((), ())
     patella: bool = False
+    of_fibres: bool = False
 
     @property
     def values(self) -> dict[str, float]:
         """Parameter -> value; those that the study fixed, then those that it found."""
         return self.fixed | self.found
+
+    def of_structures(self, knee: Knee) -> Calibrated:
+        """The same with a structure's stiffness as the sum over its fibres.
+
+        Args:
+            knee: that was calibrated; it says how many fibres a structure has.
+        """
+        if not self.of_fibres:
+            return self
+        fixed, found, errors = (
+            {name: value * fibres_summed(knee, name) for name, value in values.items()}
+            for values in (self.fixed, self.found, self.standard_error)
+        )
+        return dataclasses.replace(
+            self, fixed=fixed, found=found, standard_error=errors, of_fibres=False
+        )
 
 
 def read_calibrated(path: str | os.PathLike[str]) -> Calibrated:
@@ -57,7 +77,8 @@ def read_calibrated(path: str | os.PathLike[str]) -> Calibrated:
         path: the file.
 
     Returns:
-        The knee and its numbers; `kneejax.load_knee` of the same file puts them into it.
+        The knee and its numbers; `kneejax.load_knee` of the same file puts them into it. Numbers of
+        an older file await `of_structures`.
 
     Raises:
         InputProblem: the file cannot be read or is no such result.
@@ -92,9 +113,13 @@ def read_calibrated(path: str | os.PathLike[str]) -> Calibrated:
         if one.value.get("standard_error") is not None
     }
     patella = "patella" in settings and settings["patella"].boolean()
+    ((mark, meaning),) = MEANING.items()
+    of_fibres = mark not in whole
+    if not of_fibres:
+        whole[mark].choice((meaning,))
     return Calibrated(
         knee.text(), fixed, found, _offsets(whole), study, noise, errors, _correlation(whole),
-        patella,
+        patella, of_fibres,
     )  # fmt: skip
 
 
