@@ -48,6 +48,10 @@ def run(arguments: argparse.Namespace) -> int:
         f"{counted(len(document['contacts']), 'contact')}; "
         f"{counted(len(read.found.outside), 'other fibre')} left out"
     )
+    for sentence in knee.unusual:
+        print(sentence)
+    for line in read.left_out:
+        print(f"left out: {line}")
     for doubt in read.doubts:
         print(f"doubtful: {doubt}")
     print(f"written: {arguments.out}/knee.yaml, import_report.md, settings.json")
