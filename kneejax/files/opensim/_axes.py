@@ -86,9 +86,10 @@ def anatomical(
     found = [] if across or flexion is None else [f"flexion about {_word(flexion)}"]
     found += [f"{one.why} say that {_word(one.direction)} is superior"
               for one in superior if not one.holds]  # fmt: skip
-    raise model.file.problem(
-        knee.joints[0].element, "axes", "; ".join(found), f"bodies with {_WANTED}"
-    )
+    expected = f"bodies with {_WANTED}"
+    if across and all(one.direction[1] <= -one.along for one in superior):
+        expected += "; have femur and tibia changed places?"
+    raise model.file.problem(knee.joints[0].element, "axes", "; ".join(found), expected)
 
 
 def turned(knee: OsimKneeJoint, rotation: np.ndarray) -> OsimKneeJoint:
