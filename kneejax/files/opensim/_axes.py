@@ -79,16 +79,18 @@ def anatomical(
         # A knee that bends says little where its shank is upright already.
         y, line = _nearest(up), _nearest(flexion)
         votes = _votes(knee, ligaments, line, sense, flexion)
-        if y @ line == 0 and flexion @ line > 0.8 and len(votes) > 1 and len({*votes.values()}) < 2:
+        sure = len(votes) > 1 and len({*votes.values()}) == 1
+        if sure and y @ line == 0 and flexion @ line > 0.8:
             z = line * next(iter(votes.values()))
             why = ", ".join(("flexion's axis", *(one.why for one in superior), *votes))
             return _turned(knee, np.stack([np.cross(y, z), y, z]), why)
     found = [] if across or flexion is None else [f"flexion about {_word(flexion)}"]
-    found += [f"{one.why} say that {_word(one.direction)} is superior"
+    found += [f"{one.why} say that {_word(one.direction)} points upwards"
               for one in superior if not one.holds]  # fmt: skip
-    expected = f"bodies with {_WANTED}"
     if across and all(one.direction[1] <= -one.along for one in superior):
-        expected += "; have femur and tibia changed places?"
+        swapped = "; ".join(found) + ": have femur and tibia changed places?"
+        return dataclasses.replace(knee, doubts=(*knee.doubts, swapped)), np.eye(3)
+    expected = f"bodies with {_WANTED}"
     raise model.file.problem(knee.joints[0].element, "axes", "; ".join(found), expected)
 
 
