@@ -50,6 +50,10 @@ def run(arguments: argparse.Namespace) -> int:
     )
     for sentence in knee.unusual:
         print(sentence)
+    free = sum(not c.locked for joint in knee.joints for c in joint.coordinates)
+    if free < 6:
+        kinds = ", ".join(f"{joint.kind} {joint.name}" for joint in knee.joints)
+        print(f"{kinds}: {counted(free, 'free coordinate')} in the model; here the tibia has six")
     for line in read.left_out:
         print(f"left out: {line}")
     for doubt in read.doubts:

@@ -103,7 +103,7 @@ def listed(found: Collection[Untaken]) -> list[str]:
     lines = []
     for tag, many in sorted(by_class.items()):
         on = sorted({word for one in many for word in one.on})
-        where = f", on {', '.join(on)}" if on else ""
+        where = f", on {', '.join(on)}" if {*on} - {one.name for one in many} else ""
         lines.append(f"{tag} ({len(many)}): {', '.join(one.name for one in many)}{where}")
     return lines
 

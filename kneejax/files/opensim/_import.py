@@ -295,7 +295,7 @@ def _document(read: OsimImport) -> dict[str, Any]:
             for name, wrap in read.wraps.items()
         },
         "groups": _groups(list(read.ligaments)),
-        "notes": _notes(knee.joints, read.contacts),
+        "notes": " ".join((*knee.unusual, _notes(knee.joints, read.contacts))),
         "imported_from": {
             "file": file,
             "sha256": hashlib.sha256(model.file.original).hexdigest(),

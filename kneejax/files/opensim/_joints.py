@@ -228,6 +228,12 @@ def read_joints(model: Model) -> list[Joint]:
         InputProblem: a joint names a body or frame that does not exist, or its numbers are not
             numbers.
     """
+    if model.joints is None:
+        model.joints = _read(model)
+    return [*model.joints]
+
+
+def _read(model: Model) -> list[Joint]:
     joints = [
         _joint(model, element)
         for element in model.elements()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import os
 import posixpath
 import re
@@ -111,6 +112,7 @@ class Model:
         bodies: name -> element; ground among them.
         notes: what was assumed on reading.
         defaults: class -> element of `<defaults>`, whose values hold where an object has none.
+        joints: what `read_joints` read, once it has.
     """
 
     def __init__(self, file: XmlFile):
@@ -135,6 +137,7 @@ class Model:
             ground = Element("Ground", {"name": GROUND}, found, found.line)
             self.bodies[GROUND] = self.frames[f"/{GROUND}"] = ground
         self._offsets: dict[int, tuple[str, Offset]] = {}
+        self.joints: list | None = None
 
     def word(self, owner: Element, tag: str, default: str = "") -> str:
         """Text of a child, of the class's child in `<defaults>`, or `default`."""
@@ -149,13 +152,17 @@ class Model:
             and not self.truth(force, "isDisabled", False)
         )
 
+    @functools.cached_property
+    def _every(self) -> list[Element]:
+        found, waiting = [], [self.root]
+        while waiting:
+            found.append(element := waiting.pop())
+            waiting += [c for c in reversed(element.children) if c.tag not in _ASIDE]
+        return found
+
     def elements(self) -> Iterator[Element]:
         """Everything in the model but defaults, controllers and markers."""
-        waiting = [self.root]
-        while waiting:
-            element = waiting.pop()
-            yield element
-            waiting += [c for c in reversed(element.children) if c.tag not in _ASIDE]
+        return iter(self._every)
 
     def forces(self) -> Iterator[Element]:
         """Every force and every constraint, of whatever class."""
