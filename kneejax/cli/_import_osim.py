@@ -54,6 +54,10 @@ def run(arguments: argparse.Namespace) -> int:
     if free < 6:
         kinds = ", ".join(f"{joint.kind} {joint.name}" for joint in knee.joints)
         print(f"{kinds}: {counted(free, 'free coordinate')} in the model; here the tibia has six")
+    waiting = [] if arguments.geometry else [*read.contacts, *read.patellofemoral]
+    if waiting:
+        names = ", ".join(contact.name for contact in waiting)
+        print(f"no surfaces yet for {names}: --geometry FOLDER fits the model's meshes")
     for line in read.left_out:
         print(f"left out: {line}")
     for doubt in read.doubts:

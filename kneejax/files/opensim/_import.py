@@ -320,9 +320,7 @@ def _ligament(
     ligament: OsimLigament, knee: OsimKneeJoint, file: str, wraps: dict[int, str]
 ) -> dict[str, Any]:
     bones = [knee.rigid[point.body][0] for point in ligament.points]
-    places = [
-        [shifted(x, METRES_TO_MM) for x in point.in_bone(knee)] for point in ligament.points
-    ]
+    places = [[shifted(x, METRES_TO_MM) for x in point.in_bone(knee)] for point in ligament.points]
     ends = {bone: field for field, bone in ENDS.items()}
     entry: dict[str, Any] = {ends[bones[0]]: places[0]}
     if len(places) > 2:

@@ -299,9 +299,7 @@ def _coordinate(model: Model, element: Element) -> Coordinate:
     )
 
 
-def _axes(
-    model: Model, element: Element, coordinates: tuple[Coordinate, ...]
-) -> tuple[Axis, ...]:
+def _axes(model: Model, element: Element, coordinates: tuple[Coordinate, ...]) -> tuple[Axis, ...]:
     if element.tag in _AXES:
         pairs = zip(_AXES[element.tag], coordinates, strict=False)
         return tuple(Axis(a[0] == "R", _UNIT[a[1]], (c.name,), None) for a, c in pairs)
@@ -320,5 +318,3 @@ def _axes(
             turns = axis.name.lower().startswith("rotation")
             answer.append(Axis(turns, direction / size, names, function))
     return tuple(sorted(answer, key=lambda axis: not axis.turns))
-
-

@@ -19,11 +19,12 @@ from kneejax.files.opensim._model import read_model
 from kneejax.files.opensim._movement import moved
 
 FORCES, CONSTRAINTS, JOINTS, BODIES, MODEL = (
-    "    </objects></ForceSet>", "  </Model>", "    </objects></JointSet>", '<Body name="tibia_r"/>',
-    "    <length_units>",
+    "    </objects></ForceSet>", "  </Model>", "    </objects></JointSet>",
+    '<Body name="tibia_r"/>', "    <length_units>",
 )  # fmt: skip
-COORDINATE = '<Coordinate name="knee_angle_r"/>'
-BONES = "<socket_frame1>/bodyset/femur_r</socket_frame1><socket_frame2>/bodyset/tibia_r</socket_frame2>"
+BONES = (
+    "<socket_frame1>/bodyset/femur_r</socket_frame1><socket_frame2>/bodyset/tibia_r</socket_frame2>"
+)
 PATH = (
     "<GeometryPath><PathPointSet><objects>"
     '<PathPoint name="a"><socket_parent_frame>/bodyset/{}</socket_parent_frame>'
@@ -102,10 +103,11 @@ def test_a_force_over_the_knee_that_is_not_read_is_counted_by_class_and_name(nam
     assert read(inside).doubts == read(model).doubts
 
 
-@pytest.mark.parametrize("kind", ["WeldConstraint", "PointConstraint", "CoordinateCouplerConstraint"])
+@pytest.mark.parametrize("kind", ["WeldConstraint", "PointConstraint", "CoordinateCoupler"])
 def test_so_is_a_constraint(kind):
     own = BONES + "<dependent_coordinate_name>knee_angle_r</dependent_coordinate_name>"
-    held = f'<ConstraintSet><objects><{kind} name="hold">{own}OFF</{kind}></objects></ConstraintSet>'
+    held = f'<{kind} name="hold">{own}OFF</{kind}>'
+    held = f"<ConstraintSet><objects>{held}</objects></ConstraintSet>"
     model = text_of((CONSTRAINTS, held + CONSTRAINTS))
     (doubt,) = read(model.replace("OFF", "")).doubts
     assert doubt.startswith(f"{kind} (1): hold")
@@ -142,7 +144,8 @@ def test_what_acts_elsewhere_is_not_missed():
         f"<PathSpring name='ankle'>{PATH.format('tibia_r', 'foot_r')}</PathSpring>"
         "<SpringGeneralizedForce name='it'><coordinate>ankle_angle_r</coordinate>"
         "<stiffness>3</stiffness></SpringGeneralizedForce>"
-        "<PrescribedForce name='ground'><socket_frame>/bodyset/foot_r</socket_frame></PrescribedForce>"
+        "<PrescribedForce name='ground'><socket_frame>/bodyset/foot_r</socket_frame>"
+        "</PrescribedForce>"
     )
     found = read(with_force(forces, *foot))
     assert (found.doubts, found.left_out) == ((), ())
@@ -184,8 +187,9 @@ def test_menisci_and_their_contacts_and_horns_are_counted():
     sets = f"<ContactGeometrySet><objects>{meshes}</objects></ContactGeometrySet>"
     found = read(with_force(contact, *MENISCUS, (CONSTRAINTS, sets + CONSTRAINTS)))
     assert [doubt.split(",")[0] for doubt in found.doubts] == [
-        "Blankevoort1991Ligament (1): horn", "Smith2018ArticularContactForce (1): femur_on_meniscus",
-    ]  # fmt: skip
+        "Blankevoort1991Ligament (1): horn",
+        "Smith2018ArticularContactForce (1): femur_on_meniscus",
+    ]
     assert list(found.document["ligaments"]) == ["LCL"]
 
 
@@ -235,8 +239,12 @@ FIBRES = {
 }  # fmt: skip
 
 
-def whole_knee(turn=np.eye(3), bodies=("femur_r", "tibia_r"), flexion=0.5, adduction=0.05):
+AS_THEY_SHOULD_BE = np.eye(3)
+
+
+def whole_knee(turn=AS_THEY_SHOULD_BE, bodies=("femur_r", "tibia_r"), flexion=0.5, adduction=0.05):
     """A right knee of four coordinates, its axes turned, from the first body to the second."""
+
     def vector(x):
         return " ".join(repr(float(value) + 0.0) for value in turn @ np.array(x, float))
 
