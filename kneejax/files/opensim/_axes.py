@@ -130,15 +130,15 @@ def _by_joints(model: Model, knee: OsimKneeJoint):
     """Where hip and ankle lie, seen from the knee."""
     joints = read_joints(model)
     own = {id(joint.element) for joint in knee.joints}
-    centers = {
-        bone: np.mean([
+    centers = {}
+    for bone in ("femur", "tibia"):
+        ends = [end for joint in (knee.joints[0], knee.joints[-1]) for end in _ends(joint)]
+        places = [
             knee.rigid[body][1].point(frame.translation)
-            for joint in (knee.joints[0], knee.joints[-1])
-            for body, frame in _ends(joint)
-            if body in knee.rigid and knee.rigid[body][0] == bone
-        ] or [(0, 0, 0)], axis=0).astype(float)
-        for bone in ("femur", "tibia")
-    }  # fmt: skip
+            for body, frame in ends
+            if knee.rigid.get(body, ("",))[0] == bone
+        ]
+        centers[bone] = np.array(places or [(0, 0, 0)], float).mean(axis=0)
     for bone, sign, place in (("femur", 1.0, "above"), ("tibia", -1.0, "below")):
         for joint in joints:
             if not joint.coordinates or joint.kind == "FreeJoint" or id(joint.element) in own:

@@ -18,6 +18,7 @@ from kneejax.files.opensim._wraps import (
     wrap_document,
 )
 from kneejax.files.opensim._xml import Element
+from kneejax.files.reading import counted
 from kneejax.geometry import FEMUR, PATELLA, TIBIA
 from kneejax.mechanics import RANGES
 
@@ -160,13 +161,15 @@ def _points(model: Model, element: Element, knee: OsimKneeJoint) -> tuple[OsimPo
         kinds = ", ".join(c.tag for c in element.children if c.tag.endswith("Path")) or "none"
         raise _Unsupported(f"its path is no GeometryPath ({kinds})")
     points = [path_point(model, e) for e in path_objects(path, "PathPointSet")]
+    if len(points) < 2:
+        raise _Unsupported(f"its path has {counted(len(points), 'point')}")
     bodies = dict.fromkeys(point.body for point in points)
     strange = [body for body in bodies if body not in knee.rigid]
     bones = [knee.rigid[body][0] for body in bodies if body in knee.rigid]
     if strange:
         raise _Outside(f"attached to {', '.join(strange)}")
     if len(set(bones)) < 2:
-        raise _Outside(f"does not leave the {bones[0]}" if bones else "has no points")
+        raise _Outside(f"does not leave the {bones[0]}")
     if len(set(bones)) > 2:
         raise _Unsupported("runs over three bones")
     if not model.applied(element):
