@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from kneejax.files import InputProblem
+from kneejax.files.reading import plain_number
 from kneejax.mechanics import NAMED_LOADS, RANGES, Range, load_called
 from kneejax.studies import Identify, Map, Sensitivity
 
@@ -25,11 +26,8 @@ def read_pairs(option: str, words: Iterable[str]) -> dict[str, float]:
     pairs: dict[str, float] = {}
     for word in words:
         name, found, value = word.partition("=")
-        try:
-            number = float(value)
-        except ValueError:
-            number = math.nan
-        if not found or not math.isfinite(number):
+        number = plain_number(value)
+        if not found or number is None or not math.isfinite(number):
             raise InputProblem(option, name, value, "NAME=NUMBER with a finite number")
         if name in pairs:
             raise InputProblem(option, name, word, "every name once")
@@ -110,11 +108,9 @@ def read_numbers(
     """
     found: dict[str, tuple[float, ...]] = {}
     for name, text in texts.items():
-        try:
-            found[name] = tuple(float(part) for part in text.split(":"))
-        except ValueError:
-            raise InputProblem(option, name, text, form) from None
-        if len(found[name]) not in counts:
+        stated = [plain_number(part) for part in text.split(":")]
+        found[name] = tuple(x for x in stated if x is not None)
+        if len(stated) not in counts or len(found[name]) < len(stated):
             raise InputProblem(option, name, text, form)
     return found
 

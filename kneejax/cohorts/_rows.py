@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from kneejax.files import InputProblem, bundled_knees, bundled_measurements
-from kneejax.files.reading import Field
+from kneejax.files.reading import Field, plain_number
 from kneejax.files.tables import read_rows
 
 _SIDES = ("right", "left", "r", "l")
@@ -147,12 +147,10 @@ def _value(cell: str) -> Any:
     text = cell.strip()
     if text.lower() in ("true", "false"):
         return text.lower() == "true"
-    for kind in (int, float):
-        try:
-            return kind(text)
-        except ValueError:
-            continue
-    return text
+    number = plain_number(text)
+    if number is None:
+        return text
+    return int(text) if text.lstrip("+-").isdigit() else number
 
 
 def _named(test: Any) -> bool:

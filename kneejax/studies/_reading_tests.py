@@ -15,6 +15,7 @@ from kneejax.files import LabTable, parse_flexion, read_lab_table
 from kneejax.files.reading import Field
 from kneejax.geometry import BODIES, CLINICAL, CONVENTIONS, FREE_COORDINATES, OTHER_COLUMNS
 from kneejax.mechanics import AXES, NAMED_LOADS, RANGES
+from kneejax.numerics import WrongValue
 from kneejax.studies._frames import read_frames, refused
 from kneejax.studies._published_tests import PublishedTest, ignored, published_test
 
@@ -100,8 +101,8 @@ def _read(item: Field, folder: Path, lines: Sequence[str]) -> tuple[MeasuredTest
         if item.value.get("weight") == _BY_LOAD:
             weight = weights_by_load(test.loads[test.driven_by])
             test = dataclasses.replace(test, weight=weight)
-    except ValueError as problem:
-        raise refused(item, str(problem)) from None
+    except WrongValue as problem:
+        raise refused(item, problem) from None
     return test, dict(item.value) | {"file": _path(item["file"], folder) or item.value["file"]}
 
 

@@ -13,6 +13,13 @@ from kneejax.files.reading._text import read_text
 
 _WIDTH = 96
 
+#: Levels of lists and mappings in one another; no file of the package has more than eight.
+_DEEPEST = 50
+#: Values that aliases may add to those that are written out.
+_MOST_BY_ALIASES = 100_000
+#: Characters of a number: more digits tell nothing, and a computer takes long to read them.
+_LONGEST_NUMBER = 400
+
 # What a plain scalar means, as in YAML 1.2; YAML 1.1 would read 10:50:5 as 39005.
 _MEANINGS = (
     ("tag:yaml.org,2002:null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
@@ -25,24 +32,71 @@ _MEANINGS = (
         list("-+.0123456789"),
     ),
 )
+_PLAIN = {tag: re.compile(pattern) for tag, pattern, _ in _MEANINGS}
+_NUMBERS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
+_TEXT = "tag:yaml.org,2002:str"
+_LIST, _MAPPING = "tag:yaml.org,2002:seq", "tag:yaml.org,2002:map"
 
 
 class _Loader(yaml.SafeLoader):
     yaml_implicit_resolvers: dict = {}
 
-    def construct_mapping(self, node, deep=False):
-        seen = set()
-        for key_node, _ in node.value:
-            if not isinstance(key_node, yaml.ScalarNode):
-                raise yaml.constructor.ConstructorError(
-                    None, None, "a key that is not text", key_node.start_mark
-                )
-            if key_node.value in seen:
-                raise yaml.constructor.ConstructorError(
-                    None, None, f"the key {key_node.value} twice", key_node.start_mark
-                )
-            seen.add(key_node.value)
-        return super().construct_mapping(node, deep)
+    def __init__(self, stream):
+        super().__init__(stream)
+        #: Node -> values in it, aliases written out, and levels in one another.
+        self.measured: dict[yaml.Node, tuple[int, int]] = {}
+
+    def fetch_flow_collection_start(self, TokenClass):
+        # Refused before the scanner looks ahead, which takes time with the square of the depth.
+        if self.flow_level >= _DEEPEST:
+            raise _fault("lists or mappings too deep in one another", self.get_mark())
+        super().fetch_flow_collection_start(TokenClass)
+
+    def compose_node(self, parent, index):
+        if self.check_event(yaml.AliasEvent):
+            mark = self.peek_event().start_mark
+            node = super().compose_node(parent, index)
+            if node not in self.measured:
+                raise _fault("an alias inside what it names", mark)
+            return node
+        node = super().compose_node(parent, index)
+        below = _checked(node)
+        size = 1 + sum(self.measured[one][0] for one in below)
+        depth = 1 + max((self.measured[one][1] for one in below), default=0)
+        self.measured[node] = size, depth
+        if size - len(self.measured) > _MOST_BY_ALIASES:
+            raise _fault(f"aliases that stand for {size:,} values", node.start_mark)
+        if depth > _DEEPEST:
+            raise _fault("lists or mappings too deep in one another", node.start_mark)
+        return node
+
+
+def _fault(problem: str, mark: Any) -> yaml.MarkedYAMLError:
+    return yaml.constructor.ConstructorError(None, None, problem, mark)
+
+
+def _checked(node: yaml.Node) -> list[yaml.Node]:
+    """The nodes in a node: keys are texts, none twice, and no tag contradicts what stands there."""
+    if isinstance(node, yaml.ScalarNode):
+        if len(node.value) > _LONGEST_NUMBER and node.tag in _NUMBERS:
+            raise _fault(f"a number of {len(node.value)} characters", node.start_mark)
+        plain = _PLAIN.get(node.tag)
+        if node.tag != _TEXT and not (plain and plain.fullmatch(node.value)):
+            raise _fault(f"the tag {node.tag} of {node.value!r}", node.start_mark)
+        return []
+    if node.tag not in (_LIST, _MAPPING):
+        raise _fault(f"the tag {node.tag}", node.start_mark)
+    if isinstance(node, yaml.SequenceNode):
+        return node.value
+    seen = set()
+    for key, _ in node.value:
+        if not isinstance(key, yaml.ScalarNode) or key.tag != _TEXT:
+            found = repr(key.value) if isinstance(key, yaml.ScalarNode) else "a list or mapping"
+            raise _fault(f"the key {found}, which is not text", key.start_mark)
+        if key.value in seen:
+            raise _fault(f"the key {key.value} twice", key.start_mark)
+        seen.add(key.value)
+    return [one for pair in node.value for one in pair]
 
 
 class _Dumper(yaml.SafeDumper):
@@ -85,7 +139,8 @@ def load_yaml(path: str | os.PathLike[str], kind: str) -> Any:
         Mappings, lists, texts, numbers, booleans and None.
 
     Raises:
-        InputProblem: the file cannot be read, is not YAML, or holds a key twice.
+        InputProblem: the file cannot be read, is not YAML, holds a key twice or one that is not
+            text, is too deep, or aliases make it too large.
     """
     text = read_text(path, kind)
     try:

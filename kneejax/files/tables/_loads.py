@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from kneejax.files.reading import InputProblem
-from kneejax.files.tables._tables import cell_number, read_rows
+from kneejax.files.tables._tables import cell_number, pose_range, read_rows
 from kneejax.geometry import COLUMNS
 from kneejax.mechanics import NAMED_LOADS, RANGES, load_called
 
@@ -100,7 +100,7 @@ def read_loads_over_time(
         raise InputProblem(file, TIME, f"{times[0]:g}", "two times at least")
     ways = {
         name: np.array([
-            cell_number(file, f"row {number} (line {line}), {name}", cells[k])
+            cell_number(file, f"row {number} (line {line}), {name}", cells[k], pose_range(name))
             for number, (line, cells) in enumerate(rows, 1)
         ])
         for name, k in led.items()
