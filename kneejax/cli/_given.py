@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from kneejax.files import InputProblem
 from kneejax.files.reading import plain_number
-from kneejax.mechanics import NAMED_LOADS, RANGES, Range, load_called
+from kneejax.mechanics import NAMED_LOADS, RANGES, Range, load_called, load_opposite_to
 from kneejax.studies import Identify, Map, Sensitivity
 
 
@@ -50,8 +50,9 @@ def read_loads(words: Iterable[str]) -> dict[str, float]:
     given = read_pairs("--load", words)
     for name, size in given.items():
         if name not in NAMED_LOADS:
-            known = f"one of {', '.join(NAMED_LOADS)}"
-            raise InputProblem("--load", "name", name, known, load_called(name) or NAMED_LOADS)
+            known, meant = f"one of {', '.join(NAMED_LOADS)}", load_opposite_to(name)
+            near = f"{meant}={-size:g}" if meant else load_called(name) or NAMED_LOADS
+            raise InputProblem("--load", "name", name, known, near)
         check_within("--load", name, [size], RANGES[name])
     return {name: given.get(name, 0.0) for name in NAMED_LOADS} if given else {}
 

@@ -106,9 +106,7 @@ def _read(item: Field, folder: Path, lines: Sequence[str]) -> tuple[MeasuredTest
     return test, dict(item.value) | {"file": _path(item["file"], folder) or item.value["file"]}
 
 
-def _that_count(
-    field: Field, table: LabTable, observed: np.ndarray
-) -> tuple[LabTable, np.ndarray]:
+def _that_count(field: Field, table: LabTable, observed: np.ndarray) -> tuple[LabTable, np.ndarray]:
     """Without the coordinates, of any bone, that shall not count."""
     names = [one.choice((*FREE_COORDINATES, *_OTHERS)) for one in field.items("coordinates")]
     seen = dict(zip(FREE_COORDINATES, observed.T, strict=True))
@@ -158,7 +156,7 @@ def _weight(item: Field, table: LabTable) -> np.ndarray | None:
 def _path(field: Field, folder: Path) -> str:
     """Where the table is; empty for one that comes with the package."""
     path = folder / field.text()
-    return os.path.abspath(path) if path.is_file() else ""
+    return os.path.abspath(path) if os.path.isfile(path) else ""
 
 
 def _table(item: Field, folder: Path) -> PublishedTest:

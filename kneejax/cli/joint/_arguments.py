@@ -6,7 +6,6 @@ import argparse
 import math
 from pathlib import Path
 
-from kneejax.files.reading import plain_number
 from kneejax.cli._parser import (
     CONVENTIONS,
     Parser,
@@ -16,6 +15,7 @@ from kneejax.cli._parser import (
     add_repeated,
     add_svg,
 )
+from kneejax.files.reading import plain_number
 
 
 def add_joint(joint: Parser) -> None:

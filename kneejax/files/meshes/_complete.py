@@ -1,4 +1,4 @@
-"""Whether the file of a mesh holds all that it says it holds: parsers read a part without a word."""
+"""Whether the file of a mesh is complete: parsers read a part without a word."""
 
 from __future__ import annotations
 

@@ -11,6 +11,12 @@ from typing import Any
 _LONGEST_VALUE, _LONGEST_FIELD, _LONGEST_EXPECTED = 60, 200, 1500
 #: Characters of a word that are compared with known names.
 _LONGEST_NAME = 100
+#: Words of opposite sense: names that differ in them are never suggested for one another.
+_OPPOSITE = (
+    ("anterior", "posterior"), ("lateral", "medial"), ("superior", "inferior"),
+    ("compression", "distraction"), ("varus", "valgus"), ("adduction", "abduction"),
+    ("internal", "external"), ("flexion", "extension"),
+)  # fmt: skip
 #: Binary digits of the largest whole number that is written out.
 _LONGEST_INTEGER = 1000
 
@@ -71,15 +77,23 @@ def nearest_name(word: str, known: Iterable[str]) -> str | None:
         known: names that exist.
 
     Returns:
-        The name, or None if nothing is like it.
+        The name, or None if nothing is like it; never one of the opposite sense.
 
     Example:
         >>> nearest_name("stifness_N", ["stiffness_N", "slack_length_mm"])
         'stiffness_N'
+        >>> nearest_name("posterior_N", ["anterior_N", "lateral_N"])
     """
-    by_lower = {name.lower(): name for name in known}
-    found = difflib.get_close_matches(word.lower()[:_LONGEST_NAME], by_lower, n=1, cutoff=0.6)
+    lower = word.lower()[:_LONGEST_NAME]
+    by_lower = {name.lower(): name for name in known if not _opposite(lower, name.lower())}
+    found = difflib.get_close_matches(lower, by_lower, n=1, cutoff=0.6)
     return by_lower[found[0]] if found else None
+
+
+def _opposite(word: str, name: str) -> bool:
+    return any((one in word and other in name and other not in word)
+               or (other in word and one in name and one not in word)
+               for one, other in _OPPOSITE)  # fmt: skip
 
 
 def counted(count: int, noun: str) -> str:

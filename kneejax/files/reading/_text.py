@@ -95,7 +95,7 @@ def read_bytes(path: str | os.PathLike[str], kind: str) -> bytes:
         InputProblem: it does not exist, is a folder, cannot be read, or is empty.
     """
     path = Path(path)
-    if path.is_dir():
+    if os.path.isdir(path):
         raise InputProblem(path, "file", "a folder", kind)
     try:
         data = path.read_bytes()
@@ -181,6 +181,7 @@ def plain_number(text: str) -> float | None:
 
 def neighbour(path: Path) -> str | None:
     """A file beside it with nearly the same name."""
-    if not path.parent.is_dir():
+    try:
+        return nearest_name(path.name, sorted(os.listdir(path.parent)))
+    except (OSError, ValueError):
         return None
-    return nearest_name(path.name, sorted(p.name for p in path.parent.iterdir()))

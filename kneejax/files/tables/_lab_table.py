@@ -13,7 +13,7 @@ import numpy as np
 from kneejax.files.reading import InputProblem, plain_number
 from kneejax.files.tables._tables import cell_number, pose_range, read_rows
 from kneejax.geometry import CLINICAL, COLUMNS, CONVENTIONS, OTHER_COLUMNS, convert_table
-from kneejax.mechanics import NAMED_LOADS, RANGES, Range
+from kneejax.mechanics import NAMED_LOADS, RANGES, Range, load_opposite_to
 
 #: What sounds like a load, so that leaving it out must be said.
 _LOAD = re.compile(r"load|force|torque|moment|tension|_(N|Nm|Nmm|kN)$", re.IGNORECASE)
@@ -185,7 +185,9 @@ def _check_header(
     for own in header:
         if own not in used and own not in ignore and _LOAD.search(own):
             expected = "a column that is used (columns:) or left out on purpose (ignore:)"
-            raise InputProblem(file, "header", own, expected)
+            meant = load_opposite_to(own)
+            near = f"columns: {{{meant}: -{own}}}" if meant else None
+            raise InputProblem(file, "header", own, expected, near)
     read = any(_is_reading(name) for name in named)
     for what, known in (("load", tuple(NAMED_LOADS)), ("coordinate", COLUMNS[1:])):
         spared = unloaded if what == "load" else read
@@ -202,7 +204,9 @@ def _named(file: str, columns: dict[str, str]) -> dict[str, tuple[str, float]]:
     for name, said in columns.items():
         if name not in _KNOWN and not _is_reading(name):
             expected = f"one of {', '.join(_KNOWN)}, or such as ACL.tension_N"
-            raise InputProblem(file, "columns", name, expected, _KNOWN)
+            meant = load_opposite_to(name)
+            near = f"{meant}: -{said.strip()}" if meant else _KNOWN
+            raise InputProblem(file, "columns", name, expected, near)
         factor, own = 1.0, said.strip()
         if match := re.fullmatch(r"([-+.\w]+)\s*\*\s*(.+)", own):
             stated, own = plain_number(match[1]), match[2]

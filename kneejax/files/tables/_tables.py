@@ -127,7 +127,7 @@ def read_patella_poses(path: str | os.PathLike[str], *, needed: bool = False) ->
 
 def pose_range(column: str) -> Range:
     """What may stand in a column of a pose of any bone: flexion of the knee has the least room."""
-    if column in RANGES:
+    if column == COLUMNS[0]:
         return RANGES[column]
     return RANGES["rotation_deg" if column.endswith("_deg") else "point_mm"]
 
