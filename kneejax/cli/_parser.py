@@ -82,7 +82,7 @@ class Parser(argparse.ArgumentParser):
 
     def _get_value(self, action: argparse.Action, arg_string: str) -> Any:
         """As of the base class; nothing between quotes is no value."""
-        if not arg_string.strip():
+        if not arg_string.strip() and action.nargs != argparse.PARSER:
             raise argparse.ArgumentError(action, "expected a value, not an empty text")
         return super()._get_value(action, arg_string)
 

@@ -6,7 +6,6 @@ import contextlib
 import os
 import signal
 import sys
-import threading
 from collections.abc import Iterator
 
 #: Exit status of what Ctrl-C stopped, as shells have it.
@@ -20,12 +19,15 @@ def stopped_at_once() -> Iterator[None]:
     An exception would be raised wherever the import is, also where Python can only print and
     forget it.
     """
-    ours = threading.current_thread() is threading.main_thread()
     # Whoever has a handler of its own, or ignores Ctrl-C (nohup), keeps that.
-    if not ours or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+    if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield
         return
-    signal.signal(signal.SIGINT, _end)
+    try:
+        signal.signal(signal.SIGINT, _end)
+    except ValueError:  # not in the main thread, which alone hears of Ctrl-C
+        yield
+        return
     try:
         yield
     finally:

@@ -85,14 +85,21 @@ def nearest_name(word: str, known: Iterable[str]) -> str | None:
         >>> nearest_name("posterior_N", ["anterior_N", "lateral_N"])
     """
     lower = word.lower()[:_LONGEST_NAME]
-    by_lower = {name.lower(): name for name in known if not _opposite(lower, name.lower())}
-    found = difflib.get_close_matches(lower, by_lower, n=1, cutoff=0.6)
+    by_lower = {name.lower(): name for name in known}
+    opposites = {_turned(lower, *pair) for pair in _OPPOSITE} - {lower}
+    if opposites & {*by_lower}:
+        return None
+    like = [name for name in by_lower if not _opposite(lower, name)]
+    found = difflib.get_close_matches(lower, like, n=1, cutoff=0.6)
     return by_lower[found[0]] if found else None
 
 
+def _turned(word: str, one: str, other: str) -> str:
+    return word.replace(one, other) if one in word else word.replace(other, one)
+
+
 def _opposite(word: str, name: str) -> bool:
-    return any((one in word and other in name and other not in word)
-               or (other in word and one in name and one not in word)
+    return any((one in word and other in name) or (other in word and one in name)
                for one, other in _OPPOSITE)  # fmt: skip
 
 

@@ -61,23 +61,31 @@ def load_json(path: str | os.PathLike[str], kind: str) -> Any:
     """
     text = read_text(path, kind)
     try:
-        return json.loads(text, object_pairs_hook=_each_once)
+        return json.loads(text, object_pairs_hook=_each_once, parse_int=_whole_number)
     except json.JSONDecodeError as error:
         raise InputProblem(path, f"line {error.lineno}", error.msg, f"{kind} in JSON") from None
     except RecursionError:
         found = "lists or mappings too deep in one another"
         raise InputProblem(path, "file", found, f"{kind} in JSON") from None
-    except ValueError as error:
-        # Python refuses to read numbers of thousands of digits, whose time grows with the square.
-        found = str(error).partition(";")[0]
-        raise InputProblem(path, "file", found, f"{kind} in JSON") from None
+    except _NotPlain as error:
+        raise InputProblem(path, "file", str(error), f"{kind} in JSON") from None
+
+
+class _NotPlain(ValueError):
+    """What JSON allows and no file of the package has."""
+
+
+def _whole_number(digits: str) -> int:
+    if len(digits) > _LONGEST_NUMBER:
+        raise _NotPlain(f"a number of {len(digits)} digits")
+    return int(digits)
 
 
 def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) < len(pairs):
         names = [name for name, _ in pairs]
-        raise ValueError(f"the name {next(x for x in names if names.count(x) > 1)!r} twice")
+        raise _NotPlain(f"the name {next(x for x in names if names.count(x) > 1)!r} twice")
     return found
 
 

@@ -15,6 +15,7 @@ _WIDTH = 96
 
 #: Levels of lists and mappings in one another; no file of the package has more than eight.
 _DEEPEST = 50
+_TOO_DEEP = "lists or mappings too deep in one another"
 #: Values that aliases may add to those that are written out.
 _MOST_BY_ALIASES = 100_000
 #: Characters of a number: more digits tell nothing, and a computer takes long to read them.
@@ -45,11 +46,12 @@ class _Loader(yaml.SafeLoader):
         super().__init__(stream)
         #: Node -> values in it, aliases written out, and levels in one another.
         self.measured: dict[yaml.Node, tuple[int, int]] = {}
+        self.level = 0
 
     def fetch_flow_collection_start(self, TokenClass):
         # Refused before the scanner looks ahead, which takes time with the square of the depth.
         if self.flow_level >= _DEEPEST:
-            raise _fault("lists or mappings too deep in one another", self.get_mark())
+            raise _fault(_TOO_DEEP, self.get_mark())
         super().fetch_flow_collection_start(TokenClass)
 
     def compose_node(self, parent, index):
@@ -59,7 +61,11 @@ class _Loader(yaml.SafeLoader):
             if node not in self.measured:
                 raise _fault("an alias inside what it names", mark)
             return node
+        if self.level >= _DEEPEST:
+            raise _fault(_TOO_DEEP, self.peek_event().start_mark)
+        self.level += 1
         node = super().compose_node(parent, index)
+        self.level -= 1
         below = _checked(node)
         size = 1 + sum(self.measured[one][0] for one in below)
         depth = 1 + max((self.measured[one][1] for one in below), default=0)
@@ -67,7 +73,7 @@ class _Loader(yaml.SafeLoader):
         if size - len(self.measured) > _MOST_BY_ALIASES:
             raise _fault(f"aliases that stand for {size:,} values", node.start_mark)
         if depth > _DEEPEST:
-            raise _fault("lists or mappings too deep in one another", node.start_mark)
+            raise _fault(_TOO_DEEP, node.start_mark)
         return node
 
 
