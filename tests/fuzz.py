@@ -535,10 +535,13 @@ def run() -> int:
     outcomes = (ACCEPTED, REFUSED, *FAULTS)
     for kind in dict.fromkeys(one.kind for one in found):
         numbers = ", ".join(f"{x} {table[kind, x]}" for x in outcomes if table[kind, x])
-        print(f"{kind}: {numbers}")
+        seconds = sum(one.seconds for one in found if one.kind == kind)
+        print(f"{kind}: {numbers}; {seconds:.1f} s")
     for outcome in outcomes:
         print(f"all {outcome}: {sum(one.outcome == outcome for one in found)}")
-    print(f"slowest: {max(one.seconds for one in found):.2f} s")
+    slowest = max(found, key=lambda one: one.seconds)
+    total = sum(one.seconds for one in found)
+    print(f"{total:.0f} s in all; slowest: {slowest.seconds:.2f} s, {slowest.number} {slowest.kind}")
     seen = collections.Counter()
     for one in found:
         if one.outcome in FAULTS:
@@ -551,7 +554,9 @@ def run() -> int:
             if one.outcome == ACCEPTED:
                 name = f"{one.number:05d} {one.kind}".replace(" ", "_")
                 (given.accepted / name).write_bytes(one.data)
-    wrong = [said for words in command_lines(given.commands, given.seed) if (said := refused(words))]
+    wrong = [
+        said for words in command_lines(given.commands, given.seed) if (said := refused(words))
+    ]
     print(f"command lines: {given.commands}, wrongly answered {len(wrong)}")
     print("\n".join(wrong))
     return int(bool(wrong) or any(one.outcome in FAULTS for one in found))

@@ -51,6 +51,7 @@ def main(arguments: list[str] | None = None) -> int:
                 raise
             return _refused(str(problem))
         except BrokenPipeError:
+            printed.flush()
             return DOUBTFUL if writes else DONE
         except OSError as problem:
             return _refused(_of_file(problem))

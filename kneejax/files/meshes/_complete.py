@@ -141,9 +141,10 @@ def _stl(path: Path, data: bytes) -> None:
         return
     words = data.split()
     if not words or words[0].lower() != b"solid" or b"\x00" in data:
-        size = counted(len(data), "byte")
-        expected = f"{says} triangles of {_STL_FACET} bytes" if says >= 0 else "a header"
-        raise InputProblem(path, "file", size, f"{expected} after {_STL_HEAD} bytes, as in STL")
+        expected = "a triangle mesh in STL"
+        if says >= 0:
+            expected += f": {_STL_HEAD} bytes, then {says} triangles of {_STL_FACET}"
+        raise InputProblem(path, "file", counted(len(data), "byte"), expected)
     lower = [word.lower() for word in words]
     loops = {word: lower.count(word) for word in (b"outer", b"endloop", b"endfacet", b"vertex")}
     if b"endsolid" not in lower:

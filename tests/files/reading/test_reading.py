@@ -70,7 +70,9 @@ def test_a_value_is_cut_before_it_is_written_out():
     assert len(str(InputProblem("k", "f" * 10**6, "v" * 10**7, "e" * 10**6, ["n"]))) < 2000
 
 
-@pytest.mark.parametrize("text", ["1_000", "١٢", "１２", "0x10", "1e5_0", "--1", "+nan-", "", "1 2"])
+@pytest.mark.parametrize(
+    "text", ["1_000", "١٢", "１２", "0x10", "1e5_0", "--1", "+nan-", "", "1 2"]
+)
 def test_what_only_python_takes_for_a_number_is_none(text):
     assert plain_number(text) is None
 
