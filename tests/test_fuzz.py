@@ -1,6 +1,6 @@
 """Damaged inputs and wrong command lines: a part of `python tests/fuzz.py --count 5000`."""
 
-import importlib.util
+import importlib
 import sys
 from pathlib import Path
 
@@ -9,13 +9,12 @@ import pytest
 
 @pytest.fixture(scope="module")
 def fuzz():
-    place = Path(__file__).with_name("fuzz.py")
-    spec = importlib.util.spec_from_file_location("fuzz", place)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["fuzz"] = module
-    spec.loader.exec_module(module)
-    yield module
-    del sys.modules["fuzz"]
+    """The script, with what lies beside it."""
+    sys.path.insert(0, str(Path(__file__).parent))
+    try:
+        yield importlib.import_module("fuzz")
+    finally:
+        sys.path.pop(0)
 
 
 def test_damaged_inputs_are_taken_or_refused_in_one_line(fuzz):

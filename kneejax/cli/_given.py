@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import dataclasses
 import math
@@ -11,6 +12,12 @@ from kneejax.files import InputProblem
 from kneejax.files.reading import plain_number
 from kneejax.mechanics import NAMED_LOADS, RANGES, Range, load_called, load_opposite_to
 from kneejax.studies import Identify, Map, Sensitivity
+
+
+def given(arguments: argparse.Namespace, option: str) -> bool:
+    """Whether an option was given, be it as 0, which equals False."""
+    value = getattr(arguments, option)
+    return value is not None and value is not False and value != []
 
 
 def read_pairs(option: str, words: Iterable[str]) -> dict[str, float]:

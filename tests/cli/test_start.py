@@ -243,7 +243,7 @@ def test_a_shell_completes_every_command_and_option(shell, capsys):
 
 def command(code, *words, **options):
     """A process of its own, in which some code comes before the command."""
-    code = f"import os, signal, sys\n{code}\nfrom kneejax.cli import main\nsys.exit(main(sys.argv[1:]))"
+    code = f"import os, signal, sys\n{code}\nfrom kneejax.cli import main\nsys.exit(main())"
     return subprocess.run(
         [sys.executable, "-c", code, *words], text=True, stderr=subprocess.PIPE, **options
     )
