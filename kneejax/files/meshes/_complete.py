@@ -147,7 +147,7 @@ def _stl(path: Path, data: bytes) -> None:
         raise InputProblem(path, "file", counted(len(data), "byte"), expected)
     lower = [word.lower() for word in words]
     loops = {word: lower.count(word) for word in (b"outer", b"endloop", b"endfacet", b"vertex")}
-    if b"endsolid" not in lower:
+    if loops[b"outer"] and b"endsolid" not in lower:
         raise InputProblem(path, "file", "no endsolid at its end", "a whole triangle mesh in STL")
     whole = loops[b"endfacet"] == loops[b"endloop"] == loops[b"outer"]
     if not whole or loops[b"vertex"] != 3 * loops[b"outer"]:

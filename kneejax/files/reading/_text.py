@@ -15,7 +15,7 @@ from kneejax.files.reading._problem import InputProblem, nearest_name
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 _NOT_FINITE = re.compile(r"[-+]?(?:nan|inf|infinity)", re.IGNORECASE)
 #: Characters of a number at most.
-_LONGEST_NUMBER = 400
+_LONGEST_NUMBER = 1000
 
 
 def read_text(path: str | os.PathLike[str], kind: str) -> str:
@@ -63,12 +63,12 @@ def load_json(path: str | os.PathLike[str], kind: str) -> Any:
     try:
         return json.loads(text, object_pairs_hook=_each_once, parse_int=_whole_number)
     except json.JSONDecodeError as error:
-        raise InputProblem(path, f"line {error.lineno}", error.msg, f"{kind} in JSON") from None
+        raise InputProblem(path, f"line {error.lineno}", error.msg, f"JSON: {kind}") from None
     except RecursionError:
         found = "lists or mappings too deep in one another"
-        raise InputProblem(path, "file", found, f"{kind} in JSON") from None
+        raise InputProblem(path, "file", found, f"JSON: {kind}") from None
     except _NotPlain as error:
-        raise InputProblem(path, "file", str(error), f"{kind} in JSON") from None
+        raise InputProblem(path, "file", str(error), f"JSON: {kind}") from None
 
 
 class _NotPlain(ValueError):

@@ -19,7 +19,7 @@ _TOO_DEEP = "lists or mappings too deep in one another"
 #: Values that aliases may add to those that are written out.
 _MOST_BY_ALIASES = 100_000
 #: Characters of a number: more digits tell nothing, and a computer takes long to read them.
-_LONGEST_NUMBER = 400
+_LONGEST_NUMBER = 1000
 
 # What a plain scalar means, as in YAML 1.2; YAML 1.1 would read 10:50:5 as 39005.
 _MEANINGS = (
