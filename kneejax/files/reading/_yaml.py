@@ -55,20 +55,27 @@ class _Loader(yaml.SafeLoader):
         super().fetch_flow_collection_start(TokenClass)
 
     def compose_node(self, parent, index):
-        if self.check_event(yaml.AliasEvent):
-            mark = self.peek_event().start_mark
+        event = self.peek_event()
+        if isinstance(event, yaml.AliasEvent):
             node = super().compose_node(parent, index)
             if node not in self.measured:
-                raise _fault("an alias inside what it names", mark)
+                raise _fault("an alias inside what it names", event.start_mark)
             return node
         if self.level >= _DEEPEST:
-            raise _fault(_TOO_DEEP, self.peek_event().start_mark)
+            raise _fault(_TOO_DEEP, event.start_mark)
         self.level += 1
         node = super().compose_node(parent, index)
         self.level -= 1
-        below = _checked(node)
-        size = 1 + sum(self.measured[one][0] for one in below)
-        depth = 1 + max((self.measured[one][1] for one in below), default=0)
+        if event.tag is not None:
+            _check_tag(node)
+        if isinstance(node, yaml.ScalarNode):
+            if len(node.value) > _LONGEST_NUMBER and node.tag in _NUMBERS:
+                raise _fault(f"a number of {len(node.value)} characters", node.start_mark)
+            self.measured[node] = 1, 1
+            return node
+        below = [self.measured[one] for one in _below(node)]
+        size = 1 + sum(size for size, _ in below)
+        depth = 1 + max((depth for _, depth in below), default=0)
         self.measured[node] = size, depth
         if size - len(self.measured) > _MOST_BY_ALIASES:
             raise _fault(f"aliases that stand for {size:,} values", node.start_mark)
@@ -81,28 +88,30 @@ def _fault(problem: str, mark: Any) -> yaml.MarkedYAMLError:
     return yaml.constructor.ConstructorError(None, None, problem, mark)
 
 
-def _checked(node: yaml.Node) -> list[yaml.Node]:
-    """The nodes in a node: keys are texts, none twice, and no tag contradicts what stands there."""
+def _check_tag(node: yaml.Node) -> None:
+    """A tag that is written out is one of those that are found without, and fits what it marks."""
     if isinstance(node, yaml.ScalarNode):
-        if len(node.value) > _LONGEST_NUMBER and node.tag in _NUMBERS:
-            raise _fault(f"a number of {len(node.value)} characters", node.start_mark)
         plain = _PLAIN.get(node.tag)
         if node.tag != _TEXT and not (plain and plain.fullmatch(node.value)):
             raise _fault(f"the tag {node.tag} of {node.value!r}", node.start_mark)
-        return []
-    if node.tag not in (_LIST, _MAPPING):
+    elif node.tag != (_LIST if isinstance(node, yaml.SequenceNode) else _MAPPING):
         raise _fault(f"the tag {node.tag}", node.start_mark)
+
+
+def _below(node: yaml.Node) -> list[yaml.Node]:
+    """What a list or a mapping holds; keys are texts, none twice."""
     if isinstance(node, yaml.SequenceNode):
         return node.value
-    seen = set()
-    for key, _ in node.value:
+    seen, found = set(), []
+    for key, value in node.value:
         if not isinstance(key, yaml.ScalarNode) or key.tag != _TEXT:
-            found = repr(key.value) if isinstance(key, yaml.ScalarNode) else "a list or mapping"
-            raise _fault(f"the key {found}, which is not text", key.start_mark)
+            what = repr(key.value) if isinstance(key, yaml.ScalarNode) else "a list or mapping"
+            raise _fault(f"the key {what}, which is not text", key.start_mark)
         if key.value in seen:
             raise _fault(f"the key {key.value} twice", key.start_mark)
         seen.add(key.value)
-    return [one for pair in node.value for one in pair]
+        found += (key, value)
+    return found
 
 
 class _Dumper(yaml.SafeDumper):
