@@ -106,7 +106,7 @@ class Row:
         places = [document.get("measured"), *_listed_in(document, "tests")]
         for one in places:
             # What comes with the package is of right knees, as it says itself.
-            if isinstance(one, dict) and one.get("file") not in bundled_measurements():
+            if isinstance(one, dict) and str(one.get("file")) not in bundled_measurements():
                 one["mirror"] = side.startswith("l")
 
 

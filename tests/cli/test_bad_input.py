@@ -210,6 +210,10 @@ BAD = {
         lambda t: cohort(t, "tests: 5", "side: left"),
         "tests: 5: expected a list of tests",
     ),
+    "a cohort whose table is a list": (
+        lambda t: cohort(t, "measured: {file: [1], source: us}", "side: left"),
+        "measured.file: [1]: expected a text",
+    ),
     "a cohort with a list about a knee": (
         lambda t: cohort(t, "title: a", "age: [1]", "about: [age]"),
         "age: [1]: expected a number",

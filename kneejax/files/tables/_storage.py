@@ -75,7 +75,12 @@ class Storage:
         values = np.stack([self.named(name) for name in names], axis=1)
         most = len(self.time) - 1
         degree = min(degree, most - (most > 1 and most % 2 == 0))
-        found = make_interp_spline(self.time, values, k=degree)(np.ravel(time))
+        try:
+            found = make_interp_spline(self.time, values, k=degree)(np.ravel(time))
+        except np.linalg.LinAlgError:
+            steps = np.diff(self.time)
+            shown = f"steps from {steps.min():g} to {steps.max():g} s"
+            raise InputProblem(self.file, "time", shown, "steps that are less unlike") from None
         return found.T.reshape(len(names), *np.shape(time))
 
 

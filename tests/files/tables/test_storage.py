@@ -72,6 +72,12 @@ def test_degrees_are_not_taken_for_radians(degrees, most, said, tmp_path):
         angles_rad(table, "knee_angle_r")
 
 
+def test_steps_through_which_no_spline_leads_are_refused(tmp_path):
+    table = read_storage(written(tmp_path / "walk.sto", [(t, t, 0) for t in (0, 1, 2, 3e300)]))
+    with pytest.raises(InputProblem, match=r"walk.sto: time: steps from 1 to 3e\+300 s"):
+        table.at(np.array([0.5]), ["ankle"])
+
+
 def test_angles_are_read_in_the_unit_of_the_header(tmp_path):
     for degrees, most in (("yes", 60.0), ("no", np.pi / 3.0)):
         rows = [(x, most * x, 0.0) for x in (0.0, 0.5, 1.0)]
