@@ -28,9 +28,7 @@ def run(arguments: argparse.Namespace) -> int:
     for package in _PACKAGES:
         # Better known before the work than after it.
         check_installed(package, "maps")
-    ranges = read_numbers(
-        "--range", read_texts("--range", arguments.ranges), "NAME=LOW:HIGH", (2,)
-    )
+    ranges = read_numbers("--range", read_texts("--range", arguments.ranges), "NAME=LOW:HIGH", (2,))
     question = studies.Map(arguments.pair, arguments.all_pairs, _grid(arguments.grid), ranges)
     study = studies.read_study(arguments.study)
     with said_of_options(question):

@@ -196,9 +196,7 @@ def _word(value: Any) -> str:
     return f"{Decimal(repr(value)):f}" if isinstance(value, float) else str(value)
 
 
-def _check_there(
-    name: str, value: Any, action: argparse.Action, folder: Path, file: Path
-) -> None:
+def _check_there(name: str, value: Any, action: argparse.Action, folder: Path, file: Path) -> None:
     """Whether the files of an argument are there; of a name without an ending its command says."""
     for one in value if isinstance(value, list) else [value]:
         if not isinstance(one, str):

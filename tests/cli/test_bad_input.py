@@ -233,7 +233,8 @@ BAD = {
     ),
     "no flexion": (lambda t: simulate(t, "--flexion", ""), "--flexion: expected a value"),
     "an option of another experiment, given as 0": (
-        lambda t: simulate(t, "--moment_Nm", "0"), "--moment_Nm: passive-flexion: expected a test"
+        lambda t: simulate(t, "--moment_Nm", "0"),
+        "--moment_Nm: passive-flexion: expected a test",
     ),
     "nowhere": (lambda t: [*PASSIVE, "--out", ""], "--out: expected a value, not an empty text"),
     "an underscore in an option": (

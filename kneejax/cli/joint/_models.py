@@ -136,8 +136,7 @@ def fitted_models(
         for file, table, own in zip(axes, measured, poses, strict=True)
     ]
     return {
-        name: _of_joints([one[name] for one in fits], flexion_deg, tuple(read))
-        for name in fits[0]
+        name: _of_joints([one[name] for one in fits], flexion_deg, tuple(read)) for name in fits[0]
     }
 
 

@@ -37,7 +37,15 @@ class Element:
     """
 
     __slots__ = (
-        "tag", "attributes", "parent", "children", "line", "start", "inner", "end", "pieces",
+        "tag",
+        "attributes",
+        "parent",
+        "children",
+        "line",
+        "start",
+        "inner",
+        "end",
+        "pieces",
     )
 
     def __init__(self, tag: str, attributes: dict[str, str], parent: Element | None, line: int):

@@ -178,6 +178,4 @@ def format_yaml(document: Any) -> str:
     Returns:
         The text, the same for the same document.
     """
-    return yaml.dump(
-        document, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=_WIDTH
-    )
+    return yaml.dump(document, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=_WIDTH)
