@@ -78,9 +78,9 @@ class _Loader(yaml.SafeLoader):
         depth = 1 + max((depth for _, depth in below), default=0)
         self.measured[node] = size, depth
         if size - len(self.measured) > _MOST_BY_ALIASES:
-            raise _fault(f"aliases that stand for {size:,} values", node.start_mark)
+            raise _fault(f"aliases that stand for {size:,} values", node.start_mark)  # pyright: ignore[reportOptionalMemberAccess]
         if depth > _DEEPEST:
-            raise _fault(_TOO_DEEP, node.start_mark)
+            raise _fault(_TOO_DEEP, node.start_mark)  # pyright: ignore[reportOptionalMemberAccess]
         return node
 
 
