@@ -73,14 +73,15 @@ class _Loader(yaml.SafeLoader):
                 raise _fault(f"a number of {len(node.value)} characters", node.start_mark)
             self.measured[node] = 1, 1
             return node
+        assert node is not None  # the types of PyYAML allow for none
         below = [self.measured[one] for one in _below(node)]
         size = 1 + sum(size for size, _ in below)
         depth = 1 + max((depth for _, depth in below), default=0)
         self.measured[node] = size, depth
         if size - len(self.measured) > _MOST_BY_ALIASES:
-            raise _fault(f"aliases that stand for {size:,} values", node.start_mark)  # pyright: ignore[reportOptionalMemberAccess]
+            raise _fault(f"aliases that stand for {size:,} values", node.start_mark)
         if depth > _DEEPEST:
-            raise _fault(_TOO_DEEP, node.start_mark)  # pyright: ignore[reportOptionalMemberAccess]
+            raise _fault(_TOO_DEEP, node.start_mark)
         return node
 
 
