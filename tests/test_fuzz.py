@@ -1,4 +1,4 @@
-"""Damaged inputs and wrong command lines: a part of `python tests/fuzz.py --count 5000`."""
+"""Damaged inputs and wrong command lines: a part of `python benchmarks/fuzz.py --count 5000`."""
 
 import importlib
 import sys
@@ -10,7 +10,7 @@ import pytest
 @pytest.fixture(scope="module")
 def fuzz():
     """The script, with what lies beside it."""
-    sys.path.insert(0, str(Path(__file__).parent))
+    sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
     try:
         yield importlib.import_module("fuzz")
     finally:

@@ -1,6 +1,6 @@
 """Thousands of damaged inputs and wrong command lines, each answered in one line or taken.
 
-    python tests/fuzz.py --count 5000 --seed 0
+    python benchmarks/fuzz.py --count 5000 --seed 0
 
 Every file of every kind is damaged in one to three ways (bytes flipped, cut or doubled; values
 exchanged, made huge, deep or of another type; keys twice; other encodings) and read as a command
