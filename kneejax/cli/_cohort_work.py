@@ -73,7 +73,7 @@ class CohortWork:
         begun, folder, failed = time.perf_counter(), self.out / KNEES / member.name, ""
         values = np.zeros((0, 0))
         if (folder / "result.json").is_file():
-            answer = read_calibrated(folder / "result.json")
+            answer = read_calibrated(folder / "result.json").of_structures(member.study.knee)
             try:
                 values = bootstrapped(
                     member.study, range(*task.draws or ()), answer, task.by_blocks

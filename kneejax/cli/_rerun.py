@@ -7,7 +7,14 @@ import contextlib
 
 from kneejax.cli._commands import build_parser
 from kneejax.cli._main import _prepare_jax, main
-from kneejax.cli._settings import FILE, changed_versions, read_settings, words_again, worked_in
+from kneejax.cli._settings import (
+    FILE,
+    changed_versions,
+    check_meaning,
+    read_settings,
+    words_again,
+    worked_in,
+)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -17,6 +24,7 @@ def run(arguments: argparse.Namespace) -> int:
     words = words_again(settings, build_parser(), folder / FILE)
     out = (folder if arguments.out is None else arguments.out).resolve()
     _prepare_jax()
+    check_meaning(words, settings, folder / FILE)
     if changes := changed_versions(settings):
         print(f"versions differ from those of {folder}: {'; '.join(changes)}", flush=True)
     # Paths lead from where the command ran; without one, it may run anywhere.

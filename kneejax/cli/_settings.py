@@ -7,6 +7,7 @@ import glob
 import json
 import math
 import os
+import re
 from collections.abc import Iterator, Mapping
 from decimal import Decimal
 from pathlib import Path
@@ -14,11 +15,13 @@ from typing import Any
 
 from kneejax.cli._parser import Parser
 from kneejax.files import InputProblem, write_text
-from kneejax.files.reading import read_text
+from kneejax.files.reading import load_json, plain_number
 
 #: The file in a folder of results.
 FILE = "settings.json"
 _COMMAND, _WORKED_IN, _VERSIONS = "command", "working_folder", "versions"
+#: The field of `kneejax.parameters.MEANING`, whose import would be JAX's.
+_MEANING = "stiffness_of"
 _EXPECTED = "settings.json of a kneejax command"
 #: What stands for a number by name, so that it can be recorded as one.
 _NUMBERS = ("NAME=VALUE", "NAME=SIZE")
@@ -51,8 +54,9 @@ def record(settings: Mapping[str, Any], out: Path) -> None:
         out: the command's folder.
     """
     from kneejax.inference import versions
+    from kneejax.parameters import MEANING
 
-    document = {**settings, _VERSIONS: versions()}
+    document = {**settings, **MEANING, _VERSIONS: versions()}
     write_text(out / FILE, json.dumps(document, indent=1) + "\n")
 
 
@@ -72,10 +76,7 @@ def read_settings(folder: Path) -> dict[str, Any]:
     if not file.is_file():
         expected = "this file, which a kneejax command writes beside its results"
         raise InputProblem(file, "file", "missing", expected)
-    try:
-        settings = json.loads(read_text(file, _EXPECTED))
-    except json.JSONDecodeError as error:
-        raise InputProblem(file, f"line {error.lineno}", error.msg, "JSON") from None
+    settings = load_json(file, _EXPECTED)
     for name, kind in ((_COMMAND, str), (_WORKED_IN, str), (_VERSIONS, dict)):
         found = settings.get(name) if isinstance(settings, dict) else None
         if not isinstance(found, kind):
@@ -100,7 +101,7 @@ def words_again(settings: Mapping[str, Any], top: Parser, file: Path) -> list[st
     known = dict(_arguments(parser))
     places, options = [], []
     for name, value in settings.items():
-        if name in (_COMMAND, _WORKED_IN, _VERSIONS):
+        if name in (_COMMAND, _WORKED_IN, _VERSIONS, _MEANING):
             continue
         if name not in known:
             expected = f"no such option of kneejax {settings[_COMMAND]}"
@@ -111,6 +112,39 @@ def words_again(settings: Mapping[str, Any], top: Parser, file: Path) -> list[st
         if value is not None:
             (options if action.option_strings else places).extend(_words(value, action))
     return [*command, *places, *options]
+
+
+def check_meaning(words: list[str], settings: Mapping[str, Any], file: Path) -> None:
+    """Refuse older settings that give a structure's stiffness as the mean of its fibres.
+
+    Args:
+        words: from `words_again`.
+        settings: from `read_settings`.
+        file: where they stand, for errors.
+
+    Raises:
+        InputProblem: a number means something else today.
+    """
+    given = dict(re.findall(r"(\w+\.(?:stiffness|damping))=(\S+)", " ".join(words)))
+    if _MEANING in settings or not given:
+        return
+    from kneejax.files import load_knee
+    from kneejax.parameters import fibres_summed
+    from kneejax.studies import read_study
+
+    def place(name: str) -> str:
+        path = worked_in(settings) / name
+        return os.fspath(path) if path.is_file() else name
+
+    knees = [load_knee(place(settings["knee"]))] if settings.get("knee") else []
+    knees += [read_study(place(settings["study"])).knee] if settings.get("study") else []
+    for name, value in given.items():
+        count = max((fibres_summed(knee, name) for knee in knees), default=1)
+        if count > 1:
+            raise InputProblem(
+                file, name, value, f"the sum over the structure's {count} fibres; these settings "
+                "are older and have their mean: run the command itself, with the sum",
+            )  # fmt: skip
 
 
 def changed_versions(settings: Mapping[str, Any]) -> list[str]:
@@ -168,11 +202,8 @@ def _plain(value: Any, action: argparse.Action) -> Any:
 
 def _pair(word: str) -> tuple[str, float] | None:
     name, _, number = word.partition("=")
-    try:
-        value = float(number)
-    except ValueError:
-        return None
-    return (name, value) if math.isfinite(value) else None
+    value = plain_number(number)
+    return None if value is None or not math.isfinite(value) else (name, value)
 
 
 def _words(value: Any, action: argparse.Action) -> list[str]:
@@ -202,9 +233,7 @@ def _word(value: Any) -> str:
     return f"{Decimal(repr(value)):f}" if isinstance(value, float) else str(value)
 
 
-def _check_there(
-    name: str, value: Any, action: argparse.Action, folder: Path, file: Path
-) -> None:
+def _check_there(name: str, value: Any, action: argparse.Action, folder: Path, file: Path) -> None:
     """Whether the files of an argument are there; of a name without an ending its command says."""
     for one in value if isinstance(value, list) else [value]:
         if not isinstance(one, str):

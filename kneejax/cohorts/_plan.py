@@ -18,7 +18,7 @@ import numpy as np
 from kneejax.cohorts._cohort import Cohort, CohortProblems, Member
 from kneejax.inference import versions
 from kneejax.inference.bootstrap import check_curves, check_redrawn, curves_of
-from kneejax.parameters import UnsuitableData
+from kneejax.parameters import MEANING, UnsuitableData
 from kneejax.studies import Study
 
 #: Knees of a block. More share what an evaluation costs by itself; fewer are lost when a worker is.
@@ -162,6 +162,8 @@ def _fingerprint(members: Sequence[Member]) -> str:
         words = [member.name, study.title, str(tree)]
         words += [{k: x for k, x in settings.items() if k not in _ELSEWHERE}, study.truth]
         words += [[_plain(test) for test in study.tests], settings["synthetic"]]
+        # Of structures drawn as several fibres, answers say what their stiffness means.
+        words += [MEANING] if study.knee.groups else []
         poses = b"" if study.measured is None else _bytes(study.measured)
         parts += [json.dumps(words).encode(), poses, *map(_bytes, leaves)]
     return _digest(*parts).hex()

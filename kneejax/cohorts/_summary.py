@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from kneejax.cohorts._answers import KneeAnswer, KneeEstimate
 from kneejax.inference.population import Population, in_log, population
+from kneejax.parameters import MEANING
 
 #: Half the width of a 95 % interval in standard errors.
 _HALF = 1.959964
@@ -155,17 +157,19 @@ def _correlation(answers: Sequence[KneeAnswer], units: Mapping[str, str]) -> np.
     return found
 
 
-def next_prior(summary: CohortSummary) -> dict[str, dict[str, float]]:
+def next_prior(summary: CohortSummary) -> dict[str, Any]:
     """What the cohort says of a knee of which nothing is measured, as a study takes it.
 
     Args:
         summary: of the cohort.
 
     Returns:
-        `start` and `prior`: parameter -> mean and standard deviation, in its own unit.
+        `start` and `prior`: parameter -> mean and standard deviation, in its own unit; and what a
+        structure's stiffness means in it (`kneejax.parameters.MEANING`).
     """
     pairs = {name: found.prior for name, found in summary.populations.items()}
     return {
         "start": {name: float(f"{mean:.6g}") for name, (mean, _) in pairs.items()},
         "prior": {name: float(f"{sd:.6g}") for name, (_, sd) in pairs.items()},
+        **MEANING,
     }

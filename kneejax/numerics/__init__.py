@@ -27,3 +27,4 @@ from kneejax.numerics._tangents import instantiate as instantiate
 from kneejax.numerics._tangents import jvp_of_moved as jvp_of_moved
 from kneejax.numerics._tangents import none_of as none_of
 from kneejax.numerics._tangents import unknown_where as unknown_where
+from kneejax.numerics._wrong_value import WrongValue as WrongValue

@@ -19,3 +19,10 @@ from kneejax.parameters._selection import nearest_of as nearest_of
 from kneejax.parameters._selection import select as select
 from kneejax.parameters._selection import unit_of_quantity as unit_of_quantity
 from kneejax.parameters._selection import with_values as with_values
+from kneejax.parameters._structures import MEANING as MEANING
+from kneejax.parameters._structures import DoubtfulValue as DoubtfulValue
+from kneejax.parameters._structures import doubt_prior as doubt_prior
+from kneejax.parameters._structures import doubt_value as doubt_value
+from kneejax.parameters._structures import fibres_summed as fibres_summed
+from kneejax.parameters._structures import structure_range as structure_range
+from kneejax.parameters._structures import sums_in_words as sums_in_words

@@ -12,8 +12,10 @@ from kneejax.mechanics import Knee
 from kneejax.parameters._leaves import is_size
 from kneejax.parameters._scales import looked_up
 from kneejax.parameters._selection import Selection, UnsuitableData
+from kneejax.parameters._structures import of_one_fibre, structure_range
 
-#: Bounds of paper 1, section 2.3, and wide ones for the rest, by quantity.
+#: Bounds of paper 1, section 2.3, and wide ones for the rest, by quantity. Paper 1 draws each
+#: structure as one line: its bounds of stiffness are a structure's.
 DEFAULT_BOUNDS = {
     "stiffness": (300.0, 10000.0),
     "reference_strain": (-0.2, 0.2),
@@ -29,15 +31,24 @@ def default_bounds(knee: Knee, selection: Selection) -> tuple[Array, Array]:
     """Lower and upper bounds of a selection.
 
     Those of `DEFAULT_BOUNDS`; points may move by 10 mm and angles by 0.2 rad; anything else may be
-    half or twice what it is.
+    half or twice what it is. The stiffness of a structure drawn as several fibres may be a quarter
+    of and four times what it is at least, and those of its fibres and bundles in proportion
+    (`structure_range`).
     """
     values = np.asarray(selection.read(knee))
-    pairs = [_usual_bounds(selection, i, float(value)) for i, value in enumerate(values)]
+    pairs = [_usual_bounds(knee, selection, i, float(value)) for i, value in enumerate(values)]
     return jnp.array([p[0] for p in pairs]), jnp.array([p[1] for p in pairs])
 
 
-def _usual_bounds(selection: Selection, index: int, value: float) -> tuple[float, float]:
+def _usual_bounds(
+    knee: Knee, selection: Selection, index: int, value: float
+) -> tuple[float, float]:
     quantity, unit = selection.quantity(index), selection.unit(index)
+    fibres = selection.fibres(index)
+    if quantity == "stiffness" and fibres:
+        return structure_range(knee, fibres, DEFAULT_BOUNDS[quantity])
+    if quantity == "damping" and fibres:
+        return DEFAULT_BOUNDS[quantity][0], DEFAULT_BOUNDS[quantity][1] * len(fibres)
     if quantity in DEFAULT_BOUNDS:
         return DEFAULT_BOUNDS[quantity]
     shift = {"mm": 10.0, "rad": 0.2}.get(unit)
@@ -84,5 +95,8 @@ def start_within(
     start = np.asarray(selection.read(knee))
     for name, value, low, high in zip(selection.names, start, lower, upper, strict=True):
         if not low <= value <= high:
-            raise UnsuitableData(f"{name}: bounds {low:g} to {high:g} exclude the start {value:g}")
+            hint = of_one_fibre(knee, name, low, high)
+            raise UnsuitableData(
+                f"{name}: bounds {low:g} to {high:g} exclude the start {value:g}{hint}"
+            )
     return start

@@ -1,4 +1,10 @@
-"""A quantity of all fibres of a knee, read and written; fibres of a group keep how they differ."""
+"""A quantity of the fibres of a knee, read and written.
+
+A structure drawn as several fibres is a group of them. Its stiffness and its damping are the sums
+over its fibres, which act side by side; of any other quantity its value is the mean. Setting a
+value keeps how the fibres differ: strains and points shift together, anything else is scaled by one
+factor.
+"""
 
 from __future__ import annotations
 
@@ -29,11 +35,19 @@ QUANTITIES = {
     "failure_strain": "",
     "damping": "N s",
 } | {f"{end}.{axis}": "mm" for end in BONES for axis in AXES}
+#: Of these a structure's value is the sum over its fibres, of all others the mean.
+SUMMED = ("stiffness", "damping")
 
 
-def read_mean(knee: Knee, rows: tuple[int, ...], quantity: str) -> Array:
-    """Mean of a quantity over the fibres of some rows."""
-    return jnp.mean(numbers_of(knee, quantity)[np.array(rows)])
+def value_of(numbers: Array, rows: tuple[int, ...], quantity: str) -> Array:
+    """The value of a structure.
+
+    Args:
+        numbers: the quantity of every fibre, from `numbers_of`.
+        rows: of the structure's fibres.
+        quantity: decides between sum and mean.
+    """
+    return (jnp.sum if quantity in SUMMED else jnp.mean)(numbers[np.array(rows)])
 
 
 def numbers_of(knee: Knee, quantity: str) -> Array:
@@ -55,9 +69,18 @@ def _is_first(knee: Knee, end: str) -> np.ndarray:
     return np.array([pair[0] == BONES[end] for pair in knee.ligaments.bodies])
 
 
-def write_mean(knee: Knee, rows: tuple[int, ...], quantity: str, value: Array) -> Knee:
-    """The knee in which the mean of a quantity over some fibres is a value."""
+def write_value(knee: Knee, rows: tuple[int, ...], quantity: str, value: Array) -> Knee:
+    """The knee in which a structure has a value.
+
+    Args:
+        knee: any knee.
+        rows: of the structure's fibres.
+        quantity: any of `QUANTITIES` but `reference_strain` (see `strained`).
+        value: sum or mean, as `value_of` reads it.
+    """
     end, _, axis = quantity.partition(".")
+    if quantity in SUMMED:
+        value = value / len(rows)
     old, own = numbers_of(knee, quantity), _rows_of(knee, rows)
     changed = _shared(old, rows, value, shifts=bool(axis))
     if not axis:
@@ -99,7 +122,11 @@ def _shared(old: Array, rows: tuple[int, ...], value: Array, shifts: bool) -> Ar
         return jnp.broadcast_to(value, old.shape)
     own = np.isin(np.arange(len(old)), rows)
     mean = jnp.sum(jnp.where(own, old, 0.0)) / len(rows)
-    return old + (value - mean) if shifts else old * (value / mean)
+    if shifts:
+        return old + (value - mean)
+    # Fibres that have nothing yet (no damping, cut) share alike.
+    nothing = mean == 0.0
+    return jnp.where(nothing, value, old * (value / jnp.where(nothing, 1.0, mean)))
 
 
 def _rows_of(knee: Knee, rows: tuple[int, ...]) -> np.ndarray:

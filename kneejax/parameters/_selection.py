@@ -1,8 +1,7 @@
 """Named parameters of a knee, and the vector that a search moves.
 
-A parameter belongs to a ligament, to a group of them, or to another part (`_leaves.py`). A group's
-value is the mean of its fibres. Setting it keeps how the fibres differ: strains and points shift
-together, stiffnesses, lengths and the law's own strains grow by one factor.
+A parameter belongs to a fibre, to a structure drawn as several fibres (a group; what its value
+means stands in `_fibres.py`), or to another part (`_leaves.py`).
 """
 
 from __future__ import annotations
@@ -10,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import functools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -22,11 +21,12 @@ from kneejax.parameters._fibres import (
     BONES,
     QUANTITIES,
     numbers_of,
-    read_mean,
     strained,
-    write_mean,
+    value_of,
+    write_value,
 )
 from kneejax.parameters._leaves import AXES, Leaf, leaves_called, parts_of, quantities_of, unit_of
+from kneejax.parameters._structures import doubt_value
 
 _MOST_SHOWN = 12  # names in an error
 
@@ -99,7 +99,7 @@ class Selection:
         if all(len(rows) == 1 for rows, _ in places):
             return numbers[np.array(kinds), np.array([rows[0] for rows, _ in places])]
         pairs = zip(kinds, places, strict=True)
-        return jnp.stack([jnp.mean(numbers[kind][np.array(rows)]) for kind, (rows, _) in pairs])
+        return jnp.stack([value_of(numbers[kind], *place) for kind, place in pairs])
 
     def apply(self, knee: Knee, values: Array) -> Knee:
         """The knee with new values of the free parameters.
@@ -119,12 +119,12 @@ class Selection:
             elif self.quantity(i) == "reference_strain":
                 strains.append((self._place(i)[0], values[i]))
             else:
-                knee = write_mean(knee, *self._place(i), values[i])
+                knee = write_value(knee, *self._place(i), values[i])
         return strained(knee, strains) if strains else knee
 
     def _one(self, knee: Knee, index: int) -> Array:
-        leaf = self.leaf(index)
-        return read_mean(knee, *self._place(index)) if leaf is None else leaf.read(knee)
+        leaf, (rows, quantity) = self.leaf(index), self._place(index)
+        return leaf.read(knee) if leaf else value_of(numbers_of(knee, quantity), rows, quantity)
 
     def _place(self, index: int) -> tuple[tuple[int, ...], str]:
         rows = tuple(self.ligaments.index(fibre) for fibre in self.fibres(index))
@@ -151,7 +151,9 @@ def select(knee: Knee, names: list[str] | tuple[str, ...]) -> Selection:
             (`quadriceps.tension`), of what a fibre wraps around (`PatTen.radius`, one number for
             all fibres around the same), or whatever else its fields lead to. `*` stands for every
             part that has the quantity (`*.stiffness`); a name that leads to several numbers
-            (`ACL.femoral_attachment`) for all of them.
+            (`ACL.femoral_attachment`) for all of them. A group is a structure drawn as several
+            fibres: its stiffness and damping are the sums over its fibres, any other value is
+            their mean; setting it keeps how they differ.
 
     Returns:
         The selection.
@@ -260,24 +262,46 @@ def with_values(knee: Knee, values: dict[str, float]) -> Knee:
 
     Args:
         knee: any knee.
-        values: `LIGAMENT.quantity`, `GROUP.quantity` or `*.quantity` -> value. Reference strains
-            are set last, whatever their order: a fibre whose end moves keeps the one that it gets.
+        values: `LIGAMENT.quantity`, `GROUP.quantity` or `*.quantity` -> value; a group's stiffness
+            is the sum over its fibres (`select`). Reference strains are set last, whatever their
+            order: a fibre whose end moves keeps the one that it gets.
+
+    Warns:
+        DoubtfulValue: a structure's stiffness that is nearer to that of one of its fibres.
 
     Raises:
-        UnknownParameter: the knee has no such parameter.
+        UnknownParameter: the knee has no such parameter, or a slack length has two values.
         Implausible: a value that no knee has (`kneejax.mechanics.RANGES`), or one that leads to
             such a knee, as in a knee file.
     """
+    _check_one_slack(knee, values)
     for name in sorted(values, key=lambda name: name.endswith(".reference_strain")):
         value, selection = values[name], select(knee, [name])
         allowed = range_of_parameter(selection.names[0])
         if allowed and not allowed.holds(value):
             owner, quantity = name.split(".", 1)
             raise Implausible(owner, quantity, f"{value:g}", allowed.expected(value))
+        doubt_value(knee, name, float(value))
         knee = selection.apply(knee, jnp.full(len(selection), float(value)))
     if values:
         check_fibres(knee.ligaments, *at_reference(knee.ligaments, knee.at_reference))
     return knee
+
+
+def _check_one_slack(knee: Knee, values: Mapping[str, float]) -> None:
+    """No slack length may be given twice, as a length and as a strain."""
+    ways = {name: name.rpartition(".")[2] for name in values}
+    given: dict[str, str] = {}
+    for name, quantity in ways.items():
+        if quantity not in ("slack_length", "reference_strain"):
+            continue
+        selection = select(knee, [name])
+        for fibre in (fibre for i in range(len(selection)) for fibre in selection.fibres(i)):
+            other = given.setdefault(fibre, name)
+            if ways[other] != quantity:
+                raise UnknownParameter(
+                    f"{other} and {name} give one number (slack length of {fibre}): choose one"
+                )
 
 
 def cut(knee: Knee, names: Sequence[str]) -> Knee:

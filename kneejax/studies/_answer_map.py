@@ -15,6 +15,7 @@ from kneejax.inference import BlockStore, ParameterMap, sensitivity_maps, versio
 from kneejax.inference.intervals import stated_noise
 from kneejax.inference.sensitivity import map_ranges
 from kneejax.mechanics import range_of_parameter
+from kneejax.parameters import MEANING
 from kneejax.studies._poses import measured_poses
 from kneejax.studies._questions import Map
 from kneejax.studies._study import Study
@@ -111,6 +112,8 @@ def fingerprint(study: Study, question: Map) -> bytes:
     settings += [plain(vars(test)) for test in study.tests]
     poses = b"" if study.measured is None else study.measured.tobytes()
     words = [about_maps(study, question), *settings, str(structure), versions()["kneejax"]]
+    # Of structures drawn as several fibres, maps say what their stiffness means.
+    words += [MEANING] if study.knee.groups else []
     return numbers + poses + json.dumps(words).encode()
 
 

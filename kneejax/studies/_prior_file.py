@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
 from kneejax.files import said_of
 from kneejax.files.reading import Field, load_yaml
 from kneejax.mechanics import Knee
-from kneejax.parameters import select
-from kneejax.studies._study_fields import parameter_values
+from kneejax.parameters import MEANING, fibres_summed, select
+from kneejax.studies._study_fields import parameter_names, parameter_values
 
 
 def with_prior_file(
@@ -29,19 +30,23 @@ def with_prior_file(
         Fields by name, `start` and `prior` as mappings.
 
     Raises:
-        InputProblem: there is no such file, it is none that a cohort wrote, or the study states a
-            start that the file states too.
+        InputProblem: there is no such file, it is none that a cohort wrote, the study states a
+            start that the file states too, or the file is so old that the stiffness of a structure
+            is the mean of its fibres.
         UnknownParameter: the study frees what its knee does not have.
     """
     path = folder / study["prior"].text()
-    if not path.is_file():
+    if not os.path.isfile(path):
         expected = f"a mapping, or the prior.yaml of a cohort; not at {path}"
         raise study["prior"].problem(expected)
     file = Field(str(path), "", load_yaml(path, "the prior.yaml of a cohort"))
-    file.mapping(("start", "prior"))
+    ((mark, meaning),) = MEANING.items()
+    file.mapping(("start", "prior"), (mark,))
+    if mark in file:
+        file[mark].choice((meaning,))
     means, deviations = (parameter_values(file[name]) for name in ("start", "prior"))
     with said_of(study.file):
-        free = select(knee, tuple(study["parameters"].value)).names
+        free = select(knee, parameter_names(study["parameters"])).names
     own = given.get("start", {})
     for name in own if isinstance(own, dict) else ():
         if name in deviations:
@@ -49,4 +54,12 @@ def with_prior_file(
             raise place.problem(f"this start left out: {path.name} says around what {name} lies")
     means = {name: means[name] for name in free if name in means}
     chosen = {name: deviations[name] for name in free if name in deviations}
+    for name in means | chosen:
+        if mark not in file and (count := fibres_summed(knee, name)) > 1:
+            section = file["start" if name in means else "prior"]
+            raise section[name].problem(
+                f"the sum over the structure's {count} fibres; this file is older and has their "
+                "mean: run its cohort again, or multiply values and deviations of structures by "
+                f"their numbers of fibres and add {mark}: {meaning}"
+            )
     return given | {"start": {**own, **means}, "prior": chosen}

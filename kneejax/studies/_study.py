@@ -17,7 +17,15 @@ from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference import METHODS, Stage, procedures_of
 from kneejax.mechanics import Knee, Load, load_of
 from kneejax.numerics import check_installed
-from kneejax.parameters import QUANTITIES, Selection, select, start_within, stated, stated_bounds
+from kneejax.parameters import (
+    QUANTITIES,
+    Selection,
+    doubt_prior,
+    select,
+    start_within,
+    stated,
+    stated_bounds,
+)
 from kneejax.statics import Status, failures_of
 from kneejax.studies._study_fields import Synthetic, checked, plain
 
@@ -74,6 +82,10 @@ class Study:
         UnknownParameter: a name that the knee does not have.
         UnsuitableData: bounds that exclude the start, or a method that is not installed.
 
+    Warns:
+        DoubtfulValue: a stiffness, or a prior of one, that is nearer to that of one fibre than to
+            that of the structure drawn as several fibres that it is said of.
+
     Example:
         >>> import kneejax as kj
         >>> poses = [[30.0, 0.0, 2.0, 1.0, 0.0, 0.5], [60.0, 1.0, 4.0, 2.0, -1.0, 0.5]]
@@ -108,7 +120,8 @@ class Study:
     def __post_init__(self) -> None:
         """Check everything; what is given is kept in one form."""
         given = {f.name: plain(getattr(self, f.name)) for f in dataclasses.fields(self)}
-        given["procedures"] = list(procedures_of(self.procedures, self.stages))
+        if given["procedures"] == []:
+            given["procedures"] = list(procedures_of((), self.stages))
         place = Field(self.file, "", given)
         for name, value in checked(place).items():
             object.__setattr__(self, name, value)
@@ -129,7 +142,11 @@ class Study:
             knee_with(self.knee, self.truth, self.file)
             knee, selection = self.knee_at_start, self.selection
             start_within(knee, selection, *stated_bounds(knee, selection, self.bounds))
-            stated(selection, self.prior, "prior")
+            for name, sd in zip(
+                selection.names, stated(selection, self.prior, "prior"), strict=True
+            ):
+                if sd is not None:
+                    doubt_prior(knee, name, sd)
             if self.prior and None in self.noise:
                 expected = "noise_mm and noise_deg too, against which a prior counts"
                 raise Field(self.file, "prior", ", ".join(self.prior)).problem(expected)

@@ -7,6 +7,7 @@ import pytest
 
 from kneejax import __version__
 from kneejax.cli import main
+from kneejax.parameters import MEANING
 
 POSES = "flexion_deg,adduction_deg,internal_rotation_deg,anterior_mm,superior_mm,lateral_mm\n"
 
@@ -37,6 +38,7 @@ def test_a_folder_says_what_was_asked_for(evaluated):
         "knee": "four_ligament",
         "poses": "poses.csv",
         "convention": "femoral",
+        "stiffness_of": "structure",
         "working_folder": os.fspath(evaluated.parent),
     }
 
@@ -87,6 +89,25 @@ def test_what_cannot_run_again_is_said(spoil, said, evaluated, monkeypatch, caps
     error = capsys.readouterr().err
     assert status == 2 and said in error and error.count("\n") == 1
     assert not out.exists()
+
+
+def test_older_settings_with_the_mean_of_fibres_are_refused(evaluated, monkeypatch, capsys):
+    """A structure's stiffness was once the mean of its fibres; a single line's is what it was."""
+    changes = {
+        "command": "simulate",
+        "experiment": "passive-flexion",
+        "set": {"ACL.stiffness": 9e3},
+    }
+    kept = {n: x for n, x in settings_of(evaluated).items() if n in ("versions", "working_folder")}
+    file = evaluated / "settings.json"
+    file.write_text(json.dumps(kept | changes | {"knee": "lenhart2015_reduced"}))
+    assert main(["rerun", str(evaluated)]) == 2
+    said = f"{file}: ACL.stiffness: 9000.0: expected the sum over the structure's 2 fibres; these "
+    assert said in capsys.readouterr().err
+    monkeypatch.setattr("kneejax.cli._simulate.run", lambda _: 0)
+    for knee, more in (("lenhart2015_reduced", MEANING), ("four_ligament", {})):
+        file.write_text(json.dumps(kept | changes | {"knee": knee} | more))
+        assert main(["rerun", str(evaluated)]) == 0
 
 
 def test_a_folder_that_is_none_is_said(tmp_path, capsys):

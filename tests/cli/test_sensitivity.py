@@ -106,7 +106,7 @@ def test_the_screen_is_narrow_ascii_and_says_who_moves_what(done):
 
 
 def test_a_knee_that_does_not_balance_itself_is_doubtful(tmp_path, capsys):
-    poses = "".join(f"{angle},0.5,0.5,0.5,0.5,0.5\n" for angle in (-60.0, 20.0, 50.0))
+    poses = "".join(f"{angle},0.5,0.5,0.5,0.5,0.5\n" for angle in (20.0, 50.0, 170.0))
     (tmp_path / "poses.csv").write_text(",".join(COLUMNS) + "\n" + poses)
     study = study_file(tmp_path, "", "[anterior]")
     text = re.sub("synthetic:.*?50\n", "measured: {file: poses.csv, source: nobody}\n",
@@ -116,10 +116,10 @@ def test_a_knee_that_does_not_balance_itself_is_doubtful(tmp_path, capsys):
     out = tmp_path / "out"
     assert main(["sensitivity", study, *words, "--out", str(out)]) == 1
     printed = capsys.readouterr().out
-    assert "warning: the knee itself at -60 degrees: no balance found" in " ".join(printed.split())
+    assert "warning: the knee itself at 170 degrees: no balance found" in " ".join(printed.split())
     result = json.loads((out / "result.json").read_text())
-    assert result["own_motion"][0] == "not_converged" and len(result["doubts"]) == 1
-    slopes = [row for row in rows(out / "local_sensitivity.csv") if row["flexion_deg"] == "-60.0"]
+    assert result["own_motion"][2] == "not_converged" and len(result["doubts"]) == 1
+    slopes = [row for row in rows(out / "local_sensitivity.csv") if row["flexion_deg"] == "170.0"]
     assert {row["anterior_mm_per_step"] for row in slopes} == {"nan"}
 
 

@@ -78,3 +78,19 @@ def test_the_terminal_prints_the_poses_that_are_written(tmp_path, capsys):
     assert pose["convention"] == "tibial" and any("Poses, tibial:" in line for line in printed)
     written = [float(number) for number in list(pose.values())[:6]]
     assert [float(number) for number in row[:6]] == pytest.approx(written, abs=0.051)
+
+
+@pytest.mark.filterwarnings("default")
+def test_a_value_of_one_fibre_is_doubted_on_the_screen(tmp_path, capsys):
+    """A structure's stiffness was once the mean of its fibres; what it is now is said."""
+    asked = ["simulate", "passive-flexion", "--knee", "lenhart2015_reduced", "--out", str(tmp_path)]
+    asked += ["--cut", "none", "--set"]
+    assert main([*asked, "ACL.stiffness=655"]) == 2
+    doubt, refusal = capsys.readouterr().err.splitlines()
+    assert doubt == (
+        "doubtful: ACL.stiffness: 655 N is of the whole ACL, drawn as 2 fibres with 9,840 N in "
+        "this knee; one fibre has 4,920 N in the mean"
+    )
+    assert "no ligament 'none'" in refusal
+    assert main([*asked, "ACL.stiffness=9310"]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1

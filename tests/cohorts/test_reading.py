@@ -142,3 +142,14 @@ def test_a_single_study_refuses_what_only_a_cohort_can_be_asked(capsys):
     assert "with a cohort alone" in capsys.readouterr().err
     assert main(["calibrate", "paper1", "--blocks"]) == 2
     assert "--blocks: option: given: expected" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("knee", "same"), [("four_ligament", True), ("ten_bundle", False)])
+def test_answers_of_an_older_meaning_are_another_tasks(knee, same, tmp_path, monkeypatch):
+    """Stiffness of a structure drawn as several fibres was once their mean."""
+    study = STUDY | {"knee": knee, "parameters": ["ACL.stiffness"]}
+    cohort = read_cohort(written(tmp_path, ["name,measured.file", "A,poses.csv"], study))
+    (now,) = plan(cohort)
+    monkeypatch.setattr("kneejax.cohorts._plan.MEANING", {})
+    (before,) = plan(cohort)
+    assert (now.fingerprint == before.fingerprint) is same

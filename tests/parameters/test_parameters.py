@@ -1,5 +1,6 @@
 import dataclasses
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -30,13 +31,37 @@ def test_strains_of_groups_ask_for_lengths_once(bundled, monkeypatch):
     assert np.asarray(selection.read(found)) == pytest.approx(np.asarray(values), abs=1e-14)
 
 
-def test_a_group_is_the_mean_of_its_fibres(bundled):
-    selection = select(bundled, ["cruciates.stiffness", "all.femoral_attachment.anterior"])
-    values = np.asarray(selection.read(bundled))
-    stiffness = np.asarray(bundled.ligaments.stiffness)
-    assert values[0] == pytest.approx(stiffness[:2].mean(), rel=1e-14)
-    x = np.asarray(bundled.ligaments.femoral_attachment)[:, 0]
-    assert values[1] == pytest.approx(x.mean(), rel=1e-14)
+def test_stiffness_and_damping_of_a_group_are_sums_and_anything_else_the_mean(bundled):
+    fibres = bundled.ligaments
+    damped = eqx.tree_at(lambda k: k.ligaments.damping, bundled, jnp.array([1.0, 2.0, 0.0, 0.0]))
+    names = ["cruciates.stiffness", "cruciates.damping", "all.femoral_attachment.anterior",
+             "cruciates.reference_strain", "all.transition_strain", "MCL.stiffness"]  # fmt: skip
+    expected = [
+        fibres.stiffness[:2].sum(), 3.0, fibres.femoral_attachment[:, 0].mean(),
+        bundled.reference_strain()[:2].mean(), fibres.transition_strain.mean(), 2750.0,
+    ]  # fmt: skip
+    np.testing.assert_allclose(select(damped, names).read(damped), expected, rtol=1e-14)
+    # Beside a number of another part, each is read by itself.
+    both = select(damped, [*names, "medial.youngs_modulus"])
+    np.testing.assert_allclose(both.read(damped)[:-1], expected, rtol=1e-14)
+
+
+def test_fibres_that_have_nothing_share_what_their_group_gets(bundled):
+    """Every knee file leaves damping out; a factor times nothing was not a number."""
+    selection = select(bundled, ["cruciates.damping"])
+    damped = selection.apply(bundled, jnp.array([8.0]))
+    assert damped.ligaments.damping.tolist() == [4.0, 4.0, 0.0, 0.0]
+    slope = jax.jacfwd(lambda x: selection.apply(bundled, x).ligaments.damping)(jnp.array([8.0]))
+    assert slope[:, 0].tolist() == [0.5, 0.5, 0.0, 0.0]
+
+
+def test_a_structure_is_set_under_vmap_as_one_by_one(bundled):
+    selection = select(bundled, ["cruciates.stiffness"])
+    sums = jnp.array([[5000.0], [9500.0], [19000.0]])
+    many = jax.vmap(lambda x: selection.apply(bundled, x).ligaments.stiffness)(sums)
+    np.testing.assert_allclose(many[:, :2].sum(axis=1), sums[:, 0], rtol=1e-14)
+    np.testing.assert_array_equal(many[1], bundled.ligaments.stiffness)
+    np.testing.assert_array_equal(many[:, 2:], many[:1, 2:].repeat(3, axis=0))
 
 
 @pytest.mark.parametrize(

@@ -22,10 +22,13 @@ def import_both(data: Path, second: SecondKnee, out: Path) -> tuple[KneeFile, Kn
         second: the twin.
         out: folder to write into.
     """
+    # The iliotibial band begins on the pelvis: without a patella section it has no place.
+    band = next(name for name, original in second.fibres.items() if original == "ITB1")
+    # The twin has the two meshes of the tibiofemoral joint only.
+    less = "--without-patella", "--without", band
     orders = (
         (data / "lenhart2015.osim", "r", data / "meshes", out / "first"),
-        # The twin has the two meshes of the tibiofemoral joint only.
-        (second.model, second.side, second.model.parent, out / "second", "--without-patella"),
+        (second.model, second.side, second.model.parent, out / "second", *less),
     )
     for process in [_import(*order) for order in orders]:
         said = process.communicate(timeout=600)[0]

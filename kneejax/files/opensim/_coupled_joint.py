@@ -16,7 +16,7 @@ from kneejax.files.opensim._movement import Rigid, moved
 from kneejax.files.opensim._registration import Registration, flexion_coordinate, poses_of
 from kneejax.files.opensim._spatial_transform import transform_axes
 from kneejax.files.opensim._xml import Element
-from kneejax.geometry import FREE_COORDINATES, Pose
+from kneejax.geometry import FEMUR, FREE_COORDINATES, Pose
 
 _KIND = "CustomJoint"
 #: Between the angles at which a model's flexion is compared with its coordinate, rad.
@@ -46,8 +46,10 @@ def couple_knee(
             sign and a constant, or something else depends on a coordinate that goes.
     """
     model, (joint, *others) = edits.model, bones.joints
-    if others or joint.kind != _KIND or joint.reverse:
+    upwards = joint.child in bones.rigid and bones.rigid[joint.child][0] == FEMUR
+    if others or joint.kind != _KIND or joint.reverse or upwards or bones.turned:
         found = ", ".join(f"{one.kind} {one.name}" for one in bones.joints)
+        found += ", upwards" * upwards + ", with other axes" * bones.turned
         expected = f"one {_KIND} from femur to tibia, for its coordinates to follow flexion"
         raise model.file.problem(joint.element, "joint", found, expected)
     name = flexion_coordinate(model, bones)

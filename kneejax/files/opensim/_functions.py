@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import make_interp_spline
 from scipy.linalg import solve_banded
 
 from kneejax.files.opensim._xml import Element
+from kneejax.files.reading import plain_number
 
 #: Kinds of function that are understood.
 FUNCTIONS = (
     "Constant", "LinearFunction", "PolynomialFunction", "SimmSpline", "NaturalCubicSpline",
-    "PiecewiseLinearFunction", "MultiplierFunction",
+    "PiecewiseLinearFunction", "MultiplierFunction", "GCVSpline", "Sine",
 )  # fmt: skip
+#: Properties of an axis, a coordinate or a constraint that hold one.
+_HOLDERS = ("function", "prescribed_function", "coupled_coordinates_function")
 _SPLINES = ("SimmSpline", "NaturalCubicSpline")  # the second is the first's name in OpenSim 2
 
 
@@ -38,7 +43,7 @@ def evaluate(function: Element, arguments: Sequence[Any]) -> Any:
     """
     x = arguments[0] if arguments else 0.0
     if function.tag == "Constant":
-        return float(function.word("value", default="0"))
+        return _number(function.word("value", default="0"))
     if function.tag == "LinearFunction":
         # OpenSim 2 and 3 call them coefficients too; the constant comes last.
         *slopes, constant = _numbers(function, "coefficients", 2)
@@ -55,22 +60,29 @@ def evaluate(function: Element, arguments: Sequence[Any]) -> Any:
         inner = function_of(function)
         if inner is None:
             raise ValueError("no function to multiply")
-        return float(function.word("scale", default="1")) * evaluate(inner, arguments)
+        return _number(function.word("scale", default="1")) * evaluate(inner, arguments)
+    if function.tag == "GCVSpline":
+        return _natural(function, x)
+    if function.tag == "Sine":
+        size, rate, phase, middle = (
+            _number(function.word(tag, default=usual))
+            for tag, usual in (("amplitude", "1"), ("omega", "1"), ("phase", "0"), ("offset", "0"))
+        )
+        return size * np.sin(rate * np.asarray(x) + phase) + middle
     raise UnknownFunction(function.tag)
 
 
 def function_of(owner: Element) -> Element | None:
-    """The function of a transform axis or a multiplier: its child, or the child of <function>.
+    """The function of an axis, a multiplier, a coordinate or a constraint.
+
+    It is the child of `<function>` and the like, or a child itself: classes have capitals,
+    properties have none.
 
     Args:
         owner: the element.
     """
-    for child in owner.children:
-        if child.tag == "function":
-            return child.children[0] if child.children else None
-        if child.tag in FUNCTIONS or child.tag.endswith(("Function", "Spline")):
-            return child
-    return None
+    held = owner.child(*_HOLDERS)
+    return next((child for child in (held or owner).children if child.tag[:1].isupper()), None)
 
 
 def describe(function: Element) -> str:
@@ -80,12 +92,12 @@ def describe(function: Element) -> str:
         function: of any kind.
     """
     if function.tag == "Constant":
-        return f"constant {float(function.word('value', default='0')):g}"
+        return f"constant {_number(function.word('value', default='0')):g}"
     if function.tag in ("LinearFunction", "PolynomialFunction"):
         return f"{function.tag} {function.word('coefficients')}"
     if function.tag == "MultiplierFunction":
         inner = function_of(function)
-        scale = float(function.word("scale", default="1"))
+        scale = _number(function.word("scale", default="1"))
         return f"{scale:g} times {describe(inner) if inner is not None else 'nothing'}"
     count = len(function.word("x").split())
     return f"{function.tag} through {count} points" if count else function.tag
@@ -154,6 +166,22 @@ def simm_splines(knots: np.ndarray, values: np.ndarray, x: np.ndarray) -> np.nda
     return within + beyond * np.where(beyond < 0, first, last)
 
 
+def _natural(function: Element, x: Any) -> Any:
+    """The natural spline of degree `2 half_order - 1`; outside of degree `half_order - 1`."""
+    knots, values = _points(function)
+    if float(function.word("error_variance", default="0")) > 0:
+        raise ValueError("error_variance above 0: a spline that misses its points")
+    half = int(function.word("half_order", default="3"))
+    half = min(half, len(knots) // 2)
+    ends = [(order, 0.0) for order in range(half, 2 * half - 1)]
+    spline = make_interp_spline(
+        knots, values, k=2 * half - 1, bc_type=(ends, ends) if ends else None
+    )
+    inside = np.clip(x, knots[0], knots[-1])
+    beyond = np.asarray(x) - inside
+    return sum(spline(inside, i) * beyond**i / math.factorial(i) for i in range(half))
+
+
 def _third_difference(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Divided difference of four points."""
     for order in range(1, 4):
@@ -176,7 +204,14 @@ def _points(function: Element) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _numbers(function: Element, name: str, at_least: int) -> np.ndarray:
-    numbers = np.array([float(word) for word in function.word(name).split()])
+    numbers = np.array([_number(word) for word in function.word(name).split()])
     if len(numbers) < at_least or not np.isfinite(numbers).all():
         raise ValueError(f"{name}: {function.word(name) or 'missing'}")
     return numbers
+
+
+def _number(word: str) -> float:
+    found = plain_number(word)
+    if found is None:
+        raise ValueError(f"{word} is no number")
+    return found

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import os
 
-from kneejax.files.reading import Field, InputProblem, read_text
+from kneejax.files.reading import Field, InputProblem, load_json
 from kneejax.geometry import FREE_COORDINATES
-from kneejax.mechanics import Range, range_of_parameter
+from kneejax.mechanics import Knee, Range, range_of_parameter
+from kneejax.parameters import MEANING, fibres_summed
 
 #: Fields of a study's settings with values by parameter, in the order in which they are set.
 _FIXED = ("overrides", "start")
@@ -32,6 +32,8 @@ class Calibrated:
         correlation: parameters, and the correlation of their estimates as rows; empty where the
             result does not say.
         patella: whether the knee had its patella.
+        of_fibres: whether the file is older than stiffnesses that are sums over a structure's
+            fibres: its values are their means, and `of_structures` converts them.
     """
 
     knee: str
@@ -43,11 +45,28 @@ class Calibrated:
     standard_error: dict[str, float] = dataclasses.field(default_factory=dict)
     correlation: tuple[tuple[str, ...], tuple[tuple[float, ...], ...]] = ((), ())
     patella: bool = False
+    of_fibres: bool = False
 
     @property
     def values(self) -> dict[str, float]:
         """Parameter -> value; those that the study fixed, then those that it found."""
         return self.fixed | self.found
+
+    def of_structures(self, knee: Knee) -> Calibrated:
+        """The same with a structure's stiffness as the sum over its fibres.
+
+        Args:
+            knee: that was calibrated; it says how many fibres a structure has.
+        """
+        if not self.of_fibres:
+            return self
+        fixed, found, errors = (
+            {name: value * fibres_summed(knee, name) for name, value in values.items()}
+            for values in (self.fixed, self.found, self.standard_error)
+        )
+        return dataclasses.replace(
+            self, fixed=fixed, found=found, standard_error=errors, of_fibres=False
+        )
 
 
 def read_calibrated(path: str | os.PathLike[str]) -> Calibrated:
@@ -57,16 +76,14 @@ def read_calibrated(path: str | os.PathLike[str]) -> Calibrated:
         path: the file.
 
     Returns:
-        The knee and its numbers; `kneejax.load_knee` of the same file puts them into it.
+        The knee and its numbers; `kneejax.load_knee` of the same file puts them into it. Numbers of
+        an older file await `of_structures`.
 
     Raises:
         InputProblem: the file cannot be read or is no such result.
     """
     file, expected = os.fspath(path), "a result.json of kneejax calibrate"
-    try:
-        document = json.loads(read_text(path, expected))
-    except json.JSONDecodeError as error:
-        raise InputProblem(file, f"line {error.lineno}", error.msg, "JSON") from None
+    document = load_json(path, expected)
     if not isinstance(document, dict) or "parameters" not in document:
         raise InputProblem(file, "parameters", "missing", expected)
     whole = Field(file, "", document)
@@ -92,21 +109,28 @@ def read_calibrated(path: str | os.PathLike[str]) -> Calibrated:
         if one.value.get("standard_error") is not None
     }
     patella = "patella" in settings and settings["patella"].boolean()
+    ((mark, meaning),) = MEANING.items()
+    of_fibres = mark not in whole
+    if not of_fibres:
+        whole[mark].choice((meaning,))
     return Calibrated(
         knee.text(), fixed, found, _offsets(whole), study, noise, errors, _correlation(whole),
-        patella,
+        patella, of_fibres,
     )  # fmt: skip
 
 
 def _correlation(whole: Field) -> tuple[tuple[str, ...], tuple[tuple[float, ...], ...]]:
     """Names, and rows of a matrix in which nothing stands for zero; empty where it is missing."""
-    own = _fields(whole, "correlation")
-    if not own or not own["matrix"].value:
+    if not _fields(whole, "correlation"):
         return (), ()
-    names = tuple(item.text() for item in own["parameters"].items("names"))
+    matrix = _found(whole["correlation"], "matrix")
+    if not matrix.value:
+        return (), ()
+    listed = _found(whole["correlation"], "parameters").items("names")
+    names = tuple(item.text() for item in listed)
     rows = [
         tuple(0.0 if x.value is None else x.number() for x in row.items("numbers", len(names)))
-        for row in own["matrix"].items("rows", len(names))
+        for row in matrix.items("rows", len(names))
     ]
     return names, tuple(rows)
 

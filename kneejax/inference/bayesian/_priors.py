@@ -11,7 +11,15 @@ from numpy.typing import ArrayLike
 
 from kneejax.inference.fit import Problem
 from kneejax.mechanics import Knee
-from kneejax.parameters import Selection, UnsuitableData, prior_scales, stated, stated_bounds
+from kneejax.parameters import (
+    Selection,
+    UnsuitableData,
+    doubt_prior,
+    doubt_value,
+    prior_scales,
+    stated,
+    stated_bounds,
+)
 
 #: A frame is rarely off by more than 10 mm or degrees.
 _OFFSET_BOUND, _OFFSET_SD = 10.0, 5.0
@@ -114,6 +122,9 @@ def parameter_priors(
     found = []
     for i, own in enumerate(stated(selection, given or {}, "prior")):
         mean, sd = own or (values[i], usual[i])
+        if own:
+            doubt_value(knee, selection.names[i], mean)
+            doubt_prior(knee, selection.names[i], sd)
         numbers = map(float, (mean, sd, lower[i], upper[i]))
         found.append(_checked(Prior(selection.names[i], *numbers)))
     return tuple(found)

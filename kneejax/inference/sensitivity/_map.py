@@ -13,7 +13,14 @@ from kneejax.inference.sensitivity._map_cases import MapCases
 from kneejax.inference.sensitivity._map_study import LoadedMaps, Maps, PassiveMaps
 from kneejax.inference.sensitivity._parameter_map import BlockStore, ParameterMap
 from kneejax.mechanics import Knee, Load
-from kneejax.parameters import Selection, UnknownParameter, UnsuitableData, select, stated_bounds
+from kneejax.parameters import (
+    Selection,
+    UnknownParameter,
+    UnsuitableData,
+    doubt_value,
+    select,
+    stated_bounds,
+)
 from kneejax.statics import FAILURES, Progress, Stations, Status
 
 
@@ -149,6 +156,8 @@ def map_ranges(
     """
     selection = select(knee, _distinct_names(knee, pairs))
     lower, upper = stated_bounds(knee, selection, bounds or {})
+    for name, end in zip(selection.names, upper.tolist(), strict=True):
+        doubt_value(knee, name, end)
     if min(grid) < 2:
         shown = f"{grid[0]}x{grid[1]}"
         raise UnsuitableData(f"a grid of {shown} points: expected at least two along each axis")

@@ -17,7 +17,15 @@ from kneejax.inference.sensitivity._global_indices import (
     global_indices,
 )
 from kneejax.mechanics import Knee
-from kneejax.parameters import Selection, UnsuitableData, looked_up, prior_scales, select, stated
+from kneejax.parameters import (
+    Selection,
+    UnsuitableData,
+    doubt_value,
+    looked_up,
+    prior_scales,
+    select,
+    stated,
+)
 from kneejax.statics import FAILURES, Progress, Stations, Status, balance_lines, balance_many, fails
 
 #: Half a range where none is stated, in standard deviations of the prior: that of a uniform
@@ -207,5 +215,6 @@ def index_ranges(
             lower[i], upper[i] = max(lower[i], limits[0]), min(upper[i], limits[1])
         if asked is not None:
             lower[i], upper[i] = asked
+            doubt_value(knee, selection.names[i], asked[1])
     check_request(method, selection.names, lower, upper, samples)
     return lower, upper

@@ -10,10 +10,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kneejax.mechanics import Knee
-from kneejax.parameters import Selection, UnsuitableData, default_bounds, select, unphysiological
+from kneejax.parameters import (
+    Selection,
+    UnsuitableData,
+    default_bounds,
+    doubt_value,
+    select,
+    structure_range,
+    unphysiological,
+)
 from kneejax.statics import FAILURES, Progress, Stations, Status, balance_lines, fails
 
-#: Ranges of paper 1, section 3; other quantities go over their bounds.
+#: Ranges of paper 1, section 3, of structures; other quantities go over their bounds.
 SWEEP_RANGES = {"stiffness": (300.0, 9300.0), "reference_strain": (-0.2, 0.2)}
 #: Values of a parameter where nobody says how many.
 USUAL_COUNT = 31
@@ -90,7 +98,8 @@ def sweep(
     Args:
         knee: gives everything that is not varied.
         parameters: names or wildcards; or a mapping from them to values, None for the usual ones:
-            `count` values from 300 to 9300 N, from -0.2 to 0.2 of reference strain (paper 1), over
+            `count` values from 300 to 9300 N (paper 1; of a structure drawn as several fibres also
+            a quarter to four times its own), from -0.2 to 0.2 of reference strain (paper 1), over
             a fifth of the slack length to either side, or over the bounds of the quantity.
         stations: load cases: angles in degrees, or `Stations` with loads of their own.
         count: how many values where none are given.
@@ -174,6 +183,7 @@ def sweep_values(
         stated = given.get(owner[name])
         line = _usual(knee, selection, i, count) if stated is None else np.asarray(stated, float)
         values.append(_checked(name, line))
+        doubt_value(knee, name, float(line[-1]))
     return selection, values
 
 
@@ -195,6 +205,8 @@ def _usual(knee: Knee, selection: Selection, index: int, count: int) -> np.ndarr
     quantity = selection.quantity(index)
     if quantity in SWEEP_RANGES:
         low, high = SWEEP_RANGES[quantity]
+        if quantity == "stiffness" and selection.fibres(index):
+            low, high = structure_range(knee, selection.fibres(index), (low, high))
     elif quantity == "slack_length":
         value = float(selection.read(knee)[index])
         low, high = (1 - _SLACK) * value, (1 + _SLACK) * value

@@ -8,6 +8,7 @@ import numpy as np
 
 from kneejax.geometry import COORDINATES, FREE_COORDINATES
 from kneejax.inference import IntervalKind
+from kneejax.parameters import sums_in_words
 from kneejax.statics import Status
 
 if TYPE_CHECKING:
@@ -31,6 +32,8 @@ def calibration_notes(calibration: Calibration) -> list[str]:
             "On a bound: " + ", ".join(bound) + ". The model lacks something that these try to "
             "make up for, or the bounds are too narrow."
         )
+    if sums := sums_in_words(fit.motion.knee, [e.name for e in fit.estimates]):
+        notes.append(sums)
     if fit.objective > 0:
         notes.append(_worst(calibration))
     if calibration.left_out:

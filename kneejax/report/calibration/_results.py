@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from kneejax.parameters import MEANING
 from kneejax.report.calibration._notes import calibration_notes
 from kneejax.report.calibration._tests import laxity_errors
 from kneejax.report.calibration._verdict import message, outcome, reasons, remark, warnings
@@ -127,6 +128,7 @@ def result_document(calibration: Calibration) -> dict[str, Any]:
             "seconds": calibration.seconds,
             "versions": calibration.versions,
             "settings": calibration.settings,
+            **MEANING,
         }
     )
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from kneejax.geometry import COORDINATES
 from kneejax.inference import IntervalKind
+from kneejax.parameters import sums_in_words
 from kneejax.report.calibration._starts import starts_words
 from kneejax.report.calibration._tests import axis_label_of, errors_to_show
 from kneejax.report.calibration._verdict import (
@@ -34,6 +35,7 @@ from kneejax.report.look import (
 if TYPE_CHECKING:
     from kneejax.inference import Calibration
 
+
 def calibration_summary(calibration: Calibration) -> str:
     """Say on a terminal what a calibration found.
 
@@ -58,6 +60,7 @@ def calibration_summary(calibration: Calibration) -> str:
     )
     lines += wrapped(f"Search: {search(calibration, fit)}")
     lines += ["", *_parameter_table(calibration)]
+    lines += wrapped(sums_in_words(fit.motion.knee, [e.name for e in fit.estimates]))
     noise = _noise_words(calibration)
     lines += ["", *wrapped(" ".join(filter(None, [noise, known_words(calibration)])))]
     lines += wrapped(starts_words(fit))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kneejax.inference import Interval, IntervalKind, same_ends
+from kneejax.parameters import sums_in_words
 from kneejax.report.identification._information_words import reason_words
 from kneejax.report.look import aligned, number, wrapped
 
@@ -129,6 +130,7 @@ def estimates_text(found: Identification, sampled: Posterior | None = None) -> s
         f"numbers, noise {noise}."
     )
     lines += ["", *aligned(table, (0, len(table[0]) - 1))]
+    lines += wrapped(sums_in_words(found.problem.knee, found.selection.names))
     said, warnings = agreement(found, sampled), fit_doubts(found)
     lines += [""] * bool(said or warnings)
     for sentence in said:

@@ -15,6 +15,11 @@ from kneejax.report.look import aligned, trimmed, wrapped
 
 #: More fibres than this are gathered by their groups.
 MOST_ROWS = 15
+_FIXED_SPACE = "\u00a0"  # where no line is broken
+_STRUCTURES = (
+    "By a group's name (--set, parameters, bounds, results): its stiffness is the sum over its "
+    "fibres, any other number their mean; setting it keeps how they differ."
+)
 _SIZES = {"radius_mm": "radius", "length_mm": "length", "semi_axes_mm": "semi-axes"}
 
 
@@ -153,8 +158,14 @@ def _groups(knee: Knee, rows: Mapping[str, list[int]]) -> list[str]:
         inside = [bundle for bundle, members in bundles.items() if members <= set(fibres)]
         together = set().union(*(bundles[bundle] for bundle in inside))
         whole = name not in inside and together == set(fibres)
-        said.append(f"{name} = {' + '.join(inside if whole else fibres)}")
-    return wrapped("; ".join(said), "  groups: ") if said else []
+        rows_of = [names.index(fibre) for fibre in fibres]
+        total = np.asarray(knee.ligaments.stiffness)[rows_of].sum()
+        said.append(
+            f"{name} = {' + '.join(inside if whole else fibres)}, {total:.0f}{_FIXED_SPACE}N"
+        )
+    lines = wrapped("; ".join(said), "  groups: ") if said else []
+    lines = [line.replace(_FIXED_SPACE, " ") for line in lines]
+    return lines + (wrapped(_STRUCTURES, "  ") if knee.groups else [])
 
 
 def _way(part: Mapping[str, Any]) -> str:

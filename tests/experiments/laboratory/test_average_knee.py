@@ -39,7 +39,7 @@ def test_its_study_is_bundled_and_whole():
     study = kj.read_study("average_knee")
     assert study.knee.name == "average_knee"
     # It begins at the published numbers, about which the prior lies, not at what was fitted.
-    assert study.start["ACLam.stiffness"] == 820.0
+    assert study.start["ACLam.stiffness"] == 4920.0  # six fibres of 820 N
     whole = kj.load_knee("lenhart2015")
     published = np.asarray(study.selection.read(whole))
     np.testing.assert_allclose(study.selection.read(study.knee_at_start), published, rtol=1e-4)

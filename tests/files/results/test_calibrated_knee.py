@@ -15,7 +15,7 @@ from kneejax.files import (
     read_calibrated,
     write_calibrated_knee,
 )
-from kneejax.parameters import UnknownParameter
+from kneejax.parameters import MEANING, UnknownParameter, fibres_summed
 
 FOUND = {
     "ACL.reference_strain": 0.05, "ACL.femoral_attachment.anterior": -3.0, "PCL.stiffness": 5000.0,
@@ -50,9 +50,7 @@ def test_the_file_and_the_result_are_the_knee_that_was_found(tmp_path):
     write_calibrated_knee(path, tmp_path / "knee.yaml")
     for place in (path, tmp_path / "knee.yaml"):
         read = load_knee_file(place)
-        for one, two in zip(
-            jax.tree.leaves(read.knee), jax.tree.leaves(expected()), strict=True
-        ):
+        for one, two in zip(jax.tree.leaves(read.knee), jax.tree.leaves(expected()), strict=True):
             np.testing.assert_allclose(one, two, rtol=1e-12, atol=0.0)
         assert read.knee.name == "four_ligament calibrated"
         said = read.sources
@@ -107,3 +105,30 @@ def test_a_knee_that_was_calibrated_with_its_patella_has_the_numbers_of_it(tmp_p
         assert kj.select(knee, tuple(found)).read(knee).tolist() == list(found.values())
         two = kj.load_knee(place)
         assert two.bodies == ("tibia",) and float(two.ligaments.stiffness[0]) == 4000.0
+
+
+@pytest.mark.parametrize("marked", [False, True])
+def test_an_older_result_has_means_of_fibres_which_become_sums(marked, tmp_path):
+    """Of values that were found, of those that the study set, and of their errors."""
+    knee = kj.load_knee("lenhart2015_reduced")
+    values = {"ACL.stiffness": 4000.0, "MCL.slack_length": 75.0, "LCL.stiffness": 2000.0}
+    settings = {"knee": "lenhart2015_reduced", "overrides": {"MCL.stiffness": 2100.0}, "start": {}}
+    found = {n: {"value": x, "standard_error": 10.0} for n, x in values.items()}
+    path = result(tmp_path, parameters=found, settings=settings, **MEANING if marked else {})
+    read = read_calibrated(path).of_structures(knee)
+    times = {} if marked else {"ACL.stiffness": 2.0, "MCL.stiffness": 3.0}
+    expected = values | {"MCL.stiffness": 2100.0}
+    assert read.values == {n: x * times.get(n, 1.0) for n, x in expected.items()}
+    assert read.standard_error == {n: 10.0 * times.get(n, 1.0) for n in values}
+    assert read.of_structures(knee) is read
+    calibrated = kj.load_knee(path)
+    names = [*read.values]
+    assert [fibres_summed(knee, name) for name in names] == [3, 2, 1, 1]
+    np.testing.assert_allclose(
+        kj.select(calibrated, names).read(calibrated), [*read.values.values()], rtol=1e-12
+    )
+
+
+def test_a_result_whose_stiffness_is_of_something_else_is_refused(tmp_path):
+    with pytest.raises(InputProblem, match="stiffness_of: fibre: expected one of structure"):
+        read_calibrated(result(tmp_path, stiffness_of="fibre"))

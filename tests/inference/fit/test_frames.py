@@ -149,7 +149,7 @@ def test_what_a_motion_tells_can_be_asked_before_anything_is_fitted():
     [
         ({"period_s": 0.4}, "period_s: 0.4 s of rows over 0.45.*; expected a longer one"),
         ({"harmonics": 6}, "harmonics: 6; expected at most 5 from 12 rows"),
-        ({"time_s": [0.0, 0.1, 0.1]}, "time 0.1 s follows 0.1 s"),
+        ({"time_s": [0.0, 0.1, 0.1]}, "time_s: 0.1 s after 0.1 s; expected times that rise"),
     ],
 )
 def test_frames_that_cannot_be_are_refused(given, sentence):

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from kneejax import report
-from kneejax.files import load_knee_file
+from kneejax.files import bundled_knees, load_knee_file
+from kneejax.parameters import select
 
 
 @pytest.fixture(scope="module")
@@ -39,6 +40,26 @@ def test_layer_form_points_and_fits_are_said(full):
         assert f"{part['tibial_surface']['fit_rms_mm']:.3f} mm rms" in text
     assert "ellipsoid on the tibia, semi-axes 30 x 18 x 12 mm, for 11 fibres" in text
     assert " ".join(full.document["notes"].split()[:6]) in " ".join(text.split())
+
+
+@pytest.mark.parametrize("name", bundled_knees())
+def test_stiffnesses_are_those_that_parameters_have(name):
+    """Of fibres, of bundles and of structures: what is printed may be given."""
+    file = load_knee_file(name)
+    text = report.knee_text(file.knee, file.document)
+    section = text.split("\nLigaments: ", 1)[1].split("\n\n", 1)[0]
+    table, *groups = section.split("\n  groups: ")
+    head, *lines = [line.split() for line in table.splitlines()[1:]]
+    parts = {*file.knee.ligaments.names, *dict(file.knee.groups)}
+    column = head.index("stiffness_N")
+    printed = {words[0]: float(words[column]) for words in lines if words[0] in parts}
+    for one in " ".join(groups).split("\n  By a")[0].split(";"):
+        group, _, rest = " ".join(one.split()).partition(" = ")
+        printed |= {group: float(rest.split(", ")[-1].removesuffix(" N"))} if rest else {}
+    assert printed.keys() >= dict(file.knee.groups).keys()
+    for part, stiffness in printed.items():
+        found = float(select(file.knee, [f"{part}.stiffness"]).read(file.knee)[0])
+        assert stiffness == float(f"{found:.0f}"), part
 
 
 def test_few_fibres_have_a_row_each_with_their_strain():
