@@ -201,9 +201,7 @@ def _fits(
             _tell(progress, f"procedure III, {asked.starts} starts side by side")
             reached = [_from_several(knees.problems[row], members[row]) for row in every]
             best = [ends[np.argmin(objectives)] for ends, objectives in reached]
-            begin = [
-                _walked(knees.problems[row], first[row].knee[0], best[row]) for row in every
-            ]
+            begin = [_walked(knees.problems[row], first[row].knee[0], best[row]) for row in every]
         trails = run_side_by_side(knees, procedure, begin, lower, upper, **search)
         if not number:
             _tell(progress, f"95 % limits of {len(lower)} numbers")
