@@ -210,8 +210,9 @@ class MeasuredTest:
                         f"loads or more for each constant of {self.counted_from}, which otherwise "
                         "absorbs them"
                     )
-        here = np.arange(len(partner))
-        if (partner == here).all() and not any(name not in seen for name in self.readings):
+        left = partner != np.arange(len(partner))
+        beside = any(name not in seen for name in self.readings)
+        if not beside and all(np.isnan(values[left]).all() for values in seen.values()):
             raise ValueError(
                 f"counted_from: {self.counted_from} and no other row; expected rows beside those "
                 "that others are counted from"

@@ -30,8 +30,9 @@ from kneejax.inference.intervals import Surety
 from kneejax.parameters import UnknownParameter, UnsuitableData
 from kneejax.statics import Slopes
 
-#: Part of a poor objective below which a walk to the same answer has found other balances.
-_LOWER = 0.9
+#: Chi squared, as the fit leaves it, by which a walk to the same answer must fit better for it to
+#: have found other balances.
+_LOWER = 0.5
 #: Chi squared by which a fit must be better for the search to go on from it.
 _FARTHER_DOWN = 0.1
 #: How often steps through time are chosen anew for an answer.
@@ -147,8 +148,8 @@ def _answers(
     """Answers of knees whose load cases that count are the same.
 
     A search follows each balance from one step to the next, and may follow it past the end of its
-    branch to another. Where a fit is poor, the knee is walked to its answer as tests are made; if
-    that fits better, the search goes on from there.
+    branch to another. Where tests were made or a fit is poor, the knee is walked to its answer as
+    tests are made; if that fits better, the search goes on from there.
     """
     begin = [first.take([row]) for row in range(len(members))]
     fits, sure = _fits(knees, members, begin, progress)
@@ -158,9 +159,11 @@ def _answers(
     ]
     anew = {}
     for row, answer in enumerate(answers):
-        if answer.misfits and answer.fit.success:
-            walked = _walked(knees.problems[row], first.knee[row], _values(answer))
-            if objective_of(knees.problems[row], walked) < _LOWER * answer.fit.objective:
+        problem, objective = knees.problems[row], answer.fit.objective
+        if (answer.misfits or problem.tests) and answer.fit.success:
+            walked = _walked(problem, first.knee[row], _values(answer))
+            spare = max(problem.counted_numbers - problem.size, 1)
+            if objective_of(problem, walked) < objective * (1.0 - _LOWER / spare):
                 anew[row] = walked
     if not anew:
         return answers
