@@ -174,22 +174,6 @@ def test_constants_that_absorb_all_that_was_read_are_refused(tmp_path, rows, cou
         study(tmp_path, [item])
 
 
-def test_constants_that_leave_something_of_each_reading_are_taken(tmp_path):
-    table(
-        tmp_path, rows=[(30.0, -90.0, -4.0), (30.0, 90.0, 5.8), (60.0, 0.0, 1.0), (60.0, 9.0, 2.0)]
-    )
-    item = {"name": "drawer", "file": "drawer.csv", "counted_from": "offset_each_flexion"}
-    assert len(study(tmp_path, [item]).tests) == 1
-
-
-def test_a_frame_offset_of_a_single_pose_is_refused():
-    knee = kj.load_knee("four_ligament")
-    with pytest.raises(
-        UnsuitableData, match="frame_offset: lateral with 1 measured pose; expected"
-    ):
-        kj.calibrate(knee, np.zeros((1, 6)), ("ACL.stiffness",), offsets=("lateral",))
-
-
 def test_two_tests_have_two_names(tmp_path):
     table(tmp_path)
     twice = [{"name": "drawer", "file": "drawer.csv"}] * 2
