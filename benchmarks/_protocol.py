@@ -100,8 +100,6 @@ def finish(out: Path, question: str, rows: dict[str, object]) -> None:
 
 
 def _shown(value: object) -> str:
-    return (
-        f"{value:,.4g}"
-        if isinstance(value, float) and abs(value) < 1e4
-        else (f"{value:,.0f}" if isinstance(value, float) else str(value))
+    return f"{value:,.4g}" if isinstance(value, float) and abs(value) < 1e4 else (
+        f"{value:,.0f}" if isinstance(value, float) else str(value)
     )

@@ -28,7 +28,9 @@ TESTS = {"internal_Nm": "torsion", "varus_Nm": "varus-valgus", "anterior_N": "dr
 FITTED = "robot_anterior_90N"
 
 
-def beside(knee, band: LaxityBand, own_rest: bool = False) -> list[tuple[str, float, float, float]]:
+def beside(
+    knee, band: LaxityBand, own_rest: bool = False
+) -> list[tuple[str, float, float, float]]:
     """What, found, published and its spread, at each flexion of a published laxity.
 
     Args:

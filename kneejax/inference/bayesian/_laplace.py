@@ -43,7 +43,9 @@ def most_probable(problem: Problem, priors: tuple[Prior, ...], fit: np.ndarray) 
     return found.slopes
 
 
-def laplace_covariance(problem: Problem, found: Slopes, priors: tuple[Prior, ...]) -> np.ndarray:
+def laplace_covariance(
+    problem: Problem, found: Slopes, priors: tuple[Prior, ...]
+) -> np.ndarray:
     """Covariance of the normal density at the most probable parameters (Laplace's approximation).
 
     Args:

@@ -56,7 +56,9 @@ class MapCases:
     base: np.ndarray
 
     @classmethod
-    def of(cls, problem: Problem, offsets: tuple[str, ...], base: np.ndarray, failures) -> MapCases:
+    def of(
+        cls, problem: Problem, offsets: tuple[str, ...], base: np.ndarray, failures
+    ) -> MapCases:
         """Balance the knee itself at all load cases.
 
         Args:
@@ -103,7 +105,6 @@ class MapCases:
         """Balance lines of variants, as `kneejax.statics.balance_lines`, part by part."""
         found, done = [], 0
         for number, part in enumerate(self.parts):
-
             def report(count: int, of: int, before: int = done) -> None:
                 progress(before + count, of)
 
@@ -141,7 +142,9 @@ class MapCases:
         q, meeting = nodes("q"), nodes("meeting")
         still = [np.broadcast_to(0.0, (*x.shape, size)) for x in (q, meeting)]
         stiff = np.broadcast_to(0.0, (*q.shape, q.shape[-1]))
-        slopes = Slopes(values[:, :size], q, still[0], meeting, still[1], stiff, nodes("status"))
+        slopes = Slopes(
+            values[:, :size], q, still[0], meeting, still[1], stiff, nodes("status")
+        )
         error, residual = self.cases.error(slopes)[0], self.cases.residual(slopes)[0]
         return (residual**2).sum(axis=1), np.moveaxis((error**2).sum(axis=1), -1, 0)
 

@@ -61,7 +61,9 @@ def write_cohort_report(
     if summary.fitted and summary.units:
         drawn["parameters"] = forest_figure(summary)
     if np.isfinite(summary.correlation).any():
-        drawn["correlation"] = correlation_matrix_figure(list(summary.units), summary.correlation)
+        drawn["correlation"] = correlation_matrix_figure(
+            list(summary.units), summary.correlation
+        )
     for name, figure in drawn.items():
         written, pictures[name] = save_and_inline(figure, folder / "figures", name, svg=svg)
         paths += written

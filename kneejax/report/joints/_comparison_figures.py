@@ -55,7 +55,9 @@ def joint_comparison_figure(
     # One column would leave the page half empty, four need all of it.
     width = {1: 0.55, 2: 0.85}.get(len(names), 1.0) * WIDTH
     figure = Figure(figsize=(width, 8.4))
-    panels = figure.subplots(len(MEASURES), len(names), sharex=True, sharey="row", squeeze=False)
+    panels = figure.subplots(
+        len(MEASURES), len(names), sharex=True, sharey="row", squeeze=False
+    )
     figure.subplots_adjust(
         left=0.78 / width, right=1.0 - 0.08 / width, top=0.925, bottom=0.055, wspace=0.07,
         hspace=0.12,

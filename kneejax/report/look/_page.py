@@ -58,12 +58,15 @@ def section(title: str, body: str) -> str:
     return f"<section>\n<h2>{escape(title)}</h2>\n{body}</section>\n"
 
 
-def table(header: Sequence[str], rows: Iterable[Sequence[str]], words: Sequence[int] = (0,)) -> str:
+def table(
+    header: Sequence[str], rows: Iterable[Sequence[str]], words: Sequence[int] = (0,)
+) -> str:
     """A table of plain text; columns in `words` are words, the others numbers."""
 
     def cells(tag: str, row: Sequence[str]) -> str:
         return "".join(
-            f"<{tag}{'' if i in words else ' class=n'}>{_minus(escape(text), i in words)}</{tag}>"
+            f"<{tag}{'' if i in words else ' class=n'}>"
+            f"{_minus(escape(text), i in words)}</{tag}>"
             for i, text in enumerate(row)
         )
 

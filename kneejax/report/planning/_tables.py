@@ -97,7 +97,9 @@ def plan_rows(result: PlanResult) -> list[list[Any]]:
 def octagon_rows(result: PlanResult) -> list[list[float]]:
     """Paper 2's Table 4: position, strain distance of each ligament, and of all."""
     found = result.octagon
-    return [[k + 1, *found.distance[k], found.total[k]] for k in range(len(found.choices))]
+    return [
+        [k + 1, *found.distance[k], found.total[k]] for k in range(len(found.choices))
+    ]
 
 
 def curve_rows(result: PlanResult) -> Iterator[list[Any]]:

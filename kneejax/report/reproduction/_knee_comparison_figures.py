@@ -220,15 +220,8 @@ def _legend(figure: Figure, knee: KneeStudy, height: float, colours, scale, para
     ]
     handles += [
         Line2D(
-            [],
-            [],
-            color=GREY,
-            linestyle=dashes,
-            marker="o",
-            markersize=4,
-            markerfacecolor=fill,
-            linewidth=0.9,
-            label=verbatim(name),
+            [], [], color=GREY, linestyle=dashes, marker="o", markersize=4, markerfacecolor=fill,
+            linewidth=0.9, label=verbatim(name),
         )
         for name, (dashes, fill) in zip(knee.contacts, _CONTACT_STYLES, strict=False)
     ]

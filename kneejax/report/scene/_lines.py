@@ -131,7 +131,9 @@ def _drawn(fibres: Fibres, state: State):
     return drawn, fibres.length(state)
 
 
-def obstacles(knee: Knee, every: Sequence[Line], places: Places) -> list[tuple[np.ndarray, str]]:
+def obstacles(
+    knee: Knee, every: Sequence[Line], places: Places
+) -> list[tuple[np.ndarray, str]]:
     """Grids of what ligaments go around, in their bones' frames, each once, with their bones.
 
     Args:

@@ -52,7 +52,9 @@ def map_figure(found: ParameterMap) -> Figure:
 
     figure = Figure(figsize=(WIDTH, 5.55))
     panels = figure.subplots(2, 3, sharex=True, sharey=True)
-    figure.subplots_adjust(left=0.085, right=0.945, top=0.9, bottom=0.165, wspace=0.26, hspace=0.2)
+    figure.subplots_adjust(
+        left=0.085, right=0.945, top=0.9, bottom=0.165, wspace=0.26, hspace=0.2
+    )
     figure.text(0.01, 0.99, f"{_ERRORS}; the objective is their weighted sum", va="top")
     names = list(COORDINATES)[1:]
     spots = [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2)]
@@ -92,7 +94,9 @@ def map_matrix_figure(found: Sequence[ParameterMap]) -> Figure:
     figure = Figure(figsize=(side, side))
     panels = figure.subplots(size, size, squeeze=False)
     edge = 0.75 / side
-    figure.subplots_adjust(left=edge, right=0.99, top=0.985, bottom=edge, wspace=0.08, hspace=0.08)
+    figure.subplots_adjust(
+        left=edge, right=0.99, top=0.985, bottom=edge, wspace=0.08, hspace=0.08
+    )
     for axes in panels.flat:
         axes.set_axis_off()
     drawn = np.concatenate([one.objective[one.drawn] for one in found])
@@ -159,11 +163,15 @@ def _filled(axes: Axes, found: ParameterMap, values: np.ndarray, limits):
         filled = axes.contourf(
             found.x, found.y, masked, levels, norm=norm, cmap=_COLOURS, extend="neither"
         )
-        axes.contour(found.x, found.y, masked, levels, colors="white", linewidths=0.35, alpha=0.7)
+        axes.contour(
+            found.x, found.y, masked, levels, colors="white", linewidths=0.35, alpha=0.7
+        )
     doubtful = found.condition == _FADED
     if doubtful.any():
         inside = np.ma.masked_where(~_padded(doubtful), np.ones(doubtful.shape))
-        axes.contourf(found.x, found.y, inside, [0.5, 1.5], colors="white", alpha=0.6, zorder=2)
+        axes.contourf(
+            found.x, found.y, inside, [0.5, 1.5], colors="white", alpha=0.6, zorder=2
+        )
         handles[_FADED_LABEL] = Patch(facecolor="#B5D5D2", edgecolor="none")
     for condition, (hatch, label) in _HATCHES.items():
         where = found.condition == condition
@@ -179,11 +187,8 @@ def _filled(axes: Axes, found: ParameterMap, values: np.ndarray, limits):
 def _padded(where: np.ndarray) -> np.ndarray:
     """With the neighbours: between grid points nothing is drawn otherwise."""
     padded = np.pad(where, 1)
-    return (
-        padded[1:-1, 1:-1]
-        | padded[:-2, 1:-1]
-        | padded[2:, 1:-1]
-        | (padded[1:-1, :-2] | padded[1:-1, 2:])
+    return padded[1:-1, 1:-1] | padded[:-2, 1:-1] | padded[2:, 1:-1] | (
+        padded[1:-1, :-2] | padded[1:-1, 2:]
     )
 
 

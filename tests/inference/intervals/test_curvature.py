@@ -90,7 +90,8 @@ def test_limits_in_a_bent_valley_are_where_another_search_finds_them_in_fewer_lo
             starts = np.random.default_rng(i).normal(size=(10, 3))
             inside = {"type": "ineq", "fun": lambda x: 3.84 - chi2(x)}
             ends = [
-                minimize(lambda x, i=i, way=way: -way * x[i], x, constraints=inside) for x in starts
+                minimize(lambda x, i=i, way=way: -way * x[i], x, constraints=inside)
+                for x in starts
             ]
             farthest = max(way * one.x[i] for one in ends if one.success)
             assert way * end == pytest.approx(farthest, rel=0.03)

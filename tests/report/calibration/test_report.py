@@ -60,11 +60,7 @@ def _all_failed(calibration):
         correlation=np.full((8, 8), np.nan),
         estimates=tuple(
             dataclasses.replace(
-                e,
-                value=np.nan,
-                standard_error=np.nan,
-                low=np.nan,
-                high=np.nan,
+                e, value=np.nan, standard_error=np.nan, low=np.nan, high=np.nan,
                 interval=IntervalKind.NOT_DETERMINED,
             )
             for e in fit.estimates
