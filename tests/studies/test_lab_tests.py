@@ -151,6 +151,29 @@ def test_what_a_test_cannot_be_is_refused(tmp_path, item, said):
         study(tmp_path, [{"name": "drawer", "file": "drawer.csv"} | item])
 
 
+@pytest.mark.parametrize(
+    ("rows", "counted_from", "said"),
+    [
+        # Each reading is the only one at its flexion.
+        ([(29.8, -90.0, -4.0), (30.4, 90.0, 5.8)], "offset_each_flexion",
+         r"anterior under one load at 29.8 degrees: expected readings under two loads or more"),
+        # Two readings of the same state differ by noise alone.
+        ([(30.0, 90.0, 4.0), (30.0, 90.0, 4.4), (60.0, 90.0, 3.0), (60.0, 0.0, 0.0)],
+         "offset_each_flexion", "anterior under one load at 30 degrees"),
+        ([(30.0, 90.0, 4.0)], "offset", "anterior under one load: expected"),
+        ([(30.0, 0.0, 4.0), (60.0, 0.0, 3.0), (60.0, 9.0, np.nan)], "least_load",
+         "least_load and no other row: expected rows beside those"),
+    ],
+)  # fmt: skip
+def test_constants_that_absorb_all_that_was_read_are_refused(tmp_path, rows, counted_from, said):
+    file = "drawer.csv"
+    lines = [",".join("" if np.isnan(x) else f"{x:g}" for x in row) for row in rows]
+    (tmp_path / file).write_text("\n".join(["flexion_deg,anterior_N,anterior_mm", *lines]))
+    item = {"name": "drawer", "file": file, "counted_from": counted_from}
+    with pytest.raises(InputProblem, match=rf"tests\[0\].counted_from: {said}"):
+        study(tmp_path, [item])
+
+
 def test_two_tests_have_two_names(tmp_path):
     table(tmp_path)
     twice = [{"name": "drawer", "file": "drawer.csv"}] * 2
@@ -244,6 +267,8 @@ def test_a_tension_of_a_line_acts_and_one_of_a_ligament_was_read(tmp_path):
     table(tmp_path, header=header, rows=[(30.0, 0.0, 1.0, 200.0), (60.0, 0.0, 2.0, np.nan)])
     with pytest.raises(InputProblem, match="row 2: empty: expected a tension in every row"):
         study(tmp_path)
+
+
 def test_a_published_range_is_counted_between_opposite_loads(tmp_path):
     item = {"name": "drawer", "file": "markolf1978_drawer", "load": {"anterior_N": 100}}
     (test,) = study(tmp_path, [item]).tests

@@ -137,7 +137,7 @@ class MeasuredTest:
         self._check_readings(shape[:1])
         self._check_weight(shape[:1])
         self._check_frames()
-        self.partner  # noqa: B018 - says what does not fit
+        self._check_information()
 
     def _check_readings(self, shape: tuple[int]) -> None:
         if self.counted_from == "intact" and not self.cut:
@@ -190,6 +190,37 @@ class MeasuredTest:
         if rows.max() > 1 and self.frames is None and not (self.loads and told):
             found = f"{angles[rows > 1][0]:g} degrees {rows.max()} times"
             raise WrongValue("flexion_deg", found, "each once, since no load acts")
+
+    def _check_information(self) -> None:
+        """Each unknown constant leaves something of the readings that share it, and so do the rows
+        from which others are counted."""
+        partner, groups = self.partner, self.groups
+        weight = np.ones(len(partner)) if self.weight is None else self.weight
+        seen = {name: x for name, x in zip(FREE_COORDINATES, self.observed.T, strict=True)}
+        seen |= {name: x for name, x in self.readings.items() if name in OTHER_COLUMNS}
+        acting = [*self.loads.values(), *self.tensions.values()]
+        setting = np.column_stack([self.flexion_deg, *acting])
+        for name, values in seen.items():
+            counts = np.isfinite(values) & (weight > 0)
+            for group in np.unique(groups[(groups >= 0) & counts]):
+                rows = np.flatnonzero((groups == group) & counts)
+                # What was read twice under the same load differs by noise alone.
+                if self.frames is None and len(np.unique(setting[rows], axis=0)) < 2:
+                    where = f" at {self.flexion_deg[rows[0]]:g} degrees"
+                    where = where if self.counted_from == "offset_each_flexion" else ""
+                    raise WrongValue(
+                        "counted_from",
+                        f"{name} under one load{where}",
+                        f"readings under two loads or more for each constant of "
+                        f"{self.counted_from}, which otherwise absorbs them",
+                    )
+        left = partner != np.arange(len(partner))
+        beside = any(name not in seen for name in self.readings)
+        if not beside and all(np.isnan(values[left]).all() for values in seen.values()):
+            found = f"{self.counted_from} and no other row"
+            raise WrongValue(
+                "counted_from", found, "rows beside those that others are counted from"
+            )
 
     @property
     def bent_deg(self) -> np.ndarray:
