@@ -27,25 +27,26 @@ HERE = Path(__file__).resolve().parent
 #: Fibre -> femoral and tibial end, mm, stiffness, N per unit strain, and reference strain, of the
 #: model: what somebody would take from the literature.
 FIBRES = {
-    "ACLam": ((-1.0, 2.0, 4.0), (19.0, -23.0, -2.0), 2000.0, 0.02),
-    "ACLpl": ((-3.0, -3.0, 6.0), (13.0, -22.0, 2.0), 2000.0, 0.02),
-    "PCLal": ((6.0, -4.0, -6.0), (-12.0, -28.0, 1.0), 3000.0, -0.06),
-    "PCLpm": ((2.0, -6.0, -10.0), (-13.0, -30.0, -4.0), 1500.0, 0.0),
-    "MCLs1": ((4.0, 10.0, -40.0), (13.0, -62.0, -18.0), 1500.0, 0.03),
-    "MCLs2": ((0.0, 10.0, -40.0), (7.0, -64.0, -18.0), 1500.0, 0.03),
-    "MCLd1": ((1.0, 5.0, -39.0), (2.0, -32.0, -32.0), 1500.0, 0.0),
-    "LCL1": ((0.0, 5.0, 36.0), (-12.0, -50.0, 45.0), 1000.0, 0.03),
-    "LCL2": ((-2.0, 4.0, 36.0), (-14.0, -50.0, 45.0), 1000.0, 0.03),
+    "ACLam": ((-1.0, 2.0, 4.0), (19.0, -23.0, -2.0), 2000.0, 0.03),
+    "ACLpl": ((-3.0, -3.0, 6.0), (13.0, -22.0, 2.0), 2000.0, 0.01),
+    "PCLal": ((6.0, -4.0, -6.0), (-12.0, -28.0, 1.0), 3000.0, -0.04),
+    "PCLpm": ((2.0, -6.0, -10.0), (-13.0, -30.0, -4.0), 1500.0, 0.02),
+    "MCLs1": ((3.0, 2.0, -40.0), (14.0, -62.0, -18.0), 1500.0, 0.04),
+    "MCLs2": ((-1.0, 2.0, -40.0), (4.0, -62.0, -22.0), 1500.0, 0.04),
+    "MCLp1": ((-3.0, 3.0, -39.0), (-18.0, -34.0, -26.0), 1500.0, 0.04),
+    "LCL1": ((0.0, 2.0, 37.0), (-14.0, -48.0, 44.0), 1500.0, 0.04),
+    "PFL1": ((4.0, -6.0, 36.0), (-18.0, -38.0, 40.0), 1500.0, 0.03),
+    "ALL1": ((-4.0, 6.0, 38.0), (12.0, -34.0, 38.0), 1500.0, 0.02),
 }
 #: What the specimen has instead: of each structure, stiffness over the model's, and how much more
-#: reference strain.
+#: reference strain. The others are the model's.
 SPECIMEN = {"ACL": (1.3, 0.02), "PCL": (0.8, 0.02), "MCL": (1.2, -0.02), "LCL": (1.3, 0.015)}
 NOISE_MM, NOISE_DEG, SEED = 0.2, 0.2, 7
-FLEXION = (0.0, 30.0, 60.0, 90.0)
+FLEXION = (0.0, 15.0, 30.0, 45.0)
 COMPRESSION_N = 100.0
 #: Middle of each compartment along Z, mm; the depth of its dish over 20 mm forwards and 12 mm to a
 #: side.
-COMPARTMENTS = {"medial": (-22.0, 2.5, 1.5), "lateral": (22.0, 0.8, 0.8)}
+COMPARTMENTS = {"medial": (-22.0, 4.0, 3.0), "lateral": (22.0, 1.5, 2.0)}
 TIBIA_MM = -30.0
 
 
@@ -120,7 +121,7 @@ def specimen(folder: Path) -> kj.Knee:
         knee = kj.load_knee(file)
     values = {}
     for name, (_, _, stiffness, strain) in FIBRES.items():
-        factor, more = SPECIMEN[name[:3]]
+        factor, more = SPECIMEN.get(name[:3], (1.0, 0.0))
         values |= {
             f"{name}.stiffness": factor * stiffness,
             f"{name}.reference_strain": strain + more,
@@ -170,10 +171,13 @@ TABLES = {
 }
 PARTS = (-1.0, -0.5, 0.5, 1.0)
 ABOUT = """\
-The example of docs/my_specimen.md. Everything here is made up by data/make_example.py of kneejax:
-a model of nobody's knee (specimen.osim, Geometry), and what a robot would have measured on a
-specimen whose ligaments differ from the model's (drawer.csv, torsion.csv, varus.csv): simulated
-under 100 N of compression, with noise of 0.2 mm and 0.2 degrees.
+An OpenSim knee, its cartilage meshes and a robot's tables, for docs/my_specimen.md
+
+Everything here is made up by data/make_example.py of kneejax. specimen.osim and Geometry are
+nobody's knee. drawer.csv, torsion.csv and varus.csv are what a robot would have measured on a
+specimen whose ligaments differ from the model's: simulated by kneejax under 100 N of compression,
+with noise of 0.2 mm and 0.2 degrees, in columns as a robot might name them. study.yaml fits the
+model's ligaments to them.
 """
 AXES = (
     ("rotation", "knee_flex_r", "0 0 -1"), ("rotation", "knee_add_r", "1 0 0"),
