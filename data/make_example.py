@@ -63,13 +63,13 @@ def sheet(rows: int, columns: int, point) -> trimesh.Trimesh:
 
 def condyle(middle: float) -> trimesh.Trimesh:
     def point(u, v):
-        angle, z = np.deg2rad(40.0 + 190.0 * u), 24.0 * (v - 0.5)
+        angle, z = np.deg2rad(40.0 + 190.0 * u), 32.0 * (v - 0.5)
         radius = 24.0 + 6.0 / (1.0 + np.exp((angle - np.deg2rad(115.0)) / 0.35)) - z**2 / 44.0
         return 1e-3 * np.stack(
             [radius * np.cos(angle), -radius * np.sin(angle), middle + z], axis=1
         )
 
-    return sheet(42, 12, point)
+    return sheet(40, 15, point)
 
 
 def plateau(middle: float, forwards: float, aside: float) -> trimesh.Trimesh:
