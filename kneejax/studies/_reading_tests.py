@@ -33,7 +33,7 @@ _MIRROR_OTHERS = {
 _OTHERS = {one.name: column for column, one in OTHER_COLUMNS.items()}
 _OPTIONAL = (
     "source", "columns", "ignore", "convention", "mirror", "flexion_deg", "at_deg", "coordinates",
-    "counted_from", "constant", "load", "point_mm", "axes", "sd_mm", "sd_deg", "sd_N", "sd_strain",
+    "counted_from", "loads", "load", "point_mm", "axes", "sd_mm", "sd_deg", "sd_N", "sd_strain",
     "cut", "weight", "in_time",
 )  # fmt: skip
 #: Option of a test -> what a standard deviation may be.
@@ -65,6 +65,10 @@ def read_tests(
 
 
 def _read(item: Field, folder: Path, lines: Sequence[str]) -> tuple[MeasuredTest, dict[str, Any]]:
+    if isinstance(item.value, dict) and "constant" in item.value and "loads" not in item.value:
+        # The older name of what a study calls loads too.
+        names = {"constant": "loads"}
+        item = Field(item.file, item.path, {names.get(k, k): v for k, v in item.value.items()})
     item.mapping(("name", "file"), _OPTIONAL)
     mirror = "mirror" in item and item["mirror"].boolean()
     table, counted_from = _table(item, folder)
@@ -77,7 +81,6 @@ def _read(item: Field, folder: Path, lines: Sequence[str]) -> tuple[MeasuredTest
         table = table._replace(readings=turned)
     if "coordinates" in item:
         table, observed = _that_count(item["coordinates"], table, observed)
-    constant = item["constant"].mapping((), tuple(NAMED_LOADS)) if "constant" in item else None
     tensions, readings = _pulls(item, table, lines)
     given: dict[str, Any] = {
         "readings": readings, "tensions": tensions, "weight": _weight(item, table),
@@ -94,8 +97,11 @@ def _read(item: Field, folder: Path, lines: Sequence[str]) -> tuple[MeasuredTest
         given["point_mm"] = tuple(item["point_mm"].numbers(3, RANGES["point_mm"]))
     if "axes" in item:
         given["axes"] = item["axes"].choice(AXES)
-    if constant is not None:
+    if "loads" in item:
+        constant = item["loads"].mapping((), tuple(NAMED_LOADS))
         given["constant"] = {name: constant[name].number(RANGES[name]) for name in constant.value}
+        if mirror and "lateral_N" in given["constant"]:
+            given["constant"]["lateral_N"] *= -1.0
     try:
         test = MeasuredTest(item["name"].text(), flexion, loads, observed, **given)
         if item.value.get("weight") == _BY_LOAD:

@@ -51,6 +51,24 @@ def test_a_study_may_be_of_tests_alone(tmp_path):
     assert read.settings()["tests"][0]["file"] == str(tmp_path / "drawer.csv")
 
 
+def test_what_acts_throughout_is_called_loads_as_in_a_study(tmp_path):
+    """`constant`, its older name, is read, and no message knows it."""
+    table(tmp_path)
+    drawer = {"name": "drawer", "file": "drawer.csv"}
+    pressed = {"compression_N": 50.0, "lateral_N": 4.0}
+    for name in ("loads", "constant"):
+        one, left = study(
+            tmp_path,
+            [drawer | {name: pressed}, drawer | {"name": "left", "mirror": True, name: pressed}],
+        ).tests
+        assert one.constant == pressed
+        assert left.constant == {"compression_N": 50.0, "lateral_N": -4.0}
+        with pytest.raises(InputProblem, match=r"tests\[0\].loads.axial_N"):
+            study(tmp_path, [drawer | {name: {"axial_N": 50.0}}])
+    with pytest.raises(InputProblem, match=r"tests\[0\].constant.*one of .*loads"):
+        study(tmp_path, [drawer | {"loads": pressed, "constant": pressed}])
+
+
 def test_forces_may_follow_the_tibias_own_axes(tmp_path):
     table(tmp_path)
     strapped = {"name": "device", "file": "drawer.csv", "axes": "tibia"}

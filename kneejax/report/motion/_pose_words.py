@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from kneejax.experiments import Mechanics, Motion, flipped, near_flip
 from kneejax.geometry import COLUMNS, COORDINATES, free_of, scales
-from kneejax.mechanics import LIMITS, WIDEST_GAP_MM, Knee, load_words
+from kneejax.mechanics import LIMITS, OFF_SURFACE_MM, WIDEST_GAP_MM, Knee, load_words
 from kneejax.statics import Status, converged
 
 # All compartments farther apart than this: something pulls the bones apart, mm.
@@ -107,7 +107,7 @@ def _of_contacts(knee: Knee, found: Mechanics, row: int):
             yield f"{name} overlap of {depth[k]:.1f} mm, the whole layer"
         if depth[k] < -WIDEST_GAP_MM:
             yield f"{name} compartment open by {-depth[k]:.1f} mm (at most {WIDEST_GAP_MM:g})"
-        if not found.known[row, k]:
+        if not found.known[row, k] or found.beyond_mm[row, k] > 0.0:
             yield f"{name} contact{_beyond(found, row, k)}"
     if len(depth) and (depth < -_APART_MM).all() and (depth >= -WIDEST_GAP_MM).all():
         gaps = ", ".join(
@@ -120,7 +120,11 @@ def _beyond(found: Mechanics, row: int, k: int) -> str:
     far, share = float(found.beyond_mm[row, k]), float(found.beyond_share[row, k])
     if not np.isfinite([far, share]).all():
         return " off the fitted surfaces"
-    return f" {far:.2g} mm off the fitted surfaces with {100 * share:.2g} % of its force"
+    counts = "no doubt up to" if found.known[row, k] else "at most"
+    return (
+        f" {far:.2g} mm off the fitted surfaces ({counts} {OFF_SURFACE_MM:g}) with "
+        f"{100 * share:.2g} % of its force"
+    )
 
 
 def _of_place(found: Mechanics, row: int):
