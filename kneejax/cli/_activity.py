@@ -74,7 +74,8 @@ def _record(
             return asked_of_opensim(arguments, body, knee, document, show)
     record = read_activity(
         arguments.model, arguments.files, side=arguments.side, knee=knee, document=document,
-        frames=arguments.frames, instants=arguments.instants,
+        frames=arguments.frames, instants=arguments.instants, femur=arguments.femur,
+        tibia=arguments.tibia,
     )  # fmt: skip
     return record, []
 
@@ -126,7 +127,7 @@ def _report(
     told = {name: _told(one) for name, one in found.items()}
     several = len(found) > 2
     print("\n".join(place_lines(found) if several else activity_lines(found)))
-    doubtful = False
+    doubtful = bool(first.record.doubts)
     for name, (status, said) in told.items():
         if len(found) > 1:
             print(f"{name}:")

@@ -16,7 +16,7 @@ from kneejax.files.opensim._movement import Rigid, moved
 from kneejax.files.opensim._registration import Registration, flexion_coordinate, poses_of
 from kneejax.files.opensim._spatial_transform import transform_axes
 from kneejax.files.opensim._xml import Element
-from kneejax.geometry import FREE_COORDINATES, Pose
+from kneejax.geometry import FEMUR, FREE_COORDINATES, Pose
 
 _KIND = "CustomJoint"
 #: Between the angles at which a model's flexion is compared with its coordinate, rad.
@@ -46,7 +46,8 @@ def couple_knee(
             sign and a constant, or something else depends on a coordinate that goes.
     """
     model, (joint, *others) = edits.model, bones.joints
-    if others or joint.kind != _KIND or joint.reverse:
+    upwards = joint.child != bones.tibia and bones.rigid.get(joint.child, ("",))[0] == FEMUR
+    if others or joint.kind != _KIND or joint.reverse or upwards:
         found = ", ".join(f"{one.kind} {one.name}" for one in bones.joints)
         expected = f"one {_KIND} from femur to tibia, for its coordinates to follow flexion"
         raise model.file.problem(joint.element, "joint", found, expected)
@@ -80,7 +81,11 @@ def couple_knee(
 
 
 def couple_model(
-    model_path: str | os.PathLike[str], side: str, motion: CoupledMotion, shifts: Registration
+    model_path: str | os.PathLike[str],
+    side: str,
+    motion: CoupledMotion,
+    shifts: Registration,
+    bones: tuple[str, str] | None = None,
 ) -> bytes:
     """A model whose knee follows flexion as a motion does.
 
@@ -89,6 +94,7 @@ def couple_model(
         side: `r` or `l`.
         motion: from `coupled_motion`, in the frames of a knee.
         shifts: from the model's frames to those, from `registered`.
+        bones: bodies that are the femur and the tibia; by default found by names.
 
     Returns:
         The new model; the old one's bytes but for the knee's joint.
@@ -97,7 +103,7 @@ def couple_model(
         InputProblem: see `couple_knee`.
     """
     edits = Edits(read_model(model_path))
-    couple_knee(edits, find_knee(edits.model, side), motion, shifts)
+    couple_knee(edits, find_knee(edits.model, side, *(bones or ())), motion, shifts)
     return edits.model.file.spliced(edits.splices)
 
 
