@@ -58,6 +58,7 @@ from kneejax.experiments.laboratory import Curves as Curves
 from kneejax.experiments.laboratory import LabTest as LabTest
 from kneejax.experiments.laboratory import Laxity as Laxity
 from kneejax.experiments.laboratory import MeasuredTest as MeasuredTest
+from kneejax.experiments.laboratory import against_load as against_load
 from kneejax.experiments.laboratory import counts_like_poses as counts_like_poses
 from kneejax.experiments.laboratory import lab_tests as lab_tests
 from kneejax.experiments.laboratory import laxity as laxity

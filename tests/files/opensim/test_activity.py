@@ -264,12 +264,9 @@ def scaled(path, factors):
     lines = path.read_text().splitlines()
     begin = lines.index("endheader") + 1
     names = lines[begin].split("\t")
-    rows = [
-        "\t".join(
-            repr(float(x) * factors.get(name, 1.0)) for x, name in zip(row.split(), names, strict=True)
-        )
-        for row in lines[begin + 1 :]
-    ]
+    by = [factors.get(name, 1.0) for name in names]
+    cells = [row.split() for row in lines[begin + 1 :]]
+    rows = ["\t".join(repr(float(x) * k) for x, k in zip(row, by, strict=True)) for row in cells]
     path.write_text("\n".join([*lines[: begin + 1], *rows]) + "\n")
 
 
@@ -367,9 +364,8 @@ def test_a_coordinate_that_a_table_leaves_out_follows_others_or_is_named(tmp_pat
     """A hip that follows the knee, at once or as a prescribed function; else it is a doubt."""
     folder = written(tmp_path)
     hip = MODEL[MODEL.index("<WeldJoint") : MODEL.index("<PinJoint")]
-    turning = hip.replace("WeldJoint", "PinJoint").replace(
-        "</PinJoint>", '<coordinates><Coordinate name="hip_r">FOLLOWS</Coordinate></coordinates></PinJoint>'
-    )
+    own = '<coordinates><Coordinate name="hip_r">FOLLOWS</Coordinate></coordinates></PinJoint>'
+    turning = hip.replace("WeldJoint", "PinJoint").replace("</PinJoint>", own)
     original = (folder / "swing.osim").read_text()
     (folder / "swing.osim").write_text(original.replace(hip, turning.replace("FOLLOWS", "")))
     (doubt,) = read(folder, knee).doubts
