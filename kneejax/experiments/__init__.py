@@ -66,4 +66,5 @@ from kneejax.experiments.laboratory import load_curves as load_curves
 from kneejax.experiments.laboratory import load_cycle as load_cycle
 from kneejax.experiments.laboratory import mechanics_of as mechanics_of
 from kneejax.experiments.laboratory import reading_unit as reading_unit
+from kneejax.experiments.laboratory import second_balances as second_balances
 from kneejax.experiments.laboratory import weights_by_load as weights_by_load
