@@ -27,6 +27,7 @@ from kneejax.files.opensim._record_checks import (
     check_movement,
     check_reaction,
     check_tensions,
+    missing_words,
     record_doubts,
     with_dependent,
 )
@@ -116,7 +117,8 @@ def read_activity(
     else:
         acting, mass, ground = _acting(given, movement, around, below, frame, time)
     notes, doubts = [*shifts.notes], [*shifts.doubts, *bones.doubts]
-    doubts += record_doubts(model, bones, below, given.motion, time)
+    doubts += record_doubts(model, bones, below, given.motion)
+    notes += missing_words(model, bones, below, given.motion)
     if given.ground is not None:
         doubts += [*given.ground.doubts, *place_doubts(given.ground, movement, below, time)]
     elif ground is not None and not ground.any():

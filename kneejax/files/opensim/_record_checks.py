@@ -130,7 +130,7 @@ def check_reaction(
 
 
 def record_doubts(
-    model: Model, bones: OsimKneeJoint, below: set[str], table: Storage, time: np.ndarray
+    model: Model, bones: OsimKneeJoint, below: set[str], table: Storage
 ) -> Iterator[str]:
     """What looks wrong in a table of coordinates.
 
@@ -139,11 +139,10 @@ def record_doubts(
         bones: its knee.
         below: bodies below the knee.
         table: of coordinates.
-        time: the instants, `(n,)`, s.
 
     Yields:
-        A sentence for times in another unit, and one for coordinates that are missing and place
-        the leg below the knee in space.
+        A sentence for times in another unit, and one for each joint that places the leg below the
+        knee in space and of which no coordinate has a column.
     """
     file, columns = Path(table.file).name, coordinate_columns(model, table)
     steps = np.diff(table.time)
@@ -162,28 +161,39 @@ def record_doubts(
             f"{file}: rows are {np.median(steps):g} s apart: times in ms or percent are suspected; "
             "inertia counts for nothing then."
         )
-    missing = sorted(_that_place(model, bones, below) - {*columns} - {*_dependent(model)})
+    known = {*columns} | {*_dependent(model)}
+    for joint in _that_place(model, bones, below):
+        free = [c.name for c in joint.coordinates if not c.locked]
+        if free and not known & {*free}:
+            yield (
+                f"{file}: no column of {', '.join(free)}: taken at the model's defaults, which "
+                "decide how weight, inertia and ground act on the leg."
+            )
+
+
+def missing_words(
+    model: Model, bones: OsimKneeJoint, below: set[str], table: Storage
+) -> Iterator[str]:
+    """Coordinates that a table leaves out of joints of which it has others, as of a movement in
+    one plane; arguments as of `record_doubts`."""
+    known = {*coordinate_columns(model, table)} | {*_dependent(model)}
+    free = [[c.name for c in joint.coordinates if not c.locked]
+            for joint in _that_place(model, bones, below)]  # fmt: skip
+    missing = [name for names in free if known & {*names} for name in names if name not in known]
     if missing:
-        yield (
-            f"{file}: no column of {', '.join(missing)}: taken at the model's defaults, which "
-            "decide how weight, inertia and ground act on the leg."
-        )
+        yield f"At the model's defaults, for want of columns: {', '.join(missing)}."
 
 
-def _that_place(model: Model, bones: OsimKneeJoint, below: set[str]) -> set[str]:
-    """Coordinates, free to move, of joints between the ground and the bodies below the knee."""
-    joints = read_joints(model)
-    above = {joint.child: joint for joint in joints}
+def _that_place(model: Model, bones: OsimKneeJoint, below: set[str]) -> list[Joint]:
+    """Joints but the knee's between the ground and the bodies below the knee."""
+    above = {joint.child: joint for joint in read_joints(model)}
     own = {joint.name for joint in bones.joints}
     on_way: dict[str, Joint] = {}
-    for body in below:
+    for body in sorted(below):
         while body in above and above[body].name not in on_way:
             on_way[above[body].name] = above[body]
             body = above[body].parent
-    return {
-        c.name for name, joint in on_way.items() if name not in own
-        for c in joint.coordinates if not c.locked
-    }  # fmt: skip
+    return [joint for name, joint in on_way.items() if name not in own]
 
 
 def _dependent(model: Model) -> dict[str, tuple]:

@@ -370,7 +370,15 @@ def test_a_coordinate_that_a_table_leaves_out_follows_others_or_is_named(tmp_pat
     (folder / "swing.osim").write_text(original.replace(hip, turning.replace("FOLLOWS", "")))
     (doubt,) = read(folder, knee).doubts
     assert "angles.mot: no column of hip_r" in doubt
+    # A movement in one plane has one angle of a hip.
+    ball = turning.replace("PinJoint", "UniversalJoint")
+    ball = ball.replace("</coordinates>", '<Coordinate name="hip_add_r"/></coordinates>')
+    (folder / "swing.osim").write_text(original.replace(hip, ball.replace("FOLLOWS", "")))
     columns = {"time": TIME, "knee_angle_r": np.rad2deg(ANGLE), "hip_r": np.rad2deg(-2.0 * ANGLE)}
+    storage(folder / "plane.mot", columns, "yes")
+    plane = read(folder, knee, files=("plane.mot", "pulls.sto", "floor.xml"))
+    assert plane.doubts == () and any("columns: hip_add_r." in note for note in plane.notes)
+    (folder / "swing.osim").write_text(original.replace(hip, turning.replace("FOLLOWS", "")))
     storage(folder / "given.mot", columns, "yes")
     expected = read(folder, knee, files=("given.mot", "pulls.sto", "floor.xml"))
     slope = "<LinearFunction><coefficients>-2 0</coefficients></LinearFunction>"
