@@ -15,7 +15,7 @@ from kneejax.experiments._second_balances import (
 from kneejax.experiments.laboratory._curves import Curves
 from kneejax.geometry import COLUMNS, FREE_COORDINATES, table_units
 from kneejax.mechanics import Knee
-from kneejax.statics import converged, own_motion
+from kneejax.statics import converged, own_motion, own_motion_near
 
 
 def second_balances(curves: Curves, before: Knee) -> np.ndarray:
@@ -49,6 +49,18 @@ def second_balances(curves: Curves, before: Knee) -> np.ndarray:
     at = jax.tree.map(lambda x: x[rows], stations)
     whole = own_motion(before, itself, np.zeros(()), at).in_nodes()
     good = np.asarray(converged(whole["status"]))
+    # A loose knee snaps over on the way to its load: then what it snaps to from its neutral pose.
+    rest = np.repeat(np.arange(len(nodes)) * len(ends) + ends.index(int(np.abs(part).argmin())),
+                     len(ends))  # fmt: skip
+    lost = np.flatnonzero(~good & good[rest])
+    if len(lost):
+        begin = [whole[name][rest[lost]] for name in GUESSED]
+        there = jax.tree.map(lambda x: x[lost], at)
+        snapped = own_motion_near(before, itself, np.zeros(()), there, *begin).in_nodes()
+        for name in (*GUESSED, "status"):
+            whole[name] = np.array(whole[name])
+            whole[name][lost] = snapped[name]
+        good = np.asarray(converged(whole["status"]))
     if good.any():
         at, rows = jax.tree.map(lambda x: x[good], at), rows[good]
         found = changed_in_steps(before, motion.knee, at, [whole[x][good] for x in GUESSED])
