@@ -1,5 +1,5 @@
 """`python -m kneejax.cli`."""
 
-from kneejax.cli._main import main
+from kneejax.cli import main
 
 raise SystemExit(main())

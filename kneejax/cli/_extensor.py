@@ -23,6 +23,7 @@ from kneejax.experiments import (
 )
 from kneejax.files import InputProblem, parse_flexion, parse_range, write_rows
 from kneejax.mechanics import RANGES, Knee, Range, load_of
+from kneejax.numerics import WrongValue
 from kneejax.report import pose_words, search_words
 
 _FLEXION = {"patellar-tracking": "0:120:5", "extension": "0:90:30", "leg-raise": "0:90:5"}
@@ -99,9 +100,9 @@ def _driven(
         return extension_by_length(knee, flexion, lengths, loads)
     try:
         return leg_raise_by_length(knee, lengths, _shank(arguments))
-    except ValueError as problem:
-        found, _, expected = str(problem).partition(": expected ")
-        raise InputProblem("--quadriceps_mm", "lengths", found, expected) from None
+    except WrongValue as problem:
+        expected = problem.expected
+        raise InputProblem("--quadriceps_mm", "lengths", problem.found, expected) from None
 
 
 def _shank(arguments: argparse.Namespace) -> Shank:

@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import dataclasses
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from kneejax.files import InputProblem
-from kneejax.mechanics import NAMED_LOADS, RANGES, Range, load_called
+from kneejax.files.reading import plain_number
+from kneejax.mechanics import NAMED_LOADS, RANGES, Range, load_called, load_opposite_to
 from kneejax.studies import Identify, Map, Sensitivity
+
+
+def given(arguments: argparse.Namespace, option: str) -> bool:
+    """Whether an option was given, be it as 0, which equals False."""
+    value = getattr(arguments, option)
+    return value is not None and value is not False and value != []
 
 
 def read_pairs(option: str, words: Iterable[str]) -> dict[str, float]:
@@ -25,11 +33,8 @@ def read_pairs(option: str, words: Iterable[str]) -> dict[str, float]:
     pairs: dict[str, float] = {}
     for word in words:
         name, found, value = word.partition("=")
-        try:
-            number = float(value)
-        except ValueError:
-            number = math.nan
-        if not found or not math.isfinite(number):
+        number = plain_number(value)
+        if not found or number is None or not math.isfinite(number):
             raise InputProblem(option, name, value, "NAME=NUMBER with a finite number")
         if name in pairs:
             raise InputProblem(option, name, word, "every name once")
@@ -52,8 +57,9 @@ def read_loads(words: Iterable[str]) -> dict[str, float]:
     given = read_pairs("--load", words)
     for name, size in given.items():
         if name not in NAMED_LOADS:
-            known = f"one of {', '.join(NAMED_LOADS)}"
-            raise InputProblem("--load", "name", name, known, load_called(name) or NAMED_LOADS)
+            known, meant = f"one of {', '.join(NAMED_LOADS)}", load_opposite_to(name)
+            near = f"{meant}={-size:g}" if meant else load_called(name) or NAMED_LOADS
+            raise InputProblem("--load", "name", name, known, near)
         check_within("--load", name, [size], RANGES[name])
     return {name: given.get(name, 0.0) for name in NAMED_LOADS} if given else {}
 
@@ -110,11 +116,9 @@ def read_numbers(
     """
     found: dict[str, tuple[float, ...]] = {}
     for name, text in texts.items():
-        try:
-            found[name] = tuple(float(part) for part in text.split(":"))
-        except ValueError:
-            raise InputProblem(option, name, text, form) from None
-        if len(found[name]) not in counts:
+        stated = [plain_number(part) for part in text.split(":")]
+        found[name] = tuple(x for x in stated if x is not None)
+        if len(stated) not in counts or len(found[name]) < len(stated):
             raise InputProblem(option, name, text, form)
     return found
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from kneejax.cli._asked_knee import asked_knee, knee_words
-from kneejax.cli._given import check_within, read_loads, read_pairs
+from kneejax.cli._given import check_within, given, read_loads, read_pairs
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli._recorded import check_free, fit_dampers, read_recorded
 from kneejax.dynamics import MovingKnee, gravity_of
@@ -101,7 +101,7 @@ def check_in_time(arguments: argparse.Namespace) -> None:
     """Refuse sizes that nothing has, and options of tests that nobody asks for through time."""
     name = arguments.experiment
     for option in _NOT_IN_TIME:
-        if getattr(arguments, option) not in (None, False, []):
+        if given(arguments, option):
             raise InputProblem("simulate", f"--{option}", name, "a test without --dynamic with it")
     check_free(arguments)
     if name == "leg-raise" and arguments.recorded is not None:

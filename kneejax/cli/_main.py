@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import sys
 
 from kneejax.cli._commands import build_parser
 from kneejax.cli._parser import BAD_INPUT
+from kneejax.cli._printed import Printed, open_standard_streams
+from kneejax.cli._stopped import STOPPED, stopped_at_once
+from kneejax.files import InputProblem
 
 DONE, DOUBTFUL = 0, 1
 #: Commands that compute nothing themselves. All others begin with JAX: seconds of imports.
 _WITHOUT_JAX = ("knees", "completion", "rerun")
+#: Variables that say on what JAX computes.
+_PLATFORMS = ("JAX_PLATFORMS", "JAX_PLATFORM_NAME")
 #: Commands that write a file elsewhere, or let another command write.
 _WITHOUT_SETTINGS = ("export", "rerun")
 
@@ -26,37 +32,58 @@ def main(arguments: list[str] | None = None) -> int:
         Exit status: 0 done; 1 done, but something is doubtful (the results say what); 2 bad
         input, nothing written.
     """
+    readable = open_standard_streams()
+    with contextlib.redirect_stdout(Printed(sys.stdout)) as printed:
+        try:
+            with stopped_at_once():
+                chosen = _parsed(arguments)
+            writes = hasattr(chosen, "out")
+            if not readable and not writes:
+                raise InputProblem("stdout", "stream", "closed", "a place to print to")
+            _prepare(chosen)
+            status = _run(chosen)
+            printed.flush()
+        except SystemExit:
+            printed.flush()
+            raise
+        except ValueError as problem:
+            if not _says_what_to_mend(problem):
+                raise
+            return _refused(str(problem))
+        except BrokenPipeError:
+            printed.flush()
+            return DOUBTFUL if writes else DONE
+        except OSError as problem:
+            return _refused(_of_file(problem))
+        except KeyboardInterrupt:
+            print("kneejax: stopped; no half-written files are left", file=sys.stderr)
+            return STOPPED
+    if printed.problem is None or isinstance(printed.problem, BrokenPipeError):
+        return status
+    _refused(f"stdout: {_of_file(printed.problem)}")
+    return status if writes else BAD_INPUT
+
+
+def _parsed(arguments: list[str] | None) -> argparse.Namespace:
+    """What was asked for; ends the process where that is not a command."""
     parser = build_parser()
     chosen, unknown = parser.parse_known_args(arguments)
     if unknown:
-        chosen.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
+        chosen.parser.refuse(unknown)
     if chosen.command is None:
         parser.print_help()
-        return DONE
-    # Of a command that is cut short: files may be missing, a mere answer was read as far as wanted.
-    status = DOUBTFUL if hasattr(chosen, "out") else DONE
-    try:
-        _prepare(chosen)
-        status = _run(chosen)
-        sys.stdout.flush()
-        return status
-    except ValueError as problem:
-        if not _says_what_to_mend(problem):
-            raise
-        print(f"kneejax: {' '.join(str(problem).split())}", file=sys.stderr)
-        return BAD_INPUT
-    except BrokenPipeError:
-        # Whoever reads has seen enough (`kneejax describe ... | head`). Python flushes once more
-        # when it ends, and would complain.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return status
-    except OSError as problem:
-        said = f"{problem.filename}: {problem.strerror}" if problem.filename else str(problem)
-        print(f"kneejax: {' '.join(said.split())}", file=sys.stderr)
-        return BAD_INPUT
-    except KeyboardInterrupt:
-        print("kneejax: stopped; no half-written files are left", file=sys.stderr)
-        return 130
+        raise SystemExit(DONE)
+    return chosen
+
+
+def _refused(sentence: str) -> int:
+    print(f"kneejax: {' '.join(sentence.split())}", file=sys.stderr)
+    return BAD_INPUT
+
+
+def _of_file(problem: OSError) -> str:
+    reason = problem.strerror or str(problem)
+    return f"{problem.filename}: {reason}" if problem.filename else reason
 
 
 def _run(chosen: argparse.Namespace) -> int:
@@ -78,14 +105,14 @@ def _prepare(chosen: argparse.Namespace) -> None:
         from kneejax.cli._out import try_out
 
         try_out(chosen.out, folder=chosen.command != "export")
-    if chosen.command not in _WITHOUT_JAX:
-        _prepare_jax()
+    with stopped_at_once():
+        if chosen.command not in _WITHOUT_JAX:
+            _prepare_jax()
+        chosen.run.load()
 
 
 def _says_what_to_mend(problem: ValueError) -> bool:
     """Whether it is about what a person gave; anything else is a fault of the package."""
-    from kneejax.files import InputProblem
-
     if isinstance(problem, InputProblem):
         return True
     from kneejax.mechanics import Implausible
@@ -102,8 +129,28 @@ def _prepare_jax() -> None:
     what it waits for, so that only what ends a process is left to XLA, unless somebody asks.
     """
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
-    from kneejax.numerics import collect_seldom, configure, share_memory_between_threads
-
+    asked = [name for name in os.environ if name.startswith("JAX_")]
+    try:
+        from kneejax.numerics import collect_seldom, configure, share_memory_between_threads
+    except ValueError as problem:
+        if not asked:
+            raise
+        names, expected = ", ".join(asked), "values that JAX takes, or these variables not set"
+        raise InputProblem("environment", names, str(problem), expected) from None
     share_memory_between_threads()
     collect_seldom()
     configure()
+    for name in _PLATFORMS:
+        if os.environ.get(name):
+            _check_platform(name)
+
+
+def _check_platform(name: str) -> None:
+    """Refuse a platform that this machine does not have, before JAX does in the middle of work."""
+    import jax
+
+    try:
+        jax.devices()
+    except RuntimeError:
+        expected = "a platform that this machine has, as cpu, or this variable not set"
+        raise InputProblem("environment", name, os.environ[name], expected) from None

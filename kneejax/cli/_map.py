@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import importlib.metadata
 import json
+import re
 
 import numpy as np
 
@@ -27,9 +28,7 @@ def run(arguments: argparse.Namespace) -> int:
     for package in _PACKAGES:
         # Better known before the work than after it.
         check_installed(package, "maps")
-    ranges = read_numbers(
-        "--range", read_texts("--range", arguments.ranges), "NAME=LOW:HIGH", (2,)
-    )
+    ranges = read_numbers("--range", read_texts("--range", arguments.ranges), "NAME=LOW:HIGH", (2,))
     question = studies.Map(arguments.pair, arguments.all_pairs, _grid(arguments.grid), ranges)
     study = studies.read_study(arguments.study)
     with said_of_options(question):
@@ -48,12 +47,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _grid(text: str) -> tuple[int, int]:
-    try:
-        sides = [int(word) for word in text.lower().split("x")]
-    except ValueError:
-        sides = []
-    if len(sides) not in (1, 2):
+    if not re.fullmatch(r"[0-9]{1,6}(x[0-9]{1,6})?", text.lower()):
         raise InputProblem("--grid", "points", text, "points a side, as in 41 or 41x61")
+    sides = [int(word) for word in text.lower().split("x")]
     return sides[0], sides[-1]
 
 

@@ -24,6 +24,7 @@ from kneejax.files import (
     whole_body,
     write_bytes,
 )
+from kneejax.files.reading import plain_number
 from kneejax.geometry import TIBIA, Pose, State
 from kneejax.mechanics import Knee, LegRecord
 
@@ -66,12 +67,10 @@ def _time(word: str | None) -> tuple[float, float] | None:
     """Begin and end, s, as two numbers with a colon between."""
     if word is None:
         return None
-    try:
-        begin, end = (float(x) for x in word.split(":"))
-    except ValueError:
-        expected = "BEGIN:END, two numbers of seconds"
-        raise InputProblem("--time_s", "time", word, expected) from None
-    return begin, end
+    stated = [plain_number(part) for part in word.split(":")]
+    if len(stated) != 2 or stated[0] is None or stated[1] is None:
+        raise InputProblem("--time_s", "time", word, "BEGIN:END, two numbers of seconds")
+    return stated[0], stated[1]
 
 
 def asked_of_opensim(

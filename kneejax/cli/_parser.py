@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import argparse
+import functools
 import importlib
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
 from kneejax.files import nearest_name
+from kneejax.files.reading import plain_number
 from kneejax.studies import STUDY_FIELDS
 
 BAD_INPUT = 2
+#: Characters of a mistake at most.
+_LONGEST = 2000
 #: As `kneejax.geometry.CONVENTIONS`, which would bring in JAX.
 CONVENTIONS = ("femoral", "grood-suntay", "tibial", "femur-in-tibia")
 
@@ -30,6 +34,8 @@ class Parser(argparse.ArgumentParser):
         super().__init__(*arguments, **{**whole, **options})
         # Whatever a command does not know, its own parser reports: it knows the command's options.
         self.set_defaults(parser=self)
+        self.register("type", float, _number)
+        self.register("type", int, _whole_number)
 
     def format_help(self) -> str:
         """The sentence first, then how the command is called."""
@@ -40,35 +46,62 @@ class Parser(argparse.ArgumentParser):
             self.description = sentence
 
     def error(self, message: str) -> NoReturn:
-        """Say a mistake in one line, with the nearest name that would be right."""
-        near = self._nearest(message)
-        message += f"; did you mean {near}?" if near else ""
-        print(f"kneejax: {' '.join(message.split())}", file=sys.stderr)
+        """Say a mistake in one line."""
+        words = " ".join(message.split())
+        shown = words if len(words) <= _LONGEST else f"{words[:_LONGEST]}..."
+        print(f"kneejax: {shown}", file=sys.stderr)
         raise SystemExit(BAD_INPUT)
 
-    def _nearest(self, message: str) -> str | None:
-        """The option, choice or field of a study most like what the message complains of."""
-        choice = re.search(r"argument ([^:]+): invalid choice: '([^']+)'", message)
-        if choice:
-            own = [
-                a
-                for a in self._actions
-                if choice.group(1) in ("/".join(a.option_strings), a.metavar, a.dest)
-            ]
-            named = [name for action in own for name in action.choices or ()]
-            if any(isinstance(action, argparse._SubParsersAction) for action in own):
-                # `kneejax help` and `kneejax version` are options here.
-                named += [name for name in self._option_string_actions if name.startswith("--")]
-            return nearest_name(choice.group(2), named)
-        option = re.search(r"unrecognized arguments: -+([^ =]+)", message)
-        if option is None:
-            return None
+    def refuse(self, words: Sequence[str]) -> NoReturn:
+        """Say which words a command does not know, and what the first may be meant to be."""
+        near = self._nearest_option(words[0]) if words[0].startswith("-") else None
+        self.error(f"unrecognized arguments: {' '.join(words)}{_meant(near)}")
+
+    def _nearest_option(self, word: str) -> str | None:
+        """The option, or the field of a study, most like a word that begins with a hyphen."""
+        given = word.lstrip("-").partition("=")[0]
         options = {name.lstrip("-"): name for name in self._option_string_actions}
-        near = nearest_name(option.group(1), options)
+        near = nearest_name(given, options)
         if near is None and any(action.dest == "study" for action in self._actions):
-            field = nearest_name(option.group(1).replace("-", "_"), STUDY_FIELDS)
+            field = nearest_name(given.replace("-", "_"), STUDY_FIELDS)
             return f"the field {field} of a study file" if field else None
         return options.get(near or "")
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        """As of the base class, with the nearest choice."""
+        if action.choices is None or value in action.choices:
+            return
+        named = [str(name) for name in action.choices]
+        known = ", ".join(map(repr, named))
+        if isinstance(action, argparse._SubParsersAction):
+            # `kneejax help` and `kneejax version` are options here.
+            named += [name for name in self._option_string_actions if name.startswith("--")]
+        near = _meant(nearest_name(str(value), named))
+        words = f"invalid choice: {value!r} (choose from {known}){near}"
+        raise argparse.ArgumentError(action, words)
+
+    def _get_value(self, action: argparse.Action, arg_string: str) -> Any:
+        """As of the base class; nothing between quotes is no value."""
+        if not arg_string.strip() and action.nargs != argparse.PARSER:
+            raise argparse.ArgumentError(action, "expected a value, not an empty text")
+        return super()._get_value(action, arg_string)
+
+
+def _meant(near: str | None) -> str:
+    return f"; did you mean {near}?" if near else ""
+
+
+def _number(text: str) -> float:
+    found = plain_number(text)
+    if found is None:
+        raise argparse.ArgumentTypeError(f"invalid float value: {text!r}")
+    return found
+
+
+def _whole_number(text: str) -> int:
+    if not re.fullmatch(r"[-+]?[0-9]{1,18}", text.strip()):
+        raise argparse.ArgumentTypeError(f"invalid int value: {text!r}")
+    return int(text)
 
 
 class _WithDefaults(argparse.RawDescriptionHelpFormatter):
@@ -136,7 +169,10 @@ def add_values(parser: argparse.ArgumentParser) -> None:
 def lazily(module: str) -> Callable[[argparse.Namespace], int]:
     """A command, as the name of a file here, that is imported when it is called."""
 
-    def run(arguments: argparse.Namespace) -> int:
-        return importlib.import_module(f"kneejax.cli.{module}").run(arguments)
+    load = functools.partial(importlib.import_module, f"kneejax.cli.{module}")
 
+    def run(arguments: argparse.Namespace) -> int:
+        return load().run(arguments)
+
+    run.load = load  # pyright: ignore[reportFunctionMemberAccess]
     return run

@@ -14,7 +14,7 @@ from typing import Any
 
 from kneejax.cli._parser import Parser
 from kneejax.files import InputProblem, write_text
-from kneejax.files.reading import read_text
+from kneejax.files.reading import load_json, plain_number
 
 #: The file in a folder of results.
 FILE = "settings.json"
@@ -72,10 +72,7 @@ def read_settings(folder: Path) -> dict[str, Any]:
     if not file.is_file():
         expected = "this file, which a kneejax command writes beside its results"
         raise InputProblem(file, "file", "missing", expected)
-    try:
-        settings = json.loads(read_text(file, _EXPECTED))
-    except json.JSONDecodeError as error:
-        raise InputProblem(file, f"line {error.lineno}", error.msg, "JSON") from None
+    settings = load_json(file, _EXPECTED)
     for name, kind in ((_COMMAND, str), (_WORKED_IN, str), (_VERSIONS, dict)):
         found = settings.get(name) if isinstance(settings, dict) else None
         if not isinstance(found, kind):
@@ -168,11 +165,8 @@ def _plain(value: Any, action: argparse.Action) -> Any:
 
 def _pair(word: str) -> tuple[str, float] | None:
     name, _, number = word.partition("=")
-    try:
-        value = float(number)
-    except ValueError:
-        return None
-    return (name, value) if math.isfinite(value) else None
+    value = plain_number(number)
+    return None if value is None or not math.isfinite(value) else (name, value)
 
 
 def _words(value: Any, action: argparse.Action) -> list[str]:
@@ -202,9 +196,7 @@ def _word(value: Any) -> str:
     return f"{Decimal(repr(value)):f}" if isinstance(value, float) else str(value)
 
 
-def _check_there(
-    name: str, value: Any, action: argparse.Action, folder: Path, file: Path
-) -> None:
+def _check_there(name: str, value: Any, action: argparse.Action, folder: Path, file: Path) -> None:
     """Whether the files of an argument are there; of a name without an ending its command says."""
     for one in value if isinstance(value, list) else [value]:
         if not isinstance(one, str):

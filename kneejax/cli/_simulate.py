@@ -14,7 +14,7 @@ from kneejax.cli._displacement import (
     pose_lines,
 )
 from kneejax.cli._dynamic_options import IN_TIME
-from kneejax.cli._given import read_loads
+from kneejax.cli._given import given, read_loads
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli._say_status import say_status
 from kneejax.cli._test_options import EXTENSOR
@@ -74,7 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _refuse(arguments: argparse.Namespace, options: tuple[str, ...], expected: str) -> None:
     for option in options:
-        if getattr(arguments, option) not in (None, False, []):
+        if given(arguments, option):
             word = {"offset": "from"}.get(option, option)
             raise InputProblem("simulate", f"--{word}", arguments.experiment, expected)
 

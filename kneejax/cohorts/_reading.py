@@ -44,13 +44,13 @@ def is_cohort(name_or_path: str | os.PathLike[str]) -> bool:
         (False, True)
     """
     path = Path(name_or_path)
-    if glob.has_magic(os.fspath(name_or_path)) and not path.exists():
+    if glob.has_magic(os.fspath(name_or_path)) and not os.path.exists(path):
         return True
     if os.fspath(name_or_path) in bundled_studies():
         return False
-    if path.is_dir():
+    if os.path.isdir(path):
         return True
-    if not path.is_file() or path.suffix.lower() not in (".yaml", ".yml"):
+    if not os.path.isfile(path) or path.suffix.lower() not in (".yaml", ".yml"):
         return False
     document = load_yaml(path, "a study or a cohort file")
     return isinstance(document, dict) and "knees" in document
@@ -73,8 +73,8 @@ def read_cohort(name_or_path: str | os.PathLike[str]) -> Cohort:
         InputProblem: there is no cohort at all.
     """
     path = Path(name_or_path)
-    own = path / COHORT_FILE if path.is_dir() else path
-    if own.is_file():
+    own = path / COHORT_FILE if os.path.isdir(path) else path
+    if os.path.isfile(own):
         title, found = _from_file(own)
     else:
         title, found = path.name, _from_studies(name_or_path)
@@ -88,7 +88,7 @@ def read_cohort(name_or_path: str | os.PathLike[str]) -> Cohort:
     problems += _twice(members)
     if problems:
         raise CohortProblems(problems)
-    return Cohort(title, tuple(members), os.fspath(own if own.is_file() else name_or_path))
+    return Cohort(title, tuple(members), os.fspath(own if os.path.isfile(own) else name_or_path))
 
 
 def _from_studies(pattern: str | os.PathLike[str]) -> Iterator[Member | str]:
@@ -151,7 +151,7 @@ def _template(field: Field, folder: Path) -> tuple[dict[str, Any], Path]:
     name = field.text()
     known = bundled_studies()
     path = study_path(name) if name in known else folder / name
-    if not path.is_file():
+    if not os.path.isfile(path):
         expected = f"a study file, its fields, or a bundled study; not at {path}"
         raise field.problem(expected, known)
     document = load_yaml(path, "a study file")
@@ -193,7 +193,7 @@ def _missing_files(document: Field, folder: Path) -> Iterator[InputProblem]:
             places.append((one, "file", named["measured"]))
     for field, name, known in places:
         value = field.value.get(name)
-        if isinstance(value, str) and value not in known and not (folder / value).is_file():
+        if isinstance(value, str) and value not in known and not os.path.isfile(folder / value):
             yield field[name].problem(f"a file; not at {folder / value}", known)
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from kneejax.files import InputProblem, bundled_knees, bundled_measurements
-from kneejax.files.reading import Field
+from kneejax.files.reading import Field, plain_number
 from kneejax.files.tables import read_rows
 
 _SIDES = ("right", "left", "r", "l")
@@ -62,6 +62,8 @@ class Row:
         known = {}
         for column, value in self.cells.items():
             if column in about:
+                if not isinstance(value, str | int | float):
+                    raise InputProblem(self.place, column, value, "a number or a text")
                 known[column] = value
             elif column not in (_NAME, _SIDE):
                 self._set(document, column, self._path(column, value, folder, beside))
@@ -79,7 +81,7 @@ class Row:
 
     def _set(self, document: dict[str, Any], column: str, value: Any) -> None:
         first, _, rest = column.partition(".")
-        tests = {t["name"]: t for t in document.get("tests") or [] if _named(t)}
+        tests = {t["name"]: t for t in _listed_in(document, "tests") if _named(t)}
         owner = next((n for n in tests if column.startswith(f"{n}.")), None)
         if owner is not None:
             tests[owner][column[len(owner) + 1 :]] = value
@@ -101,10 +103,10 @@ class Row:
     def _turn(self, document: dict[str, Any]) -> None:
         """A left knee's tables are mirrored; its knee file says itself whose it is."""
         side = Field(self.place, _SIDE, self.cells[_SIDE]).choice(_SIDES)
-        places = [document.get("measured"), *(document.get("tests") or [])]
+        places = [document.get("measured"), *_listed_in(document, "tests")]
         for one in places:
             # What comes with the package is of right knees, as it says itself.
-            if isinstance(one, dict) and one.get("file") not in bundled_measurements():
+            if isinstance(one, dict) and str(one.get("file")) not in bundled_measurements():
                 one["mirror"] = side.startswith("l")
 
 
@@ -121,7 +123,7 @@ def read_knees(field: Field, folder: Path) -> list[Row]:
     if isinstance(field.value, list):
         return [_listed(item) for item in field.items("knees")]
     path = folder / field.text()
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise field.problem(f"a CSV table with one row a knee, or a list of knees; not at {path}")
     header, rows = read_rows(os.fspath(path), [_NAME])
     found = []
@@ -147,12 +149,16 @@ def _value(cell: str) -> Any:
     text = cell.strip()
     if text.lower() in ("true", "false"):
         return text.lower() == "true"
-    for kind in (int, float):
-        try:
-            return kind(text)
-        except ValueError:
-            continue
-    return text
+    number = plain_number(text)
+    if number is None:
+        return text
+    return int(text) if text.lstrip("+-").isdigit() else number
+
+
+def _listed_in(document: Mapping[str, Any], field: str) -> list[Any]:
+    """What a field lists; nothing where it is no list, which the study refuses."""
+    found = document.get(field)
+    return found if isinstance(found, list) else []
 
 
 def _named(test: Any) -> bool:

@@ -18,7 +18,7 @@ from kneejax.dynamics._march import BLOCK, Given, Moments, first_moment, march
 from kneejax.dynamics._moving import MovingKnee
 from kneejax.geometry import Pose, State, coordinate, coordinates_of, table_units
 from kneejax.mechanics import QUADRICEPS, Knee, Load, add_lane_axis
-from kneejax.numerics import traced
+from kneejax.numerics import WrongValue, traced
 from kneejax.statics import Status, converged
 
 
@@ -59,14 +59,13 @@ class LoadCurve(eqx.Module):
 
 
 def rising(time_s: ArrayLike) -> np.ndarray:
-    """Times in s as numbers; raises `ValueError` where one is not later than that before it."""
+    """Times in s as numbers; raises `WrongValue` where one is not later than that before it."""
     times = np.asarray(time_s, float)
     back = np.flatnonzero(~(np.diff(times) > 0.0))
     if len(back):
         at = back[0]
-        raise ValueError(
-            f"time {times[at + 1]:g} s follows {times[at]:g} s; expected times that rise"
-        )
+        found = f"{times[at + 1]:g} s after {times[at]:g} s"
+        raise WrongValue("time_s", found, "times that rise")
     return times
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kneejax.files.reading import Field
+from kneejax.files.reading import Field, plain_number
 from kneejax.mechanics import RANGES, Range
 
 _MOST_VALUES = 10_000
@@ -57,10 +57,10 @@ def parse_range(text: str, file: str, field: str, allowed: Range, of: str) -> np
     place = Field(file, field, text)
     expected = f"FROM:TO:STEP or a comma separated list, {allowed}"
     is_range = ":" in text
-    try:
-        numbers = [float(part) for part in text.split(":" if is_range else ",")]
-    except ValueError:
-        raise place.problem(expected) from None
+    stated = [plain_number(part) for part in text.split(":" if is_range else ",")]
+    numbers = [x for x in stated if x is not None]
+    if len(numbers) < len(stated):
+        raise place.problem(expected)
     if is_range and (len(numbers) != 3 or not np.isfinite(numbers).all()):
         raise place.problem(expected)
     if not all(allowed.holds(x) for x in (numbers[:2] if is_range else numbers)):

@@ -64,9 +64,18 @@ def load_knee_file(name_or_path: str | os.PathLike[str]) -> KneeFile:
         >>> sorted(read.document["ligaments"])
         ['ACL', 'LCL', 'MCL', 'PCL']
     """
+    return _loaded(name_or_path, ())
+
+
+def _loaded(name_or_path: str | os.PathLike[str], above: tuple[Path, ...]) -> KneeFile:
+    """A knee; `above` are the results that lead to it, each calibrated from the one after it."""
     path = named_path("knees", name_or_path)
-    if path.suffix.lower() == ".json" and path.is_file():
-        return _calibrated(read_calibrated(path), path)
+    if path.suffix.lower() == ".json" and os.path.isfile(path):
+        whole, read = path.resolve(), read_calibrated(path)
+        if whole in above:
+            expected = "the knee that was calibrated; these results lead back to themselves"
+            raise InputProblem(above[0], "knee", os.fspath(path), expected)
+        return _calibrated(read, path, (*above, whole))
     check_kind(path)
     return read_knee(path)
 
@@ -87,17 +96,15 @@ def check_kind(path: Path) -> None:
         **{e: ("a mesh", ", which kneejax import stl makes of meshes") for e in MESH_ENDINGS},
     }
     found, hint = other_kinds.get(path.suffix.lower(), ("", ""))
-    if path.is_dir():
+    if os.path.isdir(path):
         inside = path / "knee.yaml"
-        near = os.fspath(inside) if inside.is_file() else None
+        near = os.fspath(inside) if os.path.isfile(inside) else None
         raise InputProblem(path, "file", "a directory", "a knee file", near)
-    if found and path.is_file():
+    if found and os.path.isfile(path):
         raise InputProblem(path, "file", found, f"a knee file{hint}")
 
 
-def write_calibrated_knee(
-    result: str | os.PathLike[str], path: str | os.PathLike[str]
-) -> None:
+def write_calibrated_knee(result: str | os.PathLike[str], path: str | os.PathLike[str]) -> None:
     """Write the knee that a calibration found as a knee file.
 
     Its numbers have the calibration, or the study that set them, as their source. Comments of the
@@ -135,9 +142,9 @@ def check_new(path: str | os.PathLike[str], knee: str | os.PathLike[str]) -> Non
         raise InputProblem(path, "file", os.fspath(knee), expected)
 
 
-def _calibrated(read: Calibrated, path: Path) -> KneeFile:
+def _calibrated(read: Calibrated, path: Path, above: tuple[Path, ...]) -> KneeFile:
     """The knee of a calibration: what its study set, then what it found."""
-    base = load_knee_file(read.knee)
+    base = _loaded(read.knee, above)
     knee = base.with_patella() if read.patella else base.knee
     document, study = base.document, read.study or os.fspath(path)
     if read.fixed:

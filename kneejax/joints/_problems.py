@@ -2,22 +2,11 @@
 
 from __future__ import annotations
 
+from kneejax.numerics import WrongValue
 
-class JointProblem(ValueError):
-    """Input from which no joint can be made: `PART: FOUND; expected EXPECTED`.
 
-    Attributes:
-        part: what it is about, e.g. `medial extension facet`.
-        found: what is there.
-        expected: what should be there.
-    """
-
-    def __init__(self, part: str, found: str, expected: str):
-        self.part, self.found, self.expected = part, found, expected
-        super().__init__(f"{part}: {found}; expected {expected}")
-
-    def __reduce__(self):
-        return type(self), (self.part, self.found, self.expected)
+class JointProblem(WrongValue):
+    """Input from which no joint can be made; `field` is the part that it is about."""
 
 
 class UnsuitableMesh(JointProblem):

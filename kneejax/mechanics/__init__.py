@@ -26,6 +26,7 @@ from kneejax.mechanics._named_loads import NAMED_LOADS as NAMED_LOADS
 from kneejax.mechanics._named_loads import NamedLoad as NamedLoad
 from kneejax.mechanics._named_loads import load_called as load_called
 from kneejax.mechanics._named_loads import load_of as load_of
+from kneejax.mechanics._named_loads import load_opposite_to as load_opposite_to
 from kneejax.mechanics._named_loads import load_words as load_words
 from kneejax.mechanics._patella_path import PatellaOnPath as PatellaOnPath
 from kneejax.mechanics._patella_path import Strands as Strands

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Mapping
 
 import jax.numpy as jnp
@@ -25,6 +26,7 @@ class NamedLoad:
         negative: what it is called where it is negative.
         does: what a positive one does, in a sentence.
         also_called: other words for it, with which people look for it.
+        opposite: words for its negative.
     """
 
     name: str
@@ -33,6 +35,7 @@ class NamedLoad:
     negative: str
     does: str
     also_called: tuple[str, ...]
+    opposite: tuple[str, ...]
 
     def words(self, size: float) -> str:
         """What a load of this size is called, e.g. `posterior force 134 N`."""
@@ -46,28 +49,31 @@ NAMED_LOADS = {
         NamedLoad(
             "lateral_N", "N", "lateral force", "medial force",
             "pushes the tibia laterally, along the femur's transverse axis",
-            ("lateral", "medial"),
+            ("lateral", "medial"), ("medial",),
         ),
         NamedLoad(
             "anterior_N", "N", "anterior force", "posterior force",
             "draws the tibia forwards along the floating axis: a drawer, at every flexion",
-            ("anterior", "posterior", "drawer"),
+            ("anterior", "posterior", "drawer"), ("posterior",),
         ),
         NamedLoad(
             "compression_N", "N", "compression", "distraction",
             "presses the tibia against the femur, along the tibia's long axis",
             ("superior", "superior_N", "axial", "axial_N", "compression", "distraction"),
+            ("distraction", "traction", "inferior"),
         ),
         NamedLoad(
             "varus_Nm", "N m", "varus moment", "valgus moment",
             "turns the tibia into varus about the floating axis",
             ("adduction", "adduction_Nmm", "adduction_Nm", "varus", "valgus", "varus_Nmm"),
+            ("valgus", "abduction"),
         ),
         NamedLoad(
             "internal_Nm", "N m", "internal torque", "external torque",
             "turns the tibia inwards about its long axis",
             ("internal_rotation", "internal_rotation_Nmm", "internal_rotation_Nm", "internal",
              "external", "internal_Nmm"),
+            ("external", "external_rotation"),
         ),
     )
 }  # fmt: skip
@@ -143,6 +149,17 @@ def load_words(sizes: Mapping[str, float]) -> str:
     """
     acting = [load.words(sizes[name]) for name, load in NAMED_LOADS.items() if sizes.get(name)]
     return ", ".join(acting) or "no load"
+
+
+def load_opposite_to(word: str) -> str | None:
+    """The name of the load whose negative a word means, if it means one; its unit may follow.
+
+    Example:
+        >>> load_opposite_to("posterior_N"), load_opposite_to("valgus"), load_opposite_to("varus")
+        ('anterior_N', 'varus_Nm', None)
+    """
+    bare = re.sub(r"(_force|_moment|_torque)?(_k?N|_Nm|_Nmm)?$", "", word.strip(), flags=re.I)
+    return next((x.name for x in NAMED_LOADS.values() if bare.lower() in x.opposite), None)
 
 
 def load_called(word: str) -> str | None:

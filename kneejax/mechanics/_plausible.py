@@ -107,7 +107,7 @@ RANGES: dict[str, Range] = {
     "layer_thickness_mm": Range(0.1, 50.0, "mm", too_small=_METRES),
     "onset_width_mm": Range(1e-6, 5.0, "mm"),
     # of a pose
-    "flexion_deg": Range(-30.0, 180.0, "degrees"),
+    "flexion_deg": Range(-30.0, 180.0, "degrees", too_small="flexion is positive"),
     "adduction_deg": Range(-45.0, 45.0, "degrees"),
     "internal_rotation_deg": Range(-90.0, 90.0, "degrees"),
     "anterior_mm": Range(-1000.0, 1000.0, "mm"),

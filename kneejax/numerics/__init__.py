@@ -24,3 +24,4 @@ from kneejax.numerics._safe import positive_part as positive_part
 from kneejax.numerics._safe import safe_sqrt as safe_sqrt
 from kneejax.numerics._tangents import instantiate as instantiate
 from kneejax.numerics._tangents import none_of as none_of
+from kneejax.numerics._wrong_value import WrongValue as WrongValue

@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import functools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -264,10 +264,11 @@ def with_values(knee: Knee, values: dict[str, float]) -> Knee:
             are set last, whatever their order: a fibre whose end moves keeps the one that it gets.
 
     Raises:
-        UnknownParameter: the knee has no such parameter.
+        UnknownParameter: the knee has no such parameter, or a slack length has two values.
         Implausible: a value that no knee has (`kneejax.mechanics.RANGES`), or one that leads to
             such a knee, as in a knee file.
     """
+    _check_one_slack(knee, values)
     for name in sorted(values, key=lambda name: name.endswith(".reference_strain")):
         value, selection = values[name], select(knee, [name])
         allowed = range_of_parameter(selection.names[0])
@@ -278,6 +279,22 @@ def with_values(knee: Knee, values: dict[str, float]) -> Knee:
     if values:
         check_fibres(knee.ligaments, *at_reference(knee.ligaments, knee.at_reference))
     return knee
+
+
+def _check_one_slack(knee: Knee, values: Mapping[str, float]) -> None:
+    """No slack length may be given twice, as a length and as a strain."""
+    ways = {name: name.rpartition(".")[2] for name in values}
+    given: dict[str, str] = {}
+    for name, quantity in ways.items():
+        if quantity not in ("slack_length", "reference_strain"):
+            continue
+        selection = select(knee, [name])
+        for fibre in (fibre for i in range(len(selection)) for fibre in selection.fibres(i)):
+            other = given.setdefault(fibre, name)
+            if ways[other] != quantity:
+                raise UnknownParameter(
+                    f"{other} and {name} give one number (slack length of {fibre}): choose one"
+                )
 
 
 def cut(knee: Knee, names: Sequence[str]) -> Knee:

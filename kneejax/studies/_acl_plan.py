@@ -144,8 +144,8 @@ def plan_of(plan: Field, folder: Path = Path(), *, patella: bool = False) -> Acl
 def _read_knee(plan: Field, folder: Path) -> tuple[KneeFile, Path]:
     """The knee as its file has it, and where that is."""
     name = plan["knee"].text()
-    path = folder / name if (folder / name).is_file() else Path(name)
-    return load_knee_file(path if path.is_file() else name), path
+    path = folder / name if os.path.isfile(folder / name) else Path(name)
+    return load_knee_file(path if os.path.isfile(path) else name), path
 
 
 def _knee(plan: Field, read: Knee, path: Path) -> tuple[Knee, tuple[Knee, ...], tuple[str, ...]]:
@@ -210,7 +210,7 @@ def _footprint(plan: Field, knee: Knee, ligament: str, bone: str, folder: Path) 
         field = plan["bones"].mapping((), _BONES)
         if bone in field:
             path = folder / field[bone].text()
-            if not path.is_file():
+            if not os.path.isfile(path):
                 raise field[bone].problem(f"a mesh of the {bone}; not at {path}")
             surface = bone_surface(path)
     return footprint_of(knee, ligament, bone, semi, surface)

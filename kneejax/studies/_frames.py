@@ -9,6 +9,7 @@ from kneejax.experiments import Frames, leg_of_person
 from kneejax.files import InputProblem, LabTable
 from kneejax.files.reading import Field
 from kneejax.mechanics import RANGES
+from kneejax.numerics import WrongValue
 
 #: Field of a test -> field of `Frames` that it gives.
 _OF_FRAMES = {
@@ -55,12 +56,11 @@ def read_frames(item: Field, table: LabTable, flexion_deg: np.ndarray) -> Frames
         asked["gravity_m_s2"] = gravity_of(given["femur_deg"].number(RANGES["femur_deg"]))
     try:
         return Frames(table.time_s, flexion_deg, leg_of_person(**person), **asked)
-    except ValueError as problem:
-        raise refused(given, str(problem)) from None
+    except WrongValue as problem:
+        raise refused(given, problem) from None
 
 
-def refused(field: Field, sentence: str) -> InputProblem:
-    """What a test does not take, from a sentence of its maker: `part: found; expected ...`."""
-    part, rest = sentence.split(": ", 1) if ": " in sentence else ("time_s", sentence)
-    found, expected = rest.split("; expected ", 1)
-    return Field(field.file, f"{field.path}.{part}", found).problem(expected)
+def refused(field: Field, problem: WrongValue) -> InputProblem:
+    """What a test does not take, said of the field that gave it."""
+    place = f"{field.path}.{problem.field}"
+    return InputProblem(field.file, place, problem.found, problem.expected)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ from kneejax.files import said_of
 from kneejax.files.reading import Field, load_yaml
 from kneejax.mechanics import Knee
 from kneejax.parameters import select
-from kneejax.studies._study_fields import parameter_values
+from kneejax.studies._study_fields import parameter_names, parameter_values
 
 
 def with_prior_file(
@@ -34,14 +35,14 @@ def with_prior_file(
         UnknownParameter: the study frees what its knee does not have.
     """
     path = folder / study["prior"].text()
-    if not path.is_file():
+    if not os.path.isfile(path):
         expected = f"a mapping, or the prior.yaml of a cohort; not at {path}"
         raise study["prior"].problem(expected)
     file = Field(str(path), "", load_yaml(path, "the prior.yaml of a cohort"))
     file.mapping(("start", "prior"))
     means, deviations = (parameter_values(file[name]) for name in ("start", "prior"))
     with said_of(study.file):
-        free = select(knee, tuple(study["parameters"].value)).names
+        free = select(knee, parameter_names(study["parameters"])).names
     own = given.get("start", {})
     for name in own if isinstance(own, dict) else ():
         if name in deviations:

@@ -116,7 +116,7 @@ def _knee(field: Field, folder: Path) -> str:
     if name in known:
         return name
     path = folder / name
-    if not path.is_file():
+    if not os.path.isfile(path):
         expected = f"a bundled knee ({', '.join(known) or 'none'}) or a knee file; not at {path}"
         raise field.problem(expected, known)
     return os.path.abspath(path)  # results are read elsewhere
@@ -131,9 +131,7 @@ def _measured(field: Field, folder: Path) -> dict[str, Any]:
         columns = {name: renamed[name].text() for name in renamed.value}
     return {
         "file": os.fspath(_table(field["file"], folder)),
-        "convention": field["convention"].choice(CONVENTIONS)
-        if "convention" in field
-        else FEMORAL,
+        "convention": field["convention"].choice(CONVENTIONS) if "convention" in field else FEMORAL,
         "columns": columns,
         "source": field["source"].text(),
         "mirror": field["mirror"].boolean() if "mirror" in field else False,
@@ -142,7 +140,7 @@ def _measured(field: Field, folder: Path) -> dict[str, Any]:
 
 def _table(field: Field, folder: Path) -> Path:
     path = folder / field.text()
-    if path.is_file():
+    if os.path.isfile(path):
         return path
     every = bundled_measurements()
     known = {name: one for name, one in every.items() if one.use == "poses"}

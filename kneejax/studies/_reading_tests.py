@@ -29,6 +29,7 @@ from kneejax.geometry import (
     OTHER_COLUMNS,
 )
 from kneejax.mechanics import AXES, NAMED_LOADS, RANGES
+from kneejax.numerics import WrongValue
 from kneejax.studies._frames import read_frames, refused
 from kneejax.studies._published_tests import PublishedTest, ignored, published_test
 
@@ -118,8 +119,8 @@ def _read(item: Field, folder: Path, lines: Sequence[str]) -> tuple[MeasuredTest
         if item.value.get("weight") == _BY_LOAD:
             weight = weights_by_load(test.loads[test.driven_by])
             test = dataclasses.replace(test, weight=weight)
-    except ValueError as problem:
-        raise refused(item, str(problem)) from None
+    except WrongValue as problem:
+        raise refused(item, problem) from None
     _check_sense(item, test, folder)
     return test, dict(item.value) | {"file": _path(item["file"], folder) or item.value["file"]}
 
@@ -152,9 +153,7 @@ def _check_sense(item: Field, test: MeasuredTest, folder: Path) -> None:
     )
 
 
-def _that_count(
-    field: Field, table: LabTable, observed: np.ndarray
-) -> tuple[LabTable, np.ndarray]:
+def _that_count(field: Field, table: LabTable, observed: np.ndarray) -> tuple[LabTable, np.ndarray]:
     """Without the coordinates, of any bone, that shall not count."""
     names = [one.choice((*FREE_COORDINATES, *_OTHERS)) for one in field.items("coordinates")]
     seen = dict(zip(FREE_COORDINATES, observed.T, strict=True))
@@ -204,7 +203,7 @@ def _weight(item: Field, table: LabTable) -> np.ndarray | None:
 def _path(field: Field, folder: Path) -> str:
     """Where the table is; empty for one that comes with the package."""
     path = folder / field.text()
-    return os.path.abspath(path) if path.is_file() else ""
+    return os.path.abspath(path) if os.path.isfile(path) else ""
 
 
 def _table(item: Field, folder: Path) -> PublishedTest:

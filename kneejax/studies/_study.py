@@ -108,7 +108,8 @@ class Study:
     def __post_init__(self) -> None:
         """Check everything; what is given is kept in one form."""
         given = {f.name: plain(getattr(self, f.name)) for f in dataclasses.fields(self)}
-        given["procedures"] = list(procedures_of(self.procedures, self.stages))
+        if given["procedures"] == []:
+            given["procedures"] = list(procedures_of((), self.stages))
         place = Field(self.file, "", given)
         for name, value in checked(place).items():
             object.__setattr__(self, name, value)

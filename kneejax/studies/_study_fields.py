@@ -15,7 +15,15 @@ from kneejax.files.reading import Field, InputProblem
 from kneejax.geometry import COLUMNS, FREE_COORDINATES
 from kneejax.inference import METHODS, POSES, PROCEDURES, Stage
 from kneejax.inference.fit import DEFAULT_WEIGHTS, check_readable
-from kneejax.mechanics import NAMED_LOADS, RANGES, Knee, Range, load_called, range_of_parameter
+from kneejax.mechanics import (
+    NAMED_LOADS,
+    RANGES,
+    Knee,
+    Range,
+    load_called,
+    load_opposite_to,
+    range_of_parameter,
+)
 from kneejax.parameters import cut
 from kneejax.statics import Status
 
@@ -73,7 +81,7 @@ def checked(study: Field) -> dict[str, Any]:
         "measured": _poses(study["measured"]) if "measured" in given else None,
         "synthetic": _synthetic(study["synthetic"]) if "synthetic" in given else None,
         "tests": _tests(study),
-        "parameters": _distinct(study["parameters"], _parameter),
+        "parameters": parameter_names(study["parameters"]),
         "start": parameter_values(study["start"]),
         "bounds": {
             name: limits.interval(range_of_parameter(name))
@@ -183,6 +191,18 @@ def parameter_values(field: Field) -> dict[str, float]:
     return {name: value.number(range_of_parameter(name)) for name, value in _by_parameter(field)}
 
 
+def parameter_names(field: Field) -> tuple[str, ...]:
+    """Names or wildcards of parameters, each once.
+
+    Args:
+        field: of a list of them.
+
+    Raises:
+        InputProblem: something else stands there.
+    """
+    return _distinct(field, _parameter)
+
+
 def _by_parameter(field: Field) -> list[tuple[str, Field]]:
     """Names and fields of a mapping whose names are parameters or wildcards."""
     if not isinstance(field.value, dict):
@@ -206,7 +226,8 @@ def _loads(field: Field) -> dict[str, list[float]]:
     found = {}
     for name in field.value:
         if name not in NAMED_LOADS:
-            near, known = load_called(name) or NAMED_LOADS, f"one of {', '.join(NAMED_LOADS)}"
+            known, meant = f"one of {', '.join(NAMED_LOADS)}", load_opposite_to(str(name))
+            near = f"{meant} of the opposite sign" if meant else load_called(name) or NAMED_LOADS
             raise InputProblem(field.file, field.path, name, known, near)
         sizes = field[name]
         many = isinstance(sizes.value, list)

@@ -33,6 +33,16 @@ def study(tmp_path, text):
     return ["calibrate", str(path), "--out", str(tmp_path / "out")]
 
 
+def cohort(tmp_path, template, knee, more=""):
+    path = tmp_path / "cohort.yaml"
+    fields = "title: S, knee: four_ligament, parameters: ['*.stiffness'], procedures: [III]"
+    template = "" if template == "title: a" else f", {template}"
+    path.write_text(
+        f"title: C\nstudy: {{{fields}{template}}}\nknees: [{{name: a, {knee}}}]\n{more}"
+    )
+    return ["calibrate", str(path), "--out", str(tmp_path / "out")]
+
+
 def simulate(tmp_path, *words):
     return [*PASSIVE, *words, "--out", str(tmp_path / "o")]
 
@@ -43,33 +53,39 @@ BAD = {
     "unknown command": (lambda t: ["calibrat"], "calibrate"),
     "unknown option": (lambda t: ["calibrate", "--outt", "x"], "did you mean --out?"),
     "field of a study as an option": (
-        lambda t: ["calibrate", "--weigths", "x"], "did you mean the field weights of a study file?"
+        lambda t: ["calibrate", "--weigths", "x"],
+        "did you mean the field weights of a study file?",
     ),
     "misspelt option with a value": (
-        lambda t: ["simulate", "passive-flexion", "--flx=3"], "did you mean --flexion?"
+        lambda t: ["simulate", "passive-flexion", "--flx=3"],
+        "did you mean --flexion?",
     ),
     "unknown choice": (
         lambda t: ["evaluate", "four_ligament", "x.csv", "--convention", "tibal"],
         "did you mean tibial?",
     ),
     "unknown experiment": (
-        lambda t: ["simulate", "passive-flexon"], "did you mean passive-flexion?"
+        lambda t: ["simulate", "passive-flexon"],
+        "did you mean passive-flexion?",
     ),
     "too many words": (lambda t: ["calibrate", "paper1", "extra"], "unrecognized arguments: extra"),
     "unknown knee": (lambda t: ["describe", "four_ligamnt"], "did you mean four_ligament?"),
     "unknown knee as a file": (
-        lambda t: ["describe", str(t / "four_ligamnt.yaml")], "did you mean four_ligament?"
+        lambda t: ["describe", str(t / "four_ligamnt.yaml")],
+        "did you mean four_ligament?",
     ),
     "unknown study": (lambda t: ["calibrate", "papr1"], "did you mean paper1?"),
     "unknown study as a file": (
-        lambda t: ["calibrate", str(t / "papr1.yaml")], "did you mean paper1?"
+        lambda t: ["calibrate", str(t / "papr1.yaml")],
+        "did you mean paper1?",
     ),
     "no such study": (
         lambda t: ["calibrate", str(t / "nostudy.yaml")],
         "a bundled study (average_knee, four_ligament_fitted, lenhart2015_mri, paper1",
     ),
     "study of another name beside it": (
-        lambda t: [study(t, TWIN)[0], str(t / "stdy.yaml")], "did you mean study.yaml?"
+        lambda t: [study(t, TWIN)[0], str(t / "stdy.yaml")],
+        "did you mean study.yaml?",
     ),
     "negative stiffness": (lambda t: bad_knee(t, "stiffness_N: 4500.0", "stiffness_N: -1"), "-1"),
     "unknown field": (lambda t: bad_knee(t, "stiffness_N: 4500.0", "stifness_N: 1"), "stiffness_N"),
@@ -104,42 +120,62 @@ BAD = {
     ),
     "unknown ligament": (lambda t: simulate(t, "--cut", "foo"), "expected one of ACL, PCL"),
     "unknown load": (
-        lambda t: simulate(t, "--load", "anterio_N=3"), "did you mean anterior_N?",
+        lambda t: simulate(t, "--load", "anterio_N=3"),
+        "did you mean anterior_N?",
     ),
     "a load without its unit": (
-        lambda t: simulate(t, "--load", "internal_rotation=5"), "did you mean internal_Nm?",
+        lambda t: simulate(t, "--load", "internal_rotation=5"),
+        "did you mean internal_Nm?",
     ),
     "a moment in N mm": (
-        lambda t: simulate(t, "--load", "varus_Nm=10000"), "N mm are suspected",
+        lambda t: simulate(t, "--load", "varus_Nm=10000"),
+        "N mm are suspected",
     ),
     "an absurd load": (
-        lambda t: simulate(t, "--load", "anterior_N=1e30"), "between -100,000 and 100,000 N",
+        lambda t: simulate(t, "--load", "anterior_N=1e30"),
+        "between -100,000 and 100,000 N",
     ),
     "a load given twice": (
-        lambda t: simulate(t, "--load", "varus_Nm=1", "--load", "varus_Nm=2"), "every name once",
+        lambda t: simulate(t, "--load", "varus_Nm=1", "--load", "varus_Nm=2"),
+        "every name once",
     ),
     "set: negative stiffness": (
-        lambda t: simulate(t, "--set", "ACL.stiffness=-5"), "--set: ACL.stiffness: -5: expected",
+        lambda t: simulate(t, "--set", "ACL.stiffness=-5"),
+        "--set: ACL.stiffness: -5: expected",
     ),
     "set: slack length zero": (
-        lambda t: simulate(t, "--set", "ACL.slack_length=0"), "between 1 and 700 mm",
+        lambda t: simulate(t, "--set", "ACL.slack_length=0"),
+        "between 1 and 700 mm",
     ),
     "set: a strain that no length has": (
-        lambda t: simulate(t, "--set", "ACL.reference_strain=-1.5"), "between -0.9 and 0.5",
+        lambda t: simulate(t, "--set", "ACL.reference_strain=-1.5"),
+        "between -0.9 and 0.5",
     ),
     "set: an attachment far off": (
         lambda t: simulate(t, "--set", "ACL.tibial_attachment.superior=-900"),
         "--set: ACL.length: 900.1 mm",
     ),
     "absurd flexion": (
-        lambda t: simulate(t, "--flexion", "0,1e30"), "between -30 and 180 degrees",
+        lambda t: simulate(t, "--flexion", "0,1e30"),
+        "between -30 and 180 degrees",
     ),
     "absurd pose": (
-        lambda t: bad_table(t, POSES + "0,0,0,1e30,0,1\n"), "between -1000 and 1000 mm",
+        lambda t: bad_table(t, POSES + "0,0,0,1e30,0,1\n"),
+        "between -1000 and 1000 mm",
     ),
     "absurd range of a map": (
-        lambda t: ["map", "paper1", "--pair", "ACL.stiffness", "PCL.stiffness", "--range",
-                   "ACL.stiffness=1:1e30", "--out", str(t / "o")], "10,000,000 N",
+        lambda t: [
+            "map",
+            "paper1",
+            "--pair",
+            "ACL.stiffness",
+            "PCL.stiffness",
+            "--range",
+            "ACL.stiffness=1:1e30",
+            "--out",
+            str(t / "o"),
+        ],
+        "10,000,000 N",
     ),
     "absurd sweep": (
         lambda t: ["sensitivity", "--sweep", "ACL.reference_strain=-5:5", "--out", str(t / "o")],
@@ -158,6 +194,71 @@ BAD = {
         "exclude the start 4500",
     ),
     "unknown study field": (lambda t: study(t, TWIN + "boundz: 3\n"), "bounds"),
+    "a parameter that is a number": (
+        lambda t: study(t, TWIN.replace('["*.stiffness"', "[5")),
+        "parameters[0]: 5: expected a text",
+    ),
+    "procedures that are a number": (
+        lambda t: study(t, TWIN.replace("procedures: [", "procedures: 3 #")),
+        "procedures: 3: expected a list of names",
+    ),
+    "a test whose name is a number": (
+        lambda t: study(t, TWIN + "tests: [{name: 30, file: walker1988}]\n"),
+        "tests[0].name: 30: expected a text",
+    ),
+    "a cohort whose tests are a number": (
+        lambda t: cohort(t, "tests: 5", "side: left"),
+        "tests: 5: expected a list of tests",
+    ),
+    "a cohort whose table is a list": (
+        lambda t: cohort(t, "measured: {file: [1], source: us}", "side: left"),
+        "measured.file: [1]: expected a text",
+    ),
+    "a cohort with a list about a knee": (
+        lambda t: cohort(t, "title: a", "age: [1]", "about: [age]"),
+        "age: [1]: expected a number",
+    ),
+    "a table of commas": (lambda t: bad_table(t, ",,,,,\n"), "header: empty: expected names of"),
+    "flexion of the opposite sense": (
+        lambda t: bad_table(t, POSES + "-89,0,0,1,2,3\n"),
+        "row 1 (line 2), flexion_deg: -89: expected between -30 and 180 degrees",
+    ),
+    "an underscore in a number": (
+        lambda t: bad_table(t, POSES + "0,0,0,1_0,2,3\n"),
+        "anterior_mm: 1_0: expected a number",
+    ),
+    "digits of another script": (
+        lambda t: bad_table(t, POSES + "0,0,0,١٢,2,3\n"),
+        "anterior_mm: ١٢: expected a number",
+    ),
+    "no flexion": (lambda t: simulate(t, "--flexion", ""), "--flexion: expected a value"),
+    "an option of another experiment, given as 0": (
+        lambda t: simulate(t, "--moment_Nm", "0"),
+        "--moment_Nm: passive-flexion: expected a test",
+    ),
+    "nowhere": (lambda t: [*PASSIVE, "--out", ""], "--out: expected a value, not an empty text"),
+    "an underscore in an option": (
+        lambda t: ["simulate", "drawer", "--force_N", "1_00"],
+        "invalid float value: '1_00'",
+    ),
+    "a slack length twice": (
+        lambda t: simulate(t, "--set", "ACL.slack_length=20", "--set", "*.reference_strain=0.03"),
+        "--set: ACL.slack_length and *.reference_strain give one number (slack length of ACL)",
+    ),
+    **{
+        f"a load of the opposite sense: {said}": (
+            lambda t, said=said: simulate(t, "--load", said),
+            f"; did you mean {meant}?\n",
+        )
+        for said, meant in (
+            ("posterior_N=90", "anterior_N=-90"),
+            ("medial_N=5", "lateral_N=-5"),
+            ("distraction_N=5", "compression_N=-5"),
+            ("valgus_Nm=5", "varus_Nm=-5"),
+            ("external_Nm=-5", "internal_Nm=5"),
+            ("abduction=1", "varus_Nm=-1"),
+        )
+    },
 }
 
 
@@ -182,7 +283,9 @@ def test_bad_input_is_one_line_and_status_2(case, tmp_path, capsys):
         status = stop.code
     printed = capsys.readouterr()
     assert status == 2
-    assert len(printed.err.strip().splitlines()) == 1
+    # A cohort's mistakes are counted in a line of their own.
+    lines = printed.err.strip().splitlines()
+    assert len([line for line in lines if "nothing was computed" not in line]) == 1
     assert expected in printed.err
     assert not (tmp_path / "out").exists() and not (tmp_path / "o").exists()
 

@@ -118,6 +118,7 @@ motion = kj.passive_flexion(kj.load_knee("four_ligament"), list(range(0, 121, 5)
 write_poses(sys.argv[1], motion.to_table())
 """
 
+
 @pytest.mark.slow
 def test_a_command_and_a_library_without_flags_find_the_poses_of_a_test(tmp_path, capsys):
     """The command sets XLA up before anything is computed, a library leaves XLA as it is, and the
@@ -238,3 +239,19 @@ def test_a_reader_that_has_seen_enough_hides_no_doubt(
     with os.fdopen(writes, "w") as closed:
         monkeypatch.setattr(sys, "stdout", closed)
         assert main(words) == status
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no device that is always full")
+@pytest.mark.parametrize(("command", "status"), [("evaluate", 1), ("knees", 2)])
+def test_a_full_place_to_print_to_costs_no_file(tmp_path, monkeypatch, capsys, command, status):
+    """Results are written whatever becomes of what is printed; both are said."""
+    words = [command]
+    if command == "evaluate":
+        poses = "flexion_deg,adduction_deg,internal_rotation_deg,anterior_mm,superior_mm,lateral_mm"
+        (tmp_path / "poses.csv").write_text(f"{poses}\n30,0,2,1,-28,0.5\n")
+        words += ["four_ligament", str(tmp_path / "poses.csv"), "--out", str(tmp_path / "out")]
+    with open("/dev/full", "w") as full:
+        monkeypatch.setattr(sys, "stdout", full)
+        assert main(words) == status
+    assert capsys.readouterr().err == "kneejax: stdout: No space left on device\n"
+    assert (tmp_path / "out" / "settings.json").exists() == (command == "evaluate")

@@ -239,3 +239,45 @@ def test_a_shell_completes_every_command_and_option(shell, capsys):
         assert all(word in script for word in words)
         options = [name for name in parser._option_string_actions if name.startswith("--")]
         assert all(name.lstrip("-") in script for name in options)
+
+
+def command(code, *words, **options):
+    """A process of its own, in which some code comes before the command."""
+    code = f"import os, signal, sys\n{code}\nfrom kneejax.cli import main\nsys.exit(main())"
+    return subprocess.run(
+        [sys.executable, "-c", code, *words], text=True, stderr=subprocess.PIPE, **options
+    )
+
+
+def test_ctrl_c_while_jax_is_imported_is_one_line():
+    code = (
+        "class Seen:\n"
+        "    def find_spec(self, name, *_):\n"
+        "        if name == 'jax': os.kill(os.getpid(), signal.SIGINT)\n"
+        "sys.meta_path.insert(0, Seen())"
+    )
+    done = command(code, "describe", "four_ligament", stdout=subprocess.PIPE)
+    assert done.returncode == 130
+    assert done.stderr == "kneejax: stopped; no half-written files are left\n"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="shells of Unix close streams")
+def test_without_a_place_to_print_to_a_command_that_only_prints_says_so():
+    done = command("os.close(1); sys.stdout = None", "knees")
+    assert done.returncode == 2
+    assert done.stderr == "kneejax: stdout: stream: closed: expected a place to print to\n"
+
+
+def test_a_platform_that_is_not_there_is_named_with_its_variable(monkeypatch):
+    import jax
+
+    from kneejax.cli import _main
+    from kneejax.files import InputProblem
+
+    def devices():
+        raise RuntimeError("Unable to initialize backend 'tpu'")
+
+    monkeypatch.setenv("JAX_PLATFORMS", "tpu")
+    monkeypatch.setattr(jax, "devices", devices)
+    with pytest.raises(InputProblem, match="^environment: JAX_PLATFORMS: tpu: expected a platform"):
+        _main._check_platform("JAX_PLATFORMS")

@@ -209,7 +209,7 @@ def test_a_leg_whose_quadriceps_has_a_length_rests_where_it_would_be_held(knee):
     np.testing.assert_allclose(raised.quadriceps_mm, held.quadriceps_mm, atol=1e-6)
     np.testing.assert_allclose(np.diff(raised.quadriceps_mm), [6.0], atol=2e-6)
     assert np.abs(raised.extension_Nm).max() < 1e-4 and np.all(raised.motion.stable)
-    with pytest.raises(ValueError, match=r"90 mm longer than at rest: expected between .* mm"):
+    with pytest.raises(ValueError, match=r"90 mm longer than at rest; expected between .* mm"):
         leg_raise_by_length(knee, [90.0], shank)
 
 

@@ -15,6 +15,7 @@ from kneejax.cli._parser import (
     add_repeated,
     add_svg,
 )
+from kneejax.files.reading import plain_number
 
 
 def add_joint(joint: Parser) -> None:
@@ -198,11 +199,8 @@ def _add_table(parser: argparse.ArgumentParser) -> None:
 
 def _degrees(text: str) -> float:
     """An angle, one of several that are given with blanks between them."""
-    try:
-        angle = float(text)
-    except ValueError:
-        angle = math.nan
-    if not math.isfinite(angle):
+    angle = plain_number(text)
+    if angle is None or not math.isfinite(angle):
         raise argparse.ArgumentTypeError(
             f"{text}: expected a number of degrees; several have blanks between them, as 0 90"
         )
@@ -210,10 +208,7 @@ def _degrees(text: str) -> float:
 
 
 def _millimetres(text: str) -> float:
-    try:
-        length = float(text)
-    except ValueError:
-        length = 0.0
-    if not 0.0 < length < math.inf:
+    length = plain_number(text)
+    if length is None or not 0.0 < length < math.inf:
         raise argparse.ArgumentTypeError(f"{text}: expected mm above 0")
     return length

@@ -154,7 +154,7 @@ def _shifted(axes: CondyleAxes, shift: np.ndarray) -> CondyleAxes:
 
 def problem(file: str | Path, error: JointProblem) -> InputProblem:
     """The error of a command for what no joint can be made of."""
-    return InputProblem(file, error.part, error.found, error.expected)
+    return InputProblem(file, error.field, error.found, error.expected)
 
 
 def _fitted(
@@ -200,7 +200,7 @@ def _touching(
         )
     except UnsuitableMesh as error:
         expected = f"{error.expected} Bones without cartilage want a larger --touching-within"
-        raise InputProblem(file, error.part, error.found, expected) from None
+        raise InputProblem(file, error.field, error.found, expected) from None
     return first, last
 
 

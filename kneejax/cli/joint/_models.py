@@ -136,8 +136,7 @@ def fitted_models(
         for file, table, own in zip(axes, measured, poses, strict=True)
     ]
     return {
-        name: _of_joints([one[name] for one in fits], flexion_deg, tuple(read))
-        for name in fits[0]
+        name: _of_joints([one[name] for one in fits], flexion_deg, tuple(read)) for name in fits[0]
     }
 
 
@@ -150,9 +149,9 @@ def _fitted(file: str, axes: AxisPoints, table: Path, poses: np.ndarray) -> dict
         if len(poses) > 2:
             made["generalised axis"] = fit_joints(poses, axes.points, fixed, poses[:, 0]).moving
     except UnsuitablePoses as problem:
-        raise InputProblem(table, problem.part, problem.found, problem.expected) from None
+        raise InputProblem(table, problem.field, problem.found, problem.expected) from None
     except UnsuitableAxis as problem:
-        raise InputProblem(file, problem.part, problem.found, problem.expected) from None
+        raise InputProblem(file, problem.field, problem.found, problem.expected) from None
     return made if axes.epicondyles is None else made | {"hinge": ends.hinge}
 
 

@@ -23,7 +23,7 @@ from kneejax.experiments.extensor._of_length import (
     with_derivatives,
 )
 from kneejax.mechanics import Knee, Load, add_lane_axis
-from kneejax.numerics import compiled, traced
+from kneejax.numerics import WrongValue, compiled, traced
 from kneejax.statics import Stations, converged
 
 #: Flexions at which a leg is held before its quadriceps is given a length, degrees.
@@ -157,9 +157,10 @@ def _between_held(
     wrong = ~((length >= least) & (length <= most))
     if wrong.any():
         low, high = (x - (length[0] - longer[0]) for x in (least, most))
-        raise ValueError(
-            f"a quadriceps that is {longer[wrong][0]:g} mm longer than at rest: expected between "
-            f"{low:.4g} and {high:.4g} mm, with which it holds the leg of {knee.name}"
+        raise WrongValue(
+            "longer_mm",
+            f"a quadriceps that is {longer[wrong][0]:g} mm longer than at rest",
+            f"between {low:.4g} and {high:.4g} mm, with which it holds the leg of {knee.name}",
         )
     above = np.clip(np.searchsorted(known, length), 1, len(known) - 1)
     low, high = rows[above - 1], rows[above]

@@ -11,6 +11,7 @@ import numpy as np
 
 from kneejax.dynamics import MovingKnee, rising
 from kneejax.mechanics import Knee, Mass
+from kneejax.numerics import WrongValue
 
 #: s; for a rate by differences.
 _SHORT_S = 1e-6
@@ -66,15 +67,15 @@ class Frames:
         object.__setattr__(self, "time_s", times)
         object.__setattr__(self, "flexion_deg", flexion)
         if times.shape != flexion.shape or len(times) < 2:
-            raise ValueError(f"time_s: {len(times)} rows; expected {max(len(flexion), 2)}")
+            raise WrongValue("time_s", f"{len(times)} rows", str(max(len(flexion), 2)))
         if self.period_s is None:
             return
         if times[-1] - times[0] >= self.period_s:
             found = f"{self.period_s:g} s of rows over {times[-1] - times[0]:g} s"
-            raise ValueError(f"period_s: {found}; expected a longer one, or the rows of one period")
+            raise WrongValue("period_s", found, "a longer one, or the rows of one period")
         if len(times) <= 2 * self.harmonics:
             expected = f"at most {(len(times) - 1) // 2} from {len(times)} rows"
-            raise ValueError(f"harmonics: {self.harmonics}; expected {expected}")
+            raise WrongValue("harmonics", str(self.harmonics), expected)
 
     @property
     def led_deg(self) -> np.ndarray:

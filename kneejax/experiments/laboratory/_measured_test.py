@@ -11,6 +11,7 @@ import numpy as np
 from kneejax.experiments.laboratory._curves import Curves
 from kneejax.geometry import FREE_COORDINATES, OTHER_COLUMNS
 from kneejax.mechanics import AXES, GROOD_SUNTAY, NAMED_LOADS
+from kneejax.numerics import WrongValue
 
 if TYPE_CHECKING:
     from kneejax.experiments.in_time import Frames
@@ -118,22 +119,22 @@ class MeasuredTest:
             object.__setattr__(self, name, value)
         unknown = [name for name in (*loads, *self.constant) if name not in NAMED_LOADS]
         if unknown:
-            raise ValueError(f"loads: {unknown[0]!r}; expected of {', '.join(NAMED_LOADS)}")
+            raise WrongValue("loads", repr(unknown[0]), f"of {', '.join(NAMED_LOADS)}")
         self._check_loads(flexion, [*loads.values(), *tensions.values()])
         shape = len(flexion), 5
         if observed.shape != shape:
-            raise ValueError(f"observed: {observed.shape}; expected {shape}")
+            raise WrongValue("observed", str(observed.shape), str(shape))
         for field, every in (("loads", loads), ("tensions", tensions)):
             for name, sizes in every.items():
                 if sizes.shape != shape[:1]:
-                    raise ValueError(f"{field}.{name}: {sizes.shape}; expected {shape[:1]}")
+                    raise WrongValue(f"{field}.{name}", str(sizes.shape), str(shape[:1]))
         if self.axes not in AXES:
-            raise ValueError(f"axes: {self.axes!r}; expected one of {', '.join(AXES)}")
+            raise WrongValue("axes", repr(self.axes), f"one of {', '.join(AXES)}")
         if self.counted_from not in COUNTED_FROM:
-            known = ", ".join(COUNTED_FROM)
-            raise ValueError(f"counted_from: {self.counted_from!r}; expected one of {known}")
+            known = f"one of {', '.join(COUNTED_FROM)}"
+            raise WrongValue("counted_from", repr(self.counted_from), known)
         if all(np.isnan(own).all() for own in (observed, *readings.values())):
-            raise ValueError("observed: nothing; expected a number in some row")
+            raise WrongValue("observed", "nothing", "a number in some row")
         self._check_readings(shape[:1])
         self._check_weight(shape[:1])
         self._check_frames()
@@ -141,21 +142,23 @@ class MeasuredTest:
 
     def _check_readings(self, shape: tuple[int]) -> None:
         if self.counted_from == "intact" and not self.cut:
-            raise ValueError("counted_from: intact; expected cut too, or unloaded")
+            raise WrongValue("counted_from", "intact", "cut too, or unloaded")
         for name, sizes in self.readings.items():
             part, _, kind = name.rpartition(".")
             if name not in OTHER_COLUMNS and (not part or kind not in READINGS):
                 known = ", ".join([*(f"PART.{kind}" for kind in READINGS), *OTHER_COLUMNS])
-                raise ValueError(f"readings: {name!r}; expected of {known}")
+                raise WrongValue("readings", repr(name), f"of {known}")
             if sizes.shape != shape:
-                raise ValueError(f"readings.{name}: {sizes.shape}; expected {shape}")
+                raise WrongValue(f"readings.{name}", str(sizes.shape), str(shape))
             if np.isnan(self.sd_of(name)):
                 sd = f"sd_{reading_unit(name) or 'strain'}"
-                raise ValueError(f"{sd}: not stated; expected how well {name} is known")
+                raise WrongValue(sd, "not stated", f"how well {name} is known")
             if name.endswith(".strain") and self.counted_from.startswith("offset"):
-                raise ValueError(
-                    f"readings.{name}: counted from {self.counted_from}; expected unloaded or "
-                    "absolute, since unknown constants are of the bones' coordinates alone"
+                raise WrongValue(
+                    f"readings.{name}",
+                    f"counted from {self.counted_from}",
+                    "unloaded or absolute, since unknown constants are of the bones' coordinates "
+                    "alone",
                 )
 
     def _check_weight(self, shape: tuple[int]) -> None:
@@ -164,30 +167,30 @@ class MeasuredTest:
         weight = np.asarray(self.weight, float)
         object.__setattr__(self, "weight", weight)
         if weight.shape != shape:
-            raise ValueError(f"weight: {weight.shape}; expected {shape}")
+            raise WrongValue("weight", str(weight.shape), str(shape))
         if not (np.isfinite(weight).all() and (weight >= 0).all() and weight.any()):
-            raise ValueError("weight: not finite, negative or all zero; expected 0 or more")
+            raise WrongValue("weight", "not finite, negative or all zero", "0 or more")
 
     def _check_frames(self) -> None:
         if self.frames is None:
             return
         if len(self.frames.time_s) != len(self.flexion_deg):
             rows = len(self.flexion_deg)
-            raise ValueError(f"frames: {len(self.frames.time_s)} times; expected {rows}, one a row")
+            raise WrongValue("frames", f"{len(self.frames.time_s)} times", f"{rows}, one a row")
         if self.tensions or self.readings:
             name = next(iter({**self.tensions, **self.readings}))
-            raise ValueError(f"frames: {name} too; expected loads and coordinates alone")
+            raise WrongValue("frames", f"{name} too", "loads and coordinates alone")
 
     def _check_loads(self, flexion: np.ndarray, acting: Sequence[np.ndarray]) -> None:
         """Some load acts or something was read of the knee's parts, or the motion needs none; and
         without a load each row has a flexion of its own."""
         told = bool(self.readings) or any(sizes.any() for sizes in acting)
         if not told and self.counted_from not in WITHOUT_LOADS:
-            raise ValueError("loads: none; expected a load that is not zero in some row")
+            raise WrongValue("loads", "none", "a load that is not zero in some row")
         angles, rows = np.unique(flexion, return_counts=True)
         if rows.max() > 1 and self.frames is None and not (self.loads and told):
             found = f"{angles[rows > 1][0]:g} degrees {rows.max()} times"
-            raise ValueError(f"flexion_deg: {found}; expected each once, since no load acts")
+            raise WrongValue("flexion_deg", found, "each once, since no load acts")
 
     @property
     def bent_deg(self) -> np.ndarray:
@@ -198,7 +201,7 @@ class MeasuredTest:
     def driven_by(self) -> str:
         """Name of the load over which curves are drawn: the one that changes most."""
         if not self.loads:
-            raise ValueError("loads: none; expected a load over which curves can be drawn")
+            raise WrongValue("loads", "none", "a load over which curves can be drawn")
         # Moments in N m are compared with forces as if they acted 50 mm away.
         arm = {name: 20.0 if name.endswith("_Nm") else 1.0 for name in self.loads}
         return max(self.loads, key=lambda name: arm[name] * np.ptp(np.r_[0.0, self.loads[name]]))
@@ -258,20 +261,23 @@ class MeasuredTest:
         if driving[near] < 0:
             at = f"{driving[near]:g} at {self.flexion_deg[near]:g} degrees"
             other = f"the nearest is row {near + 1}, {at}"
-        raise ValueError(
-            f"row {row + 1}: {self.driven_by} {driving[row]:g} at {self.flexion_deg[row]:g} "
-            f"degrees; expected a row under the opposite load, within {100 * _PAIRED:g} % of it "
-            f"and {_PAIRED_DEG:g} degree of its flexion, since it is counted from opposite; {other}"
+        raise WrongValue(
+            f"row {row + 1}",
+            f"{self.driven_by} {driving[row]:g} at {self.flexion_deg[row]:g} degrees",
+            f"a row under the opposite load, within {100 * _PAIRED:g} % of it and {_PAIRED_DEG:g} "
+            f"degree of its flexion, since it is counted from opposite; {other}",
         )
 
     def _least(self, own: np.ndarray, driving: np.ndarray) -> int:
         """Row of the neutral pose among the rows of one flexion."""
         zero, largest = own[np.argmin(np.abs(driving[own]))], np.abs(driving[own]).max()
         if abs(driving[zero]) > _NEARLY_ZERO * largest:
-            raise ValueError(
-                f"row {zero + 1}: {self.driven_by} {driving[zero]:g} is the least load at "
-                f"{self.flexion_deg[zero]:g} degrees; expected a row under less than a tenth of "
-                f"{largest:g}, since least_load is what others are counted from"
+            raise WrongValue(
+                f"row {zero + 1}",
+                f"{self.driven_by} {driving[zero]:g} is the least load at "
+                f"{self.flexion_deg[zero]:g} degrees",
+                f"a row under less than a tenth of {largest:g}, since least_load is what others "
+                "are counted from",
             )
         return int(zero)
 
@@ -292,7 +298,7 @@ class MeasuredTest:
         """
         if curves.test.held:
             held = ", ".join(curves.test.held)
-            raise ValueError(f"{curves.test.name}: {held} is held; expected what is free there")
+            raise WrongValue(curves.test.name, f"{held} is held", "what is free there")
         test, moved = curves.test, np.asarray(curves.displacement)
         path = np.asarray(test.path)
         under = path != 0.0

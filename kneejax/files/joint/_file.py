@@ -86,7 +86,7 @@ def read_joint(path: str | os.PathLike[str]) -> JointFile:
     try:
         check_joint(joint)
     except UnsuitableAxis as error:
-        raise InputProblem(path, f"knots, {error.part}", error.found, error.expected) from None
+        raise InputProblem(path, f"knots, {error.field}", error.found, error.expected) from None
     source, notes = (whole[name].text() if name in whole else "" for name in ("source", "notes"))
     return JointFile(joint, whole["name"].text(), side, source, notes)
 

@@ -108,7 +108,7 @@ def check_pose(pose: Field, sources: dict[str, str], body: str = TIBIA) -> None:
     columns = {one.column: f"{one.way}_{one.unit}" for one in BODIES[body].values()}
     pose.mapping(tuple(columns), ("source",))
     for column, kind in columns.items():
-        pose[column].number(RANGES[kind])
+        pose[column].number(RANGES["flexion_deg" if column == "flexion_deg" else kind])
     if "source" in pose:
         sources[pose.path] = pose["source"].text()
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from kneejax.files.meshes._complete import COMPLETE, check_complete
 from kneejax.files.meshes._vtk import read_vtp
 from kneejax.files.reading import InputProblem, counted, read_bytes
 
@@ -84,6 +85,8 @@ def _load(path: Path, data: bytes):
     import trimesh
 
     kind = path.suffix[1:].lower()
+    if kind in COMPLETE:
+        check_complete(path, data)
     try:
         if kind == "vtp":
             mesh = trimesh.Trimesh(*read_vtp(path), process=False)

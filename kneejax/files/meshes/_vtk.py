@@ -18,16 +18,16 @@ def read_vtp(path: Path) -> tuple[np.ndarray, np.ndarray]:
         path: the file.
 
     Returns:
-        Corners `(n, 3)` in the file's unit, and rows of three corners; none of what is damaged.
+        Corners `(n, 3)` in the file's unit, and rows of three corners.
 
     Raises:
-        InputProblem: VTK is not installed.
+        InputProblem: VTK is not installed, or the file is damaged.
     """
     core, filters, reading, arrays = (
         _imported(path, name)
         for name in ("vtkCommonCore", "vtkFiltersCore", "vtkIOXML", "util.numpy_support")
     )
-    # VTK would print paragraphs about a damaged file; what is missing shows in what it returns.
+    # VTK would print paragraphs about a damaged file.
     logger = core.vtkLogger
     before = logger.GetCurrentVerbosityCutoff()
     logger.SetStderrVerbosity(logger.VERBOSITY_OFF)
@@ -40,6 +40,8 @@ def read_vtp(path: Path) -> tuple[np.ndarray, np.ndarray]:
         triangles.Update()
     finally:
         logger.SetStderrVerbosity(before)
+    if reader.GetErrorCode():
+        raise InputProblem(path, "file", "not complete, or damaged", "a triangle mesh in VTP")
     mesh = triangles.GetOutput()
     if mesh.GetNumberOfPolys() == 0:
         return np.zeros((0, 3)), np.zeros((0, 3), int)

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.linalg import solve_banded
 
 from kneejax.files.opensim._xml import Element
+from kneejax.files.reading import plain_number
 
 #: Kinds of function that are understood.
 FUNCTIONS = (
@@ -38,7 +39,7 @@ def evaluate(function: Element, arguments: Sequence[Any]) -> Any:
     """
     x = arguments[0] if arguments else 0.0
     if function.tag == "Constant":
-        return float(function.word("value", default="0"))
+        return _number(function.word("value", default="0"))
     if function.tag == "LinearFunction":
         # OpenSim 2 and 3 call them coefficients too; the constant comes last.
         *slopes, constant = _numbers(function, "coefficients", 2)
@@ -55,7 +56,7 @@ def evaluate(function: Element, arguments: Sequence[Any]) -> Any:
         inner = function_of(function)
         if inner is None:
             raise ValueError("no function to multiply")
-        return float(function.word("scale", default="1")) * evaluate(inner, arguments)
+        return _number(function.word("scale", default="1")) * evaluate(inner, arguments)
     raise UnknownFunction(function.tag)
 
 
@@ -80,12 +81,12 @@ def describe(function: Element) -> str:
         function: of any kind.
     """
     if function.tag == "Constant":
-        return f"constant {float(function.word('value', default='0')):g}"
+        return f"constant {_number(function.word('value', default='0')):g}"
     if function.tag in ("LinearFunction", "PolynomialFunction"):
         return f"{function.tag} {function.word('coefficients')}"
     if function.tag == "MultiplierFunction":
         inner = function_of(function)
-        scale = float(function.word("scale", default="1"))
+        scale = _number(function.word("scale", default="1"))
         return f"{scale:g} times {describe(inner) if inner is not None else 'nothing'}"
     count = len(function.word("x").split())
     return f"{function.tag} through {count} points" if count else function.tag
@@ -176,7 +177,14 @@ def _points(function: Element) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _numbers(function: Element, name: str, at_least: int) -> np.ndarray:
-    numbers = np.array([float(word) for word in function.word(name).split()])
+    numbers = np.array([_number(word) for word in function.word(name).split()])
     if len(numbers) < at_least or not np.isfinite(numbers).all():
         raise ValueError(f"{name}: {function.word(name) or 'missing'}")
     return numbers
+
+
+def _number(word: str) -> float:
+    found = plain_number(word)
+    if found is None:
+        raise ValueError(f"{word} is no number")
+    return found

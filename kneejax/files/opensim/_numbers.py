@@ -11,6 +11,8 @@ from __future__ import annotations
 import math
 from decimal import Context, Decimal, localcontext
 
+from kneejax.files.reading import plain_number
+
 #: Powers of ten from SI to the package's units.
 METRES_TO_MM = 3
 PASCAL_TO_MPA = -6
@@ -34,10 +36,10 @@ def read_decimal(word: str) -> Decimal:
         >>> str(read_decimal("0.0017455000000000001")), str(read_decimal("0.10"))
         ('0.0017455', '0.10')
     """
-    x = float(word)
-    if not math.isfinite(x):
+    x = plain_number(word)
+    if x is None or not math.isfinite(x):
         raise ValueError(word)
-    exact = Decimal(word)
+    exact = Decimal(word.strip())
     printed = len(_digits(exact)) == 17 and exact == Decimal(f"{x:.17g}")
     return Decimal(repr(x)) if printed else exact
 

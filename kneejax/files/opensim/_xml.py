@@ -17,6 +17,8 @@ _START_TAG = re.compile(rb"<(?:[^\"'>]|\"[^\"]*\"|'[^']*')*>")
 _NOT_TEXT = re.compile(rb"<!--.*?-->|<!\[CDATA\[|\]\]>|<\?.*?\?>", re.DOTALL)
 _SPACE = re.compile(rb"\s*\Z")
 #: Marks that begin a file in UTF-16; a UTF-8 mark is a character that stays where it is.
+#: Codecs of Python that no document is written in: names of hosts, escapes, and slow ones.
+_NO_ENCODINGS = ("punycode", "idna", "unicode_escape", "raw_unicode_escape", "undefined", "utf-7")
 _MARKS = ((codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be"))
 
 
@@ -35,7 +37,15 @@ class Element:
     """
 
     __slots__ = (
-        "tag", "attributes", "parent", "children", "line", "start", "inner", "end", "pieces",
+        "tag",
+        "attributes",
+        "parent",
+        "children",
+        "line",
+        "start",
+        "inner",
+        "end",
+        "pieces",
     )
 
     def __init__(self, tag: str, attributes: dict[str, str], parent: Element | None, line: int):
@@ -243,9 +253,11 @@ def _decoded(original: bytes, path, kind: str) -> tuple[bytes, str, bytes]:
         found = _DECLARED.match(original.removeprefix(codecs.BOM_UTF8).lstrip())
         encoding = found.group(1).decode("ascii") if found else "utf-8"
     try:
+        if codecs.lookup(encoding).name in _NO_ENCODINGS:
+            raise LookupError(f"{encoding} is no encoding of a document")
         text = original.removeprefix(mark).decode(encoding)
         faithful = text.encode(encoding) == original.removeprefix(mark)
-    except (UnicodeDecodeError, LookupError) as error:
+    except (UnicodeError, LookupError) as error:
         raise InputProblem(path, "encoding", str(error), f"{kind} in its encoding") from None
     if not faithful:
         raise InputProblem(path, "encoding", encoding, f"{kind} in UTF-8")

@@ -10,7 +10,9 @@ _MODULES = {
     "counted": "kneejax.files.reading._problem",
     "nearest_name": "kneejax.files.reading._problem",
     "Field": "kneejax.files.reading._schema",
+    "load_json": "kneejax.files.reading._text",
     "neighbour": "kneejax.files.reading._text",
+    "plain_number": "kneejax.files.reading._text",
     "read_bytes": "kneejax.files.reading._text",
     "read_text": "kneejax.files.reading._text",
     "write_bytes": "kneejax.files.reading._text",
@@ -24,7 +26,9 @@ if TYPE_CHECKING:
     from kneejax.files.reading._problem import counted as counted
     from kneejax.files.reading._problem import nearest_name as nearest_name
     from kneejax.files.reading._schema import Field as Field
+    from kneejax.files.reading._text import load_json as load_json
     from kneejax.files.reading._text import neighbour as neighbour
+    from kneejax.files.reading._text import plain_number as plain_number
     from kneejax.files.reading._text import read_bytes as read_bytes
     from kneejax.files.reading._text import read_text as read_text
     from kneejax.files.reading._text import write_bytes as write_bytes

@@ -4,10 +4,21 @@ from __future__ import annotations
 
 import difflib
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-_LONGEST_VALUE = 60
+#: Characters of a value, of a place and of what is expected that are shown at most.
+_LONGEST_VALUE, _LONGEST_FIELD, _LONGEST_EXPECTED = 60, 200, 1500
+#: Characters of a word that are compared with known names.
+_LONGEST_NAME = 100
+#: Words of opposite sense: names that differ in them are never suggested for one another.
+_OPPOSITE = (
+    ("anterior", "posterior"), ("lateral", "medial"), ("superior", "inferior"),
+    ("compression", "distraction"), ("varus", "valgus"), ("adduction", "abduction"),
+    ("internal", "external"), ("flexion", "extension"),
+)  # fmt: skip
+#: Binary digits of the largest whole number that is written out.
+_LONGEST_INTEGER = 1000
 
 
 class InputProblem(ValueError):
@@ -40,15 +51,17 @@ class InputProblem(ValueError):
                 suggested if any is.
         """
         if nearest is not None and not isinstance(nearest, str):
-            nearest = nearest_name(str(value), nearest)
+            nearest = nearest_name(value, nearest) if isinstance(value, str) else None
         self.file = os.fspath(file)
         self.field = field
         self.value = value
         self.expected = expected
         self.nearest = nearest
         suggestion = "" if nearest is None else f"; did you mean {nearest}?"
+        parts = (str(field), _LONGEST_FIELD), (expected, _LONGEST_EXPECTED)
+        place, expected = (_cut(_in_one_line(text), most) for text, most in parts)
         super().__init__(
-            _in_one_line(f"{self.file}: {field}: {_shown(value)}: expected {expected}{suggestion}")
+            _in_one_line(f"{self.file}: {place}: {_shown(value)}: expected {expected}{suggestion}")
         )
 
     def __reduce__(self):
@@ -64,15 +77,30 @@ def nearest_name(word: str, known: Iterable[str]) -> str | None:
         known: names that exist.
 
     Returns:
-        The name, or None if nothing is like it.
+        The name, or None if nothing is like it; never one of the opposite sense.
 
     Example:
         >>> nearest_name("stifness_N", ["stiffness_N", "slack_length_mm"])
         'stiffness_N'
+        >>> nearest_name("posterior_N", ["anterior_N", "lateral_N"])
     """
+    lower = word.lower()[:_LONGEST_NAME]
     by_lower = {name.lower(): name for name in known}
-    found = difflib.get_close_matches(word.lower(), by_lower, n=1, cutoff=0.6)
+    opposites = {_turned(lower, *pair) for pair in _OPPOSITE} - {lower}
+    if opposites & {*by_lower}:
+        return None
+    like = [name for name in by_lower if not _opposite(lower, name)]
+    found = difflib.get_close_matches(lower, like, n=1, cutoff=0.6)
     return by_lower[found[0]] if found else None
+
+
+def _turned(word: str, one: str, other: str) -> str:
+    return word.replace(one, other) if one in word else word.replace(other, one)
+
+
+def _opposite(word: str, name: str) -> bool:
+    return any((one in word and other in name) or (other in word and one in name)
+               for one, other in _OPPOSITE)  # fmt: skip
 
 
 def counted(count: int, noun: str) -> str:
@@ -93,10 +121,38 @@ def counted(count: int, noun: str) -> str:
 
 
 def _shown(value: Any) -> str:
-    text = _in_one_line(value if isinstance(value, str) else repr(value))
-    if not text:
-        return "empty"
-    return text if len(text) <= _LONGEST_VALUE else text[: _LONGEST_VALUE - 3] + "..."
+    """The beginning of a value; what is not shown is not written out either."""
+    pieces, text = (value,) if isinstance(value, str) else _pieces(value), ""
+    for piece in pieces:
+        text += piece[: 10 * _LONGEST_VALUE]
+        if len(text) > 2 * _LONGEST_VALUE:
+            break
+    return _cut(_in_one_line(text.strip()), _LONGEST_VALUE) or "empty"
+
+
+def _pieces(value: Any) -> Iterator[str]:
+    """A value as `repr` writes it, piece by piece."""
+    if isinstance(value, list | tuple | Mapping):
+        named = isinstance(value, Mapping)
+        opening, closing = "{}" if named else "[]" if isinstance(value, list) else "()"
+        yield opening
+        for number, one in enumerate(value):
+            yield ", " if number else ""
+            yield from _pieces(one)
+            if named:
+                yield ": "
+                yield from _pieces(value[one])
+        yield ",)" if isinstance(value, tuple) and len(value) == 1 else closing
+    elif isinstance(value, str | bytes):
+        yield repr(value[: 10 * _LONGEST_VALUE])
+    elif isinstance(value, int) and value.bit_length() > _LONGEST_INTEGER:
+        yield f"a number of about {int(value.bit_length() * 0.30103)} digits"
+    else:
+        yield repr(value)
+
+
+def _cut(text: str, most: int) -> str:
+    return text if len(text) <= most else text[: most - 3] + "..."
 
 
 def _in_one_line(text: str) -> str:

@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import uuid
 from pathlib import Path
+from typing import Any
 
 from kneejax.files.reading._problem import InputProblem, nearest_name
+
+#: A number as files and options have it: digits of ASCII, without underscores.
+_NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
+_NOT_FINITE = re.compile(r"[-+]?(?:nan|inf|infinity)", re.IGNORECASE)
+#: Characters of a number at most.
+_LONGEST_NUMBER = 1000
 
 
 def read_text(path: str | os.PathLike[str], kind: str) -> str:
@@ -36,6 +45,50 @@ def read_text(path: str | os.PathLike[str], kind: str) -> str:
     return text
 
 
+def load_json(path: str | os.PathLike[str], kind: str) -> Any:
+    """Read a JSON file.
+
+    Args:
+        path: the file.
+        kind: what it should be, for the error.
+
+    Returns:
+        Mappings, lists, texts, numbers, truth values and None.
+
+    Raises:
+        InputProblem: the file cannot be read, is not JSON, holds a name twice in one mapping, a
+            number of thousands of digits, or is too deep.
+    """
+    text = read_text(path, kind)
+    try:
+        return json.loads(text, object_pairs_hook=_each_once, parse_int=_whole_number)
+    except json.JSONDecodeError as error:
+        raise InputProblem(path, f"line {error.lineno}", error.msg, f"JSON: {kind}") from None
+    except RecursionError:
+        found = "lists or mappings too deep in one another"
+        raise InputProblem(path, "file", found, f"JSON: {kind}") from None
+    except _NotPlain as error:
+        raise InputProblem(path, "file", str(error), f"JSON: {kind}") from None
+
+
+class _NotPlain(ValueError):
+    """What JSON allows and no file of the package has."""
+
+
+def _whole_number(digits: str) -> int:
+    if len(digits) > _LONGEST_NUMBER:
+        raise _NotPlain(f"a number of {len(digits)} digits")
+    return int(digits)
+
+
+def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        names = [name for name, _ in pairs]
+        raise _NotPlain(f"the name {next(x for x in names if names.count(x) > 1)!r} twice")
+    return found
+
+
 def read_bytes(path: str | os.PathLike[str], kind: str) -> bytes:
     """Read a file that is not empty.
 
@@ -50,7 +103,7 @@ def read_bytes(path: str | os.PathLike[str], kind: str) -> bytes:
         InputProblem: it does not exist, is a folder, cannot be read, or is empty.
     """
     path = Path(path)
-    if path.is_dir():
+    if os.path.isdir(path):
         raise InputProblem(path, "file", "a folder", kind)
     try:
         data = path.read_bytes()
@@ -115,8 +168,28 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
         raise InputProblem(path, "file", error.strerror or str(error), "a place to write") from None
 
 
+def plain_number(text: str) -> float | None:
+    """A number as people write it: `1_000`, digits of other scripts and hexadecimal are none.
+
+    Args:
+        text: perhaps with blanks around it.
+
+    Returns:
+        The number, which may be NaN or infinite; None where the text is none.
+
+    Example:
+        >>> plain_number(" -2.5e1 "), plain_number("1_000"), plain_number("١٢")
+        (-25.0, None, None)
+    """
+    text = text.strip()
+    if _NUMBER.fullmatch(text) and len(text) <= _LONGEST_NUMBER:
+        return float(text)
+    return float(text) if _NOT_FINITE.fullmatch(text) else None
+
+
 def neighbour(path: Path) -> str | None:
     """A file beside it with nearly the same name."""
-    if not path.parent.is_dir():
+    try:
+        return nearest_name(path.name, sorted(os.listdir(path.parent)))
+    except (OSError, ValueError):
         return None
-    return nearest_name(path.name, sorted(p.name for p in path.parent.iterdir()))

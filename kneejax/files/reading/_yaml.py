@@ -13,6 +13,14 @@ from kneejax.files.reading._text import read_text
 
 _WIDTH = 96
 
+#: Levels of lists and mappings in one another; no file of the package has more than eight.
+_DEEPEST = 50
+_TOO_DEEP = "lists or mappings too deep in one another"
+#: Values that aliases may add to those that are written out.
+_MOST_BY_ALIASES = 100_000
+#: Characters of a number: more digits tell nothing, and a computer takes long to read them.
+_LONGEST_NUMBER = 1000
+
 # What a plain scalar means, as in YAML 1.2; YAML 1.1 would read 10:50:5 as 39005.
 _MEANINGS = (
     ("tag:yaml.org,2002:null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
@@ -25,24 +33,85 @@ _MEANINGS = (
         list("-+.0123456789"),
     ),
 )
+_PLAIN = {tag: re.compile(pattern) for tag, pattern, _ in _MEANINGS}
+_NUMBERS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
+_TEXT = "tag:yaml.org,2002:str"
+_LIST, _MAPPING = "tag:yaml.org,2002:seq", "tag:yaml.org,2002:map"
 
 
 class _Loader(yaml.SafeLoader):
     yaml_implicit_resolvers: dict = {}
 
-    def construct_mapping(self, node, deep=False):
-        seen = set()
-        for key_node, _ in node.value:
-            if not isinstance(key_node, yaml.ScalarNode):
-                raise yaml.constructor.ConstructorError(
-                    None, None, "a key that is not text", key_node.start_mark
-                )
-            if key_node.value in seen:
-                raise yaml.constructor.ConstructorError(
-                    None, None, f"the key {key_node.value} twice", key_node.start_mark
-                )
-            seen.add(key_node.value)
-        return super().construct_mapping(node, deep)
+    def __init__(self, stream):
+        super().__init__(stream)
+        #: Node -> values in it, aliases written out, and levels in one another.
+        self.measured: dict[yaml.Node, tuple[int, int]] = {}
+        self.level = 0
+
+    def fetch_flow_collection_start(self, TokenClass):
+        # Refused before the scanner looks ahead, which takes time with the square of the depth.
+        if self.flow_level >= _DEEPEST:
+            raise _fault(_TOO_DEEP, self.get_mark())
+        super().fetch_flow_collection_start(TokenClass)
+
+    def compose_node(self, parent, index):
+        event = self.peek_event()
+        if isinstance(event, yaml.AliasEvent):
+            node = super().compose_node(parent, index)
+            if node not in self.measured:
+                raise _fault("an alias inside what it names", event.start_mark)
+            return node
+        if self.level >= _DEEPEST:
+            raise _fault(_TOO_DEEP, event.start_mark)
+        self.level += 1
+        node = super().compose_node(parent, index)
+        self.level -= 1
+        if event.tag is not None:
+            _check_tag(node)
+        if isinstance(node, yaml.ScalarNode):
+            if len(node.value) > _LONGEST_NUMBER and node.tag in _NUMBERS:
+                raise _fault(f"a number of {len(node.value)} characters", node.start_mark)
+            self.measured[node] = 1, 1
+            return node
+        below = [self.measured[one] for one in _below(node)]
+        size = 1 + sum(size for size, _ in below)
+        depth = 1 + max((depth for _, depth in below), default=0)
+        self.measured[node] = size, depth
+        if size - len(self.measured) > _MOST_BY_ALIASES:
+            raise _fault(f"aliases that stand for {size:,} values", node.start_mark)
+        if depth > _DEEPEST:
+            raise _fault(_TOO_DEEP, node.start_mark)
+        return node
+
+
+def _fault(problem: str, mark: Any) -> yaml.MarkedYAMLError:
+    return yaml.constructor.ConstructorError(None, None, problem, mark)
+
+
+def _check_tag(node: yaml.Node) -> None:
+    """A tag that is written out is one of those that are found without, and fits what it marks."""
+    if isinstance(node, yaml.ScalarNode):
+        plain = _PLAIN.get(node.tag)
+        if node.tag != _TEXT and not (plain and plain.fullmatch(node.value)):
+            raise _fault(f"the tag {node.tag} of {node.value!r}", node.start_mark)
+    elif node.tag != (_LIST if isinstance(node, yaml.SequenceNode) else _MAPPING):
+        raise _fault(f"the tag {node.tag}", node.start_mark)
+
+
+def _below(node: yaml.Node) -> list[yaml.Node]:
+    """What a list or a mapping holds; keys are texts, none twice."""
+    if isinstance(node, yaml.SequenceNode):
+        return node.value
+    seen, found = set(), []
+    for key, value in node.value:
+        if not isinstance(key, yaml.ScalarNode) or key.tag != _TEXT:
+            what = repr(key.value) if isinstance(key, yaml.ScalarNode) else "a list or mapping"
+            raise _fault(f"the key {what}, which is not text", key.start_mark)
+        if key.value in seen:
+            raise _fault(f"the key {key.value} twice", key.start_mark)
+        seen.add(key.value)
+        found += (key, value)
+    return found
 
 
 class _Dumper(yaml.SafeDumper):
@@ -85,7 +154,8 @@ def load_yaml(path: str | os.PathLike[str], kind: str) -> Any:
         Mappings, lists, texts, numbers, booleans and None.
 
     Raises:
-        InputProblem: the file cannot be read, is not YAML, or holds a key twice.
+        InputProblem: the file cannot be read, is not YAML, holds a key twice or one that is not
+            text, is too deep, or aliases make it too large.
     """
     text = read_text(path, kind)
     try:
@@ -108,6 +178,4 @@ def format_yaml(document: Any) -> str:
     Returns:
         The text, the same for the same document.
     """
-    return yaml.dump(
-        document, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=_WIDTH
-    )
+    return yaml.dump(document, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=_WIDTH)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import os
 
-from kneejax.files.reading import Field, InputProblem, read_text
+from kneejax.files.reading import Field, InputProblem, load_json
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.mechanics import Range, range_of_parameter
 
@@ -63,10 +62,7 @@ def read_calibrated(path: str | os.PathLike[str]) -> Calibrated:
         InputProblem: the file cannot be read or is no such result.
     """
     file, expected = os.fspath(path), "a result.json of kneejax calibrate"
-    try:
-        document = json.loads(read_text(path, expected))
-    except json.JSONDecodeError as error:
-        raise InputProblem(file, f"line {error.lineno}", error.msg, "JSON") from None
+    document = load_json(path, expected)
     if not isinstance(document, dict) or "parameters" not in document:
         raise InputProblem(file, "parameters", "missing", expected)
     whole = Field(file, "", document)
@@ -100,13 +96,16 @@ def read_calibrated(path: str | os.PathLike[str]) -> Calibrated:
 
 def _correlation(whole: Field) -> tuple[tuple[str, ...], tuple[tuple[float, ...], ...]]:
     """Names, and rows of a matrix in which nothing stands for zero; empty where it is missing."""
-    own = _fields(whole, "correlation")
-    if not own or not own["matrix"].value:
+    if not _fields(whole, "correlation"):
         return (), ()
-    names = tuple(item.text() for item in own["parameters"].items("names"))
+    matrix = _found(whole["correlation"], "matrix")
+    if not matrix.value:
+        return (), ()
+    listed = _found(whole["correlation"], "parameters").items("names")
+    names = tuple(item.text() for item in listed)
     rows = [
         tuple(0.0 if x.value is None else x.number() for x in row.items("numbers", len(names)))
-        for row in own["matrix"].items("rows", len(names))
+        for row in matrix.items("rows", len(names))
     ]
     return names, tuple(rows)
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from kneejax.files.reading import InputProblem
 from kneejax.files.tables._tables import cell_number, read_rows
-from kneejax.mechanics import NAMED_LOADS, RANGES, load_called
+from kneejax.mechanics import NAMED_LOADS, RANGES, load_called, load_opposite_to
 
 _FLEXION, _NAME = "flexion_deg", "name"
 _COLUMNS = (_FLEXION, *NAMED_LOADS, _NAME)
@@ -74,6 +74,8 @@ def _check_header(file: str, header: list[str]) -> None:
         if name not in _COLUMNS:
             missing = [column for column in _COLUMNS if column not in header]
             known = f"any of {', '.join(_COLUMNS)}"
-            raise InputProblem(file, "header", name, known, load_called(name) or missing)
+            meant = load_opposite_to(name)
+            near = f"{meant} of the opposite sign" if meant else load_called(name) or missing
+            raise InputProblem(file, "header", name, known, near)
         if header.count(name) > 1:
             raise InputProblem(file, name, f"{header.count(name)} columns", "one of this name")

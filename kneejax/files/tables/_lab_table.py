@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Mapping
@@ -9,10 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kneejax.files.reading import InputProblem
-from kneejax.files.tables._tables import cell_number, read_rows
+from kneejax.files.reading import InputProblem, plain_number
+from kneejax.files.tables._tables import cell_number, pose_range, read_rows
 from kneejax.geometry import CLINICAL, COLUMNS, CONVENTIONS, OTHER_COLUMNS, convert_table
-from kneejax.mechanics import NAMED_LOADS, RANGES, Range
+from kneejax.mechanics import NAMED_LOADS, RANGES, Range, load_opposite_to
 
 #: What sounds like a load, so that leaving it out must be said.
 _LOAD = re.compile(r"load|force|torque|moment|tension|_(N|Nm|Nmm|kN)$", re.IGNORECASE)
@@ -150,8 +151,7 @@ def _range(name: str) -> Range:
     """What may stand in a column of a pose or a reading."""
     if name.endswith("_N"):
         return RANGES["force_N"]  # a load cell that reads nothing reads less as often
-    kinds = {"_deg": "rotation_deg", "_mm": "point_mm", ".strain": "strain"}
-    return next(RANGES[kind] for end, kind in kinds.items() if name.endswith(end))
+    return RANGES["strain"] if name.endswith(".strain") else pose_range(name)
 
 
 class _Readings(NamedTuple):
@@ -185,7 +185,9 @@ def _check_header(
     for own in header:
         if own not in used and own not in ignore and _LOAD.search(own):
             expected = "a column that is used (columns:) or left out on purpose (ignore:)"
-            raise InputProblem(file, "header", own, expected)
+            meant = load_opposite_to(own)
+            near = f"columns: {{{meant}: -{own}}}" if meant else None
+            raise InputProblem(file, "header", own, expected, near)
     read = any(_is_reading(name) for name in named)
     for what, known in (("load", tuple(NAMED_LOADS)), ("coordinate", COLUMNS[1:])):
         spared = unloaded if what == "load" else read
@@ -202,10 +204,16 @@ def _named(file: str, columns: dict[str, str]) -> dict[str, tuple[str, float]]:
     for name, said in columns.items():
         if name not in _KNOWN and not _is_reading(name):
             expected = f"one of {', '.join(_KNOWN)}, or such as ACL.tension_N"
-            raise InputProblem(file, "columns", name, expected, _KNOWN)
+            meant = load_opposite_to(name)
+            near = f"{meant}: -{said.strip()}" if meant else _KNOWN
+            raise InputProblem(file, "columns", name, expected, near)
         factor, own = 1.0, said.strip()
-        if match := re.fullmatch(r"([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*\*\s*(.+)", own):
-            factor, own = float(match[1]), match[2]
+        if match := re.fullmatch(r"([-+.\w]+)\s*\*\s*(.+)", own):
+            stated, own = plain_number(match[1]), match[2]
+            if stated is None or not math.isfinite(stated) or stated == 0.0:
+                expected = "a factor before the *, as in 0.001 * Torque [Nmm]"
+                raise InputProblem(file, f"columns.{name}", said, expected)
+            factor = stated
         elif own.startswith("-"):
             factor, own = -1.0, own[1:].strip()
         found[name] = own, factor

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from kneejax.files.reading import InputProblem
-from kneejax.files.tables._tables import cell_number, read_rows
+from kneejax.files.tables._tables import cell_number, pose_range, read_rows
 from kneejax.geometry import COLUMNS
-from kneejax.mechanics import NAMED_LOADS, RANGES, load_called
+from kneejax.mechanics import NAMED_LOADS, RANGES, load_called, load_opposite_to
 
 
 def read_loads(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
@@ -39,7 +39,9 @@ def read_loads(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     file = os.fspath(path)
     header, rows = read_rows(file, [])
     for name in header:
-        meant = load_called(name)
+        meant, opposite = load_called(name), load_opposite_to(name)
+        if opposite is not None and name not in COLUMNS:
+            meant = f"{opposite} of the opposite sign"
         if meant is not None and name != meant:
             raise InputProblem(file, "header", name, f"one of {', '.join(NAMED_LOADS)}", meant)
     return {
@@ -100,7 +102,7 @@ def read_loads_over_time(
         raise InputProblem(file, TIME, f"{times[0]:g}", "two times at least")
     ways = {
         name: np.array([
-            cell_number(file, f"row {number} (line {line}), {name}", cells[k])
+            cell_number(file, f"row {number} (line {line}), {name}", cells[k], pose_range(name))
             for number, (line, cells) in enumerate(rows, 1)
         ])
         for name, k in led.items()

@@ -11,9 +11,17 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from kneejax.files.reading import InputProblem, counted, nearest_name, read_text
+from kneejax.files.reading import (
+    InputProblem,
+    counted,
+    nearest_name,
+    plain_number,
+    read_text,
+)
 
 _KIND = "an OpenSim table (.sto or .mot)"
+#: Words of a header that count rows and columns, as OpenSim and as SIMM call them.
+_COUNTS = ("nrows", "ncolumns", "datarows", "datacolumns")
 #: Degree of the splines between rows: accelerations are continuous.
 _DEGREE = 5
 #: Line of an old header -> whether angles are degrees.
@@ -71,7 +79,12 @@ class Storage:
         values = np.stack([self.named(name) for name in names], axis=1)
         most = len(self.time) - 1
         degree = min(degree, most - (most > 1 and most % 2 == 0))
-        found = make_interp_spline(self.time, values, k=degree)(np.ravel(time))
+        try:
+            found = make_interp_spline(self.time, values, k=degree)(np.ravel(time))
+        except np.linalg.LinAlgError:
+            steps = np.diff(self.time)
+            shown = f"steps from {steps.min():g} to {steps.max():g} s"
+            raise InputProblem(self.file, "time", shown, "steps that are less unlike") from None
         return found.T.reshape(len(names), *np.shape(time))
 
 
@@ -114,6 +127,7 @@ def read_storage(path: str | os.PathLike[str]) -> Storage:
     if twice:
         raise InputProblem(file, twice[0], f"{names.count(twice[0])} columns", "one of this name")
     table = np.array([_numbers(file, line, cells, names) for line, cells in body[1:]])
+    _check_counts(file, lines[: ends[0]], table)
     back = np.flatnonzero(np.diff(table[:, 0]) <= 0)
     if back.size:
         k = int(back[0]) + 1
@@ -151,14 +165,25 @@ def _numbers(file: str, line: int, cells: list[str], names: list[str]) -> list[f
         raise InputProblem(file, f"line {line}", counted(len(cells), "cell"), expected)
     answer = []
     for name, cell in zip(names, cells, strict=True):
-        try:
-            x = float(cell)
-        except ValueError:
-            raise InputProblem(file, f"line {line}, {name}", cell, "a number") from None
+        x = plain_number(cell)
+        if x is None:
+            raise InputProblem(file, f"line {line}, {name}", cell, "a number")
         if not math.isfinite(x):
             raise InputProblem(file, f"line {line}, {name}", cell, "a finite number")
         answer.append(x)
     return answer
+
+
+def _check_counts(file: str, header: Sequence[str], table: np.ndarray) -> None:
+    """A header that counts rows or columns counts those that are there: nothing was cut off."""
+    there = dict(zip(_COUNTS, 2 * table.shape, strict=True))
+    for line in header:
+        words = line.replace("=", " ").split()
+        if len(words) != 2 or (name := words[0].lower()) not in there:
+            continue
+        if plain_number(words[1]) != there[name]:
+            found, kind = counted(there[name], "row" if "rows" in name else "column"), words[0]
+            raise InputProblem(file, kind, words[1], f"{found}, as the file has")
 
 
 def angles_rad(table: Storage, name: str) -> np.ndarray:

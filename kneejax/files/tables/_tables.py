@@ -12,7 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from kneejax.files.reading import InputProblem, counted, nearest_name, read_text, write_text
+from kneejax.files.reading import (
+    InputProblem,
+    counted,
+    nearest_name,
+    plain_number,
+    read_text,
+    write_text,
+)
 from kneejax.geometry import BODIES, COLUMNS, CONVENTIONS, FEMORAL, PATELLA, convert_table
 from kneejax.mechanics import RANGES, Range
 
@@ -75,11 +82,15 @@ def read_poses(
 
 
 def _numbers(
-    file: str, header: list[str], rows: list[tuple[int, list[str]]], sought: list[str]
+    file: str,
+    header: list[str],
+    rows: list[tuple[int, list[str]]],
+    sought: list[str],
+    columns: Sequence[str] = COLUMNS,
 ) -> np.ndarray:
-    """Three rotations and three translations of each row."""
+    """Three rotations and three translations of each row; `columns` say what those sought are."""
     positions = [header.index(name) for name in sought]
-    limits = [RANGES["rotation_deg"]] * 3 + [RANGES["point_mm"]] * 3
+    limits = [pose_range(name) for name in columns]
     return np.array(
         [
             [
@@ -111,7 +122,14 @@ def read_patella_poses(path: str | os.PathLike[str], *, needed: bool = False) ->
     if not needed and not set(columns) & set(header):
         return None
     header, rows = read_rows(file, columns)
-    return _numbers(file, header, rows, columns)
+    return _numbers(file, header, rows, columns, columns)
+
+
+def pose_range(column: str) -> Range:
+    """What may stand in a column of a pose of any bone: flexion of the knee has the least room."""
+    if column == COLUMNS[0]:
+        return RANGES[column]
+    return RANGES["rotation_deg" if column.endswith("_deg") else "point_mm"]
 
 
 def write_poses(
@@ -217,6 +235,8 @@ def read_rows(file: str, sought: list[str]) -> tuple[list[str], list[tuple[int, 
     except csv.Error as error:
         place = f"line {reader.line_num}"
         raise InputProblem(file, place, str(error), "comma separated values") from None
+    if not lines:
+        raise InputProblem(file, "header", "empty", "names of columns, with commas between")
     header = [name.strip() for name in lines[0][1]]
     if len(header) == 1 and any(mark in header[0] for mark in ";\t"):
         raise InputProblem(file, "header", header[0], "columns separated by commas")
@@ -265,10 +285,9 @@ def cell_number(file: str, place: str, cell: str, allowed: Range | None = None) 
         >>> cell_number("poses.csv", "row 1, anterior_mm", " 2.5 ")
         2.5
     """
-    try:
-        x = float(cell)
-    except ValueError:
-        raise InputProblem(file, place, cell.strip(), "a number") from None
+    x = plain_number(cell)
+    if x is None:
+        raise InputProblem(file, place, cell.strip(), "a number")
     if not math.isfinite(x):
         raise InputProblem(file, place, cell.strip(), "a finite number")
     if allowed and not allowed.holds(x):

@@ -120,7 +120,8 @@ def test_what_vtk_wrote(tmp_path, capfd):
     whole = (tmp_path / "ball.vtp").read_bytes()
     for content in (whole[: len(whole) // 2], b"<VTKFile/>", b"hello, this is not a mesh"):
         (tmp_path / "bad.vtp").write_bytes(content)
-        assert "no triangles" in refusal(tmp_path / "bad.vtp")
+        said = refusal(tmp_path / "bad.vtp")
+        assert "not complete, or damaged" in said or "no triangles" in said
     assert capfd.readouterr() == ("", "")
 
 
@@ -130,3 +131,24 @@ def test_without_vtk_its_files_are_refused_with_a_way_out(tmp_path, monkeypatch)
     (tmp_path / "bone.vtp").write_bytes(b"<VTKFile/>")
     line = refusal(tmp_path / "bone.vtp")
     assert "kneejax[view]" in line and "STL" in line
+
+
+@pytest.mark.parametrize(("ending", "options"), [
+    (".ply", {"encoding": "ascii"}), (".ply", {}), (".stl", {}), (".stl", {"text": True}),
+    (".obj", {}),
+])  # fmt: skip
+def test_a_mesh_that_was_cut_short_is_refused(tmp_path, ending, options):
+    """Parsers read what is left: 151 of 320 triangles, or faces that begin a corner late."""
+    kind = "stl_ascii" if options.pop("text", False) else ending[1:]
+    data = trimesh.creation.icosphere(2, radius=20.0).export(file_type=kind, **options)
+    data = data.encode() if isinstance(data, str) else data
+    path = tmp_path / f"sphere{ending}"
+    cuts = (7,) if ending == ".obj" else (7, len(data) // 3 + 5)  # an OBJ file counts nothing
+    for cut in cuts:
+        path.write_bytes(data[:-cut])
+        said = refusal(path)
+        assert any(word in said for word in ("triangle", "row", "corner"))
+    if b"\x00" not in data and ending == ".ply":
+        head, _, rows = data.partition(b"end_header\n")
+        path.write_bytes(head + b"end_header\n" + rows.partition(b"\n")[2])
+        assert "vertex, row 162: 4 numbers: expected a whole row" in refusal(path)

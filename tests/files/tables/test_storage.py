@@ -25,6 +25,15 @@ def written(path, rows, degrees="yes"):
         (HEAD.format("yes") + "0 1 2\n1 3 nan\n", "expected a finite number"),
         (HEAD.format("perhaps") + "0 1 2\n1 3 4\n", "inDegrees: perhaps: expected yes or no"),
         (HEAD.format("yes") + "0 1 2\n", "rows: 1 row: expected names of columns and two rows"),
+        (
+            HEAD.format("yes").replace("version", "nRows=3\nversion") + "0 1 2\n1 3 4\n",
+            "nRows: 3: expected 2 rows, as the file has",
+        ),
+        (
+            HEAD.format("yes").replace("version", "datacolumns 4\nversion") + "0 1 2\n1 3 4\n",
+            "datacolumns: 4: expected 3 columns",
+        ),
+        (HEAD.format("yes") + "0 1 2\n1 3 4_0\n", "line 7, ankle: 4_0: expected a number"),
         ("walk\nendheader\nt\ta\n0\t1\n1\t2\n", "line 3: t: expected the column time first"),
     ],
 )
@@ -61,6 +70,12 @@ def test_degrees_are_not_taken_for_radians(degrees, most, said, tmp_path):
     table = read_storage(written(tmp_path / "walk.sto", rows, degrees))
     with pytest.raises(InputProblem, match=said):
         angles_rad(table, "knee_angle_r")
+
+
+def test_steps_through_which_no_spline_leads_are_refused(tmp_path):
+    table = read_storage(written(tmp_path / "walk.sto", [(t, t, 0) for t in (0, 1, 2, 3e300)]))
+    with pytest.raises(InputProblem, match=r"walk.sto: time: steps from 1 to 3e\+300 s"):
+        table.at(np.array([0.5]), ["ankle"])
 
 
 def test_angles_are_read_in_the_unit_of_the_header(tmp_path):

@@ -1,0 +1,67 @@
+"""What a command prints, where it may be that nobody reads it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+from typing import Any
+
+
+class Printed:
+    """A stream that takes what is printed, also after the one below it has failed.
+
+    A command whose output is cut short (`kneejax simulate ... | head`) still writes its files.
+
+    Attributes:
+        problem: why the stream takes nothing any more; None while it does.
+    """
+
+    def __init__(self, stream: Any):
+        """Print to a stream."""
+        self._stream = stream
+        self.problem: OSError | None = None
+
+    def write(self, text: str) -> int:
+        """As of any stream."""
+        if self.problem is None:
+            try:
+                self._stream.write(text)
+            except OSError as problem:
+                self._fail(problem)
+        return len(text)
+
+    def flush(self) -> None:
+        """Likewise."""
+        if self.problem is None:
+            try:
+                self._stream.flush()
+            except OSError as problem:
+                self._fail(problem)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def _fail(self, problem: OSError) -> None:
+        self.problem = problem
+        # Python flushes once more when it ends, and would complain.
+        with contextlib.suppress(OSError, ValueError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
+
+
+def open_standard_streams() -> bool:
+    """Open the standard streams that are closed: a file would take the place of one.
+
+    Returns:
+        Whether there is a standard output.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # the lowest number that is free
+    there = sys.stdout is not None
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
+    return there
