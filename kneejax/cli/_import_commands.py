@@ -43,7 +43,7 @@ def _add_import_osim(osim: Parser) -> None:
         osim,
         "--without",
         metavar="FIBRE",
-        help="leave out a fibre, or those that fit a pattern",
+        help="leave out a fibre or force, or those that fit a pattern",
     )
     osim.add_argument(
         "--inside",

@@ -48,6 +48,18 @@ def run(arguments: argparse.Namespace) -> int:
         f"{counted(len(document['contacts']), 'contact')}; "
         f"{counted(len(read.found.outside), 'other fibre')} left out"
     )
+    for sentence in knee.unusual:
+        print(sentence)
+    free = sum(not c.locked for joint in knee.joints for c in joint.coordinates)
+    if free < 6:
+        kinds = ", ".join(f"{joint.kind} {joint.name}" for joint in knee.joints)
+        print(f"{kinds}: {counted(free, 'free coordinate')} in the model; here the tibia has six")
+    waiting = [] if arguments.geometry else [*read.contacts, *read.patellofemoral]
+    if waiting:
+        names = ", ".join(contact.name for contact in waiting)
+        print(f"no surfaces yet for {names}: --geometry FOLDER fits the model's meshes")
+    for line in read.left_out:
+        print(f"left out: {line}")
     for doubt in read.doubts:
         print(f"doubtful: {doubt}")
     print(f"written: {arguments.out}/knee.yaml, import_report.md, settings.json")

@@ -57,7 +57,10 @@ def test_what_is_not_supported_is_named_and_the_status_says_so(tmp_path, capsys)
         assert name in printed
     for name in ("twice*", "through*", "one*", "moving", "by.a.curve"):
         arguments += ["--without", name]
-    assert main(arguments) == 0
+    assert main(arguments) == 1  # the kneecap's band and contact
+    printed = capsys.readouterr().out
+    assert "(1): to.the.kneecap, on" in printed and "(1): kneecap_contact, on" in printed
+    assert main([*arguments, "--without-patella"]) == 0
 
 
 def test_bad_input_is_one_line_and_nothing_is_written(tmp_path, capsys):

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kneejax.files.meshes._health import Sheet, borders
+from kneejax.files.meshes._health import Sheet, borders, narrowest
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import Frame, Placement, fit_plane, full
 
@@ -29,6 +29,8 @@ _MARGIN_DEG = 15.0
 # Faces whose normal leaves the joint's direction by more than this are edges of a volume.
 _FACING = 0.05
 _NARROWEST_NOTCH_MM = 3.0
+# Of the area of one sheet on the other side of the notch, for it to be of two compartments.
+_LEAST_OF_TWO = 0.2
 
 
 @dataclasses.dataclass(frozen=True)
@@ -141,7 +143,7 @@ def find_plateaus(
     ]
     facing = outermost(facing, _by_height, "upper", findings)
     _check_meeting(femur, joined(facing), tibia, name)
-    parts = _parted(facing, split_mm, findings)
+    parts = _parted(facing, split_mm, femur, tibia, findings)
     found: dict[str, Sheet] = {}
     for part in parts:
         middle = np.average(part.centers, axis=0, weights=part.face_areas)
@@ -359,7 +361,9 @@ def _check_meeting(femur: Femur, cloud: Cloud, tibia: Placement, name: str) -> N
         raise InputProblem(name, "place", f"{-below:.0f} mm above the axis", expected)
 
 
-def _parted(sheets: list[Sheet], split_mm: float | None, findings: list[str]) -> list[Sheet]:
+def _parted(
+    sheets: list[Sheet], split_mm: float | None, femur: Femur, tibia: Placement, findings: list[str]
+) -> list[Sheet]:
     name = Path(sheets[0].name).name
     if split_mm is None and len(sheets) > 1:
         if len(sheets) > 2:
@@ -367,10 +371,13 @@ def _parted(sheets: list[Sheet], split_mm: float | None, findings: list[str]) ->
             raise InputProblem(sheets[0].name, "sheets", f"{len(sheets)} of them", expected)
         return sheets
     if split_mm is None:
-        split_mm = _valley(sheets[0])
+        split_mm, where = narrowest(sheets[0]), "where it is narrow"
+        if split_mm is None:  # the insert of a prosthesis is one plate
+            split_mm = _below_notch(sheets[0], femur, tibia)
+            where = "below the notch: it lies under both condyles"
         if split_mm is None:
             return sheets
-        findings.append(f"{name}: one sheet, parted at z = {split_mm:.1f} mm, where it is narrow.")
+        findings.append(f"{name}: one sheet, parted at z = {split_mm:.1f} mm, {where}.")
     parts = []
     for lower in (True, False):
         own = [s.kept((s.centers[:, 2] < split_mm) == lower) for s in sheets]
@@ -383,14 +390,10 @@ def _parted(sheets: list[Sheet], split_mm: float | None, findings: list[str]) ->
     return parts
 
 
-def _valley(sheet: Sheet) -> float | None:
-    """Where a sheet of two compartments is narrowest between them; None where it has but one."""
-    z = sheet.centers[:, 2]
-    edges = np.arange(np.floor(z.min()), np.ceil(z.max()) + 1.0)
-    width, _ = np.histogram(z, edges, weights=sheet.face_areas)
-    width = np.convolve(width, np.ones(3) / 3.0, mode="same")
-    quarter = len(width) // 4
-    k = quarter + int(np.argmin(width[quarter : len(width) - quarter]))
-    if width[k] > 0.75 * min(width[:k].max(initial=0.0), width[k:].max(initial=0.0)):
+def _below_notch(sheet: Sheet, femur: Femur, tibia: Placement) -> float | None:
+    """Where a sheet under both condyles lies below the notch; None where it is under one."""
+    along = in_frame(femur.axis, moved(tibia, sheet.centers))[:, 2] - femur.notch_mm
+    lateral = float(sheet.face_areas[along > 0].sum() / sheet.face_areas.sum())
+    if min(lateral, 1.0 - lateral) < _LEAST_OF_TWO:
         return None
-    return float(0.5 * (edges[k] + edges[k + 1]))
+    return float(np.average(sheet.centers[:, 2] - along, weights=sheet.face_areas))

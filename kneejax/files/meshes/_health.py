@@ -272,3 +272,23 @@ def _large(sheets: list[Sheet], name: str, findings: list[str]) -> list[Sheet]:
         fragments = counted(len(sheets) - len(large), "fragment")
         findings.append(f"{Path(name).name}: left out {fragments} with {lost:.1f} % of the area.")
     return large
+
+
+def narrowest(sheet: Sheet) -> float | None:
+    """Where along Z a sheet of two compartments is narrowest between them, mm.
+
+    Args:
+        sheet: the sheet.
+
+    Returns:
+        The place; None where it is not narrower there.
+    """
+    z = sheet.centers[:, 2]
+    edges = np.arange(np.floor(z.min()), np.ceil(z.max()) + 1.0)
+    width, _ = np.histogram(z, edges, weights=sheet.face_areas)
+    width = np.convolve(width, np.ones(3) / 3.0, mode="same")
+    quarter = len(width) // 4
+    k = quarter + int(np.argmin(width[quarter : len(width) - quarter]))
+    if width[k] > 0.75 * min(width[:k].max(initial=0.0), width[k:].max(initial=0.0)):
+        return None
+    return float(0.5 * (edges[k] + edges[k + 1]))

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from kneejax.files.opensim._joints import Coordinate, Joint, read_joints
-from kneejax.files.opensim._knee import OsimKneeJoint, placed
+from kneejax.files.opensim._knee import OsimKneeJoint, is_between, placed
 from kneejax.files.opensim._model import GROUND, Model
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import FEMUR, TIBIA
@@ -34,22 +34,27 @@ def with_pelvis_and_foot(
     Raises:
         InputProblem: a coordinate that no joint of hip or foot has, or one out of its range.
     """
-    joints = read_joints(model)
+    joints, own = read_joints(model), ((FEMUR, knee.femur), (TIBIA, knee.tibia))
     above = {joint.child: joint for joint in joints}
-    upper, lower = _chain(above, knee.femur), _below(joints, knee)
+    upper = {bone: _chain(above, knee, body) for bone, body in own}
+    # The femur carries the pelvis where the tibia carries the femur.
+    standing = any(joint.child in knee.rigid and knee.rigid[joint.child][0] == FEMUR
+                   for joint in knee.joints)  # fmt: skip
+    lower = {FEMUR: _below(joints, knee, FEMUR) if standing else [],
+             TIBIA: _below(joints, knee, TIBIA)}  # fmt: skip
     for name, value in (at or {}).items():
-        joint, coordinate = _asked(model, [*upper, *lower], name, value)
+        moving = [joint for part in (upper, lower) for found in part.values() for joint in found]
+        joint, coordinate = _asked(model, moving, name, value)
         set_to = dataclasses.replace(coordinate, default=value / _unit(joint, name)[0])
         others = (set_to if x is coordinate else x for x in joint.coordinates)
         above[joint.child] = dataclasses.replace(above[joint.child], coordinates=tuple(others))
     rigid = dict(knee.rigid)
-    for bone, own, bodies in (
-        (FEMUR, knee.femur, [joint.parent for joint in upper]),
-        (TIBIA, knee.tibia, [joint.child for joint in lower]),
-    ):
-        for body in bodies:
-            if body not in rigid and body in model.bodies:
-                rigid[body] = bone, _motion(model, above, own, body)
+    for bone, body in own:
+        turn = knee.rigid[body][1]
+        further = [x.parent for x in upper[bone]] + [x.child for x in lower[bone]]
+        for other in further:
+            if other not in rigid and other in model.bodies:
+                rigid[other] = bone, turn.after(_motion(model, above, body, other))
     return dataclasses.replace(knee, rigid=rigid)
 
 
@@ -72,22 +77,26 @@ def standing(where: str) -> str:
     )
 
 
-def _chain(above: dict[str, Joint], body: str) -> list[Joint]:
-    """Joints from a body upwards."""
+def _chain(above: dict[str, Joint], knee: OsimKneeJoint, body: str) -> list[Joint]:
+    """Joints from a bone upwards, as far as the knee's."""
     answer: list[Joint] = []
     while body in above and above[body] not in answer:
+        if any(above[body].element is joint.element for joint in knee.joints):
+            break
         answer.append(above[body])
         body = above[body].parent
     return answer
 
 
-def _below(joints: list[Joint], knee: OsimKneeJoint) -> list[Joint]:
-    """Joints below the tibia, from the tibia downwards."""
+def _below(joints: list[Joint], knee: OsimKneeJoint, own: str) -> list[Joint]:
+    """Joints of what a bone carries, from the bone on, without those of the knee."""
     answer: list[Joint] = []
-    waiting = [name for name, (bone, _) in knee.rigid.items() if bone == TIBIA]
+    waiting = [name for name, (bone, _) in knee.rigid.items() if bone == own]
     while waiting:
         at = waiting.pop()
         for joint in joints:
+            if is_between(joint) or any(joint.element is x.element for x in knee.joints):
+                continue
             if joint.parent == at and joint.child not in knee.rigid and joint not in answer:
                 answer.append(joint)
                 waiting.append(joint.child)
@@ -96,7 +105,7 @@ def _below(joints: list[Joint], knee: OsimKneeJoint) -> list[Joint]:
 
 def _motion(model: Model, above: dict[str, Joint], bone: str, body: str):
     """From a body's coordinates to a bone's."""
-    return placed(model, above, bone, []).inverse().after(placed(model, above, body, []))
+    return placed(model, above, bone).inverse().after(placed(model, above, body))
 
 
 def _asked(model: Model, joints: list[Joint], name: str, value: float) -> tuple[Joint, Coordinate]:

@@ -66,6 +66,7 @@ class OsimContact:
         layer_thickness_mm: both together.
         findings: what was taken from where.
         doubts: where the one layer is not the model's.
+        element: the force in the file.
     """
 
     name: str
@@ -77,10 +78,11 @@ class OsimContact:
     layer_thickness_mm: float
     findings: tuple[str, ...]
     doubts: tuple[str, ...]
+    element: Element
 
 
-def find_contacts(model: Model, knee: OsimKneeJoint) -> tuple[list[OsimContact], list[str]]:
-    """Contacts between the knee's bones, and the names of the others with the reason.
+def find_contacts(model: Model, knee: OsimKneeJoint) -> list[OsimContact]:
+    """Contacts between the knee's bones.
 
     Args:
         model: the model.
@@ -91,25 +93,19 @@ def find_contacts(model: Model, knee: OsimKneeJoint) -> tuple[list[OsimContact],
     """
     forces = [e for e in model.elements() if e.tag == FORCE]
     meshes = {e.name: e for e in model.elements() if e.tag == MESH}
-    contacts, others = [], []
+    contacts = []
     for force in forces:
         pair = [_mesh(model, force, role, meshes) for role in ("target", "casting")]
         bodies = [model.socket(mesh, "frame") for mesh, _ in pair]
         bones = [knee.rigid.get(body, ("", Offset()))[0] for body, _ in bodies]
-        pair_of_bones = set(bones) in ({FEMUR, TIBIA}, {FEMUR, PATELLA})
-        if not pair_of_bones:
-            between = " and ".join(body for body, _ in bodies)
-            others.append(f"{force.name} ({FORCE}): between {between}")
-        elif not model.truth(force, "appliesForce", True):
-            others.append(f"{force.name} ({FORCE}): switched off in the model (appliesForce)")
-        else:
+        if model.applied(force) and set(bones) in ({FEMUR, TIBIA}, {FEMUR, PATELLA}):
             found = {
                 bone: _read(model, mesh, settings, knee, bone, place)
                 for (mesh, settings), bone, place in zip(pair, bones, bodies, strict=True)
             }
             second = TIBIA if TIBIA in found else PATELLA
             contacts.append(_contact(model, force, found[FEMUR], found[second]))
-    return contacts, others
+    return contacts
 
 
 def _mesh(
@@ -197,8 +193,9 @@ def _contact(model: Model, force: Element, femur: OsimMesh, other: OsimMesh) -> 
             "contact must be given with a smaller nu."
         )
     return OsimContact(
-        force.name, femur, other, law, modulus, ratio, thickness, tuple(findings), tuple(doubts)
-    )
+        force.name, femur, other, law, modulus, ratio, thickness, tuple(findings), tuple(doubts),
+        force,
+    )  # fmt: skip
 
 
 def _in_series(femur: OsimMesh, other: OsimMesh, thickness: float, ratio: float) -> float:

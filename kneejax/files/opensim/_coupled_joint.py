@@ -46,9 +46,10 @@ def couple_knee(
             sign and a constant, or something else depends on a coordinate that goes.
     """
     model, (joint, *others) = edits.model, bones.joints
-    upwards = joint.child != bones.tibia and bones.rigid.get(joint.child, ("",))[0] == FEMUR
-    if others or joint.kind != _KIND or joint.reverse or upwards:
+    upwards = joint.child in bones.rigid and bones.rigid[joint.child][0] == FEMUR
+    if others or joint.kind != _KIND or joint.reverse or upwards or bones.turned:
         found = ", ".join(f"{one.kind} {one.name}" for one in bones.joints)
+        found += ", upwards" * upwards + ", with other axes" * bones.turned
         expected = f"one {_KIND} from femur to tibia, for its coordinates to follow flexion"
         raise model.file.problem(joint.element, "joint", found, expected)
     name = flexion_coordinate(model, bones)

@@ -69,7 +69,9 @@ def _lines(name: str, entry: dict[str, Any], base: OsimImport, like: Element) ->
     yield "\t\t<PathPointSet>"
     yield "\t\t\t<objects>"
     for number, (bone, point) in enumerate((ends[0], *via, ends[1]), start=1):
-        place = " ".join(write_decimal(unshifted(x, METRES_TO_MM)) for x in point)
+        x, y, z = (unshifted(x, METRES_TO_MM) for x in point)
+        location = base.knee.rigid[bodies[bone]][1].point_back((x, y, z))
+        place = " ".join(write_decimal(x) for x in location)
         yield f"\t\t\t\t<PathPoint name={quoteattr(f'{name}-P{number}')}>"
         yield f"\t\t\t\t\t{_on_body(bodies[bone], base)}"
         yield f"\t\t\t\t\t<location>{place}</location>"

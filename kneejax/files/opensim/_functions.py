@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import make_interp_spline
 from scipy.linalg import solve_banded
 
 from kneejax.files.opensim._xml import Element
@@ -14,8 +16,10 @@ from kneejax.files.reading import plain_number
 #: Kinds of function that are understood.
 FUNCTIONS = (
     "Constant", "LinearFunction", "PolynomialFunction", "SimmSpline", "NaturalCubicSpline",
-    "PiecewiseLinearFunction", "MultiplierFunction",
+    "PiecewiseLinearFunction", "MultiplierFunction", "GCVSpline", "Sine",
 )  # fmt: skip
+#: Properties of an axis, a coordinate or a constraint that hold one.
+_HOLDERS = ("function", "prescribed_function", "coupled_coordinates_function")
 _SPLINES = ("SimmSpline", "NaturalCubicSpline")  # the second is the first's name in OpenSim 2
 
 
@@ -57,21 +61,28 @@ def evaluate(function: Element, arguments: Sequence[Any]) -> Any:
         if inner is None:
             raise ValueError("no function to multiply")
         return _number(function.word("scale", default="1")) * evaluate(inner, arguments)
+    if function.tag == "GCVSpline":
+        return _natural(function, x)
+    if function.tag == "Sine":
+        size, rate, phase, middle = (
+            _number(function.word(tag, default=usual))
+            for tag, usual in (("amplitude", "1"), ("omega", "1"), ("phase", "0"), ("offset", "0"))
+        )
+        return size * np.sin(rate * np.asarray(x) + phase) + middle
     raise UnknownFunction(function.tag)
 
 
 def function_of(owner: Element) -> Element | None:
-    """The function of a transform axis or a multiplier: its child, or the child of <function>.
+    """The function of an axis, a multiplier, a coordinate or a constraint.
+
+    It is the child of `<function>` and the like, or a child itself: classes have capitals,
+    properties have none.
 
     Args:
         owner: the element.
     """
-    for child in owner.children:
-        if child.tag == "function":
-            return child.children[0] if child.children else None
-        if child.tag in FUNCTIONS or child.tag.endswith(("Function", "Spline")):
-            return child
-    return None
+    held = owner.child(*_HOLDERS)
+    return next((child for child in (held or owner).children if child.tag[:1].isupper()), None)
 
 
 def describe(function: Element) -> str:
@@ -153,6 +164,22 @@ def simm_splines(knots: np.ndarray, values: np.ndarray, x: np.ndarray) -> np.nda
     first = slope[0] - step[0] * (bend[1] + 2.0 * bend[0])
     beyond = (x - inside).reshape(wide)
     return within + beyond * np.where(beyond < 0, first, last)
+
+
+def _natural(function: Element, x: Any) -> Any:
+    """The natural spline of degree `2 half_order - 1`; outside of degree `half_order - 1`."""
+    knots, values = _points(function)
+    if float(function.word("error_variance", default="0")) > 0:
+        raise ValueError("error_variance above 0: a spline that misses its points")
+    half = int(function.word("half_order", default="3"))
+    half = min(half, len(knots) // 2)
+    ends = [(order, 0.0) for order in range(half, 2 * half - 1)]
+    spline = make_interp_spline(
+        knots, values, k=2 * half - 1, bc_type=(ends, ends) if ends else None
+    )
+    inside = np.clip(x, knots[0], knots[-1])
+    beyond = np.asarray(x) - inside
+    return sum(spline(inside, i) * beyond**i / math.factorial(i) for i in range(half))
 
 
 def _third_difference(x: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -159,9 +159,9 @@ def _mesh(folder: Path, mesh: OsimMesh, scratch: Path, back: bool = False) -> Pa
     import trimesh
 
     loaded = trimesh.load_mesh(path)
-    size = float(np.max(np.ptp(loaded.vertices, axis=0)))
-    unit = 1e3 if size > 1.0 else 1.0  # a knee's cartilage is centimetres wide: mm or m
     scaled = np.asarray(loaded.vertices) * np.asarray(mesh.scale)
+    size = float(np.max(np.ptp(scaled, axis=0)))
+    unit = 1e3 if size > 1.0 else 1.0  # a knee's cartilage is centimetres wide: mm or m
     shift = np.asarray(mesh.frame.translation, float) * unit
     loaded.vertices = scaled @ mesh.frame.matrix.T + shift
     # What is said about it names the file that a person knows.

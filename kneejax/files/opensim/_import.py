@@ -11,29 +11,35 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from kneejax.files.knee import ENDS, check_knee
+from kneejax.files.opensim._acting import ACTS, ELSEWHERE, Untaken, listed, untaken
+from kneejax.files.opensim._axes import anatomical, turned
 from kneejax.files.opensim._beyond import posed, standing, with_pelvis_and_foot
-from kneejax.files.opensim._contact import FORCE, OsimContact, find_contacts
+from kneejax.files.opensim._contact import OsimContact, find_contacts
 from kneejax.files.opensim._joints import Joint
 from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, find_knee
-from kneejax.files.opensim._ligaments import Found, OsimLigament, find_ligaments
+from kneejax.files.opensim._ligaments import (
+    Found,
+    OsimLigament,
+    check_lengths,
+    find_ligaments,
+    outside_obstacles,
+)
 from kneejax.files.opensim._model import Model, read_model
 from kneejax.files.opensim._muscles import find_muscles
 from kneejax.files.opensim._names import file_names
 from kneejax.files.opensim._numbers import METRES_TO_MM, shifted
 from kneejax.files.opensim._patella import PatellaSection, patella_section
-from kneejax.files.opensim._wraps import OsimWrap, depth_inside, wrap_document
+from kneejax.files.opensim._wraps import OsimWrap, wrap_document
 from kneejax.files.reading import Field, InputProblem
-from kneejax.geometry import COLUMNS, PATELLA
-from kneejax.mechanics import FAILURE_SOURCE, RANGES, usual_failure_strain
+from kneejax.geometry import COLUMNS, PATELLA, TIBIA
+from kneejax.mechanics import FAILURE_SOURCE, usual_failure_strain
 
 #: Rounding of the ligament law's corners, which OpenSim's law does not have: small enough for its
 #: forces, see `kneejax.mechanics.ligament_law.largest_tension_error`.
 TRANSITION_WIDTH = 1e-4
-#: A point this little inside an obstacle is a matter of digitising.
-SHALLOW_MM = 0.5
+#: Fibres are hardly ever softer: N per unit strain.
+SOFT_N = 50.0
 _TO_MM = {"slack_length_mm"}
 
 
@@ -49,10 +55,11 @@ class OsimImport:
         wraps: name in the knee file -> wrap object of the model.
         found: fibres, with those left out and why.
         contacts: contacts of femur and tibia.
-        other_contacts: contacts of other bodies.
+        untaken: forces and constraints of the model that are no part of the knee.
         without: names that were left out because a person asked for it.
         patellofemoral: contacts of femur and patella.
         patella_notes: what was assumed or left out of the patella and the muscles.
+        patella_doubts: where they are not the model's.
     """
 
     document: dict[str, Any]
@@ -62,10 +69,11 @@ class OsimImport:
     wraps: dict[str, OsimWrap]
     found: Found
     contacts: tuple[OsimContact, ...]
-    other_contacts: tuple[str, ...]
+    untaken: tuple[Untaken, ...]
     without: tuple[str, ...]
     patellofemoral: tuple[OsimContact, ...] = ()
     patella_notes: tuple[str, ...] = ()
+    patella_doubts: tuple[str, ...] = ()
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -74,8 +82,24 @@ class OsimImport:
             f"{name} was left out: not supported: {why}."
             for name, why in self.found.unsupported.items()
         )
+        acting = [one for one in self.untaken if one.how == ACTS]
+        others = (f"{line}: left out, though it {ACTS}." for line in listed(acting))
         contact = (f"{c.name}: {doubt}" for c in self.contacts for doubt in c.doubts)
-        return (*unsupported, *self.knee.doubts, *contact)
+        return (
+            *unsupported, *others, *self.patella_doubts, *self.knee.doubts, *contact,
+            *_soft(self.document),
+        )  # fmt: skip
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """What the model has for this knee besides, and why no doubt follows from it."""
+        groups = collections.defaultdict(list)
+        for one in self.untaken:
+            if one.how not in (ACTS, ELSEWHERE):
+                groups[one.how].append(one)
+        asked = [f"{', '.join(self.without)}: as asked by --without"] if self.without else []
+        return (*(f"{line}: {how}" for how, many in groups.items() for line in listed(many)),
+                *asked)  # fmt: skip
 
 
 def import_osim(
@@ -99,11 +123,11 @@ def import_osim(
         side: `r` or `l`.
         femur: body of the femur; found from the joints if it is not given.
         tibia: body of the tibia; likewise, and only together with it.
-        without: names or patterns of fibres to leave out.
+        without: names or patterns of fibres to leave out, and of forces not to miss.
         inside: what to do with a fibre that begins more than 0.5 mm inside what it goes around:
             `refuse` the model, or let it run `straight`, as OpenSim does.
         patella: whether to read the patella, its ligaments, and the muscles and ligaments that
-            come over the knee from the pelvis or go to the foot.
+            come over the knee from the pelvis or go to the foot; if not, they are not missed.
         at: coordinate of hip or foot -> where those begin and end, degrees or mm; at the model's
             defaults without it.
         data: the model's bytes, if they are at hand.
@@ -131,34 +155,80 @@ def import_osim(
     whole = with_pelvis_and_foot(model, knee, at)
     found = find_ligaments(model, whole)
     left_out = _leave_out(model, found, without)
+    knee = _with_small_bones(model, knee, whole, found.ligaments)
     if not any(_of_two_bones(x, knee) for x in found.ligaments):
         raise _no_ligament(path, knee, found)
-    found.ligaments[:] = _outside_obstacles(model, whole, found, inside)
+    knee, turn = anatomical(model, knee, [x for x in found.ligaments if _of_two_bones(x, knee)])
+    whole = turned(whole, turn)
+    found.ligaments[:] = outside_obstacles(model, whole, found, inside)
     beside = [x for x in found.ligaments if not _of_two_bones(x, knee)]
     found.ligaments[:] = [x for x in found.ligaments if _of_two_bones(x, knee)]
     keys = [ligament.key for ligament in found.ligaments]
     ligaments = dict(zip(file_names(keys, "L"), found.ligaments, strict=True))
     used = {id(x.wrap.element): x.wrap for x in found.ligaments if x.wrap is not None}
     wraps = dict(zip(file_names([w.key for w in used.values()], "W"), used.values(), strict=True))
-    every, others = find_contacts(model, knee)
+    every = find_contacts(model, knee)
     contacts = tuple(c for c in every if c.other.bone != PATELLA)
     on_patella = tuple(c for c in every if c.other.bone == PATELLA)
     section = PatellaSection({}, ())
     if patella:
         section = _patella(model, whole, beside, set(knee.rigid), posed(at))
-    if not section.document:
+    taken = [x.element for x in (*found.ligaments, *contacts)] + found.answered
+    if section.document:
+        taken += [x.element for x in (*beside, *section.muscles, *on_patella)]
+    else:
         found.outside.update((one.key, f"attached to {_beside(one, knee)}") for one in beside)
-        others += [f"{one.name} ({FORCE}): between femur and patella" for one in on_patella]
+    others = [
+        one for one in untaken(model, knee, taken)
+        if one.element.name not in left_out and (patella or not one.muscle_or_patella)
+    ]  # fmt: skip
+    doubts = section.doubts
+    if not section.document and any(x.muscle_or_patella and x.how == ACTS for x in others):
+        doubts += (f"{section.notes[0]} --without-patella does without it and its muscles.",)
     answer = OsimImport(
         {}, model, knee, ligaments, wraps, found, contacts, tuple(others), left_out, on_patella,
-        section.notes,
+        section.notes, doubts,
     )  # fmt: skip
-    _check_lengths(model, whole, [*found.ligaments, *beside])
+    check_lengths(model, whole, [*found.ligaments, *beside])
     answer.document.update(_document(answer))
     if section.document:
         answer.document["patella"] = section.document
     check_knee(Field(os.fspath(path), "", answer.document))
     return answer
+
+
+def _soft(document: dict[str, Any]) -> list[str]:
+    """A doubt where stiffnesses look like N/mm."""
+    every = document["ligaments"] | document.get("patella", {}).get("ligaments", {})
+    soft = {name: x for name, x in every.items() if x["stiffness_N"] < SOFT_N}
+    if not soft:
+        return []
+    name, entry = next(iter(soft.items()))
+    softest = min(x["stiffness_N"] for x in soft.values())
+    return [
+        f"Stiffness below {SOFT_N:g} N per unit strain, from {softest:.3g} N on: "
+        f"{', '.join(soft)}. N/mm are suspected: of {name} that would be "
+        f"{entry['stiffness_N'] * entry['slack_length_mm']:.4g} N per unit strain."
+    ]
+
+
+def _with_small_bones(
+    model: Model, knee: OsimKneeJoint, whole: OsimKneeJoint, ligaments: list[OsimLigament]
+) -> OsimKneeJoint:
+    """The knee with what its fibres end on below the tibia, held where the defaults have it."""
+    ends: dict[str, list[str]] = collections.defaultdict(list)
+    for ligament in ligaments:
+        bodies = {point.body for point in ligament.points} - {*knee.rigid}
+        if all(whole.rigid[body][0] == TIBIA for body in bodies):
+            for body in bodies:
+                ends[body].append(ligament.key)
+    doubts = tuple(
+        f"{', '.join(names)}: on {body}, which can move against the tibia in this model; here it "
+        "does not: it is held at the model's default coordinates."
+        for body, names in ends.items()
+    )
+    rigid = knee.rigid | {body: whole.rigid[body] for body in ends}
+    return dataclasses.replace(knee, rigid=rigid, doubts=(*knee.doubts, *doubts))
 
 
 def _no_ligament(path, knee: OsimKneeJoint, found: Found) -> InputProblem:
@@ -225,7 +295,7 @@ def _document(read: OsimImport) -> dict[str, Any]:
             for name, wrap in read.wraps.items()
         },
         "groups": _groups(list(read.ligaments)),
-        "notes": _notes(knee.joints, read.contacts),
+        "notes": " ".join((*knee.unusual, _notes(knee.joints, read.contacts))),
         "imported_from": {
             "file": file,
             "sha256": hashlib.sha256(model.file.original).hexdigest(),
@@ -250,9 +320,7 @@ def _ligament(
     ligament: OsimLigament, knee: OsimKneeJoint, file: str, wraps: dict[int, str]
 ) -> dict[str, Any]:
     bones = [knee.rigid[point.body][0] for point in ligament.points]
-    places = [
-        [shifted(x, METRES_TO_MM) for x in point.in_bone(knee)] for point in ligament.points
-    ]
+    places = [[shifted(x, METRES_TO_MM) for x in point.in_bone(knee)] for point in ligament.points]
     ends = {bone: field for field, bone in ENDS.items()}
     entry: dict[str, Any] = {ends[bones[0]]: places[0]}
     if len(places) > 2:
@@ -277,73 +345,16 @@ def _leave_out(model: Model, found: Found, without) -> tuple[str, ...]:
     names: list[str] = []
     for pattern in without:
         known = [x.key for x in found.ligaments] + list(found.unsupported) + list(found.outside)
+        known = list(dict.fromkeys([*known, *(x.name for x in model.forces() if x.name)]))
         hits = fnmatch.filter(known, pattern)
         if not hits:
-            expected = "the name of a fibre, or a pattern that fits one"
+            expected = "the name of a fibre or force, or a pattern that fits one"
             raise InputProblem(model.file.path, "--without", pattern, expected, known)
         names += [name for name in hits if name not in names]
     found.ligaments[:] = [x for x in found.ligaments if x.key not in names]
     for name in names:
         found.unsupported.pop(name, None)
     return tuple(names)
-
-
-def _outside_obstacles(
-    model: Model, knee: OsimKneeJoint, found: Found, inside: str
-) -> list[OsimLigament]:
-    """The fibres; those with a point inside their obstacle run straight, if that is allowed.
-
-    OpenSim itself leaves out an obstacle as long as a point lies inside it.
-    """
-    femur_from = knee.in_femur
-    answer = []
-    for ligament in found.ligaments:
-        if ligament.wrap is None:
-            answer.append(ligament)
-            continue
-        obstacle = wrap_document(model, ligament.wrap, knee, "")
-        to_obstacle = femur_from[obstacle["bone"]].inverse()
-        deepest, where, at_pose = 0.0, "", ""
-        for point in ligament.points:
-            bone = knee.rigid[point.body][0]
-            place = to_obstacle.after(femur_from[bone]).point(point.in_bone(knee))
-            depth = depth_inside(obstacle, np.array(place, float) * 1e3)
-            if depth > max(deepest, 1e-9):
-                deepest, where = depth, point.element.name or "a path point"
-                at_pose = "" if bone == obstacle["bone"] else " at the reference pose"
-        if deepest > 0:
-            shape = f"the {obstacle['kind']} {ligament.wrap.key}{at_pose}"
-            if inside != "straight" and deepest > SHALLOW_MM:
-                raise model.file.problem(
-                    ligament.element, where, f"{deepest:.3g} mm inside {shape}",
-                    "a point outside what the fibre goes around; --inside straight leaves the "
-                    f"obstacle out, as OpenSim does, --without {ligament.key} the fibre",
-                )  # fmt: skip
-            found.notes.append(
-                f"{ligament.key}: {where} lies {deepest:.2g} mm inside {shape}; the fibre runs "
-                "straight, as in OpenSim, which leaves out an obstacle that a point is inside of."
-            )
-            ligament = dataclasses.replace(ligament, wrap=None)
-        answer.append(ligament)
-    return answer
-
-
-def _check_lengths(model: Model, knee: OsimKneeJoint, ligaments: list[OsimLigament]) -> None:
-    """Attachments closer or farther than any are in another unit or frame."""
-    for ligament in ligaments:
-        ends = [ligament.points[i] for i in (0, -1)]
-        first, last = (
-            np.array(knee.in_femur[knee.rigid[end.body][0]].point(end.in_bone(knee)), float)
-            for end in ends
-        )
-        length = 1e3 * float(np.linalg.norm(last - first))
-        allowed = RANGES["length_mm"]
-        if not allowed.holds(length):
-            raise model.file.problem(
-                ligament.element, "attachments", f"{length:.4g} mm apart at the reference pose",
-                f"{allowed}: another unit than metres, or a default pose in which the knee is "
-                "apart, are suspected",
-            )  # fmt: skip
 
 
 def _groups(names: list[str]) -> dict[str, list[str]]:

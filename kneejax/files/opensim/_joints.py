@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator, Mapping
 from decimal import Decimal
+from typing import Any
 
 import numpy as np
 
-from kneejax.files.opensim._functions import UnknownFunction, describe, evaluate, function_of
+from kneejax.files.opensim._functions import (
+    FUNCTIONS,
+    UnknownFunction,
+    describe,
+    evaluate,
+    function_of,
+)
 from kneejax.files.opensim._model import Model, Offset, turn_about
 from kneejax.files.opensim._xml import Element
 
@@ -32,10 +40,11 @@ class Coordinate:
 
     Attributes:
         name: its name.
-        default: rad or m.
+        default: rad or m; what a function of time has at its beginning, where one prescribes it.
         range: rad or m; None if the file states none.
         locked: whether it cannot move.
         clamped: whether it stays within its range.
+        prescribed: whether a function of time prescribes it.
     """
 
     name: str
@@ -43,6 +52,7 @@ class Coordinate:
     range: tuple[float, float] | None
     locked: bool
     clamped: bool
+    prescribed: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -98,18 +108,19 @@ class Joint:
         """Whether nothing can move in it: a weld, or every coordinate locked."""
         return all(coordinate.locked for coordinate in self.coordinates)
 
-    def placement(self, model: Model, unknown: list[str]) -> Offset:
+    def placement(self, model: Model) -> Offset:
         """The motion from the child's to the parent's coordinates, at the coordinates' defaults.
 
         Args:
             model: the model, for errors.
-            unknown: gets a sentence for each axis whose function is not understood and which is
-                taken as zero.
+
+        Raises:
+            InputProblem: an axis has a function that is not supported, or its numbers are wrong.
         """
         values = {coordinate.name: coordinate.default for coordinate in self.coordinates}
         rotation, shift = np.eye(3), np.zeros(3)
         for axis in self.axes:
-            amount = self._amount(axis, values, model, unknown)
+            amount = float(self.amount(axis, values, model))
             if axis.turns:
                 rotation = rotation @ turn_about(axis.direction, amount)
             else:
@@ -144,22 +155,67 @@ class Joint:
             lines.append(f"{kind} ({direction}): {amount}{of}")
         return lines
 
-    def _amount(self, axis: Axis, values: dict[str, float], model: Model, unknown: list[str]):
+    def amount(self, axis: Axis, values: Mapping[str, Any], model: Model) -> Any:
+        """How far an axis turns or shifts, rad or m.
+
+        Args:
+            axis: one of the joint's.
+            values: coordinate -> its value, rad or m, a number or an array.
+            model: the model, for errors.
+        """
         arguments = [values.get(name, 0.0) for name in axis.coordinates]
         if axis.function is None:
             return arguments[0] if arguments else 0.0
-        try:
-            return float(evaluate(axis.function, arguments))
-        except UnknownFunction as kind:
-            unknown.append(
-                f"Joint {self.name}: the function {kind} (line {axis.function.line}) is not "
-                "supported; the reference pose takes zero for it."
-            )
-            return 0.0
-        except ValueError as error:
-            raise model.file.problem(
-                axis.function, "numbers", str(error), "the numbers of this kind of function"
-            ) from None
+        return _value(model, axis.function, arguments, self.name)
+
+
+def _value(model: Model, function: Element, arguments: list, of: str) -> Any:
+    try:
+        return evaluate(function, arguments)
+    except UnknownFunction as kind:
+        expected = f"one of the functions that are supported: {', '.join(FUNCTIONS)}"
+        raise model.file.problem(function, f"function of {of}", str(kind), expected) from None
+    except ValueError as error:
+        expected = "the numbers of this kind of function"
+        raise model.file.problem(function, "numbers", str(error), expected) from None
+
+
+def couplers(model: Model) -> Iterator[tuple[Element, str, tuple[str, ...]]]:
+    """Constraints by which a coordinate follows others.
+
+    Args:
+        model: the model.
+
+    Yields:
+        The constraint, the coordinate that follows, and those that it follows.
+    """
+    for element in model.elements():
+        if element.tag == "CoordinateCouplerConstraint" and model.applied(element):
+            leading = tuple(model.word(element, "independent_coordinate_names").split())
+            yield element, model.word(element, "dependent_coordinate_name"), leading
+
+
+def follow(model: Model, values: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Values of coordinates where couplers hold.
+
+    Args:
+        model: the model.
+        values: coordinate -> rad or m, at its default where it is not given.
+        given: coordinates that were said; these follow nothing.
+
+    Returns:
+        `values`, those that follow others renewed.
+    """
+    values, known = dict(values), list(couplers(model))
+    for _ in known:  # one may follow another
+        for element, name, leading in known:
+            function = function_of(element)
+            if name in given or name not in values or function is None:
+                continue
+            arguments = [values.get(one, 0.0) for one in leading]
+            scale = float(model.numbers(element, "scale_factor", 1, "1")[0])
+            values[name] = scale * _value(model, function, arguments, element.name)
+    return values
 
 
 def read_joints(model: Model) -> list[Joint]:
@@ -172,10 +228,30 @@ def read_joints(model: Model) -> list[Joint]:
         InputProblem: a joint names a body or frame that does not exist, or its numbers are not
             numbers.
     """
-    return [
+    if model.joints is None:
+        model.joints = _read(model)
+    return [*model.joints]
+
+
+def _read(model: Model) -> list[Joint]:
+    joints = [
         _joint(model, element)
         for element in model.elements()
         if element.tag.endswith("Joint") and element.tag != "Joint"
+    ]
+    if not any(True for _ in couplers(model)):
+        return joints
+    every = [c for joint in joints for c in joint.coordinates]
+    fixed = {c.name: c.default for c in every if c.prescribed or c.locked}
+    values = follow(model, {c.name: c.default for c in every}, fixed)
+    return [
+        dataclasses.replace(
+            joint,
+            coordinates=tuple(
+                dataclasses.replace(c, default=float(values[c.name])) for c in joint.coordinates
+            ),
+        )
+        for joint in joints
     ]
 
 
@@ -209,21 +285,21 @@ def _joint(model: Model, element: Element) -> Joint:
 
 def _coordinate(model: Model, element: Element) -> Coordinate:
     limits = None
-    if element.word("range"):
+    if model.word(element, "range"):
         lower, upper = model.numbers(element, "range", 2)
         limits = float(lower), float(upper)
+    default = float(model.numbers(element, "default_value", 1, "0")[0])
+    locked, function = model.truth(element, "locked", False), function_of(element)
+    prescribed = model.truth(element, "prescribed", False) and function is not None and not locked
+    if prescribed:
+        assert function is not None
+        default = float(_value(model, function, [0.0], element.name))
     return Coordinate(
-        element.name,
-        float(model.numbers(element, "default_value", 1, "0")[0]),
-        limits,
-        model.truth(element, "locked", False),
-        model.truth(element, "clamped", False),
+        element.name, default, limits, locked, model.truth(element, "clamped", False), prescribed
     )
 
 
-def _axes(
-    model: Model, element: Element, coordinates: tuple[Coordinate, ...]
-) -> tuple[Axis, ...]:
+def _axes(model: Model, element: Element, coordinates: tuple[Coordinate, ...]) -> tuple[Axis, ...]:
     if element.tag in _AXES:
         pairs = zip(_AXES[element.tag], coordinates, strict=False)
         return tuple(Axis(a[0] == "R", _UNIT[a[1]], (c.name,), None) for a, c in pairs)
@@ -242,5 +318,3 @@ def _axes(
             turns = axis.name.lower().startswith("rotation")
             answer.append(Axis(turns, direction / size, names, function))
     return tuple(sorted(answer, key=lambda axis: not axis.turns))
-
-

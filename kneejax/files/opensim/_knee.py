@@ -23,6 +23,8 @@ _OTHER = re.compile(r"patell|menisc|(?:^|[^a-z])(?:pf|pat)(?:$|[^a-z])", re.IGNO
 _PATELLA = re.compile(r"patell|kneecap", re.IGNORECASE)
 _FEMUR = re.compile(r"femur|femor|thigh", re.IGNORECASE)
 _TIBIA = re.compile(r"tibia|shank|shin|lower_?leg|crus", re.IGNORECASE)
+_FOOT = re.compile(r"foot|calcn|calcan|talus|toes", re.IGNORECASE)
+_ABOVE = re.compile(r"pelvis|hips?(?:$|[^a-z])|sacrum|torso", re.IGNORECASE)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,6 +46,8 @@ class OsimKneeJoint:
         patella: its body; empty without one.
         patella_pose: as `pose`.
         patella_in_femur: as `tibia_in_femur`.
+        turned: whether the bones' axes are others than those of their bodies.
+        unusual: what was taken otherwise than in most models, a sentence each.
     """
 
     side: str
@@ -58,6 +62,22 @@ class OsimKneeJoint:
     patella: str = ""
     patella_pose: tuple[float, ...] = ()
     patella_in_femur: Offset = dataclasses.field(default_factory=Offset)
+    turned: bool = False
+    unusual: tuple[str, ...] = ()
+
+    def placed_as(
+        self, tibia_in_femur: Offset, patella: str = "", patella_in_femur: Offset | None = None
+    ) -> OsimKneeJoint:
+        """The same bones with the poses of tibia and patella, which are motions to the femur."""
+        there = Offset() if patella_in_femur is None else patella_in_femur
+        return dataclasses.replace(
+            self,
+            pose=_pose(tibia_in_femur, self.side),
+            tibia_in_femur=tibia_in_femur,
+            patella=patella,
+            patella_pose=_pose(there, self.side) if patella else (),
+            patella_in_femur=there,
+        )
 
     @property
     def in_femur(self) -> dict[str, Offset]:
@@ -97,41 +117,45 @@ def find_knee(
     above = {joint.child: joint for joint in joints}
     findings: list[str] = []
     turned: list[str] = []
+    unusual: tuple[str, ...] = ()
     if (femur is None) != (tibia is None):
         given = "--femur" if femur is not None else "--tibia"
         raise InputProblem(model.file.path, given, femur or tibia, "--femur and --tibia together")
     if femur is not None and tibia is not None:
         femur, tibia = _body(model, "--femur", femur), _body(model, "--tibia", tibia)
         found = _between(above, femur, tibia)
-        turned = _upside_down(above, femur, tibia)
+        turned = _exchanged(joints, found, femur, tibia)
     else:
         found = _guess(model, joints, above, side, findings, may_be_named)
         femur, tibia = found[0].parent, found[-1].child
+        if _carries_upwards(joints, found, femur, tibia):
+            femur, tibia, found = tibia, femur, found[::-1]
+            unusual = (f"{tibia} carries {femur} in this model, as their names say.",)
     findings += [f"{femur} was taken as the femur.", f"{tibia} was taken as the tibia."]
     names = ", ".join(f"{joint.name} ({joint.kind})" for joint in found)
     findings.append(f"Joint between them: {names}.")
     doubts: list[str] = []
-    rigid = _rigid_with_bones(model, joints, (femur, tibia), found, findings, doubts)
-    from_femur = placed(model, above, femur, doubts).inverse()
-    there = from_femur.after(placed(model, above, tibia, doubts))
-    patella = _patella(model, joints, rigid, side)
+    rigid = _rigid_with_bones(model, joints, (femur, tibia), found, findings)
+    from_femur = placed(model, above, femur).inverse()
+    there = from_femur.after(placed(model, above, tibia))
+    patellae = _patellae(joints, rigid)
+    patella = patellae[0] if len(patellae) == 1 else ""
     if patella:
         findings.append(f"{patella} was taken as the patella.")
-        own = _rigid(model, joints, patella, [], doubts)
-        rigid |= {body: (PATELLA, offset) for body, offset, _ in own}
-    doubts += turned + _axes_doubts(joints, rigid) + _coupled(model, found)
+        rigid |= {body: (PATELLA, at) for body, at, _ in _rigid(model, joints, patella, [])}
+    elif patellae:
+        doubts.append(f"{len(patellae)} bodies may be the patella: {', '.join(patellae)}.")
+    doubts += turned + [
+        f"Coordinate {c.name} is prescribed by a function of time: the reference pose takes its "
+        "value at 0 s."
+        for joint in found for c in joint.coordinates if c.prescribed
+    ]  # fmt: skip
     knee = OsimKneeJoint(
-        side, femur, tibia, tuple(found), rigid, _pose(there, side), there, tuple(findings),
-        tuple(dict.fromkeys(doubts)),
+        side, femur, tibia, tuple(found), rigid, (), there, tuple(findings), tuple(doubts),
+        unusual=unusual,
     )  # fmt: skip
-    if not patella:
-        return knee
-    return _with_patella(knee, patella, from_femur.after(placed(model, above, patella, [])))
-
-
-def _with_patella(knee: OsimKneeJoint, patella: str, in_femur: Offset) -> OsimKneeJoint:
-    pose = _pose(in_femur, knee.side)
-    return dataclasses.replace(knee, patella=patella, patella_pose=pose, patella_in_femur=in_femur)
+    in_femur = from_femur.after(placed(model, above, patella)) if patella else None
+    return knee.placed_as(there, patella, in_femur)
 
 
 def _rigid_with_bones(
@@ -140,12 +164,11 @@ def _rigid_with_bones(
     bodies: tuple[str, str],
     found: list[Joint],
     findings: list[str],
-    doubts: list[str],
 ) -> dict[str, tuple[str, Offset]]:
     """Body -> femur or tibia, against which it does not move, and where it is in it."""
     rigid: dict[str, tuple[str, Offset]] = {}
     for bone, body in zip(("femur", "tibia"), bodies, strict=True):
-        for other, offset, through in _rigid(model, joints, body, found, doubts):
+        for other, offset, through in _rigid(model, joints, body, found):
             if other in rigid:
                 at = f"{rigid[other][0]} and {bone}"
                 raise InputProblem(
@@ -157,14 +180,13 @@ def _rigid_with_bones(
     return rigid
 
 
-def _patella(model: Model, joints: list[Joint], rigid: dict, side: str) -> str:
-    """The body of the patella that a joint joins to the knee's bones; empty without one."""
-    found = [
+def _patellae(joints: list[Joint], rigid: dict) -> list[str]:
+    """Bodies called so that a joint joins to the knee's bones."""
+    return [
         joint.child
         for joint in joints
         if joint.coordinates and joint.parent in rigid and _PATELLA.search(joint.child)
     ]
-    return found[0] if len(found) == 1 else ""
 
 
 def _guess(
@@ -251,17 +273,49 @@ def _between(above: dict[str, Joint], femur: str, tibia: str) -> list[Joint]:
     return [j for j in joints if not j.fixed] or [j for j in joints if j.coordinates] or joints
 
 
-def _upside_down(above: dict[str, Joint], femur: str, tibia: str) -> list[str]:
-    """Whether the tibia carries the femur, as in a model that stands on its foot, or by mistake."""
-    body, seen = femur, {femur}
+def _carries_upwards(joints: list[Joint], knee: list[Joint], upper: str, lower: str) -> bool:
+    """Whether the body above a knee's joints is the tibia, as in a model that stands on its foot.
+
+    The names of the two bodies decide, or what hangs on each.
+    """
+    votes = 0
+    for body, sign in ((upper, 1), (lower, -1)):
+        row = _row(joints, body, knee[0])
+        whole = beyond(joints, knee, body)
+        for names, parts in ((row, (_TIBIA, _FEMUR)), (whole, (_FOOT, _ABOVE))):
+            down, up = (any(part.search(name) for name in names) for part in parts)
+            if down != up:
+                votes += sign * (1 if down else -1) * (3 if names is row else 1)
+    return votes > 0
+
+
+def beyond(joints: list[Joint], cut: list[Joint], body: str) -> set[str]:
+    """A body and all that hangs together with it without some joints and without the ground."""
+    names, grows = {body}, True
+    while grows:
+        before = len(names)
+        for joint in joints:
+            both = {joint.parent, joint.child}
+            if names & both and GROUND not in both and not any(joint is one for one in cut):
+                names |= both
+        grows = len(names) > before
+    return names
+
+
+def _exchanged(joints: list[Joint], knee: list[Joint], femur: str, tibia: str) -> list[str]:
+    """Whether the bodies that were given look like each other's."""
+    above, body, seen = {joint.child: joint for joint in joints}, femur, {femur}
     while body in above and above[body].parent not in seen:
         body = above[body].parent
         seen.add(body)
-    if tibia not in seen or tibia == femur:
+    carried = tibia in seen and tibia != femur
+    if not _carries_upwards(joints, knee, femur, tibia) and not (
+        carried and not _carries_upwards(joints, knee, tibia, femur)
+    ):
         return []
     return [
-        f"{tibia}, given as the tibia, carries {femur}, given as the femur: have --femur and "
-        "--tibia changed places?"
+        f"{femur} was given as the femur and {tibia} as the tibia; their names or the model's "
+        "joints say otherwise: have --femur and --tibia changed places?"
     ]
 
 
@@ -277,7 +331,7 @@ def _row(joints: list[Joint], body: str, knee: Joint) -> set[str]:
     return names - {GROUND}
 
 
-def _rigid(model: Model, joints: list[Joint], bone: str, knee: list[Joint], doubts: list[str]):
+def _rigid(model: Model, joints: list[Joint], bone: str, knee: list[Joint]):
     """Bodies that do not move against a bone: name, motion to the bone's coordinates, why."""
     found, waiting = {bone}, [(bone, Offset(), "")]
     while waiting:
@@ -290,19 +344,19 @@ def _rigid(model: Model, joints: list[Joint], bone: str, knee: list[Joint], doub
             why = f"{joint.kind} {joint.name}" + (", locked" if joint.coordinates else "")
             if joint.parent == body and joint.child not in found:
                 found.add(joint.child)
-                waiting.append((joint.child, offset.after(joint.placement(model, doubts)), why))
+                waiting.append((joint.child, offset.after(joint.placement(model)), why))
             if joint.child == body and joint.parent not in found:
                 found.add(joint.parent)
-                back = joint.placement(model, doubts).inverse()
+                back = joint.placement(model).inverse()
                 waiting.append((joint.parent, offset.after(back), why))
 
 
-def placed(model: Model, above: dict[str, Joint], body: str, doubts: list[str]) -> Offset:
+def placed(model: Model, above: dict[str, Joint], body: str) -> Offset:
     """The motion from a body's coordinates to the uppermost body's above it."""
     motion, seen = Offset(), set()
     while body in above and body not in seen:
         seen.add(body)
-        motion = above[body].placement(model, doubts).after(motion)
+        motion = above[body].placement(model).after(motion)
         body = above[body].parent
     return motion
 
@@ -317,47 +371,9 @@ def _pose(tibia_in_femur: Offset, side: str) -> tuple[float, ...]:
     return tuple(float(x) + 0.0 for x in (*np.rad2deg(angles), *shift))
 
 
-def _coupled(model: Model, knee: list[Joint]) -> list[str]:
-    """Constraints that move the knee's coordinates away from their defaults."""
-    own = {coordinate.name for joint in knee for coordinate in joint.coordinates}
-    return [
-        f"{element.tag} {element.name} drives {dependent}, which is not supported: the reference "
-        "pose takes the coordinate's default."
-        for element in model.elements()
-        if (dependent := element.word("dependent_coordinate_name")) in own
-    ]
-
-
-def _axes_doubts(joints: list[Joint], rigid: dict[str, tuple[str, Offset]]) -> list[str]:
-    """Whether hip and ankle lie where X anterior, Y superior, Z right would have them."""
-    answer = []
-    for bone, sign, place in (("femur", 1.0, "above"), ("tibia", -1.0, "below")):
-        for joint in joints:
-            if not joint.coordinates or joint.kind == "FreeJoint" or GROUND == joint.parent:
-                continue
-            at = joint.child if bone == "femur" else joint.parent
-            if rigid.get(at, ("",))[0] != bone or any(b in rigid for b in _far(joint, at)):
-                continue
-            if bone == "tibia" and not _leads_on(joints, joint):
-                continue
-            frame = joint.child_frame if bone == "femur" else joint.parent_frame
-            center = np.array(rigid[at][1].point(frame.translation), float) * 1e3
-            if np.linalg.norm(center) > 100 and center[1] * sign < 0.7 * np.linalg.norm(center):
-                x, y, z = center
-                answer.append(
-                    f"Joint {joint.name} lies at ({x:.0f}, {y:.0f}, {z:.0f}) mm in the {bone}'s "
-                    f"frame, not {place} its origin: kneejax takes X as anterior, Y as superior, "
-                    "Z as to the person's right, and this model may mean other axes."
-                )
-    return answer
-
-
-def _far(joint: Joint, near: str) -> tuple[str, ...]:
-    return tuple(body for body in (joint.parent, joint.child) if body != near)
-
-
-def _leads_on(joints: list[Joint], joint: Joint) -> bool:
-    return any(other.parent == joint.child for other in joints)
+def is_between(joint: Joint) -> bool:
+    """Whether a joint carries what is part of neither bone: a meniscus or a patella, by name."""
+    return bool(re.search("menisc|patell|kneecap", f"{joint.name} {joint.child}", re.IGNORECASE))
 
 
 def _body(model: Model, option: str, name: str) -> str:

@@ -2,15 +2,28 @@
 
 from __future__ import annotations
 
+import collections
 import dataclasses
 from decimal import Decimal
 
+import numpy as np
+
 from kneejax.files.opensim._knee import OsimKneeJoint
 from kneejax.files.opensim._model import Model, Offset, Point
-from kneejax.files.opensim._wraps import OsimWrap, read_wraps, unsupported
+from kneejax.files.opensim._wraps import (
+    OsimWrap,
+    depth_inside,
+    read_wraps,
+    unsupported,
+    wrap_document,
+)
 from kneejax.files.opensim._xml import Element
+from kneejax.files.reading import counted
 from kneejax.geometry import FEMUR, PATELLA, TIBIA
+from kneejax.mechanics import RANGES
 
+#: A point this little inside an obstacle is a matter of digitising.
+SHALLOW_MM = 0.5
 KIND = "Blankevoort1991Ligament"
 #: Field -> (tag, what OpenSim takes where a file and its <defaults> say nothing).
 NUMBERS = {
@@ -76,12 +89,14 @@ class Found:
         outside: name -> why it does not belong to this knee.
         unsupported: name -> why it cannot be read though it belongs to the knee.
         notes: what else should be said, a sentence each.
+        answered: elements of those that are not supported.
     """
 
     ligaments: list[OsimLigament] = dataclasses.field(default_factory=list)
     outside: dict[str, str] = dataclasses.field(default_factory=dict)
     unsupported: dict[str, str] = dataclasses.field(default_factory=dict)
     notes: list[str] = dataclasses.field(default_factory=list)
+    answered: list[Element] = dataclasses.field(default_factory=list)
 
 
 _ORDER = FEMUR, PATELLA, TIBIA
@@ -111,10 +126,11 @@ def find_ligaments(model: Model, knee: OsimKneeJoint) -> Found:
     """
     found, seen = Found(), {}
     wraps = read_wraps(model)
-    defaults = {e.tag: e for e in model.root.inside("defaults")}
     elements = [e for e in model.elements() if e.tag in (KIND, "Ligament")]
     if not any(element.tag == KIND for element in elements):
-        plain = f"{len(elements)} of class Ligament, which is not supported" if elements else "none"
+        others = collections.Counter(e.tag for e in model.forces() if _pulls(e))
+        listed = ", ".join(f"{n} of class {tag}" for tag, n in others.items())
+        plain = f"none that is supported, but {listed}" if others else "none"
         raise model.file.problem(model.root, "ligaments", plain, f"at least one {KIND}")
     for element in elements:
         seen[element.name] = seen.get(element.name, 0) + 1
@@ -127,11 +143,12 @@ def find_ligaments(model: Model, knee: OsimKneeJoint) -> Found:
                     "of class Ligament (resting_length, pcsa_force and a force-length curve)"
                 )
             wrap = _wrap(model, element, points, wraps, knee, found.notes, key)
-            numbers, assumed = _numbers(model, element, defaults.get(KIND))
+            numbers, assumed = _numbers(model, element)
         except _Outside as reason:
             found.outside[key] = str(reason)
         except _Unsupported as reason:
             found.unsupported[key] = str(reason)
+            found.answered.append(element)
         else:
             found.ligaments.append(OsimLigament(element, key, points, wrap, numbers, assumed))
     return found
@@ -144,16 +161,18 @@ def _points(model: Model, element: Element, knee: OsimKneeJoint) -> tuple[OsimPo
         kinds = ", ".join(c.tag for c in element.children if c.tag.endswith("Path")) or "none"
         raise _Unsupported(f"its path is no GeometryPath ({kinds})")
     points = [path_point(model, e) for e in path_objects(path, "PathPointSet")]
+    if len(points) < 2:
+        raise _Unsupported(f"its path has {counted(len(points), 'point')}")
     bodies = dict.fromkeys(point.body for point in points)
     strange = [body for body in bodies if body not in knee.rigid]
     bones = [knee.rigid[body][0] for body in bodies if body in knee.rigid]
     if strange:
         raise _Outside(f"attached to {', '.join(strange)}")
     if len(set(bones)) < 2:
-        raise _Outside(f"does not leave the {bones[0]}" if bones else "has no points")
+        raise _Outside(f"does not leave the {bones[0]}")
     if len(set(bones)) > 2:
         raise _Unsupported("runs over three bones")
-    if not _applied(model, element):
+    if not model.applied(element):
         raise _Outside("switched off in the model (appliesForce or isDisabled)")
     for point in points:
         if point.element.tag != "PathPoint":
@@ -189,10 +208,11 @@ def path_objects(path: Element | None, name: str) -> list[Element]:
     return (held if objects is None else objects).children
 
 
-def _applied(model: Model, element: Element) -> bool:
-    if element.child("isDisabled") is not None:
-        return not model.truth(element, "isDisabled", False)
-    return model.truth(element, "appliesForce", True)
+def _pulls(element: Element) -> bool:
+    """Whether a force that is no muscle and no actuator runs along a path, or is called so."""
+    driven = element.tag.endswith(("Muscle", "Actuator"))
+    path = any(child.tag.endswith("Path") for child in element.children)
+    return not driven and (path or "Ligament" in element.tag)
 
 
 def _wrap(
@@ -251,22 +271,75 @@ def _check_range(path_wrap: Element, points: tuple[OsimPoint, ...], wrap: OsimWr
         raise _Unsupported(f"goes around {wrap.key} with only some points ({' '.join(words)})")
 
 
-def _numbers(
-    model: Model, element: Element, defaults: Element | None
-) -> tuple[dict[str, Decimal], tuple[str, ...]]:
+def _numbers(model: Model, element: Element) -> tuple[dict[str, Decimal], tuple[str, ...]]:
     values, assumed = {}, []
     for field, (tag, own) in NUMBERS.items():
-        owner = element
-        if not element.word(tag) and defaults is not None and defaults.word(tag):
-            owner = defaults
-        if not owner.word(tag):
+        if not model.word(element, tag):
             assumed.append(field)
-        values[field] = model.numbers(owner, tag, 1, own)[0]
+        values[field] = model.numbers(element, tag, 1, own)[0]
         limit = ">= 0" if field == "damping_N_s" else "> 0"
         if values[field] < 0 or (values[field] == 0 and field != "damping_N_s"):
             unit = {"stiffness_N": " N", "slack_length_mm": " m"}.get(field, "")
             raise model.file.problem(
-                element, tag, owner.word(tag) or f"{own} (OpenSim's default)",
+                element, tag, model.word(element, tag) or f"{own} (OpenSim's default)",
                 f"a number {limit}{unit}",
             )  # fmt: skip
     return values, tuple(assumed)
+
+
+def outside_obstacles(
+    model: Model, knee: OsimKneeJoint, found: Found, inside: str
+) -> list[OsimLigament]:
+    """The fibres; those with a point inside their obstacle run straight, if that is allowed.
+
+    OpenSim itself leaves out an obstacle as long as a point lies inside it.
+    """
+    femur_from = knee.in_femur
+    answer = []
+    for ligament in found.ligaments:
+        if ligament.wrap is None:
+            answer.append(ligament)
+            continue
+        obstacle = wrap_document(model, ligament.wrap, knee, "")
+        to_obstacle = femur_from[obstacle["bone"]].inverse()
+        deepest, where, at_pose = 0.0, "", ""
+        for point in ligament.points:
+            bone = knee.rigid[point.body][0]
+            place = to_obstacle.after(femur_from[bone]).point(point.in_bone(knee))
+            depth = depth_inside(obstacle, np.array(place, float) * 1e3)
+            if depth > max(deepest, 1e-9):
+                deepest, where = depth, point.element.name or "a path point"
+                at_pose = "" if bone == obstacle["bone"] else " at the reference pose"
+        if deepest > 0:
+            shape = f"the {obstacle['kind']} {ligament.wrap.key}{at_pose}"
+            if inside != "straight" and deepest > SHALLOW_MM:
+                raise model.file.problem(
+                    ligament.element, where, f"{deepest:.3g} mm inside {shape}",
+                    "a point outside what the fibre goes around; --inside straight leaves the "
+                    f"obstacle out, as OpenSim does, --without {ligament.key} the fibre",
+                )  # fmt: skip
+            found.notes.append(
+                f"{ligament.key}: {where} lies {deepest:.2g} mm inside {shape}; the fibre runs "
+                "straight, as in OpenSim, which leaves out an obstacle that a point is inside of."
+            )
+            ligament = dataclasses.replace(ligament, wrap=None)
+        answer.append(ligament)
+    return answer
+
+
+def check_lengths(model: Model, knee: OsimKneeJoint, ligaments: list[OsimLigament]) -> None:
+    """Attachments closer or farther than any are in another unit or frame."""
+    for ligament in ligaments:
+        ends = [ligament.points[i] for i in (0, -1)]
+        first, last = (
+            np.array(knee.in_femur[knee.rigid[end.body][0]].point(end.in_bone(knee)), float)
+            for end in ends
+        )
+        length = 1e3 * float(np.linalg.norm(last - first))
+        allowed = RANGES["length_mm"]
+        if not allowed.holds(length):
+            raise model.file.problem(
+                ligament.element, "attachments", f"{length:.4g} mm apart at the reference pose",
+                f"{allowed}: another unit than metres, or a default pose in which the knee is "
+                "apart, are suspected",
+            )  # fmt: skip

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import os
 import posixpath
+import re
 from collections.abc import Iterator
 from decimal import Decimal
 
@@ -19,6 +21,11 @@ _METRE = ("m", "meter", "meters", "metre", "metres")
 _NEWTON = ("n", "newton", "newtons")
 #: Elements that hold no part of the model in use.
 _ASIDE = ("defaults", "ControllerSet", "MarkerSet", "ProbeSet")
+
+#: Sets of what acts, and how what stands elsewhere is known to.
+_ACTING = ("ForceSet", "ConstraintSet")
+_SWITCHES = ("appliesForce", "isEnforced", "isDisabled")
+_ACTS = re.compile("(Force|Constraint|Ligament|Spring|Muscle|Actuator)[0-9]*$")
 
 Point = tuple[Decimal, Decimal, Decimal]
 ORIGIN: Point = (Decimal(0), Decimal(0), Decimal(0))
@@ -104,6 +111,8 @@ class Model:
         version: of the document, e.g. 40000.
         bodies: name -> element; ground among them.
         notes: what was assumed on reading.
+        defaults: class -> element of `<defaults>`, whose values hold where an object has none.
+        joints: what `read_joints` read, once it has.
     """
 
     def __init__(self, file: XmlFile):
@@ -115,6 +124,7 @@ class Model:
             raise file.problem(file.root, "content", kinds, f"{KIND}: an element Model")
         self.root = found
         self.notes: list[str] = []
+        self.defaults = {element.tag: element for element in found.inside("defaults")}
         self._check_units()
         self.bodies: dict[str, Element] = {}
         self.frames: dict[str, Element] = {}
@@ -123,15 +133,46 @@ class Model:
                 self.bodies.setdefault(element.name or GROUND, element)
             if element.tag in ("Body", "Ground", "PhysicalOffsetFrame"):
                 self.frames.setdefault(_path(element), element)
+        if GROUND not in self.bodies:  # OpenSim has one whether the file does or not
+            ground = Element("Ground", {"name": GROUND}, found, found.line)
+            self.bodies[GROUND] = self.frames[f"/{GROUND}"] = ground
         self._offsets: dict[int, tuple[str, Offset]] = {}
+        self.joints: list | None = None
+
+    def word(self, owner: Element, tag: str, default: str = "") -> str:
+        """Text of a child, of the class's child in `<defaults>`, or `default`."""
+        usual = self.defaults.get(owner.tag)
+        return owner.word(tag) or (usual.word(tag) if usual is not None else "") or default
+
+    def applied(self, force: Element) -> bool:
+        """Whether a force acts or a constraint holds; some are switched off."""
+        return (
+            self.truth(force, "appliesForce", True)
+            and self.truth(force, "isEnforced", True)
+            and not self.truth(force, "isDisabled", False)
+        )
+
+    @functools.cached_property
+    def _every(self) -> list[Element]:
+        found, waiting = [], [self.root]
+        while waiting:
+            found.append(element := waiting.pop())
+            waiting += [c for c in reversed(element.children) if c.tag not in _ASIDE]
+        return found
 
     def elements(self) -> Iterator[Element]:
         """Everything in the model but defaults, controllers and markers."""
-        waiting = [self.root]
-        while waiting:
-            element = waiting.pop()
-            yield element
-            waiting += [c for c in reversed(element.children) if c.tag not in _ASIDE]
+        return iter(self._every)
+
+    def forces(self) -> Iterator[Element]:
+        """Every force and every constraint, of whatever class."""
+        for element in self.elements():
+            around = [outer.tag for outer in element.ancestors() if outer.tag != "objects"]
+            if not element.tag[:1].isupper() or not around:  # properties are written small
+                continue
+            acts = _ACTS.search(element.tag) or element.child(*_SWITCHES) is not None
+            if around[0] in _ACTING or (around[0] == "components" and acts):
+                yield element
 
     def named(self, name: str) -> str:
         """The body of a name, any case; InputProblem's list of names is for the caller."""
@@ -153,7 +194,7 @@ class Model:
         """
         tag = f"socket_{name}"
         word = owner.word(tag, f"{tag}_connectee_name")
-        frame = self._frame(word, owner)
+        frame = self.frame(word, owner)
         if frame is None:
             expected = f"a frame of the model ({len(self.bodies)} bodies)"
             last = word.rstrip("/").rsplit("/", 1)[-1]
@@ -204,7 +245,7 @@ class Model:
         Raises:
             InputProblem: they are not as many finite numbers.
         """
-        word = owner.word(tag, default=default)
+        word = self.word(owner, tag, default)
         try:
             values = [read_decimal(part) for part in word.split()]
         except (ValueError, ArithmeticError):
@@ -221,7 +262,7 @@ class Model:
 
     def truth(self, owner: Element, tag: str, default: bool) -> bool:
         """A yes or no of a child."""
-        word = owner.word(tag).lower()
+        word = self.word(owner, tag).lower()
         if word in ("true", "1"):
             return True
         if word in ("false", "0"):
@@ -230,7 +271,7 @@ class Model:
             raise self.file.problem(owner, tag, word, "true or false")
         return default
 
-    def _frame(self, word: str, owner: Element) -> Element | None:
+    def frame(self, word: str, owner: Element) -> Element | None:
         """The frame of a path: absolute, relative to its owner, or known by its last word."""
         if not word:
             return None

@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kneejax.files.opensim._functions import UnknownFunction, evaluate
-from kneejax.files.opensim._joints import Joint, read_joints
+from kneejax.files.opensim._joints import Joint, follow, read_joints
 from kneejax.files.opensim._model import GROUND, Model, Offset
 from kneejax.files.tables import Storage, last_word
 
@@ -85,7 +84,8 @@ def moved(model: Model, values: Mapping[str, np.ndarray]) -> Movement:
 
     Args:
         model: the model.
-        values: coordinate -> rad or m, all of one shape; others have their defaults.
+        values: coordinate -> rad or m, all of one shape; others follow these where they are coupled
+            to them, and have their defaults where not.
 
     Raises:
         InputProblem: a joint moves by a function that is not known.
@@ -96,6 +96,7 @@ def moved(model: Model, values: Mapping[str, np.ndarray]) -> Movement:
         c.name: np.broadcast_to(values.get(c.name, c.default), shape)
         for joint in joints for c in joint.coordinates
     }  # fmt: skip
+    every = {x: np.broadcast_to(y, shape) for x, y in follow(model, every, values).items()}
     still = Rigid(np.broadcast_to(np.eye(3), (*shape, 3, 3)), np.zeros((*shape, 3)))
     placed, waiting = {GROUND: still}, list(joints)
     while waiting:
@@ -116,7 +117,7 @@ def moved(model: Model, values: Mapping[str, np.ndarray]) -> Movement:
 def _placement(model: Model, joint: Joint, values: Mapping[str, np.ndarray], shape) -> Rigid:
     turn, shift = np.broadcast_to(np.eye(3), (*shape, 3, 3)), np.zeros((*shape, 3))
     for axis in joint.axes:
-        amount = _amount(model, joint, axis, values)
+        amount = joint.amount(axis, values, model)
         if axis.turns:
             turn = turn @ _turns(axis.direction, np.broadcast_to(amount, shape))
         else:
@@ -125,20 +126,6 @@ def _placement(model: Model, joint: Joint, values: Mapping[str, np.ndarray], sha
     if joint.reverse:
         own = own.inverse()
     return Rigid.of(joint.parent_frame).after(own).after(Rigid.of(joint.child_frame).inverse())
-
-
-def _amount(model: Model, joint: Joint, axis, values: Mapping[str, np.ndarray]):
-    arguments = [values.get(name, 0.0) for name in axis.coordinates]
-    if axis.function is None:
-        return arguments[0] if arguments else 0.0
-    try:
-        return evaluate(axis.function, arguments)
-    except UnknownFunction as kind:
-        expected = "a function that kneejax knows"
-        raise model.file.problem(axis.function, joint.name, str(kind), expected) from None
-    except ValueError as error:
-        expected = "the numbers of this kind of function"
-        raise model.file.problem(axis.function, "numbers", str(error), expected) from None
 
 
 def _turns(axis: np.ndarray, angle: np.ndarray) -> np.ndarray:

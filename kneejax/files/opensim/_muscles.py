@@ -42,14 +42,16 @@ class OsimMuscles:
     Attributes:
         muscles: that can be read.
         notes: what was left out or assumed, a sentence each.
+        doubts: where their paths are not the model's, likewise.
     """
 
     muscles: tuple[OsimMuscle, ...]
     notes: tuple[str, ...]
+    doubts: tuple[str, ...] = ()
 
     def noted(self, sentence: str) -> OsimMuscles:
         """The same with a further sentence."""
-        return OsimMuscles(self.muscles, (*self.notes, sentence))
+        return dataclasses.replace(self, notes=(*self.notes, sentence))
 
 
 def find_muscles(model: Model, knee: OsimKneeJoint) -> OsimMuscles:
@@ -59,9 +61,9 @@ def find_muscles(model: Model, knee: OsimKneeJoint) -> OsimMuscles:
         model: the model.
         knee: its bones, with what a muscle may begin or end on.
     """
-    notes, wraps, found = [], read_wraps(model), []
+    notes, doubts, wraps, found = [], [], read_wraps(model), []
     for element in model.elements():
-        if not element.tag.endswith("Muscle"):
+        if not element.tag.endswith("Muscle") or not model.applied(element):
             continue
         path = element.child("GeometryPath")
         points = [path_point(model, e) for e in path_objects(path, "PathPointSet")]
@@ -77,10 +79,10 @@ def find_muscles(model: Model, knee: OsimKneeJoint) -> OsimMuscles:
             why = "a point that moves along the bone" if not straight else "three bones"
             notes.append(f"Muscle {element.name} was left out: its path has {why}.")
             continue
-        wrap = wrap_of(model, element, wraps, knee, (bones[0], bones[-1]), notes)
+        wrap = wrap_of(model, element, wraps, knee, (bones[0], bones[-1]), doubts)
         strongest = float(model.numbers(element, "max_isometric_force", 1, "1000")[0])
         found.append(OsimMuscle(element, tuple(points), wrap, strongest))
-    return OsimMuscles(tuple(found), tuple(notes))
+    return OsimMuscles(tuple(found), tuple(notes), tuple(doubts))
 
 
 def wrap_of(

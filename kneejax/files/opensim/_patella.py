@@ -28,10 +28,14 @@ class PatellaSection:
         document: the section, without contacts; empty where the model has no patella with
             ligaments and a quadriceps.
         notes: what was assumed or left out, a sentence each.
+        muscles: that it has.
+        doubts: where it is not the model's.
     """
 
     document: dict[str, Any]
     notes: tuple[str, ...]
+    muscles: tuple[OsimMuscle, ...] = ()
+    doubts: tuple[str, ...] = ()
 
 
 def patella_section(
@@ -88,7 +92,7 @@ def patella_section(
     }
     if not obstacles:
         del document["wraps"]
-    return PatellaSection(document, tuple(notes))
+    return PatellaSection(document, tuple(notes), found.muscles, found.doubts)
 
 
 def _muscle(muscle: OsimMuscle, knee: OsimKneeJoint, file: str) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from kneejax.files.opensim._axes import anatomical
 from kneejax.files.opensim._knee import OsimKneeJoint, find_knee
 from kneejax.files.opensim._model import Model, read_model
 from kneejax.files.opensim._movement import Movement, Rigid, moved, turning
@@ -65,6 +66,10 @@ def registration(
     Raises:
         InputProblem: `frames` is none of them.
     """
+    axes, _ = anatomical(model, bones, [])
+    if axes.turned:
+        expected = "X anterior, Y superior, Z to the right, as this needs them"
+        raise model.file.problem(bones.joints[0].element, "axes", axes.unusual[-1], expected)
     if frames not in FRAMES:
         raise InputProblem("--frames", "frames", frames, f"one of {', '.join(FRAMES)}", FRAMES)
     if frames == "same" or (frames == "auto" and _made_of(model, document)):

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import collections
 
+from kneejax.files.opensim._acting import ELSEWHERE, listed
 from kneejax.files.opensim._contact import FORCE
 from kneejax.files.opensim._import import TRANSITION_WIDTH, OsimImport
 from kneejax.files.opensim._knee import SIDES
 from kneejax.files.opensim._ligaments import KIND
 from kneejax.geometry import COLUMNS
 from kneejax.mechanics import ligament_law
-
-_SETS = ("ForceSet", "ConstraintSet")
 
 
 def format_import_report(read: OsimImport, geometry: tuple[str, ...] = ()) -> str:
@@ -37,7 +36,7 @@ def format_import_report(read: OsimImport, geometry: tuple[str, ...] = ()) -> st
         "",
         f"File {model.file.path.name}, version {model.version} of OpenSim's format.",
     ]
-    _section(lines, "What was taken as what", [*knee.findings, *model.notes])
+    _section(lines, "What was taken as what", [*knee.findings, *knee.unusual, *model.notes])
     pose = (f"{c} {value:.6g}" for c, value in zip(COLUMNS, knee.pose, strict=True))
     joints = [
         f"{joint.name} ({joint.kind}): {text}" for joint in knee.joints for text in joint.describe()
@@ -63,8 +62,8 @@ def format_import_report(read: OsimImport, geometry: tuple[str, ...] = ()) -> st
             "knee.yaml ...` adds contacts to this knee."
         )
     _section(lines, "Contact", contacts)
-    _section(lines, "Not supported", list(read.doubts), "Nothing that belongs to this knee.")
-    _section(lines, "Left out", _left_out(read), "Nothing.")
+    _section(lines, "Not supported", list(read.doubts))
+    _section(lines, "Left out", _left_out(read))
     _section(lines, "Notes", [*dict.fromkeys(read.found.notes), *_notes(read)])
     return "\n".join(lines) + "\n"
 
@@ -119,18 +118,9 @@ def _left_out(read: OsimImport) -> list[str]:
     for name, reason in read.found.outside.items():
         by_reason[reason].append(name)
     lines = [f"Ligaments, {reason}: {', '.join(names)}." for reason, names in by_reason.items()]
-    if read.without:
-        lines.append(f"Ligaments, as asked by --without: {', '.join(read.without)}.")
-    lines += [f"{text}." for text in read.other_contacts]
-    others = collections.defaultdict(list)
-    for element in read.model.elements():
-        held = element.parent if element.parent is None else element.parent.parent
-        inside = element.parent is not None and element.parent.tag == "objects"
-        if inside and held is not None and held.tag in _SETS:
-            if element.tag not in (KIND, "Ligament", FORCE):
-                others[element.tag].append(element.name)
-    lines += [f"{tag} ({len(n)}): {', '.join(sorted(n))}." for tag, n in sorted(others.items())]
-    return lines
+    lines += [f"{text}." for text in read.left_out]
+    elsewhere = [x for x in read.untaken if x.how == ELSEWHERE and x.element.tag != KIND]
+    return [*lines, *(f"{line}: {ELSEWHERE}." for line in listed(elsewhere))]
 
 
 def _notes(read: OsimImport) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bisect
 import codecs
 import dataclasses
 import os
@@ -16,6 +17,8 @@ _DECLARED = re.compile(rb"<\?xml[^>]*?encoding\s*=\s*[\"']([A-Za-z0-9._-]+)[\"']
 _START_TAG = re.compile(rb"<(?:[^\"'>]|\"[^\"]*\"|'[^']*')*>")
 _NOT_TEXT = re.compile(rb"<!--.*?-->|<!\[CDATA\[|\]\]>|<\?.*?\?>", re.DOTALL)
 _SPACE = re.compile(rb"\s*\Z")
+_COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
+_BARE = re.compile(rb"&(?!#\d+;|#x[0-9A-Fa-f]+;|(?:amp|lt|gt|apos|quot);)")
 #: Marks that begin a file in UTF-16; a UTF-8 mark is a character that stays where it is.
 #: Codecs of Python that no document is written in: names of hosts, escapes, and slow ones.
 _NO_ENCODINGS = ("punycode", "idna", "unicode_escape", "raw_unicode_escape", "undefined", "utf-7")
@@ -161,20 +164,16 @@ def parse_xml(path: str | os.PathLike[str], kind: str, data: bytes | None = None
     """
     original = read_bytes(path, kind) if data is None else data
     text, encoding, mark = _decoded(original, path, kind)
-    parser = expat.ParserCreate(encoding="UTF-8")
-    parser.buffer_text = True
-    reader = _Reader(parser, text)
-    parser.StartElementHandler = reader.begin
-    parser.EndElementHandler = reader.finish
-    parser.CharacterDataHandler = reader.characters
     try:
-        parser.Parse(text, True)
+        try:
+            root = _parsed(text, text, [])
+        except expat.ExpatError:
+            root = _parsed(text, *_tolerated(text))
     except expat.ExpatError as error:
         place = f"line {error.lineno}, column {error.offset + 1}"
         found = expat.ErrorString(error.code)
         raise InputProblem(path, place, found, f"{kind} in well-formed XML") from None
-    assert reader.root is not None  # expat refuses a file without an element
-    return XmlFile(Path(path), original, text, encoding, mark, reader.root)
+    return XmlFile(Path(path), original, text, encoding, mark, root)
 
 
 def tokens(file: XmlFile, leaf: Element) -> list[tuple[int, int]]:
@@ -205,17 +204,42 @@ def inserted(file: XmlFile, parent: Element, tag: str, text: str) -> tuple[int, 
     return start, start, child
 
 
+def _tolerated(text: bytes) -> tuple[bytes, list[int]]:
+    """The text without what OpenSim's parser lets pass, and where it is four bytes longer.
+
+    That is a bare `&`, and `--` in a comment.
+    """
+    if b"<!DOCTYPE" in text or b"<![CDATA[" in text:
+        return text, []
+    plain = _COMMENT.sub(lambda found: re.sub(rb"[^\r\n]", b" ", found.group()), text)
+    places = [found.start() + 4 * i for i, found in enumerate(_BARE.finditer(plain))]
+    return _BARE.sub(b"&amp;", plain), places
+
+
+def _parsed(text: bytes, well_formed: bytes, longer: list[int]) -> Element:
+    """The root of a text; places are counted in the text itself."""
+    parser = expat.ParserCreate(encoding="UTF-8")
+    parser.buffer_text = True
+    reader = _Reader(parser, text, longer)
+    parser.StartElementHandler = reader.begin
+    parser.EndElementHandler = reader.finish
+    parser.CharacterDataHandler = reader.characters
+    parser.Parse(well_formed, True)
+    assert reader.root is not None  # expat refuses a file without an element
+    return reader.root
+
+
 class _Reader:
     """Builds elements from the parser's events."""
 
-    def __init__(self, parser, data: bytes):
-        self.parser, self.data = parser, data
+    def __init__(self, parser, data: bytes, longer: list[int]):
+        self.parser, self.data, self.longer = parser, data, longer
         self.root: Element | None = None
         self.here: Element | None = None
 
     def begin(self, tag: str, attributes: dict[str, str]) -> None:
         element = Element(tag, attributes, self.here, self.parser.CurrentLineNumber)
-        element.start = self.parser.CurrentByteIndex
+        element.start = self.place()
         found = _START_TAG.match(self.data, element.start)
         end = found.end() if found else element.start
         element.inner = (end, end)
@@ -232,9 +256,13 @@ class _Reader:
         if self.data[start - 2 : start] == b"/>":
             element.inner, element.end = (start - 2, start - 1), start
         else:
-            close = self.parser.CurrentByteIndex
+            close = self.place()
             element.inner, element.end = (start, close), self.data.index(b">", close) + 1
         self.here = element.parent
+
+    def place(self) -> int:
+        at = self.parser.CurrentByteIndex
+        return at - 4 * bisect.bisect_left(self.longer, at)
 
     def characters(self, text: str) -> None:
         if self.here is not None:

@@ -10,8 +10,9 @@ from kneejax.files import InputProblem, import_meshes
 from kneejax.files.knee._file import build_surface
 from kneejax.files.knee._mirror import mirror_part
 from kneejax.files.meshes._health import read_sheets
+from kneejax.files.meshes._import import _bones, _read
 from kneejax.files.meshes._patella import fit_patella
-from kneejax.geometry import Frame
+from kneejax.geometry import Frame, Pose
 from kneejax.report import surface_fit_figure
 from tests.files.meshes import meshed_knee as made
 
@@ -26,6 +27,32 @@ def files(folder, femur=None, tibia=None, scale=1.0):
         made.written(folder / "femur.stl", femur, scale),
         made.written(folder / "tibia.stl", tibia, scale),
     )
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_a_plate_under_both_condyles_is_two_compartments_and_one_under_one_is_one(side, tmp_path):
+    def insert(low, high):
+        def place(z, x):
+            near = np.minimum(*((z - made.CENTRES[name]) ** 2 for name in made.CENTRES))
+            return x, -24.0 + 0.006 * x * x + 0.008 * near, z
+
+        return made.sheet(place, (low, high), (-17.0, 18.0), (50, 30))
+
+    findings, parts = [], {}
+    for name, ends in (("both", (-36.0, 37.0)), ("medial", (-36.0, 4.0))):
+        meshes = [made.femoral(), insert(*ends)]
+        meshes = [made.mirrored(mesh) for mesh in meshes] if side == "left" else meshes
+        read = (
+            _read(path, unit="auto", left=side == "left", findings=findings)
+            for path in files(tmp_path, *meshes)
+        )
+        _, parts[name] = _bones(*read, Pose.from_table([0.0] * 6).placement, None, None, None,
+                                side == "left", findings)  # fmt: skip
+    assert list(parts["both"]) == ["medial", "lateral"] and list(parts["medial"]) == ["medial"]
+    areas = {name: sheet.face_areas.sum() for name, sheet in parts["both"].items()}
+    assert areas["medial"] == pytest.approx(areas["lateral"], rel=0.1)
+    assert sum("one sheet, parted at z = " in finding for finding in findings) == 1
+    assert any("it lies under both condyles" in finding for finding in findings)
 
 
 @pytest.fixture(scope="module")

@@ -338,16 +338,6 @@ def test_a_fibre_may_be_left_out_or_run_straight(changed):
         import_osim(model, side="l", without=["capsul"])
 
 
-def test_an_unknown_function_is_a_doubt_and_not_silent(changed):
-    model = changed(
-        LEFT,
-        ("<SimmSpline name=\"function\">", "<GCVSpline name=\"function\">"),
-        ("<y>0 0.02 0.03 0.01 -0.02</y></SimmSpline>",
-         "<y>0 0.02 0.03 0.01 -0.02</y></GCVSpline>"),
-    )  # fmt: skip
-    assert any("GCVSpline" in doubt for doubt in import_osim(model, side="l").doubts)
-
-
 def test_a_coupled_coordinate_is_a_doubt(changed):
     coupler = (
         '<ConstraintSet><objects><CoordinateCouplerConstraint name="coupler">'

@@ -1,0 +1,251 @@
+"""Whether a model's axes are X anterior, Y superior, Z to the right; others are turned or refused.
+
+Evidence: the axis and sense of flexion, where hip and ankle lie, where long fibres run, on which
+side the collateral ligaments are.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+
+import numpy as np
+
+from kneejax.files.opensim._joints import Joint, read_joints
+from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, placed
+from kneejax.files.opensim._ligaments import OsimLigament
+from kneejax.files.opensim._model import GROUND, Model, Offset
+from kneejax.files.opensim._movement import turning
+
+_BENDS = re.compile(r"flex|bend|ext|knee_angle", re.IGNORECASE)
+_COLLATERAL = {-1.0: re.compile(r"^[sd]?MCL|TCL", re.IGNORECASE),
+               1.0: re.compile(r"^LCL|^FCL", re.IGNORECASE)}  # fmt: skip
+#: Of the cosine between a direction and the axis it should have; fibres run less straight.
+_ALONG, _ALONG_FIBRES = 0.7, 0.5
+_LONG_MM = 40.0
+_FAR_MM = 100.0
+_WANTED = "X anterior, Y superior, Z to the person's right"
+
+
+@dataclasses.dataclass(frozen=True)
+class _Superior:
+    """A direction that should be Y, and what says so."""
+
+    direction: np.ndarray
+    why: str
+    doubt: str
+    along: float = _ALONG
+
+    @property
+    def holds(self) -> bool:
+        return self.direction[1] >= self.along
+
+
+def anatomical(
+    model: Model, knee: OsimKneeJoint, ligaments: list[OsimLigament]
+) -> tuple[OsimKneeJoint, np.ndarray]:
+    """The knee with its bones' axes as they should be.
+
+    Args:
+        model: the model.
+        knee: its bones, with the axes of their bodies.
+        ligaments: between femur and tibia.
+
+    Returns:
+        The knee, with a finding where it was turned and doubts where that is unsure; and the
+        rotation from the model's axes, shape `(3, 3)`.
+
+    Raises:
+        InputProblem: the axes are others, and which is unclear.
+    """
+    superior = [*_by_joints(model, knee), *_by_fibres(knee, ligaments)]
+    flexion, sense = _flexion_axis(model, knee)
+    upright = [one for one in superior if one.holds]
+    across = flexion is None or abs(flexion[2]) >= _ALONG
+    if across and (upright or not superior):
+        right = np.array([0.0, 0.0, 1.0]) if flexion is None else flexion * np.sign(flexion[2])
+        votes = _votes(knee, ligaments, right, sense, flexion)
+        doubts = [one.doubt for one in superior if not one.holds]
+        if votes and max(votes.values()) < 0 and len(votes) > 1:
+            return _turned(knee, np.diag([-1.0, 1.0, -1.0]), ", ".join(votes))
+        doubts += [
+            f"The {SIDES[knee.side]} knee's axes are taken as {_WANTED}, but {why} says that Z is "
+            "to the left: is the side right?"
+            for why, vote in votes.items() if vote < 0
+        ]  # fmt: skip
+        return dataclasses.replace(knee, doubts=(*knee.doubts, *doubts)), np.eye(3)
+    if flexion is not None and superior:
+        up = np.sum([one.direction for one in superior], axis=0)
+        # A knee that bends says little where its shank is upright already.
+        y, line = _nearest(up), _nearest(flexion)
+        votes = _votes(knee, ligaments, line, sense, flexion)
+        sure = len(votes) > 1 and len({*votes.values()}) == 1
+        if sure and y @ line == 0 and flexion @ line > 0.8:
+            z = line * next(iter(votes.values()))
+            why = ", ".join(("flexion's axis", *(one.why for one in superior), *votes))
+            return _turned(knee, np.stack([np.cross(y, z), y, z]), why)
+    found = [] if across or flexion is None else [f"flexion about {_word(flexion)}"]
+    found += [f"{one.why} say that {_word(one.direction)} points upwards"
+              for one in superior if not one.holds]  # fmt: skip
+    if across and all(one.direction[1] <= -one.along for one in superior):
+        swapped = "; ".join(found) + ": have femur and tibia changed places?"
+        return dataclasses.replace(knee, doubts=(*knee.doubts, swapped)), np.eye(3)
+    expected = f"bodies with {_WANTED}"
+    raise model.file.problem(knee.joints[0].element, "axes", "; ".join(found), expected)
+
+
+def turned(knee: OsimKneeJoint, rotation: np.ndarray) -> OsimKneeJoint:
+    """The knee with turned axes of all its bones.
+
+    Args:
+        knee: the knee.
+        rotation: from the axes it has, shape `(3, 3)`.
+    """
+    if np.array_equal(rotation, np.eye(3)):
+        return knee
+    turn = Offset(rotation)
+    back = turn.inverse()
+    rigid = {body: (bone, turn.after(at)) for body, (bone, at) in knee.rigid.items()}
+    knee = dataclasses.replace(knee, rigid=rigid, turned=True)
+    return knee.placed_as(*(
+        x if isinstance(x, str) else turn.after(x).after(back)
+        for x in (knee.tibia_in_femur, knee.patella, knee.patella_in_femur)
+    ))  # fmt: skip
+
+
+def _turned(knee: OsimKneeJoint, rotation: np.ndarray, why: str):
+    words = ", ".join(
+        f"{'XYZ'[int(np.argmax(np.abs(row)))]} {name if row.sum() > 0 else opposite}"
+        for row, name, opposite in zip(
+            rotation, ("anterior", "superior", "to the right"),
+            ("posterior", "inferior", "to the left"), strict=True,
+        )
+    )  # fmt: skip
+    sentence = f"The model's axes are {words}, by {why}: they were turned to {_WANTED}."
+    knee = dataclasses.replace(knee, unusual=(*knee.unusual, sentence))
+    return turned(knee, rotation), rotation
+
+
+def _by_joints(model: Model, knee: OsimKneeJoint):
+    """Where hip and ankle lie, seen from the knee."""
+    joints = read_joints(model)
+    own = {id(joint.element) for joint in knee.joints}
+    centers = {}
+    for bone in ("femur", "tibia"):
+        ends = [end for joint in (knee.joints[0], knee.joints[-1]) for end in _ends(joint)]
+        places = [
+            knee.rigid[body][1].point(frame.translation)
+            for body, frame in ends
+            if knee.rigid.get(body, ("",))[0] == bone
+        ]
+        centers[bone] = np.array(places or [(0, 0, 0)], float).mean(axis=0)
+    for bone, sign, place in (("femur", 1.0, "above"), ("tibia", -1.0, "below")):
+        for joint in joints:
+            if not joint.coordinates or joint.kind == "FreeJoint" or id(joint.element) in own:
+                continue
+            near = [end for end in _ends(joint) if knee.rigid.get(end[0], ("",))[0] == bone]
+            far = [body for body, _ in _ends(joint) if body not in knee.rigid]
+            if len(near) != 1 or not far or GROUND in far:
+                continue
+            if bone == "tibia" and not _leads_on(joints, joint, far[0]):
+                continue
+            body, frame = near[0]
+            center = np.array(knee.rigid[body][1].point(frame.translation), float)
+            way = 1e3 * (center - centers[bone])
+            if np.linalg.norm(way) <= _FAR_MM:
+                continue
+            x, y, z = 1e3 * center
+            yield _Superior(
+                sign * way / np.linalg.norm(way), f"the places of {joint.name} and the knee",
+                f"Joint {joint.name} lies at ({x:.0f}, {y:.0f}, {z:.0f}) mm in the {bone}'s frame, "
+                f"not {place} the knee: kneejax takes {_WANTED}, and this model may mean other "
+                "axes.",
+            )  # fmt: skip
+
+
+def _ends(joint: Joint) -> tuple[tuple[str, Offset], tuple[str, Offset]]:
+    return (joint.parent, joint.parent_frame), (joint.child, joint.child_frame)
+
+
+def _leads_on(joints: list[Joint], joint: Joint, body: str) -> bool:
+    return any(body in (x.parent, x.child) for x in joints if x is not joint)
+
+
+def _by_fibres(knee: OsimKneeJoint, ligaments: list[OsimLigament]):
+    """How long fibres run from the tibia to the femur, in the tibia's axes."""
+    back, way = knee.tibia_in_femur.inverse(), np.zeros(3)
+    for fibre in ligaments:
+        first, last = (np.array(x, float) for x in (
+            back.point(fibre.points[0].in_bone(knee)), fibre.points[-1].in_bone(knee),
+        ))  # fmt: skip
+        length = float(np.linalg.norm(first - last))
+        stretched = length / float(fibre.numbers["slack_length_mm"])
+        # In a pose that no knee has, fibres are far from their own length and say nothing.
+        if 1e3 * length >= _LONG_MM and 0.7 < stretched < 1.4:
+            way += first - last
+    if way.any():
+        yield _Superior(
+            way / np.linalg.norm(way), "the long fibres",
+            f"The long fibres do not run along Y: kneejax takes {_WANTED}, and this model may "
+            "mean other axes.", _ALONG_FIBRES,
+        )  # fmt: skip
+
+
+def _flexion_axis(model: Model, knee: OsimKneeJoint) -> tuple[np.ndarray | None, float]:
+    """The axis about which the coordinate of flexion turns the tibia in the femur, and whether
+    more of it bends the knee (1), extends it (-1), or that is not known (0)."""
+    angles = turning(knee.joints)
+    every = [c for joint in knee.joints for c in joint.coordinates if c.name in angles]
+    named = [c for c in every if _BENDS.search(c.name)]
+    found = named if len(named) == 1 else every
+    if len(found) != 1:
+        return None, 0.0
+    (bend,) = found
+    above = {joint.child: joint for joint in read_joints(model)}
+    for joint in knee.joints:
+        more = (dataclasses.replace(c, default=c.default + 0.1) if c is bend else c
+                for c in joint.coordinates)  # fmt: skip
+        above[joint.child] = dataclasses.replace(joint, coordinates=tuple(more))
+    there = placed(model, above, knee.femur).inverse().after(placed(model, above, knee.tibia))
+    turn = there.matrix @ knee.tibia_in_femur.matrix.T
+    axis = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    if np.linalg.norm(axis) < 1e-3:
+        return None, 0.0
+    low, high = bend.range or (0.0, 0.0)
+    sense = 0.0
+    if max(abs(low), abs(high)) > 1.5 * min(abs(low), abs(high)):
+        sense = float(np.sign(low + high))  # a knee bends farther than it extends
+    elif abs(bend.default) > np.deg2rad(10.0):
+        sense = float(np.sign(bend.default))
+    return axis / np.linalg.norm(axis), sense
+
+
+def _votes(
+    knee: OsimKneeJoint, ligaments: list[OsimLigament], line: np.ndarray, sense: float, flexion
+) -> dict[str, float]:
+    """Whether a direction points to the right (1) or to the left (-1): what says so -> sign."""
+    votes = {}
+    if sense and flexion is not None:
+        # A tibia that bends turns about the axis that points to the left.
+        votes["the sense in which it bends"] = -sense * float(np.sign(flexion @ line))
+    ends = {
+        side: [np.array(x.points[0].in_bone(knee), float) for x in ligaments if name.search(x.key)]
+        for side, name in _COLLATERAL.items()
+    }
+    if all(ends.values()):
+        out = np.mean(ends[1.0], axis=0) - np.mean(ends[-1.0], axis=0)
+        cosine = out @ line / max(float(np.linalg.norm(out)), 1e-9)
+        if abs(cosine) > _ALONG:
+            right = 1.0 if knee.side == "r" else -1.0
+            votes["the names of the collateral ligaments"] = right * float(np.sign(cosine))
+    return votes
+
+
+def _nearest(direction: np.ndarray) -> np.ndarray:
+    k = int(np.argmax(np.abs(direction)))
+    return np.eye(3)[k] * np.sign(direction[k])
+
+
+def _word(direction: np.ndarray) -> str:
+    k = int(np.argmax(np.abs(direction)))
+    return f"{'-' if direction[k] < 0 else ''}{'XYZ'[k]}"
