@@ -29,7 +29,7 @@ from kneejax.files.opensim._record_checks import (
     check_tensions,
     missing_words,
     record_doubts,
-    with_dependent,
+    with_prescribed,
 )
 from kneejax.files.opensim._registration import (
     Registration,
@@ -192,7 +192,7 @@ def _moved(model: Model, bones: OsimKneeJoint, table: Storage, time: np.ndarray)
     if table.in_degrees:
         angles = turning(read_joints(model))
         values = {k: np.deg2rad(x) if k in angles else x for k, x in values.items()}
-    values = with_dependent(model, values, steps)
+    values = with_prescribed(model, values, steps)
     # Translations and small rotations of a knee follow its balance without inertia of their own.
     for name in {c.name for joint in bones.joints for c in joint.coordinates} & {*values}:
         if name != flexion_coordinate(model, bones):

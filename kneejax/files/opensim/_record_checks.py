@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from kneejax.files.opensim._functions import UnknownFunction, evaluate, function_of
-from kneejax.files.opensim._joints import Joint, read_joints
+from kneejax.files.opensim._joints import Joint, couplers, read_joints
 from kneejax.files.opensim._knee import OsimKneeJoint
 from kneejax.files.opensim._model import GROUND, Model
 from kneejax.files.opensim._movement import coordinate_columns, turning
@@ -161,7 +161,7 @@ def record_doubts(
             f"{file}: rows are {np.median(steps):g} s apart: times in ms or percent are suspected; "
             "inertia counts for nothing then."
         )
-    known = {*columns} | {*_dependent(model)}
+    known = {*columns} | _stated(model)
     for joint in _that_place(model, bones, below):
         free = [c.name for c in joint.coordinates if not c.locked]
         if free and not known & {*free}:
@@ -176,7 +176,7 @@ def missing_words(
 ) -> Iterator[str]:
     """Coordinates that a table leaves out of joints of which it has others, as of a movement in
     one plane; arguments as of `record_doubts`."""
-    known = {*coordinate_columns(model, table)} | {*_dependent(model)}
+    known = {*coordinate_columns(model, table)} | _stated(model)
     free = [[c.name for c in joint.coordinates if not c.locked]
             for joint in _that_place(model, bones, below)]  # fmt: skip
     missing = [name for names in free if known & {*names} for name in names if name not in known]
@@ -196,34 +196,20 @@ def _that_place(model: Model, bones: OsimKneeJoint, below: set[str]) -> list[Joi
     return [joint for name, joint in on_way.items() if name not in own]
 
 
-def _dependent(model: Model) -> dict[str, tuple]:
-    """Coordinates that follow others or time by a function of the model -> element, arguments."""
-    answer: dict[str, tuple] = {}
-    for element in model.elements():
-        if element.tag == "Coordinate" and model.truth(element, "prescribed", False):
-            owner = element.child("prescribed_function")
-            if owner is not None:
-                answer[element.name] = owner, None
-        enforced = model.truth(element, "isEnforced", True)
-        if (
-            element.tag == "CoordinateCouplerConstraint"
-            and enforced
-            and not model.truth(element, "isDisabled", False)
-        ):
-            owner = element.child("coupled_coordinates_function")
-            names = element.word("independent_coordinate_names").split()
-            if owner is not None:
-                answer[element.word("dependent_coordinate_name")] = owner, names
-    return answer
+def _stated(model: Model) -> set[str]:
+    """Coordinates that follow others, or time, by functions of the model."""
+    followers = {name for _, name, _ in couplers(model)}
+    return followers | {c.name for joint in read_joints(model) for c in joint.coordinates
+                        if c.prescribed}  # fmt: skip
 
 
-def with_dependent(
+def with_prescribed(
     model: Model, values: Mapping[str, np.ndarray], time: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """Coordinates of a table with those that it leaves out and the model states by functions.
+    """Coordinates of a table with those that it leaves out and the model prescribes over time.
 
     Args:
-        model: with constraints that couple coordinates, and prescribed functions of time.
+        model: with prescribed coordinates.
         values: coordinate -> rad or m, all of the shape of `time`.
         time: s.
 
@@ -231,22 +217,14 @@ def with_dependent(
         InputProblem: a function is not known.
     """
     found = dict(values)
-    defaults = {c.name: c.default for joint in read_joints(model) for c in joint.coordinates}
-    waiting = {name: rule for name, rule in _dependent(model).items() if name not in found}
-    while waiting:
-        ready = {
-            name: rule for name, rule in waiting.items() if not {*(rule[1] or ())} & {*waiting}
-        }
-        if not ready:
-            break
-        for name, (owner, names) in ready.items():
-            function = function_of(owner)
-            arguments = [time] if names is None else [found.get(x, defaults[x]) for x in names]
+    names = {c.name for joint in read_joints(model) for c in joint.coordinates if c.prescribed}
+    for element in model.elements():
+        if element.tag == "Coordinate" and element.name in names - {*values}:
+            function = function_of(element)
             try:
-                amount = 0.0 if function is None else evaluate(function, arguments)
+                amount = 0.0 if function is None else evaluate(function, [time])
             except UnknownFunction as kind:
                 expected = "a function that kneejax knows, or a column of this coordinate"
-                raise model.file.problem(owner, name, str(kind), expected) from None
-            found[name] = np.broadcast_to(np.asarray(amount, float), time.shape)
-            del waiting[name]
+                raise model.file.problem(element, element.name, str(kind), expected) from None
+            found[element.name] = np.broadcast_to(np.asarray(amount, float), time.shape)
     return found
