@@ -61,6 +61,22 @@ def search_words(motion: Motion, loads: Mapping[str, ArrayLike] | None = None) -
     )
 
 
+def second_balance(other: np.ndarray, own: np.ndarray) -> str:
+    """Say where a second stable balance lies: the rotation and the translation that differ most.
+
+    Args:
+        other: its pose, degrees and mm, `(6,)`, in the order of `kneejax.geometry.COLUMNS`.
+        own: the pose that is reported; NaN where there is none.
+    """
+    away = np.abs(other - own) if np.isfinite(own).all() else np.abs(other)
+    parts = []
+    for k in (1 + int(away[1:3].argmax()), 3 + int(away[3:].argmax())):
+        name, unit = COLUMNS[k].rsplit("_", 1)
+        here = f" (here {own[k]:.1f})" if np.isfinite(own[k]) else ""
+        parts.append(f"{name.replace('_', ' ')} {other[k]:.1f} {unit}{here}")
+    return f"second stable balance at {', '.join(parts)}"
+
+
 def _of_lost(motion: Motion, row: int, loads: Mapping[str, float]) -> str:
     reached = float(motion.reached[row])
     if motion.status[row] == Status.GIVES_WAY:
