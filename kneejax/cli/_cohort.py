@@ -12,9 +12,10 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 from tqdm import tqdm
 
-from kneejax.cli._cohort_work import KNEES, CohortWork, draws_of, finished
+from kneejax.cli._cohort_work import CohortWork, draws_of, finished
 from kneejax.cli._out import check_room
 from kneejax.cli._parser import BAD_INPUT
+from kneejax.cli._results_folder import KNEES, MARK
 from kneejax.cohorts import (
     Cohort,
     CohortProblems,
@@ -72,6 +73,11 @@ def run(arguments: argparse.Namespace) -> int:
     _say_plan(cohort, tasks, own, arguments)
     work, count, lost = CohortWork(out, arguments.svg), arguments.bootstrap or 0, []
     rounds = (own, " knees"), (bootstraps(own, count, by_blocks), " fits")
+    there = {name for task in tasks if finished(task, out) is not None for name in task.names}
+    if any(finished(task, out) is None for some, _ in rounds for task in some):
+        # From here on the folder is this cohort's, with what is there of it already.
+        folders = {(KNEES, name) for name in there}
+        arguments.results.begin(lambda name: tuple(name.split("/")[:2]) in folders)
     with _computer([task for some, _ in rounds for task in some], work, arguments) as compute:
         for some, unit in rounds:
             lost += _computed(compute, some, work, unit)
@@ -86,6 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
     for one in lost:
         print(f"{one.name}: {one.failed}")
     known = {one.name: one for task, done in ended if not task.draws for one in done or ()}
+    arguments.results.holds = [f"{KNEES}/{name}/{MARK}" for name in known]
     return _finish(cohort, said | known, draws_of(every, out) if count else {}, arguments, lost)
 
 

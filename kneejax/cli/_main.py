@@ -60,15 +60,18 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _run(chosen: argparse.Namespace) -> int:
-    """Run a command; what it was asked for is recorded beside what it wrote."""
+    """Run a command; its results take the place of an earlier run's when it has ended."""
     if not hasattr(chosen, "out") or chosen.command in _WITHOUT_SETTINGS:
         return chosen.run(chosen)
-    from kneejax.cli._settings import asked_for, record
+    from kneejax.cli._results_folder import ResultsFolder
+    from kneejax.cli._settings import asked_for, with_versions
 
     settings = asked_for(chosen)  # before the command fills in what it was not told
-    status = chosen.run(chosen)
-    if status != BAD_INPUT:
-        record(settings, chosen.out)
+    chosen.results = ResultsFolder(chosen.out)
+    with chosen.results.gathered(chosen):
+        status = chosen.run(chosen)
+        if status != BAD_INPUT:
+            chosen.results.commit(with_versions(settings))
     return status
 
 

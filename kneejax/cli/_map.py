@@ -35,13 +35,15 @@ def run(arguments: argparse.Namespace) -> int:
     with said_of_options(question):
         studies.check(study, question)
     about = studies.about_maps(study, question)
-    store = Checkpoints(arguments.out, about, studies.fingerprint(study, question))
+    store = Checkpoints(
+        arguments.out, about, studies.fingerprint(study, question),
+        begin=lambda: arguments.results.begin(lambda _: False),
+    )  # fmt: skip
     with stages_on_terminal() as progress:
         maps = studies.run(study, question, progress=progress, store=store)
     if store.resumed:
         print(f"{store.resumed} finished parts were found in {arguments.out}, and used")
     files = _write(maps, arguments.out, about, arguments.svg)
-    store.done()
     print(_table(maps))
     print(f"written: {arguments.out}/{', '.join(files)}")
     return 1 if any(not one.drawn.any() or one.left_out for one in maps) else 0

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-import uuid
 from pathlib import Path
 
+from kneejax._whole_files import write_whole, written_place
 from kneejax.files.reading._problem import InputProblem, nearest_name
 
 
@@ -53,7 +53,7 @@ def read_bytes(path: str | os.PathLike[str], kind: str) -> bytes:
     if path.is_dir():
         raise InputProblem(path, "file", "a folder", kind)
     try:
-        data = path.read_bytes()
+        data = written_place(path).read_bytes()
     except FileNotFoundError:
         raise InputProblem(path, "file", "missing", kind, neighbour(path)) from None
     except (OSError, ValueError) as error:
@@ -101,16 +101,8 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
         >>> path.read_bytes()
         b'<OpenSimDocument/>'
     """
-    path = Path(path)
-    draft = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}.tmp")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            with draft.open("xb") as stream:
-                stream.write(data)
-            os.replace(draft, path)
-        finally:
-            draft.unlink(missing_ok=True)
+        write_whole(path, data)
     except OSError as error:
         raise InputProblem(path, "file", error.strerror or str(error), "a place to write") from None
 
