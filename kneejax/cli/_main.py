@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+import time
 
 from kneejax.cli._commands import build_parser
 from kneejax.cli._parser import BAD_INPUT
@@ -26,6 +27,7 @@ def main(arguments: list[str] | None = None) -> int:
         Exit status: 0 done; 1 done, but something is doubtful (the results say what); 2 bad
         input, nothing written.
     """
+    begun = time.perf_counter()
     parser = build_parser()
     chosen, unknown = parser.parse_known_args(arguments)
     if unknown:
@@ -37,6 +39,7 @@ def main(arguments: list[str] | None = None) -> int:
     status = DOUBTFUL if hasattr(chosen, "out") else DONE
     try:
         _prepare(chosen)
+        chosen.imports_s = time.perf_counter() - begun
         status = _run(chosen)
         sys.stdout.flush()
         return status
