@@ -79,7 +79,10 @@ class ResultsFolder:
                 yield
         finally:
             shutil.rmtree(self._draft, ignore_errors=True)
-            if self._made:
+            if self._made and self.out.is_dir():
+                for path in sorted(self.out.rglob("*"), reverse=True):
+                    with contextlib.suppress(OSError):  # only folders that are empty
+                        path.rmdir()
                 with contextlib.suppress(OSError):
                     self.out.rmdir()
 

@@ -52,8 +52,9 @@ def read_bytes(path: str | os.PathLike[str], kind: str) -> bytes:
     path = Path(path)
     if path.is_dir():
         raise InputProblem(path, "file", "a folder", kind)
+    place = written_place(path)
     try:
-        data = written_place(path).read_bytes()
+        data = place.read_bytes()
     except FileNotFoundError:
         raise InputProblem(path, "file", "missing", kind, neighbour(path)) from None
     except (OSError, ValueError) as error:

@@ -317,8 +317,11 @@ def _cell(value: Any) -> Any:
     if value is None:
         return value
     if isinstance(value, str):
+        # Python 3.11 leaves a carriage return unquoted, and the row would end there.
+        value = value.replace("\r\n", "\n").replace("\r", "\n")
         # A spreadsheet would compute it; a number that came as text is one all the same.
-        return f"'{value}" if value.startswith(_FORMULA) and not _is_number(value) else value
+        formula = len(value) > 1 and value.startswith(_FORMULA) and not _is_number(value)
+        return f"'{value}" if formula else value
     if isinstance(value, bool | np.bool_):
         return "true" if value else "false"
     if hasattr(value, "item"):  # NumPy and JAX numbers
