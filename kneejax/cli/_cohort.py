@@ -195,7 +195,7 @@ def _finish(
     write_rows(out / "cohort.csv", *cohort_rows(summary))
     files, missing = ["report.html", "cohort.csv"], ""
     if summary.populations:
-        text = _PRIOR.format(cohort.title) + format_yaml(next_prior(summary))
+        text = _PRIOR.format(" ".join(cohort.title.split())) + format_yaml(next_prior(summary))
         write_text(out / "prior.yaml", text)
         files.append("prior.yaml")
     try:

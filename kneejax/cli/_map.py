@@ -12,6 +12,7 @@ from kneejax import studies
 from kneejax.cli._given import read_numbers, read_texts, said_of_options
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.files import Checkpoints, InputProblem, write_netcdf, write_rows, write_text
+from kneejax.files.results import CLAIM
 from kneejax.inference import Condition, ParameterMap, versions
 from kneejax.numerics import check_installed
 
@@ -43,6 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
         maps = studies.run(study, question, progress=progress, store=store)
     if store.resumed:
         print(f"{store.resumed} finished parts were found in {arguments.out}, and used")
+    arguments.results.holds = [CLAIM]
     files = _write(maps, arguments.out, about, arguments.svg)
     print(_table(maps))
     print(f"written: {arguments.out}/{', '.join(files)}")

@@ -134,7 +134,9 @@ class ResultsFolder:
         if not (self.out / FILE).is_file() or _listed(self.out / FILE) is not None:
             return
         # Parts that can be gone on with say themselves what they are.
-        stays = (KNEES, "parts", "study.json") if _resumes(chosen) else ()
+        from kneejax.files.results import CLAIM, PARTS
+
+        stays = (KNEES, PARTS, CLAIM) if _resumes(chosen) else ()
         moved = [
             path for path in self.out.iterdir()
             if path.name not in stays and not path.name.startswith((DRAFT, _ASIDE))

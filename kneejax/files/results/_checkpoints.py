@@ -24,8 +24,8 @@ class Checkpoints:
     """Arrays under names in a folder that belongs to one study.
 
     The folder is claimed by the fingerprint of everything that the work depends on; work on
-    something else must go elsewhere while parts are kept there. A part that was damaged counts as
-    missing, and so does a damaged claim.
+    something else must go elsewhere. A part that was damaged counts as missing, and so does a
+    damaged claim.
 
     Attributes:
         folder: of the results.
@@ -48,14 +48,14 @@ class Checkpoints:
             begin: called before the folder is claimed.
 
         Raises:
-            InputProblem: the folder holds parts of other work.
+            InputProblem: the folder belongs to other work.
         """
         self.folder, self.resumed, self._begin = Path(folder), 0, begin
         self._parts = self.folder / PARTS
         self._print = hashlib.sha256(data).hexdigest()
         before = undamaged(read_json(self.folder / CLAIM)) or {}
         self._claimed = before.get("fingerprint") == self._print
-        if before and not self._claimed and any(parts_of(self.folder)):
+        if before and not self._claimed:
             changed = _difference(before.get("about", {}), dict(about))
             raise InputProblem(
                 "--out", "folder", os.fspath(folder),

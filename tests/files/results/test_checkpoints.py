@@ -74,12 +74,11 @@ def test_a_part_of_other_work_is_none_of_this(tmp_path):
     assert Checkpoints(tmp_path, ABOUT, b"other").load("first") is None
 
 
-def test_finished_work_gives_way_to_other(tmp_path):
-    store = Checkpoints(tmp_path, ABOUT, b"data")
-    store.save("first", {"a": np.zeros(1)})
-    store.done()
+def test_who_was_there_before_is_asked_to_go_once(tmp_path):
     begun = []
-    other = Checkpoints(tmp_path, ABOUT, b"other", begin=lambda: begun.append(1))
+    store = Checkpoints(tmp_path, ABOUT, b"data", begin=lambda: begun.append(1))
+    assert not begun
     for name in ("first", "second"):
-        other.save(name, {"a": np.zeros(1)})
-    assert begun == [1] and Checkpoints(tmp_path, ABOUT, b"other").load("second") is not None
+        store.save(name, {"a": np.zeros(1)})
+    Checkpoints(tmp_path, ABOUT, b"data", begin=lambda: begun.append(2)).save("third", {})
+    assert begun == [1]
