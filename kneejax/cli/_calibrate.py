@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 from kneejax import studies
-from kneejax.cli._calibration_files import write_results
+from kneejax.cli._calibration_files import FILES, write_results
 from kneejax.cli._cohort_commands import check_single
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.cohorts import is_cohort
@@ -30,6 +30,7 @@ def run(arguments: argparse.Namespace) -> int:
     study = studies.read_study(arguments.study)
     for new in ("knee.yaml", "result.json"):
         check_new(arguments.out / new, study.knee_name)
+    arguments.results.check_free(*FILES)
     reading = time.perf_counter() - begun
     # XLA compiles without holding Python: what comes last is imported beside the search.
     threading.Thread(target=importlib.import_module, args=("kneejax.report",)).start()

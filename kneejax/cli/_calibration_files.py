@@ -11,6 +11,9 @@ from kneejax.geometry import PATELLA
 from kneejax.inference import Calibration
 from kneejax.statics import Status
 
+#: Files of every calibration.
+FILES = ("result.json", "parameters.csv", "poses.csv", "report.html", "knee.yaml")
+
 
 def write_results(result: Calibration, out: Path, *, svg: bool, figures: bool = True) -> str:
     """Write what was found, the calibrated knee and the report.

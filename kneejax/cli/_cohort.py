@@ -67,6 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
     for member in cohort.members:
         for new in ("knee.yaml", "result.json"):
             check_new(out / KNEES / member.name / new, member.study.knee_name)
+    arguments.results.check_free("cohort.csv", "cohort.nc", "prior.yaml", "report.html")
     own = shard_of(tasks, *shard) if shard else tasks
     waiting = [name for task in own if finished(task, out) is None for name in task.names]
     check_room(out, _KNEE_MB * len(waiting), f"results of {counted(len(waiting), 'knee')}")

@@ -32,6 +32,7 @@ def run(arguments: argparse.Namespace) -> int:
         "--range", read_texts("--range", arguments.ranges), "NAME=LOW:HIGH", (2,)
     )
     question = studies.Map(arguments.pair, arguments.all_pairs, _grid(arguments.grid), ranges)
+    arguments.results.check_free("maps.csv", "result.json", "map.nc")
     study = studies.read_study(arguments.study)
     with said_of_options(question):
         studies.check(study, question)

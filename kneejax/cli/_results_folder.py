@@ -86,6 +86,18 @@ class ResultsFolder:
                 with contextlib.suppress(OSError):
                     self.out.rmdir()
 
+    def check_free(self, *names: str) -> None:
+        """Refuse files of somebody else before the work, not after it.
+
+        Args:
+            names: of files that the run will write.
+
+        Raises:
+            InputProblem: one of them is there and kneejax did not write it.
+        """
+        for name in names:
+            self._object_to(Path(name), writing=True)
+
     def begin(self, keeps: Callable[[str], bool]) -> None:
         """Let go of the run before, where parts of this one are about to be kept.
 
