@@ -12,13 +12,16 @@ import hashlib
 import json
 import os
 import uuid
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 #: Drafts of folders begin so; they lie in the folder itself, so that a rename is enough.
 DRAFT = ".kneejax-draft-"
 _CHECKSUM = "checksum"
+#: Files that are synced side by side.
+_AT_ONCE = 16
 _SEAL = b"kneejax sha256 "
 #: Folder -> the draft of its new files, and who may object to a file that is read or written.
 _drafts: dict[Path, tuple[Path, Callable[[Path, bool], None]]] = {}
@@ -36,7 +39,15 @@ def write_whole(path: str | os.PathLike[str], data: bytes, *, at_once: bool = Fa
     Raises:
         OSError: the file cannot be written; `filename` is the path.
     """
-    _write(path, Path(path) if at_once else _place(path, writing=True), data)
+    place = Path(path) if at_once else _place(path, writing=True)
+    if at_once or not _in_draft(place):
+        _write(path, data)
+        return
+    try:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_bytes(data)  # synced when the draft is complete
+    except OSError as error:
+        raise _named(error, path) from None
 
 
 def written_place(path: str | os.PathLike[str]) -> Path:
@@ -137,8 +148,12 @@ def write_checked(path: str | os.PathLike[str], document: Mapping[str, Any]) -> 
     Raises:
         OSError: as `write_whole`.
     """
-    text = json.dumps(with_checksum(document), indent=1) + "\n"
-    write_whole(path, text.encode(), at_once=True)
+    write_whole(path, json_bytes(with_checksum(document)), at_once=True)
+
+
+def json_bytes(document: Mapping[str, Any]) -> bytes:
+    """A JSON document as a file holds it."""
+    return (json.dumps(document, indent=1) + "\n").encode()
 
 
 def read_json(path: str | os.PathLike[str]) -> Any:
@@ -158,19 +173,48 @@ def checksum(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-def sync_folder(folder: Path) -> None:
-    """Let the disk know what a folder holds, where a system can be asked to."""
-    if os.name == "nt":
-        return
-    with contextlib.suppress(OSError):  # some file systems of networks refuse
-        handle = os.open(folder, os.O_RDONLY)
+def sync(paths: Sequence[Path], folders: Iterable[Path] = ()) -> None:
+    """Wait until files are on the disk, and folders know of theirs.
+
+    Args:
+        paths: of files; all at once, which takes hardly longer than one.
+        folders: asked where a system and its file system allow it.
+
+    Raises:
+        OSError: a file cannot be written after all; `filename` is its path.
+    """
+    if paths:
+        with ThreadPoolExecutor(min(len(paths), _AT_ONCE)) as threads:
+            for _ in threads.map(_sync, paths):
+                pass
+    for folder in folders if os.name != "nt" else ():
+        with contextlib.suppress(OSError):
+            _sync(folder, os.O_RDONLY)
+
+
+def _sync(path: Path, flags: int = os.O_RDWR) -> None:
+    try:
+        handle = os.open(path, flags)
         try:
             os.fsync(handle)
         finally:
             os.close(handle)
+    except OSError as error:
+        raise _named(error, path) from None
 
 
-def _write(named: str | os.PathLike[str], path: Path, data: bytes) -> None:
+def _named(error: OSError, path: str | os.PathLike[str]) -> OSError:
+    """An error that names the file as a person knows it."""
+    known = Path(*(part for part in Path(path).parts if not part.startswith(DRAFT)))
+    return OSError(error.errno, error.strerror or str(error), os.fspath(known))
+
+
+def _in_draft(path: Path) -> bool:
+    return any(part.startswith(DRAFT) for part in path.parts)
+
+
+def _write(given: str | os.PathLike[str], data: bytes) -> None:
+    path = Path(given)
     draft = path.with_name(f".{path.name[:64]}.{uuid.uuid4().hex[:8]}.tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -182,10 +226,9 @@ def _write(named: str | os.PathLike[str], path: Path, data: bytes) -> None:
             os.replace(draft, path)
         finally:
             draft.unlink(missing_ok=True)
-        sync_folder(path.parent)
+        sync((), [path.parent])
     except OSError as error:
-        # The draft's name means nothing to a person.
-        raise OSError(error.errno, error.strerror or str(error), os.fspath(named)) from None
+        raise _named(error, path) from None
 
 
 def _place(path: str | os.PathLike[str], *, writing: bool) -> Path:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import json
 import os
 import shutil
 import signal
@@ -26,11 +25,11 @@ from kneejax._whole_files import (
     DRAFT,
     checksum,
     gathering,
+    json_bytes,
     read_json,
-    sync_folder,
+    sync,
     undamaged,
     with_checksum,
-    write_checked,
     write_whole,
 )
 from kneejax.cli._settings import FILE
@@ -78,7 +77,9 @@ class ResultsFolder:
             with gathering(self.out, self._draft, self._object_to):
                 yield
         finally:
-            shutil.rmtree(self._draft, ignore_errors=True)
+            # One that is complete is put in place by the next command, if not by this one.
+            if not (self._draft / FILE).exists():
+                shutil.rmtree(self._draft, ignore_errors=True)
             if self._made and self.out.is_dir():
                 for path in sorted(self.out.rglob("*"), reverse=True):
                     with contextlib.suppress(OSError):  # only folders that are empty
@@ -126,8 +127,9 @@ class ResultsFolder:
         # A person may edit what was asked for, not the list.
         document = {**settings, FILES: with_checksum(dict(sorted(listed.items())))}
         with _uninterrupted():
-            text = json.dumps(document, indent=1) + "\n"
-            write_whole(self._draft / FILE, text.encode(), at_once=True)
+            _sync_below(self._draft)
+            # The draft is complete from here on, and is put in its place even after a kill.
+            write_whole(self._draft / FILE, json_bytes(document), at_once=True)
             _put_in_place(self.out, self._draft)
             self._before, self._made = owned(self.out), False
 
@@ -225,10 +227,14 @@ def replace_knee(folder: Path, write: Callable[[], dict[str, Any]]) -> dict[str,
         with gathering(folder, draft, lambda name, writing: None):
             about = write()
         listed = _checksums(draft)
+        draft.mkdir(parents=True, exist_ok=True)
+        mark = json_bytes(with_checksum({**about, FILES: listed}))
+        (draft / MARK).write_bytes(mark)
+        _sync_below(draft)
         with _uninterrupted():
-            for name in listed:
+            for name in (*listed, MARK):
                 _move(draft / name, folder / name)
-            write_checked(folder / MARK, {**about, FILES: listed})
+            sync((), [folder])
     finally:
         shutil.rmtree(draft, ignore_errors=True)
     return about
@@ -274,6 +280,10 @@ def _listed(path: Path) -> dict[str, str] | None:
     return found if inside else None
 
 
+def _sync_below(draft: Path) -> None:
+    sync([path for path in draft.rglob("*") if path.is_file()])
+
+
 def _checksums(draft: Path) -> dict[str, str]:
     """Checksum of each file below a folder."""
     files = sorted(path for path in draft.rglob("*") if path.is_file())
@@ -289,7 +299,7 @@ def _put_in_place(out: Path, draft: Path) -> None:
             _move(draft / name, out / name)
     _move(draft / FILE, out / FILE)
     shutil.rmtree(draft, ignore_errors=True)
-    sync_folder(out)
+    sync((), [out, *{(out / name).parent for name in new}])
 
 
 def _kept_knees(out: Path, new: set[str]) -> set[str]:
