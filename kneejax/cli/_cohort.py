@@ -86,11 +86,11 @@ def run(arguments: argparse.Namespace) -> int:
     # Other parts may have ended meanwhile.
     ended = [(task, finished(task, out)) for task in every]
     open_ = [task for task, done in ended if done is None]
-    said = {one.name: one for one in lost}
+    said = {one.name: one for one in reversed(lost)}  # what was first is the reason
     if any(not said.keys() & set(task.names) for task in open_):
         print(f"{counted(len(open_), 'task')} left to other parts: the last one writes the report")
         return int(bool(said))
-    for one in lost:
+    for one in said.values():
         print(f"{one.name}: {one.failed}")
     known = {one.name: one for task, done in ended if not task.draws for one in done or ()}
     arguments.results.holds = [f"{KNEES}/{name}/{MARK}" for name in known]

@@ -66,6 +66,8 @@ class CohortWork:
     def _bootstrap(self, task: Task, member: Member) -> KneeDone:
         """Fit data of a knee that are drawn again; nothing for a knee without an answer."""
         begun, folder, failed = time.perf_counter(), self.out / KNEES / member.name, ""
+        if read_mark(folder) is None:  # nothing to begin at: to be met again, not kept
+            return KneeDone(member.name, "its calibration was not finished")
         values = np.zeros((0, 0))
         if (folder / "result.json").is_file():
             answer = read_calibrated(folder / "result.json")

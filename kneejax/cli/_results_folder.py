@@ -221,7 +221,8 @@ def replace_knee(folder: Path, write: Callable[[], dict[str, Any]]) -> dict[str,
     Raises:
         OSError: a file cannot be written; what stood there has gone.
     """
-    _remove(folder, of_knee(folder, folder))
+    # Draws say themselves which task they are of.
+    _remove(folder, [x for x in of_knee(folder, folder) if Path(x).parts[0] != DRAWS])
     draft = folder / f"{DRAFT}{uuid.uuid4().hex[:8]}"
     try:
         with gathering(folder, draft, lambda name, writing: None):

@@ -188,7 +188,7 @@ def test_a_knee_whose_files_are_damaged_is_computed_again(tmp_path, mode, name):
 
     for _ in range(2):
         replace_knee(tmp_path / "K2", write)
-        assert read_mark(tmp_path / "K2")["task"] == "of this knee"
+        assert (read_mark(tmp_path / "K2") or {})["task"] == "of this knee"
         damaged(tmp_path / "K2" / name, mode)
         assert read_mark(tmp_path / "K2") is None
 
