@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from kneejax._whole_files import writing_place
 from kneejax.experiments import Activity, Round, activity, weights
 from kneejax.files import (
     CoupledMotion,
@@ -96,7 +97,8 @@ def asked_of_opensim(
     rounds, model, motion = [], body.model, None  # the model's own motion, to begin with
     for number in range(arguments.rounds + 1):
         show(f"OpenSim, round {number}" if arguments.rounds else "OpenSim", 0, 0)
-        folder = arguments.out / "opensim" / (f"round_{number}" if arguments.rounds else "")
+        place = arguments.out / "opensim" / (f"round_{number}" if arguments.rounds else "")
+        folder = writing_place(place)
         if motion is not None:
             model = folder / body.model.name
             data = couple_model(body.model, body.side, motion, shifts, body.bones)

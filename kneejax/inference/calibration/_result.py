@@ -181,7 +181,9 @@ class Calibration:
         misfits: coordinates in which the answer is a poor fit, and why.
         weights: of squared errors, `(5,)`, per degree^2 and per mm^2.
         left_out: load cases that count for nothing, since the start has no balance there.
-        seconds: `total`, `compile`, `solve`.
+        seconds: `total`, and its parts: `compile` (tracing and compiling that was waited for),
+            `start` (balances of the start), `search`, `limits`, `other`; of a study `data` too,
+            and of a command `imports` and `reading`. Writing is not among them.
         versions: package -> version.
         settings: everything needed to run it again.
         start_tests: tests under load, each beside what the start's knee does.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import time
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -27,6 +26,7 @@ from kneejax.inference.calibration._search import Trail, run_side_by_side, sever
 from kneejax.inference.calibration._versions import versions
 from kneejax.inference.fit import Problem, Progress, SeveralKnees, form_of
 from kneejax.inference.intervals import Surety
+from kneejax.numerics import adding_up, lap, stopwatch
 from kneejax.parameters import UnknownParameter, UnsuitableData
 from kneejax.statics import Slopes
 
@@ -64,7 +64,14 @@ def calibrate_side_by_side(
         forms.setdefault(_form(place, one), []).append((place, one))
     for members in forms.values():
         places, alike = zip(*members, strict=True)
-        found |= dict(zip(places, _with_short_steps(alike, progress), strict=True))
+        with stopwatch() as watch:
+            answers = _with_short_steps(alike, progress)
+        seconds = adding_up({k: x / len(members) for k, x in watch.parts.items()})
+        answers = [
+            dataclasses.replace(one, seconds=seconds) if isinstance(one, Calibration) else one
+            for one in answers
+        ]
+        found |= dict(zip(places, answers, strict=True))
     return [found[place] for place in range(len(questions))]
 
 
@@ -111,11 +118,10 @@ def _with_restless(answer: Calibration, restless: Mapping[str, float]) -> Calibr
 
 def _of_one_form(members: Sequence[Ready], progress: Progress | None) -> list:
     """Answers of knees whose questions have one form."""
-    begun = time.perf_counter()
     _tell(progress, "first balances")
     knees = SeveralKnees.of([one.problem for one in members])
     first = knees.begin(np.stack([one.start for one in members]))
-    seconds = {"begun": begun, "ready": time.perf_counter()}
+    lap("start")
     found, sets = {}, {}
     for row, one in enumerate(members):
         try:
@@ -132,14 +138,7 @@ def _of_one_form(members: Sequence[Ready], progress: Progress | None) -> list:
             for row, problem in zip(rows, some.problems, strict=True)
         ]
         found |= dict(zip(rows, _answers(some, own, at_start, progress), strict=True))
-    total = time.perf_counter() - seconds["begun"]
-    waited = seconds["ready"] - seconds["begun"]
-    share = {"total": total, "compile": waited, "solve": total - waited}
-    share = {name: value / len(members) for name, value in share.items()}
-    return [
-        dataclasses.replace(one, seconds=share) if isinstance(one, Calibration) else one
-        for one in (found[row] for row in range(len(members)))
-    ]
+    return [found[row] for row in range(len(members))]
 
 
 def _answers(
@@ -209,11 +208,13 @@ def _fits(
             best = [ends[np.argmin(objectives)] for ends, objectives in reached]
             begin = [_walked(knees.problems[row], first[row].knee[0], best[row]) for row in every]
         trails = run_side_by_side(knees, procedure, begin, lower, upper, **search)
+        lap("search")
         if not number:
             _tell(progress, f"95 % limits of {len(lower)} numbers")
             sure = sureties_of(knees, trails, one.stated, lower, upper)
             if procedure == "III":
                 trails = _at_the_bottom(knees, first, trails, sure, (lower, upper), search)
+            lap("limits")
         for row, trail in enumerate(trails):
             own = members[row]
             fit = _fit(knees.problems[row], procedure, trail, own, None if number else sure[row])
