@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 import contextlib
 
-from kneejax.cli._commands import build_parser
 from kneejax.cli import main
+from kneejax.cli._commands import build_parser
 from kneejax.cli._main import _prepare_jax
 from kneejax.cli._settings import (
     FILE,

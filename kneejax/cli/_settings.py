@@ -23,6 +23,8 @@ _COMMAND, _WORKED_IN, _VERSIONS = "command", "working_folder", "versions"
 _MEANING = "stiffness_of"
 #: The list of files that the folder holds.
 _FILES = "files"
+#: What else parsed arguments hold.
+_NO_OPTIONS = ("command", "kind", "run", "parser", "out", "results", "imports_s")
 _EXPECTED = "settings.json of a kneejax command"
 #: What stands for a number by name, so that it can be recorded as one.
 _NUMBERS = ("NAME=VALUE", "NAME=SIZE")
@@ -44,6 +46,19 @@ def asked_for(chosen: argparse.Namespace) -> dict[str, Any]:
             for name, action in _arguments(parser)
         },
         _WORKED_IN: os.getcwd(),
+    }
+
+
+def options_of(chosen: argparse.Namespace) -> dict[str, Any]:
+    """Options and their values, defaults among them, as a result's own settings hold them.
+
+    Args:
+        chosen: what was parsed.
+    """
+    return {
+        name: str(value) if isinstance(value, Path) else value
+        for name, value in vars(chosen).items()
+        if name not in _NO_OPTIONS
     }
 
 

@@ -169,29 +169,6 @@ def test_what_a_test_cannot_be_is_refused(tmp_path, item, said):
         study(tmp_path, [{"name": "drawer", "file": "drawer.csv"} | item])
 
 
-@pytest.mark.parametrize(
-    ("rows", "counted_from", "said"),
-    [
-        # Each reading is the only one at its flexion.
-        ([(29.8, -90.0, -4.0), (30.4, 90.0, 5.8)], "offset_each_flexion",
-         r"anterior under one load at 29.8 degrees: expected readings under two loads or more"),
-        # Two readings of the same state differ by noise alone.
-        ([(30.0, 90.0, 4.0), (30.0, 90.0, 4.4), (60.0, 90.0, 3.0), (60.0, 0.0, 0.0)],
-         "offset_each_flexion", "anterior under one load at 30 degrees"),
-        ([(30.0, 90.0, 4.0)], "offset", "anterior under one load: expected"),
-        ([(30.0, 0.0, 4.0), (60.0, 0.0, 3.0), (60.0, 9.0, np.nan)], "least_load",
-         "least_load and no other row: expected rows beside those"),
-    ],
-)  # fmt: skip
-def test_constants_that_absorb_all_that_was_read_are_refused(tmp_path, rows, counted_from, said):
-    file = "drawer.csv"
-    lines = [",".join("" if np.isnan(x) else f"{x:g}" for x in row) for row in rows]
-    (tmp_path / file).write_text("\n".join(["flexion_deg,anterior_N,anterior_mm", *lines]))
-    item = {"name": "drawer", "file": file, "counted_from": counted_from}
-    with pytest.raises(InputProblem, match=rf"tests\[0\].counted_from: {said}"):
-        study(tmp_path, [item])
-
-
 def test_two_tests_have_two_names(tmp_path):
     table(tmp_path)
     twice = [{"name": "drawer", "file": "drawer.csv"}] * 2
