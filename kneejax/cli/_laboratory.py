@@ -9,7 +9,7 @@ import numpy as np
 
 from kneejax.cli._asked_knee import knee_words, whole_knee
 from kneejax.cli._displacement import change_column
-from kneejax.cli._given import check_within, read_loads
+from kneejax.cli._given import check_within, read_loads, refused
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.experiments import (
     LAXITY_COLUMNS,
@@ -27,6 +27,7 @@ from kneejax.experiments import (
 from kneejax.files import InputProblem, bundled_bands, parse_flexion, write_poses, write_rows
 from kneejax.geometry import COLUMNS, COORDINATES, FEMORAL, convert_table
 from kneejax.mechanics import LIMITS, NAMED_LOADS, RANGES, Knee, Range, load_called
+from kneejax.numerics import WrongValue
 from kneejax.parameters import cut
 from kneejax.report import curve_words, second_balance
 from kneejax.statics import Status, converged
@@ -92,9 +93,8 @@ def _tests(arguments: argparse.Namespace) -> tuple[LabTest, ...]:
             name, angles, **asked, held=arguments.hold, both=arguments.both, steps=steps,
             constant=given,
         )  # fmt: skip
-    except ValueError as problem:
-        option = f"--{next(iter(asked), 'hold' if arguments.hold else 'experiment')}"
-        raise InputProblem("simulate", option, name, str(problem)) from None
+    except WrongValue as problem:
+        raise refused(f"simulate {name}", problem) from None
 
 
 def _wrench(given, asked, angles, path, held) -> LabTest:
@@ -111,8 +111,8 @@ def _wrench(given, asked, angles, path, held) -> LabTest:
     try:
         angles = tuple(float(x) for x in flexion)
         return LabTest("load", ordered, observed, angles, path, held=held)
-    except ValueError as problem:
-        raise InputProblem("simulate", "--hold", "load", str(problem)) from None
+    except WrongValue as problem:
+        raise refused("simulate load", problem) from None
 
 
 def _laxity_lines(curves: Sequence[Curves], found: Sequence[Laxity]) -> Iterator[str]:
