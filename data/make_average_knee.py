@@ -129,10 +129,17 @@ def unfitted() -> dict:
     rims = {name: contact_of(document, knee, rim, poses) for name, rim in RIMS.items()}
     document["contacts"] |= rims
     document["patella"] = {"same_as": "lenhart2015_reduced"}
-    document["description"] += (
-        "; menisci as rims and the anterolateral ligament added; its bundles calibrated to the "
-        "coupled motion of Walker (1988) and the anterior laxity of 12 cadaver knees (PMC7148266)"
+    document["description"] = document["description"].replace(
+        " with all 55 tibiofemoral ligament fibres, imported from its OpenSim model and cartilage",
+        ", with the 55 tibiofemoral ligament fibres of its OpenSim model and its cartilage",
     )
+    document["description"] += (
+        "; menisci as rims and the anterolateral ligament, one more fibre, added; its bundles "
+        "calibrated to the coupled motion of Walker (1988) and the anterior laxity of 12 cadaver "
+        "knees (PMC7148266)"
+    )
+    notes = document["notes"].replace("No menisci or gravity.", "No gravity. The menisci are rims.")
+    document["notes"] = notes
     return document
 
 

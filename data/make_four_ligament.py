@@ -132,8 +132,8 @@ ADAPTATIONS = [
         "from": "2 kg on the quadriceps tendon over a patella (paper 1)",
         "to": "the same force as the patellar tendon's pull along the patella's recorded path",
         "reason": (
-            "no patella in this knee; without any compression the knee is loose. Recorded 0 to 90 "
-            "degrees; continued to 120 along the circle of the last 45 degrees"
+            "without any compression the knee is loose where the patella is not asked for. "
+            "Recorded 0 to 90 degrees; continued to 120 along the circle of the last 45 degrees"
         ),
     },
 ]

@@ -288,7 +288,7 @@ PULL = {
     "field": "lines.patellar_tendon",
     "from": "a patella with its ligaments, the quadriceps and the iliotibial band",
     "to": "the pull of the patellar tendon of four_ligament, 19.61 N",
-    "reason": "this knee has no patella, and without any compression it would be loose",
+    "reason": "without any compression the knee would be loose where the patella is not asked for",
 }
 SURFACES = {
     "field": "contacts.*",

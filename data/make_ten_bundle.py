@@ -95,7 +95,7 @@ GROUPS = {
 }
 NOTES = (
     "For paper {paper}'s tests of laxity, not for passive motion: beyond 30 degrees the tibia "
-    "turns outwards. No patella, menisci, muscles or gravity."
+    "turns outwards. No menisci, muscles or gravity."
 )
 
 

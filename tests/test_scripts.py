@@ -1,13 +1,23 @@
-"""Scripts of the pages: those of docs/in_python.md run as printed, and are as short as they say."""
+"""What the pages print: scripts run as printed, commands are commands, and examples come along."""
 
+import json
 import re
 import runpy
+import shlex
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-PAGE = Path(__file__).parents[1] / "docs" / "in_python.md"
+from kneejax.cli import main
+from kneejax.cli._commands import build_parser
+from kneejax.files import bundled_examples
+
+ROOT = Path(__file__).parents[1]
+PAGE = ROOT / "docs" / "in_python.md"
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+SPECIMEN = (ROOT / "docs" / "my_specimen.md").read_text(encoding="utf-8")
 SCRIPTS = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
 LONGEST = 20
 
@@ -15,14 +25,108 @@ LONGEST = 20
 @pytest.mark.long
 @pytest.mark.filterwarnings("ignore:kneejax:RuntimeWarning")
 def test_the_scripts_run_as_printed(capsys):
+    first, *others = SCRIPTS
     names: dict = {}
-    for script in SCRIPTS:
-        exec(compile(script, str(PAGE), "exec"), names)
+    for script in others:
+        # Each by itself after the beginning, as somebody runs it who came for that one.
+        own: dict = {}
+        exec(compile(first + script, str(PAGE), "exec"), own)
+        names |= own
     said = capsys.readouterr().out
     assert names["acl"].value == pytest.approx(5000.0, rel=1e-4)
     assert (np.diff(names["anterior_mm"]) > 0).all()
     assert "ACL.stiffness" in said and "anterior" in said
     np.testing.assert_allclose(names["test"].to_table()[0, [2, 3]], [10.0, 2.0], atol=1e-9)
+
+
+def commands(text):
+    """Words of each command that a page prints, without `kneejax`."""
+    for block in re.findall(r"```sh\n(.*?)```", text, re.DOTALL):
+        for line in re.split(r"\n|&&", block.replace("\\\n", " ")):
+            words = shlex.split(line, comments=True)
+            if words[:1] == ["kneejax"] and words[1:2] != ["COMMAND"]:
+                yield words[1:]
+
+
+@pytest.mark.parametrize(
+    "page", [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))], ids=lambda page: page.name
+)
+def test_every_printed_command_has_options_that_there_are(page):
+    for words in commands(page.read_text(encoding="utf-8")):
+        assert build_parser().parse_known_args(words)[1] == []
+
+
+def test_the_readme_names_the_extras_of_its_examples_before_them():
+    """Each of what needs one: without it the command ends with one line and status 2."""
+    needs = {
+        "to_dataframe": "tables", "--dynamic": "dynamics", "plan acl": "planning",
+        "kneejax sensitivity": "sensitivity", "kneejax map": "maps", "--posterior": "posterior",
+        "--jobs 2": "cohorts",
+    }  # fmt: skip
+    line = re.search(r'pip install "\.\[((?:\w+,)+\w+)\]"', README)
+    listed = line[1].split(",")
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        known = tomllib.load(file)["project"]["optional-dependencies"]
+    assert set(listed) <= set(known)
+    for words, extra in needs.items():
+        assert extra in listed and line.end() < README.index(words), words
+
+
+@pytest.mark.long
+def test_the_readmes_script_prints_words_not_numbers(capsys):
+    (script,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    exec(compile(script, "README.md", "exec"), {})
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].split()[:2] == ["flexion_deg", "adduction_deg"]
+    assert [line.split()[-1] for line in lines[1:]] == ["balanced"] * 4
+
+
+def test_the_example_of_a_specimen_is_copied_whole_and_printed_as_it_is(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    printed = list(commands(SPECIMEN))
+    assert printed[0] == ["knees", "--copy", "specimen"]
+    assert main(printed[0]) == 0
+    for path in bundled_examples()["specimen"].path.rglob("*.*"):
+        copy = tmp_path / "specimen" / path.relative_to(bundled_examples()["specimen"].path)
+        assert copy.read_bytes() == path.read_bytes()
+    assert main(printed[0]) == 2
+    assert "--copy" in capsys.readouterr().err
+    assert main(["knees", "--copy", "specimens"]) == 2
+    assert "did you mean specimen" in capsys.readouterr().err
+    assert main(["knees", "--copy", "four_ligament"]) == 0
+    assert (tmp_path / "four_ligament.yaml").is_file()
+    study = (tmp_path / "specimen" / "study.yaml").read_text(encoding="utf-8")
+    assert f"```yaml\n{study}```" in SPECIMEN
+    for table in ("drawer.csv", "torsion.csv"):
+        first = (tmp_path / "specimen" / table).read_text(encoding="utf-8").splitlines()[:3]
+        assert "```\n" + "\n".join(first) + "\n```" in SPECIMEN
+
+
+@pytest.mark.slow
+@pytest.mark.long
+def test_the_specimens_page_ends_in_a_fit_that_finds_the_ligaments(tmp_path, monkeypatch):
+    """Copied, imported, fitted, and looked at again, as printed: nothing to doubt in any of it."""
+    monkeypatch.chdir(tmp_path)
+    for words in commands(SPECIMEN):
+        assert main(words) == 0, words
+        monkeypatch.chdir(tmp_path / "specimen")
+    found = json.loads(Path("specimen_7/result.json").read_text(encoding="utf-8"))
+    assert found["success"] and len(found["parameters"]) == 8
+    made = runpy.run_path(str(ROOT / "data" / "make_example.py"))
+    inside = []
+    for ligament, (factor, more) in made["SPECIMEN"].items():
+        stiff, strain = (
+            found["parameters"][f"{ligament}.{x}"] for x in ("stiffness", "reference_strain")
+        )
+        for estimate, true in (
+            (stiff, factor * stiff["start"]), (strain, strain["start"] + more)
+        ):  # fmt: skip
+            low, high = estimate["low"], estimate["high"]
+            inside.append((low is None or low < true) and (high is None or true < high))
+    # 95 % limits: the eighth lies 0.0006 of strain beyond its own.
+    assert sum(inside) >= 7
 
 
 def test_each_has_at_most_twenty_lines():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 from kneejax.cli._stopped import stopped_at_once
 
 
@@ -15,6 +17,7 @@ def main(arguments: list[str] | None = None) -> int:
         Exit status: 0 done; 1 done, but something is doubtful (the results say what); 2 bad
         input, nothing written; 130 stopped by Ctrl-C.
     """
+    begun = time.perf_counter()
     with stopped_at_once():
         from kneejax.cli._main import main as run
-    return run(arguments)
+    return run(arguments, begun)

@@ -24,7 +24,7 @@ from kneejax.geometry import BODIES, COLUMNS, FEMORAL, convert_table
 from kneejax.mechanics import Knee, LegRecord, Range
 from kneejax.parameters import cut
 from kneejax.planning import AclPlan, intact_knee, operated_knees
-from kneejax.report import pose_words, search_words
+from kneejax.report import pose_words, search_words, second_lines, second_words
 from kneejax.statics import Status
 from kneejax.studies import read_plan
 
@@ -74,7 +74,8 @@ def _record(
             return asked_of_opensim(arguments, body, knee, document, show)
     record = read_activity(
         arguments.model, arguments.files, side=arguments.side, knee=knee, document=document,
-        frames=arguments.frames, instants=arguments.instants,
+        frames=arguments.frames, instants=arguments.instants, femur=arguments.femur,
+        tibia=arguments.tibia,
     )  # fmt: skip
     return record, []
 
@@ -126,12 +127,15 @@ def _report(
     told = {name: _told(one) for name, one in found.items()}
     several = len(found) > 2
     print("\n".join(place_lines(found) if several else activity_lines(found)))
-    doubtful = False
+    doubtful = bool(first.record.doubts)
     for name, (status, said) in told.items():
         if len(found) > 1:
             print(f"{name}:")
         places = [f"{x:g}" for x in first.record.time_s]
         doubtful |= say_status(status, places, "s", said, given=False)
+        for line in second_lines(found[name]):
+            print(line)
+            doubtful = True
     _write_motion(arguments, found, told, cycle)
     names = [f"{way}_N" for way in ("anterior", "superior", "lateral")]
     names += [f"{way}_Nmm" for way in ("adduction", "internal_rotation", "extension")]
@@ -163,7 +167,9 @@ def _report(
 
 def _told(one: Activity) -> tuple[np.ndarray, tuple[str, ...]]:
     status = with_flips(one.motion.status, one.mechanics)
-    return status, pose_words(one.motion.knee, one.mechanics, search_words(one.motion))
+    also = zip(search_words(one.motion), second_words(one), strict=True)
+    said = ["; ".join(filter(None, pair)) for pair in also]
+    return status, pose_words(one.motion.knee, one.mechanics, said)
 
 
 def _write_motion(arguments, found: Mapping[str, Activity], told, cycle: Cycle) -> None:
@@ -174,6 +180,8 @@ def _write_motion(arguments, found: Mapping[str, Activity], told, cycle: Cycle) 
     header += [one.column for one in others]
     header += ["quadriceps_N", "residual_flexion_Nm", "status", "doubt"]
     other = arguments.convention != FEMORAL
+    # A record of no gait has no part of a cycle.
+    percent = cycle.percent if cycle.is_gait else np.full(len(cycle.percent), np.nan)
     rows = []
     for name, one in found.items():
         status, said = told[name]
@@ -182,7 +190,7 @@ def _write_motion(arguments, found: Mapping[str, Activity], told, cycle: Cycle) 
         states = one.motion.settled.state.poses
         tables += [np.asarray(states[body].to_table()) for body in knee.other_bones]
         numbers = np.column_stack(
-            [one.record.time_s, cycle.percent, *tables, one.record.quadriceps_N, one.residual_Nm]
+            [one.record.time_s, percent, *tables, one.record.quadriceps_N, one.residual_Nm]
         )  # fmt: skip
         for row, word, doubt in zip(numbers.tolist(), status, said, strict=True):
             more = [arguments.convention] if other else []

@@ -31,11 +31,15 @@ def add_activity(commands) -> None:
         type=Path,
         metavar="FILE",
         help="OpenSim's tables (.sto, .mot) of coordinates, and of muscle forces with the external "
-        "loads (.xml), or of joint reactions; each is known by its columns",
+        "loads (.xml), if some act, or of joint reactions; each is known by its columns",
     )
     activity.add_argument("--model", type=Path, required=True, help="the model that moved (.osim)")
     _add_what_opensim_is_asked(activity)
     activity.add_argument("--side", choices=("r", "l"), default="r", help="right or left knee")
+    activity.add_argument(
+        "--femur", metavar="BODY", help="body of the model; found from its joints if not given"
+    )
+    activity.add_argument("--tibia", metavar="BODY", help="likewise; both or none")
     activity.add_argument("--knee", help=f"{KNEE} (default: lenhart2015_reduced)")
     activity.add_argument(
         "--plan",

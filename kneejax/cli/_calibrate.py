@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import importlib
 import threading
+import time
 from pathlib import Path
 
 from kneejax import studies
-from kneejax.cli._calibration_files import write_results
+from kneejax.cli._calibration_files import FILES, write_results
 from kneejax.cli._cohort_commands import check_single
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.cohorts import is_cohort
 from kneejax.files import check_new
 from kneejax.inference import Calibration
+from kneejax.numerics import adding_up
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -22,14 +25,19 @@ def run(arguments: argparse.Namespace) -> int:
         from kneejax.cli import _cohort
 
         return _cohort.run(arguments)
+    begun = time.perf_counter()
     check_single(arguments)
     study = studies.read_study(arguments.study)
     for new in ("knee.yaml", "result.json"):
         check_new(arguments.out / new, study.knee_name)
+    arguments.results.check_free(*FILES)
+    reading = time.perf_counter() - begun
     # XLA compiles without holding Python: what comes last is imported beside the search.
     threading.Thread(target=importlib.import_module, args=("kneejax.report",)).start()
     with stages_on_terminal("calibration") as progress:
         result = studies.run(study, progress=progress)
+    seconds = {"imports": arguments.imports_s, "reading": reading, **result.seconds}
+    result = dataclasses.replace(result, seconds=adding_up(seconds))
     return _written(result, arguments.out, arguments.svg)
 
 

@@ -5,10 +5,14 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from kneejax._whole_files import written_place
 from kneejax.files import InputProblem, write_calibrated_knee, write_poses, write_rows, write_text
 from kneejax.geometry import PATELLA
 from kneejax.inference import Calibration
 from kneejax.statics import Status
+
+#: Files of every calibration.
+FILES = ("result.json", "parameters.csv", "poses.csv", "report.html", "knee.yaml")
 
 
 def write_results(result: Calibration, out: Path, *, svg: bool, figures: bool = True) -> str:
@@ -55,7 +59,7 @@ def write_results(result: Calibration, out: Path, *, svg: bool, figures: bool = 
 def _write_knee(out: Path) -> str:
     """Write the calibrated knee; why not, where the search ended at none."""
     try:
-        write_calibrated_knee(out / "result.json", out / "knee.yaml")
+        write_calibrated_knee(written_place(out / "result.json"), out / "knee.yaml")
     except InputProblem as problem:
         return str(problem)
     return ""

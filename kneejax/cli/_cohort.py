@@ -12,9 +12,10 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 from tqdm import tqdm
 
-from kneejax.cli._cohort_work import KNEES, CohortWork, draws_of, finished
+from kneejax.cli._cohort_work import CohortWork, draws_of, finished
 from kneejax.cli._out import check_room
 from kneejax.cli._parser import BAD_INPUT
+from kneejax.cli._results_folder import KNEES, MARK
 from kneejax.cohorts import (
     Cohort,
     CohortProblems,
@@ -66,12 +67,18 @@ def run(arguments: argparse.Namespace) -> int:
     for member in cohort.members:
         for new in ("knee.yaml", "result.json"):
             check_new(out / KNEES / member.name / new, member.study.knee_name)
+    arguments.results.check_free("cohort.csv", "cohort.nc", "prior.yaml", "report.html")
     own = shard_of(tasks, *shard) if shard else tasks
     waiting = [name for task in own if finished(task, out) is None for name in task.names]
     check_room(out, _KNEE_MB * len(waiting), f"results of {counted(len(waiting), 'knee')}")
     _say_plan(cohort, tasks, own, arguments)
     work, count, lost = CohortWork(out, arguments.svg), arguments.bootstrap or 0, []
     rounds = (own, " knees"), (bootstraps(own, count, by_blocks), " fits")
+    there = {name for task in tasks if finished(task, out) is not None for name in task.names}
+    if any(finished(task, out) is None for some, _ in rounds for task in some):
+        # From here on the folder is this cohort's, with what is there of it already.
+        folders = {(KNEES, name) for name in there}
+        arguments.results.begin(lambda name: tuple(name.split("/")[:2]) in folders)
     with _computer([task for some, _ in rounds for task in some], work, arguments) as compute:
         for some, unit in rounds:
             lost += _computed(compute, some, work, unit)
@@ -79,13 +86,14 @@ def run(arguments: argparse.Namespace) -> int:
     # Other parts may have ended meanwhile.
     ended = [(task, finished(task, out)) for task in every]
     open_ = [task for task, done in ended if done is None]
-    said = {one.name: one for one in lost}
+    said = {one.name: one for one in reversed(lost)}  # what was first is the reason
     if any(not said.keys() & set(task.names) for task in open_):
         print(f"{counted(len(open_), 'task')} left to other parts: the last one writes the report")
         return int(bool(said))
-    for one in lost:
+    for one in said.values():
         print(f"{one.name}: {one.failed}")
     known = {one.name: one for task, done in ended if not task.draws for one in done or ()}
+    arguments.results.holds = [f"{KNEES}/{name}/{MARK}" for name in known]
     return _finish(cohort, said | known, draws_of(every, out) if count else {}, arguments, lost)
 
 
@@ -188,7 +196,7 @@ def _finish(
     write_rows(out / "cohort.csv", *cohort_rows(summary))
     files, missing = ["report.html", "cohort.csv"], ""
     if summary.populations:
-        text = _PRIOR.format(cohort.title) + format_yaml(next_prior(summary))
+        text = _PRIOR.format(" ".join(cohort.title.split())) + format_yaml(next_prior(summary))
         write_text(out / "prior.yaml", text)
         files.append("prior.yaml")
     try:

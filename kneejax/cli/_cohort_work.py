@@ -4,27 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 import io
-import json
 import time
-import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from kneejax._whole_files import read_sealed, write_sealed
 from kneejax.cli._calibration_files import write_results
+from kneejax.cli._results_folder import DRAWS, KNEES, read_mark, replace_knee
 from kneejax.cohorts import KneeDone, Member, Task
-from kneejax.files import InputProblem, read_calibrated, write_bytes, write_text
-from kneejax.files.reading import read_text
+from kneejax.files import read_calibrated
 from kneejax.inference import Calibration
 from kneejax.parameters import UnsuitableData
 from kneejax.studies import Study, bootstrapped, run_side_by_side
-
-#: Folders of the knees, in that of the cohort's results.
-KNEES = "knees"
-#: In a knee's folder, written last: which task wrote it.
-MARK = "task.json"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,8 +41,6 @@ class CohortWork:
         if task.draws is not None:
             return [self._bootstrap(task, *task.members)]
         begun = time.perf_counter()
-        for member in task.members:
-            (self.out / KNEES / member.name / MARK).unlink(missing_ok=True)
         answers = _answers([member.study for member in task.members])
         share = (time.perf_counter() - begun) / len(answers)
         pairs = zip(task.members, answers, strict=True)
@@ -61,16 +53,21 @@ class CohortWork:
         folder, failed = self.out / KNEES / member.name, ""
         if isinstance(answer, Exception):
             failed = " ".join(str(answer).split())
-        else:
-            write_results(answer, folder, svg=self.svg, figures=self.svg)
-        done = KneeDone(member.name, failed, seconds + time.perf_counter() - begun)
-        mark = {"task": task.fingerprint, "failed": failed, "seconds": done.seconds}
-        write_text(folder / MARK, json.dumps(mark) + "\n")
-        return done
+
+        def write() -> dict[str, Any]:
+            if not isinstance(answer, Exception):
+                write_results(answer, folder, svg=self.svg, figures=self.svg)
+            took = seconds + time.perf_counter() - begun
+            return {"task": task.fingerprint, "failed": failed, "seconds": took}
+
+        mark = replace_knee(folder, write)
+        return KneeDone(member.name, failed, mark["seconds"])
 
     def _bootstrap(self, task: Task, member: Member) -> KneeDone:
         """Fit data of a knee that are drawn again; nothing for a knee without an answer."""
         begun, folder, failed = time.perf_counter(), self.out / KNEES / member.name, ""
+        if read_mark(folder) is None:  # nothing to begin at: to be met again, not kept
+            return KneeDone(member.name, "its calibration was not finished")
         values = np.zeros((0, 0))
         if (folder / "result.json").is_file():
             answer = read_calibrated(folder / "result.json").of_structures(member.study.knee)
@@ -82,9 +79,8 @@ class CohortWork:
                 failed = " ".join(str(problem).split())
         stream = io.BytesIO()
         seconds = time.perf_counter() - begun
-        said = {"task": task.fingerprint, "failed": failed, "seconds": seconds}
-        np.savez(stream, values=values, **said)
-        write_bytes(draws_file(task, self.out), stream.getvalue())
+        np.savez(stream, values=values, failed=failed, seconds=seconds)
+        write_sealed(draws_file(task, self.out), stream.getvalue(), task.fingerprint)
         return KneeDone(member.name, failed, seconds)
 
 
@@ -108,26 +104,20 @@ def _answers(studies: Sequence[Study]) -> list[Calibration | Exception]:
 def draws_file(task: Task, out: Path) -> Path:
     """Where the draws of a bootstrap's task are kept."""
     first = 0 if task.draws is None else task.draws[0]
-    return out / KNEES / task.names[0] / "bootstrap" / f"{first:07}.npz"
+    return out / KNEES / task.names[0] / DRAWS / f"{first:07}.draws"
 
 
 def finished(task: Task, out: Path) -> list[KneeDone] | None:
     """What became of the knees of a task; None where any of them is still to be computed."""
     if task.draws is not None:
-        said = _said_of_draws(draws_file(task, out))
-        if said is None or str(said["task"]) != task.fingerprint:
+        said = _said_of_draws(task, out)
+        if said is None:
             return None
         return [KneeDone(task.names[0], str(said["failed"]), float(said["seconds"]))]
     done = []
     for name in task.names:
-        mark = out / KNEES / name / MARK
-        if not mark.is_file():
-            return None
-        try:
-            said = json.loads(read_text(mark, "what a task has left"))
-        except (InputProblem, json.JSONDecodeError):
-            return None
-        if not isinstance(said, dict) or said.get("task") != task.fingerprint:
+        said = read_mark(out / KNEES / name)
+        if said is None or said.get("task") != task.fingerprint:
             return None
         done.append(KneeDone(name, str(said["failed"]), float(said["seconds"])))
     return done
@@ -137,18 +127,16 @@ def draws_of(tasks: Sequence[Task], out: Path) -> dict[str, np.ndarray]:
     """Knee -> draws of its bootstrap, `(draws, p)`, of the tasks that have ended."""
     found: dict[str, list[np.ndarray]] = {}
     for task in tasks:
-        said = _said_of_draws(draws_file(task, out))
+        said = _said_of_draws(task, out)
         if said is not None and said["values"].size:
             found.setdefault(task.names[0], []).append(said["values"])
     return {name: np.concatenate(parts) for name, parts in found.items()}
 
 
-def _said_of_draws(path: Path) -> Mapping[str, Any] | None:
-    """What a task of a bootstrap has left; None where there is nothing, or something broken."""
-    if not path.is_file():
+def _said_of_draws(task: Task, out: Path) -> Mapping[str, Any] | None:
+    """What a task of a bootstrap has left; None where there is nothing, or something damaged."""
+    data = read_sealed(draws_file(task, out), task.fingerprint)
+    if data is None:
         return None
-    try:
-        with np.load(path) as kept:
-            return {name: kept[name] for name in ("values", "task", "failed", "seconds")}
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile):
-        return None
+    with np.load(io.BytesIO(data), allow_pickle=False) as kept:
+        return {name: kept[name] for name in ("values", "failed", "seconds")}

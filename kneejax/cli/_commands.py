@@ -72,6 +72,9 @@ def _add_knees(commands) -> None:
     knees = add_command(
         commands, "knees", "List bundled knees, studies and measurements.", "kneejax knees"
     )
+    knees.add_argument(
+        "--copy", metavar="NAME", help="copy a bundled example or knee file into this folder"
+    )
     knees.set_defaults(run=lazily("_knees"))
 
 

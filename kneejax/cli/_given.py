@@ -11,13 +11,28 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from kneejax.files import InputProblem
 from kneejax.files.reading import plain_number
 from kneejax.mechanics import NAMED_LOADS, RANGES, Range, load_called, load_opposite_to
+from kneejax.numerics import WrongValue
 from kneejax.studies import Identify, Map, Sensitivity
+
+#: Arguments that an option gives under another name.
+_OPTION_OF = {"flexion_deg": "--flexion", "held": "--hold"}
 
 
 def given(arguments: argparse.Namespace, option: str) -> bool:
     """Whether an option was given, be it as 0, which equals False."""
     value = getattr(arguments, option)
     return value is not None and value is not False and value != []
+
+
+def refused(command: str, problem: WrongValue) -> InputProblem:
+    """What a calculation does not take, said of the option that gave it.
+
+    Args:
+        command: which was asked for.
+        problem: of the calculation.
+    """
+    option = _OPTION_OF.get(problem.field, f"--{problem.field}")
+    return InputProblem(command, option, problem.found, problem.expected)
 
 
 def read_pairs(option: str, words: Iterable[str]) -> dict[str, float]:

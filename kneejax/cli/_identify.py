@@ -9,6 +9,7 @@ from pathlib import Path
 from kneejax import studies
 from kneejax.cli._given import read_numbers, read_texts, said_of_options
 from kneejax.cli._progress import stages_on_terminal
+from kneejax.cli._settings import options_of
 from kneejax.files import read_candidates, write_rows, write_text
 from kneejax.inference import Candidate, Identification, Posterior
 from kneejax.mechanics import load_words
@@ -59,7 +60,8 @@ def _write(answer: Identified, arguments: argparse.Namespace) -> int:
     out, found, sampled = arguments.out, answer.found, answer.posterior
     files = _write_tables(answer, out)
     _draw(answer, out, arguments.svg)
-    options = {k: str(v) for k, v in vars(arguments).items() if k not in ("run", "parser")}
+    options = {"command": arguments.command, "out": out} | options_of(arguments)
+    options = {name: str(value) for name, value in options.items()}
     document = report.identification_document(answer, options)
     write_text(out / "result.json", json.dumps(document, indent=1) + "\n")
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from kneejax.cli._asked_knee import asked_knee, knee_words
-from kneejax.cli._given import check_within, given, read_loads, read_pairs
+from kneejax.cli._given import check_within, given, read_loads, read_pairs, refused
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli._recorded import check_free, fit_dampers, read_recorded
 from kneejax.dynamics import MovingKnee, gravity_of
@@ -19,6 +19,7 @@ from kneejax.files import InputProblem, parse_flexion, read_loads_over_time, wri
 from kneejax.geometry import COLUMNS, FEMORAL, convert_table, coordinate
 from kneejax.inference.transients import DAMPING, FittedTransient, Recorded
 from kneejax.mechanics import RANGES, Knee, Range, load_words
+from kneejax.numerics import WrongValue
 from kneejax.statics import Status
 
 _FLEXION = {"settle": 20.0, "drop": 60.0, "lachman": 20.0}
@@ -62,7 +63,7 @@ def run_in_time(arguments: argparse.Namespace) -> int:
     if recorded is not None:
         fit = fit_dampers(arguments, moving, recorded, flexion, motion)
         moving = fit.moving
-    with moving_on_terminal(arguments, moving, times, f"{flexion:g}") as options:
+    with moving_on_terminal(arguments, moving, times) as options:
         found = transient(moving, flexion, times, **motion, **options)
     _report(arguments, moving.knee, found, recorded, fit)
     write_motion(arguments, found)
@@ -79,12 +80,12 @@ def doubtful_motion(found: Transient) -> int:
 
 @contextlib.contextmanager
 def moving_on_terminal(
-    arguments: argparse.Namespace, moving: MovingKnee, times: np.ndarray, value: str
+    arguments: argparse.Namespace, moving: MovingKnee, times: np.ndarray
 ) -> Iterator[dict[str, Any]]:
     """Options of a motion: how exact, and a line on the terminal, where steps stand for the time.
 
     Raises:
-        InputProblem: the motion cannot begin, by the value that was given.
+        InputProblem: the motion cannot begin.
     """
     with stages_on_terminal(moving.knee.name) as show:
 
@@ -93,8 +94,8 @@ def moving_on_terminal(
 
         try:
             yield {"most_mm": arguments.error_mm or MOST_ERROR_MM, "progress": told}
-        except ValueError as problem:
-            raise InputProblem("simulate", arguments.experiment, value, str(problem)) from None
+        except WrongValue as problem:
+            raise refused("simulate", problem) from None
 
 
 def check_in_time(arguments: argparse.Namespace) -> None:
@@ -154,8 +155,8 @@ def _loads(arguments: argparse.Namespace, flexion: float):
         asked = {k: v for k, v in asked.items() if v is not None}
         try:
             (test,) = lab_tests(name, [flexion], **asked, constant=constant)
-        except ValueError as problem:
-            raise InputProblem("simulate", "--dynamic", name, str(problem)) from None
+        except WrongValue as problem:
+            raise refused("simulate --dynamic", problem) from None
         full = dict(test.full)
     elif not full:
         raise InputProblem("simulate", "--load", "load", "loads as NAME=SIZE, or --loads FILE.csv")

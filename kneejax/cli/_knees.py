@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import shutil
 import textwrap
+from pathlib import Path
 
 from kneejax.files import (
+    InputProblem,
     absent_measurement,
+    bundled_examples,
     bundled_knee_descriptions,
+    bundled_knees,
     bundled_laxity_sources,
     bundled_measurements,
     bundled_path,
@@ -18,8 +23,10 @@ _INDENT = " " * 23
 _HANGING = {"subsequent_indent": _INDENT, "break_on_hyphens": False}
 
 
-def run(_: argparse.Namespace) -> int:
-    """Print what is bundled, with its source."""
+def run(arguments: argparse.Namespace) -> int:
+    """Print what is bundled, with its source, or copy some of it."""
+    if arguments.copy is not None:
+        return _copy(arguments.copy)
     print("Knees")
     for name, description in bundled_knee_descriptions().items():
         print(textwrap.fill(description, 98, initial_indent=f"  {name:<20} ", **_HANGING))
@@ -40,4 +47,26 @@ def run(_: argparse.Namespace) -> int:
     print("and a test of a study by its name, with `load:` where that is not known")
     for name, source in bundled_laxity_sources().items():
         print(textwrap.fill(source, 98, initial_indent=f"  {name:<24} ", **_HANGING))
+    print("Examples, made up: `kneejax knees --copy NAME` copies one, or a knee file, to here")
+    for name, about in bundled_examples().items():
+        print(textwrap.fill(about.title, 98, initial_indent=f"  {name:<20} ", **_HANGING))
+    return 0
+
+
+def _copy(name: str) -> int:
+    """Copy an example's folder, or a knee file, to where the command was called."""
+    known = {one: example.path for one, example in bundled_examples().items()} | bundled_knees()
+    if name not in known:
+        expected = f"one of {', '.join(known)}"
+        raise InputProblem("knees", "--copy", name, expected, known)
+    source, target = known[name], Path(known[name].name)
+    if target.exists():
+        raise InputProblem("knees", "--copy", str(target), "no such file or folder here yet")
+    if source.is_dir():
+        shutil.copytree(source, target)
+        files = sorted(one.relative_to(target).as_posix() for one in target.rglob("*.*"))
+        print(f"written: {target}/{', '.join(files)}")
+    else:
+        shutil.copyfile(source, target)
+        print(f"written: {target}")
     return 0

@@ -9,7 +9,7 @@ import numpy as np
 
 from kneejax.cli._asked_knee import knee_words, whole_knee
 from kneejax.cli._displacement import change_column
-from kneejax.cli._given import check_within, read_loads
+from kneejax.cli._given import check_within, read_loads, refused
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.experiments import (
     LAXITY_COLUMNS,
@@ -22,12 +22,14 @@ from kneejax.experiments import (
     load_curves,
     load_cycle,
     mechanics_of,
+    second_balances,
 )
 from kneejax.files import InputProblem, bundled_bands, parse_flexion, write_poses, write_rows
 from kneejax.geometry import COLUMNS, COORDINATES, FEMORAL, convert_table
 from kneejax.mechanics import LIMITS, NAMED_LOADS, RANGES, Knee, Range, load_called
+from kneejax.numerics import WrongValue
 from kneejax.parameters import cut
-from kneejax.report import curve_words
+from kneejax.report import curve_words, second_balance
 from kneejax.statics import Status, converged
 
 _MOST_STEPS = 1000
@@ -52,13 +54,17 @@ def run_test(arguments: argparse.Namespace) -> int:
     with stages_on_terminal(knee.name):
         curves = load_curves(knee, tests, whole if from_intact else None)
         mechanics = mechanics_of(curves[0])
+        others = [second_balances(one, whole) for one in curves] if arguments.cut else []
     status = [one.status(mechanics) for one in curves]
     said = [curve_words(one, mechanics) for one in curves]
+    for one, texts, other in zip(curves, said, others, strict=False):
+        _add_second(one, texts, other)
     found = [x for one, own in zip(curves, status, strict=True) for x in laxity(one, own)]
     print(knee_words(arguments, knee))
     print("\n".join(_laxity_lines(curves, found)))
     _write(arguments, knee, curves, mechanics, status, said, found)
     doubtful = [_say(*each) for each in zip(curves, status, said, strict=True)]
+    doubtful += [_say_second(*each) for each in zip(curves, others, strict=False)]
     _figures(arguments, curves, status, found)
     files = "curves.csv, laxity.csv, poses.csv, forces.csv, settings.json"
     print(f"written: {arguments.out}/{files}, figures/curves.png, figures/laxity.png")
@@ -87,9 +93,8 @@ def _tests(arguments: argparse.Namespace) -> tuple[LabTest, ...]:
             name, angles, **asked, held=arguments.hold, both=arguments.both, steps=steps,
             constant=given,
         )  # fmt: skip
-    except ValueError as problem:
-        option = f"--{next(iter(asked), 'hold' if arguments.hold else 'experiment')}"
-        raise InputProblem("simulate", option, name, str(problem)) from None
+    except WrongValue as problem:
+        raise refused(f"simulate {name}", problem) from None
 
 
 def _wrench(given, asked, angles, path, held) -> LabTest:
@@ -106,8 +111,8 @@ def _wrench(given, asked, angles, path, held) -> LabTest:
     try:
         angles = tuple(float(x) for x in flexion)
         return LabTest("load", ordered, observed, angles, path, held=held)
-    except ValueError as problem:
-        raise InputProblem("simulate", "--hold", "load", str(problem)) from None
+    except WrongValue as problem:
+        raise refused("simulate load", problem) from None
 
 
 def _laxity_lines(curves: Sequence[Curves], found: Sequence[Laxity]) -> Iterator[str]:
@@ -264,6 +269,32 @@ def _say(one: Curves, status, said) -> bool:
             i, k = told[-1]
             print(f"  {_met(one, i, np.array([k]))}: {said[i][k]}")
     return bool((status != Status.BALANCED).any())
+
+
+def _add_second(one: Curves, texts: list[tuple[str, ...]], other: np.ndarray) -> None:
+    """Add to the words of each load where a second balance lies."""
+    here = _femoral(one)
+    for i, row in enumerate(texts):
+        known = np.isfinite(other[i]).all(axis=1)
+        more = [second_balance(*pair) if yes else "" for *pair, yes in zip(
+            other[i], here[i], known, strict=True)]  # fmt: skip
+        texts[i] = tuple("; ".join(filter(None, pair)) for pair in zip(row, more, strict=True))
+
+
+def _say_second(one: Curves, other: np.ndarray) -> bool:
+    """Print from which load to which a second balance exists, and where it lies."""
+    known = np.isfinite(other).all(axis=-1)
+    for i in np.flatnonzero(known.any(axis=1)):
+        rows = np.flatnonzero(known[i])
+        k = int(rows[np.argmin(np.abs(one.part[rows]))])
+        print(
+            f"{one.test.name} at {_met(one, int(i), rows)}: a second stable balance exists, which "
+            "an intact knee comes to that is loaded first and cut then; reported is that of the "
+            "knee that is cut first"
+        )
+        where = second_balance(other[i, k], _femoral(one)[i, k])
+        print(f"  {_met(one, int(i), np.array([k]))}: {where}")
+    return bool(known.any())
 
 
 def _met(one: Curves, flexion: int, rows: np.ndarray) -> str:

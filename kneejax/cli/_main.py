@@ -6,6 +6,7 @@ import argparse
 import contextlib
 import os
 import sys
+import time
 import warnings
 from collections.abc import Iterator
 
@@ -24,11 +25,12 @@ _PLATFORMS = ("JAX_PLATFORMS", "JAX_PLATFORM_NAME")
 _WITHOUT_SETTINGS = ("export", "rerun")
 
 
-def main(arguments: list[str] | None = None) -> int:
+def main(arguments: list[str] | None, begun: float) -> int:
     """Run the `kneejax` command.
 
     Args:
-        arguments: words after `kneejax`; those of the process by default.
+        arguments: words after `kneejax`; those of the process where None.
+        begun: when, by `time.perf_counter`: imports count from there.
 
     Returns:
         Exit status: 0 done; 1 done, but something is doubtful (the results say what); 2 bad
@@ -43,6 +45,7 @@ def main(arguments: list[str] | None = None) -> int:
             if not readable and not writes:
                 raise InputProblem("stdout", "stream", "closed", "a place to print to")
             _prepare(chosen)
+            chosen.imports_s = time.perf_counter() - begun
             with _doubts_in_words():
                 status = _run(chosen)
             printed.flush()
@@ -111,15 +114,18 @@ def _doubts_in_words() -> Iterator[None]:
 
 
 def _run(chosen: argparse.Namespace) -> int:
-    """Run a command; what it was asked for is recorded beside what it wrote."""
+    """Run a command; its results take the place of an earlier run's when it has ended."""
     if not hasattr(chosen, "out") or chosen.command in _WITHOUT_SETTINGS:
         return chosen.run(chosen)
-    from kneejax.cli._settings import asked_for, record
+    from kneejax.cli._results_folder import ResultsFolder
+    from kneejax.cli._settings import asked_for, with_versions
 
     settings = asked_for(chosen)  # before the command fills in what it was not told
-    status = chosen.run(chosen)
-    if status != BAD_INPUT:
-        record(settings, chosen.out)
+    chosen.results = ResultsFolder(chosen.out)
+    with chosen.results.gathered(chosen):
+        status = chosen.run(chosen)
+        if status != BAD_INPUT:
+            chosen.results.commit(with_versions(settings))
     return status
 
 

@@ -13,6 +13,7 @@ from kneejax import studies
 from kneejax.cli._given import read_numbers, read_texts, said_of_options
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.files import Checkpoints, InputProblem, write_netcdf, write_rows, write_text
+from kneejax.files.results import CLAIM
 from kneejax.inference import Condition, ParameterMap, versions
 from kneejax.numerics import check_installed
 
@@ -30,17 +31,21 @@ def run(arguments: argparse.Namespace) -> int:
         check_installed(package, "maps")
     ranges = read_numbers("--range", read_texts("--range", arguments.ranges), "NAME=LOW:HIGH", (2,))
     question = studies.Map(arguments.pair, arguments.all_pairs, _grid(arguments.grid), ranges)
+    arguments.results.check_free("maps.csv", "result.json", "map.nc")
     study = studies.read_study(arguments.study)
     with said_of_options(question):
         studies.check(study, question)
     about = studies.about_maps(study, question)
-    store = Checkpoints(arguments.out, about, studies.fingerprint(study, question))
+    store = Checkpoints(
+        arguments.out, about, studies.fingerprint(study, question),
+        begin=lambda: arguments.results.begin(lambda _: False),
+    )  # fmt: skip
     with stages_on_terminal() as progress:
         maps = studies.run(study, question, progress=progress, store=store)
     if store.resumed:
         print(f"{store.resumed} finished parts were found in {arguments.out}, and used")
+    arguments.results.holds = [CLAIM]
     files = _write(maps, arguments.out, about, arguments.svg)
-    store.done()
     print(_table(maps))
     print(f"written: {arguments.out}/{', '.join(files)}")
     return 1 if any(not one.drawn.any() or one.left_out for one in maps) else 0

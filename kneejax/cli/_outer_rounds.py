@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from kneejax._whole_files import writing_place
 from kneejax.experiments import Activity, Round, activity, weights
 from kneejax.files import (
     CoupledMotion,
@@ -59,7 +60,7 @@ def movement_of(arguments: argparse.Namespace) -> WholeBody | None:
     return whole_body(
         arguments.model, arguments.motion, arguments.grf, side=arguments.side,
         actuators=arguments.actuators, instants=arguments.instants,
-        time_s=_time(arguments.time_s),
+        time_s=_time(arguments.time_s), femur=arguments.femur, tibia=arguments.tibia,
     )  # fmt: skip
 
 
@@ -92,14 +93,15 @@ def asked_of_opensim(
     Returns:
         The record, and the rounds; none where no motion was to go back.
     """
-    shifts = registered(arguments.model, arguments.side, knee, document, arguments.frames)
+    shifts = registered(body.model, body.side, knee, document, arguments.frames, body.bones)
     rounds, model, motion = [], body.model, None  # the model's own motion, to begin with
     for number in range(arguments.rounds + 1):
         show(f"OpenSim, round {number}" if arguments.rounds else "OpenSim", 0, 0)
-        folder = arguments.out / "opensim" / (f"round_{number}" if arguments.rounds else "")
+        place = arguments.out / "opensim" / (f"round_{number}" if arguments.rounds else "")
+        folder = writing_place(place)
         if motion is not None:
             model = folder / body.model.name
-            data = couple_model(body.model, arguments.side, motion, shifts)
+            data = couple_model(body.model, body.side, motion, shifts, body.bones)
             write_bytes(model, data)
         said = ask_opensim(body, folder, model)
         record = _record(body, model, said, knee, shifts)
@@ -121,7 +123,9 @@ def _record(
     # Where no ground is given, the feet's own contacts are among the forces.
     forces = [said.forces, *([] if body.loads is None else [body.loads])]
     # The instants are those of static optimisation, between which nothing is known.
-    return read_activity(model, [body.motion, *forces], side=body.side, knee=knee, frames=shifts)
+    femur, tibia = body.bones
+    return read_activity(model, [body.motion, *forces], side=body.side, knee=knee, frames=shifts,
+                         femur=femur, tibia=tibia)  # fmt: skip
 
 
 def _reaction_off(
@@ -131,8 +135,9 @@ def _reaction_off(
     """By how much OpenSim's reaction differs from the sum of what was read, rms, N."""
     if body.loads is None or record.quadriceps_N.any():
         return float("nan")
+    femur, tibia = body.bones
     theirs = read_activity(model, [body.motion, said.reactions], side=body.side, knee=knee,
-                           frames=shifts)  # fmt: skip
+                           frames=shifts, femur=femur, tibia=tibia)  # fmt: skip
     state = State({TIBIA: Pose.from_table(record.pose)})
     pulls = np.asarray(record.muscles.on_tibia(state)).sum(axis=0).T
     ours = sum(record.acting.values(), pulls)[:, :3]

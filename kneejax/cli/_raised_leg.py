@@ -38,7 +38,7 @@ def run_raised_leg(arguments: argparse.Namespace) -> int:
     duration = _DURATION_S if lengths is None else lengths[0][-1] - lengths[0][0]
     times = times_of(arguments, duration, _EVERY_MS)
     moving = moving_knee(arguments, asked_knee(arguments, patella=True))
-    with moving_on_terminal(arguments, moving, times, "--dynamic") as options:
+    with moving_on_terminal(arguments, moving, times) as options:
         found = raised_leg(moving, flexion, times, lengths=lengths, **options)
     _report(arguments, found)
     write_motion(arguments, found.transient)

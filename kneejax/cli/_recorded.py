@@ -7,12 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from kneejax.cli._given import refused
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.dynamics import MovingKnee
 from kneejax.experiments import MOST_ERROR_MM, beginning
 from kneejax.files import InputProblem, read_loads_over_time, write_rows
 from kneejax.geometry import COLUMNS
 from kneejax.inference.transients import DAMPING, FittedTransient, Recorded, fit_transient
+from kneejax.numerics import WrongValue
 
 
 def check_free(arguments: argparse.Namespace) -> None:
@@ -79,9 +81,8 @@ def fit_dampers(
                 moving, begin.start, recorded, first, loads=begin.loads, held=begin.held,
                 most_mm=arguments.error_mm or MOST_ERROR_MM, progress=told,
             )  # fmt: skip
-        except ValueError as problem:
-            where = f"{flexion_deg:g}"
-            raise InputProblem("simulate", arguments.experiment, where, str(problem)) from None
+        except WrongValue as problem:
+            raise refused("simulate", problem) from None
     rows = [
         [name, *(f"{x:.6g}" if np.isfinite(x) else "" for x in sizes)]
         for name, *sizes in zip(found.names, found.values, found.lower, found.upper, strict=True)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 import contextlib
 
+from kneejax.cli import main
 from kneejax.cli._commands import build_parser
-from kneejax.cli._main import _prepare_jax, main
+from kneejax.cli._main import _prepare_jax
 from kneejax.cli._settings import (
     FILE,
     changed_versions,

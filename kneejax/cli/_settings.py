@@ -1,10 +1,9 @@
-"""What a command was asked for, beside what it wrote: settings.json, and its words again."""
+"""What a command was asked for, as settings.json holds it, and its words again."""
 
 from __future__ import annotations
 
 import argparse
 import glob
-import json
 import math
 import os
 import re
@@ -14,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from kneejax.cli._parser import Parser
-from kneejax.files import InputProblem, write_text
+from kneejax.files import InputProblem
 from kneejax.files.reading import load_json, plain_number
 
 #: The file in a folder of results.
@@ -22,6 +21,10 @@ FILE = "settings.json"
 _COMMAND, _WORKED_IN, _VERSIONS = "command", "working_folder", "versions"
 #: The field of `kneejax.parameters.MEANING`, whose import would be JAX's.
 _MEANING = "stiffness_of"
+#: The list of files that the folder holds.
+_FILES = "files"
+#: What else parsed arguments hold.
+_NO_OPTIONS = ("command", "kind", "run", "parser", "out", "results", "imports_s")
 _EXPECTED = "settings.json of a kneejax command"
 #: What stands for a number by name, so that it can be recorded as one.
 _NUMBERS = ("NAME=VALUE", "NAME=SIZE")
@@ -46,18 +49,29 @@ def asked_for(chosen: argparse.Namespace) -> dict[str, Any]:
     }
 
 
-def record(settings: Mapping[str, Any], out: Path) -> None:
-    """Write what a command was asked for, and which versions answered.
+def options_of(chosen: argparse.Namespace) -> dict[str, Any]:
+    """Options and their values, defaults among them, as a result's own settings hold them.
+
+    Args:
+        chosen: what was parsed.
+    """
+    return {
+        name: str(value) if isinstance(value, Path) else value
+        for name, value in vars(chosen).items()
+        if name not in _NO_OPTIONS
+    }
+
+
+def with_versions(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """What a command was asked for, and which versions answered.
 
     Args:
         settings: from `asked_for`.
-        out: the command's folder.
     """
     from kneejax.inference import versions
     from kneejax.parameters import MEANING
 
-    document = {**settings, **MEANING, _VERSIONS: versions()}
-    write_text(out / FILE, json.dumps(document, indent=1) + "\n")
+    return {**settings, **MEANING, _VERSIONS: versions()}
 
 
 def read_settings(folder: Path) -> dict[str, Any]:
@@ -101,7 +115,7 @@ def words_again(settings: Mapping[str, Any], top: Parser, file: Path) -> list[st
     known = dict(_arguments(parser))
     places, options = [], []
     for name, value in settings.items():
-        if name in (_COMMAND, _WORKED_IN, _VERSIONS, _MEANING):
+        if name in (_COMMAND, _WORKED_IN, _VERSIONS, _MEANING, _FILES):
             continue
         if name not in known:
             expected = f"no such option of kneejax {settings[_COMMAND]}"

@@ -27,6 +27,8 @@ _ONE_THREAD = {
     name: "1"
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 }
+#: Nobody else is to read what workers say: all sockets are of this machine alone.
+_HERE = "127.0.0.1"
 _PATIENCE_S = 20.0
 #: How often workers are started and made ready, who may die meanwhile; the pause in between, s.
 _TRIALS, _PAUSE_S = 5, 1.0
@@ -62,7 +64,8 @@ def _started(jobs: int) -> Any:
         with contextlib.suppress(OSError, RuntimeError, TimeoutError):
             return LocalCluster(
                 n_workers=jobs, threads_per_worker=1, processes=True, memory_limit=_MEMORY,
-                dashboard_address=":0", silence_logs=50,
+                host=_HERE, dashboard_address=f"{_HERE}:0",
+                worker_dashboard_address=f"{_HERE}:0", silence_logs=50,
             )  # fmt: skip
         time.sleep(_PAUSE_S)
     raise InputProblem("--jobs", "workers", str(jobs), "workers that start; they died at once")

@@ -174,8 +174,8 @@ def _member(
     try:
         yield Member(name, study_of(document, folder), dict(about or {}), document.file)
     except _MISTAKES as problem:
-        sentence = str(problem)
-        yield sentence if sentence.startswith(document.file) else f"{document.file}: {sentence}"
+        named = isinstance(problem, InputProblem) and problem.file == document.file
+        yield str(problem) if named else f"{document.file}: {problem}"
 
 
 def _missing_files(document: Field, folder: Path) -> Iterator[InputProblem]:

@@ -21,7 +21,7 @@ from kneejax.dynamics._moving import MovingKnee
 from kneejax.dynamics._trajectory import LoadCurve
 from kneejax.geometry import Placement, State, coordinates_of
 from kneejax.mechanics import add_lane_axis, contact_damping_force, damping_force
-from kneejax.numerics import imported
+from kneejax.numerics import WrongValue, imported
 from kneejax.statics import needs_float64, with_meeting
 
 
@@ -56,9 +56,8 @@ def integrated(
     needs_float64()
     diffrax = imported("diffrax", "diffrax", "dynamics")
     if set(moving.masses) != set(moving.knee.bodies):
-        raise ValueError(
-            f"a bone of {', '.join(moving.knee.bodies)} has no mass; move() takes such"
-        )
+        expected = f"one of each of {', '.join(moving.knee.bodies)}; move() does without"
+        raise WrongValue("masses", f"of {', '.join(moving.masses) or 'nothing'}", expected)
     names = coordinates_of(moving.knee.bodies)
     free = np.array([k for k, name in enumerate(names) if name not in held])
     begin = jnp.asarray(start, float)

@@ -7,6 +7,8 @@ import dataclasses
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from kneejax.numerics import WrongValue
+
 #: Parts of the first step: it begins with order one, and the errors of that shrink with its square.
 _FIRST = (1, 1, 2, 4, 8)
 #: Growth of a step against the one before; the formula is stable up to 2.4.
@@ -43,17 +45,16 @@ class Grid:
         """
         times = np.asarray(time_s, float)
         if times.ndim != 1 or len(times) < 2 or not np.isfinite(times).all():
-            raise ValueError("Grid needs two finite times at least")
+            raise WrongValue("time_s", str(times), "two finite times at least")
         back = np.flatnonzero(np.diff(times) <= 0.0)
         if len(back):
             at = back[0]
-            raise ValueError(
-                f"time {times[at + 1]:g} s follows {times[at]:g} s; expected times that rise"
-            )
+            found = f"{times[at + 1]:g} s after {times[at]:g} s"
+            raise WrongValue("time_s", found, "times that rise")
         count = len(times) - 1
         parts = np.broadcast_to(np.asarray(within, int), (count,)).copy()
         if parts.min() < 1:
-            raise ValueError(f"{parts.min()} steps between two times; expected one at least")
+            raise WrongValue("within", str(parts.min()), "one step at least between two times")
         span = np.diff(times)
         for k in range(1, count):
             longest = _LONGER * span[k - 1] / parts[k - 1]

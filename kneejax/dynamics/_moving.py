@@ -13,6 +13,7 @@ from jax.typing import ArrayLike
 
 from kneejax.geometry import PATELLA, TIBIA, State, coordinate, coordinates_of
 from kneejax.mechanics import Contact, ContactDamper, Knee, Load, Mass, critical_damping
+from kneejax.numerics import WrongValue
 
 #: m/s^2, of a thigh that stands still in any attitude.
 GRAVITY = 9.80665
@@ -87,18 +88,18 @@ class MovingKnee(eqx.Module):
         for bone in self.masses:
             if bone not in self.knee.bodies:
                 known = ", ".join(self.knee.bodies)
-                raise ValueError(f"MovingKnee.masses names {bone!r}; the knee moves {known}")
+                raise WrongValue("masses", repr(bone), f"of {known}, which move")
         for name in self.coordinate_damping:
             if name not in coordinates_of(self.knee.bodies):
                 known = ", ".join(coordinates_of(self.knee.bodies))
-                raise ValueError(f"MovingKnee.coordinate_damping names {name!r}; expected {known}")
+                raise WrongValue("coordinate_damping", repr(name), f"of {known}")
         for name in self.contact_dissipation:
             if name not in self.knee.contact_names:
                 known = ", ".join(self.knee.contact_names)
-                raise ValueError(f"MovingKnee.contact_dissipation names {name!r}; expected {known}")
+                raise WrongValue("contact_dissipation", repr(name), f"of {known}")
         count, given = len(self.knee.ligaments.names), len(self.fibre_damping)
         if given != count:
-            raise ValueError(f"MovingKnee.fibre_damping has {given} rows for {count} fibres")
+            raise WrongValue("fibre_damping", f"{given} rows", f"{count}, one a fibre")
 
     def critically_damped(self, part: ArrayLike = 1.0) -> MovingKnee:
         """With the damping of paper 2 in every fibre: `sqrt(4 k m)` of the tibia's mass.

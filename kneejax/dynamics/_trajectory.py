@@ -301,7 +301,7 @@ def _where(knee: Knee, name: str, q: Array) -> Array:
     if name != QUADRICEPS:
         return q[coordinates_of(knee.bodies).index(name)]
     if knee.muscles is None or not knee.muscles.quadriceps:
-        raise ValueError(f"{knee.name} has no quadriceps that could be given a length")
+        raise WrongValue("path", QUADRICEPS, f"a knee with a quadriceps; {knee.name} has none")
     return knee.muscles.quadriceps_length(State.of({}, q, knee.bodies))
 
 

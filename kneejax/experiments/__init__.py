@@ -58,6 +58,7 @@ from kneejax.experiments.laboratory import Curves as Curves
 from kneejax.experiments.laboratory import LabTest as LabTest
 from kneejax.experiments.laboratory import Laxity as Laxity
 from kneejax.experiments.laboratory import MeasuredTest as MeasuredTest
+from kneejax.experiments.laboratory import against_load as against_load
 from kneejax.experiments.laboratory import counts_like_poses as counts_like_poses
 from kneejax.experiments.laboratory import lab_tests as lab_tests
 from kneejax.experiments.laboratory import laxity as laxity
@@ -65,4 +66,5 @@ from kneejax.experiments.laboratory import load_curves as load_curves
 from kneejax.experiments.laboratory import load_cycle as load_cycle
 from kneejax.experiments.laboratory import mechanics_of as mechanics_of
 from kneejax.experiments.laboratory import reading_unit as reading_unit
+from kneejax.experiments.laboratory import second_balances as second_balances
 from kneejax.experiments.laboratory import weights_by_load as weights_by_load

@@ -44,7 +44,8 @@ class Mechanics(eqx.Module):
         mean_pressure: `(poses, contacts)`, MPa.
         max_depth: `(poses, contacts)`, mm.
         center: in the tibia frame, `(poses, contacts, 3)`, mm.
-        known: whether the surfaces meet in their fitted regions, `(poses, contacts)`.
+        known: whether the surfaces meet in their fitted regions, or at most
+            `kneejax.mechanics.OFF_SURFACE_MM` beyond, `(poses, contacts)`.
         too_deep: whether the overlap is the whole layer somewhere, `(poses, contacts)`.
         contact_moment: on the tibia about its origin in tibia axes, `(poses, contacts, 3)`, N mm.
         wrap_angle: over which a fibre lies on its obstacle, `(poses, ligaments)`, rad; not
@@ -197,32 +198,33 @@ def _over_patch(contact: Contact, tibia: Placement, meeting: Array):
     )
     mean = safe_sqrt(jnp.sum(force**2, axis=0)) / area
     center = jnp.stack(jnp.broadcast_arrays(*contact.tibial.frame.placement.apply(gap.point)))
-    known = pressed.known | (gap.depth <= 0)
+    apart = gap.depth <= 0
+    known, whole = pressed.known | apart, (contact.rim_off(gap, meeting) <= 0.0) | apart
     deep = gap.depth >= contact.layer_thickness
     flat, through = pressed.known & contact.has_no_patch(gap), contact.passed_through(tibia)
-    peak, border = contact.pressure(gap.depth), _border(contact, tibia, meeting, known)
+    peak, border = contact.pressure(gap.depth), _border(contact, tibia, meeting, whole)
     return (
         force, moment, area, peak, mean, gap.depth, center, border.beyond_mm, border.share,
         known, deep, flat, through,
     )  # fmt: skip
 
 
-def _border(contact: Contact, tibia: Placement, meeting: Array, known: Array) -> Border:
-    """Border of patches: a hundred places of each, asked only where one is not known as a whole.
+def _border(contact: Contact, tibia: Placement, meeting: Array, whole: Array) -> Border:
+    """Border of patches: hundreds of places of each, asked only of those not wholly inside.
 
-    Those that are not are put together in blocks, and blocks of known ones are passed over.
+    These are put together in blocks, and blocks of whole ones are passed over.
     """
-    count = jnp.cumsum(~known)
-    place = jnp.where(known, count[-1] + jnp.cumsum(known), count) - 1
+    count = jnp.cumsum(~whole)
+    place = jnp.where(whole, count[-1] + jnp.cumsum(whole), count) - 1
     order = jnp.zeros_like(place).at[place].set(jnp.arange(len(place)), unique_indices=True)
-    block = _BORDER_LANES if len(known) % _BORDER_LANES == 0 else len(known)
+    block = _BORDER_LANES if len(whole) % _BORDER_LANES == 0 else len(whole)
 
     def of_block(own: Array) -> Border:
         def asked() -> Border:
             return contact.border(*jax.tree.map(lambda x: x[..., own], (tibia, meeting)))
 
         nothing = jnp.zeros(block)
-        return lax.cond(jnp.all(known[own]), lambda: Border(nothing, nothing), asked)
+        return lax.cond(jnp.all(whole[own]), lambda: Border(nothing, nothing), asked)
 
     found = lax.map(of_block, order.reshape(-1, block))
     return jax.tree.map(lambda x: x.ravel()[place], found)

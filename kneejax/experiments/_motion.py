@@ -15,7 +15,7 @@ from jax.typing import ArrayLike
 
 from kneejax.geometry import COLUMNS, COORDINATES, Pose, convert, coordinate, table_units
 from kneejax.mechanics import Knee, Load, add_lane_axis
-from kneejax.numerics import compiled, filled, imported, lanes_for, traced
+from kneejax.numerics import WrongValue, compiled, filled, imported, lanes_for, traced
 from kneejax.parameters import fibre_rows
 from kneejax.statics import (
     Balances,
@@ -122,7 +122,7 @@ class Motion(eqx.Module):
         """
         if name not in self.stations.prescribed:
             known = ", ".join(self.stations.prescribed)
-            raise ValueError(f"nothing holds {name!r}: prescribed are {known}")
+            raise WrongValue("name", repr(name), f"one that is prescribed: {known}")
         if traced(self):
             return _reactions(self.knee, self.stations, self.settled)[name]
         # Filled up: another number of poses is no other program.

@@ -91,6 +91,33 @@ def bundled_knee_descriptions() -> dict[str, str]:
     return answer
 
 
+@dataclasses.dataclass(frozen=True)
+class Example:
+    """A bundled folder of made-up files to begin with.
+
+    Attributes:
+        path: the folder.
+        title: what it holds: the first line of its README.txt.
+    """
+
+    path: Path
+    title: str
+
+
+def bundled_examples() -> dict[str, Example]:
+    """Name -> folder of each example that comes with the package, in alphabetical order.
+
+    Example:
+        >>> bundled_examples()["specimen"].path.name
+        'specimen'
+    """
+    answer = {}
+    for about in sorted((_data_folder() / "examples").glob("*/README.txt")):
+        title = about.read_text(encoding="utf-8").partition("\n")[0]
+        answer[about.parent.name] = Example(about.parent, title)
+    return answer
+
+
 def bundled_studies() -> dict[str, str]:
     """Name -> title of each study that comes with the package.
 

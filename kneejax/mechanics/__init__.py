@@ -45,6 +45,7 @@ from kneejax.mechanics._wrench import Wrenches as Wrenches
 from kneejax.mechanics._wrench import generalised_force as generalised_force
 from kneejax.mechanics.contact import ELLIPTICAL_PATCH as ELLIPTICAL_PATCH
 from kneejax.mechanics.contact import FORMS as FORMS
+from kneejax.mechanics.contact import OFF_SURFACE_MM as OFF_SURFACE_MM
 from kneejax.mechanics.contact import QUADRATURE as QUADRATURE
 from kneejax.mechanics.contact import Border as Border
 from kneejax.mechanics.contact import Contact as Contact

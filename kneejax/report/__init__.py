@@ -9,6 +9,8 @@ from kneejax.report.activity import place_rows as place_rows
 from kneejax.report.activity import places_figure as places_figure
 from kneejax.report.activity import round_lines as round_lines
 from kneejax.report.activity import round_rows as round_rows
+from kneejax.report.activity import second_lines as second_lines
+from kneejax.report.activity import second_words as second_words
 from kneejax.report.bayesian import POSTERIOR_COLUMNS as POSTERIOR_COLUMNS
 from kneejax.report.bayesian import marginals_figure as marginals_figure
 from kneejax.report.bayesian import pairs_figure as pairs_figure
@@ -98,6 +100,7 @@ from kneejax.report.motion import motion_words as motion_words
 from kneejax.report.motion import pose_doubts as pose_doubts
 from kneejax.report.motion import pose_words as pose_words
 from kneejax.report.motion import search_words as search_words
+from kneejax.report.motion import second_balance as second_balance
 from kneejax.report.motion import simulation_figure as simulation_figure
 from kneejax.report.planning import NOT_FOR_PATIENTS as NOT_FOR_PATIENTS
 from kneejax.report.planning import curve_rows as curve_rows

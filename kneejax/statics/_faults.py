@@ -22,7 +22,8 @@ class ContactFaults(NamedTuple):
 
     Attributes:
         depth: largest overlap, mm; minus the gap where they are apart.
-        outside_region: whether contact reaches off the fitted surfaces.
+        outside_region: whether contact reaches more than `kneejax.mechanics.OFF_SURFACE_MM` off
+            the fitted surfaces.
         too_deep: whether the overlap is the whole layer somewhere.
         no_patch: whether they touch where no elliptical patch fits.
         through_bone: whether the condyle has passed through the plateau.

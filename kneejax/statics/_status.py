@@ -7,6 +7,8 @@ from collections.abc import Collection
 
 import numpy as np
 
+from kneejax.mechanics import OFF_SURFACE_MM
+
 
 class Status(enum.IntEnum):
     """Outcome of a search for balance; the worst that applies to a pose.
@@ -22,7 +24,7 @@ class Status(enum.IntEnum):
     BALANCED = 0, "", ""
     OUTSIDE_REGION = (
         1,
-        "contact reaches off the fitted surfaces",
+        f"contact reaches more than {OFF_SURFACE_MM:g} mm off the fitted surfaces",
         "fit them over a larger region, or leave this pose out",
     )
     OVERSTRETCHED = (

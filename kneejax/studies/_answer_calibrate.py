@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import threading
-import time
 from collections.abc import Sequence
 
 import numpy as np
@@ -16,6 +15,7 @@ from kneejax.geometry import FREE_COORDINATES, Pose
 from kneejax.inference import Calibration, Question, calibrate_side_by_side, compile_step
 from kneejax.inference.bootstrap import bootstrap, bootstrap_by_blocks
 from kneejax.inference.fit import Problem, Progress
+from kneejax.numerics import adding_up, lap, stopwatch
 from kneejax.parameters import UnsuitableData
 from kneejax.studies._poses import measured_poses
 from kneejax.studies._study import Study
@@ -23,14 +23,15 @@ from kneejax.studies._study import Study
 
 def calibrated(study: Study, progress: Progress | None = None) -> Calibration:
     """Calibrate; see `kneejax.run`."""
-    begun = time.perf_counter()
     # XLA compiles without holding Python: what comes last gets ready beside the search.
     threading.Thread(target=_get_ready, args=(study,)).start()
-    (result,) = calibrate_side_by_side([_question(study)], progress=progress)
+    with stopwatch() as watch:
+        question = _question(study)
+        lap("data")
+        (result,) = calibrate_side_by_side([question], progress=progress)
     if isinstance(result, Exception):
         raise result
-    seconds = dict(result.seconds, total=time.perf_counter() - begun)
-    return dataclasses.replace(result, seconds=seconds)
+    return dataclasses.replace(result, seconds=adding_up(watch.parts))
 
 
 def run_side_by_side(studies: Sequence[Study]) -> list[Calibration | Exception]:

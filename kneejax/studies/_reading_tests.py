@@ -4,16 +4,30 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from kneejax.experiments import COUNTED_FROM, WITHOUT_LOADS, MeasuredTest, weights_by_load
-from kneejax.files import LabTable, parse_flexion, read_lab_table
+from kneejax.experiments import (
+    COUNTED_FROM,
+    WITHOUT_LOADS,
+    MeasuredTest,
+    against_load,
+    weights_by_load,
+)
+from kneejax.files import InputProblem, LabTable, parse_flexion, read_lab_table
 from kneejax.files.reading import Field
-from kneejax.geometry import BODIES, CLINICAL, CONVENTIONS, FREE_COORDINATES, OTHER_COLUMNS
+from kneejax.geometry import (
+    BODIES,
+    CLINICAL,
+    CONVENTIONS,
+    COORDINATES,
+    FREE_COORDINATES,
+    OTHER_COLUMNS,
+)
 from kneejax.mechanics import AXES, NAMED_LOADS, RANGES
 from kneejax.numerics import WrongValue
 from kneejax.studies._frames import read_frames, refused
@@ -31,9 +45,13 @@ _MIRROR_OTHERS = {
 }
 #: Coordinates of other bones by name -> column.
 _OTHERS = {one.name: column for column, one in OTHER_COLUMNS.items()}
+#: Words for the negative sense of a load or a coordinate.
+_OTHER_SENSE = re.compile(
+    r"posterior|medial|inferior|distal|distraction|valgus|abduction|external", re.IGNORECASE
+)
 _OPTIONAL = (
     "source", "columns", "ignore", "convention", "mirror", "flexion_deg", "at_deg", "coordinates",
-    "counted_from", "constant", "load", "point_mm", "axes", "sd_mm", "sd_deg", "sd_N", "sd_strain",
+    "counted_from", "loads", "load", "point_mm", "axes", "sd_mm", "sd_deg", "sd_N", "sd_strain",
     "cut", "weight", "in_time",
 )  # fmt: skip
 #: Option of a test -> what a standard deviation may be.
@@ -65,6 +83,10 @@ def read_tests(
 
 
 def _read(item: Field, folder: Path, lines: Sequence[str]) -> tuple[MeasuredTest, dict[str, Any]]:
+    if isinstance(item.value, dict) and "constant" in item.value and "loads" not in item.value:
+        # The older name of what a study calls loads too.
+        names = {"constant": "loads"}
+        item = Field(item.file, item.path, {names.get(k, k): v for k, v in item.value.items()})
     item.mapping(("name", "file"), _OPTIONAL)
     mirror = "mirror" in item and item["mirror"].boolean()
     table, counted_from = _table(item, folder)
@@ -77,7 +99,6 @@ def _read(item: Field, folder: Path, lines: Sequence[str]) -> tuple[MeasuredTest
         table = table._replace(readings=turned)
     if "coordinates" in item:
         table, observed = _that_count(item["coordinates"], table, observed)
-    constant = item["constant"].mapping((), tuple(NAMED_LOADS)) if "constant" in item else None
     tensions, readings = _pulls(item, table, lines)
     given: dict[str, Any] = {
         "readings": readings, "tensions": tensions, "weight": _weight(item, table),
@@ -94,8 +115,11 @@ def _read(item: Field, folder: Path, lines: Sequence[str]) -> tuple[MeasuredTest
         given["point_mm"] = tuple(item["point_mm"].numbers(3, RANGES["point_mm"]))
     if "axes" in item:
         given["axes"] = item["axes"].choice(AXES)
-    if constant is not None:
+    if "loads" in item:
+        constant = item["loads"].mapping((), tuple(NAMED_LOADS))
         given["constant"] = {name: constant[name].number(RANGES[name]) for name in constant.value}
+        if mirror and "lateral_N" in given["constant"]:
+            given["constant"]["lateral_N"] *= -1.0
     try:
         test = MeasuredTest(item["name"].text(), flexion, loads, observed, **given)
         if item.value.get("weight") == _BY_LOAD:
@@ -103,7 +127,36 @@ def _read(item: Field, folder: Path, lines: Sequence[str]) -> tuple[MeasuredTest
             test = dataclasses.replace(test, weight=weight)
     except WrongValue as problem:
         raise refused(item, problem) from None
+    _check_sense(item, test, folder)
     return test, dict(item.value) | {"file": _path(item["file"], folder) or item.value["file"]}
+
+
+def _check_sense(item: Field, test: MeasuredTest, folder: Path) -> None:
+    """Refuse a curve along which the tibia moves against its load, by the column suspected."""
+    found = against_load(test)
+    if found is None:
+        return
+    said = item.value.get("columns", {})
+    moved = COORDINATES[found.coordinate].column
+    columns = {name: str(said.get(name, name)) for name in (moved, found.load)}
+    # A column whose own name speaks of the other sense, unless it was turned round already.
+    other = [
+        name for name, column in columns.items()
+        if _OTHER_SENSE.search(column) and not column.lstrip().startswith("-")
+    ]  # fmt: skip
+    name = other[0] if len(other) == 1 else moved
+    column = columns[name]
+    turned = column.lstrip()[1:].lstrip() if column.lstrip().startswith("-") else f"-{column}"
+    (least, most), (low, high) = found.loads, found.values
+    unit = NAMED_LOADS[found.load].unit
+    raise InputProblem(
+        _path(item["file"], folder) or item["file"].text(),
+        column,
+        f"{moved} from {low:g} to {high:g} at {found.flexion_deg:g} degrees",
+        f"a coordinate that rises with its load, {found.load} from {least:g} to {most:g} {unit}: "
+        f'a column of the other sense is suspected; write {name}: "{turned}" under columns, or '
+        "turn the other column round",
+    )
 
 
 def _that_count(field: Field, table: LabTable, observed: np.ndarray) -> tuple[LabTable, np.ndarray]:

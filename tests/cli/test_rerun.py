@@ -33,6 +33,7 @@ def edited(folder, **changes):
 def test_a_folder_says_what_was_asked_for(evaluated):
     settings = settings_of(evaluated)
     assert settings.pop("versions")["kneejax"] == __version__
+    assert {*settings.pop("files")} == {"ligaments.csv", "contact.csv", "checksum"}
     assert settings == {
         "command": "evaluate",
         "knee": "four_ligament",

@@ -1,5 +1,6 @@
 """A cohort from its files to its report: bad knees among good ones, parts, and what is there."""
 
+import argparse
 import csv
 import math
 import resource
@@ -12,10 +13,11 @@ import yaml
 
 import kneejax as kj
 from kneejax.cli import main
+from kneejax.cli._results_folder import ResultsFolder, owned
 from kneejax.cohorts import read_cohort
-from kneejax.files import load_knee, write_poses
+from kneejax.files import load_knee, write_poses, write_text
 from kneejax.inference import synthetic_motion
-from kneejax.parameters import with_values
+from kneejax.parameters import UnsuitableData, with_values
 from kneejax.studies import read_study, run_side_by_side
 
 pytestmark = pytest.mark.usefixtures("optimised_code")
@@ -151,6 +153,38 @@ def test_what_ends_a_task_is_met_once_more_and_then_said(cohort, capsys, monkeyp
     assert "K1: OSError: [Errno 28] No space left on device" in capsys.readouterr().out
 
 
+def test_a_cohort_takes_the_place_of_a_study_and_mends_what_was_damaged(
+    cohort, tmp_path, monkeypatch
+):
+    """Once its report.html stood beside the study's result.json and poses.csv."""
+    out, computed = tmp_path / "kneejax-calibration", []
+    study = ResultsFolder(out)
+    with study.gathered(argparse.Namespace(command="calibrate", study="paper1", out=out)):
+        for name in ("result.json", "poses.csv", "report.html", "figures/fit.png"):
+            write_text(out / name, "of a study")
+        study.commit({"command": "calibrate"})
+    (out / "notes.txt").write_text("mine")
+
+    def answered(studies):
+        computed.append(len(studies))
+        return [UnsuitableData("it does not balance") for _ in studies]
+
+    monkeypatch.setattr("kneejax.cli._cohort_work.run_side_by_side", answered)
+    words = ["calibrate", str(cohort), "--out", str(out)]
+    assert main(words) == 1
+    marks = {f"knees/{name}/task.json" for name in (*KNEES, "bad")}
+    held = {x.relative_to(out).as_posix() for x in out.rglob("*") if x.is_file()}
+    summary = {"cohort.csv", "cohort.nc", "report.html", "settings.json"}
+    assert held == summary | marks | {"notes.txt"} and owned(out) == held - {"notes.txt"}
+    first, whole = computed[:], (out / "cohort.csv").read_bytes()
+    for damage in (lambda data: data[: len(data) // 2], lambda data: b"", lambda data: b"text"):
+        path = out / "knees" / "K1" / "task.json"
+        path.write_bytes(damage(path.read_bytes()))
+        computed.clear()
+        assert main(words) == 1
+        assert len(computed) == 1 < len(first) and (out / "cohort.csv").read_bytes() == whole
+
+
 def test_a_disk_that_is_too_full_is_said_before_the_work(cohort, capsys, monkeypatch):
     out = cohort.parent / "no_room"
     monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=0.6e6))
@@ -179,7 +213,7 @@ def test_what_a_full_disk_ends_is_no_file_and_goes_on_later(
     said = capsys.readouterr()
     assert "File too large" in said.out + said.err and "Traceback" not in said.err
     for path in out.rglob("*"):
-        if path.suffix in (".npz", ".nc") or path.name == "result.json":
+        if path.suffix in (".draws", ".nc") or path.name == "result.json":
             assert path.read_bytes() == whole[path.relative_to(out)]
     assert not (out / "knees" / "K0" / "task.json").exists()
     assert not [path for path in out.rglob(".*") if path.is_file()]

@@ -127,6 +127,24 @@ def test_a_record_without_ground_is_counted_as_a_whole(pressed):
     assert cycle.words == "the whole record" and cycle.percent[16] == pytest.approx(50.0)
 
 
+def test_a_drawer_and_a_squat_are_no_cycle_of_gait():
+    """A device that draws the tibia forwards is no foot that comes down; one step is no cycle."""
+    one_step = record(np.zeros((COUNT, 6)))
+    ground = np.zeros((COUNT, 3))
+    ground[5:25, 0], ground[5:25, 1] = 100.0, 30.0
+    drawer = cycle_of(dataclasses.replace(one_step, ground_N=ground))
+    standing = np.broadcast_to([10.0, 600.0, 5.0], (COUNT, 3))
+    squat = cycle_of(dataclasses.replace(one_step, ground_N=standing))
+    for cycle in (drawer, squat):
+        assert (cycle.words, cycle.is_gait) == ("the whole record", False)
+        assert cycle.axis_label == "Record, %" and cycle.percent[[0, -1]].tolist() == [0.0, 100.0]
+    steps = np.zeros((COUNT, 3))
+    steps[4:14, 1], steps[20:30, 1] = 700.0, 700.0
+    gait = cycle_of(dataclasses.replace(one_step, ground_N=steps))
+    assert gait.is_gait and gait.axis_label == "Gait cycle, %"
+    assert not cycle_of(one_step).is_gait
+
+
 def test_a_quadriceps_that_ends_on_the_tibia_is_taken_out_before_a_patella_pulls():
     told = record(np.zeros((COUNT, 6)), pull=70.0)
     head = dataclasses.replace(told.muscles, names=("vas_lat_r",))

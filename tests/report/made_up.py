@@ -172,7 +172,7 @@ def calibration(poses: int = 25, synthetic: bool = True, **changes) -> Calibrati
         "misfits": (),
         "weights": np.array([8.0, 8.0, 1.0, 1.0, 1.0]),
         "left_out": 1,
-        "seconds": {"total": 4.2, "compile": 2.9, "solve": 1.1},
+        "seconds": {"total": 4.2, "compile": 2.9, "search": 1.1, "other": 0.2},
         "versions": {"kneejax": "0.1.0", "jax": "0.7.0"},
         "settings": {"procedures": ["II", "I", "III"], "weights": {"rotations_mm": 8.0}, "seed": 0},
     }

@@ -51,6 +51,24 @@ def test_a_study_may_be_of_tests_alone(tmp_path):
     assert read.settings()["tests"][0]["file"] == str(tmp_path / "drawer.csv")
 
 
+def test_what_acts_throughout_is_called_loads_as_in_a_study(tmp_path):
+    """`constant`, its older name, is read, and no message knows it."""
+    table(tmp_path)
+    drawer = {"name": "drawer", "file": "drawer.csv"}
+    pressed = {"compression_N": 50.0, "lateral_N": 4.0}
+    for name in ("loads", "constant"):
+        one, left = study(
+            tmp_path,
+            [drawer | {name: pressed}, drawer | {"name": "left", "mirror": True, name: pressed}],
+        ).tests
+        assert one.constant == pressed
+        assert left.constant == {"compression_N": 50.0, "lateral_N": -4.0}
+        with pytest.raises(InputProblem, match=r"tests\[0\].loads.axial_N"):
+            study(tmp_path, [drawer | {name: {"axial_N": 50.0}}])
+    with pytest.raises(InputProblem, match=r"tests\[0\].constant.*one of .*loads"):
+        study(tmp_path, [drawer | {"loads": pressed, "constant": pressed}])
+
+
 def test_forces_may_follow_the_tibias_own_axes(tmp_path):
     table(tmp_path)
     strapped = {"name": "device", "file": "drawer.csv", "axes": "tibia"}
@@ -244,6 +262,8 @@ def test_a_tension_of_a_line_acts_and_one_of_a_ligament_was_read(tmp_path):
     table(tmp_path, header=header, rows=[(30.0, 0.0, 1.0, 200.0), (60.0, 0.0, 2.0, np.nan)])
     with pytest.raises(InputProblem, match="row 2: empty: expected a tension in every row"):
         study(tmp_path)
+
+
 def test_a_published_range_is_counted_between_opposite_loads(tmp_path):
     item = {"name": "drawer", "file": "markolf1978_drawer", "load": {"anterior_N": 100}}
     (test,) = study(tmp_path, [item]).tests

@@ -15,11 +15,12 @@ from kneejax.experiments import activity, evaluate
 from kneejax.experiments.activity._activity import _of_ligaments, muscles_over
 from kneejax.files import load_knee_file, read_activity, read_storage
 from kneejax.files.opensim._activity import _acting as acting_of
-from kneejax.files.opensim._activity import _below, _moved, _sorted
+from kneejax.files.opensim._activity import _moved, _sorted
 from kneejax.files.opensim._knee import find_knee
 from kneejax.files.opensim._model import read_model
 from kneejax.files.opensim._movement import Rigid, moved
 from kneejax.files.opensim._muscle_lines import crossing
+from kneejax.files.opensim._record_checks import bodies_below
 from kneejax.files.tables import common_times
 from kneejax.geometry import TIBIA, Pose, State
 
@@ -53,7 +54,7 @@ def test_the_moments_of_a_recorded_static_optimisation_cancel():
     given = _sorted(model, bones, GAIT_FILES)
     time = common_times(given.tables)
     movement, around = _moved(model, bones, given.motion, time)
-    below, tibia = _below(movement.joints, bones), movement.placed[bones.tibia]
+    below, tibia = bodies_below(movement.joints, bones), movement.placed[bones.tibia]
     frame = Rigid(tibia.inverse().turn, 1e3 * tibia.inverse().shift)
     parts, _, _ = acting_of(given, movement, around, below, frame, time)
     whole = sum(parts.values())

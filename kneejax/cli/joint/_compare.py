@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 import json
-from pathlib import Path
 
 import numpy as np
 
 from kneejax.cli._contact_knee import read_contact_knee
+from kneejax.cli._settings import options_of
 from kneejax.cli.joint._command import renamed_columns
 from kneejax.cli.joint._models import (
     Modelled,
@@ -192,11 +192,7 @@ def _write(
         tables["tests.csv"] = (text.TEST_COLUMNS, text.test_rows)
     for name, (columns, rows) in tables.items():
         write_rows(out / name, list(columns), rows(found))
-    settings = {
-        name: value if not isinstance(value, Path) else str(value)
-        for name, value in vars(arguments).items()
-        if name not in ("command", "kind", "run", "parser", "out", "measured")
-    }
+    settings = options_of(arguments)
     settings["measured"] = [str(file) for file in arguments.measured]
     settings["sources"] = {name: one.source for name, one in models.items()}
     document = text.joint_comparison_document(found, settings, versions())

@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
-from pathlib import Path
 
 import numpy as np
 
 from kneejax.cli._contact_knee import ContactKnee, passive_motion, read_contact_knee
+from kneejax.cli._settings import options_of
 from kneejax.cli.joint._axes import (
     FemurAxes,
     FindAxes,
@@ -221,11 +221,6 @@ def _write(
 
 
 def _document(arguments, fit: JointFit, axes: FemurAxes, motion: _Motion, side, whence) -> dict:
-    settings = {
-        name: str(value) if isinstance(value, Path) else value
-        for name, value in vars(arguments).items()
-        if name not in ("command", "kind", "run", "parser", "out")
-    }
     return {
         "poses": None if motion.status else arguments.poses.name,
         "knee": motion.name if motion.status else None,
@@ -241,7 +236,7 @@ def _document(arguments, fit: JointFit, axes: FemurAxes, motion: _Motion, side, 
             for joint, row in zip(("moving", "hinge"), fit.rmse, strict=True)
         },
         "doubts": [*motion.doubts, *axes.doubts],
-        "settings": settings,
+        "settings": options_of(arguments),
         "versions": versions(),
     }
 

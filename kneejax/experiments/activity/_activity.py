@@ -13,7 +13,15 @@ from kneejax.experiments._evaluate import Mechanics, evaluate
 from kneejax.experiments._motion import Motion
 from kneejax.experiments.activity._instants import Instants
 from kneejax.experiments.activity._tendon import tendon_of_quadriceps
-from kneejax.geometry import FEMUR_AND_TIBIA, PATELLA, TIBIA, Pose, State
+from kneejax.geometry import (
+    FEMUR_AND_TIBIA,
+    FREE_COORDINATES,
+    PATELLA,
+    TIBIA,
+    Pose,
+    State,
+    table_units,
+)
 from kneejax.mechanics import (
     QUADRICEPS,
     ConstantTensionLine,
@@ -44,12 +52,15 @@ class Activity:
         mechanics: ligaments and contacts there.
         acting: what acts on the tibia by name, about its origin along its axes, `(n, 6)` each, N
             and N mm: record and muscles, without what the knee's own parts do.
+        other: where a second stable balance is known, its pose, degrees and mm, `(n, 6)`; NaN
+            elsewhere.
     """
 
     record: LegRecord
     motion: Motion
     mechanics: Mechanics
     acting: dict[str, np.ndarray]
+    other: np.ndarray
 
     @property
     def holds(self) -> np.ndarray:
@@ -102,7 +113,9 @@ def activity(knee: Knee, record: LegRecord, near: Activity | None = None) -> Act
     Args:
         knee: of two bones, or of three (`KneeFile.with_patella`).
         record: from `kneejax.files.read_activity`.
-        near: of a like knee under the same record, as an intact one: where the search for an
+        near: of a like knee under the same record, as the intact one of a knee that was cut. A
+            loose knee may have two stable balances: that is reported to which the intact knee comes
+            when it is cut while the loads act, and the other one named. Where the search for an
             instant finds nothing, it begins at that knee's balance too.
 
     Returns:
@@ -117,13 +130,18 @@ def activity(knee: Knee, record: LegRecord, near: Activity | None = None) -> Act
     muscles = muscles_over(knee, record)
     body, stations = muscled(knee, record, muscles)
     other = None if near is None else jax.lax.stop_gradient(near.motion.settled)
-    found = Instants.of(*jax.lax.stop_gradient((body, stations)), other)
+    before = None if near is None else jax.lax.stop_gradient(near.motion.knee)
+    found = Instants.of(*jax.lax.stop_gradient((body, stations)), other, before)
     motion = found.motion(body, stations)
     table = np.asarray(jax.lax.stop_gradient(motion.to_table()))
     tibia = np.where(np.isnan(table), record.pose, table)
     pulls = np.asarray(_on_tibia(jax.lax.stop_gradient(muscles), tibia))
     acting = record.acting | dict(zip(muscles.names, np.moveaxis(pulls, -1, 1), strict=True))
-    return Activity(record, motion, evaluate(motion.knee, motion.settled.state), acting)
+    second = np.full(record.pose.shape, np.nan)
+    second[:, 1:] = found.other[:, : len(FREE_COORDINATES)] * table_units(FREE_COORDINATES)
+    second[:, 0] = np.where(np.isnan(second[:, 1]), np.nan, record.pose[:, 0])
+    mechanics = evaluate(motion.knee, motion.settled.state)
+    return Activity(record, motion, mechanics, acting, second)
 
 
 def muscles_over(knee: Knee, record: LegRecord) -> Muscles:

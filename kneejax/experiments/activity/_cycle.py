@@ -8,7 +8,7 @@ import numpy as np
 
 from kneejax.mechanics import LegRecord
 
-#: Force of the ground from which a foot stands on it, N.
+#: Upward force of the ground from which a foot stands on it, N, if no other component is larger.
 STANDS_N = 20.0
 #: No foot that stands is off the ground for less, s.
 _SHORTEST_S = 0.05
@@ -21,18 +21,26 @@ class Cycle(NamedTuple):
         percent: `(n,)`; negative before the first heel strike.
         toe_off: percent at which the foot leaves the ground; NaN where it is not recorded.
         words: what 0 and 100 are.
+        is_gait: whether that is a cycle of gait, from one heel strike to the next.
     """
 
     percent: np.ndarray
     toe_off: float
     words: str
+    is_gait: bool = False
+
+    @property
+    def axis_label(self) -> str:
+        """What an axis of `percent` is called."""
+        return "Gait cycle, %" if self.is_gait else "Record, %"
 
 
 def cycle_of(record: LegRecord) -> Cycle:
     """Count a record from heel strike to heel strike, as the force of the ground tells.
 
     Args:
-        record: with one step or more; without a force of the ground the whole record is the cycle.
+        record: of a gait, or of something else: without a foot that comes down and bears weight,
+            as in a squat or a drawer, 0 and 100 are the ends of the record.
 
     Example:
         >>> import types
@@ -43,7 +51,9 @@ def cycle_of(record: LegRecord) -> Cycle:
         ('from heel strike to heel strike', 0.0, 100.0, 50.0)
     """
     time = np.asarray(record.time_s, float)
-    stands = np.linalg.norm(record.ground_N, axis=1) > STANDS_N
+    # A device that draws the tibia forwards is no ground: that presses upwards, along Y.
+    upwards = np.asarray(record.ground_N)[:, 1]
+    stands = (upwards > STANDS_N) & (upwards >= np.abs(record.ground_N).max(axis=1))
     change = np.diff(stands.astype(int))
     strikes, lifts = time[1:][change > 0], time[1:][change < 0]
     strikes = strikes[np.diff(strikes, prepend=-np.inf) > _SHORTEST_S]
@@ -56,4 +66,4 @@ def cycle_of(record: LegRecord) -> Cycle:
     percent = 100.0 * (time - begin) / (end - begin)
     after = lifts[(lifts > begin) & (lifts < end)]
     toe_off = 100.0 * (after[-1] - begin) / (end - begin) if len(after) else np.nan
-    return Cycle(percent, float(toe_off), words)
+    return Cycle(percent, float(toe_off), words, len(strikes) > 1)

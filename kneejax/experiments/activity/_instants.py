@@ -2,8 +2,9 @@
 
 An instant lies near its neighbours in time, so only a few are walked to from the reference pose,
 each on its own route. The others are sought where their neighbours in time say, half-way first;
-what is not found there is walked to. A walk bends the knee without the movement's loads first, and
-a loose one can be lost there: then it is sought where another knee balances at the same instant.
+what is not found there is walked to. A walk bends the knee without the movement's loads first. A
+loose knee can be lost there, or come to a balance far from the intact knee's though one is near it:
+a knee that was cut is sought also where the intact one balances, cut while the loads act.
 """
 
 from __future__ import annotations
@@ -16,6 +17,12 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from kneejax.experiments._motion import Motion, again, itself
+from kneejax.experiments._second_balances import (
+    GUESSED,
+    changed_in_steps,
+    follow_second,
+    second_of,
+)
 from kneejax.geometry import scales
 from kneejax.mechanics import Knee
 from kneejax.statics import (
@@ -27,6 +34,7 @@ from kneejax.statics import (
     own_motion,
     own_motion_near,
     settled_of,
+    sound,
 )
 
 #: Instants that are walked to. A walk costs as much as eighty instants that are found between
@@ -34,8 +42,6 @@ from kneejax.statics import (
 _ANCHORS = 5
 #: A balance farther from the one before is sought from there, mm (rotations at 30 mm).
 _MISSED_MM = 2.0
-#: Fields of a balance from which a search begins.
-_GUESSED = "q", "meeting", "tangent"
 
 
 @dataclasses.dataclass
@@ -48,6 +54,7 @@ class Instants:
         nodes: fields of the balances, arrays begin with the instant.
         reached: as in `Motion`.
         near: balances of a like knee at the same instants, see `activity`; or none.
+        other: coordinates of a second stable balance, `(n, free)`; NaN where none is known.
     """
 
     knee: Knee
@@ -55,15 +62,23 @@ class Instants:
     nodes: dict[str, np.ndarray]
     reached: np.ndarray
     near: Settled | None = None
+    other: np.ndarray = dataclasses.field(default_factory=lambda: np.empty((0, 0)))
 
     @classmethod
-    def of(cls, knee: Knee, stations: Stations, near: Settled | None = None) -> Instants:
+    def of(
+        cls,
+        knee: Knee,
+        stations: Stations,
+        near: Settled | None = None,
+        before: Knee | None = None,
+    ) -> Instants:
         """Find them all.
 
         Args:
             knee: without a lane axis, its numbers known.
             stations: as in the attributes.
             near: likewise.
+            before: the knee that balances there.
         """
         count = len(stations)
         stations = jax.tree.map(np.asarray, stations.of(knee))
@@ -76,6 +91,9 @@ class Instants:
         lost = np.flatnonzero(~found._known(np.arange(count)))
         if len(lost):
             found._walk(lost)
+        found.other = np.full_like(found.nodes["q"], np.nan)
+        if near is not None and before is not None:
+            found._from_before(before)
         return found
 
     def motion(self, knee: Knee, stations: Stations) -> Motion:
@@ -99,8 +117,37 @@ class Instants:
         lost = self.nodes["status"][rows] == Status.NOT_CONVERGED
         rows = rows[lost & np.asarray(converged(self.near.status))[rows]]
         if len(rows):
-            begin = (np.moveaxis(np.asarray(getattr(self.near, x)), -1, 0) for x in _GUESSED)
+            begin = (np.moveaxis(np.asarray(getattr(self.near, x)), -1, 0) for x in GUESSED)
             self._near(rows, [values[rows] for values in begin])
+
+    def _from_before(self, before: Knee) -> None:
+        """Take the balances that the knee before has when it is changed in steps, where they are
+        stable; what was found on the other way is a second one where it is another.
+
+        A knee that was found to give way under its load stays lost, with the balance as second.
+        """
+        assert self.near is not None
+        rows = np.flatnonzero(np.asarray(converged(self.near.status)))
+        begin = [np.moveaxis(np.asarray(getattr(self.near, x)), -1, 0)[rows] for x in GUESSED]
+        at = self._at(rows)
+        found = changed_in_steps(before, self.knee, at, begin) if len(rows) else None
+        if found is None:
+            return
+        own = {name: values[rows] for name, values in self.nodes.items()}
+        apart = second_of(at, own, found)
+        taken = apart & self._known(rows)
+        second = {x: np.full_like(self.nodes[x], np.nan) for x in GUESSED}
+        for name, values in second.items():
+            values[rows[apart]] = found[name][apart]
+            values[rows[taken]] = own[name][taken]
+        for name, values in self.nodes.items():
+            values[rows[taken]] = found[name][taken]
+        self.reached[rows[taken]] = found["reached"][taken]
+        unsound = taken & ~np.asarray(sound(own["status"]))
+        second["q"][rows[unsound]] = np.nan
+        in_time = np.arange(len(self.reached))[None]
+        follow_second(self.knee, self.stations, self.nodes, second, in_time)
+        self.other = second["q"]
 
     def _near(self, rows: np.ndarray, begin: list[np.ndarray]) -> None:
         """Find some near where they are expected."""
@@ -124,7 +171,7 @@ class Instants:
             rows = (first[apart] + last[apart]) // 2
             good = known[self._known(known)]
             if len(good) > 1:
-                along = (PchipInterpolator(good, self.nodes[x][good], axis=0) for x in _GUESSED)
+                along = (PchipInterpolator(good, self.nodes[x][good], axis=0) for x in GUESSED)
                 self._near(rows, [at(rows) for at in along])
             else:
                 self._walk(rows)
@@ -148,7 +195,7 @@ class Instants:
             if not before or is_near(row) or (way < 0 and known):
                 continue
             here, kept = np.array([row]), [x[row].copy() for x in self._every()]
-            self._near(here, [self.nodes[x][[row - way]] for x in _GUESSED])
+            self._near(here, [self.nodes[x][[row - way]] for x in GUESSED])
             if not is_near(row):
                 for values, old in zip(self._every(), kept, strict=True):
                     values[row] = old

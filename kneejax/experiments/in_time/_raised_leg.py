@@ -13,6 +13,7 @@ from kneejax.experiments.extensor import Extensor, at_rest, leg_raise
 from kneejax.experiments.in_time._transient import MOST_ERROR_MM, Transient, described, smooth_way
 from kneejax.geometry import TIBIA, coordinates_of, table_units
 from kneejax.mechanics import QUADRICEPS
+from kneejax.numerics import WrongValue
 from kneejax.statics import converged
 
 #: N m; a leg that would turn with more is not held by its quadriceps: it would not sink.
@@ -77,7 +78,8 @@ def raised_leg(
     """
     flexions, times = np.asarray(flexion_deg, float), np.asarray(time_s, float)
     if (np.diff(flexions) >= 0.0).any():
-        raise ValueError("raised_leg: expected flexions that fall, from the hanging leg on")
+        found = ", ".join(f"{x:g}" for x in flexions)
+        raise WrongValue("flexion_deg", found, "flexions that fall, from the hanging leg on")
     weights = moving.loads[len(moving.knee.loads) :]
     others = tuple(load for load in weights if load.bone != TIBIA)
     (weight,) = (load for load in weights if load.bone == TIBIA)
@@ -117,10 +119,8 @@ def _ends(leg: Extensor) -> tuple[int, int]:
     stretch = max(np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1), key=len)
     if len(stretch) < 2:
         at = leg.flexion_deg
-        raise ValueError(
-            f"{leg.motion.knee.name}: the quadriceps holds the leg at fewer than two of the "
-            f"flexions {at[0]:g} to {at[-1]:g} degrees"
-        )
+        found = f"{at[0]:g} to {at[-1]:g}"
+        raise WrongValue("flexion_deg", found, "two at least at which the quadriceps holds the leg")
     return int(stretch[0]), int(stretch[-1])
 
 
@@ -132,10 +132,10 @@ def _way(times: np.ndarray, ends: np.ndarray, lengths) -> Callable:
         changes = given - given[0]
         for change in (changes.max(), changes.min()):
             if not last <= first + change <= first:
-                raise ValueError(
-                    f"a quadriceps that is {change:+.4g} mm longer than at the start, where it has "
-                    f"{first:.4g} mm: expected between {last - first:.4g} and 0 mm, with which it "
-                    "holds the leg"
+                raise WrongValue(
+                    "quadriceps_mm",
+                    f"{change:+.4g} longer than at the start, where it has {first:.4g}",
+                    f"between {last - first:.4g} and 0, with which it holds the leg",
                 )
         return smooth_way(lengths[0], given, first)
 

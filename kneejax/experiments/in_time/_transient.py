@@ -16,7 +16,7 @@ from kneejax.experiments._motion import Motion, passive_flexion
 from kneejax.experiments.extensor import at_rest
 from kneejax.geometry import COORDINATES, State, coordinate, coordinates_of, prescribed_of, scales
 from kneejax.mechanics import QUADRICEPS, Load, load_of
-from kneejax.numerics import check_installed
+from kneejax.numerics import WrongValue, check_installed
 from kneejax.statics import Status
 
 if TYPE_CHECKING:
@@ -299,8 +299,6 @@ def _balance(
     loads = [*weights, *([load_of(**acting)] if acting else [])]
     motion = passive_flexion(moving.knee, [flexion_deg], loads)
     if check and not bool(motion.settled.converged[0]):
-        raise ValueError(
-            f"no balance to begin from at {flexion_deg:g} degrees: "
-            f"{Status(int(motion.status[0])).sentence}"
-        )
+        found = f"{flexion_deg:g}: {Status(int(motion.status[0])).sentence}"
+        raise WrongValue("flexion_deg", found, "a balance that the motion can begin from")
     return motion

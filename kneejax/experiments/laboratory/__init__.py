@@ -18,3 +18,6 @@ from kneejax.experiments.laboratory._measured_test import reading_unit as readin
 from kneejax.experiments.laboratory._measured_test import weights_by_load as weights_by_load
 from kneejax.experiments.laboratory._ready import READY as READY
 from kneejax.experiments.laboratory._ready import lab_tests as lab_tests
+from kneejax.experiments.laboratory._second import second_balances as second_balances
+from kneejax.experiments.laboratory._sense import AgainstLoad as AgainstLoad
+from kneejax.experiments.laboratory._sense import against_load as against_load

@@ -9,6 +9,7 @@ import numpy as np
 
 from kneejax.geometry import COORDINATES
 from kneejax.mechanics import NAMED_LOADS, Load, load_called, load_of, load_words
+from kneejax.numerics import WrongValue
 
 #: What a machine can move -> the coordinate that it prescribes. Its force is a named load then,
 #: whose work goes along that coordinate alone.
@@ -71,26 +72,27 @@ class LabTest:
             unknown = [name for name in names if name not in NAMED_LOADS]
             if unknown:
                 known = ", ".join(NAMED_LOADS)
-                raise ValueError(f"LabTest.{field} names {unknown[0]!r}; expected one of {known}")
+                raise WrongValue(field, repr(unknown[0]), f"one of {known}")
         if bool(self.full) == (self.displacement is not None):
-            raise ValueError("LabTest takes either full, at least one load, or displacement")
+            raise WrongValue("full", str(dict(self.full)), "a load, or a displacement instead")
         if self.observed not in COORDINATES or self.observed == "flexion":
             known = ", ".join(list(COORDINATES)[1:])
-            raise ValueError(f"LabTest.observed is {self.observed!r}; expected one of {known}")
+            raise WrongValue("observed", repr(self.observed), f"one of {known}")
         if not self.flexion_deg or not self.path:
-            raise ValueError("LabTest needs at least one flexion and one step")
+            empty = "path" if self.flexion_deg else "flexion_deg"
+            raise WrongValue(empty, "nothing", "a number at least")
         if self.displacement is not None and self.observed not in MOVED_BY_MACHINE:
             known = ", ".join(MOVED_BY_MACHINE)
-            raise ValueError(f"LabTest.displacement moves {self.observed!r}; expected of {known}")
+            raise WrongValue("displacement", f"of {self.observed}", f"one of {known}")
         self._check_held()
 
     def _check_held(self) -> None:
         for name in self.held:
             if name not in HELD:
                 known = ", ".join(HELD)
-                raise ValueError(f"LabTest.held names {name!r}; expected of {known}")
+                raise WrongValue("held", repr(name), f"of {known}")
             if name == self.observed or load_called(name) in self.full:
-                raise ValueError(f"LabTest.held names {name!r}, which the test itself turns")
+                raise WrongValue("held", repr(name), "no coordinate that the test itself moves")
 
     @property
     def driven_by(self) -> str:
@@ -154,7 +156,7 @@ def load_cycle(steps: int = 20, both: bool = False) -> tuple[float, ...]:
         (0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5, 0.0)
     """
     if steps < 1:
-        raise ValueError(f"steps is {steps}; expected at least 1")
+        raise WrongValue("steps", str(steps), "at least 1")
     up = [k / steps for k in range(1, steps + 1)]
     half = [*up, *reversed(up[:-1]), 0.0]
     return 0.0, *half, *([-part if part else 0.0 for part in half] if both else [])

@@ -21,7 +21,8 @@ COUNTED_FROM = {
     "unloaded": "changes from the unloaded pose of the same flexion",
     "intact": "changes from the unloaded pose of the same flexion before anything was cut",
     "least_load": "poses; the one under the least load of the same flexion counts as zero",
-    "opposite": "poses; each under a positive load less the one under the opposite load",
+    "opposite": "poses; each under a positive load less the one under the opposite load, within "
+    "5 % of the load and 1 degree of flexion",
     "offset": "poses; each coordinate is off by an unknown constant, the same in all of the test",
     "offset_each_flexion": "the same, with constants of its own at each flexion",
     "absolute": "poses in the model's own frame",
@@ -40,8 +41,8 @@ READINGS = {
 WITHOUT_LOADS = ("offset", "absolute", "extension")
 #: Part of the largest load of a curve under which its neutral pose may have been measured.
 _NEARLY_ZERO = 0.1
-#: Part of a load by which its opposite may differ.
-_PAIRED = 0.05
+#: Part of a load by which its opposite may differ, and degrees by which their flexion may.
+_PAIRED, _PAIRED_DEG = 0.05, 1.0
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -137,7 +138,7 @@ class MeasuredTest:
         self._check_readings(shape[:1])
         self._check_weight(shape[:1])
         self._check_frames()
-        self.partner  # noqa: B018 - says what does not fit
+        self._check_information()
 
     def _check_readings(self, shape: tuple[int]) -> None:
         if self.counted_from == "intact" and not self.cut:
@@ -191,6 +192,37 @@ class MeasuredTest:
             found = f"{angles[rows > 1][0]:g} degrees {rows.max()} times"
             raise WrongValue("flexion_deg", found, "each once, since no load acts")
 
+    def _check_information(self) -> None:
+        """Each unknown constant leaves something of the readings that share it, and so do the rows
+        from which others are counted."""
+        partner, groups = self.partner, self.groups
+        weight = np.ones(len(partner)) if self.weight is None else self.weight
+        seen = {name: x for name, x in zip(FREE_COORDINATES, self.observed.T, strict=True)}
+        seen |= {name: x for name, x in self.readings.items() if name in OTHER_COLUMNS}
+        acting = [*self.loads.values(), *self.tensions.values()]
+        setting = np.column_stack([self.flexion_deg, *acting])
+        for name, values in seen.items():
+            counts = np.isfinite(values) & (weight > 0)
+            for group in np.unique(groups[(groups >= 0) & counts]):
+                rows = np.flatnonzero((groups == group) & counts)
+                # What was read twice under the same load differs by noise alone.
+                if self.frames is None and len(np.unique(setting[rows], axis=0)) < 2:
+                    where = f" at {self.flexion_deg[rows[0]]:g} degrees"
+                    where = where if self.counted_from == "offset_each_flexion" else ""
+                    raise WrongValue(
+                        "counted_from",
+                        f"{name} under one load{where}",
+                        f"readings under two loads or more for each constant of "
+                        f"{self.counted_from}, which otherwise absorbs them",
+                    )
+        left = partner != np.arange(len(partner))
+        beside = any(name not in seen for name in self.readings)
+        if not beside and all(np.isnan(values[left]).all() for values in seen.values()):
+            found = f"{self.counted_from} and no other row"
+            raise WrongValue(
+                "counted_from", found, "rows beside those that others are counted from"
+            )
+
     @property
     def bent_deg(self) -> np.ndarray:
         """Flexion of each row of a model's knee, `(n,)`: as measured, or as a motion is led."""
@@ -226,20 +258,13 @@ class MeasuredTest:
         if self.counted_from not in ("least_load", "opposite"):
             return np.full(len(rows), -1)
         partner, driving = rows.copy(), self.loads[self.driven_by]
+        if self.counted_from == "opposite":
+            under = np.flatnonzero(driving > 0)
+            partner[under] = [self._opposite(row, driving) for row in under]
+            return partner
         for flexion in np.unique(self.flexion_deg):
             own = np.flatnonzero(self.flexion_deg == flexion)
-            if self.counted_from == "least_load":
-                partner[own] = self._least(own, driving)
-                continue
-            for row in own[driving[own] > 0]:
-                near = own[np.argmin(np.abs(driving[own] + driving[row]))]
-                if abs(driving[near] + driving[row]) > _PAIRED * driving[row]:
-                    raise WrongValue(
-                        f"row {row + 1}",
-                        f"{self.driven_by} {driving[row]:g} at {flexion:g} degrees",
-                        "a row under the opposite load, since opposite is what it is counted from",
-                    )
-                partner[row] = near
+            partner[own] = self._least(own, driving)
         return partner
 
     @property
@@ -253,6 +278,26 @@ class MeasuredTest:
         if self.counted_from == "offset_each_flexion":
             return np.unique(self.flexion_deg, return_inverse=True)[1]
         return np.full(len(self.flexion_deg), 0 if self.counted_from == "offset" else -1)
+
+    def _opposite(self, row: int, driving: np.ndarray) -> int:
+        """Row under the opposite load, at nearly the same flexion."""
+        # Of both tolerances the part that each row takes up; robots repeat neither exactly.
+        off = np.abs(driving + driving[row]) / (_PAIRED * driving[row])
+        apart = np.abs(self.flexion_deg - self.flexion_deg[row]) / _PAIRED_DEG
+        fits = (off <= 1.0) & (apart <= 1.0)
+        if fits.any():
+            return int(np.argmin(np.where(fits, off + apart, np.inf)))
+        near = int(np.argmin(np.where(driving < 0, np.maximum(off, apart), np.inf)))
+        other = "no row has a load of the opposite sense"
+        if driving[near] < 0:
+            at = f"{driving[near]:g} at {self.flexion_deg[near]:g} degrees"
+            other = f"the nearest is row {near + 1}, {at}"
+        raise WrongValue(
+            f"row {row + 1}",
+            f"{self.driven_by} {driving[row]:g} at {self.flexion_deg[row]:g} degrees",
+            f"a row under the opposite load, within {100 * _PAIRED:g} % of it and {_PAIRED_DEG:g} "
+            f"degree of its flexion, since it is counted from opposite; {other}",
+        )
 
     def _least(self, own: np.ndarray, driving: np.ndarray) -> int:
         """Row of the neutral pose among the rows of one flexion."""

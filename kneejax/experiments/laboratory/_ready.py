@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 
 from kneejax.experiments.laboratory._lab_test import MOVED_BY_MACHINE, LabTest, load_cycle
 from kneejax.geometry import coordinate
+from kneejax.numerics import WrongValue
 
 _USUAL_DEG = tuple(range(0, 91, 15))
 
@@ -106,15 +107,15 @@ def lab_tests(
     moved = {key: size for key, size in moved.items() if size is not None}
     if name == "envelope":
         if moved:
-            raise ValueError(f"envelope takes no {next(iter(moved))}: its tests are by load")
+            raise WrongValue(next(iter(moved)), name, "a test that a machine can drive")
         return _envelope(flexion_deg, force_N, 10.0 if moment_Nm is None else moment_Nm, given)
     if name not in READY:
-        raise ValueError(f"no test is called {name!r}; expected one of {', '.join(READY)}")
+        raise WrongValue("test", repr(name), f"one of {', '.join(READY)}")
     kind = READY[name]
     size, other = (moment_Nm, force_N) if kind.turns else (force_N, moment_Nm)
     if other is not None:
         wanted, wrong = ("moment_Nm", "force_N") if kind.turns else ("force_N", "moment_Nm")
-        raise ValueError(f"{name} takes {wanted}, not {wrong}")
+        raise WrongValue(wrong, name, f"{wanted}, which this test takes")
     full = {load: part * (kind.size if size is None else size) for load, part in kind.full.items()}
     displacement = _displacement(name, kind, size, moved) if moved else None
     angles = kind.flexion_deg if flexion_deg is None else flexion_deg
@@ -140,10 +141,10 @@ def _displacement(name: str, kind: Ready, load: float | None, moved: Mapping[str
     """How far a machine moves what a test observes, mm or degrees."""
     wanted = "rotation_deg" if coordinate(kind.observed).unit == "deg" else "displacement_mm"
     if kind.observed not in MOVED_BY_MACHINE or len(kind.full) > 1:
-        raise ValueError(f"{name} takes no {next(iter(moved))}: it is by load")
+        raise WrongValue(next(iter(moved)), name, "a test that a machine can drive")
     for given in moved:
         if given != wanted:
-            raise ValueError(f"{name} takes {wanted}, not {given}")
+            raise WrongValue(given, name, f"{wanted}, which this test takes")
     if load is not None:
-        raise ValueError(f"{name} takes a load or {wanted}, not both")
+        raise WrongValue(wanted, f"{name} with a load too", "one of the two")
     return moved[wanted]

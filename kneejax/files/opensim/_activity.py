@@ -12,16 +12,25 @@ import numpy as np
 
 from kneejax.files.opensim._external_loads import (
     ExternalLoads,
-    has_contacts,
     of_contacts,
     on_bodies,
+    place_doubts,
     read_external_loads,
 )
-from kneejax.files.opensim._joints import Joint, read_joints
+from kneejax.files.opensim._joints import read_joints
 from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, find_knee
 from kneejax.files.opensim._model import Model, angles_xyz, read_model, turn_xyz
 from kneejax.files.opensim._movement import Movement, Rigid, coordinate_columns, moved, turning
 from kneejax.files.opensim._muscle_lines import Crossing, crossing, muscles_of, tension_of_ligament
+from kneejax.files.opensim._record_checks import (
+    bodies_below,
+    check_movement,
+    check_reaction,
+    check_tensions,
+    missing_words,
+    record_doubts,
+    with_prescribed,
+)
 from kneejax.files.opensim._registration import (
     Registration,
     flexion_coordinate,
@@ -63,48 +72,57 @@ def read_activity(
     document: dict[str, Any] | None = None,
     frames: str | Registration = "auto",
     instants: int | None = None,
+    femur: str | None = None,
+    tibia: str | None = None,
 ) -> LegRecord:
     """Read a recorded movement, without OpenSim.
 
     Args:
         model_path: the model that moved (.osim).
         files: .sto or .mot tables of coordinates, and either of muscle forces with the external
-            loads (.xml, whose table is sought beside it; not needed where the forces are recorded
-            with those of the model's own contacts), or of joint reactions, alone or beside muscle
-            forces; each is known by its columns.
+            loads (.xml, whose table is sought beside it; left out where nothing touches the body,
+            or where the forces are recorded with those of the model's own contacts), or of joint
+            reactions, alone or beside muscle forces; each is known by its columns.
         side: `r` or `l`.
         knee: in whose frames the record is wanted.
         document: of the knee's file, which tells whether it was made of this model.
         frames: `same`, `landmarks`, or `auto` for the first where the knee was made of this model;
             or those of `registered`.
         instants: how many, evenly spaced; by default the rows of the coarsest table.
+        femur: body of the model that is the femur, with `tibia`; by default found by names.
+        tibia: likewise.
 
     Returns:
         What acted on the leg below the knee: its weight and inertia, the ground, muscles.
 
     Raises:
         InputProblem: a file cannot be read or is of no known kind, tables do not overlap in time,
-            angles are in the other unit than the header says, the model has no such knee.
+            numbers are in another unit than they should be, or the model has no such knee.
     """
     if side not in SIDES:
         raise InputProblem("--side", "side", side, "r or l")
     model = read_model(model_path)
-    bones = find_knee(model, side)
+    bones = find_knee(model, side, femur, tibia, may_be_named=True)
     given = _sorted(model, bones, files)
     time = common_times(given.tables, instants)
     shifts = frames
     if not isinstance(shifts, Registration):
         shifts = registration(model, bones, knee, document or {}, shifts)
     movement, around = _moved(model, bones, given.motion, time)
-    below = _below(movement.joints, bones)
+    below = bodies_below(movement.joints, bones)
     tibia = movement.placed[bones.tibia]
     frame = in_knee(tibia, TIBIA, shifts, side)
     if given.reaction is not None:
         acting, mass, ground = _reaction(given.reaction, bones, time, shifts, frame), 0.0, None
     else:
         acting, mass, ground = _acting(given, movement, around, below, frame, time)
-    notes, doubts = [*shifts.notes], [*shifts.doubts]
-    doubts += [] if given.ground is None else given.ground.doubts
+    notes, doubts = [*shifts.notes], [*shifts.doubts, *bones.doubts]
+    doubts += record_doubts(model, bones, below, given.motion)
+    notes += missing_words(model, bones, below, given.motion)
+    if given.ground is not None:
+        doubts += [*given.ground.doubts, *place_doubts(given.ground, movement, below, time)]
+    elif ground is not None and not ground.any():
+        notes.append("No external loads were given: none act on the leg.")
     frames_of = {
         TIBIA: frame, FEMUR: in_knee(movement.placed[bones.femur], FEMUR, shifts, side),
     }  # fmt: skip
@@ -155,12 +173,9 @@ def _sorted(model: Model, bones: OsimKneeJoint, files: Sequence[str | os.PathLik
     if "coordinates" not in kinds:
         expected = f"a table with the coordinate {flexion} among the files"
         raise InputProblem("FILES", "coordinates", "missing", expected)
-    own = "muscle forces" in kinds and has_contacts(kinds["muscle forces"])
-    if "joint reactions" not in kinds and not own:
-        for kind, what in (("muscle forces", "table"), ("external loads", ".xml")):
-            if kind not in kinds:
-                expected = f"a {what} of {kind}, or a table of joint reactions, among the files"
-                raise InputProblem("FILES", kind, "missing", expected)
+    if "joint reactions" not in kinds and "muscle forces" not in kinds:
+        expected = "a table of muscle forces, or one of joint reactions, among the files"
+        raise InputProblem("FILES", "muscle forces", "missing", expected)
     return _Files(
         kinds["coordinates"], kinds.get("muscle forces"), kinds.get("external loads"),
         kinds.get("joint reactions"),
@@ -171,11 +186,13 @@ def _moved(model: Model, bones: OsimKneeJoint, table: Storage, time: np.ndarray)
     """The model at the instants, and at five about each."""
     columns = coordinate_columns(model, table)
     angles_rad(table, columns[flexion_coordinate(model, bones)])
-    steps = _STEP_S * np.arange(-2, 3)[:, None]
-    values = dict(zip(columns, table.at(time + steps, list(columns.values())), strict=True))
+    check_movement(bones, table)
+    steps = time + _STEP_S * np.arange(-2, 3)[:, None]
+    values = dict(zip(columns, table.at(steps, list(columns.values())), strict=True))
     if table.in_degrees:
         angles = turning(read_joints(model))
         values = {k: np.deg2rad(x) if k in angles else x for k, x in values.items()}
+    values = with_prescribed(model, values, steps)
     # Translations and small rotations of a knee follow its balance without inertia of their own.
     for name in {c.name for joint in bones.joints for c in joint.coordinates} & {*values}:
         if name != flexion_coordinate(model, bones):
@@ -184,16 +201,6 @@ def _moved(model: Model, bones: OsimKneeJoint, table: Storage, time: np.ndarray)
     placed = {name: there.at(2) for name, there in around.placed.items()}
     here = Movement(model, around.joints, {k: x[2] for k, x in around.values.items()}, placed)
     return here, around
-
-
-def _below(joints: tuple[Joint, ...], bones: OsimKneeJoint) -> set[str]:
-    """Bodies of the leg below the knee: what moves with the tibia, but for the patella."""
-    found = {name for name, (bone, _) in bones.rigid.items() if bone == TIBIA}
-    while True:
-        more = {j.child for j in joints if j.parent in found} - found - {bones.patella, bones.femur}
-        if not more:
-            return found
-        found |= more
 
 
 def _acting(given: _Files, movement: Movement, around: Movement, below, frame: Rigid, time):
@@ -212,7 +219,7 @@ def _acting(given: _Files, movement: Movement, around: Movement, below, frame: R
     if given.ground is not None:
         ground = on_bodies(given.ground, movement, below, time)
     else:
-        assert given.muscles is not None  # with the contacts of the model
+        assert given.muscles is not None  # with the contacts of the model, if it has some
         ground = of_contacts(model, given.muscles, below, time)
     parts = {"ground": ground, "weight": weight, "inertia": inertia}
     found = {name: _on_tibia(pair[0], pair[1], frame) for name, pair in parts.items()}
@@ -258,6 +265,7 @@ def _reaction(table: Storage, bones: OsimKneeJoint, time, shifts: Registration, 
             raise InputProblem(table.file, "columns", f"no {column}", expected)
     force, moment, point = table.at(time, [ends[x] for x in axes]).reshape(3, 3, -1).swapaxes(1, 2)
     mirror = np.array([1.0, 1.0, -1.0 if bones.side == "l" else 1.0])
+    check_reaction(table, force, moment, point, ends)
     place = 1e3 * point * mirror + shifts.tibia
     about = 1e3 * moment * mirror * mirror.prod()
     own = force * mirror
@@ -282,6 +290,7 @@ def _muscles(given, movement, bones, found: Crossing, frames_of, shifts, time, n
         empty = muscles_of(movement, bones, [], np.zeros((0, count)), frames_of, dict, [])
         return empty, np.zeros(count)
     table = given.muscles
+    check_tensions(movement.model, table)
     by_name = {last_word(name): name for name in table.columns}
     for name in (*(way.name for way in found.muscles), *found.on_patella):
         if name not in by_name:

@@ -82,7 +82,11 @@ def couple_knee(
 
 
 def couple_model(
-    model_path: str | os.PathLike[str], side: str, motion: CoupledMotion, shifts: Registration
+    model_path: str | os.PathLike[str],
+    side: str,
+    motion: CoupledMotion,
+    shifts: Registration,
+    bones: tuple[str, str] | None = None,
 ) -> bytes:
     """A model whose knee follows flexion as a motion does.
 
@@ -91,6 +95,7 @@ def couple_model(
         side: `r` or `l`.
         motion: from `coupled_motion`, in the frames of a knee.
         shifts: from the model's frames to those, from `registered`.
+        bones: bodies that are the femur and the tibia; by default found by names.
 
     Returns:
         The new model; the old one's bytes but for the knee's joint.
@@ -99,7 +104,7 @@ def couple_model(
         InputProblem: see `couple_knee`.
     """
     edits = Edits(read_model(model_path))
-    couple_knee(edits, find_knee(edits.model, side), motion, shifts)
+    couple_knee(edits, find_knee(edits.model, side, *(bones or ())), motion, shifts)
     return edits.model.file.spliced(edits.splices)
 
 

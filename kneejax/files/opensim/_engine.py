@@ -22,8 +22,9 @@ _NAME = "opensim"
 
 
 def main(file: str) -> None:
-    """Do what a file of settings says: `model`, `motion`, `loads`, `actuators`, `joint`, `begin_s`,
-    `end_s`, `every` (rows of the motion), `folder`."""
+    """Do what a file of settings says: `model`, `motion`, `loads`, `actuators`, `joint`, `tibia`
+    (`child` or `parent` of the joint), `begin_s`, `end_s`, `every` (rows of the motion),
+    `folder`."""
     settings = json.loads(Path(file).read_text(encoding="utf-8"))
     osim = imported("opensim", "opensim", "opensim")
     osim.Logger.removeFileSink()
@@ -86,8 +87,8 @@ def _joint_reaction(osim: Any, settings: dict[str, Any], forces: Path) -> Path:
     analysis.setForcesFileName(str(forces))
     for give, word in (
         (analysis.setJointNames, settings["joint"]),
-        (analysis.setOnBody, "child"),
-        (analysis.setInFrame, "child"),
+        (analysis.setOnBody, settings["tibia"]),
+        (analysis.setInFrame, settings["tibia"]),
     ):
         words = osim.ArrayStr()
         words.append(word)

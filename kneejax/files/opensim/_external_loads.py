@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,20 @@ import numpy as np
 from kneejax.files.opensim._model import GROUND, Model
 from kneejax.files.opensim._movement import Movement
 from kneejax.files.opensim._xml import Element, XmlFile, parse_xml
+from kneejax.files.reading import InputProblem
 from kneejax.files.tables import Storage, read_storage
 
 KIND = "external loads of OpenSim (.xml)"
 _AXES = "xyz"
+#: Parts of the largest force above which a force's point is looked at: below, points are noise.
+_SOME_FORCE = 0.1
+#: A heel is no farther than this from the toes on which it presses: a point farther from the body
+#: is another foot's, or of an origin elsewhere, m.
+_FAR_M = 0.5
+#: A point that no body reaches, m.
+_NOWHERE_M = 3.0
+#: Largest forces and torques of the ground that are taken without a doubt, N and N m.
+_LEAST_N, _MOST_N, _MOST_NM = 5.0, 2e4, 300.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -169,9 +180,70 @@ def on_bodies(
     return force, moment
 
 
-def has_contacts(table: Storage) -> bool:
-    """Whether a table of forces has what a model's own contacts do to the ground."""
-    return any(".ground.force." in name for name in table.columns)
+def place_doubts(
+    loads: ExternalLoads, movement: Movement, bodies: set[str], time: np.ndarray
+) -> Iterator[str]:
+    """Forces that cannot be those of the body that they are said to act on.
+
+    Args:
+        loads: from `read_external_loads`.
+        movement: at these times.
+        bodies: on which the forces that count act.
+        time: within the table, `(n,)`, s.
+
+    Yields:
+        A sentence for each force whose size or torque is no person's, or whose point lies farther
+        from its body than a foot is long.
+
+    Raises:
+        InputProblem: a point is so far away that it must be in another unit.
+    """
+    file = Path(loads.table.file).name
+    for one in loads.forces:
+        if one.body not in bodies:
+            continue
+        rows = (_column(loads.table, names).T for names in (one.force, one.point, one.torque))
+        pull, point, torque = (_between(time, loads.table.time, x) for x in rows)
+        size, spin = np.linalg.norm(pull, axis=1), np.linalg.norm(torque, axis=1).max()
+        largest = np.linalg.norm(_column(loads.table, one.force), axis=0).max()
+        name = f"{file}: force {one.name} on {one.body}"
+        if 0.0 < largest < _LEAST_N:
+            yield f"{name} is at most {largest:.3g} N: kN or body weights are suspected."
+        if largest > _MOST_N:
+            yield f"{name} is up to {largest:,.0f} N: more than a person presses with."
+        if spin > _MOST_NM:
+            yield f"{name} turns by up to {spin:,.0f} N m: N mm are suspected."
+        if not one.point or not size.any():
+            continue
+        reach = _reach(movement, one.body, movement.placed[one.point_in].point(point))
+        reach = np.where(size > _SOME_FORCE * size.max(), reach, 0.0)
+        row = int(np.argmax(reach))
+        if reach[row] > _NOWHERE_M:
+            shown = ", ".join(f"{x:g}" for x in point[row])
+            suspected = "; mm are suspected" if np.abs(point[row]).max() > 10.0 else ""
+            raise InputProblem(
+                loads.table.file, ", ".join(one.point), f"({shown}) at {time[row]:g} s",
+                f"a point of {one.body} in m, which is {reach[row]:,.1f} m away{suspected}",
+            )  # fmt: skip
+        if reach[row] > _FAR_M:
+            yield (
+                f"{name} acts {reach[row]:.2f} m away from it at {time[row]:g} s, farther than a "
+                "foot is long: another foot's plate, or an origin that is not the model's?"
+            )
+
+
+def _reach(movement: Movement, body: str, point: np.ndarray) -> np.ndarray:
+    """How far points of the ground, `(n, 3)`, are from what a model has on a body: its origin, its
+    center of mass and its joints; m, `(n,)`."""
+    marks = [np.zeros(3), np.array(movement.model.point(movement.model.bodies[body],
+                                                        "mass_center"), float)]  # fmt: skip
+    for joint in movement.joints:
+        for end, frame in ((joint.parent, joint.parent_frame), (joint.child, joint.child_frame)):
+            if end == body and GROUND not in (joint.parent, joint.child):
+                marks.append(np.array(frame.translation, float))
+    here = movement.placed[body]
+    there = [here.point(np.broadcast_to(mark, point.shape)) for mark in marks]
+    return np.min([np.linalg.norm(point - mark, axis=1) for mark in there], axis=0)
 
 
 def of_contacts(

@@ -100,7 +100,12 @@ def registration(
 
 
 def registered(
-    model_path: str | os.PathLike[str], side: str, knee: Knee, document: dict[str, Any], frames: str
+    model_path: str | os.PathLike[str],
+    side: str,
+    knee: Knee,
+    document: dict[str, Any],
+    frames: str,
+    bones: tuple[str, str] | None = None,
 ) -> Registration:
     """Register a model to a knee once, for models that differ from it in how the knee moves.
 
@@ -110,12 +115,13 @@ def registered(
         knee: to which it is registered.
         document: of the knee.
         frames: one of `FRAMES`.
+        bones: bodies that are the femur and the tibia; by default found by names.
 
     Raises:
         InputProblem: the model cannot be read or has no such knee.
     """
     model = read_model(model_path)
-    return registration(model, find_knee(model, side), knee, document, frames)
+    return registration(model, find_knee(model, side, *(bones or ())), knee, document, frames)
 
 
 def _name(model: Model) -> str:

@@ -24,6 +24,7 @@ from kneejax.files.opensim._registration import flexion_coordinate
 from kneejax.files.opensim._xml import parse_xml
 from kneejax.files.reading import InputProblem, write_text
 from kneejax.files.tables import Storage, angles_rad, common_times, read_storage
+from kneejax.geometry import TIBIA
 from kneejax.numerics import check_installed
 
 #: Instants of static optimisation where no number is asked for: it is the slow part.
@@ -46,7 +47,9 @@ class WholeBody:
         coordinates: the same by the coordinates' own names, rad or degrees, and m.
         loads: external loads; None where the model's own contacts press its feet.
         side: `r` or `l`.
+        bones: bodies that are the femur and the tibia.
         joint: the knee's.
+        tibia_is_child: whether that joint's child goes with the tibia, not with the femur.
         time_s: begin and end.
         every: rows of the motion from one instant of static optimisation to the next.
         actuators: reserves and residuals; None for those that are made.
@@ -57,7 +60,9 @@ class WholeBody:
     coordinates: Storage
     loads: Path | None
     side: str
+    bones: tuple[str, str]
     joint: str
+    tibia_is_child: bool
     time_s: tuple[float, float]
     every: int
     actuators: Path | None = None
@@ -87,6 +92,8 @@ def whole_body(
     actuators: str | os.PathLike[str] | None = None,
     instants: int | None = None,
     time_s: tuple[float, float] | None = None,
+    femur: str | None = None,
+    tibia: str | None = None,
 ) -> WholeBody:
     """Check a movement before OpenSim is asked about it.
 
@@ -100,6 +107,8 @@ def whole_body(
             every coordinate.
         instants: of static optimisation, about; by default at most 151.
         time_s: begin and end; by default all that the tables cover.
+        femur: body of the model that is the femur, with `tibia`; by default found by names.
+        tibia: likewise.
 
     Returns:
         The movement.
@@ -113,7 +122,7 @@ def whole_body(
     if side not in SIDES:
         raise InputProblem("--side", "side", side, "r or l")
     model = read_model(model_path)
-    bones = find_knee(model, side)
+    bones = find_knee(model, side, femur, tibia, may_be_named=True)
     table = read_storage(motion)
     tables = [table]
     if loads is not None:
@@ -132,9 +141,12 @@ def whole_body(
     coordinates = _coordinates(model, flexion_coordinate(model, bones), table)
     rows = int(np.sum((coordinates.time >= begin) & (coordinates.time <= end)))
     every = max(1, int(np.ceil((rows - 1) / ((instants or _USUAL_INSTANTS) - 1))))
+    lower = {name for name, (bone, _) in bones.rigid.items() if bone == TIBIA}
+    joint = next(x for x in bones.joints[::-1] if {x.parent, x.child} & lower)
     return WholeBody(
         Path(model_path), Path(motion), coordinates, None if loads is None else Path(loads), side,
-        bones.joints[-1].name, (float(begin), float(end)), every,
+        (bones.femur, bones.tibia), joint.name, joint.child in lower,
+        (float(begin), float(end)), every,
         None if actuators is None else Path(actuators),
     )  # fmt: skip
 
@@ -150,7 +162,7 @@ def _coordinates(model: Model, flexion: str, table: Storage) -> Storage:
     if np.ptp(np.diff(time)) > _UNEVEN_S:
         time = np.linspace(time[0], time[-1], len(time))
     values = table.at(time, list(columns.values()))
-    return Storage(table.file, time, dict(zip(columns, values, strict=True)), table.in_degrees)
+    return dataclasses.replace(table, time=time, columns=dict(zip(columns, values, strict=True)))
 
 
 def ask_opensim(body: WholeBody, folder: Path, model: Path | None = None) -> WholeBodyForces:
@@ -180,8 +192,10 @@ def ask_opensim(body: WholeBody, folder: Path, model: Path | None = None) -> Who
         "folder": folder,
     }  # fmt: skip
     absolute = {name: str(Path(x).absolute()) if x else "" for name, x in settings.items()}
-    said = absolute | {"joint": body.joint, "begin_s": body.time_s[0], "end_s": body.time_s[1],
-                       "every": body.every}  # fmt: skip
+    said = absolute | {
+        "joint": body.joint, "tibia": "child" if body.tibia_is_child else "parent",
+        "begin_s": body.time_s[0], "end_s": body.time_s[1], "every": body.every,
+    }  # fmt: skip
     with tempfile.TemporaryDirectory() as place:
         file = Path(place) / "settings.json"
         file.write_text(json.dumps(said), encoding="utf-8")

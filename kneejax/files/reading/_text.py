@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 import os
 import re
-import uuid
 from pathlib import Path
 from typing import Any
 
+from kneejax._whole_files import write_whole, written_place
 from kneejax.files.reading._problem import InputProblem, nearest_name
 
 #: A number as files and options have it: digits of ASCII, without underscores.
@@ -105,8 +105,9 @@ def read_bytes(path: str | os.PathLike[str], kind: str) -> bytes:
     path = Path(path)
     if os.path.isdir(path):
         raise InputProblem(path, "file", "a folder", kind)
+    place = written_place(path)
     try:
-        data = path.read_bytes()
+        data = place.read_bytes()
     except FileNotFoundError:
         raise InputProblem(path, "file", "missing", kind, neighbour(path)) from None
     except (OSError, ValueError) as error:
@@ -154,16 +155,8 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
         >>> path.read_bytes()
         b'<OpenSimDocument/>'
     """
-    path = Path(path)
-    draft = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}.tmp")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            with draft.open("xb") as stream:
-                stream.write(data)
-            os.replace(draft, path)
-        finally:
-            draft.unlink(missing_ok=True)
+        write_whole(path, data)
     except OSError as error:
         raise InputProblem(path, "file", error.strerror or str(error), "a place to write") from None
 

@@ -6,89 +6,102 @@ import hashlib
 import io
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from kneejax.files.reading import InputProblem, read_bytes, read_text, write_bytes, write_text
+from kneejax._whole_files import read_json, read_sealed, undamaged, write_checked, write_sealed
+from kneejax.files.reading import InputProblem
 
-_CLAIM, _PARTS = "study.json", "parts"
+#: In a folder of results: of which study its parts are, and the folder of these.
+CLAIM, PARTS = "study.json", "parts"
+_ENDING = ".part"
 
 
 class Checkpoints:
     """Arrays under names in a folder that belongs to one study.
 
     The folder is claimed by the fingerprint of everything that the work depends on; work on
-    something else must go elsewhere.
+    something else must go elsewhere. A part that was damaged counts as missing, and so does a
+    damaged claim.
 
     Attributes:
         folder: of the results.
         resumed: number of parts that were found there.
     """
 
-    def __init__(self, folder: str | os.PathLike[str], about: Mapping[str, Any], data: bytes):
+    def __init__(
+        self,
+        folder: str | os.PathLike[str],
+        about: Mapping[str, Any],
+        data: bytes,
+        begin: Callable[[], None] | None = None,
+    ):
         """Check that the folder is free or of the same work; it is claimed by the first part.
 
         Args:
             folder: of the results; it need not exist yet.
             about: what a person would say the work is; written into the folder.
             data: everything that the work depends on, as bytes.
+            begin: called before the folder is claimed.
 
         Raises:
             InputProblem: the folder belongs to other work.
         """
-        self.folder, self.resumed = Path(folder), 0
-        self._parts = self.folder / _PARTS
-        print_ = hashlib.sha256(data).hexdigest()
-        claim = self.folder / _CLAIM
-        if claim.exists():
-            before = _claim(claim)
-            if before.get("fingerprint") != print_:
-                changed = _difference(before.get("about", {}), dict(about))
-                raise InputProblem(
-                    "--out", "folder", os.fspath(folder),
-                    f"a folder of the same study: {changed}; choose another, or delete this one",
-                )  # fmt: skip
-        self._document = {"about": dict(about), "fingerprint": print_}
+        self.folder, self.resumed, self._begin = Path(folder), 0, begin
+        self._parts = self.folder / PARTS
+        self._print = hashlib.sha256(data).hexdigest()
+        before = undamaged(read_json(self.folder / CLAIM)) or {}
+        self._claimed = before.get("fingerprint") == self._print
+        if before and not self._claimed:
+            changed = _difference(before.get("about", {}), dict(about))
+            raise InputProblem(
+                "--out", "folder", os.fspath(folder),
+                f"a folder of the same study: {changed}; choose another, or delete this one",
+            )  # fmt: skip
+        self._document = {"about": dict(about), "fingerprint": self._print}
 
     def load(self, name: str) -> dict[str, np.ndarray] | None:
         """The arrays kept under a name, or None."""
-        path = self._path(name)
-        if not path.exists():
+        data = read_sealed(self._path(name), self._print)
+        if data is None:
             return None
-        with np.load(io.BytesIO(read_bytes(path, "a finished part"))) as arrays:
+        with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
             found = {key: arrays[key] for key in arrays.files}
         self.resumed += 1
         return found
 
     def save(self, name: str, arrays: Mapping[str, np.ndarray]) -> None:
         """Keep arrays under a name; the file is complete or absent."""
-        claim = self.folder / _CLAIM
-        if not claim.exists():
-            write_text(claim, json.dumps(self._document, indent=1) + "\n")
+        if not self._claimed:
+            if self._begin is not None:
+                self._begin()
+            write_checked(self.folder / CLAIM, self._document)
+            self._claimed = True
         stream = io.BytesIO()
         np.savez(stream, **arrays)
-        write_bytes(self._path(name), stream.getvalue())
+        write_sealed(self._path(name), stream.getvalue(), self._print)
 
     def done(self) -> None:
         """Throw the parts away; the folder stays claimed."""
-        if self._parts.is_dir():
-            for path in self._parts.glob("*.npz"):
-                path.unlink()
+        for path in parts_of(self.folder):
+            path.unlink()
+        if self._parts.is_dir() and not any(self._parts.iterdir()):
             self._parts.rmdir()
 
     def _path(self, name: str) -> Path:
-        return self._parts / f"{name}.npz"
+        return self._parts / f"{name}{_ENDING}"
 
 
-def _claim(path: Path) -> dict[str, Any]:
-    try:
-        found = json.loads(read_text(path, "what a folder of results is of"))
-    except json.JSONDecodeError as error:
-        raise InputProblem(path, "file", f"line {error.lineno}", "JSON") from None
-    return found if isinstance(found, dict) else {}
+def parts_of(folder: Path) -> list[Path]:
+    """Files of the parts that a folder of results keeps.
+
+    Args:
+        folder: of the results.
+    """
+    return sorted((folder / PARTS).glob(f"*{_ENDING}"))
 
 
 def _difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:

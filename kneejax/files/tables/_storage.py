@@ -6,7 +6,7 @@ import dataclasses
 import math
 import os
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
@@ -24,6 +24,8 @@ _KIND = "an OpenSim table (.sto or .mot)"
 _COUNTS = ("nrows", "ncolumns", "datarows", "datacolumns")
 #: Degree of the splines between rows: accelerations are continuous.
 _DEGREE = 5
+#: Line of an old header -> whether angles are degrees.
+_SENTENCES = {"angles are in degrees.": True, "angles are in radians.": False}
 #: No joint turns so little in a record of a movement, degrees; one given in radians does.
 _RADIANS_BELOW = 3.2
 
@@ -37,12 +39,14 @@ class Storage:
         time: increasing, `(rows,)`, s.
         columns: name -> values, `(rows,)`, as the file has them.
         in_degrees: whether its angles are degrees.
+        unit_by: why they are, for errors.
     """
 
     file: str
     time: np.ndarray
     columns: dict[str, np.ndarray]
     in_degrees: bool
+    unit_by: str = "as its header says"
 
     def named(self, name: str, what: str = "a column") -> np.ndarray:
         """A column.
@@ -111,7 +115,7 @@ def read_storage(path: str | os.PathLike[str]) -> Storage:
     ends = [k for k, line in enumerate(lines) if line.strip().lower() == "endheader"]
     if not ends:
         raise InputProblem(file, "header", "no line endheader", _KIND)
-    degrees = _says_degrees(file, lines[: ends[0]])
+    degrees, unit_by = _angle_unit(file, lines[: ends[0]])
     body = [(k + 1, line.split()) for k, line in enumerate(lines) if k > ends[0] and line.strip()]
     if len(body) < 3:
         found = counted(max(len(body) - 1, 0), "row")
@@ -130,18 +134,29 @@ def read_storage(path: str | os.PathLike[str]) -> Storage:
         expected = f"more than {table[k - 1, 0]:g} s of the row before"
         raise InputProblem(file, f"line {body[k + 1][0]}, time", f"{table[k, 0]:g}", expected)
     columns = dict(zip(names[1:], table[:, 1:].T, strict=True))
-    return Storage(file, table[:, 0], columns, degrees)
+    return Storage(file, table[:, 0], columns, degrees, unit_by)
 
 
-def _says_degrees(file: str, header: Iterable[str]) -> bool:
+def _angle_unit(file: str, header: Sequence[str]) -> tuple[bool, str]:
+    """Whether angles are degrees, and by what.
+
+    By the line inDegrees. Without it as OpenSim reads them: degrees in a motion of SIMM, which is a
+    .mot without a version, and radians in every other table.
+    """
+    has_version = False
     for line in header:
         name, _, value = line.partition("=")
         if name.strip().lower() == "indegrees":
             word = value.strip().lower()
             if word not in ("yes", "no"):
                 raise InputProblem(file, "inDegrees", value.strip() or "empty", "yes or no")
-            return word == "yes"
-    return False
+            return word == "yes", f"as inDegrees={word} says"
+        if line.strip().lower() in _SENTENCES:
+            return _SENTENCES[line.strip().lower()], "as its header says"
+        has_version |= line.split()[:1] == ["version"] or name.strip().lower() == "version"
+    if file.lower().endswith(".mot") and not has_version:
+        return True, "as OpenSim reads a .mot whose header has neither version nor inDegrees"
+    return False, "as OpenSim reads a header without a line inDegrees=yes"
 
 
 def _numbers(file: str, line: int, cells: list[str], names: list[str]) -> list[float]:
@@ -185,10 +200,10 @@ def angles_rad(table: Storage, name: str) -> np.ndarray:
     largest = float(np.abs(values).max())
     shown = f"{values.min():.3g} to {values.max():.3g}"
     if table.in_degrees and np.ptp(values) >= 0.05 and largest <= _RADIANS_BELOW:
-        expected = "degrees, as inDegrees=yes says; radians are suspected"
+        expected = f"degrees, {table.unit_by}; radians are suspected"
         raise InputProblem(table.file, name, shown, expected)
     if not table.in_degrees and largest > _RADIANS_BELOW:
-        expected = "radians, as inDegrees=no says; degrees are suspected"
+        expected = f"radians, {table.unit_by}; degrees are suspected"
         raise InputProblem(table.file, name, shown, expected)
     return np.deg2rad(values) if table.in_degrees else values
 

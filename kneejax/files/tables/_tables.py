@@ -23,6 +23,9 @@ from kneejax.files.reading import (
 from kneejax.geometry import BODIES, COLUMNS, CONVENTIONS, FEMORAL, PATELLA, convert_table
 from kneejax.mechanics import RANGES, Range
 
+#: How a text begins that spreadsheets take for a formula (OWASP, CSV injection), with the wide
+#: characters that some of them take for the same.
+_FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")
 # No knee moves less than this in mm; one given in metres does.
 _METRES_BELOW = 0.1
 #: Columns of the patellofemoral joint, as laboratories call them.
@@ -199,7 +202,8 @@ def write_rows(
         path: the table.
         header: names of the columns, with units.
         rows: one sequence per row; floats keep all digits, NaN is written `nan`, truth values
-            `true` and `false`, None as an empty cell.
+            `true` and `false`, None as an empty cell. A text that a spreadsheet would take for a
+            formula has an apostrophe before it.
 
     Raises:
         InputProblem: the file cannot be written.
@@ -215,7 +219,7 @@ def write_rows(
     """
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(header)
+    writer.writerow([_cell(name) for name in header])
     for row in rows:
         cells = [_cell(value) for value in row]
         if len(cells) != len(header):
@@ -321,9 +325,22 @@ def _check_convention(file: str, place: str, convention: str) -> None:
         raise InputProblem(file, place, convention, expected, CONVENTIONS)
 
 
+def _is_number(text: str) -> bool:
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False
+
+
 def _cell(value: Any) -> Any:
-    if value is None or isinstance(value, str):
+    if value is None:
         return value
+    if isinstance(value, str):
+        # Python 3.11 leaves a carriage return unquoted, and the row would end there.
+        value = value.replace("\r\n", "\n").replace("\r", "\n")
+        # A spreadsheet would compute it; a number that came as text is one all the same.
+        formula = len(value) > 1 and value.startswith(_FORMULA) and not _is_number(value)
+        return f"'{value}" if formula else value
     if isinstance(value, bool | np.bool_):
         return "true" if value else "false"
     if hasattr(value, "item"):  # NumPy and JAX numbers

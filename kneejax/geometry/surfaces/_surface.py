@@ -145,10 +145,6 @@ class Surface(eqx.Module):
         mm; zero inside."""
         return jnp.zeros(())
 
-    def knows(self, point: Vector) -> Array:
-        """Whether a point on (or near) the surface lies in the region in which it is known."""
-        return self.beyond(point) <= 0.0
-
 
 def jet(surface: Surface, a: ArrayLike, b: ArrayLike) -> Jet:
     """Point and partial derivatives of a surface.

@@ -18,7 +18,7 @@ from kneejax.inference.bayesian._priors import normal_priors
 from kneejax.inference.calibration import versions
 from kneejax.inference.fit import Problem, offset_units, table_of
 from kneejax.inference.identification import noise_of
-from kneejax.numerics import imported
+from kneejax.numerics import adding_up, imported
 from kneejax.parameters import UnsuitableData
 from kneejax.statics import Slopes
 
@@ -102,8 +102,9 @@ def posterior(
         "warmup": drawn.seconds["warmup"],
         "sampling": drawn.seconds["sampling"],
         "motions": time.perf_counter() - ended,
-        "total": time.perf_counter() - begun,
     }
+    seconds["other"] = time.perf_counter() - begun - sum(seconds.values())
+    seconds = adding_up(seconds)
     settings = {"chains": chains, "draws": draws, "warmup": warmup, "seed": seed}
     settings |= {"noise_mm": noise_mm, "noise_deg": noise_deg}
     known = {p.name: truth[p.name] for p in beliefs if truth and p.name in truth}

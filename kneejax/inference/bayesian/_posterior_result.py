@@ -43,7 +43,7 @@ class Posterior:
         truth: parameter -> value that made synthetic data; empty for measured data.
         acceptance: mean acceptance of a trajectory's points.
         evaluations: gradients of the density: `warmup`, `sampling`, and `equilibria` of both.
-        seconds: `compile`, `warmup`, `sampling`, `motions`, `total`.
+        seconds: `compile`, `warmup`, `sampling`, `motions`, `other`, and `total`, their sum.
         versions: package -> version.
         settings: `chains`, `draws`, `warmup`, `seed`, `noise_mm`, `noise_deg`: with the priors all
             that is needed to draw it again.

@@ -78,7 +78,8 @@ def fit_of(
         likely = np.nan if surety is None else float(surety.likeliest[i])
         numbers = (trail.x[i], start[i], lower[i], upper[i])
         estimate = _estimate(name, unit, numbers, bool(held[i]), interval, likely, loose)
-        estimates.append(estimate)
+        same = surety is not None and bool(chi_squared_unit(problem, surety))
+        estimates.append(replace(estimate, same_sum=same))
     failed = int((~found.converged[0]).sum())
     correlation = np.full((size, size), np.nan)
     if surety is not None:
@@ -125,7 +126,15 @@ def _estimate(name, unit, numbers, held, interval: Interval | None, likely, loos
         interval.high,
         interval.kind,
         likely,
+        interval.reason,
     )
+
+
+def chi_squared_unit(problem: Problem, surety: Surety) -> float:
+    """What the objective rises by where chi squared rises by one; 0 where weights are not those of
+    the noise, so that both are lowest at different values."""
+    units = (problem.weights * surety.noise**2)[problem.weights > 0]
+    return float(units[0]) if np.allclose(units, units[0], rtol=1e-6) else 0.0
 
 
 def starts_of(problem: Problem, answer: Fit, ends: np.ndarray, objectives: np.ndarray) -> Starts:

@@ -92,11 +92,28 @@ def ready(question: Question) -> Ready:
         knee, selection, question.measured, weights, question.offsets, question.loads, tests, stated
     )
     check_finite(problem.measured)
+    check_offsets(problem)
     start, lower, upper = _box(knee, selection, question.bounds or {}, len(question.offsets))
     if question.prior:
         problem = problem.with_prior(start, question.prior)
     problem = problem.stepping(start)
     return Ready(question, problem, stated, weights, start, lower, upper, procedures)
+
+
+def check_offsets(problem: Problem) -> None:
+    """Refuse constants between frames that absorb all that was measured.
+
+    Raises:
+        UnsuitableData: fewer than two poses for each.
+    """
+    poses = problem.cases.stations.flexion[problem.cases.posed]
+    angles = len(np.unique(np.round(np.asarray(poses), 12)))
+    if problem.offsets and angles < 2:
+        raise UnsuitableData(
+            f"frame_offset: {', '.join(problem.offsets)} with {angles} measured "
+            f"pose{'s' * (angles != 1)}; expected two poses or more, since an unknown constant "
+            "absorbs a single one"
+        )
 
 
 def _box(knee: Knee, selection: Selection, bounds, offsets: int) -> tuple[np.ndarray, ...]:

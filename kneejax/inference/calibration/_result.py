@@ -36,6 +36,9 @@ class Estimate:
         interval: which of these numbers mean something; None where nobody asked, as for procedures
             that are there to compare.
         likeliest: the value at the maximum of the likelihood, around which the limits lie.
+        reason: why a limit could not be computed; empty otherwise.
+        same_sum: whether the search minimises what the limits follow: weights are those of the
+            noise.
     """
 
     name: str
@@ -51,10 +54,12 @@ class Estimate:
     high: float = np.nan
     interval: IntervalKind | None = None
     likeliest: float = np.nan
+    reason: str = ""
+    same_sum: bool = False
 
     @property
     def beside(self) -> bool:
-        """Whether the estimate lies outside its own limits: the weights pull it there."""
+        """Whether the estimate lies outside its own limits."""
         return bool(self.value < self.low or self.value > self.high)
 
 
@@ -176,7 +181,9 @@ class Calibration:
         misfits: coordinates in which the answer is a poor fit, and why.
         weights: of squared errors, `(5,)`, per degree^2 and per mm^2.
         left_out: load cases that count for nothing, since the start has no balance there.
-        seconds: `total`, `compile`, `solve`.
+        seconds: `total`, and its parts: `compile` (tracing and compiling that was waited for),
+            `start` (balances of the start), `search`, `limits`, `other`; of a study `data` too,
+            and of a command `imports` and `reading`. Writing is not among them.
         versions: package -> version.
         settings: everything needed to run it again.
         start_tests: tests under load, each beside what the start's knee does.

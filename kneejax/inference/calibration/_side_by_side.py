@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-import time
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference.calibration._answers import (
+    chi_squared_unit,
     fit_of,
     motion_of,
     objective_of,
@@ -26,11 +26,15 @@ from kneejax.inference.calibration._search import Trail, run_side_by_side, sever
 from kneejax.inference.calibration._versions import versions
 from kneejax.inference.fit import Problem, Progress, SeveralKnees, form_of
 from kneejax.inference.intervals import Surety
+from kneejax.numerics import adding_up, lap, stopwatch
 from kneejax.parameters import UnknownParameter, UnsuitableData
 from kneejax.statics import Slopes
 
-#: Part of a poor objective below which a walk to the same answer has found other balances.
-_LOWER = 0.9
+#: Chi squared, as the fit leaves it, by which a walk to the same answer must fit better for it to
+#: have found other balances.
+_LOWER = 0.5
+#: Chi squared by which a fit must be better for the search to go on from it.
+_FARTHER_DOWN = 0.1
 #: How often steps through time are chosen anew for an answer.
 _STEPPINGS = 2
 #: What the data of one knee explain: the others go on.
@@ -60,7 +64,14 @@ def calibrate_side_by_side(
         forms.setdefault(_form(place, one), []).append((place, one))
     for members in forms.values():
         places, alike = zip(*members, strict=True)
-        found |= dict(zip(places, _with_short_steps(alike, progress), strict=True))
+        with stopwatch() as watch:
+            answers = _with_short_steps(alike, progress)
+        seconds = adding_up({k: x / len(members) for k, x in watch.parts.items()})
+        answers = [
+            dataclasses.replace(one, seconds=seconds) if isinstance(one, Calibration) else one
+            for one in answers
+        ]
+        found |= dict(zip(places, answers, strict=True))
     return [found[place] for place in range(len(questions))]
 
 
@@ -107,11 +118,10 @@ def _with_restless(answer: Calibration, restless: Mapping[str, float]) -> Calibr
 
 def _of_one_form(members: Sequence[Ready], progress: Progress | None) -> list:
     """Answers of knees whose questions have one form."""
-    begun = time.perf_counter()
     _tell(progress, "first balances")
     knees = SeveralKnees.of([one.problem for one in members])
     first = knees.begin(np.stack([one.start for one in members]))
-    seconds = {"begun": begun, "ready": time.perf_counter()}
+    lap("start")
     found, sets = {}, {}
     for row, one in enumerate(members):
         try:
@@ -128,14 +138,7 @@ def _of_one_form(members: Sequence[Ready], progress: Progress | None) -> list:
             for row, problem in zip(rows, some.problems, strict=True)
         ]
         found |= dict(zip(rows, _answers(some, own, at_start, progress), strict=True))
-    total = time.perf_counter() - seconds["begun"]
-    waited = seconds["ready"] - seconds["begun"]
-    share = {"total": total, "compile": waited, "solve": total - waited}
-    share = {name: value / len(members) for name, value in share.items()}
-    return [
-        dataclasses.replace(one, seconds=share) if isinstance(one, Calibration) else one
-        for one in (found[row] for row in range(len(members)))
-    ]
+    return [found[row] for row in range(len(members))]
 
 
 def _answers(
@@ -144,8 +147,8 @@ def _answers(
     """Answers of knees whose load cases that count are the same.
 
     A search follows each balance from one step to the next, and may follow it past the end of its
-    branch to another. Where a fit is poor, the knee is walked to its answer as tests are made; if
-    that fits better, the search goes on from there.
+    branch to another. Where tests were made or a fit is poor, the knee is walked to its answer as
+    tests are made; if that fits better, the search goes on from there.
     """
     begin = [first.take([row]) for row in range(len(members))]
     fits, sure = _fits(knees, members, begin, progress)
@@ -155,9 +158,11 @@ def _answers(
     ]
     anew = {}
     for row, answer in enumerate(answers):
-        if answer.misfits and answer.fit.success:
-            walked = _walked(knees.problems[row], first.knee[row], _values(answer))
-            if objective_of(knees.problems[row], walked) < _LOWER * answer.fit.objective:
+        problem, objective = knees.problems[row], answer.fit.objective
+        if (answer.misfits or problem.tests) and answer.fit.success:
+            walked = _walked(problem, first.knee[row], _values(answer))
+            spare = max(problem.counted_numbers - problem.size, 1)
+            if objective_of(problem, walked) < objective * (1.0 - _LOWER / spare):
                 anew[row] = walked
     if not anew:
         return answers
@@ -201,13 +206,15 @@ def _fits(
             _tell(progress, f"procedure III, {asked.starts} starts side by side")
             reached = [_from_several(knees.problems[row], members[row]) for row in every]
             best = [ends[np.argmin(objectives)] for ends, objectives in reached]
-            begin = [
-                _walked(knees.problems[row], first[row].knee[0], best[row]) for row in every
-            ]
+            begin = [_walked(knees.problems[row], first[row].knee[0], best[row]) for row in every]
         trails = run_side_by_side(knees, procedure, begin, lower, upper, **search)
+        lap("search")
         if not number:
             _tell(progress, f"95 % limits of {len(lower)} numbers")
             sure = sureties_of(knees, trails, one.stated, lower, upper)
+            if procedure == "III":
+                trails = _at_the_bottom(knees, first, trails, sure, (lower, upper), search)
+            lap("limits")
         for row, trail in enumerate(trails):
             own = members[row]
             fit = _fit(knees.problems[row], procedure, trail, own, None if number else sure[row])
@@ -216,6 +223,24 @@ def _fits(
                 fit = dataclasses.replace(fit, starts=starts)
             fits[row].append(fit)
     return fits, sure
+
+
+def _at_the_bottom(knees: SeveralKnees, first, trails, sure, box, search) -> list[Trail]:
+    """Trails that go on where the limits of their answers have found a better fit to the same."""
+    found = list(trails)
+    for row, (problem, surety) in enumerate(zip(knees.problems, sure, strict=True)):
+        unit = chi_squared_unit(problem, surety)
+        if not unit or not np.isfinite(surety.likeliest).all():
+            continue
+        if np.allclose(surety.likeliest, trails[row].x, rtol=1e-6, atol=1e-9):
+            continue
+        there = _walked(problem, first[row].knee[0], surety.likeliest)
+        if not objective_of(problem, there) < trails[row].objective - _FARTHER_DOWN * unit:
+            continue
+        (again,) = run_side_by_side(knees.take([row]), "III", [there], *box, **search)
+        if again.objective < trails[row].objective:
+            found[row] = again
+    return found
 
 
 def _fit(problem, procedure: str, trail: Trail, one: Ready, surety: Surety | None) -> Fit:
@@ -235,7 +260,14 @@ def _from_several(problem, one: Ready) -> tuple[np.ndarray, np.ndarray]:
         mean, deviation = problem.cases.prior
         believed = mean + deviation * draws.standard_normal(shape)
         more = np.where(np.isfinite(deviation), np.clip(believed, one.lower, one.upper), more)
-    return several_starts(problem, np.vstack([one.start, more]), one.lower, one.upper)
+    ends, reached = several_starts(problem, np.vstack([one.start, more]), one.lower, one.upper)
+    # A search may have followed balances past the end of their branch, as tests do not.
+    known = np.flatnonzero(np.isfinite(reached))
+    if len(known):
+        residual, _ = problem.cases.residual(problem.begin(ends[known]))
+        walked = np.sum(residual**2, axis=1)
+        reached[known] = np.where(walked < reached[known], walked, reached[known])
+    return ends, reached
 
 
 def _answer(one: Ready, first: Slopes, fits: list[Fit], surety: Surety) -> Calibration:

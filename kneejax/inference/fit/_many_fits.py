@@ -99,9 +99,9 @@ def fit_lanes(
         found = balance(trial[here], known.take(here))
         evaluations += len(here)
         residual, slope = data.take(here).residual(found)
-        lost = ~(np.isfinite(residual).all(axis=1) & np.isfinite(slope).all(axis=(1, 2)))
         # A step into the void is refused for its infinite squares; no NaN may spread from there.
-        residual[lost], slope[lost] = np.inf, 0.0
+        residual[~(np.isfinite(residual) & np.isfinite(slope).all(axis=2))] = np.inf
+        slope[np.isinf(residual).any(axis=1)] = 0.0
         # Only fits that still search, filled up with the last one: a profile ends with few of them.
         own = np.minimum(np.arange(_lanes(len(here))), len(here) - 1)
         box, before, there = _taken((bounds, state, trial), here[own])

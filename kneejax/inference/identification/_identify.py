@@ -180,6 +180,7 @@ def _identification(
     at_bound = on_bounds(values, lower, upper)
     one = dataclasses.replace(data, noise=noise)
     alone = dataclasses.replace(one, prior=None)
+    believed = np.full(len(values), np.inf) if data.prior is None else data.prior[1]
     told = fit_information(knee, selection, alone, fit, at_bound=at_bound)
     return Identification(
         selection=selection,
@@ -195,7 +196,9 @@ def _identification(
         converged=True,
         information=told,
         profiles=followed,
-        intervals=tuple(map(Interval.of, followed, values, told.standard_error, lower, upper)),
+        intervals=tuple(
+            map(Interval.of, followed, values, told.standard_error, lower, upper, believed)
+        ),
         motion=_motion(selection.apply(knee, values), one, fit),
         problem=dataclasses.replace(
             problem, cases=dataclasses.replace(alone, offsets=()), offsets=data.offsets

@@ -23,6 +23,8 @@ from kneejax.statics import Slopes
 
 #: Part of the limit's distance, and of the root of the rise, by which points beyond it count.
 NEAR = 0.05
+#: Why an arm ends without a limit that is no failure: it has come to its bound.
+BOUND = "its bound"
 #: Better by more than this than the fit: the fit was not the best there is.
 BETTER = 0.01
 #: A step beyond which there is no balance is shortened so often, each time to this part: a search
@@ -140,7 +142,7 @@ class Arms:
         self.descends = np.zeros(rows, bool)
         for row in range(rows):
             if self._room(row) <= 1e-9 * self.width[self.index[row]]:
-                self._stop(row, "its bound")
+                self._stop(row, BOUND)
             else:
                 self._aim(row)
 
@@ -326,7 +328,7 @@ class Arms:
         open_ = self._at_bound(row) and point.rise <= self._height(row) ** 2
         spare = self.steps.spare * self.level**2
         if open_ and point.spare <= spare and point.rise - point.spare >= -BETTER:
-            self._stop(row, "its bound")
+            self._stop(row, BOUND)
         elif self.looks[row] > _MOST:
             self._stop(row, f"given up after {_MOST} steps")
 

@@ -20,6 +20,7 @@ from kneejax.geometry import FREE_COORDINATES, coordinate, coordinates_of
 from kneejax.inference.fit import LoadCases, ManyFits, fit_lanes, passed
 from kneejax.inference.intervals import Uncertainty, uncertainty
 from kneejax.mechanics import RANGES, Range, add_lane_axis
+from kneejax.numerics import WrongValue
 from kneejax.statics import Slopes, Stations, converged
 
 #: Evaluations of a motion and its derivative before a fit is given up.
@@ -76,9 +77,9 @@ class Recorded:
         for name in self.changes:
             if name not in FREE_COORDINATES:
                 known = ", ".join(FREE_COORDINATES)
-                raise ValueError(f"Recorded.changes has {name!r}; expected some of {known}")
+                raise WrongValue("changes", repr(name), f"some of {known}")
         if not self.changes:
-            raise ValueError("Recorded.changes is empty; expected a coordinate at least")
+            raise WrongValue("changes", "nothing", "a coordinate at least")
 
     @classmethod
     def of_table(cls, time_s: ArrayLike, columns: Mapping[str, ArrayLike]) -> Recorded:
@@ -154,7 +155,7 @@ def fit_transient(
     """
     names = tuple(free)
     if not names or not set(names) <= set(DAMPING):
-        raise ValueError(f"fit_transient: free is {list(names)}; expected some of {list(DAMPING)}")
+        raise WrongValue("free", str(list(names)), f"some of {', '.join(DAMPING)}")
     ends = [(d.allowed.lower, d.allowed.upper) for d in map(DAMPING.__getitem__, names)]
     lower, upper = (np.array(x, float)[None] for x in zip(*ends, strict=True))
     target = recorded.table()[1:]
@@ -173,7 +174,7 @@ def fit_transient(
         with_these = _damped(moving, names, x[0])
         found = move_within(most_mm, with_these, start, recorded.time_s, **options)
         if not converged(np.asarray(found.status)).all():
-            raise ValueError(f"fit_transient: with {_told(names, x[0])} the motion ends early")
+            raise WrongValue("free", _told(names, x[0]), "sizes with which the motion lasts")
         if grid is not None and len(found.grid.time_s) <= len(grid.time_s):
             break
         grid = found.grid

@@ -1,6 +1,7 @@
 """Cartilage: its law, and a contact over a patch or over points."""
 
 from kneejax.mechanics.contact import _cartilage_law as cartilage_law
+from kneejax.mechanics.contact._border import OFF_SURFACE_MM as OFF_SURFACE_MM
 from kneejax.mechanics.contact._border import Border as Border
 from kneejax.mechanics.contact._contact import ELLIPTICAL_PATCH as ELLIPTICAL_PATCH
 from kneejax.mechanics.contact._contact import FORMS as FORMS

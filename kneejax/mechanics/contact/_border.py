@@ -12,15 +12,20 @@ from jax import Array
 
 from kneejax.geometry import Placement, Surface, add, excess, scale
 from kneejax.mechanics.contact import _cartilage_law as law
-from kneejax.mechanics.contact._patch import Nearby, nearby
+from kneejax.mechanics.contact._patch import Gap, Nearby, nearby
 from kneejax.numerics import safe_sqrt
 
 if TYPE_CHECKING:
     from kneejax.mechanics.contact._contact import Contact
     from kneejax.mechanics.contact._points import Sampled
 
+#: Contact that reaches farther beyond the fitted regions is in doubt, mm. Surfaces are continued
+#: smoothly beyond their border (`kneejax.geometry.surfaces`), and meshes of cartilage have edges of
+#: a millimetre: where it ends is not known more closely. A rim of that width carries a newton or
+#: two (layer of 6 mm and 5 MPa, radii of 20 to 60 mm): 1 % of 100 N, less of more.
+OFF_SURFACE_MM = 1.0
 # Rings of equal area that a patch is cut into, and places on each.
-_RINGS, _PLACES = 6, 16
+_RINGS, _PLACES = 12, 32
 
 
 class Border(eqx.Module):
@@ -69,21 +74,41 @@ def of_patch(contact: Contact, tibia: Placement, meeting: Array) -> Border:
     """
     motion = contact.femur_to_plateau(tibia)
     near = nearby(contact.femoral, contact.tibial, motion, meeting)
-    inner = np.append((np.arange(_RINGS) + 0.5) / _RINGS, 1.0)
-    square, angle = np.meshgrid(inner, 2.0 * np.pi * np.arange(_PLACES) / _PLACES, indexing="ij")
-    angle = angle + np.where(square < 1.0, np.pi / _PLACES, 0.0)
+    inner = (np.arange(_RINGS) + 0.5) / _RINGS
+    around = 2.0 * np.pi * (np.arange(_PLACES) + 0.5) / _PLACES
+    square, angle = np.meshgrid(inner, around, indexing="ij")
     lanes = (1,) * jnp.ndim(near.gap.depth)
     square, angle = (x.reshape(-1, *lanes) for x in (square, angle))
     away = _away(contact, near, meeting, np.sqrt(square), angle)
     depth = jnp.maximum(near.gap.depth, 0.0)
     relative = jnp.minimum(depth * (1.0 - square) / contact.layer_thickness, 0.99)
-    # The rim says how far; it carries nothing.
     pressure = law.relative_pressure(contact.law, relative)
     total = jnp.sum(pressure, axis=0)
     outside = jnp.sum(jnp.where(away > 0, pressure, 0.0), axis=0)
     touches = near.gap.depth > 0
     share = jnp.where(touches, outside / jnp.where(total > 0, total, 1.0), 0.0)
-    return Border(jnp.where(touches, jnp.max(away, axis=0), 0.0), share)
+    off = rim_off(contact.femoral, contact.tibial, near.gap, meeting)
+    return Border(jnp.where(touches, off, 0.0), share)
+
+
+def rim_off(femoral: Surface, tibial: Surface, gap: Gap, meeting: Array) -> Array:
+    """How far the rim of a patch, or its middle while the surfaces are apart, lies beyond either
+    region, mm.
+
+    Args:
+        femoral: the surface that carries the meeting point.
+        tibial: the surface over which the gap is measured.
+        gap: at the meeting point, in the tibial surface's frame.
+        meeting: parameters of the meeting point, shape `(2, ...)`.
+    """
+    half = gap.reach(1.0, 0.0), gap.reach(0.0, 1.0)
+    reach = tuple(gap.reach(p, q) for p, q in zip(*gap.along, strict=True))
+    off = jnp.zeros(())
+    for way in (1.0, -1.0):
+        for middle, by, ends, mm in zip(meeting, half, femoral.bounds(), gap.stretch, strict=True):
+            off = jnp.maximum(off, mm * excess(middle + way * by, ends))
+        off = jnp.maximum(off, tibial.beyond(add(gap.point, scale(way, reach))))
+    return off
 
 
 def _away(contact: Contact, near: Nearby, meeting: Array, part, angle) -> Array:

@@ -199,6 +199,15 @@ class Contact(eqx.Module):
         """
         return _border.of_patch(self, tibia, meeting)
 
+    def rim_off(self, gap: Gap, meeting: Array) -> Array:
+        """How far the rim of a patch lies beyond the fitted regions, mm.
+
+        Args:
+            gap: at its meeting point.
+            meeting: parameters of that point, `(2, ...)`.
+        """
+        return _border.rim_off(self.femoral, self.tibial, gap, meeting)
+
     def patch_energy(self, gap: Gap) -> Array:
         """Energy of the layer if the patch were centred at a point with this gap, N mm."""
         elastic = self._energy_per_radius(gap.depth)[0] * gap.mean_radius

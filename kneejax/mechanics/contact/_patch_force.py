@@ -31,11 +31,11 @@ from kneejax.geometry import (
     add,
     cross,
     dot,
-    inside,
     rotate,
     scale,
 )
 from kneejax.mechanics._wrench import Wrench
+from kneejax.mechanics.contact._border import OFF_SURFACE_MM, rim_off
 from kneejax.mechanics.contact._patch import _NOTHING, Gap, Nearby, nearby, renewed
 
 
@@ -50,7 +50,8 @@ class Pressed(eqx.Module):
         gap: at the meeting point.
         renewed: parameters of the meeting point after one Newton step towards the smallest gap.
         miss: how far that step leads, mm.
-        known: whether all of the patch lies where both surfaces are known.
+        known: whether all of the patch lies where both surfaces are known, or at most
+            `OFF_SURFACE_MM` beyond.
     """
 
     energy: Array
@@ -120,19 +121,8 @@ def press(
     # Blind to first order to what is left of the search for the meeting point.
     energy = energy + shift_a * gap.slope[0] + shift_b * gap.slope[1]
     wrench = Wrench.at(near.point, force, couple)
-    known = _inside(femoral, tibial, gap, meeting)
+    known = rim_off(femoral, tibial, gap, meeting) <= OFF_SURFACE_MM
     return Pressed(energy, wrench, slope_wrenches, gap, *renewed(femoral, gap, meeting), known)
-
-
-def _inside(femoral: Surface, tibial: Surface, gap: Gap, meeting: Array) -> Array:
-    """Whether the patch, or its middle while the surfaces are apart, lies in both regions."""
-    (a, b), (by_a, by_b) = meeting, (gap.reach(1.0, 0.0), gap.reach(0.0, 1.0))
-    reach = tuple(gap.reach(p, q) for p, q in zip(*gap.along, strict=True))
-    known = jnp.asarray(True)
-    for way in (1.0, -1.0):
-        rim = add(gap.point, scale(way, reach))
-        known = known & inside(femoral, a + way * by_a, b + way * by_b) & tibial.knows(rim)
-    return known
 
 
 def _cofactors(near: Nearby, gap: Gap) -> tuple[Vector, Vector]:

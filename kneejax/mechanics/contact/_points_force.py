@@ -42,6 +42,7 @@ from kneejax.geometry import (
     transpose,
 )
 from kneejax.mechanics._wrench import Wrench
+from kneejax.mechanics.contact._border import OFF_SURFACE_MM
 from kneejax.mechanics.contact._points import Points, Sampled, asked_at
 from kneejax.mechanics.contact._quadrature import (
     over_rays,
@@ -64,7 +65,8 @@ class PointFaults(eqx.Module):
     Attributes:
         depth: overlap, mm, negative apart; of a contact the largest, of several the least of these.
         too_deep: the overlap is the whole layer somewhere.
-        outside: points touch outside the region in which the femoral surface is known.
+        outside: points touch more than `OFF_SURFACE_MM` outside the region in which the femoral
+            surface is known.
         lost: the depth of a point could not be found.
     """
 
@@ -109,8 +111,8 @@ def faults_at(femoral: Surface, sampled: Sampled, motion: Placement) -> PointFau
         motion: from femoral to tibial axes.
     """
     depth, points = sampled.depth, sampled.points
-    known = femoral.knows(points.in_femoral(motion, sampled.hit))
-    return PointFaults(depth, depth >= points.layer, (depth > 0) & ~known, sampled.lost)
+    off = femoral.beyond(points.in_femoral(motion, sampled.hit)) > OFF_SURFACE_MM
+    return PointFaults(depth, depth >= points.layer, (depth > 0) & off, sampled.lost)
 
 
 @jax.custom_jvp

@@ -9,3 +9,5 @@ from kneejax.report.activity._rounds import ROUND_COLUMNS as ROUND_COLUMNS
 from kneejax.report.activity._rounds import round_lines as round_lines
 from kneejax.report.activity._rounds import round_rows as round_rows
 from kneejax.report.activity._text import activity_lines as activity_lines
+from kneejax.report.activity._text import second_lines as second_lines
+from kneejax.report.activity._text import second_words as second_words

@@ -1,4 +1,4 @@
-"""Secondary motion, forces and pressure over a cycle, in the layout of papers on gait."""
+"""Secondary motion, forces and pressure over a record, in the layout of papers on gait."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def activity_figure(found: Mapping[str, Activity], cycle: Cycle, title: str) -> 
         axes.set_xlim(cycle.percent[0], cycle.percent[-1])
         axes.yaxis.labelpad = 1.5
     for axes in panels[-1]:
-        axes.set_xlabel("Gait cycle, %" if "heel" in cycle.words else "Record, %")
+        axes.set_xlabel(cycle.axis_label)
     _legend(figure, found, cycle)
     return figure
 

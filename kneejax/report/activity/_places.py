@@ -91,7 +91,7 @@ def place_lines(found: Mapping[str, Activity]) -> Iterator[str]:
 
 @styled
 def places_figure(found: Mapping[str, Activity], cycle: Cycle, title: str) -> Figure:
-    """Draw what places of a graft do over a cycle.
+    """Draw what places of a graft do over a record.
 
     Args:
         found: as in `place_rows`: intact, without the ligament, planned, then other places.
@@ -128,7 +128,7 @@ def places_figure(found: Mapping[str, Activity], cycle: Cycle, title: str) -> Fi
         if np.isfinite(cycle.toe_off):
             axes.axvline(cycle.toe_off, color=LIGHT, linewidth=1.0, zorder=0)
     for axes in panels[-1]:
-        axes.set_xlabel("Gait cycle, %" if "heel" in cycle.words else "Record, %")
+        axes.set_xlabel(cycle.axis_label)
     own = {label: line for axes in panels.ravel()
            for line, label in zip(*axes.get_legend_handles_labels(), strict=True)}  # fmt: skip
     lines = [own[verbatim(name)] for name in found]

@@ -9,6 +9,8 @@ import numpy as np
 from kneejax.experiments import Activity
 from kneejax.geometry import COORDINATES, coordinate
 from kneejax.report.in_time import bundles
+from kneejax.report.look import listed
+from kneejax.report.motion import second_balance
 
 #: A knee whose residual is larger does not agree with the record, N m.
 _LARGE_NM = 5.0
@@ -64,3 +66,29 @@ def _forces(one: Activity) -> Iterator[str]:
         peaks[name] = float(np.nanmax(whole))
     largest = sorted(peaks.items(), key=lambda pair: -pair[1])[:5]
     yield "  ligaments, peak: " + ", ".join(f"{name} {force:.0f} N" for name, force in largest)
+
+
+def second_words(one: Activity) -> tuple[str, ...]:
+    """Of each instant where a second stable balance lies; empty where none is known."""
+    here = np.asarray(one.motion.to_table())
+    return tuple(
+        second_balance(other, own) if np.isfinite(other).all() else ""
+        for other, own in zip(one.other, here, strict=True)
+    )
+
+
+def second_lines(one: Activity) -> Iterator[str]:
+    """When a second stable balance is known, and what is reported then; nothing without one."""
+    rows = np.flatnonzero(np.isfinite(one.other).all(axis=1))
+    if not len(rows):
+        return
+    # Runs of instants, one after the other.
+    runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
+    time = one.record.time_s
+    spans = [f"{time[r[0]]:g}" + (f" to {time[r[-1]]:g}" if len(r) > 1 else "") for r in runs]
+    yield (
+        f"{listed(spans, 8)} s ({len(rows)} of {len(time)} instants): a second stable balance "
+        "exists, and the loads alone do not decide between them: reported is that to which the "
+        "intact knee comes when it is cut while they act; what the other is stands in the column "
+        "doubt"
+    )

@@ -1,5 +1,6 @@
 """A calibration in text, JSON, figures and HTML, with its verdict."""
 
+from kneejax.report.calibration._estimates import remark as remark
 from kneejax.report.calibration._figures import convergence_figure as convergence_figure
 from kneejax.report.calibration._figures import correlation_figure as correlation_figure
 from kneejax.report.calibration._figures import (
@@ -18,6 +19,5 @@ from kneejax.report.calibration._text import calibration_summary as calibration_
 from kneejax.report.calibration._verdict import Outcome as Outcome
 from kneejax.report.calibration._verdict import message as message
 from kneejax.report.calibration._verdict import outcome as outcome
-from kneejax.report.calibration._verdict import remark as remark
 from kneejax.report.calibration._verdict import verdict as verdict
 from kneejax.report.calibration._verdict import warnings as warnings

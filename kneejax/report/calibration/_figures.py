@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kneejax.report.calibration._verdict import PAPER_COUNTS, undetermined
+from kneejax.report.calibration._estimates import undetermined
+from kneejax.report.calibration._verdict import PAPER_COUNTS
 from kneejax.report.look import (
     BLUE,
     FITS,

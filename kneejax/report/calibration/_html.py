@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from kneejax.geometry import COORDINATES
+from kneejax.report.calibration._estimates import limits, reasons
 from kneejax.report.calibration._figures import (
     convergence_figure,
     correlation_figure,
@@ -27,11 +28,9 @@ from kneejax.report.calibration._verdict import (
     Outcome,
     data_words,
     ending,
-    limits,
     noise_of,
     optimiser,
     outcome,
-    reasons,
     search,
     stage_counts,
     verdict,

@@ -26,6 +26,12 @@ def calibration_notes(calibration: Calibration) -> list[str]:
             "nearly all that their bounds allow. Fix them, or measure where those ligaments are "
             "tight."
         )
+    alone = [e.name for e in everything if e.interval is IntervalKind.PRIOR]
+    if alone:
+        notes.append(
+            "Known from the prior alone: " + ", ".join(alone) + ". Their standard deviation is "
+            "more than 0.9 of the prior's: the data do not narrow them."
+        )
     bound = [e.name for e in everything if e.at_bound]
     if bound:
         notes.append(

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kneejax.parameters import MEANING
+from kneejax.report.calibration._estimates import reasons, remark
 from kneejax.report.calibration._notes import calibration_notes
 from kneejax.report.calibration._tests import laxity_errors
-from kneejax.report.calibration._verdict import message, outcome, reasons, remark, warnings
+from kneejax.report.calibration._verdict import message, outcome, warnings
 from kneejax.report.look import json_safe
 from kneejax.report.motion import row_status
 from kneejax.statics import Status

@@ -6,8 +6,8 @@ import math
 from typing import TYPE_CHECKING
 
 from kneejax.geometry import COORDINATES
-from kneejax.inference import IntervalKind
 from kneejax.parameters import sums_in_words
+from kneejax.report.calibration._estimates import limits, line_remark
 from kneejax.report.calibration._starts import starts_words
 from kneejax.report.calibration._tests import axis_label_of, errors_to_show
 from kneejax.report.calibration._verdict import (
@@ -15,7 +15,6 @@ from kneejax.report.calibration._verdict import (
     Outcome,
     data_words,
     known_words,
-    limits,
     noise_of,
     outcome,
     search,
@@ -23,6 +22,7 @@ from kneejax.report.calibration._verdict import (
 )
 from kneejax.report.look import (
     LINE_WIDTH,
+    NONE,
     SHOWN,
     aligned,
     change,
@@ -102,27 +102,26 @@ def _noise_words(calibration: Calibration) -> str:
 
 def _parameter_table(calibration: Calibration) -> list[str]:
     """One line per parameter or offset; what was set is left out where it does not fit."""
-    head = ["parameter", "value", "", "", "unit", "95 % limits", "truth", "start", "lower", "upper"]
-    table = [head]
+    head = ["parameter", "value", "", "std. error", "unit", "95 % limits", "", "truth", "start"]
+    table = [[*head, "lower", "upper"]]
     fit = calibration.fit
     for e in (*fit.estimates, *fit.offsets):
-        sure = e.interval is IntervalKind.STANDARD_ERROR
+        sure = e.interval is not None and math.isfinite(e.standard_error)
         value, error = with_error(e.value, e.standard_error if sure else math.nan)
-        said = ["at bound"] * e.at_bound
-        if not sure and e.interval is not None:
-            said = [limits(e) or IntervalKind.NOT_DETERMINED.value, *said]
+        known = "" if e.interval is None else limits(e) or NONE
         table.append(
             [e.name if e not in fit.offsets else f"offset {e.name}", value]
             + (["+-", error] if sure else ["", ""])
-            + [e.unit, ", ".join(said), trimmed(calibration.truth.get(e.name, math.nan))]
+            + [e.unit, known, line_remark(e), trimmed(calibration.truth.get(e.name, math.nan))]
             + [trimmed(e.start), trimmed(e.lower), trimmed(e.upper)]
         )
-    empty = {i for i in (4, 5) if not any(row[i] for row in table[1:])}
-    empty |= set() if calibration.truth else {6}
+    empty = {i for i in (3, 4, 5, 6) if not any(row[i] for row in table[1:])}
+    empty |= set() if calibration.truth else {7}
+    empty |= {2} if 3 in empty else set()
     lines: list[str] = []
-    for kept in (10, 8, 7, 6):
+    for kept in (11, 9, 8, 7):
         columns = [i for i in range(kept) if i not in empty]
-        words = [j for j, i in enumerate(columns) if i in (0, 2, 4, 5)]
+        words = [j for j, i in enumerate(columns) if i in (0, 2, 4, 5, 6)]
         lines = aligned([[row[i] for i in columns] for row in table], words)
         if max(map(len, lines)) <= LINE_WIDTH:
             break

@@ -12,6 +12,7 @@ import numpy as np
 
 from kneejax.geometry import COORDINATES
 from kneejax.inference import Ending, Fault, IntervalKind, Misfit
+from kneejax.report.calibration._estimates import limits, reasons, undetermined
 from kneejax.report.calibration._starts import rivals_words
 from kneejax.report.calibration._tests import label_of, laxity_doubts, readings, unit_of
 from kneejax.report.look import change, listed, number
@@ -19,7 +20,7 @@ from kneejax.report.motion import accepted_statuses, pose_doubts, row_status
 from kneejax.statics import Status, converged
 
 if TYPE_CHECKING:
-    from kneejax.inference import Calibration, Estimate, Fit
+    from kneejax.inference import Calibration, Fit
 
 #: Published counts: procedure or step -> pattern search steps, Simpack calls.
 PAPER_COUNTS = {
@@ -77,36 +78,6 @@ def outcome(calibration: Calibration) -> Outcome:
     return Outcome.DOUBTFUL if answer_warnings(calibration) else Outcome.GOOD
 
 
-def undetermined(estimate: Estimate) -> bool:
-    """Whether the data say nothing about a parameter."""
-    return estimate.interval is IntervalKind.NOT_DETERMINED
-
-
-def remark(estimate: Estimate) -> str:
-    """What a reader must know about an estimate; empty if nothing."""
-    words = ["not determined"] if undetermined(estimate) else []
-    return ": ".join([*words, *filter(None, [reasons(estimate)])])
-
-
-def reasons(estimate: Estimate) -> str:
-    """Why an estimate is where it is, and as sure as it is; empty if nothing is to be said."""
-    words = []
-    if estimate.at_bound:
-        further = "" if estimate.interval is None else ": the data would move it further"
-        words.append(f"on its bound{further}")
-    if estimate.slack > 0:
-        words.append(_slack(estimate))
-    if estimate.beside:
-        likeliest = f"{estimate.likeliest:.4g}"
-        words.append(f"outside its limits, where the weights pull it; likeliest {likeliest}")
-    return "; ".join(words)
-
-
-def _slack(estimate: Estimate) -> str:
-    where = "every pose" if estimate.slack == 1.0 else f"{estimate.slack:.0%} of the poses"
-    return f"its ligament is slack at {where}"
-
-
 def message(fit: Fit) -> str:
     """Why a search ended, whatever its method, and how many poses it could not balance."""
     return _ending(fit, "converged")
@@ -123,16 +94,6 @@ def _ending(fit: Fit, converged_words: str) -> str:
     gone = sum(int((~converged(one.status)).sum()) for one in fit.tests)
     loads = sum(len(one.status) for one in fit.tests)
     return words + (f"; {gone} of {loads} loads of tests have no balance" if gone else "")
-
-
-def limits(estimate: Estimate) -> str:
-    """The 95 % limits of an estimate in words; empty if the data give none."""
-    low, high = number(estimate.low), number(estimate.high)
-    if math.isfinite(estimate.low) and math.isfinite(estimate.high):
-        return f"{low} to {high}"
-    if math.isfinite(estimate.low):
-        return f"above {low}"
-    return f"below {high}" if math.isfinite(estimate.high) else ""
 
 
 def optimiser(calibration: Calibration) -> str:
@@ -165,16 +126,29 @@ def _doubts(fit: Fit, flexion: np.ndarray, accepted: tuple[Status, ...] = ()) ->
             f"widen the bounds or fix the parameter{'s' * (len(bound) > 1)}."
         )
     lost: dict[str, list[str]] = {}
+    failed: dict[str, list[str]] = {}
     for e in (*fit.estimates, *fit.offsets):
         # What ended on a bound has been said.
         if undetermined(e) and not e.at_bound:
             lost.setdefault(reasons(e), []).append(e.name)
         if e.beside:
             sentences.append(
-                f"{e.name}, {number(e.value)}, lies outside its limits ({limits(e)}): the weights "
-                f"pull it there. The likeliest value is {number(e.likeliest)}; weigh coordinates "
-                "by their noise, or doubt the model."
+                f"{e.name}, {number(e.value)}, lies outside its limits ({limits(e)}): "
+                + (
+                    f"a better fit is at {number(e.likeliest)}; start there."
+                    if e.same_sum
+                    else "limits follow the likelihood, and the weights are not 1/noise^2. The "
+                    f"likeliest value is {number(e.likeliest)}; weigh coordinates by their noise, "
+                    "or doubt the model."
+                )
             )
+        if e.interval is IntervalKind.NOT_COMPUTED:
+            failed.setdefault(e.reason, []).append(e.name)
+    for reason, names in failed.items():
+        sentences.append(
+            f"The 95 % limits of {listed(names, 40)} could not be computed: {reason}. That says "
+            "nothing about whether the data determine them."
+        )
     for reason, names in lost.items():
         why = reason or "other parameters make up for whatever its bounds allow"
         verb = "are" if len(names) > 1 else "is"
@@ -325,11 +299,18 @@ def known_words(calibration: Calibration) -> str:
         IntervalKind.NOT_DETERMINED: "not at all",
     }
     kinds = [f"{counts[kind]} {said}" for kind, said in words.items() if counts[kind]]
-    sentence = f"Of {sum(counts.values())} estimates the data limit {', '.join(kinds)}."
+    sentence = f"Of {sum(counts.values())} estimates the data limit {', '.join(kinds) or 'none'}"
+    for kind, said in (
+        (IntervalKind.PRIOR, "known from the prior alone"),
+        (IntervalKind.NOT_COMPUTED, "without limits, which could not be computed"),
+    ):
+        verb = "is" if counts[kind] == 1 else "are"
+        sentence += f"; {counts[kind]} {verb} {said}" if counts[kind] else ""
+    sentence += "."
     shared = [
         e
         for e in calibration.fit.estimates
-        if e.name in calibration.truth and e.interval not in (None, IntervalKind.NOT_DETERMINED)
+        if e.name in calibration.truth and e.interval is not None and e.interval.has_limits
     ]
     if calibration.truth and shared:
         inside = sum(

@@ -88,11 +88,15 @@ def _determined(found: Identification, i: int) -> bool:
     interval = _interval(found, i)
     if interval is None:
         return bool(found.information.determined[i])
-    return interval.kind is not IntervalKind.NOT_DETERMINED
+    return interval.kind.from_data
 
 
 def _why(found: Identification, i: int) -> str:
-    name = found.selection.names[i]
+    name, interval = found.selection.names[i], _interval(found, i)
+    if interval is not None and interval.kind is IntervalKind.PRIOR:
+        return f"{name} is known from its prior alone: the data do not narrow it."
+    if interval is not None and interval.kind is IntervalKind.NOT_COMPUTED:
+        return f"The 95 % limits of {name} could not be computed: {interval.reason}."
     usual = f"{name} is not determined: other parameters make up for whatever its bounds allow."
     return reason_words(found.information)[i] or usual
 

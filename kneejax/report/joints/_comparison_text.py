@@ -136,7 +136,7 @@ def joint_comparison_summary(found: Comparison) -> str:
         + ", ".join(f"{one.name}: {one.meaning}" for one in MEASURES)
     )
     for one in found.summaries:
-        lines += ["", one.motion + (": mean +- standard deviation" if count > 1 else "")]
+        lines += ["", one.motion + (": mean (standard deviation)" if count > 1 else "")]
         lines += aligned([_head(), *_summary_lines(one)])
     for one in found.differences:
         if one.first == MEASURED or found.tests:
@@ -167,7 +167,10 @@ def _summary_lines(one: Summary) -> list[list[str]]:
     # The last rows are averages and ranges.
     first = next(i for i, name in enumerate(one.conditions) if name == "average")
     rows = range(first if first > _MOST_ROWS else 0, len(one.conditions))
-    return [[_condition(one.conditions[i]), *_plus_minus(one.mean[i], one.sd[i])] for i in rows]
+    return [
+        [_condition(one.conditions[i]), *_with_spread(one.mean[i], one.sd[i], "{} ({})")]
+        for i in rows
+    ]
 
 
 def _difference_lines(found: Comparison, one: Difference) -> list[list[str]]:
@@ -175,7 +178,7 @@ def _difference_lines(found: Comparison, one: Difference) -> list[list[str]]:
     lines = []
     for i in range(last if last > _MOST_ROWS else 0, last + 1):
         marks = _marks(found, one, i) if i < last else [""] * len(MEASURES)
-        cells = _plus_minus(one.mean[i], one.standard_error[i])
+        cells = _with_spread(one.mean[i], one.standard_error[i], "{} +- {}")
         starred = [f"{cell}{mark or ' '}" for cell, mark in zip(cells, marks, strict=True)]
         lines.append([_condition(one.conditions[i]), *starred])
     return lines
@@ -196,9 +199,9 @@ def _condition(name: str) -> str:
     return f"{name} deg" if name[0].isdigit() or name[0] == "-" else name
 
 
-def _plus_minus(mean: np.ndarray, spread: np.ndarray) -> list[str]:
+def _with_spread(mean: np.ndarray, spread: np.ndarray, words: str) -> list[str]:
     return [
-        _text(a) if np.isnan(b) else f"{_text(a)} +- {_text(b)}"
+        _text(a) if np.isnan(b) else words.format(_text(a), _text(b))
         for a, b in zip(mean, spread, strict=True)
     ]
 

@@ -13,3 +13,4 @@ from kneejax.report.motion._pose_doubts import pose_doubts as pose_doubts
 from kneejax.report.motion._pose_doubts import row_status as row_status
 from kneejax.report.motion._pose_words import pose_words as pose_words
 from kneejax.report.motion._pose_words import search_words as search_words
+from kneejax.report.motion._pose_words import second_balance as second_balance

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from kneejax.experiments import Mechanics, Motion, flipped, near_flip
 from kneejax.geometry import COLUMNS, COORDINATES, free_of, scales
-from kneejax.mechanics import LIMITS, WIDEST_GAP_MM, Knee, load_words
+from kneejax.mechanics import LIMITS, OFF_SURFACE_MM, WIDEST_GAP_MM, Knee, load_words
 from kneejax.statics import Status, converged
 
 # All compartments farther apart than this: something pulls the bones apart, mm.
@@ -61,6 +61,22 @@ def search_words(motion: Motion, loads: Mapping[str, ArrayLike] | None = None) -
     )
 
 
+def second_balance(other: np.ndarray, own: np.ndarray) -> str:
+    """Say where a second stable balance lies: the rotation and the translation that differ most.
+
+    Args:
+        other: its pose, degrees and mm, `(6,)`, in the order of `kneejax.geometry.COLUMNS`.
+        own: the pose that is reported; NaN where there is none.
+    """
+    away = np.abs(other - own) if np.isfinite(own).all() else np.abs(other)
+    parts = []
+    for k in (1 + int(away[1:3].argmax()), 3 + int(away[3:].argmax())):
+        name, unit = COLUMNS[k].rsplit("_", 1)
+        here = f" (here {own[k]:.1f})" if np.isfinite(own[k]) else ""
+        parts.append(f"{name.replace('_', ' ')} {other[k]:.1f} {unit}{here}")
+    return f"second stable balance at {', '.join(parts)}"
+
+
 def _of_lost(motion: Motion, row: int, loads: Mapping[str, float]) -> str:
     reached = float(motion.reached[row])
     if motion.status[row] == Status.GIVES_WAY:
@@ -107,7 +123,7 @@ def _of_contacts(knee: Knee, found: Mechanics, row: int):
             yield f"{name} overlap of {depth[k]:.1f} mm, the whole layer"
         if depth[k] < -WIDEST_GAP_MM:
             yield f"{name} compartment open by {-depth[k]:.1f} mm (at most {WIDEST_GAP_MM:g})"
-        if not found.known[row, k]:
+        if not found.known[row, k] or found.beyond_mm[row, k] > 0.0:
             yield f"{name} contact{_beyond(found, row, k)}"
     if len(depth) and (depth < -_APART_MM).all() and (depth >= -WIDEST_GAP_MM).all():
         gaps = ", ".join(
@@ -120,7 +136,11 @@ def _beyond(found: Mechanics, row: int, k: int) -> str:
     far, share = float(found.beyond_mm[row, k]), float(found.beyond_share[row, k])
     if not np.isfinite([far, share]).all():
         return " off the fitted surfaces"
-    return f" {far:.2g} mm off the fitted surfaces with {100 * share:.2g} % of its force"
+    counts = "no doubt up to" if found.known[row, k] else "at most"
+    return (
+        f" {far:.2g} mm off the fitted surfaces ({counts} {OFF_SURFACE_MM:g}) with "
+        f"{100 * share:.2g} % of its force"
+    )
 
 
 def _of_place(found: Mechanics, row: int):

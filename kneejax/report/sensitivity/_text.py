@@ -135,7 +135,7 @@ def _index_lines(found: MotionIndices) -> list[str]:
     half, row = indices.half_widths[main], found.row("")
     order = np.argsort(-np.nan_to_num(indices.measures[main][row]), kind="stable")
     words = main.replace("_", " ")
-    table = [["parameter", "range", words, "+-", other.replace("_", " "), "largest for"]]
+    table = [["parameter", "range", words, "half width", other.replace("_", " "), "largest for"]]
     for i in order[:_MOST_ROWS]:
         best = [
             one.coordinate
@@ -158,7 +158,7 @@ def _index_lines(found: MotionIndices) -> list[str]:
         )
     lines = wrapped(
         f"{kind} indices of the objective ({indices.runs} motions, {100 * indices.confidence:g} % "
-        "intervals), and the coordinates whose error each parameter decides most"
+        "intervals by half width), and the coordinates whose error each parameter decides most"
     )
     lines += aligned(table, (0, 1, 5))
     if indices.treatment:

@@ -218,7 +218,6 @@ def test_a_torque_of_another_force_is_doubted(tmp_path, knee):
     [
         ({}, {"side": "l"}, "l"),
         ({}, {"files": ["angles.mot", "floor.xml"]}, "muscle forces: missing"),
-        ({}, {"files": ["angles.mot", "pulls.sto"]}, "external loads: missing"),
         ({}, {"files": ["pulls.sto", "floor.xml"]}, "coordinates: missing"),
         ({}, {"files": ["angles.mot", "pulls.sto", "floor.mot"]}, "a table with the coordinate"),
         ({}, {"files": ["angles.mot", "angles.mot"]}, "a second table of coordinates"),

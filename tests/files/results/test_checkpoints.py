@@ -45,7 +45,40 @@ def test_a_folder_of_other_work_is_refused(tmp_path, about, data, words):
         Checkpoints(tmp_path, about, data)
 
 
-def test_a_claim_that_is_no_json_is_refused(tmp_path):
-    (tmp_path / "study.json").write_text("{", encoding="utf-8")
-    with pytest.raises(InputProblem, match="JSON"):
-        Checkpoints(tmp_path, ABOUT, b"data")
+def damaged(path, mode):
+    """Damage a file as disks and people do."""
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 4
+    half = data[: len(data) // 2]
+    path.write_bytes({"flip": data, "half": half, "empty": b"", "text": b"not a cache"}[mode])
+
+
+@pytest.mark.parametrize("mode", ["flip", "half", "empty", "text"])
+def test_what_was_damaged_is_missing_and_mended(tmp_path, mode):
+    """Once a part that was cut was a traceback, and a claim that was cut had no way out."""
+    for path in ("parts/first.part", "study.json"):
+        Checkpoints(tmp_path, ABOUT, b"data").save("first", {"a": np.arange(3)})
+        Checkpoints(tmp_path, ABOUT, b"data").save("second", {"a": np.arange(4)})
+        damaged(tmp_path / path, mode)
+        store = Checkpoints(tmp_path, ABOUT, b"data")
+        assert (store.load("first") is None) == path.startswith("parts")
+        assert store.load("second")["a"].tolist() == [0, 1, 2, 3]
+        store.save("first", {"a": np.arange(3)})
+        mended = Checkpoints(tmp_path, ABOUT, b"data")
+        assert mended.load("first")["a"].tolist() == [0, 1, 2]
+
+
+def test_a_part_of_other_work_is_none_of_this(tmp_path):
+    Checkpoints(tmp_path, ABOUT, b"data").save("first", {"a": np.zeros(1)})
+    (tmp_path / "study.json").unlink()
+    assert Checkpoints(tmp_path, ABOUT, b"other").load("first") is None
+
+
+def test_who_was_there_before_is_asked_to_go_once(tmp_path):
+    begun = []
+    store = Checkpoints(tmp_path, ABOUT, b"data", begin=lambda: begun.append(1))
+    assert not begun
+    for name in ("first", "second"):
+        store.save(name, {"a": np.zeros(1)})
+    Checkpoints(tmp_path, ABOUT, b"data", begin=lambda: begun.append(2)).save("third", {})
+    assert begun == [1]

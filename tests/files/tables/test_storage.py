@@ -93,3 +93,32 @@ def test_times_of_several_tables(tmp_path):
     assert common_times([first, second], 3).tolist() == [1.0, 2.0, 3.0]
     with pytest.raises(InputProblem, match=r"c.sto: time: from 5 s: expected times that overlap"):
         common_times([first, late])
+
+
+@pytest.mark.parametrize(
+    ("name", "header", "degrees"),
+    [
+        ("slow.mot", "name slow bend\ndatacolumns 2\ndatarows 3\nrange 0 1\n", True),
+        ("slow.mot", "slow\nversion=1\nnRows=3\nnColumns=2\n", False),
+        ("slow.mot", "slow\nversion=1\ninDegrees=yes\n", True),
+        ("slow.mot", "name slow\nAngles are in radians.\n", False),
+        ("slow.sto", "slow\nAngles are in degrees.\n", True),
+        ("slow.sto", "slow\n", False),
+    ],
+)
+def test_a_header_without_a_unit_is_read_as_opensim_reads_it(name, header, degrees, tmp_path):
+    """A .mot without a version is a motion of SIMM, which is in degrees."""
+    path = tmp_path / name
+    most = 30.0 if degrees else 0.5
+    path.write_text(f"{header}endheader\ntime\tknee\n0\t{most / 3}\n0.5\t{most / 2}\n1\t{most}\n")
+    table = read_storage(path)
+    assert table.in_degrees == degrees
+    assert np.isclose(angles_rad(table, "knee")[-1], np.deg2rad(30.0) if degrees else 0.5)
+
+
+def test_a_unit_that_no_line_states_is_not_said_to_be_stated(tmp_path):
+    path = tmp_path / "slow.sto"
+    path.write_text("slow\nendheader\ntime\tknee\n0\t10\n0.5\t20\n1\t30\n")
+    with pytest.raises(InputProblem, match="a header without a line inDegrees=yes") as problem:
+        angles_rad(read_storage(path), "knee")
+    assert "inDegrees=no" not in str(problem.value)

@@ -1,3 +1,5 @@
+import csv
+
 import numpy as np
 import pytest
 
@@ -138,3 +140,15 @@ def test_failed_rows_are_written_as_nan(tmp_path):
     table[1, 1:] = np.nan
     write_poses(tmp_path / "p.csv", table, converged=[True, False, True])
     assert (tmp_path / "p.csv").read_text().splitlines()[2] == "30.0,nan,nan,nan,nan,nan,false"
+
+
+def test_a_text_is_no_formula_and_a_number_stays_one(tmp_path):
+    path = tmp_path / "cohort.csv"
+    texts = ["=1+1", "+cmd|' /C calc'!A0", "-2+3", "@SUM(A1)", "\tx", "\rx", "\uff1d1+1"]
+    plain = ["-5", "+1e3", "-0.5", "K1", "a=b", "", "nan", "1-2", "-"]
+    write_rows(path, ["=about", "x_mm"], [[text, -1.5] for text in [*texts, *plain]])
+    with open(path, newline="", encoding="utf-8") as file:
+        head, *rows = csv.reader(file)
+    assert head == ["'=about", "x_mm"]
+    assert [row[0] for row in rows] == [*(f"'{text}".replace("\r", "\n") for text in texts), *plain]
+    assert {row[1] for row in rows} == {"-1.5"}

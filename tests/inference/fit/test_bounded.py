@@ -45,6 +45,23 @@ def test_a_fibre_that_has_become_slack_does_not_hold_up_the_others():
     assert int(answer.stats["num_steps"]) < 45
 
 
+def room_to_balance(x, _):
+    """Readings that want to be where nothing balances any more, and one whose slope is infinite
+    at the limit: least squares of 25 at (0.8, 0.6)."""
+    room = 1.0 - x @ x
+    jumps = jnp.where(room > 0, 5.0 * jnp.sqrt(jnp.where(room > 0, room, 1.0)), jnp.inf)
+    return jnp.append(10.0 * (x - jnp.array([1.2, 0.9])), jumps)
+
+
+@pytest.mark.parametrize("start", [(0.95, -0.2), (-0.5, 0.8), (0.2, -0.97), (0.9, 0.0)])
+def test_a_search_slides_along_a_limit_point_to_the_bottom(start):
+    solver = BoundedLevenbergMarquardt(jnp.full(2, -2.0), jnp.full(2, 2.0))
+    start = jnp.array(start)
+    answer = optx.least_squares(room_to_balance, solver, start, max_steps=200, throw=False)
+    # 45 to 413 where a reading that refuses alone shortens the steps of all.
+    assert float(jnp.sum(room_to_balance(answer.value, None) ** 2)) < 25.01
+
+
 def test_a_held_variable_does_not_move():
     answer = fit(lambda x, _: x - jnp.array([2.0, 3.0]), [0.7, 0.0], [0.7, -9.0], [0.7, 9.0])
     assert np.allclose(answer.value, [0.7, 3.0])

@@ -62,8 +62,13 @@ def test_a_knee_shows_no_residual_against_its_own_curves(knee, problem):
 
 @pytest.mark.parametrize(
     ("counted_from", "shift"),
-    [("absolute", 0.0), ("least_load", 3.0), ("opposite", -2.0), ("offset", 5.0),
-     ("offset_each_flexion", 5.0)],
+    [
+        ("absolute", 0.0),
+        ("least_load", 3.0),
+        ("opposite", -2.0),
+        ("offset", 5.0),
+        ("offset_each_flexion", 5.0),
+    ],
 )
 def test_whatever_a_robot_counts_from_its_own_knee_fits(knee, curves, passive, counted_from, shift):
     test = recorded(curves[0], counted_from, shift)
@@ -84,9 +89,7 @@ def test_whatever_a_robot_counts_from_its_own_knee_fits(knee, curves, passive, c
 @pytest.mark.parametrize(
     "counted_from", ["unloaded", "least_load", "opposite", "offset", "offset_each_flexion"]
 )
-def test_residuals_have_exact_derivatives(
-    knee, curves, passive, counted_from, central_difference
-):
+def test_residuals_have_exact_derivatives(knee, curves, passive, counted_from, central_difference):
     if counted_from == "unloaded":
         tests = [kj.MeasuredTest.of(one) for one in curves]
     else:
@@ -235,3 +238,22 @@ def test_a_device_strapped_to_the_shank_pushes_along_the_tibias_own_axes(knee):
     assert np.abs(own).max() < 1e-5
     # The floating axis leaves the tibia's own by internal rotation.
     assert np.abs(drawn).max() > 0.5
+
+
+def test_constants_that_leave_something_of_each_reading_are_taken():
+    rows = np.full((4, 5), np.nan)
+    rows[:, FREE_COORDINATES.index("anterior")] = -4.0, 5.8, 1.0, 2.0
+    loads = {"anterior_N": np.array([-90.0, 90.0, 0.0, 9.0])}
+    flexion = [30.0, 30.0, 60.0, 60.0]
+    test = kj.MeasuredTest("drawer", flexion, loads, rows, counted_from="offset_each_flexion")
+    assert test.groups.tolist() == [0, 0, 1, 1]
+    with pytest.raises(ValueError, match="anterior under one load at 30 degrees"):
+        kj.MeasuredTest(
+            "drawer", [30.0, 40.0, 60.0, 60.0], loads, rows, counted_from="offset_each_flexion"
+        )
+
+
+def test_a_frame_offset_of_a_single_pose_is_refused():
+    knee = kj.load_knee("four_ligament")
+    with pytest.raises(UnsuitableData, match="frame_offset: lateral with 1 measured pose; expec"):
+        kj.calibrate(knee, np.zeros((1, 6)), ("ACL.stiffness",), offsets=("lateral",))

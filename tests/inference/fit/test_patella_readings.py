@@ -1,6 +1,7 @@
 """Where the patella was, as data of the one fit: a knee of three bones in a study."""
 
 import dataclasses
+import functools
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from kneejax.experiments.extensor._held_leg import at_rest, pulled_at
 from kneejax.files import InputProblem, write_rows
 from kneejax.geometry import BODIES, COLUMNS, PATELLA, free_of
 from kneejax.inference.fit import Problem, fit_lanes
+from kneejax.numerics import WrongValue
 from kneejax.parameters import UnknownParameter
 from kneejax.statics import Slopes
 
@@ -173,24 +175,25 @@ def anywhere(problem):
 
 def test_the_best_constant_leaves_what_scatters_about_it(knee):
     """With weights 1, 1, 2 the best constant of errors e is (e0 + e1 + 2 e2) / 4; each coordinate
-    has its own, and one a flexion leaves nothing of a single number."""
+    has its own; one a flexion would leave nothing of a single number, and is refused."""
     weight = np.array([0.5, 0.5, 1.0])
     tilt, lateral = np.array([1.0, 3.0, 8.0]), np.array([4.0, 4.0, 4.0])
     found = {}
-    for counted_from in ("absolute", "offset", "offset_each_flexion"):
-        test = kj.MeasuredTest(
-            "tracking", FLEXION, {}, np.full((3, 5), np.nan), counted_from=counted_from,
-            tensions={"quadriceps": np.full(3, PULL_N)}, weight=weight, sd_mm=1.0, sd_deg=1.0,
-            readings={"patella_tilt_deg": tilt, "patella_lateral_mm": lateral},
-        )  # fmt: skip
-        problem = problem_of(knee, test, ["ACL.stiffness"])
+    tracking = functools.partial(
+        kj.MeasuredTest, "tracking", FLEXION, {}, np.full((3, 5), np.nan),
+        tensions={"quadriceps": np.full(3, PULL_N)}, weight=weight, sd_mm=1.0, sd_deg=1.0,
+        readings={"patella_tilt_deg": tilt, "patella_lateral_mm": lateral},
+    )  # fmt: skip
+    for counted_from in ("absolute", "offset"):
+        problem = problem_of(knee, tracking(counted_from=counted_from), ["ACL.stiffness"])
         error, _ = problem.cases.readings.error(problem.cases, anywhere(problem))
         found[counted_from] = error[0].reshape(2, 3)
     error = found["absolute"]
     best = error @ np.array([0.25, 0.25, 0.5])
     assert found["offset"] == pytest.approx(error - best[:, None], abs=1e-12)
     assert np.abs(found["offset"]).max() > 0.1
-    assert found["offset_each_flexion"] == pytest.approx(0.0, abs=1e-12)
+    with pytest.raises(WrongValue, match="patella_tilt_deg under one load at 20 degrees"):
+        tracking(counted_from="offset_each_flexion")
 
 
 def written(folder, item, **fields):

@@ -39,6 +39,14 @@ def profile(low=2.0, high=8.0, low_open="", high_open=""):
         (profile(high=10.0, high_open="its bound"), 1.5, IntervalKind.ONE_SIDED, (2.0, np.nan)),
         (profile(low=0.0, low_open="its bound"), 1.5, IntervalKind.ONE_SIDED, (np.nan, 8.0)),
         (profile(0.0, 10.0, "its bound", "its bound"), 1.5, IntervalKind.NOT_DETERMINED, None),
+        # What was not computed says nothing of the data.
+        (
+            profile(0.0, 10.0, "no balance beyond", "its bound"),
+            1.5,
+            IntervalKind.NOT_COMPUTED,
+            None,
+        ),
+        (profile(high=10.0, high_open="given up"), 1.5, IntervalKind.ONE_SIDED, (2.0, np.nan)),
         # All but a tenth of what bounds allow is no knowledge.
         (profile(0.5, 10.0, "", "its bound"), 1.5, IntervalKind.NOT_DETERMINED, None),
     ],
@@ -48,6 +56,50 @@ def test_the_kind_of_an_interval_follows_from_its_profile(followed, error, kind,
     assert found.kind is kind
     np.testing.assert_array_equal([found.low, found.high], ends or (np.nan, np.nan))
     assert np.isfinite(found.standard_error) == (kind is IntervalKind.STANDARD_ERROR)
+    ends = followed.low_open, followed.high_open
+    assert found.reason == next((end for end in ends if end not in ("", "its bound")), "")
+
+
+def linear(values, near=None):
+    """Superior in mm is ten times the first value and next to nothing of the second."""
+    values = np.asarray(values, float)
+    slope = np.zeros((2, 5, 2))
+    slope[:, 3] = [[10.0, 0.02], [10.0, -0.02]]
+    shape = (len(values), 2)
+    return Slopes(
+        values, np.einsum("scp,vp->vsc", slope, values), np.tile(slope, (len(values), 1, 1, 1)),
+        np.zeros((*shape, 0, 2)), np.zeros((*shape, 0, 2, 2)), np.zeros((*shape, 5, 5)),
+        np.full(shape, Status.BALANCED),
+    )  # fmt: skip
+
+
+def test_limits_with_a_prior_are_those_of_the_closed_form_and_name_what_is_the_priors_own():
+    """Of a linear problem precisions add."""
+    mean, sd, noise = np.array([1.0, 2.0]), np.array([0.5, 3.0]), 0.5
+    target = np.full((1, 2, 5), np.nan)
+    target[..., 3] = 12.0
+    weights = np.full(5, noise**-2.0)
+    data = LoadCases(Stations.at([0.0, 1.0]), target, np.ones(5), prior=(mean, sd))
+    slope = linear(mean[None]).jacobian[0, :, 3] / noise
+    precision = slope.T @ slope + np.diag(sd**-2.0)
+    best = np.linalg.solve(precision, slope.T @ [24.0, 24.0] + mean / sd**2)
+    half = np.sqrt(3.8415 * np.diag(np.linalg.inv(precision)))
+    box = np.array([-20.0, -50.0]), np.array([20.0, 50.0])
+    (sure,) = sureties(linear, data, linear(best[None]), weights, np.full(5, noise), *box, XY)
+    ends = np.array([[one.low, one.high] for one in sure.intervals])
+    np.testing.assert_allclose(ends, np.stack([best - half, best + half], 1), atol=2e-2 * half[1])
+    np.testing.assert_allclose(ends[0], [best[0] - half[0], best[0] + half[0]], rtol=2e-3)
+    kinds = [one.kind for one in sure.intervals]
+    assert kinds == [IntervalKind.STANDARD_ERROR, IntervalKind.PRIOR]
+    assert (np.ptp(ends, axis=1) <= 2.0 * np.sqrt(3.8415) * sd * (1.0 + 1e-12)).all()
+
+
+def test_limits_are_never_farther_apart_than_those_of_the_prior():
+    wide = Interval.of(profile(), 5.0, 3.0 / 1.96, 0.0, 10.0, prior=2.0 / 1.96)
+    assert wide.kind is IntervalKind.PRIOR
+    assert (wide.low, wide.high) == pytest.approx((3.0, 7.0), rel=1e-4)
+    cut = Interval.of(profile(high=10.0, high_open="its bound"), 5.0, 1.5, 0.0, 10.0, 2.0 / 1.96)
+    assert cut.low == pytest.approx(3.0, rel=1e-4) and np.isnan(cut.high)
 
 
 def two_valleys(values, near=None, longest=np.inf):

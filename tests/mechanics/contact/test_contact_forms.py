@@ -215,6 +215,25 @@ def test_what_is_far_apart_carries_nothing_beyond_a_border():
     assert float(border.share[0]) == float(border.beyond_mm[0]) == 0.0
 
 
+@jax.jit
+def faults_and_border(contact, tibia):
+    bed = contact.foundation
+    sampled = bed.sample(tibia)
+    return bed.faults(tibia, sampled).outside, bed.border(tibia, sampled)
+
+
+@pytest.mark.parametrize(("mm", "doubted"), [(0.8, False), (2.0, True)])
+def test_points_are_in_doubt_from_a_millimetre_off_the_femurs_cartilage(mm, doubted):
+    """A roller whose cartilage is 20 mm wide, on a wider plane."""
+    roller = geo.Condyle([[25.0]], np.deg2rad([0.0, 180.0]), (-10.0, 10.0))
+    plane = geo.Plane(half_extent=(4.0, 10.0 + mm))
+    contact = Contact(roller, plane, form="quadrature", points=(4, 80))
+    outside, border = faults_and_border(contact, at([0.0, -24.5, 0.0]))
+    assert bool(outside[0]) is doubted
+    assert mm - 0.3 < float(border.beyond_mm[0]) <= mm
+    assert float(border.share[0]) == pytest.approx(mm / (10.0 + mm), abs=0.03)
+
+
 def test_pressure_has_the_rounded_onset_of_the_energy():
     contact = Contact(geo.Sphere(30.0), geo.Plane(), law="log", onset_width=0.02)
     assert float(contact.pressure(1.0)) == pytest.approx(-K * np.log1p(-1.0001 / 6), rel=1e-6)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import kneejax.geometry as geo
-from kneejax.mechanics import Contact
+from kneejax.mechanics import OFF_SURFACE_MM, Contact
 
 DOWN = (0.5 * np.pi, 0.0)
 
@@ -171,6 +171,23 @@ def test_a_patch_on_the_border_carries_half_its_force_beyond_it():
         border = border_of(contact, at(-29.5, -shift))
         assert float(border.beyond_mm) == pytest.approx(mm, abs=1e-6)
         assert float(border.share) == pytest.approx(share, abs=0.05)
+
+
+@compiled
+def pressed_and_border(contact, tibia):
+    meeting = contact.meeting(tibia)
+    return contact.press(tibia, meeting).known, contact.border(tibia, meeting)
+
+
+@pytest.mark.parametrize("mm", [0.1, 0.9, 1.1, 3.0])
+def test_a_patch_is_in_doubt_where_its_rim_is_a_millimetre_off_and_carries_little_up_to_there(mm):
+    plane, reach = geo.Plane(half_extent=(10.0, 10.0)), np.sqrt(2 * 30.0 * 0.5)
+    tibia = at(-29.5, -(10.0 - reach + mm))
+    known, border = pressed_and_border(Contact(geo.Sphere(30.0), plane), tibia)
+    assert bool(known) is (mm < OFF_SURFACE_MM)
+    assert float(border.beyond_mm) == pytest.approx(mm, abs=1e-6)
+    if mm < OFF_SURFACE_MM:
+        assert float(border.share) < 0.015
 
 
 def condyle_on_plateau():

@@ -24,8 +24,13 @@ MISFITS = (
 def _sound(fit):
     estimates = tuple(
         dataclasses.replace(
-            e, standard_error=1.0, at_bound=False, slack=0.0, low=e.value - 2.0,
-            high=e.value + 2.0, interval=IntervalKind.STANDARD_ERROR,
+            e,
+            standard_error=1.0,
+            at_bound=False,
+            slack=0.0,
+            low=e.value - 2.0,
+            high=e.value + 2.0,
+            interval=IntervalKind.STANDARD_ERROR,
         )
         for e in fit.estimates
     )
@@ -149,12 +154,77 @@ def test_a_poor_fit_says_in_which_coordinate_and_why():
     assert "Poor fit: RMSE" in report.verdict(calibration)
 
 
+def _lines(calibration, first="parameter"):
+    """Head and lines of the table of parameters, by their first word."""
+    lines = report.calibration_summary(calibration).splitlines()
+    (head,) = [line for line in lines if line.startswith(first)]
+    rows = {line.split()[0]: line for line in reversed(lines) if line.strip()}
+    return head, rows
+
+
+def test_the_column_of_limits_holds_limits_and_nothing_else():
+    calibration = made_up.calibration()
+    head, rows = _lines(calibration)
+    place, after = head.index("95 % limits"), head.index("truth")
+    assert "std. error" in head  # what +- is
+    for e in calibration.fit.estimates:
+        cell = rows[e.name][place:after].strip()
+        limits = re.match(r"(\S+ to \S+|above \S+|below \S+|-)(  +|$)", cell)
+        assert limits, cell
+        if e.interval is IntervalKind.STANDARD_ERROR:
+            low, high = map(float, limits[1].split(" to "))
+            assert (low, high) == pytest.approx((e.low, e.high), rel=1e-3)
+
+
+def _first(**changes):
+    return lambda fit: {
+        "estimates": (dataclasses.replace(fit.estimates[0], **changes), *fit.estimates[1:])
+    }
+
+
+def test_what_the_prior_alone_determines_is_not_counted_as_limited_by_the_data():
+    alone = _judged(_first(interval=IntervalKind.PRIOR))
+    assert "prior alone" in _lines(alone)[1]["ACL.stiffness"]
+    text = " ".join(report.calibration_summary(alone).split())
+    assert "Of 9 estimates the data limit 8 by a standard error; 1 is known from the prior" in text
+    assert report.result_document(alone)["remarks"]["ACL.stiffness"] == "known from the prior alone"
+    assert any("prior alone: ACL.stiffness" in note for note in report.calibration_notes(alone))
+
+
+def test_limits_that_could_not_be_computed_get_no_reason_that_is_none():
+    failed = _first(
+        interval=IntervalKind.NOT_COMPUTED, low=np.nan, high=np.nan, standard_error=np.nan,
+        reason="no balance beyond",
+    )  # fmt: skip
+    failed = _judged(failed)
+    assert "limits not computed" in _lines(failed)[1]["ACL.stiffness"]
+    (said,) = report.warnings(failed)
+    assert said.startswith("The 95 % limits of ACL.stiffness could not be computed: no balance b")
+    text = report.calibration_summary(failed)
+    assert "not determined" not in text and "make up" not in text
+
+
+@pytest.mark.parametrize(
+    ("same", "why"),
+    [(False, "outside: weights are not 1/noise^2; likeliest 4956"),
+     (True, "outside: a better fit is at 4956")],
+)  # fmt: skip
+def test_an_estimate_outside_its_limits_has_its_reason_on_the_line(same, why):
+    outside = _first(
+        value=2842.0, low=3000.0, high=9443.0, likeliest=4956.0, standard_error=np.nan,
+        interval=IntervalKind.PROFILE, same_sum=same,
+    )  # fmt: skip
+    line = _lines(_judged(outside))[1]["ACL.stiffness"]
+    assert "3000 to 9443" in line and why in line
+
+
 def test_limits_are_printed_where_the_standard_error_means_nothing():
     lines = report.calibration_summary(made_up.calibration()).splitlines()
     rows = {line.split()[0]: line for line in reversed(lines) if line.strip()}
     assert "+-" in rows["ACL.stiffness"]
     assert "not determined" in rows["MCL.stiffness"] and "+-" not in rows["MCL.stiffness"]
-    assert "above 8800, at bound" in rows["LCL.stiffness"] and "+-" not in rows["LCL.stiffness"]
+    assert "above 8800" in rows["LCL.stiffness"] and "at bound" in rows["LCL.stiffness"]
+    assert "+-" not in rows["LCL.stiffness"]
     assert " to " in rows["PCL.reference_strain"] and "+-" not in rows["PCL.reference_strain"]
     assert re.search(r"offset lateral +-0\.30+ +\+- +0\.050+ +mm", "\n".join(lines))
 

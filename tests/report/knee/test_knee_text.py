@@ -1,5 +1,7 @@
 """A knee in words says what its file holds, briefly where there are many fibres."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -80,3 +82,17 @@ def test_every_fibre_can_be_asked_for_also_around_obstacles(full):
         _, length, slack, strain = (float(x) for x in found[name][:4])
         assert length / slack - 1.0 == pytest.approx(strain, abs=1e-4)
         assert strain == pytest.approx(round(strain, 2), abs=2e-4), name
+
+
+@pytest.mark.parametrize("name", sorted(bundled_knees()))
+def test_no_bundled_knee_contradicts_itself(name):
+    """Fibres, menisci and patella: what the prose says is what the tables have."""
+    document = load_knee_file(name).document
+    adapted = [str(change) for change in document.get("adaptations", ())]
+    prose = " ".join([document["description"], document.get("notes", ""), *adapted]).split()
+    prose = " ".join(prose).lower()
+    has_menisci = any("menisc" in contact for contact in document["contacts"])
+    assert not (has_menisci and "no menisci" in prose)
+    assert not ("patella" in document and ("no patella" in prose or "not patella" in prose))
+    total = re.search(r"all (\d+) (?:\w+ )*fibres", prose)
+    assert total is None or int(total[1]) == len(document["ligaments"])

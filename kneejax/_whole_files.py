@@ -1,0 +1,255 @@
+"""Files that are complete or absent, and files whose damage is noticed.
+
+Everything that the package writes goes through `write_whole`: to a draft beside the file, synced
+to the disk, renamed. While a run's results are gathered (`gathering`), its files go to a draft of
+the whole folder instead, so that an earlier run's results stay until all the new ones are there.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import uuid
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+#: Drafts of folders begin so; they lie in the folder itself, so that a rename is enough.
+DRAFT = ".kneejax-draft-"
+_CHECKSUM = "checksum"
+#: Files that are synced side by side.
+_AT_ONCE = 16
+_SEAL = b"kneejax sha256 "
+#: Folder -> the draft of its new files, and who may object to a file that is read or written.
+_drafts: dict[Path, tuple[Path, Callable[[Path, bool], None]]] = {}
+
+
+def write_whole(path: str | os.PathLike[str], data: bytes, *, at_once: bool = False) -> None:
+    """Write a file so that a reader sees the old one or the new one, never a part.
+
+    Args:
+        path: the file; missing folders are made. Below a folder that is being gathered it goes to
+            the folder's draft.
+        data: its content.
+        at_once: whether it goes to its place nevertheless.
+
+    Raises:
+        OSError: the file cannot be written; `filename` is the path.
+    """
+    place = Path(path) if at_once else _place(path, writing=True)
+    if at_once or not _in_draft(place):
+        _write(path, data)
+        return
+    try:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_bytes(data)  # synced when the draft is complete
+    except OSError as error:
+        raise _named(error, path) from None
+
+
+def written_place(path: str | os.PathLike[str]) -> Path:
+    """Where a file that this run has written is: in a draft, or where it belongs.
+
+    Args:
+        path: where it belongs.
+    """
+    place = _place(path, writing=False)
+    return place if place.exists() else Path(path)
+
+
+def writing_place(folder: str | os.PathLike[str]) -> Path:
+    """Where another program shall write what belongs into a folder.
+
+    Args:
+        folder: where it belongs.
+    """
+    return _place(folder, writing=True)
+
+
+@contextlib.contextmanager
+def gathering(folder: Path, draft: Path, object_to: Callable[[Path, bool], None]) -> Iterator[None]:
+    """Let files of a folder that are written meanwhile go to a draft.
+
+    Args:
+        folder: where they belong.
+        draft: a folder whose name begins with `DRAFT`, in `folder`.
+        object_to: called with a file's name in the folder, and whether it is to be written or
+            read; raises where that must not be.
+    """
+    home = Path(os.path.realpath(folder))
+    _drafts[home] = draft, object_to
+    try:
+        yield
+    finally:
+        del _drafts[home]
+
+
+def write_sealed(path: str | os.PathLike[str], data: bytes, key: str = "") -> None:
+    """Keep bytes on disk for later; at once, whatever is being gathered.
+
+    Args:
+        path: the file.
+        data: what is kept.
+        key: of the work that it belongs to.
+
+    Raises:
+        OSError: as `write_whole`.
+    """
+    write_whole(path, _seal(data, key) + data, at_once=True)
+
+
+def read_sealed(path: str | os.PathLike[str], key: str = "") -> bytes | None:
+    """What was kept, or None where there is nothing, anything else, or something damaged.
+
+    Args:
+        path: the file.
+        key: of the work that it must belong to.
+    """
+    try:
+        whole = Path(path).read_bytes()
+    except OSError:
+        return None
+    length = len(_seal(b"", key))
+    data = whole[length:]
+    return data if whole[:length] == _seal(data, key) else None
+
+
+def with_checksum(document: Mapping[str, Any]) -> dict[str, Any]:
+    """What JSON can hold, with a field `checksum` that tells whether it was damaged.
+
+    Args:
+        document: whatever JSON can hold.
+    """
+    return {**document, _CHECKSUM: _of_document(document)}
+
+
+def undamaged(document: Any) -> dict[str, Any] | None:
+    """What `with_checksum` was given; None where it is anything else, or was damaged.
+
+    Args:
+        document: as it was read.
+    """
+    if not isinstance(document, dict):
+        return None
+    rest = {name: one for name, one in document.items() if name != _CHECKSUM}
+    return rest if document.get(_CHECKSUM) == _of_document(rest) else None
+
+
+def write_checked(path: str | os.PathLike[str], document: Mapping[str, Any]) -> None:
+    """Keep a JSON document on disk, at once, with its checksum.
+
+    Args:
+        path: the file.
+        document: what it holds.
+
+    Raises:
+        OSError: as `write_whole`.
+    """
+    write_whole(path, json_bytes(with_checksum(document)), at_once=True)
+
+
+def json_bytes(document: Mapping[str, Any]) -> bytes:
+    """A JSON document as a file holds it."""
+    return (json.dumps(document, indent=1) + "\n").encode()
+
+
+def read_json(path: str | os.PathLike[str]) -> Any:
+    """A JSON document, or None where there is none that can be read.
+
+    Args:
+        path: the file.
+    """
+    try:
+        return json.loads(Path(path).read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return None
+
+
+def checksum(data: bytes) -> str:
+    """SHA-256 of bytes, as hexadecimal digits."""
+    return hashlib.sha256(data).hexdigest()
+
+
+def sync(paths: Sequence[Path], folders: Iterable[Path] = ()) -> None:
+    """Wait until files are on the disk, and folders know of theirs.
+
+    Args:
+        paths: of files; all at once, which takes hardly longer than one.
+        folders: asked where a system and its file system allow it.
+
+    Raises:
+        OSError: a file cannot be written after all; `filename` is its path.
+    """
+    if paths:
+        with ThreadPoolExecutor(min(len(paths), _AT_ONCE)) as threads:
+            for _ in threads.map(_sync, paths):
+                pass
+    for folder in folders if os.name != "nt" else ():
+        with contextlib.suppress(OSError):
+            _sync(folder, os.O_RDONLY)
+
+
+def _sync(path: Path, flags: int = os.O_RDWR) -> None:
+    try:
+        handle = os.open(path, flags)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+    except OSError as error:
+        raise _named(error, path) from None
+
+
+def _named(error: OSError, path: str | os.PathLike[str]) -> OSError:
+    """An error that names the file as a person knows it."""
+    known = Path(*(part for part in Path(path).parts if not part.startswith(DRAFT)))
+    return OSError(error.errno, error.strerror or str(error), os.fspath(known))
+
+
+def _in_draft(path: Path) -> bool:
+    return any(part.startswith(DRAFT) for part in path.parts)
+
+
+def _write(given: str | os.PathLike[str], data: bytes) -> None:
+    path = Path(given)
+    draft = path.with_name(f".{path.name[:64]}.{uuid.uuid4().hex[:8]}.tmp")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            with draft.open("xb") as stream:
+                stream.write(data)
+                stream.flush()
+                os.fsync(stream.fileno())
+            os.replace(draft, path)
+        finally:
+            draft.unlink(missing_ok=True)
+        sync((), [path.parent])
+    except OSError as error:
+        raise _named(error, path) from None
+
+
+def _place(path: str | os.PathLike[str], *, writing: bool) -> Path:
+    if not _drafts:
+        return Path(path)
+    whole = Path(os.path.realpath(Path(path).parent)) / Path(path).name
+    home = next((one for one in whole.parents if one in _drafts), None)
+    if home is None:
+        return Path(path)
+    draft, object_to = _drafts[home]
+    name = whole.relative_to(home)
+    if name.parts[0].startswith(DRAFT):
+        return whole
+    if writing or not (draft / name).exists():
+        object_to(name, writing)
+    return draft / name
+
+
+def _seal(data: bytes, key: str) -> bytes:
+    return _SEAL + checksum(key.encode() + b"\n" + data).encode() + b"\n"
+
+
+def _of_document(document: Mapping[str, Any]) -> str:
+    return checksum(json.dumps(document, sort_keys=True).encode())

@@ -1,0 +1,358 @@
+"""A folder of results holds one run: it is replaced whole, and nobody else's files are touched.
+
+What a command writes is gathered in a draft, in the folder itself. When the command has ended, the
+files of the run before go, those of the draft take their places, and `settings.json`, which lists
+them with their checksums, comes last. A process that is killed in between is no harm: the draft
+says what is left to do, and the next command does it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import shutil
+import signal
+import sys
+import threading
+import time
+import uuid
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from kneejax._whole_files import (
+    DRAFT,
+    checksum,
+    gathering,
+    json_bytes,
+    read_json,
+    sync,
+    undamaged,
+    with_checksum,
+    write_whole,
+)
+from kneejax.cli._settings import FILE
+from kneejax.files import InputProblem
+
+#: In settings.json, and in a knee's mark: file -> checksum.
+FILES = "files"
+#: Folder of a cohort's knees; in a knee's folder: which task wrote it, its draws, and their folder.
+KNEES, MARK, DRAWS = "knees", "task.json", "bootstrap"
+#: A draft that nobody has touched for so long is no process's any more.
+_ABANDONED_S = 86_400.0
+_ASIDE = "set-aside-"
+
+
+class ResultsFolder:
+    """Where a command writes, from before it computes until its results are in place."""
+
+    def __init__(self, out: Path):
+        """See what the folder holds; finish what a killed process has left.
+
+        Args:
+            out: the folder, which may not exist yet.
+        """
+        self.out = out
+        self._draft = out / f"{DRAFT}{uuid.uuid4().hex[:8]}"
+        self._made = not out.exists()
+        _recover(out)
+        self._before = owned(out)
+        self._begun = False
+        #: Names of files that are in their places already when the run ends.
+        self.holds: list[str] = []
+
+    @contextlib.contextmanager
+    def gathered(self, chosen: argparse.Namespace) -> Iterator[None]:
+        """Gather what is written into the folder meanwhile; it is lost where an error ends it.
+
+        Args:
+            chosen: of the command.
+
+        Raises:
+            InputProblem: the folder's settings.json is damaged, and what it lists unknown.
+        """
+        self._set_aside(chosen)
+        try:
+            with gathering(self.out, self._draft, self._object_to):
+                yield
+        finally:
+            # One that is complete is put in place by the next command, if not by this one.
+            if not (self._draft / FILE).exists():
+                shutil.rmtree(self._draft, ignore_errors=True)
+            if self._made and self.out.is_dir():
+                for path in sorted(self.out.rglob("*"), reverse=True):
+                    with contextlib.suppress(OSError):  # only folders that are empty
+                        path.rmdir()
+                with contextlib.suppress(OSError):
+                    self.out.rmdir()
+
+    def check_free(self, *names: str) -> None:
+        """Refuse files of somebody else before the work, not after it.
+
+        Args:
+            names: of files that the run will write.
+
+        Raises:
+            InputProblem: one of them is there and kneejax did not write it.
+        """
+        for name in names:
+            self._object_to(Path(name), writing=True)
+
+    def begin(self, keeps: Callable[[str], bool]) -> None:
+        """Let go of the run before, where parts of this one are about to be kept.
+
+        Args:
+            keeps: of a file's name in the folder, whether it is of this run too.
+        """
+        with _uninterrupted():
+            _remove(self.out, [name for name in self._before if not keeps(name)])
+        self._before, self._begun, self._made = owned(self.out), True, False
+
+    def commit(self, settings: Mapping[str, Any]) -> None:
+        """Put what was gathered in its place, instead of the run before.
+
+        Args:
+            settings: of the run, without its files.
+
+        Raises:
+            InputProblem: a file that kneejax did not write is in the way.
+        """
+        if not self._draft.exists() and (self._before or self._begun):
+            return  # nothing was written, or other parts are still to come
+        listed = _checksums(self._draft)
+        for name in listed:
+            self._object_to(Path(name), writing=True)
+        listed |= {name: checksum((self.out / name).read_bytes()) for name in self.holds}
+        # A person may edit what was asked for, not the list.
+        document = {**settings, FILES: with_checksum(dict(sorted(listed.items())))}
+        with _uninterrupted():
+            _sync_below(self._draft)
+            # The draft is complete from here on, and is put in its place even after a kill.
+            write_whole(self._draft / FILE, json_bytes(document), at_once=True)
+            _put_in_place(self.out, self._draft)
+            self._before, self._made = owned(self.out), False
+
+    def _object_to(self, name: Path, writing: bool) -> None:
+        """Refuse to read what this run replaces, and to replace what kneejax has not written."""
+        known = name.as_posix() in self._before
+        if writing and not known and (self.out / name).is_file():
+            expected = "another place: kneejax did not write this file, and does not replace it"
+            raise InputProblem(self.out / name, "file", "exists already", expected)
+        if not writing and known and name.parts[0] != KNEES:
+            expected = f"another folder than that of {name}, which this run reads and would replace"
+            raise InputProblem("--out", "folder", os.fspath(self.out), expected)
+
+    def _set_aside(self, chosen: argparse.Namespace) -> None:
+        """Move away what a run left whose list of files is damaged, or that made none."""
+        if not (self.out / FILE).is_file() or _listed(self.out / FILE) is not None:
+            return
+        # Parts that can be gone on with say themselves what they are.
+        from kneejax.files.results import CLAIM, PARTS
+
+        stays = (KNEES, PARTS, CLAIM) if _resumes(chosen) else ()
+        moved = [
+            path for path in self.out.iterdir()
+            if path.name not in stays and not path.name.startswith((DRAFT, _ASIDE))
+        ]  # fmt: skip
+        home, given = Path(os.path.realpath(self.out)), [Path.cwd() / "x"]
+        for value in vars(chosen).values():
+            for one in value if isinstance(value, list | tuple) else [value]:
+                if isinstance(one, str | Path) and one != chosen.out and os.path.exists(one):
+                    given.append(Path(os.path.realpath(one)))
+        if any(home in one.parents for one in given):
+            expected = "a list of the files of the run before; choose another folder, or delete it"
+            raise InputProblem(self.out / FILE, "files", "none, or damaged", expected)
+        number = 1 + sum(path.name.startswith(_ASIDE) for path in self.out.iterdir())
+        aside = self.out / f"{_ASIDE}{number}"
+        aside.mkdir()
+        for path in moved:
+            path.rename(aside / path.name)
+        print(
+            f"kneejax: {self.out / FILE} does not list the files of its run, or was damaged: what "
+            f"was there is in {aside}",
+            file=sys.stderr,
+        )
+        self._before = owned(self.out)
+
+
+def owned(out: Path) -> set[str]:
+    """Names of all files in a folder that kneejax wrote, as its lists say.
+
+    Args:
+        out: a folder of results, or of none.
+    """
+    from kneejax.files.results import CLAIM, parts_of
+
+    found = set(_listed(out / FILE) or ())
+    if (out / FILE).is_file():
+        found.add(FILE)
+    if undamaged(read_json(out / CLAIM)) is not None:
+        found |= {CLAIM, *(_name(path, out) for path in parts_of(out))}
+    for mark in (out / KNEES).glob(f"*/{MARK}"):
+        found |= of_knee(mark.parent, out)
+    return found
+
+
+def of_knee(folder: Path, out: Path) -> set[str]:
+    """Names of the files of a cohort's knee, as its mark lists them.
+
+    Args:
+        folder: of the knee.
+        out: of the cohort's results, to which names are relative.
+    """
+    listed = _listed(folder / MARK)
+    if listed is None:
+        return set()
+    every = [folder / MARK, *(folder / name for name in listed), *(folder / DRAWS).glob("*.draws")]
+    return {_name(path, out) for path in every}
+
+
+def replace_knee(folder: Path, write: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    """Write the files of a cohort's knee, all or none of them, and its mark.
+
+    Args:
+        folder: of the knee.
+        write: writes its files; what it returns is what the mark says beside their checksums.
+
+    Returns:
+        The same.
+
+    Raises:
+        OSError: a file cannot be written; what stood there has gone.
+    """
+    # Draws say themselves which task they are of.
+    _remove(folder, [x for x in of_knee(folder, folder) if Path(x).parts[0] != DRAWS])
+    draft = folder / f"{DRAFT}{uuid.uuid4().hex[:8]}"
+    try:
+        with gathering(folder, draft, lambda name, writing: None):
+            about = write()
+        listed = _checksums(draft)
+        draft.mkdir(parents=True, exist_ok=True)
+        mark = json_bytes(with_checksum({**about, FILES: listed}))
+        (draft / MARK).write_bytes(mark)
+        _sync_below(draft)
+        with _uninterrupted():
+            for name in (*listed, MARK):
+                _move(draft / name, folder / name)
+            sync((), [folder])
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+    return about
+
+
+def read_mark(folder: Path) -> dict[str, Any] | None:
+    """What a knee's mark says, if all that it lists is there and undamaged; None otherwise.
+
+    Args:
+        folder: of the knee.
+    """
+    mark, listed = undamaged(read_json(folder / MARK)), _listed(folder / MARK)
+    if mark is None or listed is None:
+        return None
+    try:
+        same = all(checksum((folder / x).read_bytes()) == said for x, said in listed.items())
+    except OSError:
+        return None
+    return mark if same else None
+
+
+def _resumes(chosen: argparse.Namespace) -> bool:
+    """Whether a command goes on with what an earlier one has finished."""
+    if chosen.command == "calibrate":
+        from kneejax.cohorts import is_cohort
+
+        with contextlib.suppress(InputProblem):
+            return is_cohort(chosen.study)
+    return chosen.command == "map"
+
+
+def _listed(path: Path) -> dict[str, str] | None:
+    """Files that a list names, with checksums; None where it is damaged or missing."""
+    document = read_json(path)
+    if path.name == FILE:
+        found = undamaged(document.get(FILES)) if isinstance(document, dict) else None
+    else:
+        found = (undamaged(document) or {}).get(FILES)
+    if not isinstance(found, dict):
+        return None
+    # A list that leads out of its folder is none of ours.
+    inside = all(not os.path.isabs(x) and ".." not in Path(x).parts for x in found)
+    return found if inside else None
+
+
+def _sync_below(draft: Path) -> None:
+    sync([path for path in draft.rglob("*") if path.is_file()])
+
+
+def _checksums(draft: Path) -> dict[str, str]:
+    """Checksum of each file below a folder."""
+    files = sorted(path for path in draft.rglob("*") if path.is_file())
+    return {_name(path, draft): checksum(path.read_bytes()) for path in files}
+
+
+def _put_in_place(out: Path, draft: Path) -> None:
+    """Move a complete draft to where its files belong; may be done again after any step."""
+    new = set(_listed(draft / FILE) or ())
+    _remove(out, owned(out) - new - {FILE} - _kept_knees(out, new))
+    for name in sorted(new):
+        if (draft / name).exists():
+            _move(draft / name, out / name)
+    _move(draft / FILE, out / FILE)
+    shutil.rmtree(draft, ignore_errors=True)
+    sync((), [out, *{(out / name).parent for name in new}])
+
+
+def _kept_knees(out: Path, new: set[str]) -> set[str]:
+    """Files of knees whose marks belong to a run."""
+    marks = [out / name for name in new if Path(name).name == MARK]
+    return set().union(*(of_knee(mark.parent, out) for mark in marks))
+
+
+def _recover(out: Path) -> None:
+    """Finish what a process has left that was killed while it put its results in place."""
+    if not out.is_dir():
+        return
+    for draft in out.glob(f"{DRAFT}*"):
+        with contextlib.suppress(OSError):
+            if _listed(draft / FILE) is not None:
+                _put_in_place(out, draft)
+            elif time.time() - draft.stat().st_mtime > _ABANDONED_S:
+                shutil.rmtree(draft)
+
+
+def _remove(out: Path, names: Iterable[str]) -> None:
+    """Delete files and the folders that are empty without them; settings.json last of all."""
+    folders = set()
+    for name in sorted(names, key=lambda name: (name == FILE, name)):
+        path = out / name
+        path.unlink(missing_ok=True)
+        folders |= {one for one in path.parents if one != out and out in one.parents}
+    for folder in sorted(folders, key=lambda one: -len(one.parts)):
+        with contextlib.suppress(OSError):  # somebody else's files are in it
+            folder.rmdir()
+
+
+def _move(path: Path, to: Path) -> None:
+    to.parent.mkdir(parents=True, exist_ok=True)
+    os.replace(path, to)
+
+
+def _name(path: Path, out: Path) -> str:
+    return path.relative_to(out).as_posix()
+
+
+@contextlib.contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Ctrl-C waits: what takes milliseconds is done whole."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    pressed: list[tuple] = []
+    usual = signal.signal(signal.SIGINT, lambda *given: pressed.append(given))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, usual)
+    if pressed and callable(usual):
+        usual(*pressed[0])
