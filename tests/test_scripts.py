@@ -37,6 +37,8 @@ def test_the_scripts_run_as_printed(capsys):
     assert (np.diff(names["anterior_mm"]) > 0).all()
     assert "ACL.stiffness" in said and "anterior" in said
     np.testing.assert_allclose(names["test"].to_table()[0, [2, 3]], [10.0, 2.0], atol=1e-9)
+    misfit, start, step = (names[name] for name in ("misfit", "start", "step"))
+    assert misfit(start + step) < 0.1 * misfit(start)
 
 
 def commands(text):
@@ -131,7 +133,7 @@ def test_the_specimens_page_ends_in_a_fit_that_finds_the_ligaments(tmp_path, mon
 
 def test_each_has_at_most_twenty_lines():
     first, *others = SCRIPTS
-    assert len(others) == 5
+    assert len(others) == 6
     for script in others:
         assert len((first + script).strip().splitlines()) <= LONGEST
 
