@@ -152,8 +152,8 @@ class PatellaOnPath(eqx.Module):
     def _place(self, tibia: Placement) -> Array:
         """Where the patella balances, from -1 to 1 along the path.
 
-        Found without derivatives. A last step of Newton's method moves nothing, and its derivative
-        is that of the implicit function theorem.
+        Found without derivatives. Two last steps by the stiffness there move nothing; the first has
+        the derivative of the implicit function theorem, the second its second derivative too.
         """
         still, at_rest = lax.stop_gradient((self, tibia))
 
@@ -170,7 +170,10 @@ class PatellaOnPath(eqx.Module):
         end = jnp.full(still._slope(at_rest, jnp.zeros(()))[0].shape, 1.0 + _BEYOND)
         low, high = lax.fori_loop(0, _HALVINGS, halved, (-end, end))
         found = lax.fori_loop(0, _STEPS, stepped, 0.5 * (low + high))
-        return found - self._slope(tibia, found)[0] / still._slope(at_rest, found)[1]
+        place, stiffness = found, still._slope(at_rest, found)[1]
+        for _ in range(2):
+            place = place - self._slope(tibia, place)[0] / stiffness
+        return place
 
 
 _FEMUR = Placement(None, (0.0, 0.0, 0.0))  # pyright: ignore[reportArgumentType]

@@ -81,6 +81,17 @@ def test_the_wrench_is_what_the_energy_loses(central_difference):
     assert exact == pytest.approx(central_difference(force, x, 1e-4), rel=1e-6, abs=1e-2)
 
 
+def test_where_the_patella_is_has_its_second_derivative(central_difference):
+    path = add_lane_axis(straight(2e4))
+
+    @jax.jit
+    def slope(anterior):
+        return jax.jvp(lambda x: path.arc_length(tibia_at(x))[0], (anterior,), (1.0,))[1]
+
+    bend = float(jax.jit(jax.grad(slope))(40.0))
+    assert bend == pytest.approx(float(central_difference(slope, 40.0, 0.05)), rel=1e-6)
+
+
 @pytest.mark.slow
 def test_a_patella_on_its_path_moves_the_knee_as_the_patella_in_balance_does():
     """Of which the path was taken, within a degree; a line of constant tension is eight away."""

@@ -16,7 +16,7 @@ from jax.custom_derivatives import SymbolicZero
 from kneejax.experiments import Motion, Shank, passive_flexion
 from kneejax.geometry import FREE_COORDINATES, Pose, State, scales
 from kneejax.mechanics import Knee, Load, add_lane_axis
-from kneejax.numerics import compiled, instantiate
+from kneejax.numerics import compiled, instantiate, traced
 from kneejax.reproduction.paper3._rigid_patella import SCALES, RigidPatella
 from kneejax.statics import force_along
 
@@ -101,9 +101,12 @@ def held_by_rigid_patella(
     """
     still = jax.lax.stop_gradient((knee, patella, weight, flexion))
     found, slope = _searched(*still, near)
-    # One step of Newton's method from a root has the root's derivative.
-    left = _unbalanced_at(knee, patella, weight, flexion, found)
-    return found - jnp.linalg.solve(slope, left[..., None])[..., 0]
+    # One step from a root by the slope there has the root's derivative, two the second as well.
+    unknowns = found
+    for _ in range(2 if traced(knee, patella, weight, flexion) else 1):
+        left = _unbalanced_at(knee, patella, weight, flexion, unknowns)
+        unknowns = unknowns - jnp.linalg.solve(slope, left[..., None])[..., 0]
+    return unknowns
 
 
 def _searched(knee, patella, weight, flexion, near: Array) -> tuple[Array, Array]:
