@@ -269,8 +269,9 @@ def _rebuilt(x: Any) -> Any:
     if kind in ("tuple", "list"):
         return {"tuple": tuple, "list": list}[kind](_rebuilt(one) for one in rest[0])
     module, name, contents = rest
-    found = functools.reduce(getattr, name.split("."), sys.modules[module])
-    if kind == "named" and issubclass(found, tuple) and len(found._fields) == len(contents):
+    found: Any = functools.reduce(getattr, name.split("."), sys.modules[module])
+    fields = getattr(found, "_fields", ())
+    if kind == "named" and issubclass(found, tuple) and len(fields) == len(contents):
         return tuple.__new__(found, [_rebuilt(one) for one in contents])
     names = [field.name for field in dataclasses.fields(found)]
     if kind != "module" or not issubclass(found, eqx.Module) or names != list(contents):

@@ -119,10 +119,8 @@ def _unknown(lost: Array, change: Array, *, backwards: bool) -> Array:
 
 
 def _unknown_jvp(primals, tangents, *, backwards: bool):
-    (lost, change), rate = primals, tangents[1]
+    (lost, change), rate = primals, ad.instantiate_zeros(tangents[1])
     value = _unknown_where.bind(lost, change, backwards=backwards)
-    if isinstance(rate, ad.Zero):
-        return value, ad.Zero.from_primal_value(value)
     if not backwards:
         return value, _unknown_where.bind(lost, rate, backwards=False)
     # Nothing that was handed back stays nothing.

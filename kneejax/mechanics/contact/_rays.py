@@ -242,7 +242,10 @@ def _any_depth_jvp(primals, tangents):
     # One step of Newton's rule has the first derivative; for further ones the exit follows.
     depth = jnp.where(found.held, found.depth, follow(*of_line, found.depth))
     found = dataclasses.replace(found, depth=depth)
-    near = lambda *line: _near_exit(*line, found)  # noqa: E731
+
+    def near(femoral: Surface, start: Vector, along: Vector) -> tuple[Array, Vector, Vector]:
+        return _near_exit(femoral, start, along, found)
+
     return jvp_of_moved(near, tuple(of_line), tuple(tangents[:3]))
 
 
