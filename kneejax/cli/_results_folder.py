@@ -32,11 +32,9 @@ from kneejax._whole_files import (
     with_checksum,
     write_whole,
 )
-from kneejax.cli._settings import FILE
+from kneejax.cli._settings import FILE, WRITTEN
 from kneejax.files import InputProblem
 
-#: In settings.json, and in a knee's mark: file -> checksum.
-FILES = "files"
 #: Folder of a cohort's knees; in a knee's folder: which task wrote it, its draws, and their folder.
 KNEES, MARK, DRAWS = "knees", "task.json", "bootstrap"
 #: A draft that nobody has touched for so long is no process's any more.
@@ -125,7 +123,7 @@ class ResultsFolder:
             self._object_to(Path(name), writing=True)
         listed |= {name: checksum((self.out / name).read_bytes()) for name in self.holds}
         # A person may edit what was asked for, not the list.
-        document = {**settings, FILES: with_checksum(dict(sorted(listed.items())))}
+        document = {**settings, WRITTEN: with_checksum(dict(sorted(listed.items())))}
         with _uninterrupted():
             _sync_below(self._draft)
             # The draft is complete from here on, and is put in its place even after a kill.
@@ -162,7 +160,7 @@ class ResultsFolder:
                     given.append(Path(os.path.realpath(one)))
         if any(home in one.parents for one in given):
             expected = "a list of the files of the run before; choose another folder, or delete it"
-            raise InputProblem(self.out / FILE, "files", "none, or damaged", expected)
+            raise InputProblem(self.out / FILE, WRITTEN, "none, or damaged", expected)
         number = 1 + sum(path.name.startswith(_ASIDE) for path in self.out.iterdir())
         aside = self.out / f"{_ASIDE}{number}"
         aside.mkdir()
@@ -229,7 +227,7 @@ def replace_knee(folder: Path, write: Callable[[], dict[str, Any]]) -> dict[str,
             about = write()
         listed = _checksums(draft)
         draft.mkdir(parents=True, exist_ok=True)
-        mark = json_bytes(with_checksum({**about, FILES: listed}))
+        mark = json_bytes(with_checksum({**about, WRITTEN: listed}))
         (draft / MARK).write_bytes(mark)
         _sync_below(draft)
         with _uninterrupted():
@@ -271,9 +269,9 @@ def _listed(path: Path) -> dict[str, str] | None:
     """Files that a list names, with checksums; None where it is damaged or missing."""
     document = read_json(path)
     if path.name == FILE:
-        found = undamaged(document.get(FILES)) if isinstance(document, dict) else None
+        found = undamaged(document.get(WRITTEN)) if isinstance(document, dict) else None
     else:
-        found = (undamaged(document) or {}).get(FILES)
+        found = (undamaged(document) or {}).get(WRITTEN)
     if not isinstance(found, dict):
         return None
     # A list that leads out of its folder is none of ours.

@@ -21,8 +21,10 @@ FILE = "settings.json"
 _COMMAND, _WORKED_IN, _VERSIONS = "command", "working_folder", "versions"
 #: The field of `kneejax.parameters.MEANING`, whose import would be JAX's.
 _MEANING = "stiffness_of"
-#: The list of files that the folder holds.
-_FILES = "files"
+#: File -> checksum, of all that a run wrote.
+WRITTEN = "written"
+#: Names that no option may have, since they stand beside the options.
+ADDED = (_COMMAND, _WORKED_IN, _VERSIONS, _MEANING, WRITTEN)
 #: What else parsed arguments hold.
 _NO_OPTIONS = ("command", "kind", "run", "parser", "out", "results", "imports_s")
 _EXPECTED = "settings.json of a kneejax command"
@@ -115,7 +117,7 @@ def words_again(settings: Mapping[str, Any], top: Parser, file: Path) -> list[st
     known = dict(_arguments(parser))
     places, options = [], []
     for name, value in settings.items():
-        if name in (_COMMAND, _WORKED_IN, _VERSIONS, _MEANING, _FILES):
+        if name in ADDED:
             continue
         if name not in known:
             expected = f"no such option of kneejax {settings[_COMMAND]}"

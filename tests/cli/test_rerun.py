@@ -1,5 +1,6 @@
 """What a command was asked for stands beside what it wrote, and is asked for again."""
 
+import argparse
 import json
 import os
 
@@ -7,6 +8,8 @@ import pytest
 
 from kneejax import __version__
 from kneejax.cli import main
+from kneejax.cli._commands import build_parser
+from kneejax.cli._settings import ADDED
 from kneejax.parameters import MEANING
 
 POSES = "flexion_deg,adduction_deg,internal_rotation_deg,anterior_mm,superior_mm,lateral_mm\n"
@@ -33,7 +36,7 @@ def edited(folder, **changes):
 def test_a_folder_says_what_was_asked_for(evaluated):
     settings = settings_of(evaluated)
     assert settings.pop("versions")["kneejax"] == __version__
-    assert {*settings.pop("files")} == {"ligaments.csv", "contact.csv", "checksum"}
+    assert {*settings.pop("written")} == {"ligaments.csv", "contact.csv", "checksum"}
     assert settings == {
         "command": "evaluate",
         "knee": "four_ligament",
@@ -42,6 +45,19 @@ def test_a_folder_says_what_was_asked_for(evaluated):
         "stiffness_of": "structure",
         "working_folder": os.fspath(evaluated.parent),
     }
+
+
+def test_no_option_is_called_as_what_is_added_to_the_options():
+    def names(parser):
+        for action in parser._actions:
+            if isinstance(action, argparse._SubParsersAction):
+                for one in action.choices.values():
+                    yield from names(one)
+            else:
+                yield next(iter(action.option_strings), action.dest).lstrip("-")
+
+    known = {*names(build_parser())}
+    assert "files" in known and not known & {*ADDED}
 
 
 def test_a_command_runs_again_from_anywhere(evaluated, tmp_path, monkeypatch, capsys):

@@ -57,7 +57,7 @@ def test_another_run_replaces_all_of_the_one_before_and_nothing_else(tmp_path):
     run(out, {"cohort.csv": "2", "report.html": "cohort"})
     assert held(out) == {"cohort.csv": "2", "report.html": "cohort", "notes.txt": "mine"}
     assert not (out / "figures").exists()
-    listed = json.loads((out / "settings.json").read_text())["files"]
+    listed = json.loads((out / "settings.json").read_text())["written"]
     assert {*listed} == {"cohort.csv", "report.html", "checksum"}
 
 
