@@ -11,7 +11,7 @@ import hashlib
 from pathlib import Path
 from typing import Any
 
-from kneejax.numerics._kept_programs import write_whole
+from kneejax._whole_files import write_whole
 
 _SUM = "-sha256"
 
@@ -60,7 +60,7 @@ class _Checked:
             else:
                 self._unpack(entry)
                 sound = True
-                write_whole(file, _sum_of(entry))
+                write_whole(file, _sum_of(entry), at_once=True)
         except OSError:
             return entry
         except Exception:  # what cannot be unpacked, whatever it was packed with
@@ -74,10 +74,10 @@ class _Checked:
             return
         if not getattr(self._cache, "eviction_enabled", True):
             # As JAX does, but whole.
-            write_whole(self._folder / f"{key}-cache", entry)
+            write_whole(self._folder / f"{key}-cache", entry, at_once=True)
         else:
             self._cache.put(key, entry)
-        write_whole(self._folder / f"{key}{_SUM}", _sum_of(entry))
+        write_whole(self._folder / f"{key}{_SUM}", _sum_of(entry), at_once=True)
 
     def _forget(self, key: str) -> None:
         for end in ("-cache", _SUM):

@@ -23,7 +23,6 @@ import json
 import os
 import re
 import sys
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -33,6 +32,8 @@ import jax
 import numpy as np
 from jax import export
 
+from kneejax._whole_files import read_sealed, write_sealed
+
 _PACKAGE = Path(__file__).parents[1]
 #: Packages whose sources are counted: functions of others are not kept.
 _COUNTED = (_PACKAGE.name,)
@@ -41,7 +42,7 @@ _COUNTED = (_PACKAGE.name,)
 _NOT_ALL = re.compile(r" at 0x[0-9a-f]+|\.\.\.|\b(bool|[fiuc]\d+)\[")
 #: Set to anything, functions are traced in every process: for who replaces parts of kneejax.
 _TRACE_ANEW = "KNEEJAX_TRACE_ANEW"
-_MAGIC = b"kneejax program 2\n"
+_KIND = "program 2"
 #: An operation that calls what is compiled into the process: no program here has one.
 _CALLS_OUT = b"custom_call"
 
@@ -164,10 +165,8 @@ def _made_of() -> str:
 def _read(file: Path) -> tuple[Callable, Any] | None:
     # A cache is allowed to be empty, of another version, or broken: then it is no cache.
     with contextlib.suppress(Exception):
-        found = file.read_bytes()
-        begin = len(_MAGIC) + hashlib.sha256().digest_size
-        contents = found[begin:]
-        if found[:begin] != _MAGIC + hashlib.sha256(contents).digest() or _CALLS_OUT in contents:
+        contents = read_sealed(file, _KIND)
+        if contents is None or _CALLS_OUT in contents:
             return None
         structure, _, program = contents.partition(b"\n")
         answers = jax.tree.structure(_rebuilt(json.loads(structure)))
@@ -191,33 +190,9 @@ def _written(file: Path, flat: Callable, leaves) -> tuple[Callable, Any] | None:
     with contextlib.suppress(OSError, NotImplementedError, ValueError, _Nameless):
         program = export.export(jax.jit(traced))(*like).serialize()
         contents = json.dumps(_structure_of(answers)).encode() + b"\n" + bytes(program)
-        write_whole(file, _MAGIC + hashlib.sha256(contents).digest() + contents)
+        write_sealed(file, contents, _KIND)
         return _read(file)
     return None
-
-
-def write_whole(file: Path, contents: bytes) -> None:
-    """Write a file that is complete or is not there, whatever happens meanwhile.
-
-    Args:
-        file: in a folder that is made where there is none.
-        contents: of it.
-
-    Raises:
-        OSError: it cannot be written; nothing is left of it.
-    """
-    file.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.NamedTemporaryFile(dir=file.parent, prefix=".", delete=False) as part:
-        try:
-            part.write(contents)
-            part.flush()
-            os.fsync(part.fileno())
-            part.close()
-            os.replace(part.name, file)
-        except BaseException:
-            part.close()
-            Path(part.name).unlink(missing_ok=True)
-            raise
 
 
 class _Leaf:

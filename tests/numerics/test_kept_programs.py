@@ -2,7 +2,6 @@
 
 import dataclasses
 import functools
-import hashlib
 import json
 import pickle
 import zlib
@@ -14,6 +13,7 @@ import numpy as np
 import pytest
 from jax import monitoring
 
+from kneejax._whole_files import read_sealed, write_sealed
 from kneejax.numerics import _kept_executables, compiled
 from kneejax.numerics import _kept_programs as programs
 
@@ -104,22 +104,18 @@ def test_a_broken_file_is_as_good_as_none_and_is_mended(folder, fresh):
     assert [x.name for x in folder.iterdir()] == [file.name]
 
 
-def with_sum(contents):
-    return programs._MAGIC + hashlib.sha256(contents).digest() + contents
-
-
 def test_a_file_cannot_run_code(folder, fresh):
     """Whoever can write a file with a right checksum names classes at most, and only ours."""
     make, times = fresh
     make()(X, Power(2))
     (file,) = folder.iterdir()
     whole = file.read_bytes()
-    contents = whole[len(programs._MAGIC) + 32 :]
+    contents = read_sealed(file, programs._KIND)
     structure, _, program = contents.partition(b"\n")
     pickled = pickle.dumps((program, None))
     elsewhere = json.dumps(["module", "subprocess", "Popen", {"args": "array"}]).encode()
     for bad in (pickled, elsewhere + b"\n" + program, contents + b"custom_call"):
-        file.write_bytes(with_sum(bad))
+        write_sealed(file, bad, programs._KIND)
         np.testing.assert_allclose(make()(X, Power(2)).whole, X**2)
         assert file.read_bytes() == whole
     assert len(times) == 4
