@@ -139,9 +139,9 @@ def _evaluate(knee: Knee, state: State, meeting: Array | None) -> Mechanics:
         meeting = with_meeting(lanes, held, q).meeting
     ligaments, found = lanes.ligaments, {}
     patches = [row for row, contact in enumerate(lanes.contacts) if contact.has_patch]
-    for row, own in zip(patches, meeting, strict=True):
-        contact = lanes.contacts[row]
-        found[row] = _over_patch(contact, state.between(contact.bodies), own)
+    if patches:
+        each = lanes.map_patches(_over_patch, state, jnp.asarray(meeting), in_turn=True)
+        found = {row: tuple(x[k] for x in each) for k, row in enumerate(patches)}
     for foundation in lanes.over_points:
         each = _over_points_in_blocks(foundation, state.between(foundation.bodies))
         for k, row in enumerate(foundation.rows):

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jax import Array
+from jax import Array, lax
 
 from kneejax.geometry import FEMUR, TIBIA, Pair, Pose, State
 from kneejax.mechanics._loads import ConstantTensionLine, Load, Support
@@ -160,7 +160,7 @@ class Knee(eqx.Module):
         known = self.foundations
         return foundations_of(self.contacts) if known is None else known
 
-    def map_patches(self, function, state: State, meeting):
+    def map_patches(self, function, state: State, meeting, *, in_turn: bool = False):
         """Apply `function(contact, there, meeting)` to each contact that has a patch.
 
         Args:
@@ -168,6 +168,8 @@ class Knee(eqx.Module):
                 the first.
             state: where the bones are.
             meeting: an array, or a tuple of arrays, with one row per contact.
+            in_turn: whether one contact comes after the other: a `lax.cond` in the function then
+                passes over what it need not compute.
 
         Returns:
             The answers, stacked along a leading axis of length `n`.
@@ -188,7 +190,10 @@ class Knee(eqx.Module):
             there = jax.tree.map(lambda x, n=count: jnp.broadcast_to(x, (n, *x.shape)), there)
             alike = jax.tree.map(lambda *x: jnp.stack(x), *(patches[row] for row in rows))
             own = jax.tree.map(lambda x, r=rows: x if r == all_rows else x[jnp.array(r)], meeting)
-            answers.append(jax.vmap(function)(alike, there, own))
+            if in_turn:
+                answers.append(lax.map(lambda one: function(*one), (alike, there, own)))
+            else:
+                answers.append(jax.vmap(function)(alike, there, own))
             order += rows
         lanes = state.shape
 
