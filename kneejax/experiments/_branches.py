@@ -12,7 +12,7 @@ from jax.typing import ArrayLike
 from kneejax.experiments._motion import Motion, passive_flexion
 from kneejax.geometry import FREE_COORDINATES, scales, table_units
 from kneejax.mechanics import Knee, Load, add_lane_axis
-from kneejax.numerics import compiled
+from kneejax.numerics import compiled, needs_numbers
 from kneejax.statics import Guess, Settled, Stations, Status, force, settle, with_meeting
 
 #: How far from the balance that a test finds searches begin, degrees twice and mm thrice.
@@ -76,6 +76,7 @@ def branches(
         >>> found[0].by_test
         True
     """
+    needs_numbers("branches", "passive_flexion", knee, flexion_deg, loads)
     motion = passive_flexion(knee, flexion_deg, loads)
     stations = Stations.at(flexion_deg, loads)
     found = [_of_test(motion, station) for station in range(len(stations))]

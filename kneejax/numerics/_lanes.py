@@ -48,3 +48,21 @@ def filled(x: Any) -> np.ndarray:
 def traced(*trees: Any) -> bool:
     """Whether numbers are unknown yet, because JAX traces the caller."""
     return any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(trees))
+
+
+def needs_numbers(function: str, instead: str, *trees: Any) -> None:
+    """Say of a function that decides by numbers that JAX can neither trace nor differentiate it.
+
+    Args:
+        function: its name.
+        instead: what can be differentiated.
+        trees: its arguments.
+
+    Raises:
+        TypeError: JAX traces the caller.
+    """
+    if traced(*trees):
+        raise TypeError(
+            f"{function}: has no derivatives, since it decides by numbers; expected it outside of "
+            f"jax.grad, jax.jit and jax.vmap: {instead} can be differentiated"
+        )

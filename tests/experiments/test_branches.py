@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -19,6 +20,16 @@ VALGUS = [load_of(varus_Nm=-40.0)]
 def found(knee):
     """Under a heavy valgus moment the knee turns far inwards, or far outwards."""
     return kj.branches(knee, FLEXION, VALGUS)
+
+
+def test_what_decides_by_numbers_says_that_it_has_no_derivative(knee):
+    with pytest.raises(TypeError, match="branches: has no derivatives.*passive_flexion can"):
+        jax.grad(lambda x: kj.branches(knee, x)[0].apart_mm)(30.0)
+    (test,) = kj.lab_tests("drawer", [30.0], steps=2)
+    nodes, part = np.zeros((1, 1), int), np.zeros(1)
+    with pytest.raises(TypeError, match="laxity: has no derivatives.*load_curves"):
+        # Whatever the motion is.
+        jax.grad(lambda x: kj.laxity(kj.Curves(test, x, nodes, part, nodes[0]))[0].range)(0.0)
 
 
 @pytest.mark.long

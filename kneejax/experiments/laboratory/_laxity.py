@@ -9,6 +9,7 @@ import numpy as np
 from kneejax.experiments.laboratory._curves import Curves
 from kneejax.geometry import coordinate
 from kneejax.mechanics import load_called
+from kneejax.numerics import needs_numbers
 from kneejax.statics import Status, converged
 
 
@@ -75,6 +76,7 @@ def laxity(curves: Curves, status: np.ndarray | None = None) -> tuple[Laxity, ..
         >>> bool(np.isclose(found.range, found.positive - found.negative)), found.unit
         (True, 'mm')
     """
+    needs_numbers("laxity", "load_curves(...).displacement", curves.motion)
     status = curves.searched if status is None else status
     reached = np.asarray(curves.motion.reached)[curves.nodes]
     moved, neutral = np.asarray(curves.displacement_by_load), np.asarray(curves.neutral)
