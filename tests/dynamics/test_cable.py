@@ -115,5 +115,5 @@ def test_heads_share_the_pull_of_a_cable_and_its_energy_is_its_work(hanging):
 
 def test_a_knee_without_a_quadriceps_is_given_no_length(hanging):
     without = dataclasses.replace(hanging, knee=dataclasses.replace(hanging.knee, muscles=None))
-    with pytest.raises(ValueError, match="has no quadriceps that could be given a length"):
+    with pytest.raises(ValueError, match="path: quadriceps; expected a knee with a quadriceps"):
         swung(without, lambda t: 0.0 * t + ABOVE_MM)

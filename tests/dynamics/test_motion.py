@@ -185,7 +185,7 @@ def test_an_account_is_of_the_steps_that_were_taken():
 
 
 def test_times_that_go_back_are_refused():
-    with pytest.raises(ValueError, match=r"time 0.1 s follows 0.2 s; expected times that rise"):
+    with pytest.raises(ValueError, match=r"time_s: 0.1 s after 0.2 s; expected times that rise"):
         Grid.of([0.0, 0.2, 0.1])
     with pytest.raises(ValueError, match="two finite times"):
         Grid.of([0.0, np.nan])

@@ -363,7 +363,7 @@ def test_a_leg_that_a_motor_raises_slowly_is_one_that_is_held(knee):
     length = slow.held.quadriceps_mm
     back = raised(20.0, lengths=([0.0, 10.0, 20.0], [0.0, float(length[2] - length[0]), 0.0]))
     assert back.transient.trajectory.to_table()[-1, 0] == pytest.approx(45.0, abs=0.05)
-    with pytest.raises(ValueError, match=r"a quadriceps that is \+1 mm longer than at the start"):
+    with pytest.raises(ValueError, match=r"quadriceps_mm: \+1 longer than at the start"):
         raised(20.0, lengths=([0.0, 20.0], [200.0, 201.0]))
 
 

@@ -176,14 +176,14 @@ def test_laxity_tells_the_force_at_both_ends(knee):
 @pytest.mark.parametrize(
     ("name", "options", "says"),
     [
-        ("drawer", {"rotation_deg": 3.0}, "drawer takes displacement_mm, not rotation_deg"),
-        ("torsion", {"displacement_mm": 3.0}, "torsion takes rotation_deg"),
-        ("drawer", {"displacement_mm": 3.0, "force_N": 9.0}, "not both"),
-        ("pivot", {"rotation_deg": 3.0}, "it is by load"),
-        ("compression", {"displacement_mm": 3.0}, "it is by load"),
-        ("envelope", {"displacement_mm": 3.0}, "its tests are by load"),
-        ("torsion", {"held": ["internal_rotation"]}, "which the test itself turns"),
-        ("pivot", {"held": ["adduction"]}, "which the test itself turns"),
+        ("drawer", {"rotation_deg": 3.0}, "rotation_deg: drawer; expected displacement_mm"),
+        ("torsion", {"displacement_mm": 3.0}, "displacement_mm: torsion; expected rotation_deg"),
+        ("drawer", {"displacement_mm": 3.0, "force_N": 9.0}, "load too; expected one of the two"),
+        ("pivot", {"rotation_deg": 3.0}, "rotation_deg: pivot; expected a test that a machine"),
+        ("compression", {"displacement_mm": 3.0}, "expected a test that a machine can drive"),
+        ("envelope", {"displacement_mm": 3.0}, "displacement_mm: envelope; expected a test"),
+        ("torsion", {"held": ["internal_rotation"]}, "held: 'internal_rotation'; expected no"),
+        ("pivot", {"held": ["adduction"]}, "no coordinate that the test itself moves"),
         ("drawer", {"held": ["lateral"]}, "adduction, internal_rotation"),
     ],
 )

@@ -48,10 +48,10 @@ def test_an_envelope_is_three_tests_both_ways():
     ("change", "says"),
     [
         ({"full": {"anterior": 1.0}}, "anterior_N"),
-        ({"full": {}}, "at least one load"),
+        ({"full": {}}, "expected a load, or a displacement"),
         ({"observed": "flexion"}, "adduction"),
         ({"constant": {"axial_N": 3.0}}, "compression_N"),
-        ({"path": ()}, "one step"),
+        ({"path": ()}, "path: nothing; expected a number at least"),
     ],
 )
 def test_what_is_no_test_is_refused(change, says):
@@ -61,9 +61,9 @@ def test_what_is_no_test_is_refused(change, says):
 
 
 def test_a_force_is_no_moment():
-    with pytest.raises(ValueError, match="drawer takes force_N"):
+    with pytest.raises(ValueError, match="moment_Nm: drawer; expected force_N"):
         kj.lab_tests("drawer", moment_Nm=3.0)
-    with pytest.raises(ValueError, match="no test is called 'drawr'"):
+    with pytest.raises(ValueError, match="test: 'drawr'; expected one of drawer"):
         kj.lab_tests("drawr")
 
 
