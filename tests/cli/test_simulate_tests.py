@@ -85,7 +85,7 @@ def test_any_wrench_and_axial_load(tmp_path):
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["drawer", "--moment_Nm", "3"], "drawer takes force_N, not moment_Nm"),
+        (["drawer", "--moment_Nm", "3"], "--moment_Nm: drawer: expected force_N, which"),
         (["drawer", "--force_N", "-3"], "--both"),
         (["torsion", "--moment_Nm", "5000"], "N mm are suspected"),
         (["drawer", "--steps", "0"], "between 1 and 1000"),
@@ -93,9 +93,9 @@ def test_any_wrench_and_axial_load(tmp_path):
         (["load", "--force_N", "3", "--load", "anterior_N=3"], "--load NAME=SIZE"),
         (["passive-flexion", "--both"], "a test under load"),
         (["passive-flexion", "--hold", "adduction"], "a test under load"),
-        (["drawer", "--rotation_deg", "3"], "drawer takes displacement_mm, not rotation_deg"),
+        (["drawer", "--rotation_deg", "3"], "--rotation_deg: drawer: expected displacement_mm"),
         (["drawer", "--displacement_mm", "50"], "between 0 and 30"),
-        (["torsion", "--hold", "internal_rotation"], "which the test itself turns"),
+        (["torsion", "--hold", "internal_rotation"], "expected no coordinate that the test itself moves"),
         (["drawer", "--hold", "flexion"], "adduction"),
         (["drawr"], "did you mean drawer?"),
         (["drawer", "--counted_from", "intact"], "expected --cut too, or unloaded"),

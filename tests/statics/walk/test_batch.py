@@ -187,8 +187,9 @@ def test_the_own_motion_is_that_of_any_other_stations(knee, chosen, base):
         return own_motion(knee, chosen.apply, base, Stations.at(angles))
 
     many = motion(-60.0, -5.0, -3.0, 0.0, 47.0, 60.0, 130.0)
-    outside = Status.OUTSIDE_REGION
-    assert many.status[0].tolist() == [Status.NOT_CONVERGED, outside, outside, 0, 0, 0, 0]
+    # At -3 degrees contact reaches 0.2 mm off the fitted surfaces, which is no doubt yet.
+    lost = [Status.NOT_CONVERGED, Status.OUTSIDE_REGION]
+    assert many.status[0].tolist() == [*lost, 0, 0, 0, 0, 0]
     for place, angle in ((1, -5.0), (2, -3.0), (4, 47.0), (6, 130.0)):
         one = motion(angle)
         assert one.status[0, 0] == many.status[0, place]
