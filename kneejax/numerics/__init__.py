@@ -30,5 +30,6 @@ from kneejax.numerics._tangents import as_known as as_known
 from kneejax.numerics._tangents import instantiate as instantiate
 from kneejax.numerics._tangents import jvp_of_moved as jvp_of_moved
 from kneejax.numerics._tangents import none_of as none_of
+from kneejax.numerics._tangents import ruled as ruled
 from kneejax.numerics._tangents import unknown_where as unknown_where
 from kneejax.numerics._wrong_value import WrongValue as WrongValue

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
+from jax import Array, core
 from jax.custom_derivatives import SymbolicZero
 from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir
@@ -75,7 +74,80 @@ def jvp_of_moved(function: Callable, primals: tuple, tangents: tuple) -> tuple[A
     return jax.jvp(of_moved, *own) if moved else (value := function(*primals), none_of(value))
 
 
-@partial(jax.custom_jvp, nondiff_argnums=(0,))
+def ruled(rule: Callable, value: Any, *arguments: Any) -> Any:
+    """A value that has been found, whose change by what it was found from is told by a rule.
+
+    As `jax.custom_jvp`, which JAX forgets where a loop is differentiated backwards (`lax.scan`,
+    `lax.cond`): second derivatives of what was found within it would be wrong without a word. A
+    primitive keeps its rule.
+
+    Args:
+        rule: of the value, the arguments and their changes (`SymbolicZero` where none); returns the
+            value, or a better one, and its change. The value that it gets has this rule again.
+        value: containers of arrays; nothing is differentiated through it.
+        arguments: likewise, what it was found from.
+    """
+    leaves, structure = jax.tree.flatten((value, arguments))
+    count, own = len(jax.tree.leaves(value)), jax.tree.structure(value)
+    given = map(jnp.asarray, leaves)
+    found = _ruled.bind(*given, rule=rule, structure=structure, count=count)
+    return jax.tree.unflatten(own, found)
+
+
+def _values(*leaves: Array, count: int, **_: Any) -> list[Array]:
+    return list(leaves[:count])
+
+
+def _ruled_jvp(primals, rates, *, rule: Callable, structure, count: int):
+    value, arguments = jax.tree.unflatten(structure, primals)
+    still = [SymbolicZero(t.aval) if isinstance(t, ad.Zero) else t for t in rates]
+    _, changes = jax.tree.unflatten(structure, still)
+    out, change = rule(ruled(rule, value, *arguments), arguments, changes)
+    out = [jnp.asarray(x) for x in jax.tree.leaves(out)]
+    moves = [
+        t if jnp.issubdtype(x.dtype, jnp.floating) else ad.Zero.from_primal_value(x)
+        for x, t in zip(out, jax.tree.leaves(change), strict=True)
+    ]
+    return out, moves
+
+
+def _ruled_batch(leaves, axes, *, rule: Callable, structure, count: int):
+    size = next(x.shape[k] for x, k in zip(leaves, axes, strict=True) if k is not None)
+    first = [x if k is None else jnp.moveaxis(x, k, 0) for x, k in zip(leaves, axes, strict=True)]
+    values = [
+        jnp.broadcast_to(x, (size, *x.shape)) if k is None else x
+        for x, k in zip(first[:count], axes, strict=False)
+    ]
+    each = [None if k is None else 0 for k in axes[count:]]
+
+    def of_all(value: Any, arguments: tuple, changes: tuple) -> tuple[Any, Any]:
+        given, own = jax.tree.flatten(arguments)
+        rates = jax.tree.leaves(changes, is_leaf=_vanishes)
+        moving = [k for k, rate in enumerate(rates) if not _vanishes(rate)]
+
+        def of_one(value: Any, given: list, some: list) -> tuple[Any, Any]:
+            known = [SymbolicZero(core.get_aval(x).to_tangent_aval()) for x in given]
+            for k, rate in zip(moving, some, strict=True):
+                known[k] = rate
+            return rule(value, jax.tree.unflatten(own, given), jax.tree.unflatten(own, known))
+
+        along = [each[k] for k in moving]
+        return jax.vmap(of_one, (0, each, along))(value, given, [rates[k] for k in moving])
+
+    given = [*values, *first[count:]]
+    found = _ruled.bind(*given, rule=of_all, structure=structure, count=count)
+    return found, [0] * count
+
+
+_ruled = Primitive("ruled")
+_ruled.multiple_results = True
+_ruled.def_impl(_values)
+_ruled.def_abstract_eval(_values)
+mlir.register_lowering(_ruled, mlir.lower_fun(_values, multiple_results=True))
+batching.primitive_batchers[_ruled] = _ruled_batch
+ad.primitive_jvps[_ruled] = _ruled_jvp
+
+
 def as_known(function: Callable, value: Any, *arguments: Any) -> Any:
     """The value of a function that has been computed already, differentiable as the function is.
 
@@ -87,16 +159,11 @@ def as_known(function: Callable, value: Any, *arguments: Any) -> Any:
         value: what it returns for them; nothing is differentiated through it.
         arguments: of the function.
     """
-    return value
 
+    def rule(value: Any, arguments: tuple, changes: tuple) -> tuple[Any, Any]:
+        return value, jvp_of_moved(function, arguments, changes)[1]
 
-def _as_known_jvp(function: Callable, primals: tuple, tangents: tuple) -> tuple[Any, Any]:
-    value, *arguments = primals
-    _, change = jvp_of_moved(function, tuple(arguments), tuple(tangents[1:]))
-    return as_known(function, value, *arguments), change
-
-
-as_known.defjvp(_as_known_jvp, symbolic_zeros=True)
+    return ruled(rule, value, *arguments)
 
 
 def unknown_where(lost: Array, change: Array) -> Array:

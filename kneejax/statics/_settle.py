@@ -18,7 +18,7 @@ from jax.custom_derivatives import SymbolicZero
 
 from kneejax.geometry import Placement, Pose, Prescribed, State, free_of
 from kneejax.mechanics import Contact, Knee, displacement
-from kneejax.numerics import as_known, compiled, identity, instantiate, solve, unknown_where
+from kneejax.numerics import as_known, compiled, identity, instantiate, ruled, solve, unknown_where
 from kneejax.statics._balance import (
     balance,
     force_derivative,
@@ -269,16 +269,14 @@ def _passed_through(contact: Contact, tibia: Placement, odd: Array) -> Array:
     )
 
 
-@jax.custom_jvp
 def _followed(knee: Knee, prescribed: Prescribed, found: Settled) -> tuple[Array, Array]:
     """Coordinates and meeting points of a balance, which follow the knee and what is prescribed."""
-    return found.q, found.meeting
+    return ruled(_following, (found.q, found.meeting), knee, prescribed, found)
 
 
-def _followed_jvp(primals, tangents):
-    knee, prescribed, found = primals
+def _following(value, primals, tangents):
     # What the rule reads of the balance follows it in turn: so further derivatives are exact, too.
-    q, meeting = _followed(knee, prescribed, found)
+    (q, meeting), (knee, prescribed, found) = value, primals
     failed, size = ~found.converged, len(q)
     # Anywhere, where there is no balance: what is computed there goes nowhere.
     nowhere = (jnp.where(failed, 0.0, x) for x in (q, meeting))
@@ -290,9 +288,6 @@ def _followed_jvp(primals, tangents):
     d_q = unknown_where(failed, jnp.stack(d_q))
     moved = jnp.sum(drift * d_q.reshape(size, 1, 1, *q.shape[1:]), axis=0)
     return (q, meeting), (d_q, follow + moved)
-
-
-_followed.defjvp(_followed_jvp, symbolic_zeros=True)
 
 
 def _stiffness(knee: Knee, prescribed: Prescribed, q: Array, meeting: Array) -> tuple[Array, Array]:

@@ -68,6 +68,20 @@ def test_derivatives_of_a_damped_bounce_are_those_of_differences():
     np.testing.assert_allclose(found, expected, rtol=1e-6)
 
 
+@pytest.mark.long
+def test_second_derivatives_of_a_damped_bounce_are_those_of_differences():
+    """Backwards through the loop over steps, then forwards."""
+    along, step = jnp.array([0.4, -0.3, 0.5]), 2e-3
+
+    def height(size):
+        return end_of_bounce(size * along)[0]
+
+    slope = jax.jit(lambda size: jax.jvp(height, (size,), (1.0,))[1])
+    far, near = (float(slope(k * step) - slope(-k * step)) for k in (1.0, 0.5))
+    expected = (8.0 * near - far) / (6.0 * step)
+    assert float(jax.jit(jax.hessian(height))(0.0)) == pytest.approx(expected, rel=1e-6)
+
+
 @pytest.fixture(scope="module")
 def by_differences():
     step, columns = 2e-3, []

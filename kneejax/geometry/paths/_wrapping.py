@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jax import Array
+from jax import Array, lax
 from jax.custom_derivatives import SymbolicZero
 from jax.typing import ArrayLike
 
@@ -22,7 +22,7 @@ from kneejax.geometry.paths._obstacles import (
     WrapEllipsoid,
 )
 from kneejax.geometry.paths._round import Section, Wrapped, choose, differentiate, unit
-from kneejax.numerics import as_known
+from kneejax.numerics import as_known, none_of, ruled
 
 #: Wrap angle over which a free path turns into a wrapped one, rad.
 HANDOVER_WIDTH = 0.02
@@ -216,18 +216,16 @@ def _blend(
     return share, slope, gradients[0], gradients[1]
 
 
-@partial(jax.custom_jvp, nondiff_argnums=(0,))
 def _wound(
     around: Around, start: Vector, end: Vector, shape: Shape
 ) -> tuple[Array, Vector, Vector, Wrapped]:
     """Length and directions of the wrapped path, and the rest of it, which has no derivative."""
-    w = around(start, end, shape)
-    return w.length, w.leave, w.reach, w
+    w = around(*lax.stop_gradient((start, end, shape)))
+    return ruled(partial(_winding, around), (w.length, w.leave, w.reach, w), start, end, shape)
 
 
-def _wound_jvp(around, primals, tangents):
+def _winding(around, out, primals, tangents):
     start, end, shape = primals
-    out = _wound(around, start, end, shape)
     # Its normals and the rest change with the ends as the search for the path does.
     known = as_known(around, out[3], start, end, shape)
     moved = [_triple(_change(t) for t in d) for d in tangents[:2]]
@@ -244,10 +242,7 @@ def _wound_jvp(around, primals, tangents):
         _, more = jax.jvp(again, (shape,), (reshaped,))
         length = length + more[0]
         leave, reach = v.add(leave, more[1]), v.add(reach, more[2])
-    return out, (length, leave, reach, jax.tree.map(jnp.zeros_like, out[3]))
-
-
-_wound.defjvp(_wound_jvp, symbolic_zeros=True)
+    return out, (length, leave, reach, none_of(out[3]))
 
 
 def _change(tangent: Any) -> Array:

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from jax import Array, lax
 
 from kneejax.geometry import Height, Jet, Placement, Surface, Vector, add, dot, rotate, scale
-from kneejax.numerics import safe_sqrt
+from kneejax.numerics import instantiate, ruled, safe_sqrt
 
 _SEARCH_STEPS = 12
 # A search step, mm; the least relative curvature, 1/mm, that it believes, and what it reckons with
@@ -251,7 +251,6 @@ def renewed(
     return (a, b), miss
 
 
-@jax.custom_jvp
 def meeting_point(femoral: Surface, tibial: Surface, motion: Placement) -> Array:
     """Parameters of the femoral point where two surfaces meet: the smallest gap.
 
@@ -264,22 +263,17 @@ def meeting_point(femoral: Surface, tibial: Surface, motion: Placement) -> Array
         Shape `(2, ...)`, differentiable to any order by the motion and every number of the
         surfaces: the rule below is made of the function itself.
     """
+    still = lax.stop_gradient((femoral, tibial, motion))
     found = lax.fori_loop(
-        0,
-        _SEARCH_STEPS,
-        lambda _, meeting: improve(femoral, tibial, motion, meeting),
-        first_guess(femoral, tibial, motion),
+        0, _SEARCH_STEPS, lambda _, meeting: improve(*still, meeting), first_guess(*still)
     )
-    return jnp.stack(found)
+    return ruled(_meeting_rule, jnp.stack(found), femoral, tibial, motion)
 
 
-@meeting_point.defjvp
-def _meeting_point_jvp(primals, tangents):
-    meeting = meeting_point(*primals)
-
+def _meeting_rule(meeting: Array, primals, tangents):
     def slope(femoral: Surface, tibial: Surface, motion: Placement):
         gap = gap_at(femoral, tibial, motion, meeting)
         return gap.slope, gap
 
-    _, moved, gap = jax.jvp(slope, primals, tangents, has_aux=True)
+    _, moved, gap = jax.jvp(slope, primals, instantiate(tangents), has_aux=True)
     return meeting, jnp.stack(gap.newton(*moved))

@@ -24,7 +24,7 @@ from jax import Array, lax
 from jax.custom_derivatives import SymbolicZero
 
 from kneejax.geometry import Surface, Vector, add, dot, rotate, scale, subtract
-from kneejax.numerics import instantiate, jvp_of_moved
+from kneejax.numerics import instantiate, jvp_of_moved, ruled
 
 #: Parts of Newton's first step up to which a depth is the ray's own, and at which it rests.
 STRAIGHT, HELD = 1.5, 1.8
@@ -219,7 +219,6 @@ def hold(ratio: Array) -> tuple[Array, Array]:
     return held, 1.0 - t * t * (3.0 - 2.0 * t)
 
 
-@jax.custom_jvp
 def any_depth(
     femoral: Surface, start: Vector, along: Vector, found: Exit
 ) -> tuple[Array, Vector, Vector]:
@@ -234,10 +233,11 @@ def any_depth(
     Returns:
         Depth, mm; its derivatives by a motion of the start and by one of the direction.
     """
-    return _near_exit(femoral, start, along, found)
+    given = femoral, start, along, found
+    return ruled(_near_rule, _near_exit(*lax.stop_gradient(given)), *given)
 
 
-def _any_depth_jvp(primals, tangents):
+def _near_rule(_, primals, tangents):
     *of_line, found = primals
     # One step of Newton's rule has the first derivative; for further ones the exit follows.
     depth = jnp.where(found.held, found.depth, follow(*of_line, found.depth))
@@ -247,9 +247,6 @@ def _any_depth_jvp(primals, tangents):
         return _near_exit(femoral, start, along, found)
 
     return jvp_of_moved(near, tuple(of_line), tuple(tangents[:3]))
-
-
-any_depth.defjvp(_any_depth_jvp, symbolic_zeros=True)
 
 
 def _near_exit(
@@ -292,7 +289,6 @@ def _of_each(stacked):
     return (jax.tree.map(lambda x, k=k: x[k] if jnp.ndim(x) else x, stacked) for k in (0, 1))
 
 
-@jax.custom_jvp
 def follow(femoral: Surface, start: Vector, along: Vector, depth: Array) -> Array:
     """An exit that has been found, differentiable by the implicit function theorem.
 
@@ -302,13 +298,11 @@ def follow(femoral: Surface, start: Vector, along: Vector, depth: Array) -> Arra
         along: unit direction.
         depth: of the exit, mm; nothing is differentiated through it.
     """
-    return depth
+    return ruled(_follow_rule, depth, femoral, start, along)
 
 
-def _follow_jvp(primals, tangents):
-    *of_line, _ = primals
-    femoral, start, along = of_line
-    depth = follow(*primals)
+def _follow_rule(depth: Array, primals, tangents):
+    femoral, start, along = of_line = primals
     moved = [not isinstance(t, SymbolicZero) for t in jax.tree.leaves(tangents[0])]
     # A surface that is not perturbed need not be differentiated.
     if any(moved):
@@ -323,9 +317,6 @@ def _follow_jvp(primals, tangents):
 
     _, change, steep = jax.jvp(level, names, rates, has_aux=True)
     return depth, change / jnp.where(steep < -_FLAT, steep, -1.0)
-
-
-follow.defjvp(_follow_jvp, symbolic_zeros=True)
 
 
 def _allowed(depth: Array) -> Array:
