@@ -283,7 +283,7 @@ def _add_second(one: Curves, texts: list[tuple[str, ...]], other: np.ndarray) ->
 
 def _say_second(one: Curves, other: np.ndarray) -> bool:
     """Print from which load to which a second balance exists, and where it lies."""
-    known = np.isfinite(other).all(axis=-1)
+    known = np.asarray(np.isfinite(other).all(axis=-1))
     for i in np.flatnonzero(known.any(axis=1)):
         rows = np.flatnonzero(known[i])
         k = int(rows[np.argmin(np.abs(one.part[rows]))])

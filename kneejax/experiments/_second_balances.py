@@ -105,7 +105,7 @@ def follow_second(
     units = np.array(scales(stations.free))
     pairs = [(a, b) for line in lines for a, b in zip(line[:-1], line[1:], strict=True)]
     pairs += [(b, a) for a, b in pairs]
-    untried = np.isnan(second["q"]).any(axis=1)
+    untried = np.asarray(np.isnan(second["q"]).any(axis=1))
     while True:
         source: dict[int, dict[str, np.ndarray]] = {}
         for row, by in pairs:

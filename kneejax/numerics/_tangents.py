@@ -8,7 +8,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array, core
+from jax import Array
 from jax.custom_derivatives import SymbolicZero
 from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir
@@ -105,7 +105,7 @@ def _ruled_jvp(primals, rates, *, rule: Callable, structure, count: int):
     out, change = rule(ruled(rule, value, *arguments), arguments, changes)
     out = [jnp.asarray(x) for x in jax.tree.leaves(out)]
     moves = [
-        t if jnp.issubdtype(x.dtype, jnp.floating) else ad.Zero.from_primal_value(x)
+        t if jnp.issubdtype(x.dtype, jnp.floating) else ad.Zero(jax.typeof(x).to_tangent_aval())
         for x, t in zip(out, jax.tree.leaves(change), strict=True)
     ]
     return out, moves
@@ -126,7 +126,7 @@ def _ruled_batch(leaves, axes, *, rule: Callable, structure, count: int):
         moving = [k for k, rate in enumerate(rates) if not _vanishes(rate)]
 
         def of_one(value: Any, given: list, some: list) -> tuple[Any, Any]:
-            known = [SymbolicZero(core.get_aval(x).to_tangent_aval()) for x in given]
+            known = [SymbolicZero(jax.typeof(x).to_tangent_aval()) for x in given]
             for k, rate in zip(moving, some, strict=True):
                 known[k] = rate
             return rule(value, jax.tree.unflatten(own, given), jax.tree.unflatten(own, known))

@@ -60,6 +60,9 @@ def test_second_derivatives_are_exact_in_every_nesting(function):
         second = jax.vmap(outer(inner(function)))
         np.testing.assert_allclose(second(at), expected, rtol=1e-8)
         np.testing.assert_allclose(jax.jit(second)(at), expected, rtol=1e-8)
+        # And of many at once.
+        whole = outer(inner(lambda x: jnp.sum(jax.vmap(function)(x))))(jnp.asarray(at))
+        np.testing.assert_allclose(np.diag(whole), expected, rtol=1e-8)
 
 
 def test_a_first_derivative_is_that_of_the_equation():

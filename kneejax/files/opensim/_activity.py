@@ -110,8 +110,7 @@ def read_activity(
         shifts = registration(model, bones, knee, document or {}, shifts)
     movement, around = _moved(model, bones, given.motion, time)
     below = bodies_below(movement.joints, bones)
-    tibia = movement.placed[bones.tibia]
-    frame = in_knee(tibia, TIBIA, shifts, side)
+    frame = in_knee(movement.placed[bones.tibia], TIBIA, shifts, side)
     if given.reaction is not None:
         acting, mass, ground = _reaction(given.reaction, bones, time, shifts, frame), 0.0, None
     else:

@@ -234,7 +234,7 @@ def any_depth(
         Depth, mm; its derivatives by a motion of the start and by one of the direction.
     """
     given = femoral, start, along, found
-    return ruled(_near_rule, _near_exit(*lax.stop_gradient(given)), *given)
+    return ruled(_near_rule, _near_exit(*jax.tree.map(lax.stop_gradient, given)), *given)
 
 
 def _near_rule(_, primals, tangents):
