@@ -238,15 +238,15 @@ def any_depth(
 
 
 def _near_rule(_, primals, tangents):
-    *of_line, found = primals
+    femoral, start, along, found = primals
     # One step of Newton's rule has the first derivative; for further ones the exit follows.
-    depth = jnp.where(found.held, found.depth, follow(*of_line, found.depth))
+    depth = jnp.where(found.held, found.depth, follow(femoral, start, along, found.depth))
     found = dataclasses.replace(found, depth=depth)
 
     def near(femoral: Surface, start: Vector, along: Vector) -> tuple[Array, Vector, Vector]:
         return _near_exit(femoral, start, along, found)
 
-    return jvp_of_moved(near, tuple(of_line), tuple(tangents[:3]))
+    return jvp_of_moved(near, (femoral, start, along), tuple(tangents[:3]))
 
 
 def _near_exit(
