@@ -229,7 +229,7 @@ def _winding(around, out, primals, tangents):
     # Its normals and the rest change with the ends as the search for the path does.
     known = as_known(around, out[3], start, end, shape)
     moved = [_triple(_change(t) for t in d) for d in tangents[:2]]
-    length, leave, reach = differentiate(known, known.leave, known.reach, *moved)
+    length, leave, reach = differentiate(known, out[1], out[2], *moved)
     if not all(isinstance(t, SymbolicZero) for t in tangents[2]):
         # For a fixed aim one step of Newton's rule is left in the path, so its derivative is that
         # of the taut path.
