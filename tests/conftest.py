@@ -1,5 +1,9 @@
 """What every test shares: float64, the central difference, and the order of a convergence."""
 
+import importlib
+import sys
+from pathlib import Path
+
 import jax
 import numpy as np
 import pytest
@@ -35,6 +39,21 @@ def _central_difference(function, x, step=1e-3):
 
 def _slope_on_log_axes(x, y):
     return np.polyfit(np.log(np.asarray(x, float)), np.log(np.asarray(y, float)), 1)[0]
+
+
+@pytest.fixture(scope="session")
+def benchmark_script():
+    """What a script of `benchmarks/` defines, by its name."""
+    folder = str(Path(__file__).parents[1] / "benchmarks")
+
+    def script(name):
+        sys.path.insert(0, folder)
+        try:
+            return importlib.import_module(name)
+        finally:
+            sys.path.remove(folder)
+
+    return script
 
 
 @pytest.fixture(scope="session")

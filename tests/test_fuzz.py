@@ -1,20 +1,11 @@
 """Damaged inputs and wrong command lines: a part of `python benchmarks/fuzz.py --count 5000`."""
 
-import importlib
-import sys
-from pathlib import Path
-
 import pytest
 
 
 @pytest.fixture(scope="module")
-def fuzz():
-    """The script, with what lies beside it."""
-    sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
-    try:
-        yield importlib.import_module("fuzz")
-    finally:
-        sys.path.pop(0)
+def fuzz(benchmark_script):
+    return benchmark_script("fuzz")
 
 
 def test_damaged_inputs_are_taken_or_refused_in_one_line(fuzz):
