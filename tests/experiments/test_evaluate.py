@@ -63,3 +63,18 @@ def test_nothing_is_told_of_a_pose_that_is_not_known(ball_on_a_plane):
     for name in ("length", "strain", "tension", "contact_force"):
         told = np.isfinite(np.asarray(getattr(found, name))).reshape(2, -1)
         assert told[0].all() and not told[1].any(), name
+
+
+def test_every_contact_is_told_in_its_own_row():
+    """Those of one kind are computed together, an ellipsoid between two balls by itself."""
+    frames = [geo.Frame([0.0, 0.0, z]) for z in (-60.0, 0.0, 60.0)]
+    balls = geo.Sphere(30.0, frames[0]), geo.Ellipsoid([30.2] * 3, frames[1])
+    balls += (geo.Sphere(30.5, frames[2]),)
+    contacts = [Contact(*pair) for pair in zip(balls, map(geo.Plane, frames), strict=True)]
+    rope = Ligaments([[0, 0, -20]], [[0, -30, -20]], [3e3], [29.0], [0.03], [0.002], ["rope"])
+    table = np.array([0.0, 0.0, 0.0, 0.0, -29.0, 0.0])
+    knee = Knee(rope, tuple(contacts), (), (), geo.Pose.from_table(table), tuple("abc"))
+    found = kj.evaluate(knee, geo.Pose.from_table(table[None]))
+    np.testing.assert_allclose(found.max_depth[0], [1.0, 1.2, 1.5], atol=1e-9)
+    np.testing.assert_allclose(found.center[0, :, 2], [-60.0, 0.0, 60.0], atol=1e-6)
+    assert np.all(np.diff(found.contact_force[0, :, 1]) < 0.0)
