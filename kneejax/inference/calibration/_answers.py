@@ -133,7 +133,8 @@ def _estimate(name, unit, numbers, held, interval: Interval | None, likely, loos
 def chi_squared_unit(problem: Problem, surety: Surety) -> float:
     """What the objective rises by where chi squared rises by one; 0 where weights are not those of
     the noise, so that both are lowest at different values."""
-    units = (problem.weights * surety.noise**2)[problem.weights > 0]
+    counted = problem.weights > 0  # the noise of a column without readings is infinite
+    units = problem.weights[counted] * surety.noise[counted] ** 2
     return float(units[0]) if np.allclose(units, units[0], rtol=1e-6) else 0.0
 
 
