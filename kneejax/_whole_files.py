@@ -57,7 +57,7 @@ def written_place(path: str | os.PathLike[str]) -> Path:
         path: where it belongs.
     """
     place = _place(path, writing=False)
-    return place if place.exists() else Path(path)
+    return place if os.path.exists(place) else Path(path)  # of a name that is too long, too
 
 
 def writing_place(folder: str | os.PathLike[str]) -> Path:

@@ -6,7 +6,7 @@ import time
 import pytest
 
 from kneejax.files import InputProblem, load_knee
-from kneejax.files.reading import load_json, load_yaml, nearest_name, plain_number
+from kneejax.files.reading import load_json, load_yaml, nearest_name, plain_number, read_text
 
 #: Each line nine times the one before: 451 bytes that stand for 3.9e8 texts.
 BOMB = "name0: &n0 [lol, lol, lol, lol, lol, lol, lol, lol, lol]\n" + "".join(
@@ -103,3 +103,9 @@ def test_a_correlation_without_its_matrix_is_refused(tmp_path):
     path.write_text(json.dumps(found))
     with pytest.raises(InputProblem, match=r"correlation.matrix: missing: expected this field"):
         load_knee(path)
+
+
+def test_a_name_that_is_too_long_for_a_file_is_told_as_such(tmp_path):
+    """A force file of a thousand letters, named in external loads, once ended in a traceback."""
+    with pytest.raises(InputProblem, match="long"):
+        read_text(tmp_path / ("a" * 1000), "a table")
