@@ -3,8 +3,8 @@
 XLA's cache spares the second run of a command the compiler, not the tracing: Python runs through
 all of the mechanics to learn what to compile, in a warm `calibrate` 5 of 9 s. A kept program is
 what tracing found. It is looked up by what it was traced from: the function, the shapes of its
-arguments, the state of all that is static about them, the versions of JAX and the source files of
-this package. A function that says less of itself than that, a closure above all, is not kept.
+arguments, the state of all that is static about them, the versions of JAX and the sources of the
+rooms that compute. A function that says less of itself than that, a closure above all, is not kept.
 
 A file carries the checksum of its contents, which are numbers, names and StableHLO: nothing in it
 is run but arithmetic. Whatever is wrong with a file, the function is traced as if there were none,
@@ -35,8 +35,10 @@ from jax import export
 from kneejax._whole_files import read_sealed, write_sealed
 
 _PACKAGE = Path(__file__).parents[1]
-#: Packages whose sources are counted: functions of others are not kept.
-_COUNTED = (_PACKAGE.name,)
+#: Rooms that compute: a program is traced from their sources, and functions of others are not kept.
+_ROOMS = ("numerics", "geometry", "parameters", "joints", "mechanics", "statics", "dynamics",
+          "experiments", "inference", "planning", "reproduction")  # fmt: skip
+_COUNTED = tuple(f"{_PACKAGE.name}.{room}" for room in _ROOMS)
 #: What the text of a static value must not hold to stand for it: where it lies in memory, or an
 #: array of which only a part, or the shape alone, is written.
 _NOT_ALL = re.compile(r" at 0x[0-9a-f]+|\.\.\.|\b(bool|[fiuc]\d+)\[")
@@ -142,7 +144,7 @@ def _name_of(x: Any, anywhere: bool = False) -> str:
     """The name of a function or class that stands for it: its source counts, and it captures
     nothing."""
     name = f"{x.__module__}.{x.__qualname__}"
-    if not anywhere and x.__module__.split(".")[0] not in _COUNTED:
+    if not anywhere and not f"{x.__module__}.".startswith(tuple(f"{one}." for one in _COUNTED)):
         raise _Nameless
     if "<" in name or getattr(x, "__closure__", None):
         raise _Nameless
@@ -151,15 +153,16 @@ def _name_of(x: Any, anywhere: bool = False) -> str:
 
 @functools.cache
 def _made_of() -> str:
-    """Versions, and the state of every source file of this package."""
+    """Versions, and the contents of every source file of the rooms that compute."""
     import jaxlib
     import optimistix
 
     packages = [f"{one.__name__} {one.__version__}" for one in (jax, jaxlib, eqx, optimistix)]
     setting = f"{jax.default_backend()} x64={jax.config.read('jax_enable_x64')}"
-    sources = sorted(_PACKAGE.rglob("*.py"))
-    files = [f"{x} {x.stat().st_size} {x.stat().st_mtime_ns}" for x in sources]
-    return "\n".join([*packages, setting, *files])
+    sources = hashlib.sha256()
+    for path in sorted(path for room in _ROOMS for path in (_PACKAGE / room).rglob("*.py")):
+        sources.update(f"{path.relative_to(_PACKAGE).as_posix()}\n".encode() + path.read_bytes())
+    return "\n".join([*packages, setting, sources.hexdigest()])
 
 
 def _read(file: Path) -> tuple[Callable, Any] | None:

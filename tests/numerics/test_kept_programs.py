@@ -4,7 +4,9 @@ import dataclasses
 import functools
 import json
 import pickle
+import re
 import zlib
+from pathlib import Path
 
 import equinox as eqx
 import jax
@@ -13,6 +15,7 @@ import numpy as np
 import pytest
 from jax import monitoring
 
+import kneejax as kj
 from kneejax._whole_files import read_sealed, write_sealed
 from kneejax.numerics import _kept_executables, compiled
 from kneejax.numerics import _kept_programs as programs
@@ -270,3 +273,14 @@ def test_nothing_is_kept_where_somebody_forbids_it(monkeypatch, fresh, tmp_path)
     programs.keep_programs(tmp_path)
     make()(X, Power(2)), make()(X, Power(2))
     assert len(times) == 2 and not list(tmp_path.iterdir())
+
+
+def test_all_that_is_compiled_is_in_rooms_whose_sources_are_counted():
+    """A function elsewhere would be traced anew in every process."""
+    package = Path(kj.__file__).parent
+    rooms = {
+        path.relative_to(package).parts[0]
+        for path in package.rglob("*.py")
+        if re.search(r"^@?\w*( = )?compiled\(", path.read_text("utf-8"), re.MULTILINE)
+    }
+    assert {"statics", "experiments"} <= rooms <= set(programs._ROOMS)
