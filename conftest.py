@@ -31,9 +31,10 @@ import pytest
 from kneejax.numerics import keep_programs
 
 jax.config.update("jax_enable_x64", True)
-# Who gives flags of their own, as the second tier does, gets what they ask for.
+# Who gives flags of their own gets what they ask for; slow tests want `optimised_code` throughout.
 AS_ABOVE = "--xla_llvm_disable_expensive_passes" in os.environ["XLA_FLAGS"]
-jax.config.update("jax_disable_most_optimizations", AS_ABOVE)
+QUICKLY = AS_ABOVE and not os.environ.get("KNEEJAX_TESTS_OPTIMISED")
+jax.config.update("jax_disable_most_optimizations", QUICKLY)
 # Tests replace parts of commands, never of what is traced.
 keep_programs(Path(os.environ["JAX_COMPILATION_CACHE_DIR"]) / "traced")
 

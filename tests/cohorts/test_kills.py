@@ -22,9 +22,9 @@ pytest.importorskip("distributed")
 pytestmark = pytest.mark.slow
 MOMENTS = range(int(os.environ.get("KNEEJAX_KILLS", "1")))
 #: A command whose programs are compiled takes about as long.
-LONGEST_S = 20.0
+LONGEST_S = 12.0
 #: What all commands are asked for: two rounds of tasks.
-ASKED = ("--bootstrap", "20")
+ASKED = ("--bootstrap", "6")
 
 
 @pytest.fixture(scope="module")
