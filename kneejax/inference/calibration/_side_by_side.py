@@ -35,6 +35,8 @@ from kneejax.statics import Slopes
 _LOWER = 0.5
 #: Chi squared by which a fit must be better for the search to go on from it.
 _FARTHER_DOWN = 0.1
+#: Deviations beyond which a reading may block a search, and the most of all readings that may.
+_BLOCKS, _FEW = 4.0, 0.05
 #: How often steps through time are chosen anew for an answer.
 _STEPPINGS = 2
 #: What the data of one knee explain: the others go on.
@@ -148,7 +150,9 @@ def _answers(
 
     A search follows each balance from one step to the next, and may follow it past the end of its
     branch to another. Where tests were made or a fit is poor, the knee is walked to its answer as
-    tests are made; if that fits better, the search goes on from there.
+    tests are made; if that fits better, the search goes on from there. A reading at a limit point
+    lets no step pass that would take its balance away, and is then far off: where the fit without
+    it leads to a better one with it, the search goes on from that.
     """
     begin = [first.take([row]) for row in range(len(members))]
     fits, sure = _fits(knees, members, begin, progress)
@@ -162,11 +166,16 @@ def _answers(
         if (answer.misfits or problem.tests) and answer.fit.success:
             walked = _walked(problem, first.knee[row], _values(answer))
             spare = max(problem.counted_numbers - problem.size, 1)
-            if objective_of(problem, walked) < objective * (1.0 - _LOWER / spare):
+            lower = objective * (1.0 - _LOWER / spare)
+            if objective_of(problem, walked) < lower:
                 anew[row] = walked
+                continue
+            freed = _past_what_blocks(problem, members[row], walked, objective / spare)
+            if freed is not None and objective_of(problem, freed) < lower:
+                anew[row] = freed
     if not anew:
         return answers
-    _tell(progress, "a balance had left its branch: once more")
+    _tell(progress, "a better fit is in sight: once more")
     rows = list(anew)
     own = [members[row] for row in rows]
     fits, sure = _fits(knees.take(rows), own, list(anew.values()), progress)
@@ -175,6 +184,33 @@ def _answers(
         if again.fit.objective < answers[row].fit.objective:
             answers[row] = again
     return answers
+
+
+def _past_what_blocks(
+    problem: Problem, one: Ready, there: Slopes, variance: float
+) -> Slopes | None:
+    """Balances where the fit ends that begins at the one without load cases that are far off; None
+    where none is, or too many are.
+
+    Args:
+        problem: of one knee.
+        one: what is asked of it.
+        there: balances at its answer.
+        variance: of the residuals, as the fit leaves it.
+    """
+    residual, _ = problem.residual(there)
+    cases = np.flatnonzero(problem.cases.counted)
+    largest = np.abs(residual[: 5 * len(cases)]).reshape(-1, 5).max(axis=1)
+    far = ~(largest <= _BLOCKS * np.sqrt(variance))
+    if not far.any() or far.mean() > _FEW or not there.converged[0][cases[~far]].all():
+        return None
+    used = problem.cases.counted.copy()
+    used[cases[far]] = False
+    for own in (problem.with_used(used), problem):
+        knees = SeveralKnees.of([own])
+        (trail,) = run_side_by_side(knees, "III", [there], one.lower, one.upper)
+        there = _walked(problem, there.knee[0], trail.x)
+    return there
 
 
 def _values(answer: Calibration) -> np.ndarray:
