@@ -128,6 +128,7 @@ def run_procedure(
     tolerance: float = 1e-6,
     method: str = "least_squares",
     stages: Sequence[Stage] = (),
+    unit: float = np.inf,
     progress: Progress | None = None,
 ) -> Trail:
     """Search by one of paper 1's procedures, or in stages of one's own.
@@ -143,6 +144,8 @@ def run_procedure(
         tolerance: relative decrease of the objective in a cycle that ends the search.
         method: of each stage, a key of `METHODS`.
         stages: of procedure S, gone through once.
+        unit: what the objective rises by where chi squared rises by one, infinite where the noise
+            is not stated: what a fit leaves, if that is less, tells when steps gain nothing.
         progress: told of each step and its errors.
 
     Returns:
@@ -158,7 +161,7 @@ def run_procedure(
             free = _free(problem, stage)
             if free.any():
                 name = f"{procedure}.{number}" if len(stages) > 1 else procedure
-                search(problem.with_data(stage.data), trail, free, lower, upper, name)
+                search(problem.with_data(stage.data), trail, free, lower, upper, name, unit)
         if cycles == 1:
             return _of_all(problem, trail) if any(stage.data for stage in stages) else trail
         if trail.objective < 1e-16 * problem.cases.numbers:
@@ -181,6 +184,7 @@ def run_side_by_side(
     cycles: int = USUAL_CYCLES,
     method: str = "least_squares",
     stages: Sequence[Stage] = (),
+    unit: float = np.inf,
     progress: Progress | None = None,
 ) -> list[Trail]:
     """As `run_procedure`, of several knees at once where the search allows it.
@@ -193,7 +197,8 @@ def run_side_by_side(
     """
     several = PROCEDURES[procedure] or tuple(stages)
     if len(knees) == 1 or method != "least_squares" or cycles > 1 and len(several) > 1:
-        search = {"cycles": cycles, "method": method, "stages": stages, "progress": progress}
+        search = {"cycles": cycles, "method": method, "stages": stages, "unit": unit,
+                  "progress": progress}  # fmt: skip
         return [
             run_procedure(problem, procedure, start, lower, upper, **search)
             for problem, start in zip(knees.problems, starts, strict=True)
@@ -204,7 +209,7 @@ def run_side_by_side(
         if free.any():
             name = f"{procedure}.{number}" if len(several) > 1 else procedure
             own = knees.with_data(stage.data)
-            _stage_of_several(own, trails, free, lower, upper, name)
+            _stage_of_several(own, trails, free, lower, upper, name, unit)
     if any(stage.data for stage in several):
         trails = [_of_all(*pair) for pair in zip(knees.problems, trails, strict=True)]
     return trails
@@ -276,12 +281,12 @@ def _free(problem: Problem, stage: Stage) -> np.ndarray:
     return np.array(chosen + [True] * len(problem.offsets))
 
 
-def _stage(problem: Problem, trail: Trail, free, lower, upper, name: str) -> None:
-    _stage_of_several(SeveralKnees.of([problem]), [trail], free, lower, upper, name)
+def _stage(problem: Problem, trail: Trail, free, lower, upper, name: str, unit: float) -> None:
+    _stage_of_several(SeveralKnees.of([problem]), [trail], free, lower, upper, name, unit)
 
 
 def _stage_of_several(
-    knees: SeveralKnees, trails: Sequence[Trail], free, lower, upper, name: str
+    knees: SeveralKnees, trails: Sequence[Trail], free, lower, upper, name: str, unit: float
 ) -> None:
     """A stage of several knees at once; each ends by itself."""
     here = np.stack([trail.x for trail in trails])
@@ -302,7 +307,7 @@ def _stage_of_several(
                 reached[row].append(trail.objective)
                 steps = reached[row]
                 gain = steps[-_WINDOW] - steps[-1] if len(steps) >= _WINDOW else np.inf
-                trail.flat = bool(gain < _INSIGNIFICANT * steps[-1] / spare)
+                trail.flat = bool(gain < _INSIGNIFICANT * min(steps[-1] / spare, unit))
         return np.array([trails[row].flat for row in rows])
 
     fit = fit_lanes(
@@ -320,7 +325,9 @@ def together(trails: Sequence[Trail]) -> Slopes:
     return Slopes(*(np.concatenate([getattr(one, name) for one in known]) for name in fields))
 
 
-def _stage_by_lbfgsb(problem: Problem, trail: Trail, free, lower, upper, name: str) -> None:
+def _stage_by_lbfgsb(
+    problem: Problem, trail: Trail, free, lower, upper, name: str, unit: float
+) -> None:
     from kneejax.inference.fit import minimise_bounded
 
     origin = trail.x

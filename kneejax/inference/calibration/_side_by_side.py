@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from kneejax.geometry import FREE_COORDINATES
+from kneejax.geometry import FREE_COORDINATES, scales
 from kneejax.inference.calibration._answers import (
     chi_squared_unit,
     fit_of,
@@ -35,8 +35,9 @@ from kneejax.statics import Slopes
 _LOWER = 0.5
 #: Chi squared by which a fit must be better for the search to go on from it.
 _FARTHER_DOWN = 0.1
-#: Deviations beyond which a reading may block a search, and the most of all readings that may.
-_BLOCKS, _FEW = 4.0, 0.05
+#: Standard deviations beyond which something blocks a search; the least stiffness, as a part of the
+#: median one, below which a load case may be what does; and the most of all load cases that may.
+_BLOCKED, _SOFT, _FEW = 4.0, 0.2, 0.15
 #: How often steps through time are chosen anew for an answer.
 _STEPPINGS = 2
 #: What the data of one knee explain: the others go on.
@@ -189,28 +190,44 @@ def _answers(
 def _past_what_blocks(
     problem: Problem, one: Ready, there: Slopes, variance: float
 ) -> Slopes | None:
-    """Balances where the fit ends that begins at the one without load cases that are far off; None
-    where none is, or too many are.
+    """Balances where the fit ends that begins at the one without what may block the search: load
+    cases near a limit point, or those that are far off.
 
     Args:
         problem: of one knee.
         one: what is asked of it.
         there: balances at its answer.
         variance: of the residuals, as the fit leaves it.
+
+    Returns:
+        The best of them; None where nothing is far off.
     """
     residual, _ = problem.residual(there)
     cases = np.flatnonzero(problem.cases.counted)
     largest = np.abs(residual[: 5 * len(cases)]).reshape(-1, 5).max(axis=1)
-    far = ~(largest <= _BLOCKS * np.sqrt(variance))
-    if not far.any() or far.mean() > _FEW or not there.converged[0][cases[~far]].all():
+    off = ~(largest <= _BLOCKED * np.sqrt(min(variance, _unit(one))))
+    if not off.any():
         return None
-    used = problem.cases.counted.copy()
-    used[cases[far]] = False
-    for own in (problem.with_used(used), problem):
-        knees = SeveralKnees.of([own])
-        (trail,) = run_side_by_side(knees, "III", [there], one.lower, one.upper)
-        there = _walked(problem, there.knee[0], trail.x)
-    return there
+    units = np.array(scales(problem.cases.stations.free))
+    # Of what the search followed past the end of its branch no stiffness is known.
+    stiffness = np.nan_to_num(there.tangent[0][cases]) * units[:, None] * units
+    least = np.linalg.eigvalsh(0.5 * (stiffness + stiffness.swapaxes(1, 2)))[:, 0]
+    least[~there.converged[0][cases]] = 0.0
+    found = []
+    for far in (least < _SOFT * np.median(least), off):
+        if not far.any() or far.mean() > _FEW:
+            continue
+        used, begin = problem.cases.counted.copy(), there
+        used[cases[far]] = False
+        for own in (problem.with_used(used), problem):
+            knees = SeveralKnees.of([own])
+            (trail,) = run_side_by_side(
+                knees, "III", [begin], one.lower, one.upper, unit=_unit(one)
+            )
+            begin = _walked(problem, there.knee[0], trail.x)
+            found.append(begin)
+    known = [one for one in found if np.isfinite(objective_of(problem, one))]
+    return min(known, key=lambda one: objective_of(problem, one), default=None)
 
 
 def _values(answer: Calibration) -> np.ndarray:
@@ -233,7 +250,7 @@ def _fits(
     one, asked = members[0], members[0].question
     lower, upper = one.lower, one.upper
     search = {"cycles": asked.cycles, "method": asked.method, "stages": asked.stages,
-              "progress": progress}  # fmt: skip
+              "unit": _unit(one), "progress": progress}  # fmt: skip
     fits, sure = [[] for _ in members], []
     every = range(len(members))
     for number, procedure in enumerate(one.procedures):
@@ -259,6 +276,15 @@ def _fits(
                 fit = dataclasses.replace(fit, starts=starts)
             fits[row].append(fit)
     return fits, sure
+
+
+def _unit(one: Ready) -> float:
+    """What the objective rises by where chi squared of the stated noise rises by one; infinite
+    where no noise is stated, or weights are not those of it."""
+    counted = one.weights > 0
+    units = one.weights[counted] * np.asarray(one.stated, float)[counted] ** 2
+    alike = np.isfinite(units).all() and np.allclose(units, units[0], rtol=1e-6)
+    return float(units[0]) if alike else np.inf
 
 
 def _at_the_bottom(knees: SeveralKnees, first, trails, sure, box, search) -> list[Trail]:
