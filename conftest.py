@@ -47,6 +47,7 @@ MOST_PROGRAMS = 60_000
 #: Files that take more than a quarter of a minute of a core: who begins with them does not wait
 #: for one of them in the end. Neighbours compile different programs: they run side by side.
 LONGEST = (
+    "statics/test_second_derivatives.py",
     "experiments/laboratory/test_by_machine.py",
     "experiments/laboratory/test_average_knee.py",
     "validation/test_lenhart2015.py",
