@@ -200,15 +200,18 @@ def _past_what_blocks(
         variance: of the residuals, as the fit leaves it.
 
     Returns:
-        The best of them; None where nothing is far off.
+        The best of them; None where nothing is far off, or a knee in motion is fitted, which has
+        no limit points.
     """
+    if problem.cases.passages:
+        return None
     residual, _ = problem.residual(there)
     cases = np.flatnonzero(problem.cases.counted)
     largest = np.abs(residual[: 5 * len(cases)]).reshape(-1, 5).max(axis=1)
     off = ~(largest <= _BLOCKED * np.sqrt(min(variance, _unit(one))))
     if not off.any():
         return None
-    units = np.array(scales(problem.cases.stations.free))
+    units = np.array(scales(problem.cases.stations.of(problem.knee).free))
     # Of what the search followed past the end of its branch no stiffness is known.
     stiffness = np.nan_to_num(there.tangent[0][cases]) * units[:, None] * units
     least = np.linalg.eigvalsh(0.5 * (stiffness + stiffness.swapaxes(1, 2)))[:, 0]
