@@ -31,7 +31,7 @@ import pytest
 from kneejax.numerics import keep_programs
 
 jax.config.update("jax_enable_x64", True)
-# Who gives flags of their own gets what they ask for; slow tests want `optimised_code` throughout.
+# Who gives flags of their own gets what they ask for; the second tier wants `optimised_code`.
 AS_ABOVE = "--xla_llvm_disable_expensive_passes" in os.environ["XLA_FLAGS"]
 QUICKLY = AS_ABOVE and not os.environ.get("KNEEJAX_TESTS_OPTIMISED")
 jax.config.update("jax_disable_most_optimizations", QUICKLY)

@@ -78,7 +78,7 @@ def fit_of(
         likely = np.nan if surety is None else float(surety.likeliest[i])
         numbers = (trail.x[i], start[i], lower[i], upper[i])
         estimate = _estimate(name, unit, numbers, bool(held[i]), interval, likely, loose)
-        same = surety is not None and bool(chi_squared_unit(problem, surety))
+        same = surety is not None and bool(chi_squared_unit(problem.weights, surety.noise))
         estimates.append(replace(estimate, same_sum=same))
     failed = int((~found.converged[0]).sum())
     correlation = np.full((size, size), np.nan)
@@ -130,12 +130,12 @@ def _estimate(name, unit, numbers, held, interval: Interval | None, likely, loos
     )
 
 
-def chi_squared_unit(problem: Problem, surety: Surety) -> float:
+def chi_squared_unit(weights: np.ndarray, noise: np.ndarray) -> float:
     """What the objective rises by where chi squared rises by one; 0 where weights are not those of
-    the noise, so that both are lowest at different values."""
-    counted = problem.weights > 0  # the noise of a column without readings is infinite
-    units = problem.weights[counted] * surety.noise[counted] ** 2
-    return float(units[0]) if np.allclose(units, units[0], rtol=1e-6) else 0.0
+    the noise, so that both are lowest at different values, or the noise is not known."""
+    counted = weights > 0  # the noise of a column without readings is infinite
+    units = weights[counted] * noise[counted] ** 2
+    return float(units[0]) if units.size and np.allclose(units, units[0], rtol=1e-6) else 0.0
 
 
 def starts_of(problem: Problem, answer: Fit, ends: np.ndarray, objectives: np.ndarray) -> Starts:

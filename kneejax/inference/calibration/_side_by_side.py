@@ -282,19 +282,15 @@ def _fits(
 
 
 def _unit(one: Ready) -> float:
-    """What the objective rises by where chi squared of the stated noise rises by one; infinite
-    where no noise is stated, or weights are not those of it."""
-    counted = one.weights > 0
-    units = one.weights[counted] * np.asarray(one.stated, float)[counted] ** 2
-    alike = np.isfinite(units).all() and np.allclose(units, units[0], rtol=1e-6)
-    return float(units[0]) if alike else np.inf
+    """What the objective rises by where chi squared of the stated noise does by one, if stated."""
+    return chi_squared_unit(one.weights, np.asarray(one.stated, float)) or np.inf
 
 
 def _at_the_bottom(knees: SeveralKnees, first, trails, sure, box, search) -> list[Trail]:
     """Trails that go on where the limits of their answers have found a better fit to the same."""
     found = list(trails)
     for row, (problem, surety) in enumerate(zip(knees.problems, sure, strict=True)):
-        unit = chi_squared_unit(problem, surety)
+        unit = chi_squared_unit(problem.weights, surety.noise)
         if not unit or not np.isfinite(surety.likeliest).all():
             continue
         if np.allclose(surety.likeliest, trails[row].x, rtol=1e-6, atol=1e-9):
