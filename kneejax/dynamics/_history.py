@@ -141,27 +141,17 @@ class History(eqx.Module):
         older: the one before it.
         meeting: where contacts met, `(n, 2, lanes)`.
         drift: derivative of that by the free coordinates, `(free, n, 2, lanes)`.
-        tangent: stiffness of the last step, or of one before it, `(free, free, lanes)`.
-        per_s: of the last step, with whose square inertia grows in the tangent.
     """
 
     last: Moment
     older: Moment
     meeting: Array
     drift: Array
-    tangent: Array
-    per_s: Array
-
-    def tangent_for(self, step: Step) -> Array:
-        """The last tangent where a step is as long as the last one, otherwise none."""
-        alike = jnp.abs(step.per_s - self.per_s) < 1e-6 * step.per_s
-        return jnp.where(alike, self.tangent, 0.0)
 
     def meeting_at(self, shift: Array) -> Array:
         """Where contacts are expected to meet after a shift of the free coordinates.
 
-        Without it a step's first look is too far off the meeting points to be judged: it takes one
-        look more, and a tangent, which is dearer than all the rest of the step.
+        Without it a step's first look is too far off the meeting points to be judged.
         """
         return self.meeting + jnp.einsum("f...,fnk...->nk...", shift, self.drift)
 

@@ -23,13 +23,11 @@ from kneejax.geometry import Prescribed, coordinates_of, free_of, scales
 from kneejax.mechanics import Load
 from kneejax.numerics import compiled, on_all_cores, traced
 from kneejax.statics import (
-    EnergyNewton,
     Guess,
     Settled,
     converged,
     differentiable,
     settle,
-    with_tangent,
 )
 
 #: Steps that are computed by one call.
@@ -38,8 +36,6 @@ BLOCK = 256
 _MOST_LANES = 32
 #: Motions that are followed are filled up to a multiple of so many steps.
 _IDLE = 64
-#: mm; what a step may leave of its search. Its own error is larger in any motion of interest.
-SEARCH = EnergyNewton(atol=1e-10, seldom=True)
 
 
 class Given(eqx.Module):
@@ -118,7 +114,7 @@ def march(
     settled = searched(moving, given, progress)
     if traced((moving, given)):
         return followed(moving, given, settled)
-    moments = _in_blocks(_followed, moving, (given.steps, settled), begun(moving, given))
+    moments = _in_blocks(follow, moving, (given.steps, settled), begun(moving, given))
     return jax.tree.map(lambda x: x[: len(given.length_s)], moments)
 
 
@@ -161,7 +157,7 @@ def followed(moving: MovingKnee, given: Given, settled: Settled) -> Moments:
 
     For programs that are differentiated: the search compiles once for all of them.
     """
-    return follow(moving, given.steps, settled, begun(moving, given), True)[1]
+    return follow(moving, given.steps, settled, begun(moving, given))[1]
 
 
 def with_idle_steps(given: Given, settled: Settled) -> tuple[Given, Settled]:
@@ -219,27 +215,25 @@ def found(moving: MovingKnee, steps: Step, carry: Carry) -> tuple[Carry, Settled
     return lax.scan(advance, carry, steps)
 
 
-@compiled(static_argnums=(4,))
+@compiled()
 def follow(
-    moving: MovingKnee, steps: Step, settled: Settled, carry: Carry, anew: bool
+    moving: MovingKnee, steps: Step, settled: Settled, carry: Carry
 ) -> tuple[Carry, Moments]:
     """The motion whose balances were found, as a function of all that it depends on.
 
     Args:
         moving: as in `march`.
         steps: the first axis counts them.
-        settled: their balances, in which tangents were kept from step to step.
+        settled: their balances.
         carry: what goes into the first.
-        anew: whether tangents are computed where the balances are: derivatives need them.
     """
     scale = jnp.array(scales(coordinates_of(moving.knee.bodies)))[:, None]
 
     @jax.checkpoint  # pyright: ignore[reportPrivateImportUsage]
     def advance(before: Carry, each: tuple[Step, Settled]):
         step, idle = _filled(each[0])
-        knee, known = before.history.knee_of(moving, step), each[1]
-        known = with_tangent(knee, step.held, known) if anew else known
-        balance = differentiable(knee, step.held, known)
+        knee = before.history.knee_of(moving, step)
+        balance = differentiable(knee, step.held, each[1])
         after = _moved_on(moving, before, step, balance, idle)
         there = after.history
         off = (there.last.q - before.history.guess(step)) / scale
@@ -254,14 +248,9 @@ def begun(moving: MovingKnee, given: Given) -> Carry:
     """What goes into the first step."""
     first, meeting = first_moment(moving, given.q, given.rate, jnp.asarray(given.pull))
     lanes, count = given.q.shape[1:], moving.knee.patch_count
-    free = len(free_of(given.held, moving.knee.bodies))
-    still, unknown = jnp.zeros((free, count, 2, *lanes)), jnp.zeros((free, free, *lanes))
-    history = History(first, first, meeting, still, unknown, jnp.zeros(()))
+    still = jnp.zeros((len(free_of(given.held, moving.knee.bodies)), count, 2, *lanes))
+    history = History(first, first, meeting, still)
     return Carry(history, jnp.zeros(lanes, bool), jnp.zeros(lanes, int))
-
-
-def _followed(moving: MovingKnee, steps: Step, settled: Settled, carry: Carry):
-    return follow(moving, steps, settled, carry, False)
 
 
 #: The start of a motion, and where contacts meet there: `Moment.at_first`.
@@ -279,8 +268,8 @@ def _searched(moving: MovingKnee, history: History, step: Step) -> Settled:
     names, free = coordinates_of(moving.knee.bodies), free_of(step.held, moving.knee.bodies)
     rows = jnp.array([names.index(name) for name in free])
     q, last = history.guess(step)[rows], history.last.q[rows]
-    guess = Guess(q, history.meeting_at(q - last), history.tangent_for(step))
-    return settle(history.knee_of(moving, step), step.held, guess, SEARCH)
+    guess = Guess(q, history.meeting_at(q - last))
+    return settle(history.knee_of(moving, step), step.held, guess)
 
 
 def _moved_on(
@@ -293,9 +282,7 @@ def _moved_on(
     q = settled.state.at(coordinates_of(moving.knee.bodies))
     there = jnp.where(goes_on, q, history.last.q)
     moment = history.after(moving, step, there, jnp.nan_to_num(settled.meeting))
-    held = settled.meeting, settled.drift, settled.tangent, history.per_s
-    there = History(moment, history.last, *held)
+    there = History(moment, history.last, settled.meeting, settled.drift)
     there = jax.tree.map(lambda new, old: jnp.where(goes_on, new, old), there, history)
-    there = dataclasses.replace(there, per_s=jnp.where(idle, history.per_s, step.per_s))
     status = jnp.where(still, before.status, settled.status)
     return Carry(there, before.ended | (~goes_on & ~idle), status)

@@ -220,22 +220,19 @@ def followed(knee: Knee, stations: Stations) -> Motion:
     return again(knee, stations, *found)
 
 
-def expected(
-    knee: Knee, stations: Stations, q: ArrayLike, meeting: ArrayLike, tangent: ArrayLike
-) -> Motion:
+def expected(knee: Knee, stations: Stations, q: ArrayLike, meeting: ArrayLike) -> Motion:
     """Where a knee is balanced near where it is expected, without a walk there.
 
     Args:
         knee: any knee, its numbers known; likewise those of the `stations`.
         q: free coordinates that are expected, `(free, poses)`, rad and mm.
         meeting: parameters of the meeting points, `(n, 2, poses)`.
-        tangent: stiffness near there, `(free, free, poses)`.
 
     Returns:
         The motion. It may lie on another branch than the one that was expected: compare.
     """
     stations = stations.of(knee)
-    near = (np.moveaxis(np.asarray(x), -1, 0) for x in (q, meeting, tangent))
+    near = (np.moveaxis(np.asarray(x), -1, 0) for x in (q, meeting))
     found = own_motion_near(knee, itself, np.zeros(()), stations, *near)
     return again(knee, stations, *_of_walk(stations, found))
 

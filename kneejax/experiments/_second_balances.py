@@ -13,7 +13,7 @@ from kneejax.mechanics import Knee
 from kneejax.statics import Stations, converged, own_motion_near, sound
 
 #: Fields of a balance from which a search begins.
-GUESSED = "q", "meeting", "tangent"
+GUESSED = "q", "meeting"
 #: Balances farther apart than this are two, mm (rotations at 30 mm).
 APART_MM = 1.0
 #: Neighbours farther apart than this may lie on two branches, mm (rotations at 30 mm).

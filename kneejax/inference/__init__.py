@@ -41,7 +41,6 @@ from kneejax.inference.fit import LoadCases as LoadCases
 from kneejax.inference.fit import ManyFits as ManyFits
 from kneejax.inference.fit import Problem as Problem
 from kneejax.inference.fit import balances_of as balances_of
-from kneejax.inference.fit import compile_step as compile_step
 from kneejax.inference.fit import fit_lanes as fit_lanes
 from kneejax.inference.fit import synthetic_motion as synthetic_motion
 from kneejax.inference.identification import Identification as Identification

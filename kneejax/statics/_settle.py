@@ -31,7 +31,7 @@ from kneejax.statics._newton import (
     SearchState,
     look,
 )
-from kneejax.statics._softness import newton_step_left
+from kneejax.statics._stiffness import newton_step_left
 from kneejax.statics._status import Status, converged
 
 _SEARCH = EnergyNewton()
@@ -148,19 +148,6 @@ def differentiable(knee: Knee, prescribed: Prescribed, found: Settled) -> Settle
     return dataclasses.replace(found, prescribed=prescribed, q=q, meeting=meeting)
 
 
-def with_tangent(knee: Knee, prescribed: Prescribed, found: Settled) -> Settled:
-    """A balance whose search kept its tangents (`EnergyNewton.seldom`), with that at the balance.
-
-    Args:
-        knee: with which it was found; leaves end in a lane axis.
-        prescribed: with which it was found.
-        found: the balance; NaN stays NaN.
-    """
-    knee, prescribed, found = lax.stop_gradient((knee, prescribed, found))
-    tangent, drift = _stiffness(knee, prescribed, found.q, found.meeting)
-    return dataclasses.replace(found, tangent=tangent, drift=drift)
-
-
 def with_meeting(knee: Knee, prescribed: Prescribed, q: Array) -> Guess:
     """A guess at a pose, with meeting points searched from scratch."""
     if not knee.patch_count:
@@ -184,7 +171,7 @@ def _search(knee: Knee, prescribed: Prescribed, guess: Guess, search: EnergyNewt
     solution = optx.root_find(
         look,
         search,
-        Guess(q, meeting, jnp.nan_to_num(guess.tangent)),
+        Guess(q, meeting),
         (knee, prescribed),
         has_aux=True,
         max_steps=_MOST_ROUNDS,
@@ -206,7 +193,7 @@ def _known_meeting(knee: Knee, prescribed: Prescribed, q: Array, meeting: Array)
 
 def described(knee: Knee, prescribed: Prescribed, found: Guess, here: SearchState):
     """Coordinates (NaN where they are no balance), meeting points, and the rest of `Settled`."""
-    left_mm, pivots = newton_step_left(here.guess.tangent, here.residual, here.scales)
+    left_mm, pivots = newton_step_left(here.tangent, here.residual, here.scales)
     fault = fault_of(knee, prescribed, here, pivots)
     status = jnp.where(here.done, fault, int(Status.NOT_CONVERGED))
     rest = holding(here) | dict(
@@ -219,7 +206,7 @@ def holding(here: SearchState) -> dict[str, Array]:
     """What holds a balance: the fields of `Settled` that a look has computed."""
     return dict(
         residual=jnp.stack(here.residual),
-        tangent=here.guess.tangent,
+        tangent=here.tangent,
         drift=jnp.stack([jnp.stack(pair, axis=1) for pair in here.forces.drift]),
         depth=here.forces.depth,
     )

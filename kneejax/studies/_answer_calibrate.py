@@ -12,7 +12,7 @@ import numpy as np
 from kneejax.experiments import evaluate
 from kneejax.files import Calibrated
 from kneejax.geometry import FREE_COORDINATES, Pose
-from kneejax.inference import Calibration, Question, calibrate_side_by_side, compile_step
+from kneejax.inference import Calibration, Question, calibrate_side_by_side
 from kneejax.inference.bootstrap import bootstrap, bootstrap_by_blocks
 from kneejax.inference.fit import Problem, Progress
 from kneejax.numerics import adding_up, lap, stopwatch
@@ -127,13 +127,9 @@ def _question(study: Study) -> Question:
 
 
 def _get_ready(study: Study) -> None:
-    """Compile a step of the search, and the mechanics of as many poses."""
+    """Compile the mechanics of as many poses."""
     poses = len(study.flexion_deg)
     meeting = np.zeros((study.knee.patch_count, 2, poses))
     # Whatever may be wrong here is met again, and said, where the result is needed.
     with contextlib.suppress(Exception):
         evaluate(study.knee, Pose.from_table(np.zeros((poses, 6))), meeting)
-        table, unknowns = np.zeros((poses, 6)), len(study.selection) + len(study.frame_offset)
-        tests = study.tests
-        problem = Problem.of(study.knee, study.selection, table, np.ones(5), tests=tests)
-        compile_step(unknowns, problem.cases.count + unknowns * bool(study.prior))

@@ -173,10 +173,7 @@ def _between_held(
     settled = held.motion.settled
     begin = between(_HELD_DEG)
     q = jnp.concatenate([jnp.deg2rad(begin)[None], between(settled.q)])
-    free = len(q)
-    near = dataclasses.replace(
-        settled, q=q, meeting=between(settled.meeting), tangent=jnp.zeros((free, free, len(length)))
-    )
+    near = dataclasses.replace(settled, q=q, meeting=between(settled.meeting))
     return np.asarray(begin), OnCable(near, between(held.pull) - rest)
 
 
@@ -189,10 +186,7 @@ def _driven(
     first = len(settled.q) - len(Stations.at(0.0).of(own).free)
     pull = jnp.where(jnp.isfinite(settled.q[0]), cable, 0.0) + at_rest(own)
     bent = jnp.where(jnp.isfinite(bent), bent, 0.0)
-    tangent = settled.tangent[first:, first:]
-    near = expected(
-        own, pulled_at(own, bent, pull, acting), settled.q[first:], settled.meeting, tangent
-    )
+    near = expected(own, pulled_at(own, bent, pull, acting), settled.q[first:], settled.meeting)
     motion = near
     if traced(knee, flexion, found):
         pulls = found.pull + at_rest(knee)

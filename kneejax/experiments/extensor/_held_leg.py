@@ -117,7 +117,7 @@ def _moved(
     """A motion under another pull, and where it had to be walked to."""
     settled = before.settled
     q, meeting = settled.q + grows.q * step, settled.meeting + grows.meeting * step
-    motion = expected(before.knee, stations, q, meeting, settled.tangent)
+    motion = expected(before.knee, stations, q, meeting)
     units = np.array(scales(stations.of(before.knee).free))[:, None]
     away = np.abs(np.asarray(motion.settled.q - q) / units).max(axis=0)
     astray = (step != 0.0) & ~(away <= _MISSED_MM)

@@ -65,7 +65,7 @@ def balanced(knee: Knee, stations: Stations, length: np.ndarray, near: OnCable) 
     for _ in range(_MOST_TIMES):
         settled, pull = found
         lanes = drawn(knee, stations, long, pull)
-        guess = Guess(settled.q, settled.meeting, settled.tangent)
+        guess = Guess(settled.q, settled.meeting)
         again = settle(lanes, stations.prescribed, guess)
         comes = _pull(lanes, again)
         found = OnCable(again, jnp.where(jnp.isfinite(comes), comes, pull))

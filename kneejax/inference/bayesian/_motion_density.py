@@ -16,10 +16,9 @@ from kneejax.inference.bayesian._priors import Prior
 from kneejax.inference.fit import TABLE_UNITS, Problem, without_offsets
 from kneejax.mechanics import Knee
 from kneejax.parameters import Selection
-from kneejax.statics import EnergyNewton, Guess, Slopes, Stations, in_lanes, settle
+from kneejax.statics import Guess, Slopes, Stations, in_lanes, settle
 
 # A hundred numbers that are this much off, mm, move a log density by less than 1e-4.
-_SEARCH = EnergyNewton(atol=1e-8)
 
 
 class MotionDensity(eqx.Module):
@@ -189,15 +188,14 @@ class MotionDensity(eqx.Module):
         guess = self._predicted(values)
         every = jax.tree.map(lambda x: jnp.concatenate([x] * chains), self.stations)
         knees = every.load(jax.tree.map(of_its_chain, lanes))
-        return settle(knees, every.prescribed, guess, _SEARCH)
+        return settle(knees, every.prescribed, guess)
 
     def _predicted(self, values: Array) -> Guess:
         """Poses to first order from the known ones."""
         near, step = self.near, values - self.near["values"]
         q = near["q"] + jnp.einsum("ncp,vp->vnc", near["jacobian"], step)
         meeting = near["meeting"] + jnp.einsum("nmap,vp->vnma", near["meeting_jacobian"], step)
-        tangent = jnp.broadcast_to(near["tangent"], (len(values), *near["tangent"].shape))
-        lanes = (x.reshape(len(q) * q.shape[1], *x.shape[2:]) for x in (q, meeting, tangent))
+        lanes = (x.reshape(len(q) * q.shape[1], *x.shape[2:]) for x in (q, meeting))
         return Guess(*(jnp.moveaxis(x, 0, -1) for x in lanes))
 
 

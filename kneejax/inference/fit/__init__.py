@@ -17,7 +17,6 @@ from kneejax.inference.fit._load_cases import table_of as table_of
 from kneejax.inference.fit._load_cases import without_offsets as without_offsets
 from kneejax.inference.fit._many_fits import PATIENT as PATIENT
 from kneejax.inference.fit._many_fits import ManyFits as ManyFits
-from kneejax.inference.fit._many_fits import compile_step as compile_step
 from kneejax.inference.fit._many_fits import fit_lanes as fit_lanes
 from kneejax.inference.fit._observations import observations as observations
 from kneejax.inference.fit._observations import rows_of_tests as rows_of_tests

@@ -204,7 +204,7 @@ def own_motion(knee: Knee, vary: Vary, base: Any, stations: Stations) -> Balance
 
 
 def own_motion_near(
-    knee: Knee, vary: Vary, base: Any, stations: Stations, q, meeting, tangent
+    knee: Knee, vary: Vary, base: Any, stations: Stations, q, meeting
 ) -> Balances:
     """Balance the knee itself at stations, each by itself near where it is expected: no walk.
 
@@ -215,7 +215,6 @@ def own_motion_near(
         knee: as in `own_motion`; likewise `vary`, `base`, `stations`.
         q: free coordinates to begin with, `(stations, free)`, rad and mm.
         meeting: parameters of the meeting points, `(stations, n, 2)`.
-        tangent: stiffness near there, `(stations, free, free)`.
 
     Returns:
         The balances of one variant, by the program that walks to them.
@@ -226,20 +225,19 @@ def own_motion_near(
     needs_float64()
     one = jax.tree.map(lambda x: np.asarray(x)[None], base)
     plain = stations.of(knee).plain()
-    begin = (np.asarray(x)[None] for x in (q, meeting, tangent))
+    begin = (np.asarray(x)[None] for x in (q, meeting))
     return balance_near(Variants.of(knee, vary, one), plain, *begin)
 
 
-def balance_near(variants: Variants, stations: Stations, q, meeting, tangent) -> Balances:
+def balance_near(variants: Variants, stations: Stations, q, meeting) -> Balances:
     """Balance variants at stations, each node by itself near where it is expected.
 
     Args:
         variants: of one knee.
         stations: any choice of prescribed coordinates, `plain`.
         q: free coordinates to begin with, `(variants, stations, free)`; NaN where nothing is known,
-            and so are the next two.
+            and so is the next.
         meeting: parameters of the meeting points, `(variants, stations, n, 2)`.
-        tangent: stiffness there, `(variants, stations, free, free)`.
 
     Returns:
         The balances, with what holds them.
@@ -250,7 +248,7 @@ def balance_near(variants: Variants, stations: Stations, q, meeting, tangent) ->
     found = Found.nothing(len(variants), own, {})
     walker = Walker(variants, stations, found, lambda _: None)
     every = np.arange(len(variants))
-    nodes = single_nodes(found, every, (q, meeting), np.nan_to_num(tangent))
+    nodes = single_nodes(found, every, (q, meeting))
     _walk_all(walker, nodes, _ALONG_VALUES)
     return Balances.of(found, (len(variants),), stations.free)
 

@@ -21,7 +21,7 @@ from kneejax.mechanics import Knee, Support
 from kneejax.numerics import compiled, identity, on_all_cores
 from kneejax.statics._balance import balance
 from kneejax.statics._settle import shapes_of_holding
-from kneejax.statics._softness import softness_of
+from kneejax.statics._stiffness import softness_of
 from kneejax.statics._status import Status, converged
 from kneejax.statics.walk._balances import Balances
 from kneejax.statics.walk._places import (
@@ -134,7 +134,6 @@ def _moved(
         known=np.ones(lanes, int),
         begun=yes, based=yes, wary=no,
         aim=np.ones(lanes),
-        tangent=np.repeat(np.moveaxis(tangent, 0, -1)[None], 3, axis=0),
         softness=softness,
         steps=np.zeros(lanes, int),
     )  # fmt: skip

@@ -18,7 +18,7 @@ from jax import Array, lax
 from kneejax.geometry import scales
 from kneejax.mechanics import Knee
 from kneejax.statics._settle import Settled, shapes_of_holding
-from kneejax.statics._softness import newton_step_left
+from kneejax.statics._stiffness import newton_step_left
 from kneejax.statics._status import Status, converged
 from kneejax.statics.walk._places import (
     Memory,
@@ -169,7 +169,6 @@ def _nothing_behind(knee: Knee, stations: Stations) -> Array:
         based=no,
         wary=no,
         aim=jnp.ones(lanes),
-        tangent=jnp.zeros((3, free, free, lanes)),
         softness=jnp.full(lanes, jnp.inf),
         steps=nothing,
     )

@@ -80,7 +80,6 @@ class Paths:
         source: variant from which it is predicted, -1 for the knee itself, `(paths,)`.
         q: how far the first node is expected from the own motion, `(paths, free)`.
         meeting: likewise, `(paths, n, 2)`; NaN where it is not known.
-        tangent: stiffness near there, `(paths, free, free)`; zero where it is not known.
     """
 
     variant: np.ndarray
@@ -90,7 +89,6 @@ class Paths:
     source: np.ndarray
     q: np.ndarray
     meeting: np.ndarray
-    tangent: np.ndarray
 
     def __len__(self) -> int:
         return len(self.length)
@@ -102,7 +100,6 @@ class Paths:
 
 def paths(
     found: Found, variant, station, length, q=0.0, meeting=np.nan, origin=None, source=None,
-    tangent=0.0,
 ) -> Paths:  # fmt: skip
     """Paths whose first node is expected so far from the own motion, as at the origin."""
     count, patches, free = len(length), found.meeting.shape[2], found.q.shape[2]
@@ -114,20 +111,16 @@ def paths(
         variant[:, :1].reshape(-1) if source is None else source,
         np.broadcast_to(q, (count, free)),
         np.broadcast_to(meeting, (count, patches, 2)),
-        np.broadcast_to(tangent, (count, free, free)),
     )
 
 
-def single_nodes(
-    found: Found, variants: np.ndarray, near: Own | None, tangent: np.ndarray | float = 0.0
-) -> Paths:
+def single_nodes(found: Found, variants: np.ndarray, near: Own | None) -> Paths:
     """Some variants at all stations, each a path of one node.
 
     Args:
         found: so far.
         variants: rows.
         near: where each node is expected, `(variants, stations, ...)`; the own motion by default.
-        tangent: stiffness there, `(variants, stations, free, free)`; zero where it is not known.
     """
     size = found.status.shape[1]
     variant, station = (
@@ -137,8 +130,7 @@ def single_nodes(
     if near is None:
         itself = np.full(len(variant), -1)
         return paths(found, variant, station, one, meeting=0.0, source=itself)
-    stiffness = np.reshape(tangent, (-1, *np.shape(tangent)[2:]))
-    return paths(found, variant, station, one, *_away(found, *near), tangent=stiffness)
+    return paths(found, variant, station, one, *_away(found, *near))
 
 
 def along_chains(

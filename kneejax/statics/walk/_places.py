@@ -100,7 +100,6 @@ class Memory:
         based: whether `last` is where the path comes from, so that the way can be divided.
         wary: whether the next search is not to be predicted, since one was lost.
         aim: part of the way from `last` to the next node that is tried.
-        tangent: stiffness there, `(3, free, free, lanes)`; zero where it is not known.
         softness: see `softness_of`, at the latest balance.
         steps: looks spent so far on a node that is not finished.
     """
@@ -115,7 +114,6 @@ class Memory:
     based: Any
     wary: Any
     aim: Any
-    tangent: Any
     softness: Any
     steps: Any
 
@@ -135,7 +133,6 @@ class Memory:
             based=yes,
             wary=yes,
             aim=number,
-            tangent=np.zeros((3, free, free)),
             softness=number,
             steps=count,
         )

@@ -175,13 +175,12 @@ def balance_with_slopes(
         step = values - near.values
         q = near.q + np.einsum("vscp,vp->vsc", near.jacobian, step)
         meeting = near.meeting + np.einsum("vsncp,vp->vsnc", near.meeting_jacobian, step)
-        found = balance_near(variants, marks, q, meeting, near.tangent)
+        found = balance_near(variants, marks, q, meeting)
     elif len(values) == 1:
         found = own_motion(knee, vary, jax.tree.map(lambda x: x[0], every), stations)
     else:
         walked = balance_many(knee, vary, jax.tree.map(lambda x: x[0], every), every, stations)
-        unknown = np.zeros((*walked.status.shape, *(len(stations.free),) * 2))
-        found = balance_near(variants, marks, walked.q, walked.meeting, unknown)
+        found = balance_near(variants, marks, walked.q, walked.meeting)
         # Where walks found nothing, nothing is known: from there a search may end anywhere.
         found = found.only(walked.converged, walked.status)
     return dataclasses.replace(_with_slopes(variants, values, marks, found), knee=which)

@@ -24,21 +24,17 @@ from jax import Array, lax
 from kneejax.geometry import Prescribed, scales
 from kneejax.mechanics import Knee
 from kneejax.numerics import compiled
-from kneejax.statics._newton import EnergyNewton, look
-from kneejax.statics._search_state import Guess, Phase, SearchState
+from kneejax.statics._newton import EnergyNewton, Guess, Phase, SearchState, look
 from kneejax.statics._settle import fault_of, holding, with_meeting
-from kneejax.statics._softness import softness_of
+from kneejax.statics._stiffness import softness_of
 from kneejax.statics._status import Status, converged
 from kneejax.statics.walk._places import Memory, Nodes, Place, Reached, packed, unpacked
 
-_ACCURACY_MM = 1e-7
 #: Looks for a node that is predicted, for a part of the way, and for one that was lost or is not
 #: predicted.
 _QUICK, _PART, _PATIENT = 15, 25, 80
 #: A part of the way that took more looks than this is not followed by a longer one.
 _EASY = 8
-#: Part of the lanes that must wait for a tangent.
-_WAITING = 0.5
 #: Turns in which a node may end, for each place of a stretch.
 _ENDS = 2
 #: Least part of a stride that is tried before a node is given up; of one along which a load grows.
@@ -168,11 +164,11 @@ class _Stretch(NamedTuple):
         known = jnp.where(memory.wary, 0, memory.known)
         ahead = self.when(place, memory)
         own = self.read(here)
-        behind = memory.away_q, memory.away_meeting, memory.tangent
-        q, meeting, tangent = (_extrapolated(x, memory.when, ahead, known) for x in behind)
+        behind = memory.away_q, memory.away_meeting
+        q, meeting = (_extrapolated(x, memory.when, ahead, known) for x in behind)
         # What is not predicted may be far: to try it quickly first would be in vain.
         patient = known < 2
-        return here, Guess(own.q + q, own.meeting + meeting, tangent), patient
+        return here, Guess(own.q + q, own.meeting + meeting), patient
 
     def begun(self, memory: Memory) -> tuple[_Walk, dict[str, Array]]:
         """The walk before its first look, and what is written down where nothing has ended."""
@@ -196,11 +192,11 @@ class _Stretch(NamedTuple):
         memory = before.memory
         few = jnp.where(memory.aim < 1.0, _PART, _QUICK)
         looks = jnp.where(before.patient, _PATIENT, few)
-        search = EnergyNewton(atol=_ACCURACY_MM, most_steps=looks, waiting=_WAITING)
+        search = EnergyNewton(most_steps=looks)
         args = self.loaded(before.here)
         y, state, _ = search.step(look, before.y, args, {}, before.state, frozenset())
         walk = dataclasses.replace(before, y=y, state=state, log=None)
-        ended = walk.goes & state.ended
+        ended = walk.goes & ~state.searches
         after, verdict = lax.cond(
             jnp.any(ended), lambda: self.searches_end(walk, ended), lambda: (walk, nothing)
         )
@@ -229,9 +225,6 @@ class _Stretch(NamedTuple):
         goes = walk.goes & (place < self.nodes.length) & (memory.lost < self.give_up)
         new, guess, patient = self.aimed(place, memory)
         begins = ended & goes
-        # What is searched once more begins without what may have led it astray.
-        tangent = jnp.where(judged.again, 0.0, guess.tangent)
-        guess = dataclasses.replace(guess, tangent=tangent)
         state = walk.state.anew(begins, guess)
         y = jax.tree.map(lambda new, old: jnp.where(begins, new, old), guess, walk.y)
         patient = jnp.where(begins, patient | judged.again, walk.patient)
@@ -243,7 +236,7 @@ class _Stretch(NamedTuple):
         memory, found, there = walk.memory, walk.y, self.nodes.at(walk.place)
         loading, units = self.nodes.loading[there], jnp.asarray(self.units)[:, None]
         own_q, last_own_q = (self.read(place).q for place in (walk.here, memory.last))
-        softness, pivots = softness_of(walk.state.guess.tangent, self.units)
+        softness, pivots = softness_of(walk.state.tangent, self.units)
         fault = fault_of(*self.loaded(walk.here), walk.state, pivots)
         status = jnp.where(walk.state.done, fault, int(Status.NOT_CONVERGED))
         ahead = self.when(walk.place, memory)
@@ -297,7 +290,6 @@ class _Stretch(NamedTuple):
             # What was lost may have been led astray by its prediction.
             wary=jnp.where(ended, ~good, memory.wary),
             aim=jnp.where(good, longer, aim),
-            tangent=_pushed(memory.tangent, walk.state.guess.tangent, good),
             softness=jnp.where(good, judged.softness, memory.softness),
             steps=jnp.where(over, 0, steps),
         )
@@ -339,7 +331,7 @@ def _missed(memory: Memory, ahead: Array, away_q: Array, units: Array) -> Array:
 
 
 def _extrapolated(away: Array, when: Array, ahead: Array, known: Array) -> Array:
-    """Distance or stiffness ahead: a parabola through three balances, a line, or the last."""
+    """Distance ahead: a parabola through three balances, a line, or the last."""
     last, before, first = away
 
     def slope(later: Array, earlier: Array, gap: Array) -> Array:

@@ -214,7 +214,6 @@ class Walker:
             based=(paths.origin != first) | (paths.source != source),
             wary=np.zeros(count, bool),
             aim=np.ones(count),
-            tangent=np.repeat(np.moveaxis(paths.tangent, 0, -1)[None], 3, axis=0),
             softness=np.full(count, np.inf),
             steps=np.zeros(count, int),
         )
