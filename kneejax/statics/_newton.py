@@ -41,13 +41,13 @@ _ROUNDING = 1e-11
 _CLOSE = 1e-3
 # A step is as long as the square of the one before it, times what the tangent bends by (1/mm) at
 # worst, where surfaces touch within an onset width of 0.02 mm: after one of `_NEARLY` mm the next
-# look is the last, if its own step is a tenth at most.
-_NEARLY, _SHRINKS = 4e-5, 0.1
+# look is the last, if its own step is a hundredth at most.
+_NEARLY, _SHRINKS = 4e-5, 0.01
 # How far meeting points may be off, mm, for a pose to be judged; for a first pose, which nothing is
 # compared with, to be gone on from; and to be the answer. Where surfaces are nearly flat against
 # each other energies change much along them: of 574 knees with a lax MCL, in extension, 67, 9, 3
 # and none were lost with 0.1, 0.01, 0.001 and 0.0003 mm, at the same number of looks.
-_JUDGED, _GONE_ON, _MET = 3e-4, 1e-2, 3e-5
+_JUDGED, _GONE_ON, _MET = 3e-4, 1e-2, 1e-9
 # N/mm added to the tangent in vain: who is here will not find anything any more.
 _HOPELESS = 1e8
 
