@@ -28,6 +28,7 @@ from kneejax.statics import (
     converged,
     differentiable,
     settle,
+    with_tangent,
 )
 
 #: Steps that are computed by one call.
@@ -114,7 +115,7 @@ def march(
     settled = searched(moving, given, progress)
     if traced((moving, given)):
         return followed(moving, given, settled)
-    moments = _in_blocks(follow, moving, (given.steps, settled), begun(moving, given))
+    moments = _in_blocks(_followed, moving, (given.steps, settled), begun(moving, given))
     return jax.tree.map(lambda x: x[: len(given.length_s)], moments)
 
 
@@ -157,7 +158,7 @@ def followed(moving: MovingKnee, given: Given, settled: Settled) -> Moments:
 
     For programs that are differentiated: the search compiles once for all of them.
     """
-    return follow(moving, given.steps, settled, begun(moving, given))[1]
+    return follow(moving, given.steps, settled, begun(moving, given), True)[1]
 
 
 def with_idle_steps(given: Given, settled: Settled) -> tuple[Given, Settled]:
@@ -215,9 +216,9 @@ def found(moving: MovingKnee, steps: Step, carry: Carry) -> tuple[Carry, Settled
     return lax.scan(advance, carry, steps)
 
 
-@compiled()
+@compiled(static_argnums=(4,))
 def follow(
-    moving: MovingKnee, steps: Step, settled: Settled, carry: Carry
+    moving: MovingKnee, steps: Step, settled: Settled, carry: Carry, exactly: bool
 ) -> tuple[Carry, Moments]:
     """The motion whose balances were found, as a function of all that it depends on.
 
@@ -226,14 +227,16 @@ def follow(
         steps: the first axis counts them.
         settled: their balances.
         carry: what goes into the first.
+        exactly: whether tangents are computed anew where the balances are, for derivatives.
     """
     scale = jnp.array(scales(coordinates_of(moving.knee.bodies)))[:, None]
 
     @jax.checkpoint  # pyright: ignore[reportPrivateImportUsage]
     def advance(before: Carry, each: tuple[Step, Settled]):
         step, idle = _filled(each[0])
-        knee = before.history.knee_of(moving, step)
-        balance = differentiable(knee, step.held, each[1])
+        knee, known = before.history.knee_of(moving, step), each[1]
+        known = with_tangent(knee, step.held, known) if exactly else known
+        balance = differentiable(knee, step.held, known)
         after = _moved_on(moving, before, step, balance, idle)
         there = after.history
         off = (there.last.q - before.history.guess(step)) / scale
@@ -251,6 +254,10 @@ def begun(moving: MovingKnee, given: Given) -> Carry:
     still = jnp.zeros((len(free_of(given.held, moving.knee.bodies)), count, 2, *lanes))
     history = History(first, first, meeting, still)
     return Carry(history, jnp.zeros(lanes, bool), jnp.zeros(lanes, int))
+
+
+def _followed(moving: MovingKnee, steps: Step, settled: Settled, carry: Carry):
+    return follow(moving, steps, settled, carry, False)
 
 
 #: The start of a motion, and where contacts meet there: `Moment.at_first`.

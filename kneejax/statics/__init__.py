@@ -14,6 +14,7 @@ from kneejax.statics._settle import differentiable as differentiable
 from kneejax.statics._settle import needs_float64 as needs_float64
 from kneejax.statics._settle import settle as settle
 from kneejax.statics._settle import with_meeting as with_meeting
+from kneejax.statics._settle import with_tangent as with_tangent
 from kneejax.statics._stiffness import newton_step_left as newton_step_left
 from kneejax.statics._status import FAILURES as FAILURES
 from kneejax.statics._status import Status as Status

@@ -39,10 +39,9 @@ _LONGEST_STEP = 3.0
 _ROUNDING = 1e-11
 # Step, mm, below which falling forces are enough to accept it.
 _CLOSE = 1e-3
-# A step is as long as the square of the one before it, times what the tangent bends by (1/mm) at
-# worst, where surfaces touch within an onset width of 0.02 mm: after one of `_NEARLY` mm the next
-# look is the last, if its own step is a hundredth at most.
-_NEARLY, _SHRINKS = 4e-5, 0.01
+# A step below the first, mm, that is not shorter than this part of the one before it is rounding:
+# that of a force, in a direction in which next to nothing holds.
+_ROUNDED, _SHRINKS = 1e-6, 0.1
 # How far meeting points may be off, mm, for a pose to be judged; for a first pose, which nothing is
 # compared with, to be gone on from; and to be the answer. Where surfaces are nearly flat against
 # each other energies change much along them: of 574 knees with a lax MCL, in extension, 67, 9, 3
@@ -158,12 +157,12 @@ class EnergyNewton(optx.AbstractRootFinder):
     Attributes:
         rtol: unused; the search ends by the length of a step.
         atol: mm (rotations count at 30 mm). A step that is shorter, which is still taken, is the
-            last.
+            last: so far the tangent is off its balance.
         most_steps: looks before a lane that still searches is given up.
     """
 
     rtol: float = 0.0
-    atol: float = 1e-7
+    atol: float = 1e-9
     most_steps: int | Array = 80
     norm: ClassVar[Callable[..., Any]] = optx.max_norm
 
@@ -224,8 +223,8 @@ class EnergyNewton(optx.AbstractRootFinder):
         size, last = size_of(step), size_of(before.step)
         # A damping that is small against the stiffness does not hide how far the solution is.
         plain = accept & (added == best.damping) & (added < 1.0) & (_miss(best.forces) < _MET)
-        nearly = (last > 0.0) & (last < _NEARLY) & (size < _SHRINKS * last)
-        found = plain & ((size < self.atol) | nearly)
+        rounding = (size < _ROUNDED) & (size > _SHRINKS * last) & (last > 0.0)
+        found = plain & ((size < self.atol) | rounding)
         step = step * jnp.minimum(1.0, _LONGEST_STEP / jnp.where(size > 0.0, size, 1.0))
         step = jnp.where(before.searches & ~again, step, before.step)
         count = before.count + before.searches

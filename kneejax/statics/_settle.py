@@ -148,6 +148,20 @@ def differentiable(knee: Knee, prescribed: Prescribed, found: Settled) -> Settle
     return dataclasses.replace(found, prescribed=prescribed, q=q, meeting=meeting)
 
 
+def with_tangent(knee: Knee, prescribed: Prescribed, found: Settled) -> Settled:
+    """A balance with the tangent exactly there: that of its search is a last step away, which is
+    too far for a cable that becomes taut within 0.1 micrometre.
+
+    Args:
+        knee: with which it was found; leaves end in a lane axis.
+        prescribed: with which it was found.
+        found: the balance; NaN stays NaN.
+    """
+    knee, prescribed, found = lax.stop_gradient((knee, prescribed, found))
+    tangent, drift = _stiffness(knee, prescribed, found.q, found.meeting)
+    return dataclasses.replace(found, tangent=tangent, drift=drift)
+
+
 def with_meeting(knee: Knee, prescribed: Prescribed, q: Array) -> Guess:
     """A guess at a pose, with meeting points searched from scratch."""
     if not knee.patch_count:

@@ -31,13 +31,13 @@ def two_wells(monkeypatch):
     """A knee that moves forwards and backwards only, with two places to rest; and its calls."""
     calls = []
 
-    def near(knee, vary, base, stations, q, meeting, tangent):
+    def near(knee, vary, base, stations, q, meeting):
         load = np.asarray(stations.loads[0].force)[:, 0]
         calls.append(float(np.sum(np.asarray(knee.ligaments.stiffness))))
         found = np.array(q)
         begin = found[:, ANTERIOR]
         found[:, ANTERIOR] = [double_well(*pair) for pair in zip(load, begin, strict=True)]
-        nodes = {"q": found, "meeting": meeting, "tangent": tangent,
+        nodes = {"q": found, "meeting": meeting,
                  "status": np.full(len(load), int(Status.BALANCED))}  # fmt: skip
         return types.SimpleNamespace(in_nodes=lambda: nodes, reached=np.ones((1, len(load))))
 
@@ -49,7 +49,7 @@ def guessed(x):
     """Balances of which only the anterior translation is known."""
     q = np.zeros((len(x), 5))
     q[:, ANTERIOR] = x
-    return {"q": q, "meeting": np.zeros((len(x), 2, 2)), "tangent": np.zeros((len(x), 5, 5))}
+    return {"q": q, "meeting": np.zeros((len(x), 2, 2))}
 
 
 def stations(load):
@@ -61,8 +61,8 @@ def test_a_second_balance_is_followed_as_far_as_it_exists(two_wells, knee):
     load = np.linspace(-2.0, 2.0, 21)
     main = guessed([double_well(f, -3.0) for f in load])
     main["status"] = np.full(len(load), int(Status.BALANCED))
-    other = {name: np.full_like(main[name], np.nan) for name in ("q", "meeting", "tangent")}
-    other["q"][10], other["meeting"][10], other["tangent"][10] = 0.0, 0.0, 0.0
+    other = {name: np.full_like(main[name], np.nan) for name in ("q", "meeting")}
+    other["q"][10], other["meeting"][10] = 0.0, 0.0
     other["q"][10, ANTERIOR] = 3.0
     follow_second(knee, stations(load), main, other, np.arange(len(load))[None])
     known = np.isfinite(other["q"]).all(axis=1)
@@ -77,7 +77,7 @@ def test_a_jump_of_what_is_reported_is_looked_at_from_both_sides(two_wells, knee
     load = np.linspace(-0.5, 0.5, 6)
     main = guessed([double_well(f, 3.0 if f > 0 else -3.0) for f in load])
     main["status"] = np.full(len(load), int(Status.BALANCED))
-    other = {name: np.full_like(main[name], np.nan) for name in ("q", "meeting", "tangent")}
+    other = {name: np.full_like(main[name], np.nan) for name in ("q", "meeting")}
     follow_second(knee, stations(load), main, other, np.arange(len(load))[None])
     assert np.isfinite(other["q"]).all()
     assert (np.sign(other["q"][:, ANTERIOR]) == -np.sign(main["q"][:, ANTERIOR])).all()
