@@ -15,13 +15,13 @@ from kneejax.statics._settle import needs_float64 as needs_float64
 from kneejax.statics._settle import settle as settle
 from kneejax.statics._settle import with_meeting as with_meeting
 from kneejax.statics._settle import with_tangent as with_tangent
-from kneejax.statics._stiffness import newton_step_left as newton_step_left
 from kneejax.statics._status import FAILURES as FAILURES
 from kneejax.statics._status import Status as Status
 from kneejax.statics._status import converged as converged
 from kneejax.statics._status import fails as fails
 from kneejax.statics._status import failures_of as failures_of
 from kneejax.statics._status import sound as sound
+from kneejax.statics._stiffness import newton_step_left as newton_step_left
 from kneejax.statics.walk import Balances as Balances
 from kneejax.statics.walk import Own as Own
 from kneejax.statics.walk import Progress as Progress

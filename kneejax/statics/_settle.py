@@ -31,8 +31,8 @@ from kneejax.statics._newton import (
     SearchState,
     look,
 )
-from kneejax.statics._stiffness import newton_step_left
 from kneejax.statics._status import Status, converged
+from kneejax.statics._stiffness import newton_step_left
 
 _SEARCH = EnergyNewton()
 # Backstop of the solver's loop; a search ends by its own `most_steps`.

@@ -14,7 +14,7 @@ from kneejax.files import Calibrated
 from kneejax.geometry import FREE_COORDINATES, Pose
 from kneejax.inference import Calibration, Question, calibrate_side_by_side
 from kneejax.inference.bootstrap import bootstrap, bootstrap_by_blocks
-from kneejax.inference.fit import Problem, Progress
+from kneejax.inference.fit import Progress
 from kneejax.numerics import adding_up, lap, stopwatch
 from kneejax.parameters import UnsuitableData
 from kneejax.studies._poses import measured_poses

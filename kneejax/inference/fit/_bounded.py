@@ -218,11 +218,11 @@ def _refuses_alone(
     """Which reading jumps and refuses a trial that the others would take, and how far each was
     led. A fibre that becomes taut refuses too, but its slope there tells of it."""
     move, back = (_along(slope, y - best.x) for slope in (best.jacobian, jacobian))
-    lost = ~np.isfinite(residual)
+    lost = np.asarray(~np.isfinite(residual))
     worse = np.where(lost, 0.0, residual**2 - best.residual**2)
-    size = np.where(lost.any(axis=1)[:, None], np.where(lost, np.abs(move), -1.0), worse)
+    size = np.where(lost.any(axis=1, keepdims=True), np.where(lost, np.abs(move), -1.0), worse)
     worst = np.arange(size.shape[1]) == np.argmax(size, axis=1)[:, None]
-    others = np.sum(np.where(worst, 0.0, worse), axis=1)[:, None]
+    others = np.sum(np.where(worst, 0.0, worse), axis=1, keepdims=True)
     explained = _JUMP * np.maximum(np.abs(move), np.abs(back))
     jumps = np.abs(residual - best.residual) > explained
     return worst & jumps & (others <= 0.0) & (move != 0.0), move
@@ -260,7 +260,7 @@ def _trial(
     size, jacobian = best.x.shape[1], best.jacobian * width[:, None]
     across = np.swapaxes(jacobian, 1, 2)
     normal = across @ jacobian
-    known = ~np.isnan(led)
+    known = np.asarray(~np.isnan(led))
     squares = np.trace(normal, axis1=1, axis2=2)[:, None] / np.sum(jacobian**2, axis=2)
     firm = np.where(known, _FIRMLY**2 * squares, 0.0)
     pulled = np.where(known, -firm * np.where(known, led, 0.0), best.residual)
@@ -273,9 +273,10 @@ def _trial(
     held = ((low >= 0) & (gradient > 0)) | ((high <= 0) & (gradient < 0)) | (low >= high)
     step = np.zeros_like(best.x)
     # Where nothing balances there is nothing to solve.
-    lost = ~np.isfinite(damped).all(axis=(1, 2)) | ~np.isfinite(gradient).all(axis=1)
-    held, damped = held | lost[:, None], np.where(lost[:, None, None], np.eye(size), damped)
-    gradient = np.where(lost[:, None], 0.0, gradient)
+    sure = np.isfinite(damped).all(axis=(1, 2)) & np.isfinite(gradient).all(axis=1)
+    sure = np.asarray(sure)[:, None]
+    held, damped = held | ~sure, np.where(sure[..., None], damped, np.eye(size))
+    gradient = np.where(sure, gradient, 0.0)
     for _ in range(size + 1):
         free = ~held
         right = -(gradient + _along(damped, np.where(held, step, 0.0)))
@@ -295,7 +296,7 @@ def _solved(matrices: np.ndarray, rights: np.ndarray) -> np.ndarray:
     try:
         return np.linalg.solve(matrices, rights[..., None])[..., 0]
     except np.linalg.LinAlgError:
-        ranks = np.linalg.matrix_rank(matrices) == matrices.shape[-1]
+        ranks = np.asarray(np.linalg.matrix_rank(matrices) == matrices.shape[-1])
         usable = np.where(ranks[:, None, None], matrices, np.eye(matrices.shape[-1]))
         solved = np.linalg.solve(usable, rights[..., None])[..., 0]
         return np.where(ranks[:, None], solved, np.nan)

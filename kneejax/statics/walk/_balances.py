@@ -12,8 +12,8 @@ from jax import Array
 
 from kneejax.geometry import FREE_COORDINATES, TIBIA, coordinate, scales, table_units
 from kneejax.statics._settle import Settled
-from kneejax.statics._stiffness import newton_step_left
 from kneejax.statics._status import converged
+from kneejax.statics._stiffness import newton_step_left
 from kneejax.statics.walk._paths import Found
 from kneejax.statics.walk._stations import Stations
 

@@ -21,8 +21,8 @@ from kneejax.mechanics import Knee, Support
 from kneejax.numerics import compiled, identity, on_all_cores
 from kneejax.statics._balance import balance
 from kneejax.statics._settle import shapes_of_holding
-from kneejax.statics._stiffness import softness_of
 from kneejax.statics._status import Status, converged
+from kneejax.statics._stiffness import softness_of
 from kneejax.statics.walk._balances import Balances
 from kneejax.statics.walk._places import (
     Memory,

@@ -18,8 +18,8 @@ from jax import Array, lax
 from kneejax.geometry import scales
 from kneejax.mechanics import Knee
 from kneejax.statics._settle import Settled, shapes_of_holding
-from kneejax.statics._stiffness import newton_step_left
 from kneejax.statics._status import Status, converged
+from kneejax.statics._stiffness import newton_step_left
 from kneejax.statics.walk._places import (
     Memory,
     Nodes,

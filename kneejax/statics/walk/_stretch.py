@@ -4,8 +4,7 @@ A lane predicts its next node from the last three and searches it. Where that fi
 something farther from the last balance than one branch leads, the way there is divided: half of it
 first, then as much as goes well. What ends there has no balance that is connected with the last.
 
-Every turn of the one compiled loop is a look of all lanes, each at its own node. A lane waits for
-the others only for a tangent, which costs as much as two looks, for one lane or for all. Lanes that
+Every turn of the one compiled loop is a look of all lanes, each at its own node. Lanes that
 searched node by node together took as long as the slowest, and Figures 3 to 10 twice the time.
 """
 
@@ -26,8 +25,8 @@ from kneejax.mechanics import Knee
 from kneejax.numerics import compiled
 from kneejax.statics._newton import EnergyNewton, Guess, Phase, SearchState, look
 from kneejax.statics._settle import fault_of, holding, with_meeting
-from kneejax.statics._stiffness import softness_of
 from kneejax.statics._status import Status, converged
+from kneejax.statics._stiffness import softness_of
 from kneejax.statics.walk._places import Memory, Nodes, Place, Reached, packed, unpacked
 
 #: Looks for a node that is predicted, for a part of the way, and for one that was lost or is not

@@ -13,9 +13,9 @@ def fit(function, start, lower, upper, rtol=1e-15):
     """The best point of a fit, and how many trials it took."""
     search = BoundedLevenbergMarquardt([start], lower, upper, rtol=rtol)
     both = jax.jit(lambda x: (function(x), jax.jacfwd(function)(x)))
-    for trials in range(200):
-        if search.ended.all():
-            break
+    trials = 0
+    while trials < 200 and not search.ended.all():
+        trials += 1
         residual, slope = map(np.array, both(search.trial[0]))
         slope[~np.isfinite(residual)] = 0.0
         search.tell(np.arange(1), residual[None], slope[None])
@@ -41,7 +41,8 @@ def test_fits_side_by_side_end_as_each_alone():
         residual = np.einsum("fij,fj->fi", a[rows], together.trial[rows]) - b[rows]
         together.tell(rows, residual, a[rows])
     for row in range(7):
-        alone, _ = fit(lambda x, r=row: a[r] @ x - b[r], np.zeros(5), -np.ones(5), np.ones(5), 1e-10)
+        start, end = np.zeros(5), np.ones(5)
+        alone, _ = fit(lambda x, r=row: a[r] @ x - b[r], start, -end, end, 1e-10)
         np.testing.assert_allclose(together.x[row], alone, atol=1e-12)
 
 

@@ -1,6 +1,5 @@
 """Loads are followed from the unloaded balance, and a knee that gives way says where."""
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
