@@ -119,13 +119,17 @@ def _run(chosen: argparse.Namespace) -> int:
         return chosen.run(chosen)
     from kneejax.cli._results_folder import ResultsFolder
     from kneejax.cli._settings import asked_for, with_versions
+    from kneejax.numerics import counted_programs
 
     settings = asked_for(chosen)  # before the command fills in what it was not told
     chosen.results = ResultsFolder(chosen.out)
-    with chosen.results.gathered(chosen):
+    with chosen.results.gathered(chosen), counted_programs() as programs:
         status = chosen.run(chosen)
         if status != BAD_INPUT:
+            chosen.results.add_to_result("programs", programs.summary())
             chosen.results.commit(with_versions(settings))
+    if getattr(chosen, "verbose", False):
+        print(programs.sentence(), file=sys.stderr)
     return status
 
 

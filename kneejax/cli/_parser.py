@@ -136,8 +136,11 @@ def add_kinds(parser: Parser) -> Any:
 
 
 def add_out(parser: argparse.ArgumentParser, folder: str) -> None:
-    """Where results are written: `--out`, by default this folder."""
+    """Where results are written: `--out`, by default this folder; and `--verbose`."""
     parser.add_argument("--out", type=Path, default=Path(folder), help="folder for the results")
+    parser.add_argument(
+        "--verbose", action="store_true", help="say what was compiled, and how long it took"
+    )
 
 
 def add_svg(parser: argparse.ArgumentParser) -> None:

@@ -37,6 +37,7 @@ from kneejax.files import InputProblem
 
 #: Folder of a cohort's knees; in a knee's folder: which task wrote it, its draws, and their folder.
 KNEES, MARK, DRAWS = "knees", "task.json", "bootstrap"
+RESULT = "result.json"
 #: A draft that nobody has touched for so long is no process's any more.
 _ABANDONED_S = 86_400.0
 _ASIDE = "set-aside-"
@@ -106,6 +107,12 @@ class ResultsFolder:
         with _uninterrupted():
             _remove(self.out, [name for name in self._before if not keeps(name)])
         self._before, self._begun, self._made = owned(self.out), True, False
+
+    def add_to_result(self, name: str, value: Any) -> None:
+        """Add a field to the result.json that was gathered, where there is one."""
+        file = self._draft / RESULT
+        if file.is_file():
+            write_whole(file, json_bytes({**read_json(file), name: value}))
 
     def commit(self, settings: Mapping[str, Any]) -> None:
         """Put what was gathered in its place, instead of the run before.

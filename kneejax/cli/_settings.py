@@ -26,7 +26,7 @@ WRITTEN = "written"
 #: Names that no option may have, since they stand beside the options.
 ADDED = (_COMMAND, _WORKED_IN, _VERSIONS, _MEANING, WRITTEN)
 #: What else parsed arguments hold.
-_NO_OPTIONS = ("command", "kind", "run", "parser", "out", "results", "imports_s")
+_NO_OPTIONS = ("command", "kind", "run", "parser", "out", "verbose", "results", "imports_s")
 _EXPECTED = "settings.json of a kneejax command"
 #: What stands for a number by name, so that it can be recorded as one.
 _NUMBERS = ("NAME=VALUE", "NAME=SIZE")
@@ -185,9 +185,9 @@ def worked_in(settings: Mapping[str, Any]) -> Path:
 
 
 def _arguments(parser: argparse.ArgumentParser) -> Iterator[tuple[str, argparse.Action]]:
-    """What a command takes besides `--out`, by the names that a person knows."""
+    """What a command is asked for, by the names that a person knows."""
     for action in parser._actions:
-        if action.dest not in ("help", "out"):
+        if action.dest not in ("help", "out", "verbose"):
             flag = next(iter(action.option_strings), action.dest)
             yield flag.lstrip("-"), action
 

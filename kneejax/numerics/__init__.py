@@ -23,7 +23,9 @@ from kneejax.numerics._optional import imported as imported
 from kneejax.numerics._safe import branch as branch
 from kneejax.numerics._safe import positive_part as positive_part
 from kneejax.numerics._safe import safe_sqrt as safe_sqrt
+from kneejax.numerics._seconds import Programs as Programs
 from kneejax.numerics._seconds import adding_up as adding_up
+from kneejax.numerics._seconds import counted_programs as counted_programs
 from kneejax.numerics._seconds import lap as lap
 from kneejax.numerics._seconds import stopwatch as stopwatch
 from kneejax.numerics._tangents import as_known as as_known

@@ -150,9 +150,13 @@ def test_a_command_and_a_library_without_flags_find_the_poses_of_a_test(tmp_path
 
 @pytest.mark.long
 def test_calibrate_writes_everything(tmp_path, capsys):
-    assert main(["calibrate", "--out", str(tmp_path)]) == 0
+    assert main(["calibrate", "--out", str(tmp_path), "--verbose"]) == 0
     result = json.loads((tmp_path / "result.json").read_text())
     assert result["success"] is True
+    # A search, its slopes, the mechanics of a pose, and where contacts meet; and small ones.
+    programs = result["programs"]
+    assert set(programs) == {"compiled", "seconds", "large", "read"}
+    assert programs["large"] <= 4 and programs["compiled"] + programs["read"] <= 100
     assert set(result["parameters"]["ACL.stiffness"]) == {
         "value",
         "start",
@@ -174,7 +178,8 @@ def test_calibrate_writes_everything(tmp_path, capsys):
     assert "<svg" in page and "http://" not in page.replace("http://www.w3.org", "")
     assert len(rows(tmp_path / "poses.csv")) == 25
     assert len(rows(tmp_path / "parameters.csv")) == 8
-    assert "ACL.stiffness" in capsys.readouterr().out
+    said = capsys.readouterr()
+    assert "ACL.stiffness" in said.out and "read from the cache" in said.err
     # One call in Python does the same.
     own, names = kj.run(kj.read_study("paper1")), ("*.stiffness", "*.reference_strain")
     parameters = {name: one["value"] for name, one in result["parameters"].items()}

@@ -4,9 +4,10 @@ import time
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 import pytest
 
-from kneejax.numerics import adding_up, lap, stopwatch
+from kneejax.numerics import adding_up, counted_programs, lap, stopwatch
 
 
 def test_parts_add_up_and_compiling_is_told_apart():
@@ -44,3 +45,23 @@ def test_what_lies_within_another_span_counts_once():
     one.compiled(10.0)  # no longer than since it began
     one.lap("search")
     assert sum(one.parts.values()) == pytest.approx(one.parts["compile"], abs=2e-3)
+
+
+def test_programs_are_counted_with_their_names_and_read_ones_apart():
+    def doubled_and_shifted(x):
+        return 2.0 * x + 0.1234
+
+    x = np.ones(1238)
+    with counted_programs() as first:
+        jax.jit(doubled_and_shifted)(x).block_until_ready()
+    with counted_programs() as warm:
+        pass
+    # Another process, as it were: JAX forgets, its cache on disk does not.
+    jax.clear_caches()
+    with counted_programs() as second:
+        jax.jit(doubled_and_shifted)(x).block_until_ready()
+    made = [name for name, _ in first.compiled] or ["doubled_and_shifted"] * first.read
+    assert made == ["doubled_and_shifted"]
+    assert warm.summary() == {"compiled": 0, "seconds": 0.0, "large": 0, "read": 0}
+    assert second.read + len(second.compiled) == 1
+    assert "1 program" in first.sentence() or first.read == 1

@@ -140,7 +140,7 @@ def activity(knee: Knee, record: LegRecord, near: Activity | None = None) -> Act
     second = np.full(record.pose.shape, np.nan)
     second[:, 1:] = found.other[:, : len(FREE_COORDINATES)] * table_units(FREE_COORDINATES)
     second[:, 0] = np.where(np.isnan(second[:, 1]), np.nan, record.pose[:, 0])
-    mechanics = evaluate(motion.knee, motion.settled.state)
+    mechanics = evaluate(motion.knee, motion.settled.state, motion.settled.meeting)
     return Activity(record, motion, mechanics, acting, second)
 
 

@@ -191,7 +191,7 @@ def described(motion: Motion, pull: Array, walked: np.ndarray, weight: Load) -> 
         walked: `Extensor.walked`, as its searches found it.
         weight: that bends the knee; weightless where none does.
     """
-    mechanics = evaluate(motion.knee, motion.settled.state)
+    mechanics = evaluate(motion.knee, motion.settled.state, motion.settled.meeting)
     forces = jnp.linalg.norm(mechanics.contact_force, axis=-1)
     on_patella = [k for k, c in enumerate(motion.knee.contacts) if c.bodies == (FEMUR, PATELLA)]
     known = motion.knee, motion.stations, motion.settled
