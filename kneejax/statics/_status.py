@@ -146,6 +146,26 @@ def sound(status):
     return status < Status.UNSTABLE
 
 
+#: Where a search ended on the way to a load that says nothing of what would hold the knee.
+_NO_POSES = (Status.TOO_DEEP, Status.NO_PATCH, Status.THROUGH_BONE)
+
+
+def gives_way(lost: np.ndarray, way: np.ndarray, singular: np.ndarray, fault: np.ndarray):
+    """Whether a knee that followed a load up to somewhere gives way there.
+
+    Args:
+        lost: whether no balance was found at the whole load.
+        way: part of the load under which it balanced.
+        singular: whether it had become soft there.
+        fault: the pose at which the last search ended, for a part of the load that is no more than
+            the least one beyond; `Status` values.
+
+    Returns:
+        Truth values of the same shape: singular, or without a balance however little the load grows.
+    """
+    return lost & (way > 0.0) & (singular | ~np.isin(fault, _NO_POSES))
+
+
 #: What makes a pose count for nothing unless a study says otherwise.
 FAILURES = (Status.UNSTABLE, Status.DISLOCATED)
 

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from kneejax.statics import Status, converged, sound
+from kneejax.statics._status import gives_way
 
 
 @pytest.mark.parametrize("status", Status)
@@ -30,3 +31,12 @@ def test_one_place_says_which_poses_are_balances_and_which_are_sound():
     assert {one for one in Status if one.converged and not one.sound} == {
         Status.UNSTABLE, Status.DISLOCATED,
     }  # fmt: skip
+
+
+def test_what_holds_part_of_a_load_gives_way_unless_no_pose_lies_beyond():
+    """However little the load grows: where a search ended in a pose that no knee has, it is none."""
+    lost, way = np.array([True, True, True, True, False]), np.array([0.5, 0.5, 0.0, 0.5, 1.0])
+    fault = np.array([Status.BALANCED, Status.TOO_DEEP, Status.BALANCED, Status.TOO_DEEP, 0])
+    singular = np.array([False, False, True, True, True])
+    found = gives_way(lost, way, singular, fault)
+    assert found.tolist() == [True, False, False, True, False]

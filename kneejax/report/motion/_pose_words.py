@@ -15,6 +15,8 @@ from kneejax.statics import Status, converged
 
 # All compartments farther apart than this: something pulls the bones apart, mm.
 _APART_MM = 0.5
+#: A search that ended so near, mm, has found a balance.
+_BALANCED_MM = 1e-6
 # Fibres that are named; the others are counted.
 _MOST_NAMED = 3
 
@@ -87,6 +89,8 @@ def _of_lost(motion: Motion, row: int, loads: Mapping[str, float]) -> str:
     left_mm, left_N = motion.left_mm[row], np.abs(left).max()
     if not np.isfinite([left_mm, left_N]).all():
         return ""
+    if left_mm < _BALANCED_MM:
+        return "a balance was found, but no motion of the knee leads there"
     told = f"the search stopped {left_mm:.2g} mm and {left_N:.2g} N from a balance"
     if 0.0 < reached < 1.0:
         told += f" beyond {_part(loads, reached)}"

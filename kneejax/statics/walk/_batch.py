@@ -19,7 +19,7 @@ from kneejax.geometry import free_of
 from kneejax.mechanics import Knee
 from kneejax.numerics import on_all_cores
 from kneejax.statics._settle import needs_float64
-from kneejax.statics._status import Status, converged
+from kneejax.statics._status import Status, converged, gives_way
 from kneejax.statics.walk._balances import Balances
 from kneejax.statics.walk._held import held
 from kneejax.statics.walk._paths import (
@@ -62,8 +62,7 @@ def _asked(found: Found, routes: Routes) -> Balances:
 
 
 def _say_how_far(every: Balances, found: Found, chain: Chain) -> None:
-    """Write down how much of its load each variant held along a chain, and whether it gave way:
-    whether it had become soft where the last balance was, or was unstable right behind."""
+    """Write down how much of its load each variant held along a chain, and whether it gave way."""
     nodes, sizes = np.array(chain.nodes), np.array(chain.sizes)
     known, row = found.known[:, nodes], np.arange(len(found.status))
     lost = np.where(known.all(axis=1), len(nodes) - 1, np.argmin(known, axis=1))
@@ -72,11 +71,10 @@ def _say_how_far(every: Balances, found: Found, chain: Chain) -> None:
     held = np.where(found.known[:, chain.origin], held, 0.0)[:, None]
     soft = found.softness[row, nodes[lost]] < _SOFT * found.softness[:, chain.origin]
     fault = found.fault[row, nodes[lost]]
-    singular = soft | (fault == Status.UNSTABLE)
-    gives_way = ~known & (held > 0.0) & singular[:, None]
+    blocked = gives_way(~known, held, soft[:, None], fault[:, None])
     every.fault[:, nodes] = np.where(known, every.fault[:, nodes], fault[:, None])
     every.reached[:, nodes] = np.where(known, 1.0, np.minimum(held / sizes, 1.0))
-    every.status[:, nodes] = np.where(gives_way, Status.GIVES_WAY, found.status[:, nodes])
+    every.status[:, nodes] = np.where(blocked, Status.GIVES_WAY, found.status[:, nodes])
 
 
 def balance_many(

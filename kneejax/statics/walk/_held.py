@@ -21,7 +21,7 @@ from kneejax.mechanics import Knee, Support
 from kneejax.numerics import compiled, identity, on_all_cores
 from kneejax.statics._balance import balance
 from kneejax.statics._settle import shapes_of_holding
-from kneejax.statics._status import Status, converged
+from kneejax.statics._status import Status, converged, gives_way
 from kneejax.statics._stiffness import softness_of
 from kneejax.statics.walk._balances import Balances
 from kneejax.statics.walk._places import (
@@ -162,11 +162,11 @@ def _what_became(reached: Reached, softness_before: np.ndarray) -> dict[str, np.
     good = converged(status)
     soft = reached.softness < _SOFT * softness_before
     way = np.where(good, 1.0, reached.way)
-    gives_way = ~good & (way > 0.0) & (soft | (fault == Status.UNSTABLE))
+    blocked = gives_way(~good, way, soft, fault)
     return {
         "q": np.where(good[:, None], reached.q, np.nan),
         "meeting": np.where(good[:, None, None], reached.meeting, np.nan),
-        "status": np.where(gives_way, int(Status.GIVES_WAY), status),
+        "status": np.where(blocked, int(Status.GIVES_WAY), status),
         "steps": reached.steps,
         "reached": way,
         "fault": fault,
