@@ -161,7 +161,7 @@ def gives_way(lost: np.ndarray, way: np.ndarray, singular: np.ndarray, fault: np
             the least one beyond; `Status` values.
 
     Returns:
-        Truth values of the same shape: singular, or without a balance however little the load grows.
+        Truth values of the same shape: singular, or no balance however little the load grows.
     """
     return lost & (way > 0.0) & (singular | ~np.isin(fault, _NO_POSES))
 

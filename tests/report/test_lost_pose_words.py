@@ -24,4 +24,4 @@ def test_a_search_tells_how_far_it_was_with_and_without_a_patella(bodies):
     assert told.startswith("the search stopped 0.3 mm and 2 N from a balance beyond 0.5 of the")
     # Where it found one that is connected with nothing, it is not a billionth of a mm off.
     motion.left_mm = np.array([6e-11])
-    assert _of_lost(motion, 0, {}) == "a balance was found, but no motion of the knee leads there"
+    assert _of_lost(motion, 0, {}) == "a balance was found, but no motion leads there"

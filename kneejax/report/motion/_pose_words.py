@@ -90,7 +90,7 @@ def _of_lost(motion: Motion, row: int, loads: Mapping[str, float]) -> str:
     if not np.isfinite([left_mm, left_N]).all():
         return ""
     if left_mm < _BALANCED_MM:
-        return "a balance was found, but no motion of the knee leads there"
+        return "a balance was found, but no motion leads there"
     told = f"the search stopped {left_mm:.2g} mm and {left_N:.2g} N from a balance"
     if 0.0 < reached < 1.0:
         told += f" beyond {_part(loads, reached)}"
