@@ -10,10 +10,12 @@ from jax import Array, lax
 
 from kneejax.geometry import TIBIA, Placement, Pose, State, coordinates_of, free_of
 from kneejax.mechanics import (
+    OFF_SURFACE_MM,
     Border,
     Contact,
     FibreFaults,
     Foundation,
+    Gap,
     Knee,
     Sampled,
     add_lane_axis,
@@ -199,17 +201,18 @@ def _over_patch(contact: Contact, tibia: Placement, meeting: Array):
     mean = safe_sqrt(jnp.sum(force**2, axis=0)) / area
     center = jnp.stack(jnp.broadcast_arrays(*contact.tibial.frame.placement.apply(gap.point)))
     apart = gap.depth <= 0
-    known, whole = pressed.known | apart, (contact.rim_off(gap, meeting) <= 0.0) | apart
+    known, whole = (pressed.off <= OFF_SURFACE_MM) | apart, (pressed.off <= 0.0) | apart
     deep = gap.depth >= contact.layer_thickness
-    flat, through = pressed.known & contact.has_no_patch(gap), contact.passed_through(tibia)
-    peak, border = contact.pressure(gap.depth), _border(contact, tibia, meeting, whole)
+    flat = (pressed.off <= OFF_SURFACE_MM) & contact.has_no_patch(gap)
+    through, peak = contact.passed_through(tibia), contact.pressure(gap.depth)
+    border = _border(contact, gap, meeting, pressed.off, whole)
     return (
         force, moment, area, peak, mean, gap.depth, center, border.beyond_mm, border.share,
         known, deep, flat, through,
     )  # fmt: skip
 
 
-def _border(contact: Contact, tibia: Placement, meeting: Array, whole: Array) -> Border:
+def _border(contact: Contact, gap: Gap, meeting: Array, off: Array, whole: Array) -> Border:
     """Border of patches: hundreds of places of each, asked only of those not wholly inside.
 
     These are put together in blocks, and blocks of whole ones are passed over.
@@ -218,10 +221,12 @@ def _border(contact: Contact, tibia: Placement, meeting: Array, whole: Array) ->
     place = jnp.where(whole, count[-1] + jnp.cumsum(whole), count) - 1
     order = jnp.zeros_like(place).at[place].set(jnp.arange(len(place)), unique_indices=True)
     block = _BORDER_LANES if len(whole) % _BORDER_LANES == 0 else len(whole)
+    # What a plane answers may lack the lanes.
+    gap = jax.tree.map(lambda x: jnp.broadcast_to(x, whole.shape), gap)
 
     def of_block(own: Array) -> Border:
         def asked() -> Border:
-            return contact.border(*jax.tree.map(lambda x: x[..., own], (tibia, meeting)))
+            return contact.border(*jax.tree.map(lambda x: x[..., own], (gap, meeting, off)))
 
         nothing = jnp.zeros(block)
         return lax.cond(jnp.all(whole[own]), lambda: Border(nothing, nothing), asked)

@@ -18,6 +18,7 @@ from jax import Array
 
 from kneejax.geometry import Prescribed, State, Vector, free_of
 from kneejax.mechanics import (
+    OFF_SURFACE_MM,
     Contact,
     FibreFaults,
     Held,
@@ -237,7 +238,7 @@ def _forces(knee: Knee, state: State, held: Held, free: tuple[str, ...]) -> Forc
     moved = (_slopes_moved(knee, state, pressed, k, free) for k in (0, 1))
     drift = tuple(gap.newton(a, b) for a, b in zip(*moved, strict=True))
     met = pressed.miss, gap.depth, gap.point, pressed.renewed
-    fits = ~gap.has_ellipse, pressed.known
+    fits = ~gap.has_ellipse, pressed.off <= OFF_SURFACE_MM
     return Forces(held.energy, load, drift, *met, *fits, *faults)
 
 

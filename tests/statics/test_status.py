@@ -34,7 +34,7 @@ def test_one_place_says_which_poses_are_balances_and_which_are_sound():
 
 
 def test_what_holds_part_of_a_load_gives_way_unless_no_pose_lies_beyond():
-    """However little the load grows: where a search ended in a pose that no knee has, it is none."""
+    """However little the load grows; a search that ended in a pose that no knee has tells none."""
     lost, way = np.array([True, True, True, True, False]), np.array([0.5, 0.5, 0.0, 0.5, 1.0])
     fault = np.array([Status.BALANCED, Status.TOO_DEEP, Status.BALANCED, Status.TOO_DEEP, 0])
     singular = np.array([False, False, True, True, True])

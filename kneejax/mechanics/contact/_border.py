@@ -12,7 +12,7 @@ from jax import Array
 
 from kneejax.geometry import Placement, Surface, add, excess, scale
 from kneejax.mechanics.contact import _cartilage_law as law
-from kneejax.mechanics.contact._patch import Gap, Nearby, nearby
+from kneejax.mechanics.contact._patch import Gap
 from kneejax.numerics import safe_sqrt
 
 if TYPE_CHECKING:
@@ -64,30 +64,28 @@ def of_points(
     return Border(of_each(jnp.max, carried), share)
 
 
-def of_patch(contact: Contact, tibia: Placement, meeting: Array) -> Border:
+def of_patch(contact: Contact, gap: Gap, meeting: Array, off: Array) -> Border:
     """Border of an elliptical patch: how far its rim reaches, and what is carried there.
 
     Args:
         contact: the surfaces and the pressure law.
-        tibia: where the tibia is.
-        meeting: parameters of the meeting point, shape `(2, ...)`.
+        gap: at the meeting point.
+        meeting: parameters of that point, shape `(2, ...)`.
+        off: how far the rim lies beyond the fitted regions, mm; see `rim_off`.
     """
-    motion = contact.femur_to_plateau(tibia)
-    near = nearby(contact.femoral, contact.tibial, motion, meeting)
     inner = (np.arange(_RINGS) + 0.5) / _RINGS
     around = 2.0 * np.pi * (np.arange(_PLACES) + 0.5) / _PLACES
     square, angle = np.meshgrid(inner, around, indexing="ij")
-    lanes = (1,) * jnp.ndim(near.gap.depth)
+    lanes = (1,) * jnp.ndim(gap.depth)
     square, angle = (x.reshape(-1, *lanes) for x in (square, angle))
-    away = _away(contact, near, meeting, np.sqrt(square), angle)
-    depth = jnp.maximum(near.gap.depth, 0.0)
+    away = _away(contact, gap, meeting, np.sqrt(square), angle)
+    depth = jnp.maximum(gap.depth, 0.0)
     relative = jnp.minimum(depth * (1.0 - square) / contact.layer_thickness, 0.99)
     pressure = law.relative_pressure(contact.law, relative)
     total = jnp.sum(pressure, axis=0)
     outside = jnp.sum(jnp.where(away > 0, pressure, 0.0), axis=0)
-    touches = near.gap.depth > 0
+    touches = gap.depth > 0
     share = jnp.where(touches, outside / jnp.where(total > 0, total, 1.0), 0.0)
-    off = rim_off(contact.femoral, contact.tibial, near.gap, meeting)
     return Border(jnp.where(touches, off, 0.0), share)
 
 
@@ -111,9 +109,8 @@ def rim_off(femoral: Surface, tibial: Surface, gap: Gap, meeting: Array) -> Arra
     return off
 
 
-def _away(contact: Contact, near: Nearby, meeting: Array, part, angle) -> Array:
+def _away(contact: Contact, gap: Gap, meeting: Array, part, angle) -> Array:
     """How far places of the patch lie beyond either region, mm."""
-    gap = near.gap
     # A gap that is not convex has no ellipse: its middle alone is asked then.
     convex = gap.convex
     aa = jnp.where(convex, gap.aa, 1.0)
@@ -127,5 +124,5 @@ def _away(contact: Contact, near: Nearby, meeting: Array, part, angle) -> Array:
         (stretch_a * excess(meeting[0] + by_a, limits_a)) ** 2
         + (stretch_b * excess(meeting[1] + by_b, limits_b)) ** 2
     )
-    shift = add(scale(by_a, near.along[0]), scale(by_b, near.along[1]))
+    shift = add(scale(by_a, gap.along[0]), scale(by_b, gap.along[1]))
     return jnp.maximum(femoral, contact.tibial.beyond(add(gap.point, shift)))

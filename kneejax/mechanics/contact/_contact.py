@@ -190,14 +190,15 @@ class Contact(eqx.Module):
         core = self.femur_to_plateau(tibia).apply(self.femoral.core())
         return self.tibial.level(core) < 0.0
 
-    def border(self, tibia: Placement, meeting: Array) -> Border:
+    def border(self, gap: Gap, meeting: Array, off: Array) -> Border:
         """How far a patch reaches beyond the fitted regions, and what force is carried there.
 
         Args:
-            tibia: where the tibia is.
-            meeting: parameters of its meeting point, `(2, ...)`.
+            gap: at its meeting point.
+            meeting: parameters of that point, `(2, ...)`.
+            off: how far its rim lies beyond, mm; see `rim_off`.
         """
-        return _border.of_patch(self, tibia, meeting)
+        return _border.of_patch(self, gap, meeting, off)
 
     def rim_off(self, gap: Gap, meeting: Array) -> Array:
         """How far the rim of a patch lies beyond the fitted regions, mm.

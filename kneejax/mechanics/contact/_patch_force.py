@@ -35,7 +35,7 @@ from kneejax.geometry import (
     scale,
 )
 from kneejax.mechanics._wrench import Wrench
-from kneejax.mechanics.contact._border import OFF_SURFACE_MM, rim_off
+from kneejax.mechanics.contact._border import rim_off
 from kneejax.mechanics.contact._patch import _NOTHING, Gap, Nearby, nearby, renewed
 
 
@@ -50,8 +50,7 @@ class Pressed(eqx.Module):
         gap: at the meeting point.
         renewed: parameters of the meeting point after one Newton step towards the smallest gap.
         miss: how far that step leads, mm.
-        known: whether all of the patch lies where both surfaces are known, or at most
-            `OFF_SURFACE_MM` beyond.
+        off: how far the patch reaches beyond the regions in which both surfaces are known, mm.
     """
 
     energy: Array
@@ -60,7 +59,7 @@ class Pressed(eqx.Module):
     gap: Gap
     renewed: tuple[Array, Array]
     miss: Array
-    known: Array
+    off: Array
 
     def of(self, rows: tuple[int, ...]) -> Pressed:
         """Some of several patches along a first axis, in their order."""
@@ -73,7 +72,7 @@ class Pressed(eqx.Module):
         origin."""
         first, second = (w.moved(frame).turned(there) for w in self.slope_wrenches)
         wrench = self.wrench.moved(frame).turned(there)
-        rest = self.gap, self.renewed, self.miss, self.known
+        rest = self.gap, self.renewed, self.miss, self.off
         return Pressed(self.energy, wrench, (first, second), *rest)
 
 
@@ -121,8 +120,8 @@ def press(
     # Blind to first order to what is left of the search for the meeting point.
     energy = energy + shift_a * gap.slope[0] + shift_b * gap.slope[1]
     wrench = Wrench.at(near.point, force, couple)
-    known = rim_off(femoral, tibial, gap, meeting) <= OFF_SURFACE_MM
-    return Pressed(energy, wrench, slope_wrenches, gap, *renewed(femoral, gap, meeting), known)
+    off = rim_off(femoral, tibial, gap, meeting)
+    return Pressed(energy, wrench, slope_wrenches, gap, *renewed(femoral, gap, meeting), off)
 
 
 def _cofactors(near: Nearby, gap: Gap) -> tuple[Vector, Vector]:

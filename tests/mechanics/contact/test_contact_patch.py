@@ -161,7 +161,9 @@ def test_a_tibia_that_has_passed_through_the_femur_is_seen_at_any_depth(form):
 
 @compiled
 def border_of(contact, tibia):
-    return contact.border(tibia, contact.meeting(tibia))
+    meeting = contact.meeting(tibia)
+    gap = contact.gap(tibia, meeting)
+    return contact.border(gap, meeting, contact.rim_off(gap, meeting))
 
 
 def test_a_patch_on_the_border_carries_half_its_force_beyond_it():
@@ -176,7 +178,8 @@ def test_a_patch_on_the_border_carries_half_its_force_beyond_it():
 @compiled
 def pressed_and_border(contact, tibia):
     meeting = contact.meeting(tibia)
-    return contact.press(tibia, meeting).known, contact.border(tibia, meeting)
+    found = contact.press(tibia, meeting)
+    return found.off <= OFF_SURFACE_MM, contact.border(found.gap, meeting, found.off)
 
 
 @pytest.mark.parametrize("mm", [0.1, 0.9, 1.1, 3.0])
@@ -315,7 +318,8 @@ def pressed(contact, c):
 def test_a_patch_inside_both_regions_is_known_and_beyond_them_is_not():
     contact = CONTACTS["condyle on plateau"]
     for shift, known in ((0.0, True), (40.0, False)):
-        assert bool(pressed(contact, POSE + shift * np.eye(6)[3]).known) is known
+        off = float(pressed(contact, POSE + shift * np.eye(6)[3]).off)
+        assert (off <= OFF_SURFACE_MM) is known
 
 
 def test_unknown_laws_and_forms_are_errors_that_list_the_known_ones():
