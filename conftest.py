@@ -31,9 +31,8 @@ import pytest
 from kneejax.numerics import keep_programs
 
 jax.config.update("jax_enable_x64", True)
-# Who gives flags of their own gets what they ask for; the second tier wants `optimised_code`.
-AS_ABOVE = "--xla_llvm_disable_expensive_passes" in os.environ["XLA_FLAGS"]
-QUICKLY = AS_ABOVE and not os.environ.get("KNEEJAX_TESTS_OPTIMISED")
+# Who gives flags of their own gets what they ask for.
+QUICKLY = "--xla_llvm_disable_expensive_passes" in os.environ["XLA_FLAGS"]
 jax.config.update("jax_disable_most_optimizations", QUICKLY)
 # Tests replace parts of commands, never of what is traced.
 keep_programs(Path(os.environ["JAX_COMPILATION_CACHE_DIR"]) / "traced")
@@ -95,6 +94,10 @@ LONGEST = (
 )
 
 
+#: Files with slow tests, where these are asked for: what they compile is optimised.
+COMPUTING = set()
+
+
 def pytest_configure(config):
     """Begin anew once there are many programs that nobody asks for any more."""
     if not hasattr(config, "workerinput") and COMPILED.is_dir():
@@ -110,7 +113,9 @@ def pytest_collection_finish():
 
 
 def pytest_collection_modifyitems(items):
-    """The longest files first, all others as they come."""
+    """The longest files first, all others as they come; and which files compute for long."""
+    if os.environ.get("KNEEJAX_TESTS_OPTIMISED"):
+        COMPUTING.update(item.path for item in items if item.get_closest_marker("slow"))
     place = {Path(__file__).parent / "tests" / name: i for i, name in enumerate(LONGEST)}
     items.sort(key=lambda item: place.get(item.path, len(place)))
 
@@ -130,6 +135,13 @@ def optimised_code():
     jax.config.update("jax_disable_most_optimizations", False)
     yield
     jax.config.update("jax_disable_most_optimizations", before)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _code(request):
+    """Files with slow tests ask for `optimised_code`; others mostly compile."""
+    if request.path in COMPUTING:
+        request.getfixturevalue("optimised_code")
 
 
 @pytest.fixture(autouse=True, scope="module")
