@@ -20,8 +20,8 @@ _SERIES = (
 def arctan2(y: Array, x: Array) -> Array:
     """Angle of the point `(x, y)` from the x axis, as `jax.numpy.arctan2`, within 5e-16 rad.
 
-    On a CPU, XLA calls a function of the C library for each element, 17 to 20 ns; this is
-    arithmetic that vectorises, 5 to 7 ns. A contact over points takes three per point.
+    On a CPU, XLA calls a function of the C library for each element; this is arithmetic that
+    vectorises, in a third of the time (docs/performance.md).
 
     Args:
         y: any shape.

@@ -1,16 +1,10 @@
 """Compilation of functions that contain a solve.
 
-A solve is some thousand operations on short arrays whose values are used again and again. How XLA
-fuses them on a CPU decides how fast it is. A motion of 25 poses (benchmarks/compile_options.py):
-
-- as XLA does by itself, every kernel that reads a shared value computes it anew: 79 ms, after 19 s
-  of compiling;
-- without fusion each operation is a kernel that goes through memory: 72 ms, after 10 s;
-- with shared fusion only values with one reader move into their reader's kernel, and kernels with
-  the same inputs become one: 14 ms, after 6 s.
-
-The second can be asked for function by function, and kneejax does. The third is a setting of the
-whole process that XLA reads once: `use_shared_fusion`.
+A solve is some thousand operations on short arrays whose values are used again and again. As XLA
+fuses them by itself, every kernel that reads a shared value computes it anew. Without fusion each
+operation goes through memory, in as long, but compiles in half the time: that can be asked for
+function by function, and kneejax does. With shared fusion, a setting of the whole process that XLA
+reads once (`use_shared_fusion`), a solve takes a fifth of either: docs/performance.md.
 """
 
 from __future__ import annotations
@@ -71,9 +65,7 @@ def compiler_options() -> Mapping[str, Any]:
     return {} if shared else {"xla_disable_hlo_passes": "fusion"}
 
 
-#: Machine code as it comes: `kneejax.experiments.evaluate` over patches compiles in 3.0 instead of
-#: 4.6 s of a core and takes 0.46 instead of 0.34 ms for 25 poses; a search would take ten times as
-#: long, and springs at points five times.
+#: Machine code as it comes: for what is computed once or twice (docs/performance.md).
 _AS_IT_COMES = {"xla_backend_optimization_level": 0}
 
 

@@ -15,7 +15,7 @@ along the limit leaves what is balanced. That reading is first led inwards, away
 as far as the limit is, and where this promises too little a quarter of the refused way; all others
 go as far as they want. Its slope on the way does not count for the damping: it would stop them too.
 
-All of it is NumPy: by JAX a step took 3 s to compile, for every number of values and readings.
+All of it is NumPy: by JAX a step compiles for every number of values and readings.
 """
 
 from __future__ import annotations

@@ -29,10 +29,8 @@ from kneejax.statics.walk._stations import Stations
 from kneejax.statics.walk._stretch import first_meeting, walk_stretch
 from kneejax.statics.walk._variants import Variants
 
-#: Lanes of a call. Few lanes are soon filled, many share what an operation costs by itself (before
-#: lanes went at their own pace a map of 101 x 101 points took 2.2, 1.4, 1.4 and 1.5 s with 32, 64,
-#: 96 and 128 lanes, the motion of a single knee 22, 31, 43 and 65 ms). Over points a lane by itself
-#: fills the processor.
+#: Lanes of a call. Few lanes are soon filled, many share what an operation costs by itself
+#: (docs/performance.md). Over points a lane by itself fills the processor.
 LANES, LANES_OVER_POINTS = 64, 8
 #: Nodes of a call in each lane.
 _STRETCH = 32
