@@ -14,7 +14,7 @@ from collections.abc import Callable
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jax import Array
+from jax import Array, lax
 
 from kneejax.geometry import Prescribed, State, Vector, free_of
 from kneejax.mechanics import (
@@ -28,7 +28,7 @@ from kneejax.mechanics import (
     Wrenches,
     generalised_force,
 )
-from kneejax.numerics import identity
+from kneejax.numerics import identity, jvp_of_moved
 
 
 class Forces(eqx.Module):
@@ -168,8 +168,9 @@ def force_derivative(
 
     Args:
         knee: as in `balance`; likewise `prescribed`, `q`, `meeting`.
-        knee_tangent: change of every leaf.
-        prescribed_tangent: change of what is prescribed.
+        knee_tangent: change of every leaf, a `SymbolicZero` where it stays: nothing is compiled for
+            that.
+        prescribed_tangent: likewise, of what is prescribed.
 
     Returns:
         Change of the residual `(free, lanes)` and of the meeting points, two arrays `(n, lanes)`.
@@ -180,15 +181,15 @@ def force_derivative(
         def slopes(knee_: Knee, prescribed_: Prescribed):
             state, _ = _where(knee_, prescribed_, q)
             gap = knee_.map_patches(Contact.gap, state, meeting)
-            return gap.slope, gap
+            return gap.slope, lax.stop_gradient(gap)
 
-        _, moved, gap = jax.jvp(slopes, (knee, prescribed), tangents, has_aux=True)
+        (_, gap), (moved, _) = jvp_of_moved(slopes, (knee, prescribed), tangents)
         follow = gap.newton(*moved)
 
     def residual(knee_: Knee, prescribed_: Prescribed, meeting_: tuple[Array, Array]) -> Array:
         return force(knee_, prescribed_, q, meeting_)[0]
 
-    _, change = jax.jvp(residual, (knee, prescribed, meeting), (*tangents, follow))
+    _, change = jvp_of_moved(residual, (knee, prescribed, meeting), (*tangents, follow))
     return change, follow
 
 
@@ -199,7 +200,7 @@ def force_derivative_without_contacts(
 
     Args:
         knee: as in `balance`; likewise `prescribed`, `q`.
-        knee_tangent: change of every leaf; that of the contacts is not read.
+        knee_tangent: as in `force_derivative`.
 
     Returns:
         Change of the residual `(free, lanes)`.
@@ -210,7 +211,7 @@ def force_derivative_without_contacts(
         wrenches = knee_.pull(state)[0]
         return jnp.stack(_unbalanced(knee_, state, wrenches, free))
 
-    return jax.jvp(residual, (knee,), (knee_tangent,))[1]
+    return jvp_of_moved(residual, (knee,), (knee_tangent,))[1]
 
 
 def _where(knee: Knee, prescribed: Prescribed, q: Array) -> tuple[State, tuple[str, ...]]:

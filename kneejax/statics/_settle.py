@@ -18,7 +18,7 @@ from jax.custom_derivatives import SymbolicZero
 
 from kneejax.geometry import Placement, Pose, Prescribed, State, free_of
 from kneejax.mechanics import Contact, Knee, displacement
-from kneejax.numerics import as_known, compiled, identity, instantiate, ruled, solve, unknown_where
+from kneejax.numerics import as_known, compiled, identity, ruled, solve, unknown_where
 from kneejax.statics._balance import (
     balance,
     force_derivative,
@@ -307,14 +307,14 @@ def _force_change(knee, prescribed, q, meeting, d_knee, d_prescribed):
     contacts_still = all(isinstance(t, SymbolicZero) for t in jax.tree.leaves(d_knee.contacts))
     poses_still = all(isinstance(t, SymbolicZero) for t in jax.tree.leaves(d_prescribed))
     if contacts_still and poses_still:
-        change = force_derivative_without_contacts(knee, prescribed, q, instantiate(d_knee))
+        change = force_derivative_without_contacts(knee, prescribed, q, d_knee)
         return change, jnp.zeros_like(meeting)
     change, follow = force_derivative(
         knee,
         prescribed,
         q,
         (meeting[:, 0], meeting[:, 1]),
-        instantiate(d_knee),
-        instantiate(d_prescribed),
+        d_knee,
+        d_prescribed,
     )
     return change, jnp.stack(follow, axis=1)

@@ -11,7 +11,7 @@ import numpy as np
 from jax import Array
 
 from kneejax.experiments._motion import Motion
-from kneejax.geometry import FEMUR_AND_TIBIA, PATELLA, TIBIA, Vector
+from kneejax.geometry import FEMUR_AND_TIBIA, PATELLA, TIBIA, Vector, scale
 from kneejax.mechanics import QUADRICEPS, Knee, Load, add_lane_axis, pull_of
 from kneejax.numerics import compiled
 from kneejax.statics import Settled, Stations, differentiable, force_along
@@ -70,14 +70,14 @@ def _pulls(knee: Knee, stations: Stations, settled: Settled) -> tuple[Array, Arr
     lanes, state = stations.load(add_lane_axis(knee)), settled.state
     tibia = state.tibia.placement
 
-    def turned(tension: Array, unit: Vector) -> Array:
-        return jnp.stack(jnp.broadcast_arrays(*tibia.turn_back(tuple(tension * x for x in unit))))
+    def turned(force: Vector) -> Array:
+        return jnp.stack(jnp.broadcast_arrays(*tibia.turn_back(force)))
 
-    ligaments = turned(lanes.ligaments.tension(state), lanes.ligaments.unit_pulls(state))
+    ligaments = turned(lanes.ligaments.forces(state))
     nothing = jnp.zeros((3, 0, *state.shape))
     muscles = nothing
     if lanes.muscles is not None:
-        muscles = turned(lanes.muscles.tension, lanes.muscles.unit_pulls(state))
+        muscles = turned(scale(lanes.muscles.tension, lanes.muscles.unit_pulls(state)))
     forces = [tibia.turn_back(x.wrench(tibia).force) for x in lanes.loads if isinstance(x, Load)]
     loads = [jnp.stack(jnp.broadcast_arrays(*force, settled.q[0])[:3]) for force in forces]
     return ligaments, muscles, jnp.stack(loads, axis=1) if loads else nothing

@@ -97,8 +97,12 @@ class Fibres(eqx.Module):
 
     def unit_pulls(self, state: State) -> Vector:
         """Force of a unit tension on the second bone of each, in femur axes, each `(n, ...)`."""
-        kinds, found = self.kinds, []
-        for way in self._ways(kinds, state):
+        kinds = self.kinds
+        return self._unit_pulls(kinds, self._ways(kinds, state), state)
+
+    def _unit_pulls(self, kinds: tuple[Course, ...], ways: list[_Way], state: State) -> Vector:
+        found = []
+        for way in ways:
             first, force = way.course.bodies[0], full(way.pull.force)
             found.append(force if first == FEMUR else state.poses[first].placement.turn(force))
         x, y, z = (self._joined(kinds, list(parts)) for parts in zip(*found, strict=True))

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.geometry import FEMUR_AND_TIBIA, Pair, State, full, scale
+from kneejax.geometry import FEMUR_AND_TIBIA, Pair, State, Vector, full, scale
 from kneejax.mechanics._wrench import Wrench, Wrenches
 from kneejax.mechanics.ligaments import _law as law
 from kneejax.mechanics.ligaments._courses import Course
@@ -91,6 +91,13 @@ class Ligaments(Fibres):
     def tension(self, state: State) -> Array:
         """Tension of each fibre, shape `(n, ...)`, N."""
         return self.tension_at(self.length(state))
+
+    def forces(self, state: State) -> Vector:
+        """Force of each fibre on its second bone, in femur axes, each `(n, ...)`, N."""
+        kinds = self.kinds
+        ways = self._ways(kinds, state)
+        length = self._joined(kinds, [way.length for way in ways])
+        return full(scale(self.tension_at(length), self._unit_pulls(kinds, ways, state)))
 
     def tension_at(self, length: Array) -> Array:
         """Tension of each fibre at given lengths, N."""
