@@ -5,10 +5,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax.custom_derivatives import SymbolicZero
 
 import kneejax.geometry as geo
 from kneejax.mechanics import add_lane_axis
+from kneejax.numerics import instantiate
 from kneejax.statics import balance, force, force_derivative
+from kneejax.statics._balance import force_derivative_without_contacts
 
 OPTIONS = {"xla_disable_hlo_passes": "fusion"}
 FLEXION = jnp.array([0.0, 0.5, 1.3])
@@ -211,3 +214,21 @@ def test_the_force_follows_flexion(
     np.testing.assert_allclose(np.asarray(exact) / scale, numeric / scale, atol=1e-6)
     drift = central_difference(lambda e: meeting_points(knee, bent(e), Q), 0.0, 1e-4)
     np.testing.assert_allclose(np.stack(follow, axis=1), drift, atol=1e-6)
+
+
+def test_a_derivative_is_made_of_what_moves_alone(knee):
+    """By stiffness alone nothing differentiates where a fibre runs."""
+
+    def still(x):
+        return SymbolicZero(jax.typeof(x).to_tangent_aval())
+
+    kept, one = jax.tree.map(still, knee), jnp.ones_like(knee.ligaments.stiffness)
+
+    def by_stiffness(rates):
+        moved = eqx.tree_at(lambda k: k.ligaments.stiffness, rates, one)
+        return jax.make_jaxpr(
+            lambda knee: force_derivative_without_contacts(knee, HELD, Q, moved)
+        )(knee)
+
+    alone, among_zeros = by_stiffness(kept), by_stiffness(instantiate(kept))
+    assert len(alone.eqns) < 0.6 * len(among_zeros.eqns)
