@@ -14,7 +14,7 @@ from collections.abc import Callable
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jax import Array, lax
+from jax import Array
 
 from kneejax.geometry import Prescribed, State, Vector, free_of
 from kneejax.mechanics import (
@@ -181,7 +181,7 @@ def force_derivative(
         def slopes(knee_: Knee, prescribed_: Prescribed):
             state, _ = _where(knee_, prescribed_, q)
             gap = knee_.map_patches(Contact.gap, state, meeting)
-            return gap.slope, lax.stop_gradient(gap)
+            return gap.slope, gap
 
         (_, gap), (moved, _) = jvp_of_moved(slopes, (knee, prescribed), tangents)
         follow = gap.newton(*moved)
