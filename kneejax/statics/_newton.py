@@ -161,7 +161,7 @@ class EnergyNewton(optx.AbstractRootFinder):
     """
 
     rtol: float = 0.0
-    atol: float = 1e-9
+    atol: float = 1e-11
     most_steps: int | Array = 80
     norm: ClassVar[Callable[..., Any]] = optx.max_norm
 
