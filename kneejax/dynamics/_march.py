@@ -23,6 +23,7 @@ from kneejax.geometry import Prescribed, coordinates_of, free_of, scales
 from kneejax.mechanics import Load
 from kneejax.numerics import compiled, on_all_cores, traced
 from kneejax.statics import (
+    EnergyNewton,
     Guess,
     Settled,
     converged,
@@ -37,6 +38,10 @@ BLOCK = 256
 _MOST_LANES = 32
 #: Motions that are followed are filled up to a multiple of so many steps.
 _IDLE = 64
+
+
+#: Derivatives compute the tangents anew: a step need not.
+SEARCH = EnergyNewton(atol=1e-9)
 
 
 class Given(eqx.Module):
@@ -276,7 +281,7 @@ def _searched(moving: MovingKnee, history: History, step: Step) -> Settled:
     rows = jnp.array([names.index(name) for name in free])
     q, last = history.guess(step)[rows], history.last.q[rows]
     guess = Guess(q, history.meeting_at(q - last))
-    return settle(history.knee_of(moving, step), step.held, guess)
+    return settle(history.knee_of(moving, step), step.held, guess, SEARCH)
 
 
 def _moved_on(

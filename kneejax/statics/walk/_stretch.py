@@ -29,6 +29,8 @@ from kneejax.statics._status import Status, converged
 from kneejax.statics._stiffness import softness_of
 from kneejax.statics.walk._places import Memory, Nodes, Place, Reached, packed, unpacked
 
+#: Last step of a search, mm (rotations at 30 mm).
+_ACCURACY_MM = 1e-9
 #: Looks for a node that is predicted, for a part of the way, and for one that was lost or is not
 #: predicted.
 _QUICK, _PART, _PATIENT = 15, 25, 80
@@ -191,7 +193,7 @@ class _Stretch(NamedTuple):
         memory = before.memory
         few = jnp.where(memory.aim < 1.0, _PART, _QUICK)
         looks = jnp.where(before.patient, _PATIENT, few)
-        search = EnergyNewton(most_steps=looks)
+        search = EnergyNewton(atol=_ACCURACY_MM, most_steps=looks)
         args = self.loaded(before.here)
         y, state, _ = search.step(look, before.y, args, {}, before.state, frozenset())
         walk = dataclasses.replace(before, y=y, state=state, log=None)
