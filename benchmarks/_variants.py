@@ -8,7 +8,7 @@ import equinox as eqx
 import numpy as np
 
 from kneejax.mechanics import Knee, ligament_law
-from kneejax.statics import Balances, Stations, balance_many, own_motion
+from kneejax.statics import Balances, Stations, balance_many, balance_one
 
 
 def with_ligaments(knee: Knee, value) -> Knee:
@@ -35,10 +35,10 @@ def own_values(knee: Knee) -> tuple[np.ndarray, np.ndarray]:
 def timed_batch(knee: Knee, values, angles: np.ndarray) -> tuple[float, Balances]:
     """Seconds of all passes over all knees, the knee's own motion included, and the balances."""
     begun = time.perf_counter()
-    found = balance_many(knee, with_ligaments, own_values(knee), values, Stations.at(angles))
+    found = balance_many(knee, with_ligaments, values, Stations.at(angles))
     return time.perf_counter() - begun, found
 
 
 def motion_of(knee: Knee, angles: np.ndarray) -> Balances:
     """The knee's own motion."""
-    return own_motion(knee, with_ligaments, own_values(knee), Stations.at(angles))
+    return balance_one(knee, Stations.at(angles))

@@ -22,7 +22,7 @@ from _protocol import PLAIN, arguments, finish, load, timed
 
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.mechanics import add_lane_axis
-from kneejax.statics import Stations, balance, walked_in_trace, with_meeting
+from kneejax.statics import Stations, balance, continued_in_trace, with_meeting
 
 MODES = {"without_fusion": {"xla_disable_hlo_passes": "fusion"}, "as_it_is": {}, "shared": {}}
 
@@ -37,7 +37,7 @@ def measure(knee, mode: str, repeats: int) -> dict[str, float]:
     stations = Stations({"flexion": few})
     asked = {
         "balance": (balance, (lanes, {"flexion": many}, there.q, pair)),
-        "walk": (walked_in_trace, (knee, stations)),
+        "walk": (continued_in_trace, (knee, stations)),
     }
     for name, (function, what) in asked.items():
         begun = time.perf_counter()

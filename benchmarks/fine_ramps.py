@@ -36,7 +36,7 @@ def ramp(knee: Knee, values, test: tuple[str, float, float], steps: int) -> Bala
     name, size, flexion = test
     sizes = size * np.arange(1, steps + 1) / steps
     stations = Stations.at(np.full(steps, flexion), [load_of(**{name: sizes})])
-    return balance_many(knee, with_ligaments, own_values(knee), values, stations)
+    return balance_many(knee, with_ligaments, values, stations)
 
 
 def compared(coarse: Balances, fine: Balances) -> dict[str, float]:

@@ -14,7 +14,7 @@ import time
 
 import numpy as np
 from _protocol import arguments, finish, load
-from _variants import own_values, random_knees, with_ligaments
+from _variants import random_knees, with_ligaments
 
 import kneejax as kj
 from kneejax.mechanics import Knee
@@ -49,7 +49,7 @@ def statuses(knee: Knee, values, name: str, sense: int, steps: int) -> np.ndarra
     (test,) = kj.lab_tests(name, FLEXION, steps=steps)
     part = sense * np.tile(np.arange(1, steps + 1) / steps, len(FLEXION))
     stations = Stations.at(np.repeat(FLEXION, steps), test.loads(part))
-    return balance_many(knee, with_ligaments, own_values(knee), values, stations).status
+    return balance_many(knee, with_ligaments, values, stations).status
 
 
 def main() -> None:

@@ -78,7 +78,7 @@ def by_scipy(knee, found, count: int, seconds: float) -> dict[str, object]:
     row, column = np.unravel_index(points, found.objective.shape)
     values = np.column_stack([found.x[column], found.y[row]])
     chosen = kj.select(knee, PAIR)
-    ours = balance_many(knee, chosen.apply, chosen.read(knee), values, Stations.at(ANGLES))
+    ours = balance_many(knee, chosen.apply, values, Stations.at(ANGLES))
     varied = [chosen.apply(knee, v) for v in values]
     stiffness, slack = (
         np.stack([np.asarray(getattr(k.ligaments, field)) for k in varied])

@@ -63,7 +63,7 @@ def balanced(knee, count: int) -> dict[str, float]:
 
     def timed():
         wall, processor = time.perf_counter(), time.process_time()
-        found = balance_many(knee, selection.apply, own, values, Stations.at(ANGLES))
+        found = balance_many(knee, selection.apply, values, Stations.at(ANGLES))
         return found, time.perf_counter() - wall, time.process_time() - processor
 
     _, first, _ = timed()

@@ -94,7 +94,7 @@ def main() -> None:
     flexion, pull = (x.ravel() for x in np.meshgrid(FLEXION_DEG, PULLS_N, indexing="ij"))
     stations = Stations.at(flexion, [pull_of(QUADRICEPS, pull - rest)])
     begun = time.perf_counter()
-    found = balance_many(knee, with_patella_changed, np.zeros(count + 1), values, stations)
+    found = balance_many(knee, with_patella_changed, values, stations)
     rows["random_s"] = time.perf_counter() - begun
     status = np.asarray(found.status)
     rows["sound"] = float(np.isin(status, _SOUND).mean())

@@ -22,12 +22,13 @@ from kneejax.statics import (
     Settled,
     Stations,
     Status,
+    balance_near,
+    balance_one,
+    continued_in_trace,
     differentiable,
     force_along,
-    own_motion,
-    own_motion_near,
+    itself,
     settled_of,
-    walked_in_trace,
 )
 
 
@@ -232,8 +233,8 @@ def expected(knee: Knee, stations: Stations, q: ArrayLike, meeting: ArrayLike) -
         The motion. It may lie on another branch than the one that was expected: compare.
     """
     stations = stations.of(knee)
-    near = (np.moveaxis(np.asarray(x), -1, 0) for x in (q, meeting))
-    found = own_motion_near(knee, itself, np.zeros(()), stations, *near)
+    near = (np.moveaxis(np.asarray(x), -1, 0)[None] for x in (q, meeting))
+    found = balance_near(knee, itself, np.zeros(1), stations, *near)
     return again(knee, stations, *_of_walk(stations, found))
 
 
@@ -259,17 +260,12 @@ def _of_walk(stations: Stations, found: Balances) -> tuple[Settled, Array]:
 
 def _found(knee: Knee, stations: Stations) -> tuple[Settled, Array]:
     """The balances, and how much of the load was reached."""
-    return _of_walk(stations, own_motion(knee, itself, np.zeros(()), stations))
+    return _of_walk(stations, balance_one(knee, stations))
 
 
 def _found_in_trace(knee: Knee, stations: Stations) -> tuple[Settled, Array]:
-    settled = walked_in_trace(knee, stations)
+    settled = continued_in_trace(knee, stations)
     return settled, jnp.where(settled.converged, 1.0, 0.0)
-
-
-def itself(knee: Knee, _) -> Knee:
-    """A variant that is the knee itself."""
-    return knee
 
 
 @compiled()

@@ -7,10 +7,9 @@ from collections.abc import Mapping, Sequence
 import jax
 import numpy as np
 
-from kneejax.experiments._motion import itself
 from kneejax.geometry import scales
 from kneejax.mechanics import Knee
-from kneejax.statics import Stations, converged, own_motion_near, sound
+from kneejax.statics import Stations, balance_near, converged, itself, sound
 
 #: Fields of a balance from which a search begins.
 GUESSED = "q", "meeting"
@@ -45,7 +44,7 @@ def changed_in_steps(
     begin, nodes = [np.array(x) for x in begin], None
     for missing in _MISSING:
         part = jax.tree.map(lambda a, b, m=missing: _between(a, b, m), before, knee)
-        found = own_motion_near(part, itself, np.zeros(()), stations, *begin)
+        found = balance_near(part, itself, np.zeros(1), stations, *(x[None] for x in begin))
         nodes = found.in_nodes() | {"reached": np.asarray(found.reached[0])}
         # What was lost is sought again from where it was last.
         good = np.asarray(converged(nodes["status"]))
@@ -117,9 +116,9 @@ def follow_second(
             return
         rows = np.array([*source])
         untried[rows] = False
-        begin = [np.stack([one[name] for one in source.values()]) for name in GUESSED]
+        begin = [np.stack([one[name] for one in source.values()])[None] for name in GUESSED]
         at = jax.tree.map(lambda x, r=rows: np.asarray(x)[r], stations)
-        found = own_motion_near(knee, itself, np.zeros(()), at, *begin).in_nodes()
+        found = balance_near(knee, itself, np.zeros(1), at, *begin).in_nodes()
         here = second_of(at, {name: main[name][rows] for name in ("q", "status")}, found)
         for name, values in second.items():
             values[rows[here]] = found[name][here]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from kneejax.mechanics import Knee, load_of
-from kneejax.statics import Balances, Stations, Status, balance_many
+from kneejax.statics import Balances, Stations, Status, balance_many, itself
 
 #: N; of the mean mass, 66.2 kg, of paper 4's four subjects (its Table 1).
 BODY_WEIGHT_N = 649.2
@@ -85,9 +85,7 @@ class VarusValgusRamp:
     @property
     def stations(self) -> Stations:
         """Flexion and loads for statics."""
-        load = load_of(
-            compression_N=self.axial_N, varus_Nm=self.moment_Nm, name="varus_valgus"
-        )
+        load = load_of(compression_N=self.axial_N, varus_Nm=self.moment_Nm, name="varus_valgus")
         return Stations.at(np.full(len(self), self.flexion_deg), [load])
 
 
@@ -156,7 +154,6 @@ def varus_valgus(
     knee: Knee,
     ramp: VarusValgusRamp,
     vary=None,
-    base: Any = None,
     values: Any = None,
     progress=None,
 ) -> VarusValgus:
@@ -165,7 +162,7 @@ def varus_valgus(
     Args:
         knee: any knee.
         ramp: the loads.
-        vary: makes a variant, as in `kneejax.statics.balance_many`; likewise `base`, `values` and
+        vary: makes a variant, as in `kneejax.statics.balance_many`; likewise `values` and
             `progress`. Without it the knee itself is loaded: one variant.
 
     Returns:
@@ -174,10 +171,6 @@ def varus_valgus(
     Source: paper 4, section 2.2 and Table 2.
     """
     if vary is None:
-        vary, base, values = _as_it_is, np.zeros(()), np.zeros(1)
-    found = balance_many(knee, vary, base, values, ramp.stations, progress=progress)
+        vary, values = itself, np.zeros(1)
+    found = balance_many(knee, vary, values, ramp.stations, progress=progress)
     return VarusValgus(ramp, found)
-
-
-def _as_it_is(knee: Knee, _) -> Knee:
-    return knee

@@ -61,8 +61,8 @@ def balanced(
     if slopes:
         found = near = balance_with_slopes(plan.knee, plan.vary, values, stations, near)
     elif grid is None:
-        base, near = values[0], None
-        found = balance_many(plan.knee, plan.vary, base, values, stations, progress=progress)
+        near = None
+        found = balance_many(plan.knee, plan.vary, values, stations, progress=progress)
     else:
         found, near = _on_grid(plan, values, stations, grid, progress), None
     known = converged(found.status)[..., None]
@@ -78,11 +78,10 @@ def _on_grid(
 ) -> Balances:
     rows, columns = grid
     lines, row, column = values.reshape(rows, columns, -1), rows // 2, columns // 2
-    base = lines[row, column]
 
     def along(lines: np.ndarray, begin: np.ndarray, near: Balances | None, report) -> Balances:
         return balance_lines(
-            plan.knee, plan.vary, base, lines, stations, begin, near=near, progress=report
+            plan.knee, plan.vary, lines, stations, begin, near=near, progress=report
         )
 
     spine = along(lines[None, :, column], np.array([row]), None, None)
@@ -90,6 +89,7 @@ def _on_grid(
     size = len(stations)
     return Balances(
         *(x.reshape(rows * columns, size, *x.shape[3:]) for x in (
-            found.q, found.meeting, found.status, found.steps, found.reached, found.fault)),
+            found.q, found.meeting, found.status, found.steps, found.reached, found.fault,
+            found.softness)),
         free=found.free,
     )  # fmt: skip

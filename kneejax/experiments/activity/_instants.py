@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from kneejax.experiments._motion import Motion, again, itself
+from kneejax.experiments._motion import Motion, again
 from kneejax.experiments._second_balances import (
     GUESSED,
     changed_in_steps,
@@ -30,9 +30,10 @@ from kneejax.statics import (
     Settled,
     Stations,
     Status,
+    balance_near,
+    balance_one,
     converged,
-    own_motion,
-    own_motion_near,
+    itself,
     settled_of,
     sound,
 )
@@ -111,7 +112,7 @@ class Instants:
     def _walk(self, rows: np.ndarray) -> None:
         """Walk to some instants, each on its own route; what was not found at all is sought where
         the other knee balances. Where the knee was found to give way, it does."""
-        self._take(rows, own_motion(self.knee, itself, np.zeros(()), self._at(rows)))
+        self._take(rows, balance_one(self.knee, self._at(rows)))
         if self.near is None:
             return
         lost = self.nodes["status"][rows] == Status.NOT_CONVERGED
@@ -151,8 +152,8 @@ class Instants:
 
     def _near(self, rows: np.ndarray, begin: list[np.ndarray]) -> None:
         """Find some near where they are expected."""
-        found = own_motion_near(self.knee, itself, np.zeros(()), self._at(rows), *begin)
-        self._take(rows, found)
+        begin = (np.asarray(x)[None] for x in begin)
+        self._take(rows, balance_near(self.knee, itself, np.zeros(1), self._at(rows), *begin))
 
     def _take(self, rows: np.ndarray, found: Balances) -> None:
         """Write down what was found."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import jax
 import numpy as np
 
-from kneejax.experiments._motion import itself
 from kneejax.experiments._second_balances import (
     GUESSED,
     changed_in_steps,
@@ -15,7 +14,7 @@ from kneejax.experiments._second_balances import (
 from kneejax.experiments.laboratory._curves import Curves
 from kneejax.geometry import COLUMNS, FREE_COORDINATES, table_units
 from kneejax.mechanics import Knee
-from kneejax.statics import converged, own_motion, own_motion_near
+from kneejax.statics import balance_near, balance_one, converged, itself
 
 
 def second_balances(curves: Curves, before: Knee) -> np.ndarray:
@@ -47,16 +46,16 @@ def second_balances(curves: Curves, before: Knee) -> np.ndarray:
     lines = np.arange(nodes.size).reshape(nodes.shape)
     rows = lines[:, ends].ravel()
     at = jax.tree.map(lambda x: x[rows], stations)
-    whole = own_motion(before, itself, np.zeros(()), at).in_nodes()
+    whole = balance_one(before, at).in_nodes()
     good = np.asarray(converged(whole["status"]))
     # A loose knee snaps over on the way to its load: then what it snaps to from its neutral pose.
     rest = np.repeat(np.arange(len(nodes)) * len(ends) + ends.index(int(np.abs(part).argmin())),
                      len(ends))  # fmt: skip
     lost = np.flatnonzero(~good & good[rest])
     if len(lost):
-        begin = [whole[name][rest[lost]] for name in GUESSED]
+        begin = [whole[name][rest[lost]][None] for name in GUESSED]
         there = jax.tree.map(lambda x: x[lost], at)
-        snapped = own_motion_near(before, itself, np.zeros(()), there, *begin).in_nodes()
+        snapped = balance_near(before, itself, np.zeros(1), there, *begin).in_nodes()
         for name in (*GUESSED, "status"):
             whole[name] = np.array(whole[name])
             whole[name][lost] = snapped[name]

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from kneejax.mechanics import Knee, Load
-from kneejax.parameters import UnsuitableData, select, with_values
-from kneejax.statics import Stations, own_motion
+from kneejax.parameters import UnsuitableData, with_values
+from kneejax.statics import Stations, balance_one
 
 
 def synthetic_motion(
@@ -42,8 +42,7 @@ def synthetic_motion(
     true_knee = with_values(knee, truth)
     table = np.zeros((len(flexion_deg), 6))
     table[:, 0] = flexion_deg
-    selection, stations = select(knee, ("*.stiffness",)), Stations.at(flexion_deg, tuple(loads))
-    motion = own_motion(true_knee, selection.apply, selection.read(true_knee), stations)
+    motion = balance_one(true_knee, Stations.at(flexion_deg, tuple(loads)))
     poses, balanced = motion.table[0], motion.converged[0]
     if not balanced.all():
         angles = ", ".join(f"{f:g}" for f in np.asarray(flexion_deg)[~balanced])

@@ -6,7 +6,6 @@ import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 
 from kneejax.inference.fit import LoadCases, Problem, without
@@ -21,8 +20,8 @@ from kneejax.statics import (
     Status,
     Vary,
     balance_lines,
+    balance_many,
     converged,
-    own_motion,
 )
 
 
@@ -56,9 +55,7 @@ class MapCases:
     base: np.ndarray
 
     @classmethod
-    def of(
-        cls, problem: Problem, offsets: tuple[str, ...], base: np.ndarray, failures
-    ) -> MapCases:
+    def of(cls, problem: Problem, offsets: tuple[str, ...], base: np.ndarray, failures) -> MapCases:
         """Balance the knee itself at all load cases.
 
         Args:
@@ -78,10 +75,9 @@ class MapCases:
                 continue
             knee, vary = without(problem.knee, selection, names)
             stations = every.take(rows)
-            own = own_motion(knee, vary, jnp.asarray(base), stations)
-            same = np.array_equal(itself, base)
-            homes.append(own if same else own_motion(knee, vary, jnp.asarray(itself), stations))
-            parts.append(_Part(rows, knee, vary, stations, own))
+            both = balance_many(knee, vary, np.stack([base, itself]), stations)
+            homes.append(both.at([1]))
+            parts.append(_Part(rows, knee, vary, stations, both.at([0])))
         table, used = _joined(parts, homes, "table"), converged(_joined(parts, homes, "status")[0])
         if not used.any():
             raise UnsuitableData("nothing measured has a balance with the knee's own parameters")
@@ -105,12 +101,13 @@ class MapCases:
         """Balance lines of variants, as `kneejax.statics.balance_lines`, part by part."""
         found, done = [], 0
         for number, part in enumerate(self.parts):
+
             def report(count: int, of: int, before: int = done) -> None:
                 progress(before + count, of)
 
             found.append(balance_lines(
-                part.knee, part.vary, jnp.asarray(self.base), values, part.stations, begin,
-                near=near and near[number], own=part.own, progress=report,
+                part.knee, part.vary, values, part.stations, begin,
+                near=near and near[number], progress=report,
             ))  # fmt: skip
             done += values.shape[0] * values.shape[1] * len(part.rows)
         return found
@@ -142,9 +139,7 @@ class MapCases:
         q, meeting = nodes("q"), nodes("meeting")
         still = [np.broadcast_to(0.0, (*x.shape, size)) for x in (q, meeting)]
         stiff = np.broadcast_to(0.0, (*q.shape, q.shape[-1]))
-        slopes = Slopes(
-            values[:, :size], q, still[0], meeting, still[1], stiff, nodes("status")
-        )
+        slopes = Slopes(values[:, :size], q, still[0], meeting, still[1], stiff, nodes("status"))
         error, residual = self.cases.error(slopes)[0], self.cases.residual(slopes)[0]
         return (residual**2).sum(axis=1), np.moveaxis((error**2).sum(axis=1), -1, 0)
 

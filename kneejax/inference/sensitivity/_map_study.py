@@ -5,7 +5,6 @@ from __future__ import annotations
 import abc
 import dataclasses
 
-import jax.numpy as jnp
 import numpy as np
 
 from kneejax.geometry import FREE_COORDINATES, convert
@@ -20,8 +19,8 @@ from kneejax.statics import (
     Stations,
     Status,
     balance_lines,
+    balance_many,
     converged,
-    own_motion,
 )
 
 #: Balances of a block, about: enough to fill all cores, few enough to hold in memory. A map that
@@ -149,21 +148,18 @@ class PassiveMaps(Maps):
         """The knee's own motion says what counts and what is physiological; searches begin at the
         motion of `base`."""
         vary, own = self.selection.apply, np.asarray(self.selection.read(self.knee))
-        here = own_motion(self.knee, vary, jnp.asarray(self.base), self.stations)
-        same = np.array_equal(own, self.base)
-        home = here if same else own_motion(self.knee, vary, jnp.asarray(own), self.stations)
-        self.own, self.own_table = here, home.table[0]
-        self.used = home.converged[0][self.back]
+        found = balance_many(self.knee, vary, np.stack([self.base, own]), self.stations)
+        here, home = found.at([0]), found.at([1])
+        self.own_table, self.used = home.table[0], home.converged[0][self.back]
         if not self.used.any():
             raise UnsuitableData("no measured flexion has a balance with the knee's own parameters")
         self.left_out = int((~self.used).sum())
         self.start_objective = float(self.weights @ self._partial(here.table)[:, 0])
 
     def _lines(self, values, begin, near, progress=None) -> list[Balances]:
-        vary, base = self.selection.apply, jnp.asarray(self.base)
         found = balance_lines(
-            self.knee, vary, base, values, self.stations, begin,
-            near=near and near[0], own=self.own, progress=progress,
+            self.knee, self.selection.apply, values, self.stations, begin,
+            near=near and near[0], progress=progress,
         )  # fmt: skip
         return [found]
 

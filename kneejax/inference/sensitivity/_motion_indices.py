@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Collection, Mapping, Sequence
 
-import jax.numpy as jnp
 import numpy as np
 
 from kneejax.geometry import FREE_COORDINATES
@@ -26,7 +25,7 @@ from kneejax.parameters import (
     select,
     stated,
 )
-from kneejax.statics import FAILURES, Progress, Stations, Status, balance_lines, balance_many, fails
+from kneejax.statics import FAILURES, Progress, Stations, Status, balance_many, fails
 
 #: Half a range where none is stated, in standard deviations of the prior: that of a uniform
 #: distribution is then the same.
@@ -139,8 +138,8 @@ def motion_indices(
     free = [FREE_COORDINATES.index(name) for name in offsets]
 
     def model(values: np.ndarray) -> np.ndarray:
-        stations, start = Stations.at(flexion), jnp.asarray(base)
-        found = balance_many(knee, selection.apply, start, values, stations, progress=progress)
+        stations = Stations.at(flexion)
+        found = balance_many(knee, selection.apply, values, stations, progress=progress)
         failed = np.any(fails(found.status, failures), axis=1)
         error = found.table[:, row] - measured[:, 1:]
         error[..., free] -= error[..., free].mean(axis=1, keepdims=True)
@@ -162,11 +161,9 @@ def _balanced_at(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Flexions at which the knee itself balances, and at which it does not, rising, degrees."""
     # Stations ascend; a measurement may run to and fro.
-    flexion, start = np.unique(measured_deg), jnp.asarray(base)
-    stations, line = Stations.at(flexion), base[None, None]
-    # A line of one point: each station for itself.
-    itself = balance_lines(knee, selection.apply, start, line, stations, np.zeros(1))
-    held = ~fails(itself.status[0, 0], failures)
+    flexion = np.unique(measured_deg)
+    found = balance_many(knee, selection.apply, base[None], Stations.at(flexion))
+    held = ~fails(found.status[0], failures)
     if not held.any():
         raise UnsuitableData("the knee itself is balanced and stable at no measured flexion")
     return flexion[held], flexion[~held]

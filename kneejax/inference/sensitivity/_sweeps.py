@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 
-import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -132,8 +131,7 @@ def sweep(
         walked = np.insert(line, begin[i], own[i])
         lines[i, :, i] = np.pad(walked, (0, longest - len(walked)), mode="edge")
 
-    base = jnp.asarray(own)
-    found = balance_lines(knee, selection.apply, base, lines, stations, begin, progress=progress)
+    found = balance_lines(knee, selection.apply, lines, stations, begin, progress=progress)
     motion, outcome = found.table[0, begin[0]], found.status[0, begin[0]]
     sweeps = []
     for i, line in enumerate(values):

@@ -93,12 +93,11 @@ def _study(
     progress: Progress | None,
 ) -> KneeStudy:
     """One knee; the fibres of the unchanged knee come first."""
-    begun, base = time.perf_counter(), jax.tree.map(lambda x: x[0], fibres)
-    runs, outcomes = {}, []
+    begun, runs, outcomes = time.perf_counter(), {}, []
     for place, direction in enumerate(DIRECTIONS):
         shown = _from(progress, place * (len(changes) + 1) * settings.steps, None)
         ramp = settings.ramp(direction)
-        runs[direction] = varus_valgus(knee, ramp, with_fibres, base, fibres, shown)
+        runs[direction] = varus_valgus(knee, ramp, with_fibres, fibres, shown)
         for parameter in dict.fromkeys(change.parameter for change in changes):
             rows = [i for i, c in enumerate(changes, 1) if c.parameter == parameter]
             some = [changes[i - 1] for i in rows]

@@ -12,12 +12,12 @@ import numpy as np
 
 from kneejax.mechanics import Knee
 from kneejax.numerics import compiled, on_all_cores
+from kneejax.statics._balances import Balances, settled_of
+from kneejax.statics._batch import balance_many, balance_near
 from kneejax.statics._settle import differentiable
+from kneejax.statics._stations import Stations
 from kneejax.statics._status import converged
-from kneejax.statics.walk._balances import Balances, settled_of
-from kneejax.statics.walk._batch import balance_many, balance_near, own_motion
-from kneejax.statics.walk._stations import Stations
-from kneejax.statics.walk._variants import Variants, Vary, in_lanes
+from kneejax.statics._variants import Vary, in_lanes
 
 #: Lanes of a call: XLA makes a slower program of fewer (four ligaments: 1.3 ms with 32 lanes, 2.6
 #: with 64, 0.6 with 128).
@@ -170,28 +170,19 @@ def balance_with_slopes(
     every: Any = values
     if own:
         vary, every = _OfOwnKnee(vary), ({leaf: x[which] for leaf, x in own.items()}, values)
-    variants = Variants.of(knee, vary, every)
     if near is not None:
         step = values - near.values
         q = near.q + np.einsum("vscp,vp->vsc", near.jacobian, step)
         meeting = near.meeting + np.einsum("vsncp,vp->vsnc", near.meeting_jacobian, step)
-        found = balance_near(variants, marks, q, meeting)
-    elif len(values) == 1:
-        found = own_motion(knee, vary, jax.tree.map(lambda x: x[0], every), stations)
+        found = balance_near(knee, vary, every, stations, q, meeting)
     else:
-        walked = balance_many(knee, vary, jax.tree.map(lambda x: x[0], every), every, stations)
-        found = balance_near(variants, marks, walked.q, walked.meeting)
-        # Where walks found nothing, nothing is known: from there a search may end anywhere.
-        found = found.only(walked.converged, walked.status)
-    return dataclasses.replace(_with_slopes(variants, values, marks, found), knee=which)
+        found = balance_many(knee, vary, every, stations, holding=True)
+    return dataclasses.replace(_with_slopes(knee, vary, every, marks, found), knee=which)
 
 
-def _with_slopes(
-    variants: Variants, values: np.ndarray, stations: Stations, found: Balances
-) -> Slopes:
+def _with_slopes(knee: Knee, vary: Vary, every: Any, stations: Stations, found: Balances) -> Slopes:
     """Nodes dealt to lanes, calls of `_LANES` to threads."""
-    of_own = isinstance(variants.vary, _OfOwnKnee)
-    own = variants.values[0] if of_own else None
+    own, values = every if isinstance(vary, _OfOwnKnee) else (None, every)
     count, size = found.status.shape
     nodes = found.in_nodes()
 
@@ -200,12 +191,10 @@ def _with_slopes(
         at = jax.tree.map(lambda x: x[rows % size], stations)
         here = {name: np.moveaxis(x[rows], 0, -1) for name, x in nodes.items()}
         numbers = jax.tree.map(lambda x: x[rows // size], (values, own))
-        return tuple(map(np.asarray, _slopes(variants.vary, variants.knee, *numbers, at, here)))
+        return tuple(map(np.asarray, _slopes(vary, knee, *numbers, at, here)))
 
     parts = on_all_cores(some, range(0, count * size, _LANES))
     whole = (np.concatenate(x)[: count * size] for x in zip(*parts, strict=True))
     slope, met_slope = (x.reshape(count, size, *x.shape[1:]) for x in whole)
     tangent = found.holding["tangent"]
-    return Slopes(
-        values, found.q, slope, found.meeting, met_slope, tangent, found.status
-    )
+    return Slopes(values, found.q, slope, found.meeting, met_slope, tangent, found.status)

@@ -11,13 +11,12 @@ import numpy as np
 from jax import Array
 
 from kneejax.geometry import FREE_COORDINATES, TIBIA, coordinate, scales, table_units
-from kneejax.statics._settle import Settled
-from kneejax.statics._status import converged
+from kneejax.statics._settle import Settled, shapes_of_holding
+from kneejax.statics._stations import Stations
+from kneejax.statics._status import Status, converged
 from kneejax.statics._stiffness import newton_step_left
-from kneejax.statics.walk._paths import Found
-from kneejax.statics.walk._stations import Stations
 
-#: Fields of `Settled` that a walk finds, besides what holds a balance.
+#: Fields of `Settled` that a continuation finds, besides what holds a balance.
 _FOUND = ("q", "meeting", "status", "fault", "steps")
 
 
@@ -29,13 +28,14 @@ class Balances:
         q: free coordinates `(variants, stations, free)`, rad and mm; NaN where there is no balance.
         meeting: parameters of the meeting points, `(variants, stations, n, 2)`.
         status: `Status` values, `(variants, stations)`.
-        steps: Newton steps taken, `(variants, stations)`.
+        steps: Newton steps taken, of all searches, `(variants, stations)`.
         reached: part of a station's last load under which the knee still balanced on the way to
             it, `(variants, stations)`: 1 where it is found.
         fault: the pose at which the last search ended, balanced or not, taken by itself; `Status`
             values.
+        softness: see `softness_of`, at the last balance before a station or where the search ended.
         holding: what holds the balances, fields of `Settled` by name, `(variants, stations, ...)`;
-            those of the last search where there is none; of `own_motion` only.
+            those of the last search where there is none; empty where nobody asked.
         free: names of the free coordinates.
     """
 
@@ -45,19 +45,51 @@ class Balances:
     steps: np.ndarray
     reached: np.ndarray
     fault: np.ndarray
+    softness: np.ndarray
     holding: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)
     free: tuple[str, ...] = FREE_COORDINATES
 
     @classmethod
-    def of(cls, found: Found, shape: tuple[int, ...], free: tuple[str, ...]) -> Balances:
-        """What was found, with the leading axes of the values."""
-        reached = np.where(found.known, 1.0, 0.0)
-        arrays = (
-            found.q, found.meeting, found.status, found.steps, reached, found.fault,
-            found.holding or {},
-        )  # fmt: skip
-        shaped = jax.tree.map(lambda x: np.reshape(x, (*shape, *x.shape[1:])), arrays)
-        return cls(*shaped, free=free)
+    def nothing(
+        cls, shape: tuple[int, ...], free: tuple[str, ...], patches: int, holding: bool
+    ) -> Balances:
+        """Nothing known yet: every pose counts as not balanced."""
+        sizes = shapes_of_holding(len(free), patches) if holding else {}
+        lost = int(Status.NOT_CONVERGED)
+        return cls(
+            np.full((*shape, len(free)), np.nan),
+            np.full((*shape, patches, 2), np.nan),
+            np.full(shape, lost, np.int8),
+            np.zeros(shape, np.int32),
+            np.zeros(shape),
+            np.full(shape, lost, np.int8),
+            np.full(shape, np.nan),
+            {name: np.full((*shape, *size), np.nan) for name, size in sizes.items()},
+            free,
+        )
+
+    def note(self, where: Any, record: Mapping[str, Any]) -> None:
+        """Write down what became of some of them, see `shapes_of_record`, in place."""
+        good = np.asarray(converged(record["status"]))
+        for name in ("q", "meeting"):
+            values = np.moveaxis(record[name], -1, 0)
+            unknown = ~good.reshape(-1, *(1,) * (values.ndim - 1))
+            getattr(self, name)[where] = np.where(unknown, np.nan, values)
+        for name in ("status", "fault", "softness"):
+            getattr(self, name)[where] = record[name]
+        self.steps[where] += record["steps"].astype(int)
+        self.reached[where] = np.where(good, 1.0, record["way"])
+        for name, values in self.holding.items():
+            values[where] = np.moveaxis(record[name], -1, 0)
+
+    def put(self, where: Any, others: Balances) -> None:
+        """Replace some of them, in place."""
+        for field in dataclasses.fields(self):
+            if field.name == "holding":
+                for name, values in others.holding.items():
+                    self.holding[name][where] = values
+            elif field.name != "free":
+                getattr(self, field.name)[where] = getattr(others, field.name)
 
     def at(self, *where: Any) -> Balances:
         """The balances at some of the variants and stations, as NumPy indexes."""
@@ -70,20 +102,6 @@ class Balances:
         every = {name: getattr(self, name) for name in _FOUND} | self.holding
         axes = self.status.ndim
         return {name: x.reshape(self.status.size, *x.shape[axes:]) for name, x in every.items()}
-
-    def only(self, nodes: np.ndarray, status: np.ndarray) -> Balances:
-        """The same with nothing known but some nodes, `(variants, stations)`, and a status where
-        they are none."""
-
-        def kept(x: np.ndarray) -> np.ndarray:
-            return np.where(nodes.reshape(*nodes.shape, *(1,) * (x.ndim - 2)), x, np.nan)
-
-        return dataclasses.replace(
-            self,
-            q=kept(self.q),
-            meeting=kept(self.meeting),
-            status=np.where(nodes, self.status, status),
-        )
 
     @property
     def table(self) -> np.ndarray:
@@ -99,7 +117,7 @@ class Balances:
 
 @jax.jit
 def settled_of(stations: Stations, nodes: Mapping[str, Array]) -> Settled:
-    """Balances that a walk has found, as what the derivative follows.
+    """Balances that were found, as what the derivative follows.
 
     Args:
         stations: of each node.

@@ -31,19 +31,17 @@ class Variants:
 
     Attributes:
         knee: gives all numbers that do not vary; without a lane axis.
-        vary: see `Vary`.
-        values: leaves begin with the variant.
         numbers: leaves of the knee that vary, by their places; arrays begin with the variant.
+        count: of the variants.
     """
 
     knee: Knee
-    vary: Vary
-    values: Any
     numbers: dict[int, np.ndarray]
+    count: int
 
     @classmethod
     def of(cls, knee: Knee, vary: Vary, values: Any) -> Variants:
-        """Variants by their values. Arguments as the attributes."""
+        """Variants by their values, whose leaves begin with the variant."""
         values = jax.tree.map(np.asarray, values)
         count, parts = len(jax.tree.leaves(values)[0]), []
         for first in range(0, count, _CHUNK):
@@ -52,43 +50,14 @@ class Variants:
             parts.append(_numbers(vary, knee, some))
         leaves = parts[0] if parts else {}
         numbers = {leaf: np.concatenate([part[leaf] for part in parts])[:count] for leaf in leaves}
-        return cls(knee, vary, values, numbers)
+        return cls(knee, numbers, count)
 
     def __len__(self) -> int:
-        return len(jax.tree.leaves(self.values)[0])
+        return self.count
 
-    def in_rows(self) -> np.ndarray:
-        """Numbers of all variants, and in the last row those of the knee itself, `(variants + 1,
-        numbers)`."""
-        leaves = jax.tree.leaves(self.knee)
-        parts = [
-            np.vstack([x.reshape(len(x), -1), np.reshape(leaves[leaf], (1, -1))])
-            for leaf, x in sorted(self.numbers.items())
-        ]
-        return np.hstack(parts) if parts else np.zeros((1, 0))
-
-    def at(self, rows: np.ndarray) -> dict[int, np.ndarray]:
-        """Numbers of some variants; arrays begin with the rows."""
-        return {leaf: x[rows] for leaf, x in self.numbers.items()}
-
-    def between(self, base: Any, rows: np.ndarray, parts: np.ndarray) -> Variants:
-        """On the straight way from a value to those of some variants.
-
-        Args:
-            base: where the ways begin, like one value.
-            rows: variants, one may come several times.
-            parts: of the way, increasing to one.
-
-        Returns:
-            For each row as many variants as there are parts.
-        """
-
-        def on_the_way(begin, ends):
-            begin, ends = np.asarray(begin, float), np.asarray(ends, float)[rows]
-            steps = begin + parts.reshape(-1, *(1,) * begin.ndim) * (ends - begin)[:, None]
-            return steps.reshape(-1, *begin.shape)
-
-        return Variants.of(self.knee, self.vary, jax.tree.map(on_the_way, base, self.values))
+    def take(self, rows: np.ndarray) -> Variants:
+        """Some of the variants."""
+        return Variants(self.knee, {k: x[rows] for k, x in self.numbers.items()}, len(rows))
 
 
 @partial(jax.jit, static_argnums=0)

@@ -1,0 +1,376 @@
+"""Many balances: any variants of a knee at any load cases, each reached as a test is made.
+
+A knee is bent from its reference pose without the loads, which then grow (`_flexion_paths.py`). So
+what is found depends neither on which other load cases or knees were asked for, nor on their order.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+
+from kneejax.geometry import free_of
+from kneejax.mechanics import Knee, add_lane_axis
+from kneejax.numerics import compiled
+from kneejax.statics._balances import Balances
+from kneejax.statics._chunks import Paths, follow_in_chunks
+from kneejax.statics._continuation import Behind, Case, in_rows
+from kneejax.statics._flexion_paths import Chain, Routes
+from kneejax.statics._freed import freed
+from kneejax.statics._settle import needs_float64, with_meeting
+from kneejax.statics._stations import Stations
+from kneejax.statics._status import Status, gives_way
+from kneejax.statics._variants import Variants, Vary
+
+#: Called with how many balances are done, and of how many.
+Progress = Callable[[int, int], None]
+
+#: Load cases without an equilibrium in a row after which a path ends. While a knee bends the next
+#: ones may well balance (a knee too tight in extension); beyond the end of a branch nothing does.
+_WHILE_BENT, _WHILE_CHANGED = 5, 2
+#: Flexions from the reference pose by way of which a knee is followed that does not balance there,
+#: rad.
+_LEADS = tuple(np.deg2rad([45.0, 20.0, 70.0]))
+#: Stiffness, as a part of the unloaded knee's, below which a branch that ends has turned: along a
+#: load it falls like the root of the distance to a limit point, and 1/16384 is tried.
+_SOFT = 0.1
+
+
+def balance_many(
+    knee: Knee,
+    vary: Vary,
+    values: Any,
+    stations: Stations,
+    *,
+    holding: bool = False,
+    progress: Progress | None = None,
+) -> Balances:
+    """Balance variants of a knee at stations.
+
+    Args:
+        knee: gives all numbers that do not vary.
+        vary: makes a variant: `(knee, value) -> knee` of the same structure, hashable, e.g. the
+            bound method `selection.apply`.
+        values: with a leading axis `(variants, ...)`.
+        stations: in any order.
+        holding: whether to tell what holds the balances, see `Balances`.
+        progress: called now and then with balances done and asked for.
+
+    Returns:
+        The balances, in order.
+
+    Raises:
+        RuntimeError: float64 is switched off.
+    """
+    needs_float64()
+    stations = stations.of(knee)
+    variants = Variants.of(knee, vary, values)
+    total = len(variants) * len(stations)
+    if not stations.by_flexion:
+        before = _bent(variants, stations.loaded(), True, _counter(progress, total))
+        return freed(variants, stations, before)
+    return _bent(variants, stations, holding, _counter(progress, total))
+
+
+def balance_one(knee: Knee, stations: Stations) -> Balances:
+    """Balance a knee itself at stations, with what holds it.
+
+    A lax knee may have several balances; this is the one that a test finds.
+
+    Args:
+        knee: without a lane axis.
+        stations: in any order.
+
+    Returns:
+        The balances of one variant.
+
+    Raises:
+        RuntimeError: float64 is switched off.
+    """
+    return balance_many(knee, itself, np.zeros((1, 0)), stations, holding=True)
+
+
+def itself(knee: Knee, _) -> Knee:
+    """A variant that is the knee itself."""
+    return knee
+
+
+def balance_lines(
+    knee: Knee,
+    vary: Vary,
+    values: Any,
+    stations: Stations,
+    begin: np.ndarray,
+    *,
+    near: Balances | None = None,
+    progress: Progress | None = None,
+) -> Balances:
+    """Balance variants that stand in lines, each near its neighbours.
+
+    At each station a line is followed from one of its points in both directions.
+
+    Args:
+        knee: as in `balance_many`; likewise `vary`, `stations`, `progress`.
+        values: with leading axes `(lines, points, ...)`.
+        begin: the point of each line where it begins, `(lines,)`.
+        near: balances near those points, `(lines, stations)`; by default each is reached by itself.
+
+    Returns:
+        The balances, in order, with leading axes `(lines, points)`.
+
+    Raises:
+        RuntimeError: float64 is switched off.
+    """
+    needs_float64()
+    lines, points = np.shape(jax.tree.leaves(values)[0])[:2]
+    flat = jax.tree.map(lambda x: np.reshape(x, (lines * points, *np.shape(x)[2:])), values)
+    stations = stations.of(knee)
+    batch = _Batch(Variants.of(knee, vary, flat), stations.plain(), False)
+    report, size = _counter(progress, lines * points * len(stations)), len(stations)
+    middle = np.arange(lines) * points + np.asarray(begin, int)
+    if near is None:
+        firsts = jax.tree.map(lambda x: x[middle], flat)
+        near = balance_many(knee, vary, firsts, stations)
+    every, station = np.repeat(middle, size), np.tile(np.arange(size), lines)
+    batch.seek(every, station, near.q.reshape(lines * size, -1), near.meeting.reshape(
+        lines * size, -1, 2), report)  # fmt: skip
+    # A line of a single point has arms of no length, on one node that is never followed.
+    steps = np.arange(1, max(points, 2))
+    place = np.tile(every % points, 2)
+    way = np.repeat([1, -1], len(every))
+    length = np.where(way > 0, points - 1 - place, place)
+    walked = np.minimum(steps, np.maximum(length, 0)[:, None])
+    variant = np.tile(every, 2)[:, None] + way[:, None] * walked
+    along = np.broadcast_to(np.tile(station, 2)[:, None], variant.shape)
+    origin = np.tile(every, 2), np.tile(station, 2)
+    batch.follow(variant, along, length, origin, _WHILE_CHANGED, report)
+    found = batch.found
+    found.reached[:] = np.where(found.converged, 1.0, 0.0)
+    shaped = {
+        field.name: getattr(found, field.name).reshape(lines, points, *tail.shape[1:])
+        for field in dataclasses.fields(Balances)
+        if isinstance(tail := getattr(found, field.name), np.ndarray)
+    }
+    return dataclasses.replace(found, **shaped)
+
+
+def balance_near(knee: Knee, vary: Vary, values: Any, stations: Stations, q, meeting) -> Balances:
+    """Balance variants at stations, each by itself near where it is expected: no path leads there.
+
+    A search that begins near a balance may end at another one: compare what is found with what was
+    expected.
+
+    Args:
+        knee: as in `balance_many`; likewise `vary`, `values`.
+        stations: any choice of prescribed coordinates.
+        q: free coordinates to begin with, `(variants, stations, free)`, rad and mm; the reference
+            pose where they are NaN.
+        meeting: parameters of the contact points, `(variants, stations, n, 2)`.
+
+    Returns:
+        The balances, with what holds them.
+
+    Raises:
+        RuntimeError: float64 is switched off.
+    """
+    needs_float64()
+    variants, stations = Variants.of(knee, vary, values), stations.of(knee).plain()
+    batch, size = _Batch(variants, stations, True), len(stations)
+    count = len(variants) * size
+    variant, station = np.arange(count) // max(size, 1), np.arange(count) % max(size, 1)
+    begin = (np.reshape(x, (count, *np.shape(x)[2:])) for x in (q, meeting))
+    batch.seek(variant, station, *begin, lambda _: None)
+    batch.found.reached[:] = np.where(batch.found.converged, 1.0, 0.0)
+    return batch.found
+
+
+class _Batch:
+    """Variants at stations, and what is found of them."""
+
+    def __init__(self, variants: Variants, stations: Stations, holding: bool):
+        knee, stations = variants.knee, jax.tree.map(np.asarray, stations)
+        self.variants, self.stations = variants, stations
+        shape = len(variants), len(stations)
+        self.found = Balances.nothing(shape, stations.free, knee.patch_count, holding)
+        whole = {leaf: variants.numbers[leaf] for leaf in sorted(variants.numbers)}
+        none = np.zeros((len(variants), 0))
+        self._numbers = in_rows(whole, 1) if whole else none
+        self._marks = in_rows(stations, 1)
+        first = jax.tree.map(lambda x: np.zeros(x.shape[1:]), (whole, stations))
+        self._like = Case(*first)
+
+    def follow(self, variant, station, length, origin, give_up: int, report, anew=True) -> None:
+        """Follow paths of nodes from balances.
+
+        Args:
+            variant: of each node, `(paths, nodes)`; likewise `station`.
+            length: nodes of each path that count, `(paths,)`.
+            origin: variant and station of the balance where each begins; without it none does.
+            give_up: see `follow_in_chunks`.
+            report: called with how many nodes are done.
+            anew: whether paths are followed whose first node is known.
+        """
+        known = self.found.converged
+        length = np.where(known[origin], length, 0)
+        if not anew:
+            length = np.where(known[variant[:, 0], station[:, 0]], 0, length)
+        begin = self.found.q[origin], self.found.meeting[origin], known[origin].astype(int)
+        self._run(variant, station, length, self._behind(*origin, *begin), give_up, report)
+
+    def seek(self, variant, station, q, meeting, report) -> None:
+        """Search nodes, each near a guess; arrays begin with the node."""
+        one, unknown = np.ones(len(variant), int), np.isnan(q).any(axis=-1)
+        if unknown.any():
+            own = at_reference(self.variants.knee, self.stations)
+            q = np.where(unknown[:, None], own.q, q)
+            meeting = np.where(unknown[:, None, None], own.meeting, meeting)
+        behind = self._behind(variant, station, q, meeting, 0 * one)
+        self._run(variant[:, None], station[:, None], one, behind, _WHILE_CHANGED, report)
+
+    def begin(self, variant, station, length, give_up: int, report) -> None:
+        """Follow paths of nodes from the reference pose; as in `follow`."""
+        own, count = at_reference(self.variants.knee, self.stations), len(length)
+        q, meeting = (np.repeat(np.asarray(x)[None], count, axis=0) for x in own)
+        nothing = np.zeros(count, int)
+        behind = self._behind(variant[:, 0], station[:, 0], q, meeting, nothing)
+        self._run(variant, station, length, behind, give_up, report)
+
+    def _rows(self, variant, station) -> np.ndarray:
+        return np.concatenate([self._numbers[variant], self._marks[station]], axis=-1)
+
+    def _behind(self, variant, station, q, meeting, known) -> Behind:
+        """What lies behind paths that begin at nodes; q and meeting begin with the path."""
+        turned = (np.moveaxis(x, 0, -1) for x in (self._rows(variant, station), q, meeting))
+        return Behind.at(*turned, known)
+
+    def _run(self, variant, station, length, behind: Behind, give_up: int, report) -> None:
+        def cases(path: np.ndarray, place: np.ndarray) -> np.ndarray:
+            return self._rows(variant[path, place], station[path, place])
+
+        def note(path: np.ndarray, place: np.ndarray, record: dict[str, Any]) -> None:
+            self.found.note((variant[path, place], station[path, place]), record)
+            report(len(path))
+
+        if length.any():
+            paths = Paths(self._like, cases, length, variant.shape[1], behind)
+            follow_in_chunks(self.variants.knee, paths, give_up, note)
+
+    def follow_chains(self, chains: Sequence[Chain], variants, give_up, report, anew=True) -> None:
+        """Some variants along chains of stations, each from its origin."""
+        chains = [chain for chain in chains if chain.nodes]
+        if chains and len(variants):
+            stations, length = _even([chain.nodes for chain in chains])
+            rows, variant = np.divmod(np.arange(len(chains) * len(variants)), len(variants))
+            origin = np.array([chain.origin for chain in chains])[rows]
+            variant = np.asarray(variants)[variant]
+            nodes = np.broadcast_to(variant[:, None], (len(variant), stations.shape[1]))
+            begins = variant, origin
+            self.follow(nodes, stations[rows], length[rows], begins, give_up, report, anew)
+
+
+def at_reference(knee: Knee, stations: Stations):
+    """Where a knee rests at its reference pose: free coordinates, contact points."""
+    own, reference = knee.at_reference, float(knee.reference_pose.flexion)
+    bent = free_of(["flexion"], knee.bodies)
+    flexion, q = np.array([reference]), np.asarray(own.at(bent))[:, None]
+    meeting = np.asarray(_contact_points(knee, flexion, q))[..., 0]
+    return _Begin(np.asarray(own.at(stations.free)), meeting)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Begin:
+    q: np.ndarray
+    meeting: np.ndarray
+
+    def __iter__(self):
+        return iter((self.q, self.meeting))
+
+
+@compiled(optimised=False)
+def _contact_points(knee: Knee, flexion, q):
+    """Contact points at one pose, searched from scratch, `(n, 2, 1)`."""
+    return with_meeting(add_lane_axis(knee), {"flexion": flexion}, q).meeting
+
+
+def _bent(variants: Variants, stations: Stations, holding: bool, report) -> Balances:
+    """Variants at stations where flexion alone is prescribed."""
+    reference = float(variants.knee.reference_pose.flexion)
+    answer, at_home = _along(Routes.to(stations, reference), variants, holding, report)
+    if not at_home.all():
+        # Where the way begins must not depend on how far it was to lead.
+        leads = tuple(reference + lead for lead in _LEADS)
+        lost = np.flatnonzero(~at_home)
+        some = variants.take(lost)
+        again, _ = _along(Routes.to(stations, reference, leads), some, holding, lambda _: None)
+        answer.put(lost, again)
+    return answer
+
+
+def _along(routes: Routes, variants: Variants, holding: bool, report):
+    """Variants along all routes: balances at what was asked for, and which ones balance at the
+    reference pose."""
+    batch, every = _Batch(variants, routes.nodes, holding), np.arange(len(variants))
+    found, home = batch.found, routes.home
+    # Both ways from the reference pose; who is lost there, back from where it was found first.
+    arms = [(home, *routes.bent(home, way).nodes) for way in (1, -1)]
+    stations, length = _even(arms)
+    variant = np.broadcast_to(np.tile(every, 2)[:, None], (2 * len(every), stations.shape[1]))
+    stations, length = (np.repeat(x, len(every), axis=0) for x in (stations, length))
+    batch.begin(variant, stations, length, _WHILE_BENT, report)
+    at_home = found.converged[:, home].copy()
+    lost = np.flatnonzero(~at_home)
+    for way, arm in zip((1, -1), arms, strict=True):
+        known = found.converged[np.ix_(lost, arm)]
+        first = np.where(known.any(axis=1), np.argmax(known, axis=1), -1)
+        for place in np.unique(first[first >= 0]):
+            back = routes.bent(arm[place], -way)
+            batch.follow_chains([back], lost[first == place], _WHILE_BENT, report)
+    # Flexions between, from either side; then the loads, one after the other.
+    batch.follow_chains(routes.hops, every, 1, report)
+    batch.follow_chains(routes.back, every, 1, report, anew=False)
+    share = np.where(found.converged, 1.0, 0.0)
+    for chains in routes.loading:
+        batch.follow_chains(chains, every, 1, report)
+        for chain in chains:
+            _say_how_far(found, share, chain)
+    found.reached[:] = share
+    return found.at(slice(None), routes.asked), at_home
+
+
+def _say_how_far(found: Balances, share: np.ndarray, chain: Chain) -> None:
+    """Write down how much of its load each variant held along a chain, and whether it gave way."""
+    nodes, sizes, row = np.array(chain.nodes), np.array(chain.sizes), np.arange(len(share))
+    known = found.converged[:, nodes]
+    lost = np.where(known.all(axis=1), len(nodes) - 1, np.argmin(known, axis=1))
+    begin, end = np.r_[0.0, sizes][lost], sizes[lost]
+    held = begin + found.reached[row, nodes[lost]] * (end - begin)
+    held = np.where(found.converged[:, chain.origin], held, 0.0)[:, None]
+    soft = found.softness[row, nodes[lost]] < _SOFT * found.softness[:, chain.origin]
+    fault = found.fault[row, nodes[lost]]
+    blocked = gives_way(~known, held, soft[:, None], fault[:, None])
+    found.fault[:, nodes] = np.where(known, found.fault[:, nodes], fault[:, None])
+    share[:, nodes] = np.where(known, 1.0, np.minimum(held / sizes, 1.0))
+    found.status[:, nodes] = np.where(blocked, Status.GIVES_WAY, found.status[:, nodes])
+
+
+def _even(rows: Sequence[Sequence[int]]) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of one length, filled up, and how many of each count."""
+    longest = max(map(len, rows))
+    return np.array([np.resize(row, longest) for row in rows]), np.array([len(x) for x in rows])
+
+
+def _counter(progress: Progress | None, total: int) -> Callable[[int], None]:
+    done = 0
+
+    def report(count: int) -> None:
+        nonlocal done
+        # Nodes on the way count as well, and what is followed twice.
+        done = min(done + count, total)
+        if progress is not None:
+            progress(done, total)
+
+    return report

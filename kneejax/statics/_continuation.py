@@ -1,0 +1,448 @@
+"""Equilibria along paths of load cases: natural-parameter continuation, many paths side by side.
+
+From its last equilibrium a path steps towards its next load case. Where the step leads is predicted
+by a parabola through the last three equilibria; where nothing is found, or something farther away
+than one branch leads, the step is halved, and after an easy one it is doubled. What is still not
+found has no equilibrium that is connected with the last: beyond a limit point, or in nobody's reach.
+
+Every turn of the one compiled loop is a look of all lanes, each at its own step of its own path.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import itertools
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array, lax
+from jax.flatten_util import ravel_pytree
+
+from kneejax.geometry import Prescribed, scales
+from kneejax.mechanics import Knee
+from kneejax.numerics import compiled
+from kneejax.statics._newton import EnergyNewton, Guess, SearchState, look
+from kneejax.statics._settle import fault_of, holding, shapes_of_holding
+from kneejax.statics._stations import Stations
+from kneejax.statics._status import Status, converged
+from kneejax.statics._stiffness import size_of, softness_of
+from kneejax.statics._variants import with_numbers
+
+#: Last step of a search, mm (rotations at 30 mm).
+_ACCURACY_MM = 1e-9
+#: Looks of a search that is predicted, of one for a part of the way, and of one that failed or is
+#: not predicted.
+_QUICK, _PART, _PATIENT = 15, 25, 80
+#: A step that took more looks than this is not followed by a longer one.
+_EASY = 8
+#: Least part of the way to a load case that is tried; where flexion alone changes, and elsewhere.
+_FINEST_BENT, _FINEST = 2.0**-3, 2.0**-14
+#: How far an equilibrium may lie from where it was expected, mm (rotations at 30 mm): a branch is
+#: smooth, and shorter steps come as near as one likes; another branch stays away.
+_MISSED_MM = 1.0
+#: How far a knee may move in one step, mm (rotations at 30 mm): for each degree of flexion, but as
+#: far at least; and while loads or other coordinates change.
+_PER_DEGREE_MM, _BENT_MM, _LOADED_MM = 1.0, 1.0, 2.0
+#: Unit vectors that differ by less have one direction.
+_STRAIGHT = 1e-6
+#: Turns of the loop in which load cases may end, for each that lies ahead.
+_ENDS = 2
+
+
+class Case(NamedTuple):
+    """A load case of a knee of its own: the numbers that vary by their places, what acts there."""
+
+    numbers: dict[int, Any]
+    stations: Stations
+
+    def of(self, rows: Array) -> Case:
+        """Those of rows `(numbers, lanes)`, which were made of cases like this one."""
+        return jax.vmap(ravel_pytree(self)[1], in_axes=-1, out_axes=-1)(rows)
+
+    def knees(self, knee: Knee) -> Knee:
+        """With their loads; of a case whose arrays end in lanes."""
+        return self.stations.added_to(with_numbers(knee, self.numbers)).for_many_poses()
+
+    def rows(self, which) -> np.ndarray:
+        """Rows of some of the numbers, which `which` finds in it."""
+        chosen = {id(x) for x in jax.tree.leaves(which(self))}
+        return in_rows(jax.tree.map(lambda x: np.full(np.shape(x), id(x) in chosen), self), 0)
+
+
+class Behind(eqx.Module):
+    """What lies behind the paths; arrays end in lanes.
+
+    Attributes:
+        cases: in rows, of the last three equilibria, the latest first, `(3, numbers, lanes)`.
+        q: free coordinates there, `(3, free, lanes)`, rad and mm.
+        meeting: parameters of the contact points, `(3, n, 2, lanes)`.
+        known: how many of them are equilibria, `(lanes,)`; without any, the latest is a guess.
+        failed: load cases without an equilibrium in a row, or as many as end a path.
+        progress: part of the way to the next load case at which the latest is.
+        softness: see `softness_of`, there.
+    """
+
+    cases: Any
+    q: Any
+    meeting: Any
+    known: Any
+    failed: Any
+    progress: Any
+    softness: Any
+
+    @classmethod
+    def at(cls, cases, q, meeting, known) -> Behind:
+        """One equilibrium each, or a guess; arrays as in the attributes, but for the first axis."""
+        numpy = np if isinstance(q, np.ndarray) else jnp
+        thrice = (numpy.repeat(x[None], 3, axis=0) for x in (cases, q, meeting))
+        nothing = numpy.zeros(numpy.shape(known))
+        return cls(*thrice, known, nothing.astype(int), nothing, nothing + numpy.inf)
+
+
+def in_rows(tree: Any, axes: int) -> Any:
+    """All numbers of arrays that begin with the same axes, beside each other: `(..., numbers)`."""
+    leaves = jax.tree.leaves(tree)
+    numpy = np if all(isinstance(x, np.ndarray) for x in leaves) else jnp
+    return numpy.concatenate([x.reshape(*x.shape[:axes], -1) for x in leaves], axis=-1)
+
+
+def shapes_of_record(free: int, patches: int) -> dict[str, tuple[int, ...]]:
+    """What is recorded where a path is through with a load case, without lanes: its place on the
+    path, -1 where none ended; as in `Settled`, q, the contact points, status, fault and how many
+    looks it took; the part of the way to it at which the last equilibrium was; `softness_of` it;
+    and what holds it."""
+    numbers = ("place", "status", "fault", "steps", "way", "softness")
+    nothing: dict[str, tuple[int, ...]] = dict.fromkeys(numbers, ())
+    return nothing | {"q": (free,), "meeting": (patches, 2)} | shapes_of_holding(free, patches)
+
+
+def of_record(rows: Any, shapes: dict[str, tuple[int, ...]]) -> dict[str, Any]:
+    """The numbers of records `(numbers, lanes)` by name; arrays end in lanes."""
+    ends = np.cumsum([int(np.prod(shape)) for shape in shapes.values()])
+    parts = zip(shapes.items(), np.r_[0, ends[:-1]], ends, strict=True)
+    return {name: rows[a:b].reshape(*shape, rows.shape[-1]) for (name, shape), a, b in parts}
+
+
+@compiled()
+def follow(
+    knee: Knee, like: Case, cases: Array, length: Array, behind: Behind, give_up: Array,
+    fewest: Array,
+) -> tuple[Array, Behind]:  # fmt: skip
+    """Follow paths some load cases further.
+
+    Args:
+        knee: gives all numbers that do not vary.
+        like: any case; so rows are read.
+        cases: that lie ahead, in rows, `(places, lanes, numbers)`.
+        length: how many of them count, `(lanes,)`.
+        behind: what lies behind.
+        give_up: load cases without an equilibrium in a row after which a path ends.
+        fewest: paths that must go on, or all stop; those on their way to a load case begin it anew
+            with the next call.
+
+    Returns:
+        Records, `(turns, numbers, lanes)`, see `shapes_of_record`; and what lies behind then.
+    """
+    turns = _ENDS * cases.shape[0]
+    end = Continuation(knee, like, cases, length, give_up).run(behind, turns, fewest)
+    return end.record, end.behind
+
+
+class _Paths(eqx.Module):
+    """Paths on their way.
+
+    Attributes:
+        behind: see `Behind`.
+        place: of the next load case.
+        active: whether there is one.
+        ended: whether what was sought is to be judged.
+        fresh: whether nothing was sought yet.
+        step: part of the way that is left to the next load case which is tried.
+        cautious: whether nothing is extrapolated, since a search failed.
+        patient: whether a search may take long.
+        looks: that the next load case took so far.
+        at_first: whether there was an equilibrium at the very first load case.
+        here: case that is tried, in rows.
+        y: where its search looks next.
+        state: of the search.
+        turns: in which load cases ended.
+        record: see `shapes_of_record`: of every turn, or of each path's last load case.
+    """
+
+    behind: Behind
+    place: Array
+    active: Array
+    ended: Array
+    fresh: Array
+    step: Array
+    cautious: Array
+    patient: Array
+    looks: Array
+    at_first: Array
+    here: Array
+    y: Guess
+    state: SearchState
+    turns: Array
+    record: Array
+
+
+class _Judged(NamedTuple):
+    """What searches that ended have found: good is an equilibrium on the path's branch, again one
+    that is searched once more with patience, shorter a step that is halved, failed a load case that
+    is given up."""
+
+    good: Array
+    again: Array
+    shorter: Array
+    failed: Array
+    status: Array
+    fault: Array
+    softness: Array
+
+
+class Continuation(NamedTuple):
+    """The rules of continuation, for one knee and what lies ahead; see `follow`."""
+
+    knee: Knee
+    like: Case
+    cases: Array
+    length: Array
+    give_up: Array
+
+    def run(self, behind: Behind, turns: int | None, fewest: Any = 0) -> _Paths:
+        """Follow all paths to their ends.
+
+        Args:
+            behind: what lies behind.
+            turns: that are recorded before all paths stop; None records each path's last load case
+                alone.
+            fewest: see `follow`.
+        """
+        begun = self._begun(behind)
+        nothing = begun.record
+        if turns is not None:
+            begun = dataclasses.replace(
+                begun, record=jnp.broadcast_to(nothing, (turns, *nothing.shape))
+            )
+
+        def unfinished(paths: _Paths) -> Array:
+            going = jnp.sum(paths.active)
+            on = (going > 0) & (going >= fewest)
+            return on if turns is None else on & (paths.turns < turns)
+
+        def a_turn(paths: _Paths) -> _Paths:
+            every = paths.record
+            paths = dataclasses.replace(paths, record=nothing if turns is not None else every)
+            after = lax.cond(jnp.any(paths.ended), self._advanced, lambda x: x, paths)
+            if turns is not None:
+                # Written outside of the branch, which would copy every turn.
+                log = lax.dynamic_update_index_in_dim(every, after.record, paths.turns, 0)
+                after = dataclasses.replace(after, record=log)
+            return self._looked(after)
+
+        return lax.while_loop(unfinished, a_turn, begun)
+
+    def _units(self) -> tuple[float, ...]:
+        """rad and mm of each free coordinate that count as 1 mm."""
+        return scales(self.like.stations.free)
+
+    def _args(self, here: Array) -> tuple[Knee, Prescribed]:
+        case = self.like.of(here)
+        return case.knees(self.knee), case.stations.prescribed
+
+    def _begun(self, behind: Behind) -> _Paths:
+        """Nothing sought yet: the loop begins as if all searches had just ended."""
+        lanes = behind.known.shape
+        yes, no, none = jnp.ones(lanes, bool), jnp.zeros(lanes, bool), jnp.zeros(lanes, int)
+        y, here = Guess(behind.q[0], behind.meeting[0]), behind.cases[0]
+        args = self._args(here)
+        _, shapes = jax.eval_shape(look, y, args)
+        state = EnergyNewton().init(look, y, args, {}, None, shapes, frozenset())
+        record = shapes_of_record(len(self._units()), y.meeting.shape[0])
+        size = sum(int(np.prod(shape)) for shape in record.values())
+        nothing = jnp.full((size, *lanes), -1.0)
+        return _Paths(
+            behind, none, self.length > 0, yes, yes, jnp.ones(lanes), no, no, none, no, here, y, state, jnp.asarray(0), nothing,
+        )  # fmt: skip
+
+    def _looked(self, paths: _Paths) -> _Paths:
+        """A look of all lanes, each where its search goes on."""
+        few = jnp.where(paths.step * (1.0 - paths.behind.progress) < 1.0, _PART, _QUICK)
+        search = EnergyNewton(atol=_ACCURACY_MM, most_steps=jnp.where(paths.patient, _PATIENT, few))
+        args, before = self._args(paths.here), paths.state
+        y, state, _ = search.step(look, paths.y, args, {}, before, frozenset())
+        ended = paths.active & ~state.searches
+        return dataclasses.replace(paths, y=y, state=state, ended=ended)
+
+    def _advanced(self, paths: _Paths) -> _Paths:
+        """Judge what was found, write it down, and send the paths on."""
+        judged = self._judged(paths)
+        arrived = judged.good & (paths.step >= 1.0)
+        over = arrived | judged.failed
+        looks = paths.looks + jnp.where(paths.ended & ~paths.fresh, paths.state.count, 0)
+        entry = dict(
+            place=paths.place, status=judged.status, fault=judged.fault, steps=looks,
+            way=jnp.where(arrived, 1.0, paths.behind.progress), softness=judged.softness,
+            q=paths.y.q, meeting=paths.y.meeting, **holding(paths.state),
+        )  # fmt: skip
+        rows = [jnp.reshape(x, (-1, x.shape[-1])).astype(float) for x in entry.values()]
+        ends = jnp.where(over & paths.active & paths.ended, jnp.concatenate(rows), paths.record)
+        done = paths.step * (1.0 - paths.behind.progress)
+        progress = paths.behind.progress + jnp.where(judged.good, done, 0.0)
+        easy = jnp.where(paths.state.count <= _EASY, 2.0, 1.0)
+        left = jnp.where(over, 1.0, 1.0 - progress)
+        step = jnp.where(judged.good, jnp.minimum(1.0, easy * done / left), paths.step)
+        step = jnp.where(judged.shorter, 0.5 * step, jnp.where(judged.failed, 1.0, step))
+        behind, good, place = paths.behind, judged.good, paths.place + over
+        behind = Behind(
+            _pushed(behind.cases, paths.here, good),
+            _pushed(behind.q, paths.y.q, good),
+            _pushed(behind.meeting, paths.y.meeting, good),
+            jnp.minimum(behind.known + good, 3),
+            jnp.where(arrived, 0, behind.failed + judged.failed),
+            jnp.where(over, 0.0, progress),
+            jnp.where(good, judged.softness, behind.softness),
+        )
+        goal = self._goal(place)
+        # Loads are not laid on a knee that is not balanced without them.
+        in_vain = judged.failed & self._loading(goal, behind.cases[0])
+        failed = jnp.where(in_vain, self.give_up, behind.failed)
+        paths = dataclasses.replace(
+            paths,
+            behind=dataclasses.replace(behind, failed=failed),
+            place=place,
+            active=paths.active & (place < self.length) & (failed < self.give_up),
+            step=step,
+            cautious=jnp.where(judged.again | judged.shorter | judged.failed, True,
+                               paths.cautious & ~good),
+            looks=jnp.where(over, 0, looks),
+            at_first=paths.at_first | (arrived & (paths.place == 0)),
+            turns=paths.turns + jnp.any(over),
+            record=ends,
+        )  # fmt: skip
+        return self._sent(paths, goal, judged.again)
+
+    def _sent(self, paths: _Paths, goal: Array, again: Array) -> _Paths:
+        """Begin the next search of the lanes whose last one has ended."""
+        last, begins = paths.behind.cases[0], paths.ended & paths.active
+        # A load that grows acts where it will act.
+        whole = (paths.step >= 1.0) | self.like.rows(_points_of)[:, None]
+        new = jnp.where(whole, goal, last + paths.step * _apart(goal, last))
+        orders, distances = self._past(paths.behind, new)
+        order = jnp.where(paths.cautious, jnp.minimum(orders[-1], 1), orders[-1])
+        q, meeting = (
+            _extrapolated(x, distances, order) for x in (paths.behind.q, paths.behind.meeting)
+        )
+        guess = Guess(q, meeting)
+        patient = (order < 2) | again
+        return dataclasses.replace(
+            paths,
+            fresh=jnp.zeros_like(paths.fresh),
+            here=jnp.where(begins, new, paths.here),
+            y=jax.tree.map(lambda a, b: jnp.where(begins, a, b), guess, paths.y),
+            state=paths.state.anew(begins, guess),
+            patient=jnp.where(begins, patient, paths.patient),
+        )
+
+    def _goal(self, place: Array) -> Array:
+        """The load case at a place of each path, in rows."""
+        places, lanes, _ = self.cases.shape
+        return self.cases[jnp.minimum(place, places - 1), jnp.arange(lanes)].T
+
+    def _loading(self, here: Array, last: Array) -> Array:
+        """Whether anything changes but flexion and the numbers of a knee."""
+        others = ~(self.like.rows(_flexion_of) | self.like.rows(lambda case: case.numbers))
+        others &= ~self.like.rows(_points_of)
+        return jnp.any((here != last) & others[:, None], axis=0)
+
+    def _past(self, behind: Behind, here: Array) -> tuple[list[Array], list[Array]]:
+        """How many of the last one, two, three equilibria lie on a straight path to a case, and how
+        far behind it each of them is."""
+        moves = ~self.like.rows(_points_of)[:, None]
+        cases = here, *behind.cases
+        steps = [jnp.where(moves, _apart(a, b), 0.0) for a, b in itertools.pairwise(cases)]
+        sizes = [jnp.linalg.norm(step, axis=0) for step in steps]
+        ahead, last, before = (
+            step / jnp.where(size > 0.0, size, 1.0) for step, size in zip(steps, sizes, strict=True)
+        )
+        one = jnp.minimum(behind.known, 1)
+        two = one + ((behind.known > 1) & (size_of(ahead - last) < _STRAIGHT))
+        three = two + ((two > 1) & (behind.known > 2) & (size_of(last - before) < _STRAIGHT))
+        return [one, two, three], list(itertools.accumulate(sizes))
+
+    def _judged(self, paths: _Paths) -> _Judged:
+        """Whether what was found is on its branch, and what to do where it is not."""
+        behind, state, units = paths.behind, paths.state, self._units()
+        here, last = paths.here, behind.cases[0]
+        softness, pivots = softness_of(state.tangent, units)
+        fault = fault_of(*self._args(here), state, pivots)
+        status = jnp.where(state.done, fault, int(Status.NOT_CONVERGED))
+        loading, begun = self._loading(here, last), behind.known > 0
+        turned = self.like.rows(_flexion_of)[:, None]
+        bend = jnp.rad2deg(jnp.max(jnp.where(turned, jnp.abs(_apart(here, last)), 0.0), axis=0))
+        reach = jnp.where(bend > 0.0, jnp.maximum(_BENT_MM, _PER_DEGREE_MM * bend), jnp.inf)
+        reach = jnp.where(loading, _LOADED_MM, reach)
+        scale = jnp.asarray(units)[:, None]
+        far = begun & (size_of((paths.y.q - behind.q[0]) / scale) > reach)
+        # Round a corner a parabola leads astray, which a line, or the last equilibrium, does not.
+        orders, distances = self._past(behind, here)
+        missed = functools.reduce(jnp.minimum, [
+            size_of((paths.y.q - _extrapolated(behind.q, distances, order)) / scale)
+            for order in orders
+        ])  # fmt: skip
+        far |= (orders[-1] > 1) & (missed > _MISSED_MM)
+        off_branch = converged(status) & (far | (loading & ~(softness > 0.0)))
+        status = jnp.where(off_branch, int(Status.NOT_CONVERGED), status)
+        ended = paths.ended & paths.active & ~paths.fresh
+        good = ended & converged(status)
+        finest = jnp.where(loading, _FINEST, _FINEST_BENT)
+        divides = begun & (0.5 * paths.step * (1.0 - paths.behind.progress) >= finest)
+        # An equilibrium far away is mostly the right one, which another search finds once more:
+        # half of the way tells.
+        again = ended & ~good & ~paths.patient & ~(loading & begun) & ~(off_branch & divides)
+        shorter = ended & ~good & ~again & divides
+        # What ends beside a limit point may be so soft that no equilibrium is told from it; where
+        # the least part of a load leads elsewhere, nothing held this one.
+        softer = jnp.where(~far & (softness < behind.softness), softness, behind.softness)
+        softer = jnp.where(off_branch & loading, 0.0, softer)
+        return _Judged(
+            good, again, shorter, ended & ~(good | again | shorter), status, fault,
+            jnp.where(good, softness, softer),
+        )  # fmt: skip
+
+
+def _points_of(case: Case) -> list[Any]:
+    """Where loads act."""
+    return [x for load in case.stations.loads for x in load.places]
+
+
+def _flexion_of(case: Case) -> list[Any]:
+    prescribed = case.stations.prescribed
+    return [prescribed["flexion"]] if "flexion" in prescribed else []
+
+
+def _apart(here: Array, last: Array) -> Array:
+    """The difference of cases; infinite numbers that stay are no difference."""
+    return jnp.where(here == last, 0.0, here - last)
+
+
+def _pushed(rows: Array, latest: Array, good: Array) -> Array:
+    """Rows with the latest one in front, in lanes that are good."""
+    return jnp.where(good, jnp.concatenate([latest[None], rows[:-1]]), rows)
+
+
+def _extrapolated(values: Array, distances: list[Array], order: Array) -> Array:
+    """What lies ahead of the last three values: by a parabola (order 3), a line, or the last."""
+    (last, before, first), (ahead, to_before, to_first) = values, distances
+
+    def slope(later: Array, earlier: Array, gap: Array) -> Array:
+        return (later - earlier) / jnp.where(gap != 0.0, gap, 1.0)
+
+    line = slope(last, before, to_before - ahead)
+    bend = slope(line, slope(before, first, to_first - to_before), to_first - ahead)
+    bend = jnp.where(order > 2, bend * to_before, 0.0)
+    return last + jnp.where(order > 1, (line + bend) * ahead, 0.0)

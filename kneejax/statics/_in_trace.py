@@ -1,0 +1,98 @@
+"""A motion while JAX traces the knee: the same continuation, every station a path of its own.
+
+Paths cannot be shared where numbers are not known yet. So each goes all the way to its own station:
+from the reference pose in strides of 5 degrees, and then under its loads, one after the other.
+Where the knee does not balance at its reference pose, a path that found nothing goes once more by
+way of 45 degrees, from where the knee may be followed back.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+from jax import Array, lax
+
+from kneejax.mechanics import Knee, add_lane_axis
+from kneejax.statics._balances import settled_of
+from kneejax.statics._continuation import (
+    Behind,
+    Case,
+    Continuation,
+    in_rows,
+    of_record,
+    shapes_of_record,
+)
+from kneejax.statics._flexion_paths import STRIDE
+from kneejax.statics._settle import Settled, with_meeting
+from kneejax.statics._stations import Stations
+from kneejax.statics._status import Status, converged
+
+#: Load cases without an equilibrium in a row after which a path ends.
+_GIVE_UP = 5
+#: Strides of the way around, and of all ways at most: half a turn of the knee.
+_AROUND, _MOST = 9, 36
+
+
+def continued_in_trace(knee: Knee, stations: Stations) -> Settled:
+    """Balance a knee at stations where flexion alone is prescribed.
+
+    Args:
+        knee: without a lane axis; nothing is differentiated through the search.
+        stations: in any order, within half a turn of the reference pose.
+
+    Returns:
+        The balances, a lane each; NaN where there is none.
+    """
+    stages, stations = len(stations.loads), stations.of(knee).plain()
+    lanes, free = len(stations), stations.free
+    begin = jnp.broadcast_to(knee.reference_pose.flexion, (lanes,))
+    q = jnp.broadcast_to(knee.at_reference.at(free)[:, None], (len(free), lanes))
+    guess = with_meeting(add_lane_axis(knee), {"flexion": begin}, q)
+    like = Case({}, jax.tree.map(lambda x: x[0], stations))
+    shapes = shapes_of_record(len(free), knee.patch_count)
+
+    def a_trip(trip: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+        again, goes, found = trip
+        cases, length = _cases(knee, stations, stages, again * _AROUND)
+        length = jnp.where(goes, length, 0)
+        behind = Behind.at(cases[0].T, guess.q, guess.meeting, jnp.zeros(lanes, int))
+        end = Continuation(knee, like, cases, length, jnp.asarray(_GIVE_UP)).run(behind, None)
+        # What ended before its station says nothing of it.
+        record = of_record(end.record, shapes)
+        here = record["place"] == length - 1
+        lost = record["status"].at[:].set(float(Status.NOT_CONVERGED))
+        record["status"] = jnp.where(here, record["status"], lost)
+        there = jnp.concatenate([x.reshape(-1, lanes) for x in record.values()])
+        found = jnp.where(goes, there, found)
+        return again + 1, goes & ~converged(record["status"]) & ~end.at_first, found
+
+    size = sum(len(jnp.zeros(shape).reshape(-1)) for shape in shapes.values())
+    trip = jnp.asarray(0), jnp.ones(lanes, bool), jnp.zeros((size, lanes))
+    _, _, found = lax.while_loop(lambda x: (x[0] < 2) & jnp.any(x[1]), a_trip, trip)
+    record = of_record(found, shapes)
+    good = converged(record["status"])
+    nodes = {name: record[name] for name in record if name not in ("place", "way", "softness")}
+    for name in ("status", "fault", "steps"):
+        nodes[name] = nodes[name].astype(int)
+    return settled_of(stations, nodes | {"q": jnp.where(good, record["q"], jnp.nan)})
+
+
+def _cases(knee: Knee, stations: Stations, stages: int, around: Array) -> tuple[Array, Array]:
+    """Load cases of each path in rows, `(places, lanes, numbers)`, by way of so many strides
+    around; and how many there are."""
+    begin, goal = knee.reference_pose.flexion, stations.flexion
+    turn, place = begin + around * STRIDE, jnp.arange(2 * _AROUND + _MOST + stages)[:, None]
+    strides = jnp.ceil(jnp.abs(goal - turn) / STRIDE - 1e-9).astype(int)
+    back = jnp.maximum(place - around, 0) * STRIDE
+    bent = jnp.where(
+        place <= around, begin + place * STRIDE, turn + jnp.clip(goal - turn, -back, back)
+    )
+    stage = place - around - strides
+    grown = tuple(
+        load.times(jnp.where(stage > k, 1.0, 0.0)).at_each(stage.shape)
+        for k, load in enumerate(stations.loads)
+    )
+    cases = dataclasses.replace(stations, prescribed={"flexion": bent}, loads=grown)
+    return in_rows(({}, cases), 2), around + strides + 1 + stages
