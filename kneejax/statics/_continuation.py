@@ -46,7 +46,7 @@ _FINEST_BENT, _FINEST = 2.0**-3, 2.0**-14
 _MISSED_MM = 1.0
 #: How far a knee may move in one step, mm (rotations at 30 mm): for each degree of flexion, but as
 #: far at least; and while loads or other coordinates change.
-_PER_DEGREE_MM, _BENT_MM, _LOADED_MM = 1.0, 1.0, 2.0
+_PER_DEGREE_MM, _BENT_MM, _LOADED_MM = 0.75, 0.75, 2.0
 #: Unit vectors that differ by less have one direction.
 _STRAIGHT = 1e-6
 #: Turns of the loop in which load cases may end, for each that lies ahead.

@@ -168,13 +168,13 @@ def all_lost(status):
     return walk
 
 
-_instants_walk = _instants.own_motion
+_instants_walk = _instants.balance_one
 
 
 @pytest.mark.parametrize("status", [Status.NOT_CONVERGED, Status.GIVES_WAY])
 def test_what_no_walk_finds_is_sought_where_another_knee_is(knee, pressed, status, monkeypatch):
     """But where a knee gives way, no other knee says otherwise."""
-    monkeypatch.setattr(_instants, "own_motion", all_lost(status))
+    monkeypatch.setattr(_instants, "balance_one", all_lost(status))
     assert not activity(knee, pressed.record).holds.any()
     found = activity(knee, pressed.record, near=pressed)
     assert found.holds.all() == (status == Status.NOT_CONVERGED) == found.holds.any()

@@ -34,14 +34,14 @@ def two_wells(monkeypatch):
     def near(knee, vary, base, stations, q, meeting):
         load = np.asarray(stations.loads[0].force)[:, 0]
         calls.append(float(np.sum(np.asarray(knee.ligaments.stiffness))))
-        found = np.array(q)
+        found, meeting = np.array(q)[0], np.asarray(meeting)[0]
         begin = found[:, ANTERIOR]
         found[:, ANTERIOR] = [double_well(*pair) for pair in zip(load, begin, strict=True)]
         nodes = {"q": found, "meeting": meeting,
                  "status": np.full(len(load), int(Status.BALANCED))}  # fmt: skip
         return types.SimpleNamespace(in_nodes=lambda: nodes, reached=np.ones((1, len(load))))
 
-    monkeypatch.setattr(second, "own_motion_near", near)
+    monkeypatch.setattr(second, "balance_near", near)
     return calls
 
 

@@ -20,7 +20,7 @@ from kneejax.mechanics import (
     load_of,
 )
 from kneejax.report import pose_words
-from kneejax.statics import Stations, Status, balance_many, with_meeting
+from kneejax.statics import Stations, Status, balance_one, with_meeting
 from kneejax.statics._newton import look
 
 FLEXION = np.array([0.0, 30.0, 60.0, 90.0])
@@ -38,7 +38,7 @@ def judged(knee, table):
 def under(knee, load, flexion_deg):
     """The balance of a knee under a load, and what it is as a given pose."""
     stations = Stations.at([flexion_deg], [load])
-    found = balance_many(knee, lambda k, _: k, np.zeros(()), np.zeros(1), stations)
+    found = balance_one(knee, stations)
     table = np.c_[flexion_deg, found.table[0]]
     return found.status[0, 0], judged(knee, table)[0], table
 

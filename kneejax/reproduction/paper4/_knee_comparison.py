@@ -10,7 +10,6 @@ import time
 import warnings
 from collections.abc import Callable, Mapping
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 

@@ -51,7 +51,7 @@ def test_grid_points_are_objectives_of_their_knees(knee, measured, found):
     chosen = kj.select(knee, PAIR)
     rows = [(0, 0), (3, 4), (2, 8)]
     values = np.array([[found.x[column], found.y[row]] for row, column in rows])
-    alone = balance_many(knee, chosen.apply, chosen.read(knee), values, Stations.at(FLEXION))
+    alone = balance_many(knee, chosen.apply, values, Stations.at(FLEXION))
     squares = ((alone.table - measured[:, 1:]) ** 2).sum(axis=1)
     for k, (row, column) in enumerate(rows):
         np.testing.assert_allclose(found.partial_objectives[:, row, column], squares[k], rtol=1e-6)

@@ -13,12 +13,13 @@ from kneejax.statics import (
     Status,
     balance_lines,
     balance_many,
+    balance_one,
     balance_with_slopes,
     in_lanes,
-    own_motion,
 )
-from kneejax.statics.walk._paths import Found, along_chains
-from kneejax.statics.walk._routes import Chain
+from kneejax.statics._batch import _Batch
+from kneejax.statics._flexion_paths import Chain
+from kneejax.statics._variants import Variants
 
 pytestmark = pytest.mark.usefixtures("optimised_code")
 
@@ -36,17 +37,17 @@ def values(base):
 
 @pytest.fixture(scope="module")
 def found(knee, chosen, base, values):
-    return balance_many(knee, chosen.apply, base, values, Stations.at(FLEXION))
+    return balance_many(knee, chosen.apply, values, Stations.at(FLEXION))
 
 
 def test_one_compiled_search_serves_every_choice_of_ligament_numbers(knee, found, caplog):
     other = kj.select(knee, ("MCL.reference_strain", "PCL.stiffness"))
     start = np.asarray(other.read(knee))
     with jax.log_compiles():
-        moved = balance_many(knee, other.apply, start, start * [[1.1, 0.9]], Stations.at(FLEXION))
+        moved = balance_many(knee, other.apply, start * [[1.1, 0.9]], Stations.at(FLEXION))
     compiled = [r.getMessage() for r in caplog.records if "Compiling" in r.getMessage()]
     assert any("numbers" in message for message in compiled), "what the choice changes"
-    assert not any("walk_stretch" in message for message in compiled)
+    assert not any("jit(follow)" in message for message in compiled)
     alone = kj.passive_flexion(other.apply(knee, start * [1.1, 0.9]), FLEXION)
     np.testing.assert_allclose(moved.table[0], np.asarray(alone.to_table())[:, 1:], atol=1e-4)
 
@@ -57,15 +58,15 @@ def test_one_compiled_search_serves_motions_and_lines_of_any_length(
     with jax.log_compiles():
         for count in (1, 7, 23):
             angles = Stations.at(np.linspace(0.0, 60.0, count))
-            balance_many(knee, chosen.apply, base, values[:2], angles)
+            balance_many(knee, chosen.apply, values[:2], angles)
             line = base + np.linspace(0.0, 1e-3, count)[None, :, None]
-            balance_lines(knee, chosen.apply, base, line, angles, np.array([0]))
+            balance_lines(knee, chosen.apply, line, angles, np.array([0]))
     compiled = [r.getMessage() for r in caplog.records if "Compiling" in r.getMessage()]
-    assert not any("walk_stretch" in message for message in compiled)
+    assert not any("jit(follow)" in message for message in compiled)
 
 
 def test_no_variants_have_no_balances(knee, chosen, base):
-    nothing = balance_many(knee, chosen.apply, base, np.zeros((0, 8)), Stations.at(FLEXION))
+    nothing = balance_many(knee, chosen.apply, np.zeros((0, 8)), Stations.at(FLEXION))
     assert nothing.q.shape == (0, 4, 5) and nothing.status.shape == (0, 4)
 
 
@@ -82,12 +83,12 @@ def test_each_variant_has_the_motion_of_its_own_knee(knee, chosen, values, found
 
 def test_answers_stand_in_the_order_of_the_values(knee, chosen, base, values, found):
     order = np.random.default_rng(0).permutation(len(values))
-    again = balance_many(knee, chosen.apply, base, values[order], Stations.at(FLEXION))
+    again = balance_many(knee, chosen.apply, values[order], Stations.at(FLEXION))
     np.testing.assert_allclose(again.q / UNITS, found.q[order] / UNITS, atol=2e-6)
 
 
 def test_the_same_call_gives_the_same_bits(knee, chosen, base, values, found):
-    again = balance_many(knee, chosen.apply, base, values, Stations.at(FLEXION))
+    again = balance_many(knee, chosen.apply, values, Stations.at(FLEXION))
     np.testing.assert_array_equal(again.q, found.q)
     np.testing.assert_array_equal(again.steps, found.steps)
 
@@ -95,7 +96,7 @@ def test_the_same_call_gives_the_same_bits(knee, chosen, base, values, found):
 def test_one_knee_that_nothing_can_balance_fails_alone(knee, chosen, base, values, found):
     spoilt = values.copy()
     spoilt[5, 4] = np.nan
-    again = balance_many(knee, chosen.apply, base, spoilt, Stations.at(FLEXION))
+    again = balance_many(knee, chosen.apply, spoilt, Stations.at(FLEXION))
     assert (again.status[5] == Status.NOT_CONVERGED).all()
     assert np.isnan(again.q[5]).all()
     others = np.arange(40) != 5
@@ -108,9 +109,9 @@ def test_lines_walk_to_the_same_balances(knee, chosen, base):
     lines = np.tile(base, (2, 9, 1))
     lines[0, :, 0], lines[1, :, 5] = np.linspace(300, 9000, 9), np.linspace(-0.15, -0.05, 9)
     begin = np.array([4, 0])
-    walked = balance_lines(knee, chosen.apply, base, lines, Stations.at(FLEXION), begin)
+    walked = balance_lines(knee, chosen.apply, lines, Stations.at(FLEXION), begin)
     alone = balance_many(
-        knee, chosen.apply, base, lines.reshape(18, 8), Stations.at(FLEXION)
+        knee, chosen.apply, lines.reshape(18, 8), Stations.at(FLEXION)
     )
     assert walked.q.shape == (2, 9, 4, 5)
     assert walked.converged.all()
@@ -128,13 +129,13 @@ def test_what_a_knee_reaches_depends_neither_on_lanes_nor_on_stretches(knee, cho
     values = np.tile(base, (70, 1))
     values[:, 6] = np.linspace(-0.02, 0.06, 70)
     stations = Stations.at(np.linspace(0.0, 120.0, 41))
-    together = balance_many(knee, chosen.apply, base, values, stations)
+    together = balance_many(knee, chosen.apply, values, stations)
     assert together.converged[:, 5:].all() and together.converged[40:].all()
     assert together.converged[20:, 0].all()
     # In extension, from one strain to the next: the branch that all these balances are on.
     down = np.tile(base, (1, 280, 1))
     down[0, :, 6] = np.interp(np.arange(280) / 4, np.arange(70), values[:, 6])
-    walked = balance_lines(knee, chosen.apply, base, down, stations.take([0]), np.array([279]))
+    walked = balance_lines(knee, chosen.apply, down, stations.take([0]), np.array([279]))
     assert walked.converged.all()
     found = together.converged[:, 0]
     np.testing.assert_allclose(
@@ -150,7 +151,7 @@ def test_what_a_knee_reaches_depends_neither_on_lanes_nor_on_stretches(knee, cho
         # A tilt of 1e-6 rad had tilted forces, and poses by 3e-5 mm.
         assert float(np.max(lanes.gap(pose.placement, meeting).tilt)) < 1e-8
     few = [0, 9, 23, 69]
-    apart = balance_many(knee, chosen.apply, base, values[few], stations)
+    apart = balance_many(knee, chosen.apply, values[few], stations)
     # At the very end of a motion who is found may depend on who is searched beside it.
     np.testing.assert_allclose(apart.q[:, 5:] / UNITS, together.q[few, 5:] / UNITS, atol=2e-6)
 
@@ -160,7 +161,7 @@ def test_loads_of_stations_are_loads_of_the_knee(knee, chosen, base):
     """A drawer at two flexions, against a knee that carries the same load always."""
     forces = [100.0, -100.0, 100.0]
     stations = Stations.at([20.0, 20.0, 90.0], (load_of(anterior_N=np.array(forces)),))
-    found = balance_many(knee, chosen.apply, base, base[None], stations)
+    found = balance_many(knee, chosen.apply, base[None], stations)
     assert found.converged.all()
     assert found.table[0, 0, 2] > found.table[0, 1, 2] + 1.0
     for row, (flexion, force) in enumerate(zip([20.0, 20.0, 90.0], forces, strict=True)):
@@ -173,7 +174,7 @@ def test_a_pose_that_nothing_can_balance_holds_up_no_other(knee, chosen, base):
     """Bent backwards the bones meet where nobody has fitted their surfaces; its lane, and all that
     repeat it, once kept the other one waiting for a new tangent until it was given up."""
     stations = Stations.at([-60.0, 50.0])
-    found = own_motion(knee, chosen.apply, base, stations)
+    found = balance_one(knee, stations)
     assert found.converged[0].tolist() == [False, True]
     alone = kj.passive_flexion(knee, [50.0])
     np.testing.assert_allclose(found.table[0, 1], np.asarray(alone.to_table())[0, 1:], atol=1e-6)
@@ -184,7 +185,7 @@ def test_the_own_motion_is_that_of_any_other_stations(knee, chosen, base):
     stations happened to give, it was lost at -3 degrees, or was not."""
 
     def motion(*angles):
-        return own_motion(knee, chosen.apply, base, Stations.at(angles))
+        return balance_one(knee, Stations.at(angles))
 
     many = motion(-60.0, -5.0, -3.0, 0.0, 47.0, 60.0, 130.0)
     # At -3 degrees contact reaches 0.2 mm off the fitted surfaces, which is no doubt yet.
@@ -196,20 +197,24 @@ def test_the_own_motion_is_that_of_any_other_stations(knee, chosen, base):
         np.testing.assert_allclose(one.q[0, 0] / UNITS, many.q[0, place] / UNITS, atol=2e-6)
 
 
-def test_no_chain_begins_beside_a_station_that_is_not_balanced():
+def test_no_chain_begins_beside_a_station_that_is_not_balanced(knee, chosen, base):
     """A search from farther away ended in a balance of `lenhart2015_reduced` at -84 degrees, to
     which no bending leads."""
-    found = Found.nothing(1, (np.zeros((4, 5)), np.zeros((4, 2, 2))))
-    found.status[0, 1] = Status.BALANCED
-    chains = [Chain(1, (2,)), Chain(2, (3,))]
-    assert along_chains(found, chains, np.zeros(1, int)).length.tolist() == [1, 0]
+    stations = Stations.at(np.arange(4.0)).plain()
+    batch, ended = _Batch(Variants.of(knee, chosen.apply, base[None]), stations, False), []
+    batch.seek(np.zeros(1, int), np.ones(1, int), np.full((1, 5), np.nan),
+               np.zeros((1, 2, 2)), ended.append)  # fmt: skip
+    batch.found.status[0, 3] = Status.NOT_CONVERGED
+    batch.follow_chains([Chain(1, (2,)), Chain(3, (0,))], np.zeros(1, int), 1, ended.append)
+    assert ended == [1, 1]
+    assert batch.found.converged[0].tolist() == [False, True, True, False]
 
 
 def test_single_precision_is_refused(knee, chosen, base):
     """It once lost half of the lax knees, silently: a step's energy is rounded to 1e-4 N mm."""
     stations = Stations.at(FLEXION)
     with jax.enable_x64(False), pytest.raises(RuntimeError, match="needs float64"):
-        balance_many(knee, chosen.apply, base, base[None], stations)
+        balance_many(knee, chosen.apply, base[None], stations)
     with jax.enable_x64(False), pytest.raises(RuntimeError, match="needs float64"):
         kj.passive_flexion(knee, FLEXION)
 
@@ -223,13 +228,13 @@ def test_lax_knees_are_found_where_surfaces_are_nearly_flat_against_each_other(
     for count, highest in ((70, 0.02), (50, 0.015)):
         values = np.tile(base, (count, 1))
         values[:, 6] = np.linspace(-0.02, highest, count)
-        found = balance_many(knee, chosen.apply, base, values, stations)
+        found = balance_many(knee, chosen.apply, values, stations)
         assert found.converged.all()
 
 
 def test_progress_counts_to_the_end(knee, chosen, base, values):
     seen = []
-    balance_many(knee, chosen.apply, base, values, Stations.at(FLEXION),
+    balance_many(knee, chosen.apply, values, Stations.at(FLEXION),
                  progress=lambda done, total: seen.append((done, total)))  # fmt: skip
     done = [d for d, _ in seen]
     assert done == sorted(done)

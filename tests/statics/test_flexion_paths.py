@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from kneejax.mechanics import load_of
 from kneejax.statics import Stations
-from kneejax.statics.walk._routes import Routes
+from kneejax.statics._flexion_paths import Routes
 
 
 def ways(routes):

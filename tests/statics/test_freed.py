@@ -159,7 +159,7 @@ def test_variants_are_held_each_from_its_own_balance(knee):
     base = np.asarray(selection.read(knee))
     values = base * np.array([[0.5], [1.0], [2.0]])
     stations = Stations.at([10.0, 10.0], (), {"anterior_mm": [1.0, 3.0]})
-    found = balance_many(knee, selection.apply, base, values, stations)
+    found = balance_many(knee, selection.apply, values, stations)
     assert found.converged.all() and found.q.shape == (3, 2, 4)
     for row, value in enumerate(values):
         alone = kj.passive_flexion(

@@ -11,7 +11,7 @@ import kneejax as kj
 from kneejax.geometry import State
 from kneejax.mechanics import Foundation, add_lane_axis
 from kneejax.statics import Stations, balance_with_slopes
-from kneejax.statics.walk._slopes import _LANES, _slopes
+from kneejax.statics._slopes import _LANES, _slopes
 
 
 @pytest.mark.long

@@ -11,9 +11,8 @@ from scipy.optimize import minimize
 import kneejax as kj
 from kneejax.geometry import free_of, scales
 from kneejax.mechanics import QUADRICEPS, add_lane_axis, pull_of
-from kneejax.statics import Stations, Status, sound
+from kneejax.statics import Stations, Status, balance_one, sound
 from kneejax.statics._balance import balance
-from kneejax.statics.walk import own_motion
 
 pytestmark = pytest.mark.slow
 #: Attachments moved, mm: of the tendon and of the retinacula on the patella; a tendon longer by.
@@ -84,7 +83,7 @@ def test_a_quadriceps_holds_the_patella_in_the_groove_however_far_the_knee_bends
     flexion, pull = (x.ravel() for x in np.meshgrid(angles, pulls, indexing="ij"))
     rest = float(knee.muscles.tension.sum())
     stations = Stations.at(flexion, [pull_of(QUADRICEPS, pull - rest)])
-    found = own_motion(knee, as_it_is, np.zeros(1), stations)
+    found = balance_one(knee, stations)
     assert sound(found.status).all()
     coordinates = dict(zip(found.free, np.rad2deg(found.q[0].T), strict=True))
     turned = np.abs([coordinates["patella_rotation"], coordinates["patella_tilt"]])
@@ -96,5 +95,3 @@ def test_a_quadriceps_holds_the_patella_in_the_groove_however_far_the_knee_bends
     assert (np.diff(least.reshape(len(angles), -1)[:, 1:], axis=1) > 0.0).all()
 
 
-def as_it_is(knee, value):
-    return knee

@@ -5,7 +5,7 @@ import pytest
 
 import kneejax as kj
 from kneejax.mechanics import load_of
-from kneejax.statics import Stations, Status, balance_many, own_motion
+from kneejax.statics import Stations, Status, balance_many, balance_one
 
 pytestmark = pytest.mark.usefixtures("optimised_code")
 
@@ -28,8 +28,8 @@ def moved(found, other):
 
 
 def test_a_ramp_in_tenth_steps_is_the_same_curve(knee, chosen, base, variants):
-    coarse = balance_many(knee, chosen.apply, base, variants, drawer(np.linspace(20, 200, 4)))
-    fine = balance_many(knee, chosen.apply, base, variants, drawer(np.linspace(6, 200, 98)))
+    coarse = balance_many(knee, chosen.apply, variants, drawer(np.linspace(20, 200, 4)))
+    fine = balance_many(knee, chosen.apply, variants, drawer(np.linspace(6, 200, 98)))
     there = np.searchsorted(np.linspace(6, 200, 98), np.linspace(20, 200, 4) - 1e-6)
     both = coarse.converged & fine.converged[:, there]
     assert both.mean() > 0.9
@@ -40,9 +40,9 @@ def test_a_ramp_in_tenth_steps_is_the_same_curve(knee, chosen, base, variants):
 
 def test_the_order_of_a_ramp_does_not_matter_nor_who_is_beside(knee, chosen, base, variants):
     sizes = np.array([150.0, -80.0, 40.0, 0.0, -200.0])
-    together = balance_many(knee, chosen.apply, base, variants, drawer(sizes))
+    together = balance_many(knee, chosen.apply, variants, drawer(sizes))
     for rows in ([4, 3, 2, 1, 0], [0], [1, 2]):
-        few = balance_many(knee, chosen.apply, base, variants, drawer(sizes[rows]))
+        few = balance_many(knee, chosen.apply, variants, drawer(sizes[rows]))
         np.testing.assert_array_equal(few.status, together.status[:, rows])
         both = few.converged
         assert moved(few.q, together.q[:, rows])[both].max() < 2e-6
@@ -55,9 +55,9 @@ def test_a_pose_does_not_depend_on_the_other_angles(knee, chosen, base, seed):
     strains = base[4:] + draw.uniform(-0.1, 0.1, (8, 4))
     variants = np.hstack([base[:4] * draw.uniform(0.2, 1.8, (8, 4)), strains])
     angles = np.sort(draw.choice(np.arange(0.0, 121.0, 2.5), 9, replace=False))
-    together = balance_many(knee, chosen.apply, base, variants, Stations.at(angles))
+    together = balance_many(knee, chosen.apply, variants, Stations.at(angles))
     some = np.sort(draw.choice(9, 3, replace=False))
-    few = balance_many(knee, chosen.apply, base, variants, Stations.at(angles[some]))
+    few = balance_many(knee, chosen.apply, variants, Stations.at(angles[some]))
     np.testing.assert_array_equal(few.status, together.status[:, some])
     assert np.nanmax(moved(few.q, together.q[:, some])) < 2e-6
     alone = kj.passive_flexion(chosen.apply(knee, variants[0]), angles)
@@ -76,8 +76,8 @@ def test_a_heavy_load_is_reached_through_lighter_ones(knee, chosen, base):
     """5 kN along the tibia at once: the search from the unloaded pose alone would end anywhere."""
     heavy = Stations.at([0.0], [load_of(compression_N=5000.0)])
     ramp = Stations.at(np.zeros(20), [load_of(compression_N=np.linspace(250.0, 5000.0, 20))])
-    once = own_motion(knee, chosen.apply, base, heavy)
-    followed = own_motion(knee, chosen.apply, base, ramp)
+    once = balance_one(knee, heavy)
+    followed = balance_one(knee, ramp)
     assert once.converged.all() and followed.converged.all()
     assert moved(once.q[0, 0], followed.q[0, -1]).max() < 1e-6
 
@@ -106,8 +106,7 @@ def test_a_variant_gives_way_where_the_same_knee_by_itself_does(knee):
          [0.0, 5173, 2997, 4104, 25.96, 34.54, 75.87, 52.45]]
     )  # fmt: skip
     posterior = drawer([-134.0], 90.0)
-    base = np.asarray(selection.read(torn))
-    beside = balance_many(torn, selection.apply, base, values, posterior)
+    beside = balance_many(torn, selection.apply, values, posterior)
     for row, value in enumerate(values):
         alone = kj.passive_flexion(selection.apply(torn, value), [90.0], posterior.loads)
         assert beside.status[row, 0] == int(alone.status[0])
