@@ -97,6 +97,14 @@ class Balances:
         free = arrays.pop("free")
         return Balances(**jax.tree.map(lambda x: x[where], arrays), free=free)
 
+    def shaped(self, shape: tuple[int, ...]) -> Balances:
+        """The same with other leading axes of the variants."""
+        arrays = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
+        free = arrays.pop("free")
+        return Balances(
+            **jax.tree.map(lambda x: x.reshape(*shape, *x.shape[1:]), arrays), free=free
+        )
+
     def in_nodes(self) -> dict[str, np.ndarray]:
         """What `settled_of` makes balances of, one node after the other; holding must be known."""
         every = {name: getattr(self, name) for name in _FOUND} | self.holding
@@ -113,6 +121,23 @@ class Balances:
     def converged(self) -> np.ndarray:
         """Where forces balance, `(variants, stations)`."""
         return converged(self.status)
+
+
+def shapes_of_record(free: int, patches: int) -> dict[str, tuple[int, ...]]:
+    """What is recorded where a path is through with a load case, without lanes: its place on the
+    path, -1 where none ended; as in `Settled`, q, the contact points, status, fault and how many
+    looks it took; the part of the way to it at which the last equilibrium was; `softness_of` it;
+    and what holds it."""
+    numbers = ("place", "status", "fault", "steps", "way", "softness")
+    nothing: dict[str, tuple[int, ...]] = dict.fromkeys(numbers, ())
+    return nothing | {"q": (free,), "meeting": (patches, 2)} | shapes_of_holding(free, patches)
+
+
+def of_record(rows: Any, shapes: dict[str, tuple[int, ...]]) -> dict[str, Any]:
+    """The numbers of records `(numbers, lanes)` by name; arrays end in lanes."""
+    ends = np.cumsum([int(np.prod(shape)) for shape in shapes.values()])
+    parts = zip(shapes.items(), np.r_[0, ends[:-1]], ends, strict=True)
+    return {name: rows[a:b].reshape(*shape, rows.shape[-1]) for (name, shape), a, b in parts}
 
 
 @jax.jit

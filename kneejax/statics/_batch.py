@@ -6,7 +6,6 @@ what is found depends neither on which other load cases or knees were asked for,
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -18,13 +17,13 @@ from kneejax.mechanics import Knee, add_lane_axis
 from kneejax.numerics import compiled
 from kneejax.statics._balances import Balances
 from kneejax.statics._chunks import Paths, follow_in_chunks
-from kneejax.statics._continuation import Behind, Case, in_rows
+from kneejax.statics._continuation import Behind
 from kneejax.statics._flexion_paths import Chain, Routes
 from kneejax.statics._freed import freed
 from kneejax.statics._settle import needs_float64, with_meeting
 from kneejax.statics._stations import Stations
 from kneejax.statics._status import Status, gives_way
-from kneejax.statics._variants import Variants, Vary
+from kneejax.statics._variants import Case, Variants, Vary, in_rows
 
 #: Called with how many balances are done, and of how many.
 Progress = Callable[[int, int], None]
@@ -71,7 +70,7 @@ def balance_many(
     variants = Variants.of(knee, vary, values)
     total = len(variants) * len(stations)
     if not stations.by_flexion:
-        before = _bent(variants, stations.loaded(), True, _counter(progress, total))
+        before = _bent(variants, stations.loaded(), False, _counter(progress, total))
         return freed(variants, stations, before)
     return _bent(variants, stations, holding, _counter(progress, total))
 
@@ -148,14 +147,7 @@ def balance_lines(
     along = np.broadcast_to(np.tile(station, 2)[:, None], variant.shape)
     origin = np.tile(every, 2), np.tile(station, 2)
     batch.follow(variant, along, length, origin, _WHILE_CHANGED, report)
-    found = batch.found
-    found.reached[:] = np.where(found.converged, 1.0, 0.0)
-    shaped = {
-        field.name: getattr(found, field.name).reshape(lines, points, *tail.shape[1:])
-        for field in dataclasses.fields(Balances)
-        if isinstance(tail := getattr(found, field.name), np.ndarray)
-    }
-    return dataclasses.replace(found, **shaped)
+    return batch.answer((lines, points))
 
 
 def balance_near(knee: Knee, vary: Vary, values: Any, stations: Stations, q, meeting) -> Balances:
@@ -182,10 +174,9 @@ def balance_near(knee: Knee, vary: Vary, values: Any, stations: Stations, q, mee
     batch, size = _Batch(variants, stations, True), len(stations)
     count = len(variants) * size
     variant, station = np.arange(count) // max(size, 1), np.arange(count) % max(size, 1)
-    begin = (np.reshape(x, (count, *np.shape(x)[2:])) for x in (q, meeting))
-    batch.seek(variant, station, *begin, lambda _: None)
-    batch.found.reached[:] = np.where(batch.found.converged, 1.0, 0.0)
-    return batch.found
+    q, meeting = (np.reshape(x, (count, *np.shape(x)[2:])) for x in (q, meeting))
+    batch.seek(variant, station, q, meeting, lambda _: None)
+    return batch.answer((len(variants),))
 
 
 class _Batch:
@@ -203,7 +194,9 @@ class _Batch:
         first = jax.tree.map(lambda x: np.zeros(x.shape[1:]), (whole, stations))
         self._like = Case(*first)
 
-    def follow(self, variant, station, length, origin, give_up: int, report, anew=True) -> None:
+    def follow(
+        self, variant, station, length, origin: tuple, give_up: int, report, anew: bool = True
+    ) -> None:
         """Follow paths of nodes from balances.
 
         Args:
@@ -218,34 +211,39 @@ class _Batch:
         length = np.where(known[origin], length, 0)
         if not anew:
             length = np.where(known[variant[:, 0], station[:, 0]], 0, length)
-        begin = self.found.q[origin], self.found.meeting[origin], known[origin].astype(int)
-        self._run(variant, station, length, self._behind(*origin, *begin), give_up, report)
+        q, meeting, begun = self.found.q[origin], self.found.meeting[origin], known[origin]
+        behind = self._behind(origin[0], origin[1], q, meeting, begun.astype(int))
+        self._run(variant, station, length, behind, give_up, report)
 
     def seek(self, variant, station, q, meeting, report) -> None:
         """Search nodes, each near a guess; arrays begin with the node."""
         one, unknown = np.ones(len(variant), int), np.isnan(q).any(axis=-1)
         if unknown.any():
-            own = at_reference(self.variants.knee, self.stations)
-            q = np.where(unknown[:, None], own.q, q)
-            meeting = np.where(unknown[:, None, None], own.meeting, meeting)
+            own_q, own_meeting = _at_reference(self.variants.knee, self.stations)
+            q = np.where(unknown[:, None], own_q, q)
+            meeting = np.where(unknown[:, None, None], own_meeting, meeting)
         behind = self._behind(variant, station, q, meeting, 0 * one)
         self._run(variant[:, None], station[:, None], one, behind, _WHILE_CHANGED, report)
 
     def begin(self, variant, station, length, give_up: int, report) -> None:
         """Follow paths of nodes from the reference pose; as in `follow`."""
-        own, count = at_reference(self.variants.knee, self.stations), len(length)
-        q, meeting = (np.repeat(np.asarray(x)[None], count, axis=0) for x in own)
-        nothing = np.zeros(count, int)
+        own, nothing = _at_reference(self.variants.knee, self.stations), np.zeros(len(length), int)
+        q, meeting = (np.repeat(x[None], len(length), axis=0) for x in own)
         behind = self._behind(variant[:, 0], station[:, 0], q, meeting, nothing)
         self._run(variant, station, length, behind, give_up, report)
+
+    def answer(self, shape: tuple[int, ...]) -> Balances:
+        """What was found, with other leading axes of the variants."""
+        self.found.reached[:] = np.where(self.found.converged, 1.0, 0.0)
+        return self.found.shaped(shape)
 
     def _rows(self, variant, station) -> np.ndarray:
         return np.concatenate([self._numbers[variant], self._marks[station]], axis=-1)
 
     def _behind(self, variant, station, q, meeting, known) -> Behind:
         """What lies behind paths that begin at nodes; q and meeting begin with the path."""
-        turned = (np.moveaxis(x, 0, -1) for x in (self._rows(variant, station), q, meeting))
-        return Behind.at(*turned, known)
+        q, meeting = np.moveaxis(q, 0, -1), np.moveaxis(meeting, 0, -1)
+        return Behind.at(self._rows(variant, station).T, q, meeting, known)
 
     def _run(self, variant, station, length, behind: Behind, give_up: int, report) -> None:
         def cases(path: np.ndarray, place: np.ndarray) -> np.ndarray:
@@ -272,22 +270,12 @@ class _Batch:
             self.follow(nodes, stations[rows], length[rows], begins, give_up, report, anew)
 
 
-def at_reference(knee: Knee, stations: Stations):
-    """Where a knee rests at its reference pose: free coordinates, contact points."""
-    own, reference = knee.at_reference, float(knee.reference_pose.flexion)
-    bent = free_of(["flexion"], knee.bodies)
-    flexion, q = np.array([reference]), np.asarray(own.at(bent))[:, None]
+def _at_reference(knee: Knee, stations: Stations) -> tuple[np.ndarray, np.ndarray]:
+    """Free coordinates and contact points of a knee at its reference pose."""
+    own, bent = knee.at_reference, free_of(["flexion"], knee.bodies)
+    flexion, q = np.array([float(own.tibia.flexion)]), np.asarray(own.at(bent))[:, None]
     meeting = np.asarray(_contact_points(knee, flexion, q))[..., 0]
-    return _Begin(np.asarray(own.at(stations.free)), meeting)
-
-
-@dataclasses.dataclass(frozen=True)
-class _Begin:
-    q: np.ndarray
-    meeting: np.ndarray
-
-    def __iter__(self):
-        return iter((self.q, self.meeting))
+    return np.asarray(own.at(stations.free)), meeting
 
 
 @compiled(optimised=False)
@@ -324,7 +312,7 @@ def _along(routes: Routes, variants: Variants, holding: bool, report):
     at_home = found.converged[:, home].copy()
     lost = np.flatnonzero(~at_home)
     for way, arm in zip((1, -1), arms, strict=True):
-        known = found.converged[np.ix_(lost, arm)]
+        known = found.converged[lost[:, None], arm]
         first = np.where(known.any(axis=1), np.argmax(known, axis=1), -1)
         for place in np.unique(first[first >= 0]):
             back = routes.bent(arm[place], -way)

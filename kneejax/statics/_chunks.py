@@ -14,14 +14,16 @@ import numpy as np
 
 from kneejax.mechanics import Knee
 from kneejax.numerics import on_all_cores
-from kneejax.statics._continuation import Behind, Case, follow, of_record, shapes_of_record
+from kneejax.statics._balances import of_record, shapes_of_record
+from kneejax.statics._continuation import Behind, follow
+from kneejax.statics._variants import Case
 
 #: Paths side by side. Few are soon filled, many share what an operation costs by itself
 #: (docs/performance.md). Over points one path by itself fills the processor.
 LANES, LANES_OVER_POINTS = 64, 8
 #: Load cases ahead of each path in one call.
 _AHEAD = 32
-#: Paths for each one that a call leaves on its way, where others wait; where each has one load case.
+#: Paths for each one that a call leaves on its way, where others wait; likewise of one load case.
 _ROOM, _ROOM_OF_ONE = 2, 8
 #: Paths of a thread's lot, at least and at most, for each lane.
 _LOT = (2, 8)

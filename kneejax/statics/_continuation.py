@@ -2,8 +2,8 @@
 
 From its last equilibrium a path steps towards its next load case. Where the step leads is predicted
 by a parabola through the last three equilibria; where nothing is found, or something farther away
-than one branch leads, the step is halved, and after an easy one it is doubled. What is still not
-found has no equilibrium that is connected with the last: beyond a limit point, or in nobody's reach.
+than one branch leads, the step is halved, and after an easy one it is doubled. What is not found
+then has no equilibrium that is connected with the last: it lies beyond a limit point.
 
 Every turn of the one compiled loop is a look of all lanes, each at its own step of its own path.
 """
@@ -20,17 +20,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
-from jax.flatten_util import ravel_pytree
 
 from kneejax.geometry import Prescribed, scales
 from kneejax.mechanics import Knee
 from kneejax.numerics import compiled
+from kneejax.statics._balances import shapes_of_record
 from kneejax.statics._newton import EnergyNewton, Guess, SearchState, look
-from kneejax.statics._settle import fault_of, holding, shapes_of_holding
-from kneejax.statics._stations import Stations
+from kneejax.statics._settle import fault_of, holding
 from kneejax.statics._status import Status, converged
 from kneejax.statics._stiffness import size_of, softness_of
-from kneejax.statics._variants import with_numbers
+from kneejax.statics._variants import Case
 
 #: Last step of a search, mm (rotations at 30 mm).
 _ACCURACY_MM = 1e-9
@@ -51,26 +50,6 @@ _PER_DEGREE_MM, _BENT_MM, _LOADED_MM = 0.75, 0.75, 2.0
 _STRAIGHT = 1e-6
 #: Turns of the loop in which load cases may end, for each that lies ahead.
 _ENDS = 2
-
-
-class Case(NamedTuple):
-    """A load case of a knee of its own: the numbers that vary by their places, what acts there."""
-
-    numbers: dict[int, Any]
-    stations: Stations
-
-    def of(self, rows: Array) -> Case:
-        """Those of rows `(numbers, lanes)`, which were made of cases like this one."""
-        return jax.vmap(ravel_pytree(self)[1], in_axes=-1, out_axes=-1)(rows)
-
-    def knees(self, knee: Knee) -> Knee:
-        """With their loads; of a case whose arrays end in lanes."""
-        return self.stations.added_to(with_numbers(knee, self.numbers)).for_many_poses()
-
-    def rows(self, which) -> np.ndarray:
-        """Rows of some of the numbers, which `which` finds in it."""
-        chosen = {id(x) for x in jax.tree.leaves(which(self))}
-        return in_rows(jax.tree.map(lambda x: np.full(np.shape(x), id(x) in chosen), self), 0)
 
 
 class Behind(eqx.Module):
@@ -98,33 +77,9 @@ class Behind(eqx.Module):
     def at(cls, cases, q, meeting, known) -> Behind:
         """One equilibrium each, or a guess; arrays as in the attributes, but for the first axis."""
         numpy = np if isinstance(q, np.ndarray) else jnp
-        thrice = (numpy.repeat(x[None], 3, axis=0) for x in (cases, q, meeting))
+        cases, q, meeting = (numpy.repeat(x[None], 3, axis=0) for x in (cases, q, meeting))
         nothing = numpy.zeros(numpy.shape(known))
-        return cls(*thrice, known, nothing.astype(int), nothing, nothing + numpy.inf)
-
-
-def in_rows(tree: Any, axes: int) -> Any:
-    """All numbers of arrays that begin with the same axes, beside each other: `(..., numbers)`."""
-    leaves = jax.tree.leaves(tree)
-    numpy = np if all(isinstance(x, np.ndarray) for x in leaves) else jnp
-    return numpy.concatenate([x.reshape(*x.shape[:axes], -1) for x in leaves], axis=-1)
-
-
-def shapes_of_record(free: int, patches: int) -> dict[str, tuple[int, ...]]:
-    """What is recorded where a path is through with a load case, without lanes: its place on the
-    path, -1 where none ended; as in `Settled`, q, the contact points, status, fault and how many
-    looks it took; the part of the way to it at which the last equilibrium was; `softness_of` it;
-    and what holds it."""
-    numbers = ("place", "status", "fault", "steps", "way", "softness")
-    nothing: dict[str, tuple[int, ...]] = dict.fromkeys(numbers, ())
-    return nothing | {"q": (free,), "meeting": (patches, 2)} | shapes_of_holding(free, patches)
-
-
-def of_record(rows: Any, shapes: dict[str, tuple[int, ...]]) -> dict[str, Any]:
-    """The numbers of records `(numbers, lanes)` by name; arrays end in lanes."""
-    ends = np.cumsum([int(np.prod(shape)) for shape in shapes.values()])
-    parts = zip(shapes.items(), np.r_[0, ends[:-1]], ends, strict=True)
-    return {name: rows[a:b].reshape(*shape, rows.shape[-1]) for (name, shape), a, b in parts}
+        return cls(cases, q, meeting, known, nothing.astype(int), nothing, nothing + numpy.inf)
 
 
 @compiled()
@@ -266,7 +221,9 @@ class Continuation(NamedTuple):
         size = sum(int(np.prod(shape)) for shape in record.values())
         nothing = jnp.full((size, *lanes), -1.0)
         return _Paths(
-            behind, none, self.length > 0, yes, yes, jnp.ones(lanes), no, no, none, no, here, y, state, jnp.asarray(0), nothing,
+            behind=behind, place=none, active=self.length > 0, ended=yes, fresh=yes,
+            step=jnp.ones(lanes), cautious=no, patient=no, looks=none, at_first=no,
+            here=here, y=y, state=state, turns=jnp.asarray(0), record=nothing,
         )  # fmt: skip
 
     def _looked(self, paths: _Paths) -> _Paths:
@@ -290,7 +247,7 @@ class Continuation(NamedTuple):
             q=paths.y.q, meeting=paths.y.meeting, **holding(paths.state),
         )  # fmt: skip
         rows = [jnp.reshape(x, (-1, x.shape[-1])).astype(float) for x in entry.values()]
-        ends = jnp.where(over & paths.active & paths.ended, jnp.concatenate(rows), paths.record)
+        record = jnp.where(over, jnp.concatenate(rows), paths.record)
         done = paths.step * (1.0 - paths.behind.progress)
         progress = paths.behind.progress + jnp.where(judged.good, done, 0.0)
         easy = jnp.where(paths.state.count <= _EASY, 2.0, 1.0)
@@ -299,13 +256,13 @@ class Continuation(NamedTuple):
         step = jnp.where(judged.shorter, 0.5 * step, jnp.where(judged.failed, 1.0, step))
         behind, good, place = paths.behind, judged.good, paths.place + over
         behind = Behind(
-            _pushed(behind.cases, paths.here, good),
-            _pushed(behind.q, paths.y.q, good),
-            _pushed(behind.meeting, paths.y.meeting, good),
-            jnp.minimum(behind.known + good, 3),
-            jnp.where(arrived, 0, behind.failed + judged.failed),
-            jnp.where(over, 0.0, progress),
-            jnp.where(good, judged.softness, behind.softness),
+            cases=_pushed(behind.cases, paths.here, good),
+            q=_pushed(behind.q, paths.y.q, good),
+            meeting=_pushed(behind.meeting, paths.y.meeting, good),
+            known=jnp.minimum(behind.known + good, 3),
+            failed=jnp.where(arrived, 0, behind.failed + judged.failed),
+            progress=jnp.where(over, 0.0, progress),
+            softness=jnp.where(good, judged.softness, behind.softness),
         )
         goal = self._goal(place)
         # Loads are not laid on a knee that is not balanced without them.
@@ -317,12 +274,11 @@ class Continuation(NamedTuple):
             place=place,
             active=paths.active & (place < self.length) & (failed < self.give_up),
             step=step,
-            cautious=jnp.where(judged.again | judged.shorter | judged.failed, True,
-                               paths.cautious & ~good),
+            cautious=~good & (paths.cautious | paths.ended & ~paths.fresh),
             looks=jnp.where(over, 0, looks),
             at_first=paths.at_first | (arrived & (paths.place == 0)),
             turns=paths.turns + jnp.any(over),
-            record=ends,
+            record=record,
         )  # fmt: skip
         return self._sent(paths, goal, judged.again)
 
@@ -330,7 +286,7 @@ class Continuation(NamedTuple):
         """Begin the next search of the lanes whose last one has ended."""
         last, begins = paths.behind.cases[0], paths.ended & paths.active
         # A load that grows acts where it will act.
-        whole = (paths.step >= 1.0) | self.like.rows(_points_of)[:, None]
+        whole = (paths.step >= 1.0) | self.like.rows_of_points()[:, None]
         new = jnp.where(whole, goal, last + paths.step * _apart(goal, last))
         orders, distances = self._past(paths.behind, new)
         order = jnp.where(paths.cautious, jnp.minimum(orders[-1], 1), orders[-1])
@@ -355,14 +311,14 @@ class Continuation(NamedTuple):
 
     def _loading(self, here: Array, last: Array) -> Array:
         """Whether anything changes but flexion and the numbers of a knee."""
-        others = ~(self.like.rows(_flexion_of) | self.like.rows(lambda case: case.numbers))
-        others &= ~self.like.rows(_points_of)
+        others = ~(self.like.rows_of_flexion() | self.like.rows_of_numbers())
+        others &= ~self.like.rows_of_points()
         return jnp.any((here != last) & others[:, None], axis=0)
 
     def _past(self, behind: Behind, here: Array) -> tuple[list[Array], list[Array]]:
         """How many of the last one, two, three equilibria lie on a straight path to a case, and how
         far behind it each of them is."""
-        moves = ~self.like.rows(_points_of)[:, None]
+        moves = ~self.like.rows_of_points()[:, None]
         cases = here, *behind.cases
         steps = [jnp.where(moves, _apart(a, b), 0.0) for a, b in itertools.pairwise(cases)]
         sizes = [jnp.linalg.norm(step, axis=0) for step in steps]
@@ -382,7 +338,7 @@ class Continuation(NamedTuple):
         fault = fault_of(*self._args(here), state, pivots)
         status = jnp.where(state.done, fault, int(Status.NOT_CONVERGED))
         loading, begun = self._loading(here, last), behind.known > 0
-        turned = self.like.rows(_flexion_of)[:, None]
+        turned = self.like.rows_of_flexion()[:, None]
         bend = jnp.rad2deg(jnp.max(jnp.where(turned, jnp.abs(_apart(here, last)), 0.0), axis=0))
         reach = jnp.where(bend > 0.0, jnp.maximum(_BENT_MM, _PER_DEGREE_MM * bend), jnp.inf)
         reach = jnp.where(loading, _LOADED_MM, reach)
@@ -413,16 +369,6 @@ class Continuation(NamedTuple):
             good, again, shorter, ended & ~(good | again | shorter), status, fault,
             jnp.where(good, softness, softer),
         )  # fmt: skip
-
-
-def _points_of(case: Case) -> list[Any]:
-    """Where loads act."""
-    return [x for load in case.stations.loads for x in load.places]
-
-
-def _flexion_of(case: Case) -> list[Any]:
-    prescribed = case.stations.prescribed
-    return [prescribed["flexion"]] if "flexion" in prescribed else []
 
 
 def _apart(here: Array, last: Array) -> Array:

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kneejax.mechanics import Load, Pull
-from kneejax.statics._continuation import in_rows
 from kneejax.statics._stations import Stations
+from kneejax.statics._variants import in_rows
 
 #: Flexion between two nodes of the stem, rad.
 STRIDE = np.deg2rad(5.0)

@@ -20,10 +20,10 @@ from kneejax.numerics import compiled
 from kneejax.statics._balance import force_along
 from kneejax.statics._balances import Balances
 from kneejax.statics._chunks import LANES, Paths, follow_in_chunks
-from kneejax.statics._continuation import Behind, Case, in_rows
+from kneejax.statics._continuation import Behind
 from kneejax.statics._stations import Stations
 from kneejax.statics._status import Status, gives_way
-from kneejax.statics._variants import Variants
+from kneejax.statics._variants import Case, Variants, in_rows
 
 #: Stiffness, as a part of that at the beginning, below which a knee that cannot follow gives way.
 _SOFT = 0.1

@@ -15,19 +15,13 @@ import jax.numpy as jnp
 from jax import Array, lax
 
 from kneejax.mechanics import Knee, add_lane_axis
-from kneejax.statics._balances import settled_of
-from kneejax.statics._continuation import (
-    Behind,
-    Case,
-    Continuation,
-    in_rows,
-    of_record,
-    shapes_of_record,
-)
+from kneejax.statics._balances import of_record, settled_of, shapes_of_record
+from kneejax.statics._continuation import Behind, Continuation
 from kneejax.statics._flexion_paths import STRIDE
 from kneejax.statics._settle import Settled, with_meeting
 from kneejax.statics._stations import Stations
 from kneejax.statics._status import Status, converged
+from kneejax.statics._variants import Case, in_rows
 
 #: Load cases without an equilibrium in a row after which a path ends.
 _GIVE_UP = 5

@@ -1,4 +1,4 @@
-"""Variants of a knee, as the numbers in which they differ from it.
+"""Variants of a knee, as the numbers in which they differ from it, and what acts on them.
 
 What may vary is a function of the caller's. If searches took it along, each choice of parameters
 would compile them anew (9 s); they take the numbers that it changes, and stiffness and slack length
@@ -10,13 +10,16 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import Array
+from jax.flatten_util import ravel_pytree
 
 from kneejax.mechanics import Knee
+from kneejax.statics._stations import Stations
 
 #: A function `(knee, value) -> knee` of the same structure; hashable, since it steers compiling.
 Vary = Callable[[Knee, Any], Knee]
@@ -107,3 +110,41 @@ def in_lanes(knee: Knee, vary: Vary, values: Any) -> Knee:
     """
     numbers = _numbers(vary, knee, values)
     return with_numbers(knee, {leaf: jnp.moveaxis(x, 0, -1) for leaf, x in numbers.items()})
+
+
+class Case(NamedTuple):
+    """A load case of a knee of its own: the numbers that vary by their places, what acts there."""
+
+    numbers: dict[int, Any]
+    stations: Stations
+
+    def of(self, rows: Array) -> Case:
+        """Those of rows `(numbers, lanes)`, which were made of cases like this one."""
+        return jax.vmap(ravel_pytree(self)[1], in_axes=-1, out_axes=-1)(rows)
+
+    def knees(self, knee: Knee) -> Knee:
+        """With their loads; of a case whose arrays end in lanes."""
+        return self.stations.added_to(with_numbers(knee, self.numbers)).for_many_poses()
+
+    def rows_of_numbers(self) -> np.ndarray:
+        """Which rows are numbers of the knee."""
+        return self._rows_of(self.numbers)
+
+    def rows_of_flexion(self) -> np.ndarray:
+        """Which row is flexion, where that is prescribed."""
+        return self._rows_of(self.stations.prescribed.get("flexion"))
+
+    def rows_of_points(self) -> np.ndarray:
+        """Which rows say where a load acts."""
+        return self._rows_of([load.places for load in self.stations.loads])
+
+    def _rows_of(self, some: Any) -> np.ndarray:
+        chosen = {id(x) for x in jax.tree.leaves(some)}
+        return in_rows(jax.tree.map(lambda x: np.full(np.shape(x), id(x) in chosen), self), 0)
+
+
+def in_rows(tree: Any, axes: int) -> Any:
+    """All numbers of arrays that begin with the same axes, beside each other: `(..., numbers)`."""
+    leaves = jax.tree.leaves(tree)
+    numpy = np if all(isinstance(x, np.ndarray) for x in leaves) else jnp
+    return numpy.concatenate([x.reshape(*x.shape[:axes], -1) for x in leaves], axis=-1)

@@ -152,8 +152,9 @@ class Instants:
 
     def _near(self, rows: np.ndarray, begin: list[np.ndarray]) -> None:
         """Find some near where they are expected."""
-        begin = (np.asarray(x)[None] for x in begin)
-        self._take(rows, balance_near(self.knee, itself, np.zeros(1), self._at(rows), *begin))
+        q, meeting = (np.asarray(x)[None] for x in begin)
+        found = balance_near(self.knee, itself, np.zeros(1), self._at(rows), q, meeting)
+        self._take(rows, found)
 
     def _take(self, rows: np.ndarray, found: Balances) -> None:
         """Write down what was found."""
