@@ -65,6 +65,7 @@ class Mechanics(eqx.Module):
         beyond_share: of the force that is carried there, `(poses, contacts)`, 0 to 1; likewise.
         displacement: of the tibia from the reference pose, degrees and mm, `(poses, 5)`; see
             `kneejax.mechanics.displacement`.
+        ligament_force: of each on its second bone in tibia axes, `(poses, ligaments, 3)`, N.
     """
 
     length: Array
@@ -89,6 +90,7 @@ class Mechanics(eqx.Module):
     no_patch: Array
     through_bone: Array
     displacement: Array
+    ligament_force: Array
 
 
 def evaluate(knee: Knee, poses: Pose | State, meeting: Array | None = None) -> Mechanics:
@@ -155,7 +157,7 @@ def _evaluate(knee: Knee, state: State, meeting: Array | None) -> Mechanics:
         for shape in ((3,), (3,), (), (), (), (), (3,), *((),) * 6)
     ]
     force, moment, area, peak, mean, depth, center, far, share, known, deep, flat, through = stacked
-    length, wrap = ligaments.length_and_wrap(state)
+    length, wrap, pull = ligaments.length_wrap_and_forces(state)
     # Of a pose that is not known a smooth law would say that a ligament is slack.
     nowhere = jnp.isnan(jnp.sum(state.at(coordinates_of(knee.bodies)), axis=0))
     length, tension = (
@@ -184,6 +186,7 @@ def _evaluate(knee: Knee, state: State, meeting: Array | None) -> Mechanics:
         flat > 0,
         through > 0,
         displacement(lanes, state.tibia).T,
+        jnp.moveaxis(jnp.stack(state.tibia.placement.turn_back(pull)), 0, -1).swapaxes(0, 1),
     )
 
 

@@ -15,7 +15,7 @@ from jax.typing import ArrayLike
 
 from kneejax.geometry import COLUMNS, COORDINATES, Pose, convert, coordinate, table_units
 from kneejax.mechanics import Knee, Load, add_lane_axis
-from kneejax.numerics import WrongValue, compiled, filled, imported, lanes_for, traced
+from kneejax.numerics import WrongValue, compiled, imported, traced
 from kneejax.parameters import fibre_rows
 from kneejax.statics import (
     Balances,
@@ -125,12 +125,9 @@ class Motion(eqx.Module):
             known = ", ".join(self.stations.prescribed)
             raise WrongValue("name", repr(name), f"one that is prescribed: {known}")
         if traced(self):
-            return _reactions(self.knee, self.stations, self.settled)[name]
-        # Filled up: another number of poses is no other program.
-        count = len(self.stations)
-        rows = np.minimum(np.arange(lanes_for(count)), count - 1)
-        stations = jax.tree.map(lambda x: np.asarray(x)[rows], self.stations)
-        return _reactions(self.knee, stations, jax.tree.map(filled, self.settled))[name][:count]
+            return _reaction(name, self.knee, self.stations, self.settled)
+        row = sorted(self.stations.prescribed).index(name)
+        return jnp.where(self.settled.converged, self.settled.reaction[row], jnp.nan)
 
     def to_dataframe(self) -> Any:
         """The poses as a table of pandas, with status and, where something is held, its reaction.
@@ -154,12 +151,11 @@ class Motion(eqx.Module):
         return table
 
 
-@compiled()
-def _reactions(knee: Knee, stations: Stations, settled: Settled) -> dict[str, Array]:
-    """Generalised force that is left on every prescribed coordinate, `(poses,)` each."""
-    lanes, names = stations.load(add_lane_axis(knee)), tuple(stations.prescribed)
+@compiled(static_argnums=(0,))
+def _reaction(name: str, knee: Knee, stations: Stations, settled: Settled) -> Array:
+    """Generalised force that is left on a prescribed coordinate, differentiable, `(poses,)`."""
     meeting = settled.meeting[:, 0], settled.meeting[:, 1]
-    return dict(zip(names, force_along(lanes, settled.state, meeting, names), strict=True))
+    return force_along(stations.load(add_lane_axis(knee)), settled.state, meeting, (name,))[0]
 
 
 def passive_flexion(

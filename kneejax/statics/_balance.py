@@ -92,16 +92,18 @@ def force(
         Residual `(free, lanes)` and `Forces`.
     """
     residual, forces = rows_of_force(knee, prescribed, q, meeting)
-    return jnp.stack(residual), forces
+    return jnp.stack(residual[: len(q)]), forces
 
 
 def rows_of_force(
     knee: Knee, prescribed: Prescribed, q: Array, meeting: tuple[Array, Array]
 ) -> tuple[tuple[Array, ...], Forces]:
-    """As `force`, the residual in rows of lanes."""
+    """As `force`, the residual in rows of lanes; below, likewise what holds the prescribed ones, in
+    the order of their names."""
     state, free = _where(knee, prescribed, q)
     held = knee.press(state, meeting)
-    return _unbalanced(knee, state, held.wrenches, free), _forces(knee, state, held, free)
+    every = *free, *sorted(prescribed)
+    return _unbalanced(knee, state, held.wrenches, every), _forces(knee, state, held, free)
 
 
 def force_along(
@@ -125,7 +127,8 @@ def balance(knee: Knee, prescribed: Prescribed, q: Array, meeting: tuple[Array, 
         q,
         jnp.stack(meeting, axis=1),
     )
-    return Balance(jnp.stack(residual), tangent(), forces)
+    free = slice(len(q))
+    return Balance(jnp.stack(residual[free]), tangent()[free], forces)
 
 
 def linearised(
@@ -144,7 +147,7 @@ def linearised(
         meeting: parameters of the meeting points, `(n, 2, lanes)`.
 
     Returns:
-        Residual, `Forces`, and a function that computes the tangent, `(free, free, lanes)`.
+        Residual, `Forces`, and a function that computes the tangent, `(rows, free, lanes)`.
     """
     residual, push, forces = jax.linearize(force_at, q, meeting, has_aux=True)
 

@@ -51,10 +51,11 @@ class Balances:
 
     @classmethod
     def nothing(
-        cls, shape: tuple[int, ...], free: tuple[str, ...], patches: int, holding: bool
+        cls, shape: tuple[int, ...], stations: Stations, patches: int, holding: bool
     ) -> Balances:
         """Nothing known yet: every pose counts as not balanced."""
-        sizes = shapes_of_holding(len(free), patches) if holding else {}
+        free, held = stations.free, len(stations.prescribed)
+        sizes = shapes_of_holding(len(free), held, patches) if holding else {}
         lost = int(Status.NOT_CONVERGED)
         return cls(
             np.full((*shape, len(free)), np.nan),
@@ -123,14 +124,17 @@ class Balances:
         return converged(self.status)
 
 
-def shapes_of_record(free: int, patches: int) -> dict[str, tuple[int, ...]]:
+def shapes_of_record(stations: Stations, patches: int) -> dict[str, tuple[int, ...]]:
     """What is recorded where a path is through with a load case, without lanes: its place on the
     path, -1 where none ended; as in `Settled`, q, the contact points, status, fault and how many
     looks it took; the part of the way to it at which the last equilibrium was; `softness_of` it;
     and what holds it."""
     numbers = ("place", "status", "fault", "steps", "way", "softness")
+    free, held = len(stations.free), len(stations.prescribed)
     nothing: dict[str, tuple[int, ...]] = dict.fromkeys(numbers, ())
-    return nothing | {"q": (free,), "meeting": (patches, 2)} | shapes_of_holding(free, patches)
+    return nothing | {"q": (free,), "meeting": (patches, 2)} | shapes_of_holding(
+        free, held, patches
+    )
 
 
 def of_record(rows: Any, shapes: dict[str, tuple[int, ...]]) -> dict[str, Any]:

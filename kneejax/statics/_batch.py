@@ -186,7 +186,7 @@ class _Batch:
         knee, stations = variants.knee, jax.tree.map(np.asarray, stations)
         self.variants, self.stations = variants, stations
         shape = len(variants), len(stations)
-        self.found = Balances.nothing(shape, stations.free, knee.patch_count, holding)
+        self.found = Balances.nothing(shape, stations, knee.patch_count, holding)
         whole = {leaf: variants.numbers[leaf] for leaf in sorted(variants.numbers)}
         none = np.zeros((len(variants), 0))
         self._numbers = in_rows(whole, 1) if whole else none

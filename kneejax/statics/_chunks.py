@@ -75,7 +75,7 @@ def _follow_lot(
     """Chunk after chunk of some paths, the longest first, so that lanes stay full to the end."""
     place, left = np.zeros(len(lot), int), paths.length[lot]
     behind: Behind = jax.tree.map(lambda x: x[..., lot], paths.behind)
-    shapes = shapes_of_record(behind.q.shape[1], behind.meeting.shape[1])
+    shapes = shapes_of_record(paths.like.stations, knee.patch_count)
     ahead = np.arange(_AHEAD)[:, None] if paths.longest > 1 else np.zeros((1, 1), int)
     room = lanes // (_ROOM if paths.longest > 1 else _ROOM_OF_ONE)
     while left.any():

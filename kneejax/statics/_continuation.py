@@ -217,7 +217,7 @@ class Continuation(NamedTuple):
         args = self._args(here)
         _, shapes = jax.eval_shape(look, y, args)
         state = EnergyNewton().init(look, y, args, {}, None, shapes, frozenset())
-        record = shapes_of_record(len(self._units()), y.meeting.shape[0])
+        record = shapes_of_record(self.like.stations, self.knee.patch_count)
         size = sum(int(np.prod(shape)) for shape in record.values())
         nothing = jnp.full((size, *lanes), -1.0)
         return _Paths(

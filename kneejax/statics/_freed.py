@@ -41,8 +41,8 @@ def freed(variants: Variants, stations: Stations, before: Balances) -> Balances:
         The balances, with what holds them; where `before` has none, there is none. `reached` is the
         part of the way that the knee followed.
     """
-    shape, free, knee = before.status.shape, stations.free, variants.knee
-    found = Balances.nothing(shape, free, knee.patch_count, True)
+    free, knee = stations.free, variants.knee
+    found = Balances.nothing(before.status.shape, stations, knee.patch_count, True)
     found.status[:], found.fault[:] = before.status, before.fault
     found.steps[:], found.reached[:] = before.steps, before.reached
     node = np.nonzero(before.converged)

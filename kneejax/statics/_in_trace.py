@@ -45,7 +45,7 @@ def continued_in_trace(knee: Knee, stations: Stations) -> Settled:
     q = jnp.broadcast_to(knee.at_reference.at(free)[:, None], (len(free), lanes))
     guess = with_meeting(add_lane_axis(knee), {"flexion": begin}, q)
     like = Case({}, jax.tree.map(lambda x: x[0], stations))
-    shapes = shapes_of_record(len(free), knee.patch_count)
+    shapes = shapes_of_record(stations, knee.patch_count)
 
     def a_trip(trip: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
         again, goes, found = trip

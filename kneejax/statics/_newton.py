@@ -77,6 +77,8 @@ class SearchState(eqx.Module):
         guess: the best point so far.
         residual: unbalanced force there, in rows.
         tangent: stiffness there, `(free, free, lanes)`.
+        reaction: what holds the prescribed coordinates, in rows, in the order of their names.
+        coupling: its derivative by the free ones, `(prescribed, free, lanes)`.
         forces: what holds it.
         miss: how far off meeting points were at the look before, mm, where there is another at the
             same pose; infinite elsewhere.
@@ -90,6 +92,8 @@ class SearchState(eqx.Module):
     guess: Guess
     residual: tuple[Array, ...]
     tangent: Array
+    reaction: tuple[Array, ...]
+    coupling: Array
     forces: Forces
     miss: Array
     damping: Array
@@ -99,14 +103,19 @@ class SearchState(eqx.Module):
     scales: tuple[float, ...] = eqx.field(static=True)
 
     @classmethod
-    def begun(cls, guess: Guess, forces: Forces, scales: tuple[float, ...]) -> SearchState:
-        """Before the first look; the forces give shapes."""
+    def begun(
+        cls, guess: Guess, forces: Forces, scales: tuple[float, ...], held: int
+    ) -> SearchState:
+        """Before the first look, so many coordinates prescribed; the forces give shapes."""
         lanes, nothing = guess.q.shape[1:], jnp.zeros_like(guess.q)
+        reaction = jnp.zeros((held, *lanes))
         forces = dataclasses.replace(forces, energy=jnp.full(lanes, jnp.inf))
         return cls(
             guess=guess,
             residual=tuple(nothing),
             tangent=jnp.zeros((len(scales), *guess.q.shape)),
+            reaction=tuple(reaction),
+            coupling=jnp.zeros((held, *guess.q.shape)),
             forces=forces,
             miss=jnp.full(lanes, jnp.inf),
             damping=jnp.zeros(lanes),
@@ -133,7 +142,7 @@ class SearchState(eqx.Module):
 
     def anew(self, lanes: Array, guess: Guess) -> SearchState:
         """With a search that begins at a guess in some lanes."""
-        first = SearchState.begun(guess, self.forces, self.scales)
+        first = SearchState.begun(guess, self.forces, self.scales, len(self.reaction))
         return jax.tree.map(lambda new, old: jnp.where(lanes, new, old), first, self)
 
 
@@ -144,7 +153,7 @@ def look(guess: Guess, args: tuple[Knee, Prescribed]):
     Jitted so that Python runs through the mechanics once however often the search is traced.
 
     Returns:
-        Residual in rows; forces.
+        Residual in rows, what holds prescribed coordinates below; forces.
     """
     knee, prescribed = args
     return rows_of_force(knee, prescribed, guess.q, (guess.meeting[:, 0], guess.meeting[:, 1]))
@@ -170,19 +179,28 @@ class EnergyNewton(optx.AbstractRootFinder):
             raise ValueError(f"EnergyNewton: unknown options {sorted(options)}; it takes none")
         forces = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), aux_struct)
         knee, prescribed = args
-        return SearchState.begun(y, forces, scales(free_of(prescribed, knee.bodies)))
+        units = scales(free_of(prescribed, knee.bodies))
+        return SearchState.begun(y, forces, units, len(prescribed))
 
     def step(self, fn, y, args, options, state, tags):
-        residual, forces, tangent = linearised(
+        rows, forces, tangent = linearised(
             lambda q, meeting: fn(Guess(q, meeting), args), y.q, y.meeting
         )
+        free, stiffness = len(y.q), tangent()
+        residual = rows[:free]
         accept, again = self._judged(y, residual, forces, state)
         miss = _miss(forces)
         # With what is seen off the meeting points nothing is compared.
         energy = jnp.where(state.compares | (miss <= _JUDGED), forces.energy, jnp.inf)
         seen = dataclasses.replace(forces, energy=energy)
         here = dataclasses.replace(
-            state, guess=y, residual=residual, tangent=tangent(), forces=seen
+            state,
+            guess=y,
+            residual=residual,
+            tangent=stiffness[:free],
+            reaction=rows[free:],
+            coupling=stiffness[free:],
+            forces=seen,
         )
         best = jax.tree.map(lambda new, old: jnp.where(accept, new, old), here, state)
         damping = jnp.where(accept, 0.1 * state.damping, jnp.maximum(8.0 * state.damping, 1.0))

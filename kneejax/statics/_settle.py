@@ -49,6 +49,9 @@ class Settled(eqx.Module):
         meeting: parameters of the meeting points `(n, 2, lanes)`.
         residual: unbalanced force left, `(free, lanes)`, N mm per rad and N.
         tangent: stiffness `(free, free, lanes)`.
+        reaction: what holds the prescribed coordinates, in the order of their names, `(prescribed,
+            lanes)`, N mm and N; of derivatives it knows nothing, `force_along` does.
+        coupling: its derivative by the free ones, `(prescribed, free, lanes)`.
         drift: derivative of the meeting points by `q`, `(free, n, 2, lanes)`.
         pivots: of the scaled symmetric tangent; all positive where the pose is stable.
         depth: of each patch, `(n, lanes)`, mm.
@@ -65,6 +68,8 @@ class Settled(eqx.Module):
     meeting: Array
     residual: Array
     tangent: Array
+    reaction: Array
+    coupling: Array
     drift: Array
     pivots: Array
     depth: Array
@@ -221,14 +226,19 @@ def holding(here: SearchState) -> dict[str, Array]:
     return dict(
         residual=jnp.stack(here.residual),
         tangent=here.tangent,
+        reaction=jnp.stack(here.reaction) if here.reaction else here.coupling[:, 0],
+        coupling=here.coupling,
         drift=jnp.stack([jnp.stack(pair, axis=1) for pair in here.forces.drift]),
         depth=here.forces.depth,
     )
 
 
-def shapes_of_holding(free: int, patches: int) -> dict[str, tuple[int, ...]]:
-    """Shapes of what `holding` gives, without lanes."""
-    return dict(residual=(free,), tangent=(free, free), drift=(free, patches, 2), depth=(patches,))
+def shapes_of_holding(free: int, held: int, patches: int) -> dict[str, tuple[int, ...]]:
+    """Shapes of what `holding` gives, without lanes, of free and prescribed coordinates."""
+    return dict(
+        residual=(free,), tangent=(free, free), reaction=(held,), coupling=(held, free),
+        drift=(free, patches, 2), depth=(patches,),
+    )  # fmt: skip
 
 
 def fault_of(knee: Knee, prescribed: Prescribed, here: SearchState, pivots: Array) -> Array:

@@ -22,7 +22,6 @@ from kneejax.experiments.extensor._mechanism import (
 )
 from kneejax.geometry import FEMUR, PATELLA
 from kneejax.mechanics import Knee, Load, add_lane_axis
-from kneejax.numerics import traced
 from kneejax.statics import converged
 
 
@@ -82,7 +81,7 @@ class Extensor:
         Ligaments by name, the patellar tendon as one, contacts, muscles, weights: they sum to
         zero where the knee balances.
         """
-        return forces_on_tibia(self.motion, np.asarray(self.mechanics.contact_force))
+        return forces_on_tibia(self.motion, self.mechanics)
 
 
 def needs_patella(knee: Knee) -> None:
@@ -194,9 +193,7 @@ def described(motion: Motion, pull: Array, walked: np.ndarray, weight: Load) -> 
     mechanics = evaluate(motion.knee, motion.settled.state, motion.settled.meeting)
     forces = jnp.linalg.norm(mechanics.contact_force, axis=-1)
     on_patella = [k for k, c in enumerate(motion.knee.contacts) if c.bodies == (FEMUR, PATELLA)]
-    known = motion.knee, motion.stations, motion.settled
-    moment = motion.reaction("flexion") if traced(known) else by_pull(*known).moment
-    holds = converged(motion.status)
+    moment, holds = motion.reaction("flexion"), converged(motion.status)
 
     def where(x: Array) -> Array:
         return jnp.where(holds, x, jnp.nan)
@@ -205,7 +202,7 @@ def described(motion: Motion, pull: Array, walked: np.ndarray, weight: Load) -> 
         motion,
         mechanics,
         pull,
-        where(tendon_of(motion)),
+        where(tendon_of(motion.knee, mechanics)),
         where(jnp.sum(forces[:, np.array(on_patella, int)], axis=1)),
         where(moment) / 1000.0,
         where(_moment(motion, weight)) / 1000.0,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -10,21 +11,22 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from kneejax.experiments._evaluate import Mechanics
 from kneejax.experiments._motion import Motion
 from kneejax.geometry import FEMUR_AND_TIBIA, PATELLA, TIBIA, Vector, scale
 from kneejax.mechanics import QUADRICEPS, Knee, Load, add_lane_axis, pull_of
-from kneejax.numerics import compiled
+from kneejax.numerics import compiled, traced
 from kneejax.statics import Settled, Stations, differentiable, force_along
 
 TENDON = "patellar tendon"
 
 
-def forces_on_tibia(motion: Motion, contact_force: np.ndarray) -> dict[str, np.ndarray]:
+def forces_on_tibia(motion: Motion, mechanics: Mechanics) -> dict[str, np.ndarray]:
     """Part -> what it does to the tibia along the tibia's own axes, `(poses, 3)`, N.
 
     Args:
         motion: balances of a knee of three bones.
-        contact_force: of all contacts on their second bone in its axes, `(poses, contacts, 3)`.
+        mechanics: ligaments and contacts there.
 
     Returns:
         Ligaments by name, the patellar tendon as one, the contacts, muscles and loads. They sum to
@@ -32,7 +34,8 @@ def forces_on_tibia(motion: Motion, contact_force: np.ndarray) -> dict[str, np.n
     """
     knee = motion.knee
     found = _pulls(knee, motion.stations, motion.settled)
-    ligaments, muscles, loads = (np.moveaxis(np.asarray(x), 0, -1) for x in found)
+    muscles, loads = (np.moveaxis(np.asarray(x), 0, -1) for x in found)
+    ligaments = np.asarray(mechanics.ligament_force).swapaxes(0, 1)
     every = (knee.ligaments, ligaments), (knee.muscles, muscles)
     answer = {
         name: force
@@ -44,7 +47,7 @@ def forces_on_tibia(motion: Motion, contact_force: np.ndarray) -> dict[str, np.n
     answer[TENDON] = ligaments[tendon_rows(knee)].sum(axis=0)
     for k, contact in enumerate(knee.contacts):
         if contact.bodies == FEMUR_AND_TIBIA:
-            answer[knee.contact_names[k]] = contact_force[:, k]
+            answer[knee.contact_names[k]] = np.asarray(mechanics.contact_force)[:, k]
     every_load = (*knee.loads, *motion.stations.loads)
     acting = [load for load in every_load if isinstance(load, Load)]
     for load, force in zip(acting, loads, strict=True):
@@ -52,11 +55,10 @@ def forces_on_tibia(motion: Motion, contact_force: np.ndarray) -> dict[str, np.n
     return answer
 
 
-def tendon_of(motion: Motion) -> Array:
+def tendon_of(knee: Knee, mechanics: Mechanics) -> Array:
     """Size of what the patellar tendon does to the tibia, `(poses,)`, N."""
-    ligaments, _, _ = _pulls(motion.knee, motion.stations, motion.settled)
-    rows = tendon_rows(motion.knee)
-    return jnp.linalg.norm(jnp.sum(ligaments[:, rows], axis=1), axis=0)
+    rows = tendon_rows(knee)
+    return jnp.linalg.norm(jnp.sum(mechanics.ligament_force[:, rows], axis=1), axis=-1)
 
 
 def tendon_rows(knee: Knee) -> np.ndarray:
@@ -65,22 +67,21 @@ def tendon_rows(knee: Knee) -> np.ndarray:
 
 
 @compiled()
-def _pulls(knee: Knee, stations: Stations, settled: Settled) -> tuple[Array, Array, Array]:
-    """Forces of fibres, muscles and loads in tibia axes, `(3, parts, poses)` each."""
+def _pulls(knee: Knee, stations: Stations, settled: Settled) -> tuple[Array, Array]:
+    """Forces of muscles and loads in tibia axes, `(3, parts, poses)` each."""
     lanes, state = stations.load(add_lane_axis(knee)), settled.state
     tibia = state.tibia.placement
 
     def turned(force: Vector) -> Array:
         return jnp.stack(jnp.broadcast_arrays(*tibia.turn_back(force)))
 
-    ligaments = turned(lanes.ligaments.forces(state))
     nothing = jnp.zeros((3, 0, *state.shape))
     muscles = nothing
     if lanes.muscles is not None:
         muscles = turned(scale(lanes.muscles.tension, lanes.muscles.unit_pulls(state)))
     forces = [tibia.turn_back(x.wrench(tibia).force) for x in lanes.loads if isinstance(x, Load)]
     loads = [jnp.stack(jnp.broadcast_arrays(*force, settled.q[0])[:3]) for force in forces]
-    return ligaments, muscles, jnp.stack(loads, axis=1) if loads else nothing
+    return muscles, jnp.stack(loads, axis=1) if loads else nothing
 
 
 class ByPull(NamedTuple):
@@ -101,18 +102,47 @@ class ByPull(NamedTuple):
     meeting: Array
 
 
-@compiled()
 def by_pull(knee: Knee, stations: Stations, settled: Settled) -> ByPull:
     """See `ByPull`: exact, from the stiffness that a balance already has."""
-    more = jnp.zeros(len(stations))
+    if traced((knee, stations, settled)):
+        return _by_pull(knee, stations, settled)
+    known = np.asarray(settled.converged)
+    change = np.where(known, _of_one_newton(knee, stations, settled), np.nan)
+    free, row = len(stations.free), sorted(stations.prescribed).index("flexion")
+    stiffness = np.where(known, settled.tangent, np.eye(free)[..., None])
+    q = -np.linalg.solve(np.moveaxis(stiffness, -1, 0), change[:free].T[..., None])[..., 0].T
+    arm = change[free] + np.einsum("fp,fp->p", settled.coupling[row], q)
+    meeting = np.einsum("fncp,fp->ncp", settled.drift, q)
+    moment = np.where(known, settled.reaction[row], np.nan)
+    return ByPull(*map(jnp.asarray, (moment, arm, q, meeting)))
+
+
+@compiled()
+def _of_one_newton(knee: Knee, stations: Stations, settled: Settled) -> Array:
+    """What one newton more of the quadriceps changes of the unbalanced force, free coordinates and
+    flexion, `(free + 1, poses)`, the pose held."""
+    return jax.jvp(*_pulled(knee, stations, lambda lanes: settled))[1][0]
+
+
+@compiled()
+def _by_pull(knee: Knee, stations: Stations, settled: Settled) -> ByPull:
+    """By the implicit rule, to be differentiated."""
+    (rows, *_), (slope, q, meeting) = jax.jvp(
+        *_pulled(knee, stations, lambda lanes: differentiable(lanes, stations.prescribed, settled))
+    )
+    return ByPull(rows[-1], slope[-1], q, meeting)
+
+
+def _pulled(knee: Knee, stations: Stations, balance: Callable[[Knee], Settled]):
+    """A function of the pull that is added, where it is none, and one newton: for `jax.jvp`."""
 
     def answer(pull: Array) -> tuple[Array, Array, Array]:
         loads = (*stations.loads, pull_of(QUADRICEPS, pull))
         lanes = dataclasses.replace(stations, loads=loads).load(add_lane_axis(knee))
-        there = differentiable(lanes, stations.prescribed, settled)
+        there = balance(lanes)
         meeting = there.meeting[:, 0], there.meeting[:, 1]
-        moment = force_along(lanes, there.state, meeting, ("flexion",))[0]
-        return moment, there.q, there.meeting
+        rows = force_along(lanes, there.state, meeting, (*stations.free, "flexion"))
+        return rows, there.q, there.meeting
 
-    (moment, *_), (arm, q, meeting) = jax.jvp(answer, (more,), (jnp.ones_like(more),))
-    return ByPull(moment, arm, q, meeting)
+    none = jnp.zeros(len(stations))
+    return answer, (none,), (jnp.ones_like(none),)

@@ -84,8 +84,8 @@ class Fibres(eqx.Module):
         kinds = self.kinds
         return self._joined(kinds, [way.length for way in self._ways(kinds, state)])
 
-    def length_and_wrap(self, state: State) -> tuple[Array, WrapState]:
-        """Lengths, `(n, ...)`, mm, and how the fibres pass their obstacles.
+    def length_wrap_and_pulls(self, state: State) -> tuple[Array, WrapState, Vector]:
+        """Lengths, `(n, ...)`, mm, how the fibres pass their obstacles, and `unit_pulls`.
 
         Of a fibre's several pieces the most bent one counts.
         """
@@ -93,7 +93,8 @@ class Fibres(eqx.Module):
         ways = self._ways(kinds, state)
         wraps = [functools.reduce(_more_bent, way.bent, _free(way.length)) for way in ways]
         wrap = jax.tree.map(lambda *x: self._joined(kinds, list(x)), *wraps)
-        return self._joined(kinds, [way.length for way in ways]), wrap
+        length = self._joined(kinds, [way.length for way in ways])
+        return length, wrap, self._unit_pulls(kinds, ways, state)
 
     def unit_pulls(self, state: State) -> Vector:
         """Force of a unit tension on the second bone of each, in femur axes, each `(n, ...)`."""

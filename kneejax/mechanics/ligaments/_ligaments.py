@@ -13,7 +13,7 @@ from kneejax.mechanics.ligaments import _law as law
 from kneejax.mechanics.ligaments._courses import Course
 from kneejax.mechanics.ligaments._dampers import Dampers
 from kneejax.mechanics.ligaments._failure_strain import FibreFaults, usual_failure_strain
-from kneejax.mechanics.ligaments._fibres import Fibres
+from kneejax.mechanics.ligaments._fibres import Fibres, WrapState
 
 
 class Ligaments(Fibres):
@@ -92,12 +92,10 @@ class Ligaments(Fibres):
         """Tension of each fibre, shape `(n, ...)`, N."""
         return self.tension_at(self.length(state))
 
-    def forces(self, state: State) -> Vector:
-        """Force of each fibre on its second bone, in femur axes, each `(n, ...)`, N."""
-        kinds = self.kinds
-        ways = self._ways(kinds, state)
-        length = self._joined(kinds, [way.length for way in ways])
-        return full(scale(self.tension_at(length), self._unit_pulls(kinds, ways, state)))
+    def length_wrap_and_forces(self, state: State) -> tuple[Array, WrapState, Vector]:
+        """As `length_wrap_and_pulls`, with forces of the fibres' tensions, N."""
+        length, wrap, pulls = self.length_wrap_and_pulls(state)
+        return length, wrap, full(scale(self.tension_at(length), pulls))
 
     def tension_at(self, length: Array) -> Array:
         """Tension of each fibre at given lengths, N."""

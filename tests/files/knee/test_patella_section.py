@@ -107,7 +107,7 @@ def test_the_tendon_runs_around_its_ellipsoid_and_is_longer_than_straight(docume
         "patella": Pose.from_table([[60.0, 2.0, 0.0, 15.0, -28.0, 5.0]]),
     })  # fmt: skip
     ligaments = add_lane_axis(knee.ligaments)
-    around, wrap = ligaments.length_and_wrap(bent)
+    around, wrap, _ = ligaments.length_wrap_and_pulls(bent)
     row = knee.ligaments.names.index("PTc")
     between = bent.between(("patella", "tibia"))
     tip = between.apply(tuple(np.asarray(ligaments.tibial_attachment[row])))

@@ -150,7 +150,7 @@ def test_fibres_keep_their_order_however_they_run():
         for row in (0, 2)
     ]
     together = fibres([Course((1,), **VIA), around("sphere", "tibia", (2, 0))])
-    length, wrap = jax.jit(Ligaments.length_and_wrap)(together, tibia_at(POSE))
+    length, wrap, _ = jax.jit(Ligaments.length_wrap_and_pulls)(together, tibia_at(POSE))
     np.testing.assert_allclose(np.asarray(length)[[0, 2]], alone, rtol=1e-14)
     assert np.isneginf(wrap.angle[1]) and np.isfinite(np.asarray(wrap.angle)[[0, 2]]).all()
 
