@@ -96,8 +96,8 @@ def change_of_table(more, linear, d_s, d_t, order: int):
             return None
         terms = [] if linear is None else [linear[i][j]]
         for by, slope in ((d_s, more[i + 1][j]), (d_t, more[i][j + 1])):
-            vanishes = slope is None or isinstance(by, SymbolicZero)
-            terms += [] if vanishes else [slope * by]
+            if slope is not None and not isinstance(by, SymbolicZero):
+                terms.append(slope * by)
         whole = functools.reduce(operator.add, terms) if terms else 0.0
         return jnp.broadcast_to(whole, more[i][j].shape)
 
