@@ -7,8 +7,9 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
+from kneejax.geometry import _vectors as v
 from kneejax.geometry._pose import Frame
-from kneejax.geometry._vectors import Rotation, Vector
+from kneejax.geometry._vectors import Component, Rotation, Vector
 from kneejax.geometry.surfaces._bases import CUBIC_SPLINE, POWER, checked_basis, table_partials
 from kneejax.geometry.surfaces._surface import (
     Jet,
@@ -16,7 +17,6 @@ from kneejax.geometry.surfaces._surface import (
     continued,
     excess,
     from_anterior,
-    scaled,
 )
 from kneejax.numerics import safe_sqrt
 
@@ -71,37 +71,29 @@ class Condyle(Surface):
 
     def radius(self, angle: Array, width: Array) -> Array:
         """Distance of the surface from the axis, mm."""
-        s, _ = scaled(angle, self.angle)
-        t, _ = scaled(width, self.width)
-        return self._table(s, t, 0)[0][0]
+        return jnp.asarray(self._table(angle, width, 0)[0][0])
 
     def point(self, a: Array, b: Array) -> Vector:
         radius = self.radius(a, b)
         return radius * jnp.cos(a), -radius * jnp.sin(a), b
 
     def jet(self, a: Array, b: Array, order: int = 2) -> Jet:
-        s, by_a = scaled(a, self.angle)
-        t, by_b = scaled(b, self.width)
-        d = self._table(s, t, order)
-
-        def r(i: int, j: int) -> Array:
-            return d[i][j] * by_a**i * by_b**j
-
+        d = self._table(a, b, order)
         c, s = jnp.cos(a), -jnp.sin(a)
-        radius, r_a, r_b, r_aa, r_ab, r_bb = d[0][0], r(1, 0), r(0, 1), r(2, 0), r(1, 1), r(0, 2)
+        (radius, r_b, r_bb, *_), (r_a, r_ab, *_), (r_aa, *_) = d[:3]
         return Jet(
             basis=((c, s, 0.0), (s, -c, 0.0), (0.0, 0.0, 1.0)),
             point=(radius, 0.0, b),
             a=(r_a, radius, 0.0),
             b=(r_b, 0.0, 1.0),
-            aa=(r_aa - radius, 2.0 * r_a, 0.0),
+            aa=(v.minus(r_aa, radius), v.times(2.0, r_a), 0.0),
             ab=(r_ab, r_b, 0.0),
             bb=(r_bb, 0.0, 0.0),
             third=None if order < 3 else (
-                (r(3, 0) - 3.0 * r_a, 3.0 * r_aa - radius, 0.0),
-                (r(2, 1) - r_b, 2.0 * r_ab, 0.0),
-                (r(1, 2), r_bb, 0.0),
-                (r(0, 3), 0.0, 0.0),
+                (v.minus(d[3][0], v.times(3.0, r_a)), v.minus(v.times(3.0, r_aa), radius), 0.0),
+                (v.minus(d[2][1], r_b), v.times(2.0, r_ab), 0.0),
+                (d[1][2], r_bb, 0.0),
+                (d[0][3], 0.0, 0.0),
             ),
         )
 
@@ -142,8 +134,9 @@ class Condyle(Surface):
         slope = (c - turn * s, s + turn * c, -by_width)
         return distance - radius, slope, (c, s), per_distance, second
 
-    def _table(self, s: Array, t: Array, order: int) -> tuple[tuple[Array, ...], ...]:
-        return table_partials(self.basis, self.coefficients, s, t, order)
+    def _table(self, angle: Array, width: Array, order: int) -> tuple[tuple[Component, ...], ...]:
+        region = self.angle, self.width
+        return table_partials(self.basis, self.coefficients, (angle, width), region, order)
 
     def _beyond(
         self, angle: Array, width: Array, order: int

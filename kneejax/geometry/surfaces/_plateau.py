@@ -7,11 +7,12 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
+from kneejax.geometry import _vectors as v
 from kneejax.geometry._pose import Frame
-from kneejax.geometry._vectors import Rotation, Vector
+from kneejax.geometry._vectors import Component, Rotation, Vector
 from kneejax.geometry.surfaces._bases import CUBIC_SPLINE, POWER, checked_basis, table_partials
 from kneejax.geometry.surfaces._outline import covered
-from kneejax.geometry.surfaces._surface import Height, Surface, continued, excess, scaled
+from kneejax.geometry.surfaces._surface import Height, Surface, continued, excess
 from kneejax.numerics import safe_sqrt
 
 # How far heights are continued beyond the region before they stay as they are, mm, by basis.
@@ -61,30 +62,23 @@ class Plateau(Surface):
     def __check_init__(self):
         checked_basis(self.basis, self.coefficients.shape, "Plateau")
 
-    def _table(self, s: Array, t: Array, order: int) -> tuple[tuple[Array, ...], ...]:
-        return table_partials(self.basis, self.coefficients, s, t, order)
+    def _table(self, x: Array, z: Array, order: int) -> tuple[tuple[Component, ...], ...]:
+        return table_partials(self.basis, self.coefficients, (x, z), (self.x, self.z), order)
 
     def point(self, a: Array, b: Array) -> Vector:
-        s, _ = scaled(a, self.x)
-        t, _ = scaled(b, self.z)
-        return a, self._table(s, t, 0)[0][0], b
+        return a, self._table(a, b, 0)[0][0], b
 
     def oriented(self, a: Array, b: Array) -> tuple[Vector, Vector, Array]:
-        s, by_x = scaled(a, self.x)
-        t, by_z = scaled(b, self.z)
-        (height, slope_t), (slope_s,) = self._table(s, t, 1)
-        along_x, along_z = slope_s * by_x, slope_t * by_z
+        (height, along_z), (along_x,) = self._table(a, b, 1)
         area = jnp.sqrt(1.0 + along_x**2 + along_z**2)
         return (a, height, b), (-along_x / area, 1.0 / area, -along_z / area), area
 
     def height(self, point: Vector, order: int = 2) -> Height:
         x, y, z = point
-        s, by_x = scaled(x, self.x)
-        t, by_z = scaled(z, self.z)
-        d = self._table(s, t, order)
+        d = self._table(x, z, order)
 
-        def lower(i: int, j: int) -> Array:
-            return -d[i][j] * (by_x**i * by_z**j)
+        def lower(i: int, j: int) -> Component:
+            return v.minus(0.0, d[i][j])
 
         def bent(i: int, j: int) -> Rotation:
             xx, xz, zz = lower(i + 2, j), lower(i + 1, j + 1), lower(i, j + 2)
@@ -100,10 +94,10 @@ class Plateau(Surface):
 
     def level(self, point: Vector) -> Array:
         x, y, z = point
-        s, by_x, _ = continued(x, self.x, _REACH_MM[self.basis])
-        t, by_z, _ = continued(z, self.z, _REACH_MM[self.basis])
-        (height, slope_t), (slope_s,) = self._table(s, t, 1)
-        steep = (slope_s * by_x) ** 2 + (slope_t * by_z) ** 2
+        x, by_x, _ = continued(x, self.x, _REACH_MM[self.basis])
+        z, by_z, _ = continued(z, self.z, _REACH_MM[self.basis])
+        (height, slope_z), (slope_x,) = self._table(x, z, 1)
+        steep = (slope_x * by_x) ** 2 + (slope_z * by_z) ** 2
         return (y - height) / jnp.sqrt(1.0 + steep)
 
     def outwards(self, point: Vector) -> Vector:

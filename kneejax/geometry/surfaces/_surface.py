@@ -241,7 +241,7 @@ def excess(value: Array, limits: Array | tuple[Array, Array]) -> Array:
 
 
 def continued(value: Array, limits: Array, reach: float) -> tuple[Array, Array, Array]:
-    """A coordinate scaled to -1..1 over its limits that soon comes to rest beyond them.
+    """A coordinate that soon comes to rest beyond its limits.
 
     A table of coefficients says nothing beyond its region. Held at the border it would have a kink
     there, and a force that jumps; so it goes on for a little and then becomes constant, twice
@@ -253,16 +253,14 @@ def continued(value: Array, limits: Array, reach: float) -> tuple[Array, Array, 
         reach: how far beyond them the coordinate goes at most, in its own unit.
 
     Returns:
-        The scaled coordinate, and its first two derivatives with respect to the coordinate.
+        The coordinate that rests, and its first two derivatives with respect to the coordinate.
     """
     nearest = jnp.clip(value, limits[0], limits[1])
-    s, factor = scaled(nearest, limits)
     beyond = (value - nearest) / reach
     slower = 1.0 / (1.0 + beyond * beyond)
     root = jnp.sqrt(slower)
     slope = slower * root
-    bend = -3.0 * beyond * slope * slower / reach
-    return s + factor * reach * beyond * root, factor * slope, factor * bend
+    return nearest + reach * beyond * root, slope, -3.0 * beyond * slope * slower / reach
 
 
 def _partials(point: Callable[[Array, Array], Vector], a: Array, b: Array, order: int) -> dict:

@@ -15,6 +15,9 @@ the solver refuses and the status reports.
 
 from __future__ import annotations
 
+from functools import partial
+
+import jax
 import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
@@ -71,6 +74,7 @@ def relative_pressure(law: str, s: ArrayLike) -> Array:
     return _within(s, (lambda x: -jnp.log1p(-x)) if law == "log" else (lambda x: x / (1.0 - x)))
 
 
+@partial(jax.custom_jvp, nondiff_argnums=(0,))
 def relative_energy(law: str, s: ArrayLike) -> Array:
     """Energy per area over `K h` at relative depth `s`. Arguments as `relative_pressure`."""
     s = jnp.asarray(s, float)
@@ -79,11 +83,17 @@ def relative_energy(law: str, s: ArrayLike) -> Array:
     return _by_series_or(s, law, over_patch=False)
 
 
-def patch_energy(law: str, c: ArrayLike) -> Array:
-    """Mean of `relative_energy` over an elliptical patch with relative depth `c` at its centre.
+@relative_energy.defjvp
+def _relative_energy_jvp(law: str, primals, tangents):
+    return relative_energy(law, *primals), relative_pressure(law, *primals) * tangents[0]
 
-    The depth falls off as `s = c (1 - x^2 / a^2 - y^2 / b^2)`, so the mean is the integral of the
-    energy density over `s` from 0 to `c`, divided by `c`.
+
+@partial(jax.custom_jvp, nondiff_argnums=(0,))
+def patch_energy(law: str, c: ArrayLike) -> Array:
+    """Integral of `relative_energy` from 0 to `c`.
+
+    Over an elliptical patch with relative depth `c` at its centre the depth falls off as
+    `s = c (1 - x^2 / a^2 - y^2 / b^2)`, so the mean energy is this integral, divided by `c`.
 
     Args:
         law: one of `LAWS`.
@@ -91,8 +101,15 @@ def patch_energy(law: str, c: ArrayLike) -> Array:
     """
     c = jnp.asarray(c, float)
     if law == "linear":
-        return c * c / 6.0
+        return c * c * c / 6.0
     return _by_series_or(c, law, over_patch=True)
+
+
+# Stated: traced through the series, values and slopes would share every term of it, and be a kernel
+# for each.
+@patch_energy.defjvp
+def _patch_energy_jvp(law: str, primals, tangents):
+    return patch_energy(law, *primals), relative_energy(law, *primals) * tangents[0]
 
 
 def patch_force(law: str, c: ArrayLike) -> Array:
@@ -124,7 +141,7 @@ def _series(c: Array, law: str, over_patch: bool) -> Array:
     for n in range(_TERMS + 1, 1, -1):
         weight = 1.0 / (n * (n - 1)) if law == "log" else 1.0 / n
         total = total * c + (weight / (n + 1) if over_patch else weight)
-    return total * c * c
+    return total * c * c * (c if over_patch else 1.0)
 
 
 def _closed(c: Array, law: str, over_patch: bool) -> Array:
@@ -132,8 +149,8 @@ def _closed(c: Array, law: str, over_patch: bool) -> Array:
     if not over_patch:
         return rest * logarithm + c if law == "log" else -(c + logarithm)
     if law == "log":
-        return (0.25 * (rest * rest - 1.0) + 0.5 * (c * c - rest * rest * logarithm)) / c
-    return (rest * logarithm + c - 0.5 * c * c) / c
+        return 0.25 * (rest * rest - 1.0) + 0.5 * (c * c - rest * rest * logarithm)
+    return rest * logarithm + c - 0.5 * c * c
 
 
 def _by_series_or(c: Array, law: str, over_patch: bool) -> Array:

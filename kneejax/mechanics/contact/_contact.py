@@ -221,12 +221,11 @@ class Contact(eqx.Module):
 
     def _energy_per_radius(self, depth: Array) -> tuple[Array, Array]:
         """Energy of a patch over its mean radius, N, and the slope of that by depth, N/mm."""
-        rounded = self.rounded(depth)
-        relative, factor = rounded / self.layer_thickness, 2.0 * jnp.pi * self.modulus
-        energy = rounded * law.patch_energy(self.law, relative)
+        thick, factor = self.layer_thickness, 2.0 * jnp.pi * self.modulus * self.layer_thickness
+        relative = self.rounded(depth) / thick
         # The mean over 0..depth times the depth: its slope is the density itself.
         by_depth = law.touching(depth, self.onset_width) * law.relative_energy(self.law, relative)
-        return factor * self.layer_thickness * energy, factor * self.layer_thickness * by_depth
+        return factor * thick * law.patch_energy(self.law, relative), factor * by_depth
 
     def press(self, tibia: Placement, meeting: tuple[Array, Array]) -> Pressed:
         """Energy and wrenches of a patch around a femoral point.

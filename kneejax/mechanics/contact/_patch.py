@@ -90,10 +90,8 @@ class Gap(eqx.Module):
         any more; energy and force must not jump there. It is the curvature itself where that is
         enough, and half of `_NEARLY_FLAT` where the gap is not convex.
         """
-        t = jnp.clip(jnp.where(self.convex, self.curvature, 0.0) / _NEARLY_FLAT, 0.0, 1.0)
-        more = jnp.where(self.convex, jnp.maximum(self.curvature - _NEARLY_FLAT, 0.0), 0.0)
-        raised = _NEARLY_FLAT * (0.5 + t**4 * (2.5 + t * (t - 3.0))) + more
-        return raised, t**3 * (10.0 + t * (6.0 * t - 15.0))
+        curvature = jnp.where(self.convex, self.curvature, 0.0)
+        return _raised(curvature), _raising(curvature)
 
     @property
     def mean_radius(self) -> Array:
@@ -133,6 +131,32 @@ class Gap(eqx.Module):
         positive definite."""
         inverse = jnp.where(self.convex, -1.0 / jnp.where(self.convex, self.determinant, 1.0), 0.0)
         return (self.bb * a - self.ab * b) * inverse, (self.aa * b - self.ab * a) * inverse
+
+
+# Slopes are stated: traced, values and slopes would share every power, and be a kernel for each.
+@jax.custom_jvp
+def _raised(curvature: Array) -> Array:
+    t = _part(curvature)
+    return _NEARLY_FLAT * (0.5 + t**4 * (2.5 + t * (t - 3.0)) - t) + jnp.maximum(curvature, 0.0)
+
+
+@jax.custom_jvp
+def _raising(curvature: Array) -> Array:
+    t = _part(curvature)
+    return t**3 * (10.0 + t * (6.0 * t - 15.0))
+
+
+_raised.defjvps(lambda rate, _, curvature: _raising(curvature) * rate)
+_raising.defjvps(
+    lambda rate, _, curvature: (
+        30.0 / _NEARLY_FLAT * (_part(curvature) * (1.0 - _part(curvature))) ** 2 * rate
+    )
+)
+
+
+def _part(curvature: Array) -> Array:
+    """Of the curvature that is reckoned with as it is."""
+    return jnp.clip(curvature / _NEARLY_FLAT, 0.0, 1.0)
 
 
 class Nearby(eqx.Module):

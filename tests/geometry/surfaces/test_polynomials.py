@@ -80,3 +80,16 @@ def test_a_polynomial_is_linear_in_its_coefficients(rng):
     c, s, t = rng.normal(size=(3, 4)), 0.4, 0.7
     slope = jax.grad(lambda c: partials(c, s, t, 0)[0][0])(jnp.asarray(c))
     np.testing.assert_allclose(np.asarray(slope), np.outer(s ** np.arange(3), t ** np.arange(4)))
+
+
+def test_derivatives_beyond_the_degree_are_known_zeros(rng):
+    """The number 0.0, of which nothing is compiled; also where a derivative is taken of others."""
+    c, s, t = rng.normal(size=(3, 2)), 0.4, 0.7
+
+    def moved(s):
+        d = partials(c, s, t, 3)
+        beyond = [(i, j) for i in range(4) for j in range(4 - i) if isinstance(d[i][j], float)]
+        assert beyond == [(0, 2), (0, 3), (1, 2), (3, 0)]
+        return d[2][1]
+
+    assert float(jax.grad(moved)(s)) == 0.0

@@ -7,6 +7,7 @@ import pytest
 
 import kneejax.geometry as geo
 from kneejax.mechanics import OFF_SURFACE_MM, Contact
+from kneejax.mechanics.contact import _patch
 
 DOWN = (0.5 * np.pi, 0.0)
 
@@ -105,6 +106,19 @@ def test_a_gap_without_an_ellipse_is_said_and_keeps_a_large_radius():
     assert float(there.mean_radius) == pytest.approx(200.0, rel=1e-12)
     assert not bool(there.has_ellipse) and bool(contact.has_no_patch(there))
     assert np.isfinite(np.asarray(there.newton(*there.slope))).all()
+
+
+@pytest.mark.parametrize("part", [-0.4, 0.1, 0.5, 0.9, 1.3])
+def test_slopes_of_the_raised_curvature_are_the_stated_ones(part, central_difference):
+    flat = _patch._NEARLY_FLAT
+
+    def raised(x):
+        return _patch._raised(x * flat) / flat
+
+    for function in (raised, jax.grad(raised), jax.grad(jax.grad(raised))):
+        numeric = central_difference(function, part, 1e-3)
+        assert float(jax.grad(function)(part)) == pytest.approx(float(numeric), abs=1e-6)
+    assert float(_patch._raising(part * flat)) == pytest.approx(float(jax.grad(raised)(part)))
 
 
 @compiled
