@@ -138,6 +138,10 @@ def _strained(ends, bodies, stiffness, strain, names):
     return dataclasses.replace(fibres, slack_length=slack)
 
 
+#: Fibres of a cage, four of them by the names of ligaments.
+CAGE = ("ACL", "PCL", "MCL", "LCL", "cage4", "cage5", "cage6", "cage7")
+
+
 def _cage():
     """From the axis of flexion, at both sides, to four points of the tibia around it."""
     ends = [[0.0, 0.0, z] for z in (-30.0, 30.0) for _ in range(4)]
@@ -149,8 +153,7 @@ def _cage():
 def hinged_knee():
     """A tibia that hinges about Z in a cage of eight fibres, which hold it without a contact: what
     is said of any knee takes a third of the time to compile."""
-    cage = _strained(_cage(), (geo.FEMUR_AND_TIBIA,) * 8, [3000.0] * 8, [0.02] * 8,
-                     [f"cage{k}" for k in range(8)])  # fmt: skip
+    cage = _strained(_cage(), (geo.FEMUR_AND_TIBIA,) * 8, [3000.0] * 8, [0.02] * 8, CAGE)
     return Knee(cage, (), (), (), AT["tibia"], ())
 
 
@@ -162,13 +165,12 @@ def pulled_knee():
     feet += [[32.0, -55.0, z] for _, _, z in tendon]
     bands = [[5.0, y, z] for y in (-8.0, 14.0) for z in (-35.0, 35.0)]
     feet += [[0.0, y, z] for y in (-6.0, 6.0) for z in (-18.0, 18.0)]
-    kinds = {"cage": 8, "PT": 3, "PFL": 4}
     pairs = geo.FEMUR_AND_TIBIA, ("patella", "tibia"), ("femur", "patella")
-    each = np.repeat(range(3), list(kinds.values()))
+    each = np.repeat(range(3), (len(CAGE), len(tendon), len(bands)))
+    names = *CAGE, *(f"PT{k}" for k in range(3)), *(f"PFL{k}" for k in range(4))
     ligaments = _strained(
         (ends + tendon + bands, feet), tuple(pairs[k] for k in each),
-        np.array([3000.0, 4000.0, 2000.0])[each], np.array([0.02, 0.02, 0.01])[each],
-        [f"{kind}{k}" for kind, count in kinds.items() for k in range(count)],
+        np.array([3000.0, 4000.0, 2000.0])[each], np.array([0.02, 0.02, 0.01])[each], names,
     )  # fmt: skip
     groove = Contact(
         geo.Sphere(30.0, geo.Frame([0.0, 5.0, 0.0])),

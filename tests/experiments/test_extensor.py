@@ -265,7 +265,7 @@ def test_three_bones_are_drawn_where_they_are(knee, tracked):
         return (np.asarray(point) - shift) @ np.asarray(turn)
 
     lines, fibres = {fibre.name: fibre for fibre in scene.fibres}, knee.ligaments
-    for name in ("PT0", "PFL2", "cage3"):
+    for name in ("PT0", "PFL2", "LCL"):
         i = fibres.names.index(name)
         (first, second), line = fibres.bodies[i], lines[name].points_mm
         begins, ends = fibres.femoral_attachment[i], fibres.tibial_attachment[i]

@@ -13,7 +13,7 @@ from jax import Array
 from kneejax.experiments._motion import Motion
 from kneejax.geometry import FEMUR_AND_TIBIA, PATELLA, TIBIA, Vector, scale
 from kneejax.mechanics import QUADRICEPS, Knee, Load, add_lane_axis, pull_of
-from kneejax.numerics import compiled
+from kneejax.numerics import compiled, numpy_for
 from kneejax.statics import Settled, Stations, differentiable, force_along
 
 TENDON = "patellar tendon"
@@ -56,7 +56,8 @@ def tendon_of(motion: Motion) -> Array:
     """Size of what the patellar tendon does to the tibia, `(poses,)`, N."""
     ligaments, _, _ = _pulls(motion.knee, motion.stations, motion.settled)
     rows = tendon_rows(motion.knee)
-    return jnp.linalg.norm(jnp.sum(ligaments[:, rows], axis=1), axis=0)
+    xp = numpy_for(ligaments)
+    return xp.linalg.norm(xp.asarray(ligaments)[:, rows].sum(axis=1), axis=0)
 
 
 def tendon_rows(knee: Knee) -> np.ndarray:

@@ -23,7 +23,7 @@ OF_PATELLA = [one.column for one in BODIES[PATELLA].values()]
 #: The tendon, a retinaculum, the line of the quadriceps, where the groove stands.
 NAMES = [
     "PT1.slack_length", "PFL2.slack_length", "PFL3.patellar_attachment.superior",
-    "vaslat.origin.lateral", "patellofemoral.femoral_surface.anterior", "cage0.reference_strain",
+    "vaslat.origin.lateral", "patellofemoral.femoral_surface.anterior", "ACL.reference_strain",
 ]  # fmt: skip
 
 
@@ -144,7 +144,7 @@ def test_a_knee_without_a_patella_cannot_be_compared_with_one(knee):
                            readings=readings, sd_deg=1.0)  # fmt: skip
     with pytest.raises(UnknownParameter, match="`patella: true` in the study"):
         problem_of(two, test, ["ACL.stiffness"])
-    assert problem_of(knee, test, ["cage0.stiffness"]).counted_numbers == 3
+    assert problem_of(knee, test, ["ACL.stiffness"]).counted_numbers == 3
 
 
 def test_what_is_counted_from_another_row_is_less_that_row_and_scatters_more(knee):
@@ -154,7 +154,7 @@ def test_what_is_counted_from_another_row_is_less_that_row_and_scatters_more(kne
         readings={"patella_tilt_deg": [1.0, 3.0, 7.0], "PT1.tension_N": [10.0, 20.0, 40.0]},
         sd_deg=0.5, sd_N=2.0,
     )  # fmt: skip
-    read = problem_of(knee, test, ["cage0.stiffness"]).cases.readings
+    read = problem_of(knee, test, ["ACL.stiffness"]).cases.readings
     tilt, force = (read.name == read.names.index(name) for name in test.readings)
     assert read.target[tilt].tolist() == [2.0, 6.0] and read.neutral[tilt].tolist() == [0, 0]
     assert read.sd[tilt] == pytest.approx(0.5 * np.sqrt(2.0))
@@ -185,7 +185,7 @@ def test_the_best_constant_leaves_what_scatters_about_it(knee):
         readings={"patella_tilt_deg": tilt, "patella_lateral_mm": lateral},
     )  # fmt: skip
     for counted_from in ("absolute", "offset"):
-        problem = problem_of(knee, tracking(counted_from=counted_from), ["cage0.stiffness"])
+        problem = problem_of(knee, tracking(counted_from=counted_from), ["ACL.stiffness"])
         error, _ = problem.cases.readings.error(problem.cases, anywhere(problem))
         found[counted_from] = error[0].reshape(2, 3)
     error = found["absolute"]
