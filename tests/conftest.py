@@ -12,6 +12,7 @@ from hypothesis import settings
 
 import kneejax as kj
 import kneejax.geometry as geo
+from kneejax.files import load_knee_file, write_knee
 from kneejax.mechanics import ConstantTensionLine, Contact, Knee, Ligaments, Load, Muscles
 
 jax.config.update("jax_enable_x64", True)
@@ -155,6 +156,21 @@ def hinged_knee():
     is said of any knee takes a third of the time to compile."""
     cage = _strained(_cage(), (geo.FEMUR_AND_TIBIA,) * 8, [3000.0] * 8, [0.02] * 8, CAGE)
     return Knee(cage, (), (), (), AT["tibia"], ())
+
+
+@pytest.fixture(scope="session")
+def hinged_file(tmp_path_factory):
+    """The same as a knee file."""
+    document = load_knee_file("four_ligament").document
+    own = document["ligaments"]["ACL"] | {"stiffness_N": 3000.0, "reference_strain": 0.02}
+    ends = "femoral_attachment_mm", "tibial_attachment_mm"
+    cage = {name: own | dict(zip(ends, each, strict=True))
+            for name, *each in zip(CAGE, *_cage(), strict=True)}  # fmt: skip
+    fields = "kneejax", "name", "side", "description", "reference_pose"
+    kept = {field: document[field] for field in fields}
+    path = tmp_path_factory.mktemp("knees") / "hinged.yaml"
+    write_knee(kept | {"name": "hinged", "ligaments": cage, "contacts": {}}, path)
+    return path
 
 
 @pytest.fixture(scope="session")

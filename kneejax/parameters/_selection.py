@@ -326,7 +326,8 @@ def cut(knee: Knee, names: Sequence[str]) -> Knee:
     gone = [row for name in names for row in fibre_rows(knee, name)]
     torn = np.isin(np.arange(len(knee.ligaments.names)), gone)
     law = knee.ligaments.stiffness, knee.ligaments.failure_strain
-    ends = jnp.where(torn, 0.0, law[0]), jnp.where(torn, jnp.inf, law[1])
+    where = numpy_for(law).where
+    ends = jnp.asarray(where(torn, 0.0, law[0])), jnp.asarray(where(torn, np.inf, law[1]))
     return eqx.tree_at(lambda k: (k.ligaments.stiffness, k.ligaments.failure_strain), knee, ends)
 
 
