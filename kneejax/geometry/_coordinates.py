@@ -17,6 +17,8 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
+from kneejax.numerics import numpy_for
+
 #: mm at which a rotation moves what counts: the condyles are as far from the knee's centre.
 ARM_MM = 30.0
 
@@ -212,5 +214,9 @@ def prescribed_of(columns: Mapping[str, ArrayLike]) -> dict[str, Array]:
     both = given.intersection(ALONG_FLEXED_TIBIA)
     if both and given.intersection(_FLEXED):
         raise ValueError(f"drawer_mm beside {min(both)}_mm, of which it consists; expected one")
-    rows = ((names[column], jnp.asarray(x, float)) for column, x in columns.items())
-    return {one.name: jnp.deg2rad(x) if one.unit == "deg" else x for one, x in rows}
+    found = {}
+    for column, x in columns.items():
+        one, xp = names[column], numpy_for(x)
+        x = xp.asarray(x, float)
+        found[one.name] = jnp.asarray(xp.deg2rad(x) if one.unit == "deg" else x)
+    return found

@@ -9,6 +9,7 @@ from jax.typing import ArrayLike
 
 from kneejax.geometry import _vectors as v
 from kneejax.geometry._vectors import Rotation, Vector
+from kneejax.numerics import numpy_for
 
 
 class Placement(eqx.Module):
@@ -68,8 +69,8 @@ class Frame(eqx.Module):
     rotation: Array | None
 
     def __init__(self, origin: ArrayLike = (0.0, 0.0, 0.0), rotation: ArrayLike | None = None):
-        self.origin = jnp.asarray(origin, float)
-        self.rotation = None if rotation is None else jnp.asarray(rotation, float)
+        self.origin = _floats(origin)
+        self.rotation = None if rotation is None else _floats(rotation)
 
     @property
     def placement(self) -> Placement:
@@ -119,15 +120,16 @@ class Pose(eqx.Module):
         Returns:
             A pose whose fields have shape `(...)`.
         """
-        table = jnp.asarray(table, float)
-        angles = jnp.moveaxis(jnp.deg2rad(table[..., :3]), -1, 0)
-        return cls(*angles, *jnp.moveaxis(table[..., 3:], -1, 0))
+        xp = numpy_for(table)
+        columns = xp.moveaxis(xp.asarray(table, float), -1, 0)
+        return cls(*map(_floats, (*xp.deg2rad(columns[:3]), *columns[3:])))
 
     def to_table(self) -> Array:
         """Rows of degrees and mm, shape `(..., 6)`, in the order of `COLUMNS`."""
-        angles = jnp.stack([self.flexion, self.adduction, self.internal_rotation], -1)
-        shifts = jnp.stack([self.anterior, self.superior, self.lateral], -1)
-        return jnp.concatenate([jnp.rad2deg(angles), shifts], -1)
+        xp = numpy_for(self)
+        angles = xp.stack([self.flexion, self.adduction, self.internal_rotation], -1)
+        shifts = xp.stack([self.anterior, self.superior, self.lateral], -1)
+        return jnp.asarray(xp.concatenate([xp.rad2deg(angles), shifts], -1))
 
     @property
     def drawer(self) -> Array:
@@ -146,6 +148,10 @@ class Pose(eqx.Module):
             rotation_from_angles(self.flexion, self.adduction, self.internal_rotation),
             (self.anterior, self.superior, self.lateral),
         )
+
+
+def _floats(x: ArrayLike) -> Array:
+    return jnp.asarray(numpy_for(x).asarray(x, float))
 
 
 def from_drawer(flexion: Array, drawer: Array, lift: Array) -> tuple[Array, Array]:

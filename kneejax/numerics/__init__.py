@@ -16,6 +16,7 @@ from kneejax.numerics._kept_programs import keep_programs as keep_programs
 from kneejax.numerics._lanes import filled as filled
 from kneejax.numerics._lanes import lanes_for as lanes_for
 from kneejax.numerics._lanes import needs_numbers as needs_numbers
+from kneejax.numerics._lanes import numpy_for as numpy_for
 from kneejax.numerics._lanes import traced as traced
 from kneejax.numerics._optional import MissingPackage as MissingPackage
 from kneejax.numerics._optional import check_installed as check_installed

@@ -37,7 +37,8 @@ def default_bounds(knee: Knee, selection: Selection) -> tuple[Array, Array]:
     """
     values = np.asarray(selection.read(knee))
     pairs = [_usual_bounds(knee, selection, i, float(value)) for i, value in enumerate(values)]
-    return jnp.array([p[0] for p in pairs]), jnp.array([p[1] for p in pairs])
+    lower, upper = np.array(pairs, float).T
+    return jnp.asarray(lower), jnp.asarray(upper)
 
 
 def _usual_bounds(

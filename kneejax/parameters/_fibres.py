@@ -17,6 +17,7 @@ from jax import Array
 
 from kneejax.geometry import FEMUR, PATELLA, TIBIA
 from kneejax.mechanics import Knee, ligament_law
+from kneejax.numerics import numpy_for
 from kneejax.parameters._leaves import AXES
 
 #: Ends of a ligament, by the bones that they are on.
@@ -47,21 +48,27 @@ def value_of(numbers: Array, rows: tuple[int, ...], quantity: str) -> Array:
         rows: of the structure's fibres.
         quantity: decides between sum and mean.
     """
-    return (jnp.sum if quantity in SUMMED else jnp.mean)(numbers[np.array(rows)])
+    xp = numpy_for(numbers)
+    return (xp.sum if quantity in SUMMED else xp.mean)(xp.asarray(numbers)[np.array(rows)])
 
 
 def numbers_of(knee: Knee, quantity: str) -> Array:
     """A quantity of every fibre."""
+    fibres = knee.ligaments
     if quantity == "reference_strain":
-        return knee.reference_strain()
+        both = knee.reference_length(), fibres.slack_length
+        length, slack = map(numpy_for(both).asarray, both)
+        return length / slack - 1.0
     end, _, axis = quantity.partition(".")
     if not axis:
-        return getattr(knee.ligaments, quantity)
+        return getattr(fibres, quantity)
     column, first = AXES.index(axis), _is_first(knee, end)
-    ends = knee.ligaments.femoral_attachment[:, column], knee.ligaments.tibial_attachment[:, column]
+    both = fibres.femoral_attachment, fibres.tibial_attachment
+    xp = numpy_for(both)
+    ends = [xp.asarray(points)[:, column] for points in both]
     if first.all() or not first.any():
         return ends[not first.any()]
-    return jnp.where(first.reshape(-1, *(1,) * (ends[0].ndim - 1)), *ends)
+    return xp.where(first.reshape(-1, *(1,) * (ends[0].ndim - 1)), *ends)
 
 
 def _is_first(knee: Knee, end: str) -> np.ndarray:
@@ -83,19 +90,20 @@ def write_value(knee: Knee, rows: tuple[int, ...], quantity: str, value: Array) 
         value = value / len(rows)
     old, own = numbers_of(knee, quantity), _rows_of(knee, rows)
     changed = _shared(old, rows, value, shifts=bool(axis))
+    xp = numpy_for(knee, changed)
     if not axis:
-        return _with(knee, quantity, jnp.where(own, changed, old))
+        return _with(knee, quantity, xp.where(own, changed, old))
     column, first = np.arange(len(AXES)) == AXES.index(axis), _is_first(knee, end)
     for field, at in (("femoral_attachment", first), ("tibial_attachment", ~first)):
         place = (own & at)[:, None] & column
         if place.any():
             array = getattr(knee.ligaments, field)
-            knee = _with(knee, field, jnp.where(place, changed[:, None], array))
+            knee = _with(knee, field, xp.where(place, changed[:, None], array))
     return knee
 
 
 def _with(knee: Knee, field: str, values: Array) -> Knee:
-    return eqx.tree_at(lambda k: getattr(k.ligaments, field), knee, values)
+    return eqx.tree_at(lambda k: getattr(k.ligaments, field), knee, jnp.asarray(values))
 
 
 def strained(knee: Knee, strains: Sequence[tuple[tuple[int, ...], Array]]) -> Knee:
@@ -104,12 +112,13 @@ def strained(knee: Knee, strains: Sequence[tuple[tuple[int, ...], Array]]) -> Kn
     Lengths are asked for once: each way around an obstacle is a search, and no compiler sees that
     two searches are one.
     """
-    length, slack = knee.reference_length(), knee.ligaments.slack_length
+    both = knee.reference_length(), knee.ligaments.slack_length
+    length, slack = map(numpy_for(both).asarray, both)
     for rows, value in strains:
         strain = _shared(length / slack - 1.0, rows, value, shifts=True)
         changed = ligament_law.slack_length_from_strain(length, strain)
-        slack = jnp.where(_rows_of(knee, rows), changed, slack)
-    return eqx.tree_at(lambda k: k.ligaments.slack_length, knee, slack)
+        slack = numpy_for(changed, slack).where(_rows_of(knee, rows), changed, slack)
+    return _with(knee, "slack_length", slack)
 
 
 def _shared(old: Array, rows: tuple[int, ...], value: Array, shifts: bool) -> Array:
@@ -118,15 +127,17 @@ def _shared(old: Array, rows: tuple[int, ...], value: Array, shifts: bool) -> Ar
     Each number is computed from its own and picked by a mask: what was gathered, changed and
     scattered in lanes aborted XLA 0.10 (a check of its fused kernels).
     """
+    xp = numpy_for(old, value)
     if len(rows) == 1:
-        return jnp.broadcast_to(value, old.shape)
+        return xp.broadcast_to(value, old.shape)
     own = np.isin(np.arange(len(old)), rows)
-    mean = jnp.sum(jnp.where(own, old, 0.0)) / len(rows)
+    old = xp.asarray(old)
+    mean = xp.sum(xp.where(own, old, 0.0)) / len(rows)
     if shifts:
         return old + (value - mean)
     # Fibres that have nothing yet (no damping, cut) share alike.
     nothing = mean == 0.0
-    return jnp.where(nothing, value, old * (value / jnp.where(nothing, 1.0, mean)))
+    return xp.where(nothing, value, old * (value / xp.where(nothing, 1.0, mean)))
 
 
 def _rows_of(knee: Knee, rows: tuple[int, ...]) -> np.ndarray:

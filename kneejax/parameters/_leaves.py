@@ -17,6 +17,7 @@ import numpy as np
 from jax import Array
 
 from kneejax.mechanics import Knee
+from kneejax.numerics import numpy_for, traced
 
 #: Components of points and directions.
 AXES = ("anterior", "superior", "lateral")
@@ -83,12 +84,18 @@ class Leaf:
 
     def read(self, knee: Knee) -> Array:
         """The number."""
-        return self.array(knee)[self.place]
+        array = self.array(knee)
+        return numpy_for(array).asarray(array)[self.place]
 
     def write(self, knee: Knee, value: Array) -> Knee:
         """The knee with another number there."""
-        changed = jnp.asarray(self.array(knee), float).at[self.place].set(value)
-        return eqx.tree_at(self.array, knee, changed)
+        array = self.array(knee)
+        if traced(array, value):
+            changed = jnp.asarray(array, float).at[self.place].set(value)
+        else:
+            changed = np.array(array, float)
+            changed[self.place] = value
+        return eqx.tree_at(self.array, knee, jnp.asarray(changed))
 
 
 def parts_of(knee: Knee) -> dict[str, list[tuple[str, int]]]:

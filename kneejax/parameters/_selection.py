@@ -17,6 +17,7 @@ import numpy as np
 from jax import Array
 
 from kneejax.mechanics import Implausible, Knee, at_reference, check_fibres, range_of_parameter
+from kneejax.numerics import numpy_for
 from kneejax.parameters._fibres import (
     BONES,
     QUANTITIES,
@@ -90,16 +91,19 @@ class Selection:
     def read(self, knee: Knee) -> Array:
         """Values of the free parameters in a knee, shape `(p,)`."""
         if self.leaves:
-            return jnp.stack([self._one(knee, i) for i in range(len(self))])
+            each = [self._one(knee, i) for i in range(len(self))]
+            return jnp.asarray(numpy_for(each).stack(each))
         quantities = list(dict.fromkeys(map(self.quantity, range(len(self)))))
         # Every quantity once, of all fibres.
-        numbers = jnp.stack([numbers_of(knee, quantity) for quantity in quantities])
+        every = [numbers_of(knee, quantity) for quantity in quantities]
+        xp = numpy_for(every)
+        numbers = xp.stack(every)
         places = [self._place(i) for i in range(len(self))]
         kinds = [quantities.index(quantity) for _, quantity in places]
         if all(len(rows) == 1 for rows, _ in places):
-            return numbers[np.array(kinds), np.array([rows[0] for rows, _ in places])]
+            return jnp.asarray(numbers[np.array(kinds), np.array([rows[0] for rows, _ in places])])
         pairs = zip(kinds, places, strict=True)
-        return jnp.stack([value_of(numbers[kind], *place) for kind, place in pairs])
+        return jnp.asarray(xp.stack([value_of(numbers[kind], *place) for kind, place in pairs]))
 
     def apply(self, knee: Knee, values: Array) -> Knee:
         """The knee with new values of the free parameters.
@@ -111,7 +115,7 @@ class Selection:
             knee: any knee with these ligaments.
             values: shape `(p,)`.
         """
-        strains = []
+        strains, values = [], numpy_for(values).asarray(values)
         for i in range(len(self)):
             leaf = self.leaf(i)
             if leaf is not None:
@@ -282,7 +286,7 @@ def with_values(knee: Knee, values: dict[str, float]) -> Knee:
             owner, quantity = name.split(".", 1)
             raise Implausible(owner, quantity, f"{value:g}", allowed.expected(value))
         doubt_value(knee, name, float(value))
-        knee = selection.apply(knee, jnp.full(len(selection), float(value)))
+        knee = selection.apply(knee, np.full(len(selection), float(value)))
     if values:
         check_fibres(knee.ligaments, *at_reference(knee.ligaments, knee.at_reference))
     return knee
@@ -322,7 +326,8 @@ def cut(knee: Knee, names: Sequence[str]) -> Knee:
     gone = [row for name in names for row in fibre_rows(knee, name)]
     torn = np.isin(np.arange(len(knee.ligaments.names)), gone)
     law = knee.ligaments.stiffness, knee.ligaments.failure_strain
-    ends = jnp.where(torn, 0.0, law[0]), jnp.where(torn, jnp.inf, law[1])
+    where = numpy_for(law).where
+    ends = jnp.asarray(where(torn, 0.0, law[0])), jnp.asarray(where(torn, np.inf, law[1]))
     return eqx.tree_at(lambda k: (k.ligaments.stiffness, k.ligaments.failure_strain), knee, ends)
 
 

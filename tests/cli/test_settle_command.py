@@ -8,8 +8,8 @@ from kneejax.cli import main
 
 
 @pytest.mark.slow
-def test_a_knee_that_is_let_go_ends_in_its_balance(tmp_path, capsys):
-    words = ["simulate", "settle", "--knee", "four_ligament", "--every_ms", "2"]
+def test_a_knee_that_is_let_go_ends_in_its_balance(tmp_path, capsys, hinged_file):
+    words = ["simulate", "settle", "--knee", str(hinged_file), "--every_ms", "2"]
     words += ["--from", "anterior_mm=2"]
     assert main([*words, "--out", str(tmp_path / "first")]) == 0
     said = capsys.readouterr().out

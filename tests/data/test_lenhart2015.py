@@ -1,6 +1,5 @@
 """The bundled knees made of lenhart2015: what they hold, their left twins, their script."""
 
-import dataclasses
 import runpy
 from pathlib import Path
 
@@ -145,8 +144,7 @@ def test_a_drawer_at_90_degrees_is_read_along_the_floating_axis(right):
     knee = right["lenhart2015"].knee
 
     def at_90(size_N):
-        loaded = dataclasses.replace(knee, loads=(load_of(anterior_N=size_N),))
-        motion = kj.passive_flexion(loaded, [90.0])
+        motion = kj.passive_flexion(knee, [90.0], [load_of(anterior_N=size_N)])
         assert kj.Status(int(motion.status[0])) is kj.Status.BALANCED
         return motion.to_table()
 

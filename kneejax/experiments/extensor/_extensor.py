@@ -20,8 +20,9 @@ from kneejax.experiments.extensor._mechanism import (
     forces_on_tibia,
     tendon_of,
 )
-from kneejax.geometry import FEMUR, PATELLA
+from kneejax.geometry import FEMUR, PATELLA, State
 from kneejax.mechanics import Knee, Load, add_lane_axis
+from kneejax.numerics import compiled, numpy_for
 from kneejax.statics import converged
 
 
@@ -191,25 +192,27 @@ def described(motion: Motion, pull: Array, walked: np.ndarray, weight: Load) -> 
         weight: that bends the knee; weightless where none does.
     """
     mechanics = evaluate(motion.knee, motion.settled.state, motion.settled.meeting)
-    forces = jnp.linalg.norm(mechanics.contact_force, axis=-1)
+    xp = numpy_for(motion, weight)
+    forces = xp.linalg.norm(mechanics.contact_force, axis=-1)
     on_patella = [k for k, c in enumerate(motion.knee.contacts) if c.bodies == (FEMUR, PATELLA)]
     moment, holds = motion.reaction("flexion"), converged(motion.status)
 
     def where(x: Array) -> Array:
-        return jnp.where(holds, x, jnp.nan)
+        return jnp.asarray(xp.where(holds, x, np.nan))
 
     return Extensor(
         motion,
         mechanics,
         pull,
         where(tendon_of(motion.knee, mechanics)),
-        where(jnp.sum(forces[:, np.array(on_patella, int)], axis=1)),
-        where(moment) / 1000.0,
-        where(_moment(motion, weight)) / 1000.0,
+        where(forces[:, np.array(on_patella, int)].sum(axis=1)),
+        where(xp.asarray(moment) / 1000.0),
+        where(xp.asarray(_moment(weight, motion.settled.state)) / 1000.0),
         walked,
     )
 
 
-def _moment(motion: Motion, weight: Load) -> Array:
+@compiled(optimised=False)
+def _moment(weight: Load, state: State) -> Array:
     """How much a weight bends the knee about the flexion axis, N mm."""
-    return weight.work(motion.settled.state, ("flexion",))[0]
+    return weight.work(state, ("flexion",))[0]

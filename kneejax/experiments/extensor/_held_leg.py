@@ -19,7 +19,7 @@ from kneejax.experiments._motion import Motion, again, expected, followed
 from kneejax.experiments.extensor._mechanism import ByPull, by_pull
 from kneejax.geometry import TIBIA, State, scales
 from kneejax.mechanics import QUADRICEPS, Knee, Load, pull_of
-from kneejax.numerics import traced
+from kneejax.numerics import numpy_for, traced
 from kneejax.statics import Stations
 
 #: No quadriceps pulls more, N.
@@ -51,7 +51,8 @@ class Held(NamedTuple):
 def at_rest(knee: Knee) -> Array:
     """Pull of all heads of the quadriceps at rest, N."""
     assert knee.muscles is not None
-    return jnp.sum(knee.muscles.tension[np.array(knee.muscles.quadriceps)])
+    heads = np.array(knee.muscles.quadriceps)
+    return jnp.asarray(numpy_for(knee).asarray(knee.muscles.tension)[heads].sum())
 
 
 def pulled_at(knee: Knee, flexion: Array, pull: Array, loads: tuple[Load, ...]) -> Stations:

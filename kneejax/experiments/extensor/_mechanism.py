@@ -15,7 +15,7 @@ from kneejax.experiments._evaluate import Mechanics
 from kneejax.experiments._motion import Motion
 from kneejax.geometry import FEMUR_AND_TIBIA, PATELLA, TIBIA, Vector, scale
 from kneejax.mechanics import QUADRICEPS, Knee, Load, add_lane_axis, pull_of
-from kneejax.numerics import compiled, traced
+from kneejax.numerics import compiled, numpy_for, traced
 from kneejax.statics import Settled, Stations, differentiable, force_along
 
 TENDON = "patellar tendon"
@@ -57,8 +57,9 @@ def forces_on_tibia(motion: Motion, mechanics: Mechanics) -> dict[str, np.ndarra
 
 def tendon_of(knee: Knee, mechanics: Mechanics) -> Array:
     """Size of what the patellar tendon does to the tibia, `(poses,)`, N."""
-    rows = tendon_rows(knee)
-    return jnp.linalg.norm(jnp.sum(mechanics.ligament_force[:, rows], axis=1), axis=-1)
+    force = mechanics.ligament_force[:, tendon_rows(knee)]
+    xp = numpy_for(force)
+    return xp.linalg.norm(xp.asarray(force).sum(axis=1), axis=-1)
 
 
 def tendon_rows(knee: Knee) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -16,6 +17,7 @@ from kneejax.experiments._ways import with_flips
 from kneejax.experiments.laboratory._lab_test import LabTest
 from kneejax.geometry import CLINICAL, COORDINATES, table_units
 from kneejax.mechanics import Knee, Load
+from kneejax.numerics import numpy_for
 from kneejax.statics import Stations, converged
 
 
@@ -53,7 +55,7 @@ class Curves:
 
     def to_table(self, convention: str = "femoral") -> Array:
         """Poses in degrees and mm, `(flexions, steps, 6)`, in the order of pose tables."""
-        return self.motion.to_table(convention)[self.nodes[:, self.steps]]
+        return _taken(self.motion.to_table(convention), self.nodes[:, self.steps])
 
     @property
     def displacement(self) -> Array:
@@ -66,8 +68,8 @@ class Curves:
         """The same at every different load in order of its size, `(flexions, loads)`."""
         zero = self.neutral
         if self.intact is not None:
-            zero = _observed(self.test, self.intact)[self.intact_rows]
-        return _observed(self.test, self.motion)[self.nodes] - zero[:, None]
+            zero = _taken(_observed(self.test, self.intact), self.intact_rows)
+        return _taken(_observed(self.test, self.motion), self.nodes) - zero[:, None]
 
     def load(self, name: str) -> Array:
         """A load at every step, what acts throughout included, `(flexions, steps)`.
@@ -79,9 +81,9 @@ class Curves:
         Returns:
             N or N m; NaN where a machine's force is not known since no balance was found.
         """
-        grows = self.test.full.get(name, 0.0) * jnp.asarray(self.part)
+        grows = self.test.full.get(name, 0.0) * self.part
         own = self.driving_load if name == self.test.driven_by else grows
-        own = jnp.broadcast_to(own, self.nodes.shape)
+        own = numpy_for(own).broadcast_to(own, self.nodes.shape)
         return self.test.constant.get(name, 0.0) + own[:, self.steps]
 
     @property
@@ -90,14 +92,14 @@ class Curves:
         different load or displacement, `(flexions, loads)`."""
         test = self.test
         if test.displacement is None:
-            return jnp.broadcast_to(test.size * jnp.asarray(self.part), self.nodes.shape)
+            return np.broadcast_to(test.size * self.part, self.nodes.shape)
         unit = 1000.0 if COORDINATES[test.observed].unit == "deg" else 1.0
-        return self.motion.reaction(test.machine[0])[self.nodes] / unit
+        return _taken(self.motion.reaction(test.machine[0]), self.nodes) / unit
 
     @property
     def neutral(self) -> Array:
         """What is observed without the test's load, `(flexions,)`, mm or degrees."""
-        return _observed(self.test, self.motion)[self._unloaded]
+        return _taken(_observed(self.test, self.motion), self._unloaded)
 
     @property
     def searched(self) -> np.ndarray:
@@ -128,11 +130,16 @@ class Curves:
 
 def _observed(test: LabTest, motion: Motion) -> Array:
     """What a test observes at every row of a motion, mm or degrees."""
-    return motion.to_table(CLINICAL)[:, list(COORDINATES).index(test.observed)]
+    column = list(COORDINATES).index(test.observed)
+    return _taken(motion.to_table(CLINICAL), (slice(None), column))
 
 
 def _at(mechanics: Mechanics, rows: np.ndarray) -> Mechanics:
-    return jax.tree.map(lambda x: x[rows], mechanics)
+    return jax.tree.map(lambda x: _taken(x, rows), mechanics)
+
+
+def _taken(x: Array, rows: Any) -> Array:
+    return numpy_for(x).asarray(x)[rows]
 
 
 def mechanics_of(curves: Curves) -> Mechanics:

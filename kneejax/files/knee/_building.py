@@ -59,18 +59,25 @@ def build_surface(surface: dict[str, Any]) -> Surface:
         frame = _frame(surface, "axis_point_mm", "axis_rotation_deg")
         angle = np.deg2rad(surface["angle_deg"])
         basis = surface.get("basis", POWER)
-        return Condyle(surface["coefficients_mm"], angle, surface["width_mm"], frame, basis)
+        return Condyle(
+            _floats(surface["coefficients_mm"]), angle, _floats(surface["width_mm"]), frame, basis
+        )
     if kind == "plateau":
         frame = _frame(surface, "origin_mm", "rotation_deg")
-        region = surface["anterior_mm"], surface["lateral_mm"]
+        region = _floats(surface["anterior_mm"]), _floats(surface["lateral_mm"])
         basis, outline = surface.get("basis", POWER), surface.get("outline_mm")
-        return Plateau(surface["coefficients_mm"], *region, frame, basis, outline)
+        return Plateau(_floats(surface["coefficients_mm"]), *region, frame, basis, outline)
     if kind == "plane":
         return Plane(_frame(surface, "origin_mm", "rotation_deg"), surface["half_extent_mm"])
     frame = _frame(surface, "center_mm", "rotation_deg")
     if kind == "sphere":
         return Sphere(surface["radius_mm"], frame)
     return Ellipsoid(surface["semi_axes_mm"], frame)
+
+
+def _floats(numbers: Any) -> np.ndarray:
+    """For these JAX compiles no conversion."""
+    return np.array(numbers, float)
 
 
 def _frame(surface: dict[str, Any], origin: str, rotation: str) -> Frame:
@@ -158,8 +165,8 @@ def _ligaments(
             tuple(ligaments),
             _courses([_Way(x, _bones(e)) for x, e in zip(ligaments.values(), ends, strict=True)],
                      wraps),
-            [part.get("failure_strain", usual) for part, usual in tears],
-            damping=[part.get("damping_N_s", 0.0) for part in ligaments.values()],
+            _floats([part.get("failure_strain", usual) for part, usual in tears]),
+            damping=_floats([part.get("damping_N_s", 0.0) for part in ligaments.values()]),
             bodies=tuple(_bones(fields) for fields in ends),
         )  # fmt: skip
 
@@ -337,9 +344,7 @@ def _contact(part: dict[str, Any]) -> Contact:
 def _load(part: dict[str, Any], name: str) -> Load:
     still = (0.0, 0.0, 0.0)
     return Load(
-        part.get("force_N", still),
-        part.get("moment_Nmm", still),
-        part.get("point_mm", still),
+        *(_floats(part.get(field, still)) for field in ("force_N", "moment_Nmm", "point_mm")),
         axes=part["axes"],
         point_in=part.get("point_in", "tibia"),
         name=name,

@@ -106,8 +106,8 @@ def check_offsets(problem: Problem) -> None:
     Raises:
         UnsuitableData: fewer than two poses for each.
     """
-    poses = problem.cases.stations.flexion[problem.cases.posed]
-    angles = len(np.unique(np.round(np.asarray(poses), 12)))
+    poses = np.asarray(problem.cases.stations.flexion)[problem.cases.posed]
+    angles = len(np.unique(np.round(poses, 12)))
     if problem.offsets and angles < 2:
         raise UnsuitableData(
             f"frame_offset: {', '.join(problem.offsets)} with {angles} measured "

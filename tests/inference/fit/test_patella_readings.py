@@ -22,8 +22,8 @@ PULL_N = 150.0
 OF_PATELLA = [one.column for one in BODIES[PATELLA].values()]
 #: The tendon, a retinaculum, the line of the quadriceps, where the groove stands.
 NAMES = [
-    "PTc.slack_length", "mPFL.slack_length", "lPFL.patellar_attachment.superior",
-    "vasint.origin.lateral", "patellofemoral.femoral_surface.anterior", "ACL.reference_strain",
+    "PT1.slack_length", "PFL2.slack_length", "PFL3.patellar_attachment.superior",
+    "vaslat.origin.lateral", "patellofemoral.femoral_surface.anterior", "ACL.reference_strain",
 ]  # fmt: skip
 
 
@@ -65,8 +65,8 @@ def problem_of(knee, test, names=NAMES):
 
 
 @pytest.fixture(scope="module")
-def knee():
-    return kj.load_knee("four_ligament", patella=True)
+def knee(pulled_knee):
+    return pulled_knee
 
 
 @pytest.mark.slow
@@ -151,7 +151,7 @@ def test_what_is_counted_from_another_row_is_less_that_row_and_scatters_more(kne
     """A force is what it is, whatever the poses are counted from."""
     test = kj.MeasuredTest(
         "tracking", FLEXION, {}, np.full((3, 5), np.nan), counted_from="extension",
-        readings={"patella_tilt_deg": [1.0, 3.0, 7.0], "PTc.tension_N": [10.0, 20.0, 40.0]},
+        readings={"patella_tilt_deg": [1.0, 3.0, 7.0], "PT1.tension_N": [10.0, 20.0, 40.0]},
         sd_deg=0.5, sd_N=2.0,
     )  # fmt: skip
     read = problem_of(knee, test, ["ACL.stiffness"]).cases.readings

@@ -136,28 +136,10 @@ def test_the_elastic_patella_becomes_the_rigid_one_with_the_root_of_its_stiffnes
     np.testing.assert_allclose(tension[-1], found[12], atol=1e-4)
 
 
-def cage():
-    """A tibia that hinges about Z, held by nearly isometric fibres, on two balls."""
-    ends = [[0.0, 0.0, z] for z in (-30.0, 30.0) for _ in range(4)]
-    feet = [[x, y, z] for z in (-30.0, 30.0)
-            for x, y in ((25, -30), (-25, -30), (5, -45), (0, -28))]  # fmt: skip
-    length = np.linalg.norm(np.array(ends) - np.array(feet), axis=1) / 1.02
-    fibres = Ligaments(ends, feet, [3000.0] * 8, length, [0.03] * 8, [1e-3] * 8,
-                       [f"cage{k}" for k in range(8)])  # fmt: skip
-    plateau = tuple(
-        Contact(geo.Sphere(22.0, geo.Frame([0.0, -2.0, z])),
-                geo.Plane(geo.Frame([0.0, -23.7, 0.0]), (12.0, 12.0 + abs(z))),
-                form="quadrature", points=(8, 20))
-        for z in (-20.0, 20.0)
-    )  # fmt: skip
-    at = geo.Pose.from_table([0.0] * 6)
-    return Knee(fibres, plateau, (), (), at, ("medial", "lateral"))
-
-
 @pytest.mark.slow
-def test_a_leg_on_a_rigid_patella_is_held_and_differentiable(patella):
+def test_a_leg_on_a_rigid_patella_is_held_and_differentiable(patella, hinged_knee):
     """Along the length of the tendon, the stiffness of the ligaments and the weight at once."""
-    knee, flexion, shank = cage(), np.array([10.0, 25.0]), kj.Shank.of_person(75.0, 1.75)
+    knee, flexion, shank = hinged_knee, np.array([10.0, 25.0]), kj.Shank.of_person(75.0, 1.75)
     start = geo.Pose(*jnp.array(START[:6]))
     leg = rigid_leg(knee, patella, start, flexion, shank)
     assert np.all(leg.quadriceps_N > 0.0) and np.all(leg.arm_mm > 0.0)
