@@ -21,7 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
-from kneejax.geometry import Prescribed, scales
+from kneejax.geometry import TIBIA, Prescribed, coordinate, scales
 from kneejax.mechanics import Knee
 from kneejax.numerics import compiled
 from kneejax.statics._balances import shapes_of_record
@@ -38,14 +38,15 @@ _ACCURACY_MM = 1e-9
 _QUICK, _PART, _PATIENT = 15, 25, 80
 #: A step that took more looks than this is not followed by a longer one.
 _EASY = 8
-#: Least part of the way to a load case that is tried; where flexion alone changes, and elsewhere.
-_FINEST_BENT, _FINEST = 2.0**-3, 2.0**-14
+#: Least part of the way to a load case that is tried: where the knee bends, where its numbers
+#: change, and where loads do.
+_FINEST_BENT, _FINEST_CHANGED, _FINEST = 2.0**-3, 2.0**-6, 2.0**-14
 #: How far an equilibrium may lie from where it was expected, mm (rotations at 30 mm): a branch is
 #: smooth, and shorter steps come as near as one likes; another branch stays away.
 _MISSED_MM = 1.0
-#: How far a knee may move in one step, mm (rotations at 30 mm): for each degree of flexion, but as
-#: far at least; and while loads or other coordinates change.
-_PER_DEGREE_MM, _BENT_MM, _LOADED_MM = 0.75, 0.75, 2.0
+#: How far a tibia may move in one step, mm (rotations at 30 mm): for each degree of flexion, but as
+#: far at least; and while loads or other coordinates change. A patella goes twice as far.
+_PER_DEGREE_MM, _BENT_MM, _LOADED_MM, _PATELLA = 0.75, 0.75, 2.0, 2.0
 #: Unit vectors that differ by less have one direction.
 _STRAIGHT = 1e-6
 #: Turns of the loop in which load cases may end, for each that lies ahead.
@@ -201,9 +202,10 @@ class Continuation(NamedTuple):
 
         return lax.while_loop(unfinished, a_turn, begun)
 
-    def _units(self) -> tuple[float, ...]:
-        """rad and mm of each free coordinate that count as 1 mm."""
-        return scales(self.like.stations.free)
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Names of the free coordinates."""
+        return self.like.stations.free
 
     def _args(self, here: Array) -> tuple[Knee, Prescribed]:
         case = self.like.of(here)
@@ -332,7 +334,7 @@ class Continuation(NamedTuple):
 
     def _judged(self, paths: _Paths) -> _Judged:
         """Whether what was found is on its branch, and what to do where it is not."""
-        behind, state, units = paths.behind, paths.state, self._units()
+        behind, state, units = paths.behind, paths.state, scales(self.free)
         here, last = paths.here, behind.cases[0]
         softness, pivots = softness_of(state.tangent, units)
         fault = fault_of(*self._args(here), state, pivots)
@@ -343,7 +345,9 @@ class Continuation(NamedTuple):
         reach = jnp.where(bend > 0.0, jnp.maximum(_BENT_MM, _PER_DEGREE_MM * bend), jnp.inf)
         reach = jnp.where(loading, _LOADED_MM, reach)
         scale = jnp.asarray(units)[:, None]
-        far = begun & (size_of((paths.y.q - behind.q[0]) / scale) > reach)
+        reaches = [1.0 if coordinate(name).body == TIBIA else _PATELLA for name in self.free]
+        moved = (paths.y.q - behind.q[0]) / scale / jnp.asarray(reaches)[:, None]
+        far = begun & (size_of(moved) > reach)
         # Round a corner a parabola leads astray, which a line, or the last equilibrium, does not.
         orders, distances = self._past(behind, here)
         missed = functools.reduce(jnp.minimum, [
@@ -355,7 +359,8 @@ class Continuation(NamedTuple):
         status = jnp.where(off_branch, int(Status.NOT_CONVERGED), status)
         ended = paths.ended & paths.active & ~paths.fresh
         good = ended & converged(status)
-        finest = jnp.where(loading, _FINEST, _FINEST_BENT)
+        finest = jnp.where(bend > 0.0, _FINEST_BENT, _FINEST_CHANGED)
+        finest = jnp.where(loading, _FINEST, finest)
         divides = begun & (0.5 * paths.step * (1.0 - paths.behind.progress) >= finest)
         # An equilibrium far away is mostly the right one, which another search finds once more:
         # half of the way tells.

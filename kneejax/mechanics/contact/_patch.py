@@ -252,10 +252,6 @@ def improve(
     return renewed(femoral, gap_at(femoral, tibial, motion, meeting), meeting)[0]
 
 
-#: What surfaces are apart that do not touch, mm, and how fast a gap may fall, per mm^2 of the way.
-_APART_MM, _BENDS = 0.05, 0.1
-
-
 def renewed(
     femoral: Surface, gap: Gap, meeting: tuple[Array, Array]
 ) -> tuple[tuple[Array, Array], Array]:
@@ -276,12 +272,7 @@ def renewed(
     more_a, more_b = _OVERSHOOT * (upper_a - lower_a), _OVERSHOOT * (upper_b - lower_b)
     a = jnp.clip(meeting[0] - short * step_a / along_a, lower_a - more_a, upper_a + more_a)
     b = jnp.clip(meeting[1] - short * step_b / along_b, lower_b - more_b, upper_b + more_b)
-    # At an edge, beyond which nothing is known, the point creeps for very long. What is apart there
-    # by more than the gap may still fall pulls at nothing.
-    creeps = jnp.abs((a - meeting[0]) * along_a) + jnp.abs((b - meeting[1]) * along_b)
-    at_edge = (a == meeting[0]) | (b == meeting[1])
-    apart = -gap.depth > _APART_MM + _BENDS * creeps**2
-    return (a, b), jnp.where(at_edge & apart, 0.0, miss)
+    return (a, b), miss
 
 
 def meeting_point(femoral: Surface, tibial: Surface, motion: Placement) -> Array:
