@@ -89,7 +89,7 @@ def outcomes(knee: kj.Knee) -> tuple[np.ndarray, ...]:
         sizes[name][row] = size
     load = load_of(**{name: array.ravel() for name, array in sizes.items()})
     stations = Stations.at(np.tile(ANGLES_DEG, len(LOADS)), [load])
-    found = balance_many(knee, cut_by_factor, np.ones(len(fibres)), factors, stations)
+    found = balance_many(knee, cut_by_factor, factors, stations)
     shape = len(CUTS), len(LOADS), len(ANGLES_DEG)
     return tuple(x.reshape(shape) for x in (found.status, found.reached, found.fault))
 
