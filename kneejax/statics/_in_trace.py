@@ -53,11 +53,10 @@ def continued_in_trace(knee: Knee, stations: Stations) -> Settled:
         length = jnp.where(goes, length, 0)
         behind = Behind.at(cases[0].T, guess.q, guess.meeting, jnp.zeros(lanes, int))
         end = Continuation(knee, like, cases, length, jnp.asarray(_GIVE_UP)).run(behind, None)
-        # What ended before its station says nothing of it.
+        # What ended before its station says nothing of it, nor where the ways end before it.
         record = of_record(end.record, shapes)
-        here = record["place"] == length - 1
-        lost = record["status"].at[:].set(float(Status.NOT_CONVERGED))
-        record["status"] = jnp.where(here, record["status"], lost)
+        here = (record["place"] == length - 1) & (length <= len(cases))
+        record["status"] = jnp.where(here, record["status"], float(Status.NOT_CONVERGED))
         there = jnp.concatenate([x.reshape(-1, lanes) for x in record.values()])
         found = jnp.where(goes, there, found)
         return again + 1, goes & ~converged(record["status"]) & ~end.at_first, found

@@ -59,7 +59,7 @@ def made_up_run(status, adduction_deg):
     nothing = np.zeros((*status.shape, 0, 2))
     ramp = VarusValgusRamp.towards("varus", 40.0, 650.0, 2, 4)
     steps, left = np.zeros(status.shape, int), np.zeros(status.shape)
-    return VarusValgus(ramp, Balances(q, nothing, status, steps, left + 1.0, status))
+    return VarusValgus(ramp, Balances(q, nothing, status, steps, left + 1.0, status, left))
 
 
 def test_a_ramp_ends_at_the_first_step_that_is_not_sound():
