@@ -65,7 +65,8 @@ def study(name, *, factor=1.0, attachments=True, tension=None, lost=False, **cha
         if lost:
             status[0, -2:], status[1] = Status.OUTSIDE_REGION, Status.NOT_CONVERGED
         nothing, reached = np.zeros((count, len(ramp), 0, 2)), np.ones(status.shape)
-        balances = Balances(q, nothing, status, np.zeros(status.shape, int), reached, status, reached)
+        steps = np.zeros(status.shape, int)
+        balances = Balances(q, nothing, status, steps, reached, status, reached)
         run = VarusValgus(ramp, balances)
         runs[direction] = run
         for row, change in enumerate(changes, 1):
