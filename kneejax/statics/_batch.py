@@ -11,8 +11,9 @@ from typing import Any
 
 import jax
 import numpy as np
+from jax import Array
 
-from kneejax.geometry import free_of
+from kneejax.geometry import Prescribed, free_of
 from kneejax.mechanics import Knee, add_lane_axis
 from kneejax.numerics import compiled
 from kneejax.statics._balances import Balances
@@ -218,16 +219,18 @@ class _Batch:
     def seek(self, variant, station, q, meeting, report) -> None:
         """Search nodes, each near a guess; arrays begin with the node."""
         one, unknown = np.ones(len(variant), int), np.isnan(q).any(axis=-1)
-        if unknown.any():
-            own_q, own_meeting = _at_reference(self.variants.knee, self.stations)
-            q = np.where(unknown[:, None], own_q, q)
-            meeting = np.where(unknown[:, None, None], own_meeting, meeting)
+        q, meeting = np.array(q), np.array(meeting)
+        for row in np.unique(station[unknown]):
+            held = {name: x[row : row + 1] for name, x in self.stations.prescribed.items()}
+            there = unknown & (station == row)
+            q[there], meeting[there] = _at_reference(self.variants.knee, held)
         behind = self._behind(variant, station, q, meeting, 0 * one)
         self._run(variant[:, None], station[:, None], one, behind, _WHILE_CHANGED, report)
 
     def begin(self, variant, station, length, give_up: int, report) -> None:
         """Follow paths of nodes from the reference pose; as in `follow`."""
-        own, nothing = _at_reference(self.variants.knee, self.stations), np.zeros(len(length), int)
+        knee, nothing = self.variants.knee, np.zeros(len(length), int)
+        own = _at_reference(knee, {"flexion": np.array([float(knee.reference_pose.flexion)])})
         q, meeting = (np.repeat(x[None], len(length), axis=0) for x in own)
         behind = self._behind(variant[:, 0], station[:, 0], q, meeting, nothing)
         self._run(variant, station, length, behind, give_up, report)
@@ -270,18 +273,17 @@ class _Batch:
             self.follow(nodes, stations[rows], length[rows], begins, give_up, report, anew)
 
 
-def _at_reference(knee: Knee, stations: Stations) -> tuple[np.ndarray, np.ndarray]:
-    """Free coordinates and contact points of a knee at its reference pose."""
-    own, bent = knee.at_reference, free_of(["flexion"], knee.bodies)
-    flexion, q = np.array([float(own.tibia.flexion)]), np.asarray(own.at(bent))[:, None]
-    meeting = np.asarray(_contact_points(knee, flexion, q))[..., 0]
-    return np.asarray(own.at(stations.free)), meeting
+def _at_reference(knee: Knee, prescribed: Prescribed) -> tuple[np.ndarray, np.ndarray]:
+    """Free coordinates of a knee at its reference pose, and its contact points with those and what
+    is prescribed, one number each."""
+    q = np.asarray(knee.at_reference.at(free_of(prescribed, knee.bodies)))
+    return q, np.asarray(_contact_points(knee, prescribed, q[:, None]))[..., 0]
 
 
 @compiled(optimised=False)
-def _contact_points(knee: Knee, flexion, q):
+def _contact_points(knee: Knee, prescribed: Prescribed, q: Array) -> Array:
     """Contact points at one pose, searched from scratch, `(n, 2, 1)`."""
-    return with_meeting(add_lane_axis(knee), {"flexion": flexion}, q).meeting
+    return with_meeting(add_lane_axis(knee), prescribed, q).meeting
 
 
 def _bent(variants: Variants, stations: Stations, holding: bool, report) -> Balances:

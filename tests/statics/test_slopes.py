@@ -50,6 +50,7 @@ def test_bundles_of_a_whole_knee_vary_in_stiffness_and_strain_together(
         "q": jnp.broadcast_to(q, (5, _LANES)), "meeting": jnp.zeros((0, 2, _LANES)),
         "residual": jnp.zeros((5, _LANES)), "drift": jnp.zeros((5, 0, 2, _LANES)),
         "tangent": jnp.broadcast_to(jnp.eye(5)[..., None], (5, 5, _LANES)),
+        "reaction": jnp.zeros((1, _LANES)), "coupling": jnp.zeros((1, 5, _LANES)),
         "depth": jnp.zeros((0, _LANES)), "status": jnp.zeros(_LANES, int),
         "fault": jnp.zeros(_LANES, int), "steps": jnp.zeros(_LANES, int),
     }  # fmt: skip
