@@ -121,6 +121,7 @@ def evaluate(knee: Knee, poses: Pose | State, meeting: Array | None = None) -> M
     mechanics = _over_points_too if over_points else _of_patches
     if traced(knee, state, meeting) or not count:
         return mechanics(knee, state, meeting)
+    knee = knee.for_many_poses()
     size = min(size, lanes_for(count))
     # The last chunk is filled up with the last pose: one shape, one compilation.
     rows = np.minimum(np.arange(-(-count // size) * size), count - 1).reshape(-1, size)
@@ -147,10 +148,10 @@ def _evaluate(knee: Knee, state: State, meeting: Array | None) -> Mechanics:
         each = lanes.map_patches(_over_patch, state, jnp.asarray(meeting), in_turn=True)
         found = {row: tuple(x[k] for x in each) for k, row in enumerate(patches)}
     for foundation in lanes.over_points:
-        each = _over_points_in_blocks(foundation, state.between(foundation.bodies))
+        there = state.between(foundation.bodies)
+        each, through = _over_points_in_blocks(foundation, there), foundation.passed_through(there)
         for k, row in enumerate(foundation.rows):
-            through = lanes.contacts[row].passed_through(state.between(foundation.bodies))
-            found[row] = *(x[k] for x in each), jnp.zeros_like(through), through
+            found[row] = *(x[k] for x in each), jnp.zeros_like(through[k]), through[k]
     contacts = [found[row] for row in range(len(lanes.contacts))]
     stacked = [jnp.stack(x, axis=-1) for x in zip(*contacts, strict=True)] or [
         jnp.zeros(shape + state.shape + (0,))
@@ -207,7 +208,8 @@ def _over_patch(contact: Contact, tibia: Placement, meeting: Array):
     known, whole = (pressed.off <= OFF_SURFACE_MM) | apart, (pressed.off <= 0.0) | apart
     deep = gap.depth >= contact.layer_thickness
     flat = (pressed.off <= OFF_SURFACE_MM) & contact.has_no_patch(gap)
-    through, peak = contact.passed_through(tibia), contact.pressure(gap.depth)
+    through = contact.passed_through(tibia, gap.point, gap.depth) & (deep | ~known)
+    peak = contact.pressure(gap.depth)
     border = _border(contact, gap, meeting, pressed.off, whole)
     return (
         force, moment, area, peak, mean, gap.depth, center, border.beyond_mm, border.share,

@@ -22,6 +22,7 @@ from kneejax.mechanics._step import TimeStep
 from kneejax.mechanics._wrench import Wrenches
 from kneejax.mechanics.contact import Contact, Foundation, PointFaults, Pressed, foundations_of
 from kneejax.mechanics.ligaments import FibreFaults, Ligaments
+from kneejax.numerics import compiled
 
 
 class Held(NamedTuple):
@@ -151,8 +152,12 @@ class Knee(eqx.Module):
         return Held(wrenches, energy, pressed, points, fibres)
 
     def for_many_poses(self) -> Knee:
-        """The same knee with what does not depend on the pose computed once."""
-        return dataclasses.replace(self, foundations=foundations_of(self.contacts))
+        """The same knee with the points of its contacts placed, which do not depend on the pose."""
+        if self.foundations is not None:
+            return self
+        if all(contact.has_patch for contact in self.contacts):
+            return dataclasses.replace(self, foundations=())
+        return dataclasses.replace(self, foundations=_placed(self.contacts))
 
     @property
     def over_points(self) -> tuple[Foundation, ...]:
@@ -281,6 +286,11 @@ class Knee(eqx.Module):
     def reference_strain(self) -> Array:
         """Strain of each fibre at the reference pose, shape `(n,)`."""
         return self.reference_length() / self.ligaments.slack_length - 1.0
+
+
+@compiled(optimised=False)
+def _placed(contacts: tuple[Contact, ...]) -> tuple[Foundation, ...]:
+    return foundations_of(contacts)
 
 
 def add_lane_axis(tree):

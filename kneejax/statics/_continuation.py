@@ -11,7 +11,6 @@ Every turn of the one compiled loop is a look of all lanes, each at its own step
 from __future__ import annotations
 
 import dataclasses
-import functools
 import itertools
 from typing import Any, NamedTuple
 
@@ -123,6 +122,9 @@ class _Paths(eqx.Module):
         looks: that the next load case took so far.
         at_first: whether there was an equilibrium at the very first load case.
         here: case that is tried, in rows.
+        expected: free coordinates there by the last one, two, three equilibria that lie on a
+            straight path, `(3, free, lanes)`, rad and mm.
+        straight: how many of them do.
         y: where its search looks next.
         state: of the search.
         turns: in which load cases ended.
@@ -140,6 +142,8 @@ class _Paths(eqx.Module):
     looks: Array
     at_first: Array
     here: Array
+    expected: Array
+    straight: Array
     y: Guess
     state: SearchState
     turns: Array
@@ -225,7 +229,8 @@ class Continuation(NamedTuple):
         return _Paths(
             behind=behind, place=none, active=self.length > 0, ended=yes, fresh=yes,
             step=jnp.ones(lanes), cautious=no, patient=no, looks=none, at_first=no,
-            here=here, y=y, state=state, turns=jnp.asarray(0), record=nothing,
+            here=here, expected=behind.q, straight=none, y=y, state=state,
+            turns=jnp.asarray(0), record=nothing,
         )  # fmt: skip
 
     def _looked(self, paths: _Paths) -> _Paths:
@@ -291,6 +296,7 @@ class Continuation(NamedTuple):
         whole = (paths.step >= 1.0) | self.like.rows_of_points()[:, None]
         new = jnp.where(whole, goal, last + paths.step * _apart(goal, last))
         orders, distances = self._past(paths.behind, new)
+        expected = jnp.stack([_extrapolated(paths.behind.q, distances, k) for k in orders])
         order = jnp.where(paths.cautious, jnp.minimum(orders[-1], 1), orders[-1])
         q, meeting = (
             _extrapolated(x, distances, order) for x in (paths.behind.q, paths.behind.meeting)
@@ -301,6 +307,8 @@ class Continuation(NamedTuple):
             paths,
             fresh=jnp.zeros_like(paths.fresh),
             here=jnp.where(begins, new, paths.here),
+            expected=jnp.where(begins, expected, paths.expected),
+            straight=jnp.where(begins, orders[-1], paths.straight),
             y=jax.tree.map(lambda a, b: jnp.where(begins, a, b), guess, paths.y),
             state=paths.state.anew(begins, guess),
             patient=jnp.where(begins, patient, paths.patient),
@@ -328,8 +336,9 @@ class Continuation(NamedTuple):
             step / jnp.where(size > 0.0, size, 1.0) for step, size in zip(steps, sizes, strict=True)
         )
         one = jnp.minimum(behind.known, 1)
-        two = one + ((behind.known > 1) & (size_of(ahead - last) < _STRAIGHT))
-        three = two + ((two > 1) & (behind.known > 2) & (size_of(last - before) < _STRAIGHT))
+        turns, turned = (jnp.max(jnp.abs(x), axis=0) for x in (ahead - last, last - before))
+        two = one + ((behind.known > 1) & (turns < _STRAIGHT))
+        three = two + ((two > 1) & (behind.known > 2) & (turned < _STRAIGHT))
         return [one, two, three], list(itertools.accumulate(sizes))
 
     def _judged(self, paths: _Paths) -> _Judged:
@@ -349,12 +358,8 @@ class Continuation(NamedTuple):
         moved = (paths.y.q - behind.q[0]) / scale / jnp.asarray(reaches)[:, None]
         far = begun & (size_of(moved) > reach)
         # Round a corner a parabola leads astray, which a line, or the last equilibrium, does not.
-        orders, distances = self._past(behind, here)
-        missed = functools.reduce(jnp.minimum, [
-            size_of((paths.y.q - _extrapolated(behind.q, distances, order)) / scale)
-            for order in orders
-        ])  # fmt: skip
-        far |= (orders[-1] > 1) & (missed > _MISSED_MM)
+        missed = jnp.min(jnp.max(jnp.abs(paths.y.q - paths.expected) / scale, axis=1), axis=0)
+        far |= (paths.straight > 1) & (missed > _MISSED_MM)
         off_branch = converged(status) & (far | (loading & ~(softness > 0.0)))
         status = jnp.where(off_branch, int(Status.NOT_CONVERGED), status)
         ended = paths.ended & paths.active & ~paths.fresh

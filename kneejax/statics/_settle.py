@@ -16,7 +16,7 @@ import optimistix as optx
 from jax import Array, lax
 from jax.custom_derivatives import SymbolicZero
 
-from kneejax.geometry import Placement, Pose, Prescribed, State, free_of
+from kneejax.geometry import Pose, Prescribed, State, free_of
 from kneejax.mechanics import Contact, Knee, displacement
 from kneejax.numerics import as_known, compiled, identity, ruled, solve, unknown_where
 from kneejax.statics._balance import (
@@ -257,27 +257,17 @@ def _faults(knee: Knee, prescribed: Prescribed, here: SearchState) -> Faults:
         outside, deep = touches & ~known, depth >= contact.layer_thickness
         # Off the fitted surfaces a shape says nothing, and that has been said.
         flat = touches & known & forces.flat[row]
-        through = _passed_through(contact, state.between(contact.bodies), deep | ~known)
+        point = tuple(x[row] for x in forces.point)
+        through = contact.passed_through(state.between(contact.bodies), point, depth)
+        through = through & (deep | ~known)
         found.append(ContactFaults(depth, outside, deep, flat, through))
     if (points := forces.points) is not None:
         through = jnp.zeros_like(points.lost)
-        for contact in (one for one in knee.contacts if not one.has_patch):
-            through = through | contact.passed_through(state.between(contact.bodies))
+        for bed in knee.over_points:
+            through |= jnp.any(bed.passed_through(state.between(bed.bodies)), axis=0)
         deep = points.too_deep | points.lost
         found.append(ContactFaults(points.depth, points.outside, deep, deep & False, through))
     return Faults.of(found, forces.fibres, displacement(knee, state.tibia))
-
-
-def _passed_through(contact: Contact, tibia: Placement, odd: Array) -> Array:
-    """Whether a condyle is on the wrong side of its plateau, of poses that are odd.
-
-    Two surfaces that meet within the layer where both are known have their solids on either side:
-    the middle of the condyle lies a radius above. Asked of every pose a third of all that is done
-    where a search ends was this.
-    """
-    return lax.cond(
-        jnp.any(odd), lambda: odd & contact.passed_through(tibia), lambda: jnp.zeros_like(odd)
-    )
 
 
 def _followed(knee: Knee, prescribed: Prescribed, found: Settled) -> tuple[Array, Array]:

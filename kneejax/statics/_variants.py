@@ -33,7 +33,8 @@ class Variants:
     """Variants of one knee.
 
     Attributes:
-        knee: gives all numbers that do not vary; without a lane axis.
+        knee: gives all numbers that do not vary; without a lane axis. Where contacts do not vary,
+            their points are placed.
         numbers: leaves of the knee that vary, by their places; arrays begin with the variant.
         count: of the variants.
     """
@@ -53,7 +54,11 @@ class Variants:
             parts.append(_numbers(vary, knee, some))
         leaves = parts[0] if parts else {}
         numbers = {leaf: np.concatenate([part[leaf] for part in parts])[:count] for leaf in leaves}
-        return cls(knee, numbers, count)
+        nothing = jax.tree.map(lambda _: False, knee)
+        of_contacts = jax.tree.map(lambda _: True, knee.contacts)
+        marks = jax.tree.leaves(dataclasses.replace(nothing, contacts=of_contacts))
+        still = not any(marks[leaf] for leaf in numbers)
+        return cls(knee.for_many_poses() if still else knee, numbers, count)
 
     def __len__(self) -> int:
         return self.count

@@ -170,7 +170,8 @@ def test_nothing_is_through_bone_that_meets_within_the_layer_where_surfaces_are_
     _, forces = jax.jit(look)(start, (lanes, {"flexion": pose.flexion}))
     through = 0
     for row, contact in enumerate(lanes.contacts):
-        passed = np.asarray(contact.passed_through(pose.placement))
+        point, depth = (x[row] for x in forces.point), forces.depth[row]
+        passed = np.asarray(contact.passed_through(pose.placement, tuple(point), depth))
         plain = np.asarray(forces.known[row] & (forces.depth[row] < contact.layer_thickness))
         met = np.asarray(forces.miss[row]) < 1e-3
         assert not (passed & plain & met).any()

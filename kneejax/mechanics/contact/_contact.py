@@ -18,8 +18,12 @@ from kneejax.geometry import (
     Pair,
     Placement,
     Surface,
+    Vector,
+    dot,
+    norm,
     partials,
     principal_curvatures,
+    subtract,
 )
 from kneejax.mechanics._wrench import Wrench
 from kneejax.mechanics.contact import _border, _patch
@@ -184,11 +188,18 @@ class Contact(eqx.Module):
         largest, _ = principal_curvatures(self.femoral, meeting[0], meeting[1])
         return gap.semi_axes[0] * largest > 1.0
 
-    def passed_through(self, tibia: Placement) -> Array:
-        """Whether the middle of the femoral solid lies inside the tibial one: a pose that no
-        bones have, though no point of their surfaces need touch any more."""
+    def passed_through(self, tibia: Placement, point: Vector, depth: Array) -> Array:
+        """Whether the overlap of a patch is deeper than the middle of the femoral solid is high:
+        a pose that no bones have.
+
+        Args:
+            tibia: where the tibia is.
+            point: where the surfaces meet, on the femoral one, in the tibial surface's frame, mm.
+            depth: there, mm.
+        """
         core = self.femur_to_plateau(tibia).apply(self.femoral.core())
-        return self.tibial.level(core) < 0.0
+        outwards = self.tibial.outwards(point)
+        return dot(subtract(core, point), outwards) < depth * norm(outwards)
 
     def border(self, gap: Gap, meeting: Array, off: Array) -> Border:
         """How far a patch reaches beyond the fitted regions, and what force is carried there.

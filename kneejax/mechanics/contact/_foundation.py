@@ -20,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from kneejax.geometry import Condyles, Pair, Placement, Surface
+from kneejax.geometry import Condyles, Pair, Placement, Surface, dot, subtract
 from kneejax.mechanics._wrench import Wrench
 from kneejax.mechanics.contact import _border
 from kneejax.mechanics.contact._border import Border
@@ -99,6 +99,20 @@ class Foundation(eqx.Module):
         """
         ends = np.cumsum((0, *self.counts))
         return jnp.stack([reduce(x[a:b], axis=0) for a, b in pairwise(ends)])
+
+    def passed_through(self, tibia: Placement) -> Array:
+        """Whether the middle of a condyle lies behind a tibial surface, as seen from the nearest
+        point of that, of each contact: a pose that no bones have, though nothing need touch."""
+        core = self.points.femoral.apply(asked_at(self.femoral, self.points).core())
+        there = subtract(tibia.inverse().apply(core), self.points.point)
+        behind = dot(there, self.points.normal) < 0.0
+
+        def nearest(distance: Array, axis: int) -> Array:
+            return jnp.min(jnp.where(distance < 0.0, jnp.inf, distance), axis=axis)
+
+        distance = dot(there, there)
+        signed = jnp.where(behind, -distance, distance)
+        return self.of_each(nearest, -signed) < self.of_each(nearest, signed)
 
     def wrenches(self, tibia: Placement, sampled: Sampled) -> Wrench:
         """Of each contact on the tibia about its origin, in femur axes, `(contacts, ...)`."""

@@ -168,7 +168,15 @@ def test_a_patch_larger_than_a_radius_is_outgrown():
 def test_a_tibia_that_has_passed_through_the_femur_is_seen_at_any_depth(form):
     contact = condyle_on_plateau()
     contact = Contact(contact.femoral, contact.tibial, form=form)
-    passed_through = compiled(lambda contact, c: contact.passed_through(placement(c)))
+
+    @compiled
+    def passed_through(contact, coordinates):
+        tibia = placement(coordinates)
+        if not contact.has_patch:
+            return contact.foundation.passed_through(tibia)[0]
+        gap = contact.gap(tibia, contact.meeting(tibia))
+        return contact.passed_through(tibia, gap.point, gap.depth)
+
     for up, expected in ((-5.0, False), (0.0, False), (3.0, False), (30.0, True), (80.0, True)):
         assert bool(passed_through(contact, POSE + up * np.eye(6)[4])) is expected
 
