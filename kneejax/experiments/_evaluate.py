@@ -17,15 +17,14 @@ from kneejax.mechanics import (
     Foundation,
     Gap,
     Knee,
-    Sampled,
     add_lane_axis,
     displacement,
 )
-from kneejax.numerics import compiled, lanes_for, on_all_cores, safe_sqrt, traced
+from kneejax.numerics import compiled, on_all_cores, safe_sqrt, traced
 from kneejax.statics import ContactFaults, Faults, Status, with_meeting
 
-# Poses of one call: what they need stays in the processor's cache.
-_CHUNK, _CHUNK_OVER_POINTS = 512, 64
+# Poses of one call, so that tables of all lengths share one program.
+_CHUNK = 64
 # Poses that share what is rare and dear: the border of their patches, a thorough search of rays.
 _BORDER_LANES, _RAY_LANES = 32, 8
 
@@ -116,15 +115,13 @@ def evaluate(knee: Knee, poses: Pose | State, meeting: Array | None = None) -> M
     """
     state = poses if isinstance(poses, State) else State({TIBIA: poses})
     over_points = any(not contact.has_patch for contact in knee.contacts)
-    size = _CHUNK_OVER_POINTS if over_points else _CHUNK
     count = len(jnp.atleast_1d(state.tibia.flexion))
     mechanics = _over_points_too if over_points else _of_patches
     if traced(knee, state, meeting) or not count:
         return mechanics(knee, state, meeting)
     knee = knee.for_many_poses()
-    size = min(size, lanes_for(count))
-    # The last chunk is filled up with the last pose: one shape, one compilation.
-    rows = np.minimum(np.arange(-(-count // size) * size), count - 1).reshape(-1, size)
+    # The last chunk is filled up with the last pose.
+    rows = np.minimum(np.arange(-(-count // _CHUNK) * _CHUNK), count - 1).reshape(-1, _CHUNK)
 
     given = jax.tree.map(np.atleast_1d, (state, meeting))
 
@@ -253,26 +250,24 @@ def _over_points(foundation: Foundation, tibia: Placement):
     """What is told of each contact over points, arrays `(contacts, ..., poses)`."""
     of_each = foundation.of_each
 
-    def summed(sampled: Sampled):
-        points, depth = sampled.points, sampled.depth
-        pressure = points.pressure(depth)
-        share = pressure * points.area
-        area = of_each(jnp.sum, points.touching(depth) * points.area)
-        wrenches = foundation.wrenches(tibia, sampled)
-        force, moment = (
-            jnp.stack(tibia.turn_back(x), axis=1) for x in (wrenches.force, wrenches.moment)
-        )
-        total = of_each(jnp.sum, share)
-        # Divided after the sums: all of them then go over the points together.
-        middle = [of_each(jnp.sum, share * x) / total for x in points.point]
-        faults, border = foundation.faults(tibia, sampled), foundation.border(tibia, sampled)
-        return (
-            force, moment, area, of_each(jnp.max, pressure), total / area,
-            of_each(jnp.max, depth), jnp.stack(middle, axis=1), border.beyond_mm, border.share,
-            ~faults.outside, faults.too_deep | faults.lost,
-        )  # fmt: skip
-
-    return foundation.over_points(tibia, summed)
+    sampled = foundation.sample(tibia)
+    points, depth = sampled.points, sampled.depth
+    pressure = points.pressure(depth)
+    share = pressure * points.area
+    area = of_each(jnp.sum, points.touching(depth) * points.area)
+    wrenches = foundation.wrenches(tibia, sampled)
+    force, moment = (
+        jnp.stack(tibia.turn_back(x), axis=1) for x in (wrenches.force, wrenches.moment)
+    )
+    total = of_each(jnp.sum, share)
+    # Divided after the sums: all of them then go over the points together.
+    middle = [of_each(jnp.sum, share * x) / total for x in points.point]
+    faults, border = foundation.faults(tibia, sampled), foundation.border(tibia, sampled)
+    return (
+        force, moment, area, of_each(jnp.max, pressure), total / area, of_each(jnp.max, depth),
+        jnp.stack(middle, axis=1), border.beyond_mm, border.share,
+        ~faults.outside, faults.too_deep | faults.lost,
+    )  # fmt: skip
 
 
 def status_of(poses: Mechanics, knee: Knee) -> Array:
