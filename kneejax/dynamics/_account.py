@@ -110,9 +110,8 @@ def flow(
     lost = jnp.sum(damping * known.length_rates, axis=0) + _lost_in_contacts(moving, known)
     lost = lost + sum(c * rates[name] ** 2 for name, c in moving.coordinate_damping.items())
     kinetic = sum(m.kinetic_energy(known.velocities[bone]) for bone, m in moving.masses.items())
-    points = meeting[:, 0], meeting[:, 1]
     whole = dataclasses.replace(moving.knee, loads=(*moving.loads, *loads))
-    _, forces = force(whole, {}, q, points)
+    _, forces = force(whole, {}, q, meeting)
     in_motion = _in_motion(moving, whole, state, known, rates, coefficients)
     still = tuple(name for name in held if name != QUADRICEPS)
     holding, driven = {}, jnp.zeros(state.shape)
@@ -123,7 +122,7 @@ def flow(
         driven = -pull * _rate_of(muscles, moving.knee.bodies, q, rate)
         in_motion = dataclasses.replace(in_motion, muscles=muscles.pulling({QUADRICEPS: pull}))
     if still:
-        holding |= zip(still, force_along(in_motion, state, points, still), strict=True)
+        holding |= zip(still, force_along(in_motion, state, meeting, still), strict=True)
     driven = driven + sum((holding[name] * rates[name] for name in still), jnp.zeros(state.shape))
     by_loads = jnp.sum(forces.load * rate, axis=0)
     return Flow(kinetic, forces.energy, lost, by_loads, driven, damping, holding)

@@ -13,7 +13,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array, lax
+from jax import Array
 from jax.typing import ArrayLike
 
 from kneejax.dynamics._history import damping_of
@@ -22,7 +22,7 @@ from kneejax.dynamics._trajectory import LoadCurve
 from kneejax.geometry import Placement, State, coordinates_of
 from kneejax.mechanics import add_lane_axis, contact_damping_force, damping_force
 from kneejax.numerics import WrongValue, imported
-from kneejax.statics import needs_float64, with_meeting
+from kneejax.statics import needs_float64
 
 
 def integrated(
@@ -157,7 +157,7 @@ class _Equations:
 
     def _damped_in_contacts(self, lanes: MovingKnee, x: Array, v: Array) -> Array:
         q = self.begin.at[self.free].set(x)[:, None]
-        meeting = lax.stop_gradient(with_meeting(lanes.knee, {}, q).meeting)
+        meeting = lanes.knee.meeting(State.of({}, q, lanes.knee.bodies))
 
         def overlaps(y: Array) -> tuple[dict[str, Array], dict[str, Array]]:
             return lanes.overlaps(self._state(y), meeting)

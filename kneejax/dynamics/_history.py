@@ -33,7 +33,6 @@ from kneejax.mechanics import (
     TimeStep,
     tautness,
 )
-from kneejax.statics import with_meeting
 
 
 class Step(eqx.Module):
@@ -121,10 +120,10 @@ class Moment(eqx.Module):
         nothing = jax.tree.map(jnp.zeros_like, velocities)
         length, length_rate = jax.jvp(lengths, (q,), (rate,))
         pulls = jnp.broadcast_to(pull, q.shape[1:])
-        meeting = with_meeting(moving.knee, {}, q).meeting
+        state = State.of({}, q, moving.knee.bodies)
+        meeting = moving.knee.meeting(state)
 
         def overlaps(x: Array) -> tuple[dict[str, Array], dict[str, Array]]:
-            # Where the gap is smallest its depth does not change with the meeting point.
             return moving.overlaps(State.of({}, x, moving.knee.bodies), meeting)
 
         overlap, overlap_rate, pressing = jax.jvp(overlaps, (q,), (rate,), has_aux=True)
@@ -140,20 +139,11 @@ class History(eqx.Module):
         last: its last moment.
         older: the one before it.
         meeting: where contacts met, `(n, 2, lanes)`.
-        drift: derivative of that by the free coordinates, `(free, n, 2, lanes)`.
     """
 
     last: Moment
     older: Moment
     meeting: Array
-    drift: Array
-
-    def meeting_at(self, shift: Array) -> Array:
-        """Where contacts are expected to meet after a shift of the free coordinates.
-
-        Without it a step's first look is too far off the meeting points to be judged.
-        """
-        return self.meeting + jnp.einsum("f...,fnk...->nk...", shift, self.drift)
 
     def knee_of(self, moving: MovingKnee, step: Step) -> Knee:
         """The knee whose balance is the end of a step."""

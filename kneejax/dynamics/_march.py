@@ -255,9 +255,8 @@ def follow(
 def begun(moving: MovingKnee, given: Given) -> Carry:
     """What goes into the first step."""
     first, meeting = first_moment(moving, given.q, given.rate, jnp.asarray(given.pull))
-    lanes, count = given.q.shape[1:], moving.knee.patch_count
-    still = jnp.zeros((len(free_of(given.held, moving.knee.bodies)), count, 2, *lanes))
-    history = History(first, first, meeting, still)
+    lanes = given.q.shape[1:]
+    history = History(first, first, meeting)
     return Carry(history, jnp.zeros(lanes, bool), jnp.zeros(lanes, int))
 
 
@@ -279,8 +278,7 @@ def _searched(moving: MovingKnee, history: History, step: Step) -> Settled:
     """The balance at the end of a step."""
     names, free = coordinates_of(moving.knee.bodies), free_of(step.held, moving.knee.bodies)
     rows = jnp.array([names.index(name) for name in free])
-    q, last = history.guess(step)[rows], history.last.q[rows]
-    guess = Guess(q, history.meeting_at(q - last))
+    guess = Guess(history.guess(step)[rows], history.meeting)
     return settle(history.knee_of(moving, step), step.held, guess, SEARCH)
 
 
@@ -294,7 +292,7 @@ def _moved_on(
     q = settled.state.at(coordinates_of(moving.knee.bodies))
     there = jnp.where(goes_on, q, history.last.q)
     moment = history.after(moving, step, there, jnp.nan_to_num(settled.meeting))
-    there = History(moment, history.last, settled.meeting, settled.drift)
+    there = History(moment, history.last, settled.meeting)
     there = jax.tree.map(lambda new, old: jnp.where(goes_on, new, old), there, history)
     status = jnp.where(still, before.status, settled.status)
     return Carry(there, before.ended | (~goes_on & ~idle), status)

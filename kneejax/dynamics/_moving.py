@@ -132,14 +132,14 @@ class MovingKnee(eqx.Module):
 
         Args:
             state: where the bones are.
-            meeting: of the contacts that have a patch, `(n, 2, lanes)`.
+            meeting: points near those where surfaces meet, `(n, 2, lanes)`.
         """
         overlap, pressing, row = {}, {}, 0
         for name, contact in zip(self.knee.contact_names, self.knee.contacts, strict=True):
-            at = (meeting[row, 0], meeting[row, 1]) if contact.has_patch else (meeting, meeting)
+            near = meeting[row] if contact.has_patch else None
             row += contact.has_patch
             if name in self.contact_dissipation:
-                there = contact.overlap(state.between(contact.bodies), at)
+                there = contact.overlap(state.between(contact.bodies), near)
                 overlap[name], pressing[name] = there
         return overlap, pressing
 

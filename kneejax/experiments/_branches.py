@@ -13,7 +13,7 @@ from kneejax.experiments._motion import Motion, passive_flexion
 from kneejax.geometry import FREE_COORDINATES, scales, table_units
 from kneejax.mechanics import Knee, Load, add_lane_axis
 from kneejax.numerics import compiled, needs_numbers
-from kneejax.statics import Guess, Settled, Stations, Status, force, settle, with_meeting
+from kneejax.statics import Guess, Settled, Stations, Status, force, settle
 
 #: How far from the balance that a test finds searches begin, degrees twice and mm thrice.
 _SPREAD = np.array([10.0, 25.0, 12.0, 12.0, 8.0])
@@ -128,12 +128,10 @@ def _searched(knee: Knee, stations: Stations, row: np.ndarray, q: np.ndarray) ->
 @compiled()
 def _search(knee: Knee, stations: Stations, q: jax.Array) -> Settled:
     lanes, held = stations.load(add_lane_axis(knee)), stations.prescribed
-    nowhere = jnp.full((knee.patch_count, 2, len(stations)), jnp.nan)
-    settled = settle(lanes, held, Guess(q, nowhere))
+    settled = settle(lanes, held, Guess(q))
     # A search from afar may carry its meeting points along to places where surfaces are close, but
     # not closest: what does not balance with points found anew is nothing.
-    met = with_meeting(lanes, held, jnp.nan_to_num(settled.q)).meeting
-    left, _ = force(lanes, held, settled.q, (met[:, 0], met[:, 1]))
+    left, _ = force(lanes, held, settled.q)
     left = jnp.max(jnp.abs(left * jnp.asarray(_SCALES)[:, None]), axis=0)
     status = jnp.where(left < _LEFT_N, settled.status, int(Status.NOT_CONVERGED))
     return dataclasses.replace(settled, status=status)

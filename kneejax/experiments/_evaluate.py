@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
-from kneejax.geometry import TIBIA, Placement, Pose, State, coordinates_of, free_of
+from kneejax.geometry import TIBIA, Placement, Pose, State, coordinates_of
 from kneejax.mechanics import (
     OFF_SURFACE_MM,
     Border,
@@ -21,7 +21,7 @@ from kneejax.mechanics import (
     displacement,
 )
 from kneejax.numerics import compiled, on_all_cores, safe_sqrt, traced
-from kneejax.statics import ContactFaults, Faults, Status, with_meeting
+from kneejax.statics import ContactFaults, Faults, Status
 
 # Poses of one call, so that tables of all lengths share one program.
 _CHUNK = 64
@@ -100,7 +100,7 @@ def evaluate(knee: Knee, poses: Pose | State, meeting: Array | None = None) -> M
     Args:
         knee: any knee.
         poses: of the tibia, fields of shape `(poses,)`; a `State` where other bones move too.
-        meeting: meeting points if they are known, `(n, 2, poses)`; searched by default.
+        meeting: points near those where surfaces meet, if they are known, `(n, 2, poses)`.
 
     Returns:
         The mechanics of each pose, differentiable with respect to poses and knee. Depth beyond the
@@ -135,14 +135,10 @@ def evaluate(knee: Knee, poses: Pose | State, meeting: Array | None = None) -> M
 
 def _evaluate(knee: Knee, state: State, meeting: Array | None) -> Mechanics:
     lanes = add_lane_axis(knee)
-    if meeting is None:
-        held = {"flexion": state.tibia.flexion}
-        q = state.at(free_of(held, knee.bodies))
-        meeting = with_meeting(lanes, held, q).meeting
     ligaments, found = lanes.ligaments, {}
     patches = [row for row, contact in enumerate(lanes.contacts) if contact.has_patch]
     if patches:
-        each = lanes.map_patches(_over_patch, state, jnp.asarray(meeting), in_turn=True)
+        each = lanes.map_patches(_over_patch, state, meeting, in_turn=True)
         found = {row: tuple(x[k] for x in each) for k, row in enumerate(patches)}
     for foundation in lanes.over_points:
         there = state.between(foundation.bodies)
@@ -192,8 +188,8 @@ _of_patches = compiled(optimised=False)(_evaluate)
 _over_points_too = compiled()(_evaluate)
 
 
-def _over_patch(contact: Contact, tibia: Placement, meeting: Array):
-    pressed = contact.press(tibia, meeting)
+def _over_patch(contact: Contact, tibia: Placement, near: Array):
+    pressed = contact.press(tibia, near)
     gap = pressed.gap
     area = 2.0 * jnp.pi * contact.rounded(gap.depth) * gap.mean_radius
     force, moment = (
@@ -205,9 +201,9 @@ def _over_patch(contact: Contact, tibia: Placement, meeting: Array):
     known, whole = (pressed.off <= OFF_SURFACE_MM) | apart, (pressed.off <= 0.0) | apart
     deep = gap.depth >= contact.layer_thickness
     flat = (pressed.off <= OFF_SURFACE_MM) & contact.has_no_patch(gap)
-    through = contact.passed_through(tibia, gap.point, gap.depth) & (deep | ~known)
+    through = contact.passed_through(tibia) & (deep | ~known)
     peak = contact.pressure(gap.depth)
-    border = _border(contact, gap, meeting, pressed.off, whole)
+    border = _border(contact, gap, pressed.meeting, pressed.off, whole)
     return (
         force, moment, area, peak, mean, gap.depth, center, border.beyond_mm, border.share,
         known, deep, flat, through,

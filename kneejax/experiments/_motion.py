@@ -154,8 +154,8 @@ class Motion(eqx.Module):
 @compiled(static_argnums=(0,))
 def _reaction(name: str, knee: Knee, stations: Stations, settled: Settled) -> Array:
     """Generalised force that is left on a prescribed coordinate, differentiable, `(poses,)`."""
-    meeting = settled.meeting[:, 0], settled.meeting[:, 1]
-    return force_along(stations.load(add_lane_axis(knee)), settled.state, meeting, (name,))[0]
+    lanes = stations.load(add_lane_axis(knee))
+    return force_along(lanes, settled.state, settled.meeting, (name,))[0]
 
 
 def passive_flexion(

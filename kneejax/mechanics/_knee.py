@@ -124,16 +124,14 @@ class Knee(eqx.Module):
             total = total + foundation.energy(state.between(foundation.bodies))
         return total if self.step is None else total + self.step.pull(state, Wrenches())
 
-    def press(self, state: State, meeting: tuple[Array, Array]) -> Held:
-        """What all parts but the loads do to the bones, each patch centred at a given point.
-
-        Balance is computed from it with the meeting points as further unknowns: no solve hides
-        inside, which keeps compilation short and every derivative one level deep.
+    def press(self, state: State, near: Array | None = None) -> Held:
+        """What all parts but the loads do to the bones.
 
         Args:
             state: as in `energy`.
-            meeting: the two parameters of the meeting points, each `(n, ...)` for the `n`
-                contacts that have a patch.
+            near: parameters of points near those where surfaces meet, `(n, 2, ...)` for the `n`
+                contacts that have a patch; without any, or where they are NaN, surfaces are
+                searched from scratch.
         """
         wrenches, energy, fibres = self.pull(state)
         each = []
@@ -145,7 +143,7 @@ class Knee(eqx.Module):
         points = functools.reduce(PointFaults.and_of, each) if each else None
         if not self.patch_count:
             return Held(wrenches, energy, None, points, fibres)
-        pressed = self.map_patches(Contact.press, state, meeting)
+        pressed = self.map_patches(Contact.press, state, near)
         energy = energy + jnp.sum(pressed.energy, axis=0)
         for pair, rows in self.patches.items():
             wrenches.add(pair, pressed.of(rows).wrench)
@@ -165,14 +163,16 @@ class Knee(eqx.Module):
         known = self.foundations
         return foundations_of(self.contacts) if known is None else known
 
-    def map_patches(self, function, state: State, meeting, *, in_turn: bool = False):
-        """Apply `function(contact, there, meeting)` to each contact that has a patch.
+    def map_patches(
+        self, function, state: State, near: Array | None = None, *, in_turn: bool = False
+    ):
+        """Apply `function(contact, there, near)` to each contact that has a patch.
 
         Args:
             function: returns a pytree of arrays; `there` is where the contact's second bone is in
                 the first.
             state: where the bones are.
-            meeting: an array, or a tuple of arrays, with one row per contact.
+            near: as in `press`.
             in_turn: whether one contact comes after the other: a `lax.cond` in the function then
                 passes over what it need not compute.
 
@@ -182,6 +182,8 @@ class Knee(eqx.Module):
         Contacts of one kind (same surfaces, degrees and law) are stacked and mapped together:
         half the operations to compile for two compartments.
         """
+        if near is None:
+            near = jnp.full((self.patch_count, 2, *state.shape), jnp.nan)
         kinds: dict[object, list[int]] = {}
         patches = [contact for contact in self.contacts if contact.has_patch]
         for row, contact in enumerate(patches):
@@ -194,7 +196,7 @@ class Knee(eqx.Module):
             there = state.between(patches[rows[0]].bodies)
             there = jax.tree.map(lambda x, n=count: jnp.broadcast_to(x, (n, *x.shape)), there)
             alike = jax.tree.map(lambda *x: jnp.stack(x), *(patches[row] for row in rows))
-            own = jax.tree.map(lambda x, r=rows: x if r == all_rows else x[jnp.array(r)], meeting)
+            own = near if rows == all_rows else near[jnp.array(rows)]
             if in_turn:
                 answers.append(lax.map(lambda one: function(*one), (alike, there, own)))
             else:
@@ -211,6 +213,14 @@ class Knee(eqx.Module):
             return jax.tree.map(lambda x: with_lanes(x)[0], answers[0])
         back = jnp.argsort(jnp.array(order))
         return jax.tree.map(lambda *x: jnp.concatenate(with_lanes(*x))[back], *answers)
+
+    def meeting(self, state: State) -> Array:
+        """Parameters of the points where surfaces meet, `(n, 2, ...)`, searched from scratch; no
+        derivative."""
+        if not self.patch_count:
+            return jnp.zeros((0, 2, *state.shape))
+        found = self.map_patches(Contact.meeting, state)
+        return lax.stop_gradient(jnp.stack(found, axis=1))
 
     @property
     def patch_count(self) -> int:

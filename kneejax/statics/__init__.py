@@ -22,7 +22,6 @@ from kneejax.statics._settle import Settled as Settled
 from kneejax.statics._settle import differentiable as differentiable
 from kneejax.statics._settle import needs_float64 as needs_float64
 from kneejax.statics._settle import settle as settle
-from kneejax.statics._settle import with_meeting as with_meeting
 from kneejax.statics._settle import with_tangent as with_tangent
 from kneejax.statics._slopes import Own as Own
 from kneejax.statics._slopes import Slopes as Slopes

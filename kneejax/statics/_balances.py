@@ -26,7 +26,7 @@ class Balances:
 
     Attributes:
         q: free coordinates `(variants, stations, free)`, rad and mm; NaN where there is no balance.
-        meeting: parameters of the meeting points, `(variants, stations, n, 2)`.
+        meeting: parameters of the points where surfaces meet, `(variants, stations, n, 2)`.
         status: `Status` values, `(variants, stations)`.
         steps: Newton steps taken, of all searches, `(variants, stations)`.
         reached: part of a station's last load under which the knee still balanced on the way to

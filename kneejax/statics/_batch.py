@@ -11,17 +11,14 @@ from typing import Any
 
 import jax
 import numpy as np
-from jax import Array
 
-from kneejax.geometry import Prescribed, free_of
-from kneejax.mechanics import Knee, add_lane_axis
-from kneejax.numerics import compiled
+from kneejax.mechanics import Knee
 from kneejax.statics._balances import Balances
 from kneejax.statics._chunks import Paths, follow_in_chunks
 from kneejax.statics._continuation import Behind
 from kneejax.statics._flexion_paths import Chain, Routes
 from kneejax.statics._freed import freed
-from kneejax.statics._settle import needs_float64, with_meeting
+from kneejax.statics._settle import needs_float64
 from kneejax.statics._stations import Stations
 from kneejax.statics._status import Status, gives_way
 from kneejax.statics._variants import Case, Variants, Vary, in_rows
@@ -220,20 +217,22 @@ class _Batch:
         """Search nodes, each near a guess; arrays begin with the node."""
         one, unknown = np.ones(len(variant), int), np.isnan(q).any(axis=-1)
         q, meeting = np.array(q), np.array(meeting)
-        for row in np.unique(station[unknown]):
-            held = {name: x[row : row + 1] for name, x in self.stations.prescribed.items()}
-            there = unknown & (station == row)
-            q[there], meeting[there] = _at_reference(self.variants.knee, held)
+        q[unknown] = self._reference()
+        meeting[unknown] = np.nan
         behind = self._behind(variant, station, q, meeting, 0 * one)
         self._run(variant[:, None], station[:, None], one, behind, _WHILE_CHANGED, report)
 
     def begin(self, variant, station, length, give_up: int, report) -> None:
         """Follow paths of nodes from the reference pose; as in `follow`."""
-        knee, nothing = self.variants.knee, np.zeros(len(length), int)
-        own = _at_reference(knee, {"flexion": np.array([float(knee.reference_pose.flexion)])})
-        q, meeting = (np.repeat(x[None], len(length), axis=0) for x in own)
+        nothing = np.zeros(len(length), int)
+        q = np.tile(self._reference(), (len(length), 1))
+        meeting = np.full((len(length), self.variants.knee.patch_count, 2), np.nan)
         behind = self._behind(variant[:, 0], station[:, 0], q, meeting, nothing)
         self._run(variant, station, length, behind, give_up, report)
+
+    def _reference(self) -> np.ndarray:
+        """Free coordinates at the reference pose."""
+        return np.asarray(self.variants.knee.at_reference.at(self.stations.free))
 
     def answer(self, shape: tuple[int, ...]) -> Balances:
         """What was found, with other leading axes of the variants."""
@@ -271,19 +270,6 @@ class _Batch:
             nodes = np.broadcast_to(variant[:, None], (len(variant), stations.shape[1]))
             begins = variant, origin
             self.follow(nodes, stations[rows], length[rows], begins, give_up, report, anew)
-
-
-def _at_reference(knee: Knee, prescribed: Prescribed) -> tuple[np.ndarray, np.ndarray]:
-    """Free coordinates of a knee at its reference pose, and its contact points with those and what
-    is prescribed, one number each."""
-    q = np.asarray(knee.at_reference.at(free_of(prescribed, knee.bodies)))
-    return q, np.asarray(_contact_points(knee, prescribed, q[:, None]))[..., 0]
-
-
-@compiled(optimised=False)
-def _contact_points(knee: Knee, prescribed: Prescribed, q: Array) -> Array:
-    """Contact points at one pose, searched from scratch, `(n, 2, 1)`."""
-    return with_meeting(add_lane_axis(knee), prescribed, q).meeting
 
 
 def _bent(variants: Variants, stations: Stations, holding: bool, report) -> Balances:

@@ -58,7 +58,7 @@ class Behind(eqx.Module):
     Attributes:
         cases: in rows, of the last three equilibria, the latest first, `(3, numbers, lanes)`.
         q: free coordinates there, `(3, free, lanes)`, rad and mm.
-        meeting: parameters of the contact points, `(3, n, 2, lanes)`.
+        meeting: parameters of the contact points, `(3, n, 2, lanes)`; NaN where they are not known.
         known: how many of them are equilibria, `(lanes,)`; without any, the latest is a guess.
         failed: load cases without an equilibrium in a row, or as many as end a path.
         progress: part of the way to the next load case at which the latest is.

@@ -111,4 +111,4 @@ def _beginning(knee: Knee, case: Case, q, meeting, released) -> tuple[Array, Arr
     if not released:
         return own, jnp.zeros((0, q.shape[-1]))
     knees = Case(case.numbers, before).knees(knee)
-    return own, force_along(knees, state, (meeting[:, 0], meeting[:, 1]), released)
+    return own, force_along(knees, state, meeting, released)

@@ -14,11 +14,11 @@ import jax
 import jax.numpy as jnp
 from jax import Array, lax
 
-from kneejax.mechanics import Knee, add_lane_axis
+from kneejax.mechanics import Knee
 from kneejax.statics._balances import of_record, settled_of, shapes_of_record
 from kneejax.statics._continuation import Behind, Continuation
 from kneejax.statics._flexion_paths import STRIDE
-from kneejax.statics._settle import Settled, with_meeting
+from kneejax.statics._settle import Settled
 from kneejax.statics._stations import Stations
 from kneejax.statics._status import Status, converged
 from kneejax.statics._variants import Case, in_rows
@@ -39,11 +39,11 @@ def continued_in_trace(knee: Knee, stations: Stations) -> Settled:
     Returns:
         The balances, a lane each; NaN where there is none.
     """
+    knee = knee.for_many_poses()
     stages, stations = len(stations.loads), stations.of(knee).plain()
     lanes, free = len(stations), stations.free
-    begin = jnp.broadcast_to(knee.reference_pose.flexion, (lanes,))
     q = jnp.broadcast_to(knee.at_reference.at(free)[:, None], (len(free), lanes))
-    guess = with_meeting(add_lane_axis(knee), {"flexion": begin}, q)
+    meeting = jnp.full((knee.patch_count, 2, lanes), jnp.nan)
     like = Case({}, jax.tree.map(lambda x: x[0], stations))
     shapes = shapes_of_record(stations, knee.patch_count)
 
@@ -51,7 +51,7 @@ def continued_in_trace(knee: Knee, stations: Stations) -> Settled:
         again, goes, found = trip
         cases, length = _cases(knee, stations, stages, again * _AROUND)
         length = jnp.where(goes, length, 0)
-        behind = Behind.at(cases[0].T, guess.q, guess.meeting, jnp.zeros(lanes, int))
+        behind = Behind.at(cases[0].T, q, meeting, jnp.zeros(lanes, int))
         end = Continuation(knee, like, cases, length, jnp.asarray(_GIVE_UP)).run(behind, None)
         # What ended before its station says nothing of it, nor where the ways end before it.
         record = of_record(end.record, shapes)

@@ -6,9 +6,8 @@ to a stable balance. Where the tangent is not positive definite, or a step was r
 of the identity is added to it. Lanes decide alone: one bad lane slows the others but never
 changes them.
 
-The points where contacts meet are searched alongside: with each step they take one of their own.
-Energies are compared only where they nearly are such points; a search that did not look twice
-there took a lax knee (MCL strain 0.015) for lost at 13 of 25 angles below 12 degrees.
+A look begins its search for the points where surfaces meet at those of the best point so far; where
+one is not found the energy is infinite, and the step is refused.
 
 Every look computes the tangent: docs/performance.md says what leaving it out has cost.
 """
@@ -17,7 +16,6 @@ from __future__ import annotations
 
 import dataclasses
 import enum
-import functools
 from collections.abc import Callable
 from functools import partial
 from typing import Any, ClassVar
@@ -41,11 +39,6 @@ _CLOSE = 1e-3
 # A step below the first, mm, that is not shorter than this part of the one before it is rounding:
 # that of a force, in a direction in which next to nothing holds.
 _ROUNDED, _SHRINKS = 1e-6, 0.1
-# How far meeting points may be off, mm, for a pose to be judged; for a first pose, which nothing is
-# compared with, to be gone on from; and to be the answer. Where surfaces are nearly flat against
-# each other energies change much along them: of 574 knees with a lax MCL, in extension, 67, 9, 3
-# and none were lost with 0.1, 0.01, 0.001 and 0.0003 mm, at the same number of looks.
-_JUDGED, _GONE_ON, _MET = 3e-4, 1e-2, 1e-9
 # N/mm added to the tangent in vain: who is here will not find anything any more.
 _HOPELESS = 1e8
 
@@ -55,11 +48,12 @@ class Guess(eqx.Module):
 
     Attributes:
         q: free coordinates `(free, lanes)`, rad and mm.
-        meeting: parameters of the meeting points, `(n, 2, lanes)`; NaN where they are not known.
+        meeting: parameters of points near those where surfaces meet, `(n, 2, lanes)`; None, or NaN,
+            where they are not known.
     """
 
     q: Array
-    meeting: Array
+    meeting: Array | None = None
 
 
 class Phase(enum.IntEnum):
@@ -80,8 +74,6 @@ class SearchState(eqx.Module):
         reaction: what holds the prescribed coordinates, in rows, in the order of their names.
         coupling: its derivative by the free ones, `(prescribed, free, lanes)`.
         forces: what holds it.
-        miss: how far off meeting points were at the look before, mm, where there is another at the
-            same pose; infinite elsewhere.
         damping: N/mm added to the tangent.
         step: the last one, `(free, lanes)`, mm (rotations at 30 mm).
         phase: `Phase` values.
@@ -95,7 +87,6 @@ class SearchState(eqx.Module):
     reaction: tuple[Array, ...]
     coupling: Array
     forces: Forces
-    miss: Array
     damping: Array
     step: Array
     phase: Array
@@ -117,7 +108,6 @@ class SearchState(eqx.Module):
             reaction=tuple(reaction),
             coupling=jnp.zeros((held, *guess.q.shape)),
             forces=forces,
-            miss=jnp.full(lanes, jnp.inf),
             damping=jnp.zeros(lanes),
             step=nothing,
             phase=jnp.full(lanes, int(Phase.SEARCHING)),
@@ -156,7 +146,7 @@ def look(guess: Guess, args: tuple[Knee, Prescribed]):
         Residual in rows, what holds prescribed coordinates below; forces.
     """
     knee, prescribed = args
-    return rows_of_force(knee, prescribed, guess.q, (guess.meeting[:, 0], guess.meeting[:, 1]))
+    return rows_of_force(knee, prescribed, guess.q, guess.meeting)
 
 
 class EnergyNewton(optx.AbstractRootFinder):
@@ -183,43 +173,25 @@ class EnergyNewton(optx.AbstractRootFinder):
         return SearchState.begun(y, forces, units, len(prescribed))
 
     def step(self, fn, y, args, options, state, tags):
-        rows, forces, tangent = linearised(
-            lambda q, meeting: fn(Guess(q, meeting), args), y.q, y.meeting
-        )
-        free, stiffness = len(y.q), tangent()
+        rows, forces, tangent = linearised(lambda q: fn(Guess(q, y.meeting), args), y.q)
+        free = len(y.q)
         residual = rows[:free]
-        accept, again = self._judged(y, residual, forces, state)
-        miss = _miss(forces)
-        # With what is seen off the meeting points nothing is compared.
-        energy = jnp.where(state.compares | (miss <= _JUDGED), forces.energy, jnp.inf)
-        seen = dataclasses.replace(forces, energy=energy)
+        lower = ~state.compares | self._is_lower(y, residual, forces, state)
+        accept = state.searches & lower
         here = dataclasses.replace(
             state,
             guess=y,
             residual=residual,
-            tangent=stiffness[:free],
+            tangent=tangent[:free],
             reaction=rows[free:],
-            coupling=stiffness[free:],
-            forces=seen,
+            coupling=tangent[free:],
+            forces=forces,
         )
         best = jax.tree.map(lambda new, old: jnp.where(accept, new, old), here, state)
         damping = jnp.where(accept, 0.1 * state.damping, jnp.maximum(8.0 * state.damping, 1.0))
         damping = jnp.where(damping < 1e-3, 0.0, damping)
-        damping = jnp.where(again, state.damping, damping)
-        best = dataclasses.replace(best, miss=jnp.where(again, miss, jnp.inf), damping=damping)
-        ahead = self._ahead(best, state, accept, again)
-        return self._next(ahead, again, y.q, forces.meeting), ahead, ahead.forces
-
-    def _judged(self, y: Guess, residual, forces: Forces, state: SearchState):
-        """Whether each lane takes the pose it looked at, and whether it looks there again."""
-        miss = _miss(forces)
-        lower = ~state.compares | self._is_lower(y, residual, forces, state)
-        # Off its meeting points a pose's energy says little: look again, as long as they come near.
-        # Better ones only raise it: what is too high already needs no other look.
-        off = miss > jnp.where(state.compares, _JUDGED, _GONE_ON)
-        again = state.searches & lower & off & (miss < 0.5 * state.miss)
-        near = miss <= jnp.maximum(_JUDGED, _miss(state.forces))
-        return state.searches & lower & ~again & (~state.compares | near), again
+        ahead = self._ahead(dataclasses.replace(best, damping=damping), state, accept)
+        return self._next(ahead), ahead, ahead.forces
 
     def _is_lower(self, y: Guess, residual, forces: Forces, state: SearchState) -> Array:
         before, energy = state.forces, forces.energy
@@ -232,50 +204,31 @@ class EnergyNewton(optx.AbstractRootFinder):
         calmer = (size_of(state.step) < _CLOSE) & (force < 0.5 * old_force)
         return finite & ((climb <= _ROUNDING * scale) | calmer)
 
-    def _ahead(
-        self, best: SearchState, before: SearchState, accept: Array, again: Array
-    ) -> SearchState:
+    def _ahead(self, best: SearchState, before: SearchState, accept: Array) -> SearchState:
         """The next step of each lane, and whether it has found a balance or is lost."""
         step, added = damped_step(best.tangent, best.residual, best.damping, best.scales)
         size, last = size_of(step), size_of(before.step)
         # A damping that is small against the stiffness does not hide how far the solution is.
-        plain = accept & (added == best.damping) & (added < 1.0) & (_miss(best.forces) < _MET)
+        plain = accept & (added == best.damping) & (added < 1.0) & best.compares
         rounding = (size < _ROUNDED) & (size > _SHRINKS * last) & (last > 0.0)
         found = plain & ((size < self.atol) | rounding)
         step = step * jnp.minimum(1.0, _LONGEST_STEP / jnp.where(size > 0.0, size, 1.0))
-        step = jnp.where(before.searches & ~again, step, before.step)
+        step = jnp.where(before.searches, step, before.step)
         count = before.count + before.searches
         lost = before.searches & ((best.damping > _HOPELESS) | (count >= self.most_steps))
         phase = jnp.where(lost, int(Phase.LOST), before.phase)
         phase = jnp.where(found, int(Phase.FOUND), phase)
         return dataclasses.replace(best, step=step, phase=phase, count=count)
 
-    def _next(self, state: SearchState, again: Array, q: Array, met) -> Guess:
-        """Where to look next: a step ahead, or at the same pose from better meeting points."""
-        forces, shift = state.forces, scaled(state.step, state.scales)
-        moved = (
-            sum(rate * by for rate, by in zip(rates, shift, strict=True))
-            for rates in zip(*forces.drift, strict=True)
-        )
-        meeting = [x + by for x, by in zip(forces.meeting, moved, strict=True)]
-        new = (
-            jnp.where(again, q, state.guess.q + jnp.stack(shift)),
-            jnp.where(again, jnp.stack(met, axis=1), jnp.stack(meeting, axis=1)),
-        )
+    def _next(self, state: SearchState) -> Guess:
+        """Where to look next: a step ahead of the best point."""
+        q = state.guess.q + jnp.stack(scaled(state.step, state.scales))
         # A lane whose numbers are not finite stands still: the solver would end the search of all.
-        finite = [jnp.all(jnp.isfinite(x), axis=tuple(range(x.ndim - 1))) for x in new]
-        goes = functools.reduce(jnp.logical_and, finite)
-        old = state.guess.q, state.guess.meeting
-        return Guess(*(jnp.where(goes, x, y) for x, y in zip(new, old, strict=True)))
+        goes = jnp.all(jnp.isfinite(q), axis=0)
+        return Guess(jnp.where(goes, q, state.guess.q), state.forces.meeting)
 
     def terminate(self, fn, y, args, options, state, tags):
         return ~jnp.any(state.searches), optx.RESULTS.successful
 
     def postprocess(self, fn, y, aux, args, options, state, tags, result):
-        nowhere, met = jnp.zeros_like(state.done), state.forces.meeting
-        return self._next(state, nowhere, y.q, met), state, {}
-
-
-def _miss(forces: Forces) -> Array:
-    """How far off the meeting points of a lane are at most, mm, where contact is near."""
-    return jnp.max(jnp.where(forces.depth < -1.0, 0.0, forces.miss), axis=0, initial=0.0)
+        return self._next(state), state, {}

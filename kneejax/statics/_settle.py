@@ -17,7 +17,7 @@ from jax import Array, lax
 from jax.custom_derivatives import SymbolicZero
 
 from kneejax.geometry import Pose, Prescribed, State, free_of
-from kneejax.mechanics import Contact, Knee, displacement
+from kneejax.mechanics import Knee, displacement
 from kneejax.numerics import as_known, compiled, identity, ruled, solve, unknown_where
 from kneejax.statics._balance import (
     balance,
@@ -46,13 +46,12 @@ class Settled(eqx.Module):
         prescribed: coordinate -> its value, `(lanes,)`, rad or mm.
         q: free coordinates `(free, lanes)`, rad and mm, in the order of `kneejax.geometry.free_of`;
             NaN where the search failed.
-        meeting: parameters of the meeting points `(n, 2, lanes)`.
+        meeting: parameters of the points where surfaces meet, `(n, 2, lanes)`; without derivatives.
         residual: unbalanced force left, `(free, lanes)`, N mm per rad and N.
         tangent: stiffness `(free, free, lanes)`.
         reaction: what holds the prescribed coordinates, in the order of their names, `(prescribed,
             lanes)`, N mm and N; of derivatives it knows nothing, `force_along` does.
         coupling: its derivative by the free ones, `(prescribed, free, lanes)`.
-        drift: derivative of the meeting points by `q`, `(free, n, 2, lanes)`.
         pivots: of the scaled symmetric tangent; all positive where the pose is stable.
         depth: of each patch, `(n, lanes)`, mm.
         status: `Status` value.
@@ -70,7 +69,6 @@ class Settled(eqx.Module):
     tangent: Array
     reaction: Array
     coupling: Array
-    drift: Array
     pivots: Array
     depth: Array
     status: Array
@@ -108,8 +106,8 @@ def settle(
     Args:
         knee: leaves end in a lane axis (see `kneejax.mechanics.add_lane_axis`).
         prescribed: coordinate -> its value, `(lanes,)`, rad or mm; all others are free.
-        guess: where to start; nothing is differentiated through it. Meeting points that are NaN are
-            searched from scratch; a pose that is NaN is replaced by the knee's reference pose.
+        guess: where to start; nothing is differentiated through it. A pose that is NaN is replaced
+            by the knee's reference pose.
         search: how to find the balance.
 
     Returns:
@@ -149,8 +147,9 @@ def differentiable(knee: Knee, prescribed: Prescribed, found: Settled) -> Settle
     Returns:
         The same balance, differentiable as `settle` is.
     """
-    q, meeting = _followed(knee, prescribed, lax.stop_gradient(found))
-    return dataclasses.replace(found, prescribed=prescribed, q=q, meeting=meeting)
+    found = lax.stop_gradient(found)
+    q = ruled(_following, found.q, knee, prescribed, found)
+    return dataclasses.replace(found, prescribed=prescribed, q=q)
 
 
 def with_tangent(knee: Knee, prescribed: Prescribed, found: Settled) -> Settled:
@@ -163,21 +162,8 @@ def with_tangent(knee: Knee, prescribed: Prescribed, found: Settled) -> Settled:
         found: the balance; NaN stays NaN.
     """
     knee, prescribed, found = lax.stop_gradient((knee, prescribed, found))
-    tangent, drift = _stiffness(knee, prescribed, found.q, found.meeting)
-    return dataclasses.replace(found, tangent=tangent, drift=drift)
-
-
-def with_meeting(knee: Knee, prescribed: Prescribed, q: Array) -> Guess:
-    """A guess at a pose, with meeting points searched from scratch."""
-    if not knee.patch_count:
-        return Guess(q, jnp.zeros((0, 2) + q.shape[1:]))
-    state = State.of(prescribed, q, knee.bodies)
-    empty = jnp.zeros((knee.patch_count,) + q.shape[1:])
-    start = knee.map_patches(lambda c, t, _: Contact.first_meeting(c, t), state, empty)
-    found = lax.fori_loop(
-        0, 8, lambda _, meeting: knee.map_patches(Contact.improved, state, meeting), start
-    )
-    return Guess(q, jnp.stack(found, axis=1))
+    tangent = balance(knee, prescribed, found.q, found.meeting).tangent
+    return dataclasses.replace(found, tangent=tangent)
 
 
 @compiled(static_argnums=(3,))
@@ -185,12 +171,13 @@ def _search(knee: Knee, prescribed: Prescribed, guess: Guess, search: EnergyNewt
     # One lane that starts from NaN would end the search of all.
     reference = knee.at_reference.at(free_of(prescribed, knee.bodies))
     q = jnp.where(jnp.isnan(guess.q), jnp.broadcast_to(reference, guess.q.shape), guess.q)
-    knee = knee.for_many_poses()
-    meeting = jnp.nan_to_num(_known_meeting(knee, prescribed, q, guess.meeting))
+    knee, near = knee.for_many_poses(), guess.meeting
+    if near is None:
+        near = jnp.full((knee.patch_count, 2, *q.shape[1:]), jnp.nan)
     solution = optx.root_find(
         look,
         search,
-        Guess(q, meeting),
+        Guess(q, near),
         (knee, prescribed),
         has_aux=True,
         max_steps=_MOST_ROUNDS,
@@ -198,16 +185,6 @@ def _search(knee: Knee, prescribed: Prescribed, guess: Guess, search: EnergyNewt
     )
     q, meeting, rest = described(knee, prescribed, solution.value, solution.aux)
     return Settled(prescribed, q, meeting, **rest, bodies=knee.bodies)
-
-
-def _known_meeting(knee: Knee, prescribed: Prescribed, q: Array, meeting: Array) -> Array:
-    """The meeting points, searched from scratch in lanes where they are NaN."""
-    unknown = jnp.any(jnp.isnan(meeting), axis=(0, 1))
-
-    def searched() -> Array:
-        return jnp.where(unknown, with_meeting(knee, prescribed, q).meeting, meeting)
-
-    return lax.cond(jnp.any(unknown), searched, lambda: meeting)
 
 
 def described(knee: Knee, prescribed: Prescribed, found: Guess, here: SearchState):
@@ -228,7 +205,6 @@ def holding(here: SearchState) -> dict[str, Array]:
         tangent=here.tangent,
         reaction=jnp.stack(here.reaction) if here.reaction else here.coupling[:, 0],
         coupling=here.coupling,
-        drift=jnp.stack([jnp.stack(pair, axis=1) for pair in here.forces.drift]),
         depth=here.forces.depth,
     )
 
@@ -237,7 +213,7 @@ def shapes_of_holding(free: int, held: int, patches: int) -> dict[str, tuple[int
     """Shapes of what `holding` gives, without lanes, of free and prescribed coordinates."""
     return dict(
         residual=(free,), tangent=(free, free), reaction=(held,), coupling=(held, free),
-        drift=(free, patches, 2), depth=(patches,),
+        depth=(patches,),
     )  # fmt: skip
 
 
@@ -257,9 +233,8 @@ def _faults(knee: Knee, prescribed: Prescribed, here: SearchState) -> Faults:
         outside, deep = touches & ~known, depth >= contact.layer_thickness
         # Off the fitted surfaces a shape says nothing, and that has been said.
         flat = touches & known & forces.flat[row]
-        point = tuple(x[row] for x in forces.point)
-        through = contact.passed_through(state.between(contact.bodies), point, depth)
-        through = through & (deep | ~known)
+        # Two that meet within the layer where both are known have their solids on either side.
+        through = contact.passed_through(state.between(contact.bodies)) & (deep | ~known)
         found.append(ContactFaults(depth, outside, deep, flat, through))
     if (points := forces.points) is not None:
         through = jnp.zeros_like(points.lost)
@@ -270,34 +245,20 @@ def _faults(knee: Knee, prescribed: Prescribed, here: SearchState) -> Faults:
     return Faults.of(found, forces.fibres, displacement(knee, state.tibia))
 
 
-def _followed(knee: Knee, prescribed: Prescribed, found: Settled) -> tuple[Array, Array]:
-    """Coordinates and meeting points of a balance, which follow the knee and what is prescribed."""
-    return ruled(_following, (found.q, found.meeting), knee, prescribed, found)
-
-
-def _following(value, primals, tangents):
+def _following(q, primals, tangents):
     # What the rule reads of the balance follows it in turn: so further derivatives are exact, too.
-    (q, meeting), (knee, prescribed, found) = value, primals
+    knee, prescribed, found = primals
     failed, size = ~found.converged, len(q)
     # Anywhere, where there is no balance: what is computed there goes nowhere.
-    nowhere = (jnp.where(failed, 0.0, x) for x in (q, meeting))
-    held = knee, prescribed, *nowhere
-    change, follow = _force_change(*held, *tangents[:2])
-    tangent, drift = as_known(_stiffness, (found.tangent, found.drift), *held)
+    held = knee, prescribed, jnp.where(failed, 0.0, q), found.meeting
+    change = _force_change(*held, *tangents[:2])
+    tangent = as_known(lambda *held: balance(*held).tangent, found.tangent, *held)
     tangent = jnp.where(failed, identity(size, q.ndim - 1), tangent)
     d_q, _ = solve(tangent, -change)
-    d_q = unknown_where(failed, jnp.stack(d_q))
-    moved = jnp.sum(drift * d_q.reshape(size, 1, 1, *q.shape[1:]), axis=0)
-    return (q, meeting), (d_q, follow + moved)
+    return q, unknown_where(failed, jnp.stack(d_q))
 
 
-def _stiffness(knee: Knee, prescribed: Prescribed, q: Array, meeting: Array) -> tuple[Array, Array]:
-    """Tangent and drift of a balance, as `Settled` has them."""
-    there = balance(knee, prescribed, q, (meeting[:, 0], meeting[:, 1]))
-    return there.tangent, jnp.stack([jnp.stack(pair, axis=1) for pair in there.forces.drift])
-
-
-def _force_change(knee, prescribed, q, meeting, d_knee, d_prescribed):
+def _force_change(knee, prescribed, q, near, d_knee, d_prescribed):
     """Change of the unbalanced force; what is not perturbed is not differentiated.
 
     A calibration of ligaments perturbs no contact: its derivative then needs the ligaments'
@@ -307,14 +268,5 @@ def _force_change(knee, prescribed, q, meeting, d_knee, d_prescribed):
     contacts_still = all(isinstance(t, SymbolicZero) for t in jax.tree.leaves(d_knee.contacts))
     poses_still = all(isinstance(t, SymbolicZero) for t in jax.tree.leaves(d_prescribed))
     if contacts_still and poses_still:
-        change = force_derivative_without_contacts(knee, prescribed, q, d_knee)
-        return change, jnp.zeros_like(meeting)
-    change, follow = force_derivative(
-        knee,
-        prescribed,
-        q,
-        (meeting[:, 0], meeting[:, 1]),
-        d_knee,
-        d_prescribed,
-    )
-    return change, jnp.stack(follow, axis=1)
+        return force_derivative_without_contacts(knee, prescribed, q, d_knee)
+    return force_derivative(knee, prescribed, q, near, d_knee, d_prescribed)

@@ -36,8 +36,7 @@ class Slopes:
         values: what varies, `(variants, p)`.
         q: free coordinates `(variants, stations, free)`, rad and mm; NaN where there is no balance.
         jacobian: of them by the values, `(variants, stations, free, p)`.
-        meeting: parameters of the meeting points, `(variants, stations, n, 2)`.
-        meeting_jacobian: likewise, `(variants, stations, n, 2, p)`.
+        meeting: parameters of the points where surfaces meet, `(variants, stations, n, 2)`.
         tangent: stiffness, `(variants, stations, free, free)`.
         status: `Status` values, `(variants, stations)`.
         knee: of several knees that which each variant is of, `(variants,)`; zeros by default.
@@ -47,7 +46,6 @@ class Slopes:
     q: np.ndarray
     jacobian: np.ndarray
     meeting: np.ndarray
-    meeting_jacobian: np.ndarray
     tangent: np.ndarray
     status: np.ndarray
     knee: np.ndarray = dataclasses.field(default=None)  # pyright: ignore[reportAssignmentType]
@@ -106,39 +104,23 @@ class _OfOwnKnee:
 
 @compiled(static_argnums=(0,))
 def _slopes(vary: Vary, knee: Knee, values, own, stations: Stations, known: dict[str, Any]):
-    """Derivatives of coordinates and meeting points by each lane's values, lanes first."""
+    """Derivatives of the free coordinates by each lane's values, `(lanes, free, p)`."""
     settled = settled_of(stations, known)
 
     def poses(x):
         lanes = stations.load(in_lanes(knee, vary, (own, x) if own else x))
-        found = differentiable(lanes, stations.prescribed, settled)
-        return found.q, found.meeting
+        return differentiable(lanes, stations.prescribed, settled).q
 
-    (q, meeting), push = jax.linearize(poses, values)
-    if values.shape[1] <= q.shape[0] + meeting[..., 0].size:
+    q, push = jax.linearize(poses, values)
+    (free, lanes), size = q.shape, values.shape[1]
+    if size <= free:
         # Lanes do not touch each other: one direction moves the same number of all of them.
-        turned = jax.vmap(push, out_axes=-1)(_units(values.shape[1], values.shape))
-        return jnp.moveaxis(turned[0], 1, 0), jnp.moveaxis(turned[1], 2, 0)
+        units = jnp.broadcast_to(jnp.eye(size)[:, None], (size, *values.shape))
+        return jnp.moveaxis(jax.vmap(push, out_axes=-1)(units), 1, 0)
     # Fewer rows than columns: what is asked for row by row takes less of everything.
-    pull, rows = jax.linear_transpose(push, values), _units_of((q, meeting))
-    by_row = jax.vmap(lambda *row: pull(row)[0])(*rows)
-    slope, met = jnp.split(by_row, [q.shape[0]])
-    shape = (*meeting.shape[:-1], *met.shape[1:])
-    return jnp.moveaxis(slope, 1, 0), jnp.moveaxis(met.reshape(shape), 2, 0)
-
-
-def _units(size: int, shape: tuple[int, ...]):
-    """Each direction of values `(lanes, size)`, in all lanes at once."""
-    return jnp.broadcast_to(jnp.eye(size)[:, None], (size, *shape))
-
-
-def _units_of(found: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
-    """Each number of what was found, in all lanes at once."""
-    q, meeting = found
-    lanes, sizes = q.shape[-1:], (q.shape[0], meeting[..., 0].size)
-    every = jnp.broadcast_to(jnp.eye(sum(sizes))[..., None], (sum(sizes), sum(sizes), *lanes))
-    own, met = jnp.split(every, [sizes[0]], axis=1)
-    return own, met.reshape(sum(sizes), *meeting.shape)
+    units = jnp.broadcast_to(jnp.eye(free)[..., None], (free, free, lanes))
+    pull = jax.linear_transpose(push, values)
+    return jnp.moveaxis(jax.vmap(lambda row: pull(row)[0])(units), 1, 0)
 
 
 def balance_with_slopes(
@@ -173,8 +155,7 @@ def balance_with_slopes(
     if near is not None:
         step = values - near.values
         q = near.q + np.einsum("vscp,vp->vsc", near.jacobian, step)
-        meeting = near.meeting + np.einsum("vsncp,vp->vsnc", near.meeting_jacobian, step)
-        found = balance_near(knee, vary, every, stations, q, meeting)
+        found = balance_near(knee, vary, every, stations, q, near.meeting)
     else:
         found = balance_many(knee, vary, every, stations, holding=True)
     return dataclasses.replace(_with_slopes(knee, vary, every, marks, found), knee=which)
@@ -191,10 +172,8 @@ def _with_slopes(knee: Knee, vary: Vary, every: Any, stations: Stations, found: 
         at = jax.tree.map(lambda x: x[rows % size], stations)
         here = {name: np.moveaxis(x[rows], 0, -1) for name, x in nodes.items()}
         numbers = jax.tree.map(lambda x: x[rows // size], (values, own))
-        return tuple(map(np.asarray, _slopes(vary, knee, *numbers, at, here)))
+        return np.asarray(_slopes(vary, knee, *numbers, at, here))
 
     parts = on_all_cores(some, range(0, count * size, _LANES))
-    whole = (np.concatenate(x)[: count * size] for x in zip(*parts, strict=True))
-    slope, met_slope = (x.reshape(count, size, *x.shape[1:]) for x in whole)
-    tangent = found.holding["tangent"]
-    return Slopes(values, found.q, slope, found.meeting, met_slope, tangent, found.status)
+    slope = np.concatenate(parts)[: count * size].reshape(count, size, -1, values.shape[1])
+    return Slopes(values, found.q, slope, found.meeting, found.holding["tangent"], found.status)

@@ -10,7 +10,7 @@ import pytest
 import kneejax as kj
 from kneejax.geometry import FREE_COORDINATES, Pose, State, scales
 from kneejax.mechanics import add_lane_axis, load_of
-from kneejax.statics import force, with_meeting
+from kneejax.statics import force
 
 FLEXION = [60.0, 75.0, 90.0]
 VALGUS = [load_of(varus_Nm=-40.0)]
@@ -60,6 +60,5 @@ def test_each_of_them_is_in_balance(knee, found):
     poses = Pose.from_table(np.array([branch.pose for branch in found]))
     lanes = add_lane_axis(dataclasses.replace(knee, loads=(*knee.loads, *VALGUS)))
     held, q = {"flexion": poses.flexion}, State({"tibia": poses}).at(FREE_COORDINATES)
-    guess = with_meeting(lanes, held, q)
-    left, _ = force(lanes, held, q, (guess.meeting[:, 0], guess.meeting[:, 1]))
+    left, _ = force(lanes, held, q)
     assert float(jnp.abs(left * jnp.asarray(scales(FREE_COORDINATES))[:, None]).max()) < 1e-3

@@ -21,7 +21,7 @@ from kneejax.experiments import (
 )
 from kneejax.experiments.extensor import held_leg, weight_of
 from kneejax.mechanics import add_lane_axis
-from kneejax.statics import settle, with_meeting
+from kneejax.statics import Guess, settle
 
 #: Each compiles a search of its own.
 pytestmark = pytest.mark.long
@@ -349,6 +349,6 @@ def test_a_patella_without_mass_is_in_balance_at_every_moment_of_a_motion(knee, 
     q = jnp.asarray(moved.q)[np.array([10, 20, 30])].T
     prescribed = dict(zip(names[:6], q[:6], strict=True))
     lanes = add_lane_axis(pulled)
-    there = settle(lanes, prescribed, with_meeting(lanes, prescribed, q[6:]))
+    there = settle(lanes, prescribed, Guess(q[6:]))
     assert bool(jnp.all(there.stable))
     np.testing.assert_allclose(there.q, q[6:], atol=1e-6)

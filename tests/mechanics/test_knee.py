@@ -25,14 +25,13 @@ def energies(knee, pose):
     """Energy, energy at the meeting points, gaps there, and the same part by part."""
     tibia = pose.placement
     patches = [contact for contact in knee.contacts if contact.has_patch]
-    meeting = jnp.stack([contact.meeting(tibia) for contact in patches])
-    gaps = [contact.gap(tibia, m) for contact, m in zip(patches, meeting, strict=True)]
+    gaps = [contact.gap(tibia, contact.meeting(tibia)) for contact in patches]
     state = geo.State({"tibia": pose})
     parts = knee.ligaments.energy(state)
     parts = parts + sum(line.energy(state) for line in knee.lines)
     parts = parts + sum(c.patch_energy(gap) for c, gap in zip(patches, gaps, strict=True))
     parts = parts + sum(c.energy(tibia) for c in knee.contacts if not c.has_patch)
-    held = knee.press(state, (meeting[:, 0], meeting[:, 1]))
+    held = knee.press(state)
     depths = jnp.stack([gap.depth for gap in gaps])
     return knee.energy(state), held.energy, held.patches.gap, parts, depths
 
@@ -71,9 +70,7 @@ def test_a_knee_on_planes_alone_answers_in_lanes(knee):
         for z, tilt in ((-20.0, [-0.03, 0, 0.03]), (20.0, [0.03, 0, 0.12]))
     ]
     on_planes = eqx.tree_at(lambda k: k.contacts, knee, tuple(map(add_lane_axis, contacts)))
-    tibia = POSE.placement
-    meeting = jnp.stack([contact.meeting(tibia) for contact in on_planes.contacts], axis=1)
-    pressed = on_planes.press(geo.State({"tibia": POSE}), (meeting[0], meeting[1])).patches
+    pressed = on_planes.press(geo.State({"tibia": POSE})).patches
     assert {leaf.shape for leaf in jax.tree.leaves(pressed)} == {(2, 2)}
 
 

@@ -137,9 +137,7 @@ def test_what_the_parts_do_to_every_bone_is_what_the_energy_loses(full_knee, cen
     @jax.jit
     def work(x):
         state = geo.State.of({}, x[:, None], BODIES)
-        patches = knee.contacts
-        meeting = jnp.stack([c.meeting(state.between(c.bodies)) for c in patches], axis=1)
-        held = knee.press(state, (meeting[0], meeting[1]))
+        held = knee.press(state)
         return jnp.stack(knee.work_of(held.wrenches, state, EVERY))[:, 0], held.energy[0]
 
     found, at_meeting = work(here)

@@ -145,8 +145,7 @@ def test_derivatives_are_central_differences(knee, choice):
         near = np.repeat(found.jacobian, 4, axis=0)
         guess = type(found)(
             np.repeat(values[None], 4, axis=0), *(np.repeat(x, 4, axis=0) for x in (
-                found.q, found.jacobian, found.meeting, found.meeting_jacobian, found.tangent,
-                found.status)),
+                found.q, found.jacobian, found.meeting, found.tangent, found.status)),
         )  # fmt: skip
         q = balance_with_slopes(knee, selection.apply, moved, stations, guess).q / units
         slope = (q[0] - 8 * q[1] + 8 * q[2] - q[3]) / (12 * steps[2])

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import kneejax as kj
-from kneejax.geometry import FREE_COORDINATES, State
 from kneejax.mechanics import add_lane_axis
 from kneejax.numerics import compiler_options
 from kneejax.numerics._elimination import solve
@@ -21,7 +20,6 @@ from kneejax.statics import (
     Status,
     balance_with_slopes,
     settle,
-    with_meeting,
 )
 
 FLEXION = np.arange(0.0, 121.0, 5.0)
@@ -163,22 +161,6 @@ def test_elimination_solves_and_its_pivots_tell_definiteness():
     assert (np.asarray(pivots) > 0).all()
     _, pivots = solve(jnp.asarray(-a), jnp.asarray(b))
     assert (np.asarray(pivots) < 0).any()
-
-
-def test_meeting_points_of_the_reference_pose_are_found_from_scratch(knee):
-    lanes, held = add_lane_axis(knee), {"flexion": jnp.zeros(1)}
-    guess = with_meeting(lanes, held, lanes.at_reference.at(FREE_COORDINATES))
-    for contact, meeting in zip(lanes.contacts, guess.meeting, strict=True):
-        gap = contact.gap(State.of(held, guess.q).tibia.placement, meeting)
-        assert float(gap.tilt[0]) < 1e-9
-
-
-def test_a_guess_has_the_types_of_a_search_that_ended(knee, motion):
-    """Were one weakly typed, the search after it would compile again."""
-    found = motion.settled
-    ended = Guess(found.q, found.meeting)
-    guess = with_meeting(add_lane_axis(knee), found.prescribed, found.q)
-    assert jax.tree.map(jax.typeof, guess) == jax.tree.map(jax.typeof, ended)
 
 
 @pytest.mark.long

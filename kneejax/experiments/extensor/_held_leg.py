@@ -117,8 +117,8 @@ def _moved(
 ) -> tuple[Motion, np.ndarray]:
     """A motion under another pull, and where it had to be walked to."""
     settled = before.settled
-    q, meeting = settled.q + grows.q * step, settled.meeting + grows.meeting * step
-    motion = expected(before.knee, stations, q, meeting)
+    q = settled.q + grows.q * step
+    motion = expected(before.knee, stations, q, settled.meeting)
     units = np.array(scales(stations.of(before.knee).free))[:, None]
     away = np.abs(np.asarray(motion.settled.q - q) / units).max(axis=0)
     astray = (step != 0.0) & ~(away <= _MISSED_MM)

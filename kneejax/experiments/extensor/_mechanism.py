@@ -94,13 +94,11 @@ class ByPull(NamedTuple):
             energy, this is also how fast the quadriceps becomes longer with flexion while all that
             is free stays balanced: the moment arm by virtual work.
         q: how fast the free coordinates move with the pull, `(free, poses)`.
-        meeting: likewise the meeting points, `(n, 2, poses)`.
     """
 
     moment: Array
     arm: Array
     q: Array
-    meeting: Array
 
 
 def by_pull(knee: Knee, stations: Stations, settled: Settled) -> ByPull:
@@ -113,9 +111,8 @@ def by_pull(knee: Knee, stations: Stations, settled: Settled) -> ByPull:
     stiffness = np.where(known, settled.tangent, np.eye(free)[..., None])
     q = -np.linalg.solve(np.moveaxis(stiffness, -1, 0), change[:free].T[..., None])[..., 0].T
     arm = change[free] + np.einsum("fp,fp->p", settled.coupling[row], q)
-    meeting = np.einsum("fncp,fp->ncp", settled.drift, q)
     moment = np.where(known, settled.reaction[row], np.nan)
-    return ByPull(*map(jnp.asarray, (moment, arm, q, meeting)))
+    return ByPull(*map(jnp.asarray, (moment, arm, q)))
 
 
 @compiled()
@@ -128,22 +125,21 @@ def _of_one_newton(knee: Knee, stations: Stations, settled: Settled) -> Array:
 @compiled()
 def _by_pull(knee: Knee, stations: Stations, settled: Settled) -> ByPull:
     """By the implicit rule, to be differentiated."""
-    (rows, *_), (slope, q, meeting) = jax.jvp(
+    (rows, _), (slope, q) = jax.jvp(
         *_pulled(knee, stations, lambda lanes: differentiable(lanes, stations.prescribed, settled))
     )
-    return ByPull(rows[-1], slope[-1], q, meeting)
+    return ByPull(rows[-1], slope[-1], q)
 
 
 def _pulled(knee: Knee, stations: Stations, balance: Callable[[Knee], Settled]):
     """A function of the pull that is added, where it is none, and one newton: for `jax.jvp`."""
 
-    def answer(pull: Array) -> tuple[Array, Array, Array]:
+    def answer(pull: Array) -> tuple[Array, Array]:
         loads = (*stations.loads, pull_of(QUADRICEPS, pull))
         lanes = dataclasses.replace(stations, loads=loads).load(add_lane_axis(knee))
         there = balance(lanes)
-        meeting = there.meeting[:, 0], there.meeting[:, 1]
-        rows = force_along(lanes, there.state, meeting, (*stations.free, "flexion"))
-        return rows, there.q, there.meeting
+        rows = force_along(lanes, there.state, there.meeting, (*stations.free, "flexion"))
+        return rows, there.q
 
     none = jnp.zeros(len(stations))
     return answer, (none,), (jnp.ones_like(none),)

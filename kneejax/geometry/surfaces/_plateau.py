@@ -100,6 +100,10 @@ class Plateau(Surface):
         steep = (slope_x * by_x) ** 2 + (slope_z * by_z) ** 2
         return (y - height) / jnp.sqrt(1.0 + steep)
 
+    def contains(self, point: Vector) -> Array:
+        x, z = jnp.clip(point[0], *self.x), jnp.clip(point[2], *self.z)
+        return point[1] < self._table(x, z, 0)[0][0]
+
     def outwards(self, point: Vector) -> Vector:
         return 0.0, 1.0, 0.0
 

@@ -85,6 +85,10 @@ class Surface(eqx.Module):
     def level(self, point: Vector) -> Array:
         """Signed distance to first order, mm: zero on the surface, positive outside the solid."""
 
+    def contains(self, point: Vector) -> Array:
+        """Whether a point lies in the solid, wherever it is."""
+        return self.level(point) < 0.0
+
     @abc.abstractmethod
     def start(self, direction: Vector) -> tuple[Array, Array]:
         """Parameters near the point whose outward normal is `direction`: a first guess."""

@@ -194,7 +194,7 @@ class MotionDensity(eqx.Module):
         """Poses to first order from the known ones."""
         near, step = self.near, values - self.near["values"]
         q = near["q"] + jnp.einsum("ncp,vp->vnc", near["jacobian"], step)
-        meeting = near["meeting"] + jnp.einsum("nmap,vp->vnma", near["meeting_jacobian"], step)
+        meeting = jnp.broadcast_to(near["meeting"], (len(q), *near["meeting"].shape))
         lanes = (x.reshape(len(q) * q.shape[1], *x.shape[2:]) for x in (q, meeting))
         return Guess(*(jnp.moveaxis(x, 0, -1) for x in lanes))
 

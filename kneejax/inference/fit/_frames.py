@@ -153,7 +153,6 @@ class Passed(NamedTuple):
     q: np.ndarray
     jacobian: np.ndarray
     meeting: np.ndarray
-    meeting_jacobian: np.ndarray
     status: np.ndarray
 
 
@@ -201,16 +200,16 @@ def _passed(lanes_of, moving, fixed, given: Given, settled, asked, values, slope
         begin = given.q + jnp.einsum("vcp,vp->cv", slope, x - values)
         lanes = lanes_of(moving, fixed, x)
         found = followed(lanes, dataclasses.replace(given, q=begin), settled)
-        return (found.known.q[asked], found.meeting[asked]), found.status[asked]
+        return found.known.q[asked], (found.meeting[asked], found.status[asked])
 
-    there, push, status = jax.linearize(motion, values, has_aux=True)
+    q, push, (meeting, status) = jax.linearize(motion, values, has_aux=True)
     size = values.shape[1]
     units = jnp.broadcast_to(jnp.eye(size)[:, None], (size, *values.shape))
     turned = jax.vmap(push, out_axes=-1)(units)
-    (q, meeting), (turn, met) = jax.tree.map(jnp.nan_to_num, (there, turned))
+    q, turned, meeting = map(jnp.nan_to_num, (q, turned, meeting))
     return (
-        jnp.moveaxis(q, -1, 0), jnp.moveaxis(turn, -2, 0), jnp.moveaxis(meeting, -1, 0),
-        jnp.moveaxis(met, -2, 0), jnp.moveaxis(status, -1, 0),
+        jnp.moveaxis(q, -1, 0), jnp.moveaxis(turned, -2, 0), jnp.moveaxis(meeting, -1, 0),
+        jnp.moveaxis(status, -1, 0),
     )  # fmt: skip
 
 

@@ -289,13 +289,11 @@ def add_offsets(
         row = FREE_COORDINATES.index(name)
         q[..., row] += shifts[:, [k]] * posed / TABLE_UNITS[row]
         more[..., row, k] = posed / TABLE_UNITS[row]
-    still = np.zeros((*found.meeting.shape, len(offsets)))
     return dataclasses.replace(
         found,
         values=np.hstack([found.values, shifts]),
         q=q,
         jacobian=np.concatenate([found.jacobian, more], axis=-1),
-        meeting_jacobian=np.concatenate([found.meeting_jacobian, still], axis=-1),
     )
 
 
@@ -310,7 +308,6 @@ def without_offsets(found: Slopes, offsets: Sequence[str], posed: np.ndarray) ->
         values=found.values[:, :size],
         q=q,
         jacobian=found.jacobian[..., :size],
-        meeting_jacobian=found.meeting_jacobian[..., :size],
     )
 
 

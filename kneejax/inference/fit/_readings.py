@@ -160,16 +160,15 @@ def _read_all(asked, vary: Vary, knee: Knee, free: int, stations: Stations, foun
     count = len(stations)
     in_nodes = [
         x.reshape(fits * count, *x.shape[2:])
-        for x in (found.q, found.meeting, found.jacobian, found.meeting_jacobian)
+        for x in (found.q, found.meeting, found.jacobian)
     ]
 
     def some(first: int):
         rows = np.minimum(np.arange(first, first + _LANES), fits * count - 1)
         there = jax.tree.map(lambda x: np.asarray(x)[rows % count], stations)
-        q, meeting, moved, met = (np.moveaxis(x[rows], 0, -1) for x in in_nodes)
+        q, meeting, moved = (np.moveaxis(x[rows], 0, -1) for x in in_nodes)
         values = found.values[rows // count, :free]
-        moved, met = np.moveaxis(moved, -2, 0), np.moveaxis(met, -2, 0)
-        at = values, there, q, meeting, moved, met
+        at = values, there, q, meeting, np.moveaxis(moved, -2, 0)
         return tuple(map(np.asarray, _read(asked, vary, knee, *at)))
 
     parts = on_all_cores(some, range(0, fits * count, _LANES))
@@ -180,21 +179,21 @@ def _read_all(asked, vary: Vary, knee: Knee, free: int, stations: Stations, foun
 
 
 @compiled(static_argnums=(0, 1))
-def _read(asked, vary: Vary, knee: Knee, values, stations: Stations, q, meeting, moved, met):
+def _read(asked, vary: Vary, knee: Knee, values, stations: Stations, q, meeting, moved):
     """Readings `(names, lanes)`, and in each direction of the values, `(p, names, lanes)`."""
 
-    def at(values: Any, q: Array, meeting: Array) -> Array:
+    def at(values: Any, q: Array) -> Array:
         lanes = stations.load(in_lanes(knee, vary, values))
         state = State.of(stations.prescribed, q, stations.bodies)
         length = lanes.ligaments.length(state)
         springs = length / lanes.ligaments.slack_length - 1.0, lanes.ligaments.tension_at(length)
         return jnp.stack([_one(lanes, state, meeting, springs, *each) for each in asked])
 
-    read, push = jax.linearize(at, values, q, meeting)
+    read, push = jax.linearize(at, values, q)
     # Lanes do not touch each other. Values beyond the parameters are constants between frames.
     units = jnp.eye(len(moved), values.shape[1])[:, None]
     units = jnp.broadcast_to(units, (len(moved), *values.shape))
-    return read, jax.vmap(push)(units, moved, met)
+    return read, jax.vmap(push)(units, moved)
 
 
 def _one(lanes: Knee, state: State, meeting: Array, springs, kind: str, rows: tuple[int, ...]):
@@ -210,7 +209,7 @@ def _one(lanes: Knee, state: State, meeting: Array, springs, kind: str, rows: tu
     there = state.between(contact.bodies)
     if contact.has_patch:
         patch = sum(one.has_patch for one in lanes.contacts[: rows[0]])
-        force = contact.press(there, (meeting[patch, 0], meeting[patch, 1])).wrench.force
+        force = contact.press(there, meeting[patch]).wrench.force
     else:
         force = contact.wrench(there).force
     return safe_sqrt(sum(x * x for x in force))

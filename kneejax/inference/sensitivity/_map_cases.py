@@ -136,10 +136,11 @@ class MapCases:
 
         # Nothing is differentiated; slopes of the right shape are asked for all the same.
         size = values.shape[1] if self.cases.readings is not None else 1
-        q, meeting = nodes("q"), nodes("meeting")
-        still = [np.broadcast_to(0.0, (*x.shape, size)) for x in (q, meeting)]
+        q = nodes("q")
+        still = np.broadcast_to(0.0, (*q.shape, size))
         stiff = np.broadcast_to(0.0, (*q.shape, q.shape[-1]))
-        slopes = Slopes(values[:, :size], q, still[0], meeting, still[1], stiff, nodes("status"))
+        rest = nodes("meeting"), stiff, nodes("status")
+        slopes = Slopes(values[:, :size], q, still, *rest)
         error, residual = self.cases.error(slopes)[0], self.cases.residual(slopes)[0]
         return (residual**2).sum(axis=1), np.moveaxis((error**2).sum(axis=1), -1, 0)
 

@@ -8,6 +8,8 @@ depths, at a cost in proportion to its points.
 
 from __future__ import annotations
 
+import dataclasses
+
 import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
@@ -18,12 +20,8 @@ from kneejax.geometry import (
     Pair,
     Placement,
     Surface,
-    Vector,
-    dot,
-    norm,
     partials,
     principal_curvatures,
-    subtract,
 )
 from kneejax.mechanics._wrench import Wrench
 from kneejax.mechanics.contact import _border, _patch
@@ -40,6 +38,8 @@ from kneejax.numerics import positive_part
 #: The two ways to compute a contact.
 ELLIPTICAL_PATCH, QUADRATURE = "elliptical_patch", "quadrature"
 FORMS = (ELLIPTICAL_PATCH, QUADRATURE)
+#: Surfaces this far apart, mm, have next to no force, wherever they are nearest.
+_APART = 1.0
 
 
 class Contact(eqx.Module):
@@ -125,19 +125,12 @@ class Contact(eqx.Module):
         """Whether the contact is computed over an elliptical patch, around a meeting point."""
         return self.form == ELLIPTICAL_PATCH
 
-    def first_meeting(self, tibia: Placement) -> tuple[Array, Array]:
-        """A first guess of the meeting point's parameters."""
-        return _patch.first_guess(self.femoral, self.tibial, self.femur_to_plateau(tibia))
+    def meeting(self, tibia: Placement, near: Array | None = None) -> tuple[Array, Array]:
+        """The two parameters of the femoral point where the surfaces meet; see `press`."""
+        motion = self.femur_to_plateau(tibia)
+        return _patch.meeting_point(self.femoral, self.tibial, motion, near)[0]
 
-    def meeting(self, tibia: Placement) -> Array:
-        """Parameters of the femoral point where the surfaces meet, shape `(2, ...)`."""
-        return _patch.meeting_point(self.femoral, self.tibial, self.femur_to_plateau(tibia))
-
-    def improved(self, tibia: Placement, meeting: tuple[Array, Array]) -> tuple[Array, Array]:
-        """Parameters after one Newton step towards the meeting point."""
-        return _patch.improve(self.femoral, self.tibial, self.femur_to_plateau(tibia), meeting)
-
-    def gap(self, tibia: Placement, meeting: tuple[Array, Array]) -> Gap:
+    def gap(self, tibia: Placement, meeting: Array | tuple[Array, Array]) -> Gap:
         """Gap of the surfaces at a femoral point."""
         return _patch.gap_at(self.femoral, self.tibial, self.femur_to_plateau(tibia), meeting)
 
@@ -156,18 +149,18 @@ class Contact(eqx.Module):
             return self.layer_thickness[None]
         return self.layer_thickness + partials(self.layer_variation, *across, 0)[0][0]
 
-    def overlap(self, tibia: Placement, meeting: tuple[Array, Array]) -> tuple[Array, Array]:
+    def overlap(self, tibia: Placement, near: Array | None = None) -> tuple[Array, Array]:
         """What a damper must know: depths, mm, and elastic forces, N.
 
         Args:
             tibia: where the tibia is.
-            meeting: parameters of the meeting point; not read of a contact over points.
+            near: as in `press`.
 
         Returns:
             Of the patch, `(...)`, or at each point, `(points, ...)`.
         """
         if self.has_patch:
-            gap = self.gap(tibia, meeting)
+            gap = self.gap(tibia, self.meeting(tibia, near))
             pressing = self._energy_per_radius(gap.depth)[1] * gap.mean_radius
             return gap.depth, pressing
 
@@ -188,18 +181,11 @@ class Contact(eqx.Module):
         largest, _ = principal_curvatures(self.femoral, meeting[0], meeting[1])
         return gap.semi_axes[0] * largest > 1.0
 
-    def passed_through(self, tibia: Placement, point: Vector, depth: Array) -> Array:
-        """Whether the overlap of a patch is deeper than the middle of the femoral solid is high:
-        a pose that no bones have.
-
-        Args:
-            tibia: where the tibia is.
-            point: where the surfaces meet, on the femoral one, in the tibial surface's frame, mm.
-            depth: there, mm.
-        """
+    def passed_through(self, tibia: Placement) -> Array:
+        """Whether the middle of the femoral solid lies inside the tibial one: a pose that no
+        bones have, though no point of their surfaces need touch any more."""
         core = self.femur_to_plateau(tibia).apply(self.femoral.core())
-        outwards = self.tibial.outwards(point)
-        return dot(subtract(core, point), outwards) < depth * norm(outwards)
+        return self.tibial.contains(core)
 
     def border(self, gap: Gap, meeting: Array, off: Array) -> Border:
         """How far a patch reaches beyond the fitted regions, and what force is carried there.
@@ -238,26 +224,31 @@ class Contact(eqx.Module):
         by_depth = law.touching(depth, self.onset_width) * law.relative_energy(self.law, relative)
         return factor * thick * law.patch_energy(self.law, relative), factor * by_depth
 
-    def press(self, tibia: Placement, meeting: tuple[Array, Array]) -> Pressed:
-        """Energy and wrenches of a patch around a femoral point.
+    def press(self, tibia: Placement, near: Array | None = None) -> Pressed:
+        """Energy and wrench of a patch.
 
         Args:
             tibia: where the tibia is.
-            meeting: parameters of the point, shape `(2, ...)`.
+            near: parameters of a point near that where the surfaces meet, `(2, ...)`; where it is
+                NaN, or without one, it is searched from scratch.
 
         Returns:
-            The patch, its wrenches on the tibia about the tibia's origin in femur axes.
+            The patch, its wrench on the tibia about the tibia's origin in femur axes; the energy is
+            infinite where surfaces are near each other and their meeting point is not found.
         """
         motion = self.femur_to_plateau(tibia)
+        meeting, lost = _patch.meeting_point(self.femoral, self.tibial, motion, near)
         damping = None if self.damper is None else self._damping
         laws = self._energy_per_radius, damping
         pressed = press(self.femoral, self.tibial, motion, meeting, *laws)
+        lost = lost & (pressed.gap.depth > -_APART)
+        pressed = dataclasses.replace(pressed, energy=jnp.where(lost, jnp.inf, pressed.energy))
         return pressed.carried(self.tibial.frame.placement, tibia)
 
     def wrench(self, tibia: Placement) -> Wrench:
         """Of the layer on the tibia, about the tibia's origin in femur axes."""
         if self.has_patch:
-            return self.press(tibia, self.meeting(tibia)).wrench
+            return self.press(tibia).wrench
         return self.foundation.press(tibia)[1]
 
     def energy(self, tibia: Placement) -> Array:

@@ -16,9 +16,14 @@ import jax.numpy as jnp
 from jax import Array, lax
 
 from kneejax.geometry import Height, Jet, Placement, Surface, Vector, add, dot, rotate, scale
-from kneejax.numerics import instantiate, ruled, safe_sqrt
+from kneejax.numerics import jvp_of_moved, ruled, safe_sqrt
 
-_SEARCH_STEPS = 12
+# Steps of a search at most; the length of the last, mm, when it has found the point, and when it
+# has all but found it.
+_SEARCH_STEPS, _FOUND, _NEARLY_FOUND = 12, 1e-9, 3e-4
+# Part of the step before that a step near the point is at most: with a half some poses of knees
+# with a lax MCL are lost, with a tenth others (docs/performance.md).
+_CONVERGES = 0.25
 # A search step, mm; the least relative curvature, 1/mm, that it believes, and what it reckons with
 # where there is less or none.
 _LONGEST_STEP, _FLATTEST, _LEAST_CURVATURE = 6.0, 1e-5, 0.003
@@ -205,7 +210,11 @@ class Nearby(eqx.Module):
 
 
 def nearby(
-    femoral: Surface, tibial: Surface, motion: Placement, meeting: Array, order: int = 2
+    femoral: Surface,
+    tibial: Surface,
+    motion: Placement,
+    meeting: Array | tuple[Array, Array],
+    order: int = 2,
 ) -> Nearby:
     """Both surfaces around a femoral point, with derivatives to an order; else as `gap_at`."""
     jet = femoral.jet(meeting[0], meeting[1], order)
@@ -219,7 +228,9 @@ def nearby(
     return Nearby(jet, height, point, (x, y, z), along, bent)
 
 
-def gap_at(femoral: Surface, tibial: Surface, motion: Placement, meeting: Array) -> Gap:
+def gap_at(
+    femoral: Surface, tibial: Surface, motion: Placement, meeting: Array | tuple[Array, Array]
+) -> Gap:
     """The gap at a point of the femoral surface.
 
     Args:
@@ -241,21 +252,17 @@ def first_guess(
     return a, b
 
 
-def improve(
-    femoral: Surface, tibial: Surface, motion: Placement, meeting: tuple[Array, Array]
-) -> tuple[Array, Array]:
-    """One guarded Newton step towards the smallest gap.
-
-    Arguments as `gap_at`. Parameters come and go as a pair, not stacked: whatever the compiler
-    computes into a stack it computes once for each row.
-    """
-    return renewed(femoral, gap_at(femoral, tibial, motion, meeting), meeting)[0]
-
-
-def renewed(
+def improved(
     femoral: Surface, gap: Gap, meeting: tuple[Array, Array]
 ) -> tuple[tuple[Array, Array], Array]:
-    """As `improve`, from the gap at the meeting point; and how far the step leads, mm."""
+    """A point after one guarded Newton step towards the smallest gap, and how far that leads, mm.
+
+    Args:
+        femoral: the surface that carries the point.
+        gap: there.
+        meeting: the point's parameters: a pair, not stacked, since whatever the compiler computes
+            into a stack it computes once for each row.
+    """
     # In mm along both parameters, so that the guards below have a meaning.
     along_a, along_b = gap.stretch
     slope_a, slope_b = gap.slope[0] / along_a, gap.slope[1] / along_b
@@ -275,29 +282,52 @@ def renewed(
     return (a, b), miss
 
 
-def meeting_point(femoral: Surface, tibial: Surface, motion: Placement) -> Array:
-    """Parameters of the femoral point where two surfaces meet: the smallest gap.
+def meeting_point(
+    femoral: Surface, tibial: Surface, motion: Placement, near: Array | None = None
+) -> tuple[tuple[Array, Array], Array]:
+    """Where two surfaces meet: the femoral point where the gap is smallest.
+
+    Near a known point the search goes on as long as each step is at most a quarter as long as the
+    one before. So it does not leave for another smallest gap, which surfaces that are nearly flat
+    against each other may have: there the point moves by millimetres as the pose moves by
+    hundredths, and at some poses there is none.
 
     Args:
         femoral: the surface that is searched.
         tibial: the surface over which the gap is measured.
         motion: from the femoral to the tibial surface's frame.
+        near: parameters of a point near it, `(2, ...)`; without one, or where that is NaN, the
+            search begins where the normals roughly oppose.
 
     Returns:
-        Shape `(2, ...)`, differentiable to any order by the motion and every number of the
-        surfaces: the rule below is made of the function itself.
+        The point's two parameters, differentiable to any order by the motion and every number of
+        the surfaces: the rule below is made of the function itself. And whether it was not found.
     """
     still = lax.stop_gradient((femoral, tibial, motion))
-    found = lax.fori_loop(
-        0, _SEARCH_STEPS, lambda _, meeting: improve(*still, meeting), first_guess(*still)
-    )
-    return ruled(_meeting_rule, jnp.stack(found), femoral, tibial, motion)
+    begin, afresh = first_guess(*still), True
+    if near is not None:
+        known = lax.stop_gradient(near)
+        afresh = jnp.isnan(known[0])
+        begin = tuple(jnp.where(afresh, a, b) for a, b in zip(begin, known, strict=True))
+
+    def nearer(state):
+        step, point, last, goes = state
+        ahead, length = improved(still[0], gap_at(*still, point), point)
+        goes = goes & (afresh | (length < _CONVERGES * last))
+        point = tuple(jnp.where(goes, a, b) for a, b in zip(ahead, point, strict=True))
+        return step + 1, point, jnp.where(goes, length, last), goes & (length > _FOUND)
+
+    far = jnp.full(jnp.shape(begin[0]), jnp.inf)
+    state = jnp.asarray(0), begin, far, far > 0.0
+    going_on = lambda s: (s[0] < _SEARCH_STEPS) & jnp.any(s[-1])  # noqa: E731
+    _, point, last, _ = lax.while_loop(going_on, nearer, state)
+    found = ruled(_meeting_rule, point, femoral, tibial, motion)
+    return found, ~(last <= _NEARLY_FOUND)
 
 
-def _meeting_rule(meeting: Array, primals, tangents):
+def _meeting_rule(meeting: tuple[Array, Array], primals, tangents):
     def slope(femoral: Surface, tibial: Surface, motion: Placement):
-        gap = gap_at(femoral, tibial, motion, meeting)
-        return gap.slope, gap
+        return gap_at(femoral, tibial, motion, meeting).slope
 
-    _, moved, gap = jax.jvp(slope, primals, instantiate(tangents), has_aux=True)
-    return meeting, jnp.stack(gap.newton(*moved))
+    _, moved = jvp_of_moved(slope, primals, tangents)
+    return meeting, gap_at(*primals, meeting).newton(*moved)

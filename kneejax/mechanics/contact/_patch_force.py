@@ -36,7 +36,7 @@ from kneejax.geometry import (
 )
 from kneejax.mechanics._wrench import Wrench
 from kneejax.mechanics.contact._border import rim_off
-from kneejax.mechanics.contact._patch import _NOTHING, Gap, Nearby, nearby, renewed
+from kneejax.mechanics.contact._patch import _NOTHING, Gap, Nearby, nearby
 
 
 class Pressed(eqx.Module):
@@ -45,20 +45,15 @@ class Pressed(eqx.Module):
     Attributes:
         energy: N mm.
         wrench: on the second bone.
-        slope_wrenches: by a motion of that bone the two slopes of the gap change as if these
-            did work on it.
         gap: at the meeting point.
-        renewed: parameters of the meeting point after one Newton step towards the smallest gap.
-        miss: how far that step leads, mm.
+        meeting: the two parameters of that point.
         off: how far the patch reaches beyond the regions in which both surfaces are known, mm.
     """
 
     energy: Array
     wrench: Wrench
-    slope_wrenches: tuple[Wrench, Wrench]
     gap: Gap
-    renewed: tuple[Array, Array]
-    miss: Array
+    meeting: tuple[Array, Array]
     off: Array
 
     def of(self, rows: tuple[int, ...]) -> Pressed:
@@ -70,17 +65,15 @@ class Pressed(eqx.Module):
     def carried(self, frame: Placement, there: Placement) -> Pressed:
         """Wrenches from the tibial surface's frame to the first bone's axes, about the second's
         origin."""
-        first, second = (w.moved(frame).turned(there) for w in self.slope_wrenches)
         wrench = self.wrench.moved(frame).turned(there)
-        rest = self.gap, self.renewed, self.miss, self.off
-        return Pressed(self.energy, wrench, (first, second), *rest)
+        return Pressed(self.energy, wrench, self.gap, self.meeting, self.off)
 
 
 def press(
     femoral: Surface,
     tibial: Surface,
     motion: Placement,
-    meeting: Array,
+    meeting: tuple[Array, Array],
     energy_per_radius: Callable[[Array], tuple[Array, Array]],
     damping: Callable[[Array], tuple[Array, Array]] | None = None,
 ) -> Pressed:
@@ -90,7 +83,7 @@ def press(
         femoral: the surface that carries the meeting point.
         tibial: the surface over which the gap is measured.
         motion: from the femoral to the tibial surface's frame.
-        meeting: parameters of the meeting point, shape `(2, ...)`.
+        meeting: the two parameters of the meeting point.
         energy_per_radius: of a depth, energy per mm of the mean radius, N, and its slope, N/mm.
         damping: of a depth, a potential whatever the radius, N mm, and its slope, N.
 
@@ -113,15 +106,11 @@ def press(
     force = add(force, add(scale(shift_a, bent_a), scale(shift_b, bent_b)))
     shifted = add(scale(shift_a, along_a), scale(shift_b, along_b))
     couple = add(couple, cross(shifted, gradient))
-    slope_wrenches = tuple(
-        -Wrench.at(near.point, bent, cross(along, gradient))
-        for bent, along in zip(near.bent, near.along, strict=True)
-    )
     # Blind to first order to what is left of the search for the meeting point.
     energy = energy + shift_a * gap.slope[0] + shift_b * gap.slope[1]
     wrench = Wrench.at(near.point, force, couple)
     off = rim_off(femoral, tibial, gap, meeting)
-    return Pressed(energy, wrench, slope_wrenches, gap, *renewed(femoral, gap, meeting), off)
+    return Pressed(energy, wrench, gap, meeting, off)
 
 
 def _cofactors(near: Nearby, gap: Gap) -> tuple[Vector, Vector]:

@@ -174,8 +174,8 @@ def _by_knee(knee: Knee, flexion: Array, q: Array) -> Array:
     Its derivative by the coordinates is taken one after the other: all directions of a larger
     system at once would copy every point of a contact for each of them, and compile for minutes.
     """
-    state, none = State.of({"flexion": flexion[None]}, q[:, None]), jnp.zeros((0, 1))
-    return force_along(add_lane_axis(knee), state, (none, none), _BALANCED)[:, 0]
+    state = State.of({"flexion": flexion[None]}, q[:, None])
+    return force_along(add_lane_axis(knee), state, None, _BALANCED)[:, 0]
 
 
 def _by_knee_jvp(primals, tangents):

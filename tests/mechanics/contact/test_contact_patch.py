@@ -172,10 +172,9 @@ def test_a_tibia_that_has_passed_through_the_femur_is_seen_at_any_depth(form):
     @compiled
     def passed_through(contact, coordinates):
         tibia = placement(coordinates)
-        if not contact.has_patch:
-            return contact.foundation.passed_through(tibia)[0]
-        gap = contact.gap(tibia, contact.meeting(tibia))
-        return contact.passed_through(tibia, gap.point, gap.depth)
+        if contact.has_patch:
+            return contact.passed_through(tibia)
+        return contact.foundation.passed_through(tibia)[0]
 
     for up, expected in ((-5.0, False), (0.0, False), (3.0, False), (30.0, True), (80.0, True)):
         assert bool(passed_through(contact, POSE + up * np.eye(6)[4])) is expected
