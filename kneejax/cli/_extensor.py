@@ -140,7 +140,7 @@ def _report(
     if found.walked.any():
         places = ", ".join(f"{x:g}" for x in found.flexion_deg[found.walked])
         print(
-            f"walked to anew, the balance lay farther than 1 mm from where expected: {places} deg"
+            f"followed anew, the balance lay farther than 1 mm from where expected: {places} deg"
         )
     out, columns, rows = arguments.out, list(EXTENSOR_COLUMNS), extensor_rows(found, status)
     if driven is not None:

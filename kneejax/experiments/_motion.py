@@ -218,7 +218,7 @@ def followed(knee: Knee, stations: Stations) -> Motion:
 
 
 def expected(knee: Knee, stations: Stations, q: ArrayLike, meeting: ArrayLike) -> Motion:
-    """Where a knee is balanced near where it is expected, without a walk there.
+    """Where a knee is balanced near where it is expected; no path leads there.
 
     Args:
         knee: any knee, its numbers known; likewise those of the `stations`.

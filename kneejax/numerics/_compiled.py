@@ -135,7 +135,7 @@ def _unplaced(arguments: tuple, static_argnums: tuple[int, ...]) -> tuple:
     """The same numbers, bound to no device.
 
     What a kept program returns is bound to the device that computed it, and JAX compiles a program
-    for such arguments apart from the one for all others: a walk that went on from what its last
+    for such arguments apart from the one for all others: a path that went on from what its last
     call returned was compiled twice.
     """
 

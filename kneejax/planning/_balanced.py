@@ -1,4 +1,4 @@
-"""Balances of many operated knees, each walked to by itself or from its neighbours on a grid."""
+"""Balances of many operated knees, each followed by itself or from its neighbours on a grid."""
 
 from __future__ import annotations
 

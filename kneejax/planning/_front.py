@@ -50,7 +50,7 @@ class Front:
 
     Attributes:
         names: of the criteria: laxity at each test, mm, largest graft force, N, strain distance.
-        outcome: of the choices, `(n, choices)`, walked to as a test is made; of none where no
+        outcome: of the choices, `(n, choices)`, followed as a test is made; of none where no
             choice was found that keeps all limits.
         criteria: `(n, criteria)`; the smaller the better.
         rough: those of the choices that each was polished from.

@@ -53,14 +53,18 @@ class Balance(eqx.Module):
     """What holds a pose, and how stiffly.
 
     Attributes:
-        residual: unbalanced generalised force on the free coordinates, `(free, lanes)`: N mm per
+        residual: unbalanced generalised force on the free coordinates, in rows `(lanes,)`: N mm per
             rad of a rotation, N of a translation.
+        reaction: likewise on the prescribed ones, in the order of their names: what holds them.
         tangent: derivative of the residual, `(free, free, lanes)`: row force, column coordinate.
+        coupling: that of the reaction by the free ones, `(prescribed, free, lanes)`.
         forces: see `Forces`.
     """
 
-    residual: Array
+    residual: tuple[Array, ...]
+    reaction: tuple[Array, ...]
     tangent: Array
+    coupling: Array
     forces: Forces
 
 
@@ -110,26 +114,20 @@ def balance(
     knee: Knee, prescribed: Prescribed, q: Array, near: Array | None = None
 ) -> Balance:
     """Residual and tangent at a pose. Arguments as `force`."""
-    residual, forces, tangent = linearised(lambda x: rows_of_force(knee, prescribed, x, near), q)
-    free = slice(len(q))
-    return Balance(jnp.stack(residual[free]), tangent[free], forces)
+    return linearised(lambda x: rows_of_force(knee, prescribed, x, near), q)
 
 
-def linearised(
-    force_at: Callable[[Array], tuple[tuple[Array, ...], Forces]], q: Array
-) -> tuple[tuple[Array, ...], Forces, Array]:
-    """Forces at a pose, and their tangent, which goes on from what they have computed already.
+def linearised(force_at: Callable[[Array], tuple[tuple[Array, ...], Forces]], q: Array) -> Balance:
+    """Forces at a pose with their tangent, which goes on from what they have computed already.
 
     Args:
-        force_at: of `q`, the residual in rows, and `Forces`.
+        force_at: of `q`, as `rows_of_force`.
         q: `(free, lanes)`, rad and mm.
-
-    Returns:
-        Residual, `Forces`, and the tangent, `(rows, free, lanes)`.
     """
-    residual, push, forces = jax.linearize(force_at, q, has_aux=True)
-    units = identity(len(q), q.ndim - 1) + jnp.zeros_like(q)
-    return residual, forces, jnp.stack(jax.vmap(push)(units), axis=0)
+    rows, push, forces = jax.linearize(force_at, q, has_aux=True)
+    units, free = identity(len(q), q.ndim - 1) + jnp.zeros_like(q), len(q)
+    slopes = jnp.stack(jax.vmap(push)(units))
+    return Balance(rows[:free], rows[free:], slopes[:free], slopes[free:], forces)
 
 
 def force_derivative(

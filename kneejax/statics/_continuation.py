@@ -251,7 +251,7 @@ class Continuation(NamedTuple):
         entry = dict(
             place=paths.place, status=judged.status, fault=judged.fault, steps=looks,
             way=jnp.where(arrived, 1.0, paths.behind.progress), softness=judged.softness,
-            q=paths.y.q, meeting=paths.y.meeting, **holding(paths.state),
+            q=paths.y.q, meeting=paths.y.meeting, **holding(paths.state.there),
         )  # fmt: skip
         rows = [jnp.reshape(x, (-1, x.shape[-1])).astype(float) for x in entry.values()]
         record = jnp.where(over, jnp.concatenate(rows), paths.record)
@@ -345,7 +345,7 @@ class Continuation(NamedTuple):
         """Whether what was found is on its branch, and what to do where it is not."""
         behind, state, units = paths.behind, paths.state, scales(self.free)
         here, last = paths.here, behind.cases[0]
-        softness, pivots = softness_of(state.tangent, units)
+        softness, pivots = softness_of(state.there.tangent, units)
         fault = fault_of(*self._args(here), state, pivots)
         status = jnp.where(state.done, fault, int(Status.NOT_CONVERGED))
         loading, begun = self._loading(here, last), behind.known > 0

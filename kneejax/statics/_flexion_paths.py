@@ -27,7 +27,7 @@ _SAME = 1e-9
 
 @dataclasses.dataclass(frozen=True)
 class Chain:
-    """Nodes that are walked one after the other, beginning beside a node that is known.
+    """Nodes that are followed one after the other, beginning beside a node that is known.
 
     Attributes:
         origin: the node beside which the chain begins.

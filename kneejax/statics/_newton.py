@@ -28,7 +28,7 @@ from jax import Array
 
 from kneejax.geometry import Prescribed, free_of, scales
 from kneejax.mechanics import Knee
-from kneejax.statics._balance import Forces, linearised, rows_of_force
+from kneejax.statics._balance import Balance, linearised, rows_of_force
 from kneejax.statics._stiffness import damped_step, scaled, size_of
 
 _LONGEST_STEP = 3.0
@@ -68,12 +68,8 @@ class SearchState(eqx.Module):
     """Of a search; arrays end in lanes.
 
     Attributes:
-        guess: the best point so far.
-        residual: unbalanced force there, in rows.
-        tangent: stiffness there, `(free, free, lanes)`.
-        reaction: what holds the prescribed coordinates, in rows, in the order of their names.
-        coupling: its derivative by the free ones, `(prescribed, free, lanes)`.
-        forces: what holds it.
+        best: the best point so far.
+        there: what was seen there.
         damping: N/mm added to the tangent.
         step: the last one, `(free, lanes)`, mm (rotations at 30 mm).
         phase: `Phase` values.
@@ -81,12 +77,8 @@ class SearchState(eqx.Module):
         scales: rad and mm of each free coordinate that count as 1 mm.
     """
 
-    guess: Guess
-    residual: tuple[Array, ...]
-    tangent: Array
-    reaction: tuple[Array, ...]
-    coupling: Array
-    forces: Forces
+    best: Guess
+    there: Balance
     damping: Array
     step: Array
     phase: Array
@@ -94,22 +86,15 @@ class SearchState(eqx.Module):
     scales: tuple[float, ...] = eqx.field(static=True)
 
     @classmethod
-    def begun(
-        cls, guess: Guess, forces: Forces, scales: tuple[float, ...], held: int
-    ) -> SearchState:
-        """Before the first look, so many coordinates prescribed; the forces give shapes."""
-        lanes, nothing = guess.q.shape[1:], jnp.zeros_like(guess.q)
-        reaction = jnp.zeros((held, *lanes))
-        forces = dataclasses.replace(forces, energy=jnp.full(lanes, jnp.inf))
+    def begun(cls, guess: Guess, nothing: Balance, scales: tuple[float, ...]) -> SearchState:
+        """Before the first look; nothing gives shapes."""
+        lanes = guess.q.shape[1:]
+        forces = dataclasses.replace(nothing.forces, energy=jnp.full(lanes, jnp.inf))
         return cls(
-            guess=guess,
-            residual=tuple(nothing),
-            tangent=jnp.zeros((len(scales), *guess.q.shape)),
-            reaction=tuple(reaction),
-            coupling=jnp.zeros((held, *guess.q.shape)),
-            forces=forces,
+            best=guess,
+            there=dataclasses.replace(nothing, forces=forces),
             damping=jnp.zeros(lanes),
-            step=nothing,
+            step=jnp.zeros_like(guess.q),
             phase=jnp.full(lanes, int(Phase.SEARCHING)),
             count=jnp.zeros(lanes, int),
             scales=scales,
@@ -123,7 +108,7 @@ class SearchState(eqx.Module):
     @property
     def compares(self) -> Array:
         """Lanes whose best point is one that energies can be compared with."""
-        return jnp.isfinite(self.forces.energy)
+        return jnp.isfinite(self.there.forces.energy)
 
     @property
     def done(self) -> Array:
@@ -132,7 +117,7 @@ class SearchState(eqx.Module):
 
     def anew(self, lanes: Array, guess: Guess) -> SearchState:
         """With a search that begins at a guess in some lanes."""
-        first = SearchState.begun(guess, self.forces, self.scales, len(self.reaction))
+        first = SearchState.begun(guess, self.there, self.scales)
         return jax.tree.map(lambda new, old: jnp.where(lanes, new, old), first, self)
 
 
@@ -167,38 +152,32 @@ class EnergyNewton(optx.AbstractRootFinder):
     def init(self, fn, y, args, options, f_struct, aux_struct, tags) -> SearchState:
         if options:
             raise ValueError(f"EnergyNewton: unknown options {sorted(options)}; it takes none")
+        (knee, prescribed), nothing = args, jnp.zeros_like(y.q)
+        reaction = jnp.zeros((len(prescribed), *y.q.shape[1:]))
+        slopes = (jnp.zeros((len(rows), *y.q.shape)) for rows in (nothing, reaction))
         forces = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), aux_struct)
-        knee, prescribed = args
-        units = scales(free_of(prescribed, knee.bodies))
-        return SearchState.begun(y, forces, units, len(prescribed))
+        there = Balance(tuple(nothing), tuple(reaction), *slopes, forces)
+        return SearchState.begun(y, there, scales(free_of(prescribed, knee.bodies)))
 
     def step(self, fn, y, args, options, state, tags):
-        rows, forces, tangent = linearised(lambda q: fn(Guess(q, y.meeting), args), y.q)
-        free = len(y.q)
-        residual = rows[:free]
-        lower = ~state.compares | self._is_lower(y, residual, forces, state)
-        accept = state.searches & lower
-        here = dataclasses.replace(
-            state,
-            guess=y,
-            residual=residual,
-            tangent=tangent[:free],
-            reaction=rows[free:],
-            coupling=tangent[free:],
-            forces=forces,
+        here = linearised(lambda q: fn(Guess(q, y.meeting), args), y.q)
+        accept = state.searches & (~state.compares | self._is_lower(y, here, state))
+        best, there = jax.tree.map(
+            lambda new, old: jnp.where(accept, new, old), (y, here), (state.best, state.there)
         )
-        best = jax.tree.map(lambda new, old: jnp.where(accept, new, old), here, state)
         damping = jnp.where(accept, 0.1 * state.damping, jnp.maximum(8.0 * state.damping, 1.0))
         damping = jnp.where(damping < 1e-3, 0.0, damping)
-        ahead = self._ahead(dataclasses.replace(best, damping=damping), state, accept)
-        return self._next(ahead), ahead, ahead.forces
+        best = dataclasses.replace(state, best=best, there=there, damping=damping)
+        ahead = self._ahead(best, state, accept)
+        return self._next(ahead), ahead, ahead.there.forces
 
-    def _is_lower(self, y: Guess, residual, forces: Forces, state: SearchState) -> Array:
-        before, energy = state.forces, forces.energy
-        work = jnp.sum(before.load * (y.q - state.guess.q), axis=0)
+    def _is_lower(self, y: Guess, here: Balance, state: SearchState) -> Array:
+        before, energy = state.there.forces, here.forces.energy
+        work = jnp.sum(before.load * (y.q - state.best.q), axis=0)
         climb = energy - before.energy - work
         scale = jnp.abs(before.energy) + jnp.abs(energy) + 1.0
-        force, old_force = (size_of(scaled(x, state.scales)) for x in (residual, state.residual))
+        both = here.residual, state.there.residual
+        force, old_force = (size_of(scaled(x, state.scales)) for x in both)
         finite = jnp.isfinite(energy) & jnp.isfinite(force)
         # Close to the solution energy differences drown in rounding; the forces do not.
         calmer = (size_of(state.step) < _CLOSE) & (force < 0.5 * old_force)
@@ -206,7 +185,8 @@ class EnergyNewton(optx.AbstractRootFinder):
 
     def _ahead(self, best: SearchState, before: SearchState, accept: Array) -> SearchState:
         """The next step of each lane, and whether it has found a balance or is lost."""
-        step, added = damped_step(best.tangent, best.residual, best.damping, best.scales)
+        there = best.there
+        step, added = damped_step(there.tangent, there.residual, best.damping, best.scales)
         size, last = size_of(step), size_of(before.step)
         # A damping that is small against the stiffness does not hide how far the solution is.
         plain = accept & (added == best.damping) & (added < 1.0) & best.compares
@@ -222,10 +202,10 @@ class EnergyNewton(optx.AbstractRootFinder):
 
     def _next(self, state: SearchState) -> Guess:
         """Where to look next: a step ahead of the best point."""
-        q = state.guess.q + jnp.stack(scaled(state.step, state.scales))
+        q = state.best.q + jnp.stack(scaled(state.step, state.scales))
         # A lane whose numbers are not finite stands still: the solver would end the search of all.
         goes = jnp.all(jnp.isfinite(q), axis=0)
-        return Guess(jnp.where(goes, q, state.guess.q), state.forces.meeting)
+        return Guess(jnp.where(goes, q, state.best.q), state.there.forces.meeting)
 
     def terminate(self, fn, y, args, options, state, tags):
         return ~jnp.any(state.searches), optx.RESULTS.successful

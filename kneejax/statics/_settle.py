@@ -2,7 +2,8 @@
 
 The derivative of a balanced pose with respect to any number of the knee follows from the implicit
 function theorem, in the rule below and nowhere else: a dense solve per lane, with lanes that failed
-set to NaN and no influence on the others. How a knee gets near a balance is told by `walk/`.
+set to NaN and no influence on the others. How a knee gets near a balance is told by
+`_continuation.py`.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from kneejax.geometry import Pose, Prescribed, State, free_of
 from kneejax.mechanics import Knee, displacement
 from kneejax.numerics import as_known, compiled, identity, ruled, solve, unknown_where
 from kneejax.statics._balance import (
+    Balance,
     balance,
     force_derivative,
     force_derivative_without_contacts,
@@ -189,16 +191,16 @@ def _search(knee: Knee, prescribed: Prescribed, guess: Guess, search: EnergyNewt
 
 def described(knee: Knee, prescribed: Prescribed, found: Guess, here: SearchState):
     """Coordinates (NaN where they are no balance), meeting points, and the rest of `Settled`."""
-    left_mm, pivots = newton_step_left(here.tangent, here.residual, here.scales)
+    left_mm, pivots = newton_step_left(here.there.tangent, here.there.residual, here.scales)
     fault = fault_of(knee, prescribed, here, pivots)
     status = jnp.where(here.done, fault, int(Status.NOT_CONVERGED))
-    rest = holding(here) | dict(
+    rest = holding(here.there) | dict(
         pivots=pivots, status=status, fault=fault, left_mm=left_mm, steps=here.count
     )
     return jnp.where(converged(status), found.q, jnp.nan), found.meeting, rest
 
 
-def holding(here: SearchState) -> dict[str, Array]:
+def holding(here: Balance) -> dict[str, Array]:
     """What holds a balance: the fields of `Settled` that a look has computed."""
     return dict(
         residual=jnp.stack(here.residual),
@@ -225,7 +227,7 @@ def fault_of(knee: Knee, prescribed: Prescribed, here: SearchState, pivots: Arra
 
 def _faults(knee: Knee, prescribed: Prescribed, here: SearchState) -> Faults:
     """What is wrong with the poses, from what their search has computed already."""
-    state, forces = State.of(prescribed, here.guess.q, knee.bodies), here.forces
+    state, forces = State.of(prescribed, here.best.q, knee.bodies), here.there.forces
     found = []
     for row, contact in enumerate(one for one in knee.contacts if one.has_patch):
         depth, known = forces.depth[row], forces.known[row]

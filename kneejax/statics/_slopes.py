@@ -139,7 +139,7 @@ def balance_with_slopes(
         values: `(variants, p)`.
         stations: as in `balance_many`.
         near: of near values, one variant each, to predict from; by default each variant is
-            walked to as in `balance_many`.
+            followed as in `balance_many`.
         own: of several knees of one structure and reference pose the numbers in which they differ;
             each variant is of the knee that `near` says, or without it of the one of its place.
 

@@ -64,7 +64,7 @@ _USUAL: dict[str, Any] = {
     "laxity_band_mm": 2.0,
     "tension_range_N": (20.0, 150.0),
 }
-#: Steps in which the force of a Lachman test grows; a walk divides those that are too long.
+#: Steps in which the force of a Lachman test grows; a path divides those that are too long.
 _STEPS = 1
 
 

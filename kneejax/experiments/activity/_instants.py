@@ -1,8 +1,8 @@
-"""Many instants of one movement: some are walked to, the others found between them.
+"""Many instants of one movement: a path of its own leads to some, the others lie between them.
 
-An instant lies near its neighbours in time, so only a few are walked to from the reference pose,
-each on its own route. The others are sought where their neighbours in time say, half-way first;
-what is not found there is walked to. A walk bends the knee without the movement's loads first. A
+An instant lies near its neighbours in time, so only a few are followed from the reference pose,
+each by itself. The others are sought where their neighbours in time say, half-way first; what is
+not found there gets a path of its own. It bends the knee without the movement's loads first. A
 loose knee can be lost there, or come to a balance far from the intact knee's though one is near it:
 a knee that was cut is sought also where the intact one balances, cut while the loads act.
 """
@@ -38,7 +38,7 @@ from kneejax.statics import (
     sound,
 )
 
-#: Instants that are walked to. A walk costs as much as eighty instants that are found between
+#: Instants with a path of their own. That costs as much as eighty instants that are found between
 #: others; of a recorded step 25, 9, 5 and 3 led to the same balances.
 _ANCHORS = 5
 #: A balance farther from the one before is sought from there, mm (rotations at 30 mm).
@@ -85,13 +85,13 @@ class Instants:
         stations = jax.tree.map(np.asarray, stations.of(knee))
         found = cls(knee, stations, {}, np.full(count, np.nan), near)
         anchors = np.unique(np.linspace(0, count - 1, min(count, _ANCHORS)).round().astype(int))
-        found._walk(anchors)
+        found._by_own_path(anchors)
         found._between(anchors)
         found._in_time(1)
         found._in_time(-1)
         lost = np.flatnonzero(~found._known(np.arange(count)))
         if len(lost):
-            found._walk(lost)
+            found._by_own_path(lost)
         found.other = np.full_like(found.nodes["q"], np.nan)
         if near is not None and before is not None:
             found._from_before(before)
@@ -109,9 +109,9 @@ class Instants:
     def _at(self, rows: np.ndarray) -> Stations:
         return jax.tree.map(lambda x: x[rows], self.stations)
 
-    def _walk(self, rows: np.ndarray) -> None:
-        """Walk to some instants, each on its own route; what was not found at all is sought where
-        the other knee balances. Where the knee was found to give way, it does."""
+    def _by_own_path(self, rows: np.ndarray) -> None:
+        """Some instants, each by a path of its own; what was not found at all is sought where the
+        other knee balances. Where the knee was found to give way, it does."""
         self._take(rows, balance_one(self.knee, self._at(rows)))
         if self.near is None:
             return
@@ -176,7 +176,7 @@ class Instants:
                 along = (PchipInterpolator(good, self.nodes[x][good], axis=0) for x in GUESSED)
                 self._near(rows, [at(rows) for at in along])
             else:
-                self._walk(rows)
+                self._by_own_path(rows)
             known = np.sort(np.r_[known, rows])
 
     def _in_time(self, way: int) -> None:

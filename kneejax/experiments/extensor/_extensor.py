@@ -39,7 +39,7 @@ class Extensor:
         extension_Nm: moment about the flexion axis with which the knee, its weight included, would
             extend, `(poses,)`: a machine that holds it there exerts as much towards flexion.
         weight_Nm: how much the weight of the leg bends the knee, `(poses,)`.
-        walked: where a pull was found by a walk of its own, since the balance under it lay farther
+        walked: where a pull was found by a path of its own, since the balance under it lay farther
             than 1 mm from where it was expected, `(poses,)`.
     """
 

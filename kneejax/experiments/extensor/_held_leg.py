@@ -1,8 +1,8 @@
 """How hard the quadriceps pulls to hold a leg: Newton's method on its force.
 
 A balance that is known tells with its stiffness how it moves with the pull, and how fast the moment
-about the flexion axis grows. So the knee is walked to once, and from there all angles go on side by
-side, each from where it is expected.
+about the flexion axis grows. So paths lead to each angle once, and from there all angles go on side
+by side, each from where it is expected.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _ENOUGH_NMM, _MOST_TRIES, _ARM_MM = 1e-6, 12, 40.0
 #: A pose at which the first pull holds no patella is tried under so much more, up to so many times.
 _MORE, _MOST = 1.5, 2.0
 #: How far from where it was expected a balance may lie, mm (rotations at 30 mm): one branch is
-#: smooth. What lies farther is walked to.
+#: smooth. What lies farther gets a path of its own.
 _MISSED_MM = 1.0
 
 
@@ -39,7 +39,7 @@ class Held(NamedTuple):
     Attributes:
         motion: its balances.
         pull: of all heads together, `(poses,)`, N.
-        walked: where the balance lay elsewhere than expected, so that the knee was walked to it
+        walked: where the balance lay elsewhere than expected, so that a path of its own led to it
             under the new pull, `(poses,)`.
     """
 
@@ -115,7 +115,7 @@ def _searched(knee: Knee, flexion: Array, weight: Load) -> Held:
 def _moved(
     before: Motion, stations: Stations, step: np.ndarray, grows: ByPull
 ) -> tuple[Motion, np.ndarray]:
-    """A motion under another pull, and where it had to be walked to."""
+    """A motion under another pull, and where a path of its own led there."""
     settled = before.settled
     q = settled.q + grows.q * step
     motion = expected(before.knee, stations, q, settled.meeting)

@@ -30,7 +30,7 @@ from kneejax.numerics import adding_up, lap, stopwatch
 from kneejax.parameters import UnknownParameter, UnsuitableData
 from kneejax.statics import Slopes
 
-#: Chi squared, as the fit leaves it, by which a walk to the same answer must fit better for it to
+#: Chi squared, as the fit leaves it, by which a path to the same answer must fit better for it to
 #: have found other balances.
 _LOWER = 0.5
 #: Chi squared by which a fit must be better for the search to go on from it.
@@ -150,7 +150,7 @@ def _answers(
     """Answers of knees whose load cases that count are the same.
 
     A search follows each balance from one step to the next, and may follow it past the end of its
-    branch to another. Where tests were made or a fit is poor, the knee is walked to its answer as
+    branch to another. Where tests were made or a fit is poor, a path leads to its answer as
     tests are made; if that fits better, the search goes on from there. A reading at a limit point
     lets no step pass that would take its balance away, and is then far off: where the fit without
     it leads to a better one with it, the search goes on from that.
@@ -238,7 +238,7 @@ def _values(answer: Calibration) -> np.ndarray:
 
 
 def _walked(problem: Problem, knee: int, values: np.ndarray) -> Slopes:
-    """Balances of one knee at values, walked to from its reference pose."""
+    """Balances of one knee at values, followed from its reference pose."""
     return dataclasses.replace(problem.begin(values[None]), knee=np.array([knee]))
 
 

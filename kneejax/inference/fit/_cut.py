@@ -56,7 +56,7 @@ def balances_of(
 
     Returns:
         A function of values `(variants, p)` and of balances at near ones; without these each
-        variant is walked to from the knee's reference pose.
+        variant is followed from the knee's reference pose.
     """
     if own and any(cases.cuts):
         raise ValueError("knees side by side have no ligament cut: one whole knee stands for all")

@@ -202,7 +202,7 @@ class Problem:
         return self.selection.apply(self.knee, jnp.asarray(values[: len(self.selection)]))
 
     def begin(self, values: np.ndarray) -> Slopes:
-        """Balances at values `(fits, p)`, each walked to from the knee's reference pose."""
+        """Balances at values `(fits, p)`, each followed from the knee's reference pose."""
         values = np.asarray(values, float)
         parameters, shifts = np.split(values, [len(self.selection)], axis=1)
         found = balances_of(self.knee, self.selection, self.cases)(parameters)

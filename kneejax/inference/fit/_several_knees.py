@@ -60,7 +60,7 @@ class SeveralKnees:
         return with_offsets(of_parameters, first.offsets, posed)
 
     def begin(self, values: np.ndarray) -> Slopes:
-        """Balances of each knee at its values `(knees, p)`, walked to from its reference pose."""
+        """Balances of each knee at its values `(knees, p)`, followed from its reference pose."""
         first, posed = self.problems[0], self.cases.posed
         parameters, shifts = np.split(np.asarray(values, float), [len(first.selection)], axis=1)
         found = balances_of(first.knee, first.selection, self.cases, self.own)(parameters)

@@ -53,7 +53,7 @@ class LiveMotion:
 
     A move begins at the linear prediction of the last poses, which their exact Jacobian gives for
     nothing. A long way is taken in strides, as if the hand had gone all of it. Where a pose gets
-    lost, or a curve is torn, which may be another branch, the knee walks from its reference pose
+    lost, or a curve is torn, which may be another branch, the knee is followed from its reference
     as in `passive_flexion`, which takes ten times as long. What stays lost begins the next move at
     its last balance.
 

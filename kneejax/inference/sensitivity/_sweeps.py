@@ -122,14 +122,14 @@ def sweep(
         flexion = np.unique(np.asarray(stations, float))
         stations = Stations.at(flexion)
     own = np.asarray(selection.read(knee))
-    # Each line gets the knee's own value besides, where its walk begins. All have one shape: a
+    # Each line gets the knee's own value besides, where its path begins. All have one shape: a
     # short one stands at its last value.
     begin = np.array([np.searchsorted(v, o) for v, o in zip(values, own, strict=True)])
     longest = 1 + max(len(line) for line in values)
     lines = np.tile(own, (len(values), longest, 1))
     for i, line in enumerate(values):
-        walked = np.insert(line, begin[i], own[i])
-        lines[i, :, i] = np.pad(walked, (0, longest - len(walked)), mode="edge")
+        followed = np.insert(line, begin[i], own[i])
+        lines[i, :, i] = np.pad(followed, (0, longest - len(followed)), mode="edge")
 
     found = balance_lines(knee, selection.apply, lines, stations, begin, progress=progress)
     motion, outcome = found.table[0, begin[0]], found.status[0, begin[0]]

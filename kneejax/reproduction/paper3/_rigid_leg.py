@@ -209,7 +209,7 @@ def _attached(patella: RigidPatella, state: State) -> Array:
 def _beginnings(
     knee: Knee, patella: RigidPatella, start: Pose, flexion_deg: np.ndarray, weight: Load
 ) -> Array:
-    """Near the held leg: the knee walked to under its weight and the tendon of a patella that rides
+    """Near the held leg: the knee under its weight and the tendon of a patella that rides
     on the tibia's passive motion."""
     carried = _pull_that_carries(weight, flexion_deg)
     passive = passive_flexion(knee, flexion_deg)
