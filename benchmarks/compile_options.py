@@ -22,7 +22,7 @@ from _protocol import PLAIN, arguments, finish, load, timed
 
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.mechanics import add_lane_axis
-from kneejax.statics import Stations, balance, continued_in_trace, with_meeting
+from kneejax.statics import Stations, balance, continued_in_trace
 
 MODES = {"without_fusion": {"xla_disable_hlo_passes": "fusion"}, "as_it_is": {}, "shared": {}}
 
@@ -32,12 +32,11 @@ def measure(knee, mode: str, repeats: int) -> dict[str, float]:
     lanes, rows = add_lane_axis(knee), {}
     many, few = jnp.linspace(0.0, 2.0, 128), jnp.deg2rad(jnp.arange(0.0, 121.0, 5.0))
     reference = lanes.at_reference.at(FREE_COORDINATES)
-    there = with_meeting(lanes, {"flexion": many}, jnp.broadcast_to(reference, (5, len(many))))
-    pair = there.meeting[:, 0], there.meeting[:, 1]
+    q = jnp.broadcast_to(reference, (5, len(many)))
     stations = Stations({"flexion": few})
     asked = {
-        "balance": (balance, (lanes, {"flexion": many}, there.q, pair)),
-        "walk": (continued_in_trace, (knee, stations)),
+        "balance": (balance, (lanes, {"flexion": many}, q)),
+        "motion": (continued_in_trace, (knee, stations)),
     }
     for name, (function, what) in asked.items():
         begun = time.perf_counter()

@@ -206,11 +206,6 @@ class Continuation(NamedTuple):
 
         return lax.while_loop(unfinished, a_turn, begun)
 
-    @property
-    def free(self) -> tuple[str, ...]:
-        """Names of the free coordinates."""
-        return self.like.stations.free
-
     def _args(self, here: Array) -> tuple[Knee, Prescribed]:
         case = self.like.of(here)
         return case.knees(self.knee), case.stations.prescribed
@@ -343,7 +338,8 @@ class Continuation(NamedTuple):
 
     def _judged(self, paths: _Paths) -> _Judged:
         """Whether what was found is on its branch, and what to do where it is not."""
-        behind, state, units = paths.behind, paths.state, scales(self.free)
+        behind, state, free = paths.behind, paths.state, self.like.stations.free
+        units = scales(free)
         here, last = paths.here, behind.cases[0]
         softness, pivots = softness_of(state.there.tangent, units)
         fault = fault_of(*self._args(here), state, pivots)
@@ -354,7 +350,7 @@ class Continuation(NamedTuple):
         reach = jnp.where(bend > 0.0, jnp.maximum(_BENT_MM, _PER_DEGREE_MM * bend), jnp.inf)
         reach = jnp.where(loading, _LOADED_MM, reach)
         scale = jnp.asarray(units)[:, None]
-        reaches = [1.0 if coordinate(name).body == TIBIA else _PATELLA for name in self.free]
+        reaches = [1.0 if coordinate(name).body == TIBIA else _PATELLA for name in free]
         moved = (paths.y.q - behind.q[0]) / scale / jnp.asarray(reaches)[:, None]
         far = begun & (size_of(moved) > reach)
         # Round a corner a parabola leads astray, which a line, or the last equilibrium, does not.

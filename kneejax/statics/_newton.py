@@ -53,7 +53,7 @@ class Guess(eqx.Module):
     """
 
     q: Array
-    meeting: Array | None = None
+    meeting: Array = eqx.field(default=None)
 
 
 class Phase(enum.IntEnum):
@@ -154,9 +154,9 @@ class EnergyNewton(optx.AbstractRootFinder):
             raise ValueError(f"EnergyNewton: unknown options {sorted(options)}; it takes none")
         (knee, prescribed), nothing = args, jnp.zeros_like(y.q)
         reaction = jnp.zeros((len(prescribed), *y.q.shape[1:]))
-        slopes = (jnp.zeros((len(rows), *y.q.shape)) for rows in (nothing, reaction))
+        tangent, coupling = (jnp.zeros((len(x), *y.q.shape)) for x in (nothing, reaction))
         forces = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), aux_struct)
-        there = Balance(tuple(nothing), tuple(reaction), *slopes, forces)
+        there = Balance(tuple(nothing), tuple(reaction), tangent, coupling, forces)
         return SearchState.begun(y, there, scales(free_of(prescribed, knee.bodies)))
 
     def step(self, fn, y, args, options, state, tags):

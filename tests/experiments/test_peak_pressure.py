@@ -35,7 +35,8 @@ def test_a_patch_has_the_closed_form():
     contact = ball_on_plane()
     knee = knee_of(contact)
     meeting = jnp.stack(
-        [contact.meeting(Pose.from_table(row).placement) for row in POSES.to_table()], axis=-1
+        [jnp.stack(contact.meeting(Pose.from_table(row).placement)) for row in POSES.to_table()],
+        axis=-1,
     )
     found = peak_pressure(knee, POSES, meeting[None])
     highest = float(contact.modulus) * DEPTH / LAYER
@@ -61,7 +62,8 @@ def test_points_approach_the_closed_form():
 
 def test_the_whole_area_gives_the_mean_pressure():
     contact = ball_on_plane()
-    meeting = contact.meeting(Pose.from_table(POSES.to_table()[0]).placement)[None, :, None]
+    meeting = contact.meeting(Pose.from_table(POSES.to_table()[0]).placement)
+    meeting = jnp.stack(meeting)[None, :, None]
     one = Pose.from_table(POSES.to_table()[:1])
     found = peak_pressure(knee_of(contact), one, meeting, share=1.0)
     half = 0.5 * float(contact.modulus) * DEPTH / LAYER

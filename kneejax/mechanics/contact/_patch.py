@@ -329,5 +329,5 @@ def _meeting_rule(meeting: tuple[Array, Array], primals, tangents):
     def slope(femoral: Surface, tibial: Surface, motion: Placement):
         return gap_at(femoral, tibial, motion, meeting).slope
 
-    _, moved = jvp_of_moved(slope, primals, tangents)
-    return meeting, gap_at(*primals, meeting).newton(*moved)
+    (femoral, tibial, motion), moved = primals, jvp_of_moved(slope, primals, tangents)[1]
+    return meeting, gap_at(femoral, tibial, motion, meeting).newton(*moved)
