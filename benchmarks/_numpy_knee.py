@@ -2,7 +2,7 @@
 
 Same equations: the smooth ligament law, two elliptical patches with the log law between condyle
 and plateau polynomials, the line of constant tension. Forces are exact: the derivative of the
-energy by complex steps, taken in one vectorised evaluation, the meeting points following in
+energy by complex steps, taken in one vectorised evaluation, the contact points following in
 complex arithmetic. Arrays end in lanes.
 """
 
@@ -43,10 +43,10 @@ class NumpyKnee:
         self.modulus = stack(lambda c: c.modulus)
         self.layer = stack(lambda c: c.layer_thickness)
         self.onset = stack(lambda c: c.onset_width)
-        self.meeting = None
+        self.contact_points = None
 
-    def energy(self, flexion, q, meeting):
-        """Energy `(lanes,)`, N mm, at `q` `(5, lanes)` with meeting points `(2, 2, lanes)`."""
+    def energy(self, flexion, q, contact_points):
+        """Energy `(lanes,)`, N mm, at `q` `(5, lanes)` with contact points `(2, 2, lanes)`."""
         turn, shift = _rotation(flexion, q), q[2:]
         line = np.einsum("ijl,njl->nil", turn, self.b + 0 * turn[:1, 0]) + shift - self.a
         strain = _size(line, 1) / self.slack - 1.0
@@ -55,7 +55,7 @@ class NumpyKnee:
         end = np.polynomial.polynomial.polyval(flexion, self.origin)[:, None]
         tip = np.einsum("ijl,jl->il", turn, self.insertion + 0 * shift) + shift - end
         energy = energy + self.pull * _size(tip, 0)
-        g, _, (aa, ab, bb), steep, metric = self.gap(turn, shift, meeting)
+        g, _, (aa, ab, bb), steep, metric = self.gap(turn, shift, contact_points)
         depth = -g / np.sqrt(steep)
         depth = 0.5 * (depth + np.sqrt(depth * depth + self.onset**2))
         curvature = (aa * bb - ab * ab) / (metric * steep)
@@ -64,10 +64,10 @@ class NumpyKnee:
         patch = self.modulus * self.layer * area * _patch_mean(depth / self.layer)
         return energy + np.sum(patch, axis=0)
 
-    def gap(self, turn, shift, meeting):
+    def gap(self, turn, shift, contact_points):
         """Height of femoral points over the plateau, slopes, second derivatives, steepness and
-        metric. Arrays `(compartments, lanes)`; `meeting` `(2, compartments, lanes)`."""
-        angle, along = meeting
+        metric. Arrays `(compartments, lanes)`; `contact_points` `(2, compartments, lanes)`."""
+        angle, along = contact_points
         (r, r_b, r_bb), (r_a, r_ab), (r_aa,) = _partials(
             self.radius, self.angle, self.along, angle, along
         )
@@ -95,26 +95,26 @@ class NumpyKnee:
         metric = np.sum(a * a, 0) * np.sum(b * b, 0) - np.sum(a * b, 0) ** 2
         return p[1] - h, (down(a), down(b)), second, 1 + h_x**2 + h_z**2, metric
 
-    def follow(self, flexion, q, meeting, steps):
-        """Newton steps of the meeting points."""
+    def follow(self, flexion, q, contact_points, steps):
+        """Newton steps of the contact points."""
         turn, shift = _rotation(flexion, q), q[2:]
         for _ in range(steps):
-            _, (a, b), (aa, ab, bb), _, _ = self.gap(turn, shift, meeting)
+            _, (a, b), (aa, ab, bb), _, _ = self.gap(turn, shift, contact_points)
             det = aa * bb - ab * ab
             step = np.stack([(bb * a - ab * b) / det, (aa * b - ab * a) / det])
-            meeting = meeting - step
+            contact_points = contact_points - step
             if np.max(np.abs(step)) < 1e-10:
                 break
-        return meeting
+        return contact_points
 
     def forces(self, flexion, y):
         """Derivative of the energy by the scaled unknowns `(5, lanes)`, exact."""
         q = y * UNITS[:, None]
         count = q.shape[1]
-        start = np.broadcast_to(self.meeting, (2, 2, count))
+        start = np.broadcast_to(self.contact_points, (2, 2, count))
         here = self.follow(flexion, q, start, 12)
         if count == 1:
-            self.meeting = here
+            self.contact_points = here
         pushed = np.repeat(q, 5, axis=1) + 1j * _STEP * np.tile(np.diag(UNITS), count)
         moved = self.follow(flexion, pushed, np.repeat(here, 5, axis=2).astype(complex), 2)
         energy = self.energy(flexion, pushed, moved)

@@ -8,7 +8,7 @@ import equinox as eqx
 import numpy as np
 
 from kneejax.mechanics import Knee, ligament_law
-from kneejax.statics import Balances, Stations, balance_many, balance_one
+from kneejax.statics import Equilibria, LoadCases, balance_many, balance_one
 
 
 def with_ligaments(knee: Knee, value) -> Knee:
@@ -32,13 +32,13 @@ def own_values(knee: Knee) -> tuple[np.ndarray, np.ndarray]:
     return np.asarray(knee.ligaments.stiffness), np.asarray(knee.ligaments.slack_length)
 
 
-def timed_batch(knee: Knee, values, angles: np.ndarray) -> tuple[float, Balances]:
+def timed_batch(knee: Knee, values, angles: np.ndarray) -> tuple[float, Equilibria]:
     """Seconds of all passes over all knees, the knee's own motion included, and the balances."""
     begun = time.perf_counter()
-    found = balance_many(knee, with_ligaments, values, Stations.at(angles))
+    found = balance_many(knee, with_ligaments, values, LoadCases.at(angles))
     return time.perf_counter() - begun, found
 
 
-def motion_of(knee: Knee, angles: np.ndarray) -> Balances:
+def motion_of(knee: Knee, angles: np.ndarray) -> Equilibria:
     """The knee's own motion."""
-    return balance_one(knee, Stations.at(angles))
+    return balance_one(knee, LoadCases.at(angles))

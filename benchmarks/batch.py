@@ -34,7 +34,7 @@ def peer(knee, own, stiffness, slack_length, analytic: bool):
     calls, begun = 0, time.perf_counter()
     for row in range(count):
         model.stiffness, model.slack = stiffness[row, :, None], slack_length[row, :, None]
-        model.meeting = own.meeting[0, 0].T[..., None]
+        model.contact_points = own.contact_points[0, 0].T[..., None]
         past = [own.q[0, 0] / UNITS]
         for k, angle in enumerate(np.deg2rad(ANGLES)):
             if len(past) < 3:

@@ -25,7 +25,7 @@ from kneejax.inference.fit import DEFAULT_WEIGHTS, TABLE_UNITS
 from kneejax.mechanics import add_lane_axis
 from kneejax.numerics import compiler_options
 from kneejax.parameters import default_bounds, select
-from kneejax.statics import Guess, settle
+from kneejax.statics import Guess, solve_equilibrium
 
 NAMES = ("*.stiffness", "*.reference_strain")
 
@@ -33,7 +33,9 @@ NAMES = ("*.stiffness", "*.reference_strain")
 @partial(jax.jit, static_argnums=0, compiler_options=dict(compiler_options()))
 def poses(selection, knee, values, flexion, guess):
     """Free coordinates in degrees and mm, `(5, n)`."""
-    found = settle(add_lane_axis(selection.apply(knee, values)), {"flexion": flexion}, guess)
+    found = solve_equilibrium(
+        add_lane_axis(selection.apply(knee, values)), {"flexion": flexion}, guess
+    )
     return found.q * jnp.asarray(TABLE_UNITS)[:, None]
 
 
@@ -53,7 +55,7 @@ class Objective:
         start = self.selection.read(knee)
         self.lower, self.upper = (np.asarray(b) for b in default_bounds(knee, self.selection))
         self.start = (np.asarray(start) - self.lower) / (self.upper - self.lower)
-        self.near = kj.passive_flexion(knee, measured[:, 0]).settled
+        self.near = kj.passive_flexion(knee, measured[:, 0]).equilibrium
         self.calls = 0
 
     def __call__(self, x: np.ndarray) -> float:
@@ -61,7 +63,7 @@ class Objective:
         self.calls += 1
         values = jnp.asarray(self.lower + np.clip(x, 0, 1) * (self.upper - self.lower))
         near = self.near
-        guess = Guess(near.q, near.meeting)
+        guess = Guess(near.q, near.contact_points)
         table = poses(self.selection, self.knee, values, near.prescribed["flexion"], guess)
         error = np.asarray(table) - self.problem.cases.target.T
         value = float((DEFAULT_WEIGHTS[:, None] * error**2).sum())

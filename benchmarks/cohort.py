@@ -135,7 +135,7 @@ def main() -> None:
     rows: dict[str, float] = {
         "knees": options.knees,
         "parameters": parameters,
-        "load_cases": len(ready(questions[0]).problem.cases.stations),
+        "load_cases": len(ready(questions[0]).problem.cases.load_cases),
         "first_block_cpu_s": first,
         "cohort_cpu_s": cpu,
         "cohort_clock_s": clock,

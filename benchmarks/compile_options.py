@@ -2,9 +2,9 @@
 
     python benchmarks/compile_options.py [--repeats 20]
 
-`settle` (a march over 120 degrees, 25 lanes) and `balance` (force and tangent, 128 lanes): seconds
-to trace and compile and milliseconds to run, with XLA's fusion as it is, without fusion and with
-shared fusion, each in a process of its own.
+`solve_equilibrium` (a march over 120 degrees, 25 lanes) and `balance` (force and tangent, 128
+lanes): seconds to trace and compile and milliseconds to run, with XLA's fusion as it is, without
+fusion and with shared fusion, each in a process of its own.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from _protocol import PLAIN, arguments, finish, load, timed
 
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.mechanics import add_lane_axis
-from kneejax.statics import Stations, balance, continued_in_trace
+from kneejax.statics import LoadCases, balance, continued_in_trace
 
 MODES = {"without_fusion": {"xla_disable_hlo_passes": "fusion"}, "as_it_is": {}, "shared": {}}
 
@@ -33,10 +33,10 @@ def measure(knee, mode: str, repeats: int) -> dict[str, float]:
     many, few = jnp.linspace(0.0, 2.0, 128), jnp.deg2rad(jnp.arange(0.0, 121.0, 5.0))
     reference = lanes.at_reference.at(FREE_COORDINATES)
     q = jnp.broadcast_to(reference, (5, len(many)))
-    stations = Stations({"flexion": few})
+    load_cases = LoadCases({"flexion": few})
     asked = {
         "balance": (balance, (lanes, {"flexion": many}, q)),
-        "motion": (continued_in_trace, (knee, stations)),
+        "motion": (continued_in_trace, (knee, load_cases)),
     }
     for name, (function, what) in asked.items():
         begun = time.perf_counter()

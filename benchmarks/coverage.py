@@ -25,13 +25,13 @@ from _protocol import ANGLES, RESULTS, TRUTH, finish, load
 
 import kneejax as kj
 from kneejax.geometry import COLUMNS, FREE_COORDINATES
-from kneejax.inference import LoadCases, balances_of, fit_lanes
+from kneejax.inference import Observations, balances_of, fit_lanes
 from kneejax.inference.fit import DEFAULT_WEIGHTS, observations
-from kneejax.inference.fit._load_cases import add_offsets, best_offsets, with_offsets
+from kneejax.inference.fit._observed import add_offsets, best_offsets, with_offsets
 from kneejax.inference.intervals._intervals import IntervalKind, sureties
 from kneejax.inference.intervals._profiles import named
 from kneejax.parameters import stated
-from kneejax.statics import Stations
+from kneejax.statics import LoadCases
 
 NAMES = ("*.stiffness", "*.reference_strain")
 MRI = Path(__file__).parents[2] / (
@@ -99,7 +99,7 @@ class Design:
         strains = kj.select(knee, [f"{name}.reference_strain" for name in COLLATERALS])
         return strains.apply(knee, strains.read(knee) + self.added)
 
-    def cases(self, knee: kj.Knee) -> LoadCases:
+    def cases(self, knee: kj.Knee) -> Observations:
         """What is observed; its numbers are those of the knee without parameters of its own."""
         noise = 1.0 / np.sqrt(self.weights)
         if self.laxity:
@@ -112,8 +112,8 @@ class Design:
             passive = np.asarray(kj.passive_flexion(knee, self.flexion_deg).to_table())
             return observations(passive, noise, tests=measured)
         if not self.cut:
-            stations = Stations.at(self.flexion_deg)
-            return LoadCases(stations, np.zeros((len(stations), 5)), noise, self.offsets)
+            load_cases = LoadCases.at(self.flexion_deg)
+            return Observations(load_cases, np.zeros((len(load_cases), 5)), noise, self.offsets)
         (test,) = kj.lab_tests("lachman", self.flexion_deg, steps=11)
         (curves,) = kj.load_curves(kj.cut(knee, self.cut), test)
         measured = kj.MeasuredTest.of(curves, cut=self.cut, counted_from="unloaded")
@@ -180,7 +180,7 @@ def intervals(knee, design: Design, draws: int, seed: int | None):
     if lost.any():
         cases = dataclasses.replace(cases, used=~lost)
     row = np.array([np.flatnonzero((made == one).all(axis=1))[0] for one in truth])
-    errors = np.zeros((draws, len(cases.stations), 5))
+    errors = np.zeros((draws, len(cases.load_cases), 5))
     if seed is not None:
         errors = generator.standard_normal(errors.shape)
     seen = np.where(cases.seen, 0.0, np.nan)

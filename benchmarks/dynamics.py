@@ -54,7 +54,7 @@ def main() -> None:
     knee = kj.load_knee("four_ligament")
     leg = leg_of_person(75.0, 1.75)
     still = kj.passive_flexion(knee, 20.0)
-    start = np.asarray(still.settled.state.at(COORDINATES))[:, 0]
+    start = np.asarray(still.equilibrium.state.at(COORDINATES))[:, 0]
     moving = kj.MovingKnee.of(knee, leg).critically_damped()
     one = add_lane_axis(moving)
     factors = jnp.linspace(0.8, 1.2, VARIANTS)

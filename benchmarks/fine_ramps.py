@@ -18,7 +18,7 @@ from _variants import own_values, random_knees, with_ligaments
 
 from kneejax.mechanics import Knee, load_of
 from kneejax.parameters import cut
-from kneejax.statics import Balances, Stations, balance_many
+from kneejax.statics import Equilibria, LoadCases, balance_many
 
 #: Load, its size (N or N m) and the flexion, degrees.
 TESTS = (
@@ -31,15 +31,15 @@ TESTS = (
 _FINER = 10
 
 
-def ramp(knee: Knee, values, test: tuple[str, float, float], steps: int) -> Balances:
+def ramp(knee: Knee, values, test: tuple[str, float, float], steps: int) -> Equilibria:
     """All knees under a load that grows in equal steps, `(knees, steps)`."""
     name, size, flexion = test
     sizes = size * np.arange(1, steps + 1) / steps
-    stations = Stations.at(np.full(steps, flexion), [load_of(**{name: sizes})])
-    return balance_many(knee, with_ligaments, values, stations)
+    load_cases = LoadCases.at(np.full(steps, flexion), [load_of(**{name: sizes})])
+    return balance_many(knee, with_ligaments, values, load_cases)
 
 
-def compared(coarse: Balances, fine: Balances) -> dict[str, float]:
+def compared(coarse: Equilibria, fine: Equilibria) -> dict[str, float]:
     """How far apart they are at the same loads, and how many loads only one of them reaches."""
     fine = fine.at(slice(None), slice(_FINER - 1, None, _FINER))
     both = coarse.converged & fine.converged

@@ -15,20 +15,20 @@ import numpy as np
 from _protocol import ANGLES, arguments, finish, load, timed
 
 import kneejax as kj
-from kneejax.statics import Stations, balance_with_slopes
+from kneejax.statics import LoadCases, balance_with_slopes
 
 
 def main() -> None:
     options = arguments("jacobian", __doc__, repeats=25)
-    knee, stations = load(options.knee), Stations.at(ANGLES)
+    knee, load_cases = load(options.knee), LoadCases.at(ANGLES)
     selection = kj.select(knee, ["*.stiffness", "*.reference_strain"])
     values = np.asarray(selection.read(knee))
 
     def motion(x):
-        return kj.passive_flexion(selection.apply(knee, x), ANGLES).settled.q
+        return kj.passive_flexion(selection.apply(knee, x), ANGLES).equilibrium.q
 
     def for_a_fit(x):
-        return balance_with_slopes(knee, selection.apply, x[None], stations).jacobian
+        return balance_with_slopes(knee, selection.apply, x[None], load_cases).jacobian
 
     ways = {"alone": motion, "by_jacfwd": jax.jacfwd(motion), "for_a_fit": for_a_fit}
     rows: dict[str, object] = {f"{n}_first_s": timed(way, values)[0] for n, way in ways.items()}

@@ -18,7 +18,7 @@ from _variants import random_knees, with_ligaments
 
 import kneejax as kj
 from kneejax.mechanics import Knee
-from kneejax.statics import Stations, Status, balance_many
+from kneejax.statics import LoadCases, Status, balance_many
 
 FLEXION = (0.0, 30.0, 60.0, 90.0)
 #: Tests of random knees, and the sense of their load.
@@ -45,11 +45,11 @@ def curve_seconds(knee: Knee, steps: int) -> list[float]:
 
 
 def statuses(knee: Knee, values, name: str, sense: int, steps: int) -> np.ndarray:
-    """Of all knees at all loads of a test, `(knees, stations)`."""
+    """Of all knees at all loads of a test, `(knees, load_cases)`."""
     (test,) = kj.lab_tests(name, FLEXION, steps=steps)
     part = sense * np.tile(np.arange(1, steps + 1) / steps, len(FLEXION))
-    stations = Stations.at(np.repeat(FLEXION, steps), test.loads(part))
-    return balance_many(knee, with_ligaments, values, stations).status
+    load_cases = LoadCases.at(np.repeat(FLEXION, steps), test.loads(part))
+    return balance_many(knee, with_ligaments, values, load_cases).status
 
 
 def main() -> None:

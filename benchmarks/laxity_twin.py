@@ -42,7 +42,7 @@ def twin(knee) -> Problem:
 
 
 def fitted(problem: Problem, target: np.ndarray, start, lower, upper):
-    """Fits to targets `(fits, stations, 5)` from one start."""
+    """Fits to targets `(fits, load_cases, 5)` from one start."""
     cases = dataclasses.replace(problem.cases, target=target)
     count = len(target)
     begin = problem.begin(start[None]).take(np.zeros(count, int))

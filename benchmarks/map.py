@@ -22,7 +22,7 @@ from batch import peer
 
 import kneejax as kj
 from kneejax.inference import sensitivity_map, synthetic_motion
-from kneejax.statics import Stations, balance_many
+from kneejax.statics import LoadCases, balance_many
 
 PAIR = ("PCL.stiffness", "PCL.reference_strain")
 _ROWS = "KNEEJAX_MAP_ROWS"
@@ -78,7 +78,7 @@ def by_scipy(knee, found, count: int, seconds: float) -> dict[str, object]:
     row, column = np.unravel_index(points, found.objective.shape)
     values = np.column_stack([found.x[column], found.y[row]])
     chosen = kj.select(knee, PAIR)
-    ours = balance_many(knee, chosen.apply, values, Stations.at(ANGLES))
+    ours = balance_many(knee, chosen.apply, values, LoadCases.at(ANGLES))
     varied = [chosen.apply(knee, v) for v in values]
     stiffness, slack = (
         np.stack([np.asarray(getattr(k.ligaments, field)) for k in varied])

@@ -27,7 +27,7 @@ def measure(options) -> dict[str, object]:
     timed_batch(knee, tuple(x[:128] for x in values), ANGLES)
     before = peak_memory_mb()
     seconds, found = timed_batch(knee, values, ANGLES)
-    arrays = (found.q, found.meeting, found.status, found.steps)
+    arrays = (found.q, found.contact_points, found.status, found.steps)
     return {
         "equilibria": found.status.size,
         "peak_memory_before_MB": before,

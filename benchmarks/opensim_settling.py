@@ -19,7 +19,7 @@ import numpy as np
 from _protocol import ANGLES, arguments, finish
 
 import kneejax as kj
-from kneejax.statics import Stations, balance_many
+from kneejax.statics import LoadCases, balance_many
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "statics"))
 
@@ -31,15 +31,15 @@ CRITERION = 0.05
 _IN_MM = np.r_[np.deg2rad([1.0, 1.0, 1.0]) * 30.0, 1.0, 1.0, 1.0]
 
 
-def settled(peer, motion) -> dict[str, float]:
+def equilibrium(peer, motion) -> dict[str, float]:
     """OpenSim's motion over all angles, and how far from kneejax's it is."""
     ours, begin, rests = np.asarray(motion.to_table()), np.zeros(6), []
     for angle in ANGLES:
-        rests.append(peer.settle(angle, begin))
+        rests.append(peer.solve_equilibrium(angle, begin))
         begin = rests[-1].pose
     apart = np.abs([rest.pose for rest in rests] - ours)
     # How far from its own balance OpenSim stopped, by the force that it leaves unbalanced.
-    tangent = np.moveaxis(np.asarray(motion.settled.tangent), -1, 0)
+    tangent = np.moveaxis(np.asarray(motion.equilibrium.tangent), -1, 0)
     left = np.linalg.solve(tangent, np.stack([rest.unbalanced for rest in rests])[..., None])
     left = np.abs(left[..., 0] * np.r_[np.rad2deg([1.0, 1.0]), 1.0, 1.0, 1.0])
     return {
@@ -63,7 +63,7 @@ def balanced(knee, count: int) -> dict[str, float]:
 
     def timed():
         wall, processor = time.perf_counter(), time.process_time()
-        found = balance_many(knee, selection.apply, values, Stations.at(ANGLES))
+        found = balance_many(knee, selection.apply, values, LoadCases.at(ANGLES))
         return found, time.perf_counter() - wall, time.process_time() - processor
 
     _, first, _ = timed()
@@ -98,7 +98,7 @@ def main() -> None:
         begun = time.perf_counter()
         peer = SettlingKnee(knee, subdivisions)
         ready = time.perf_counter() - begun
-        theirs = {"ready_s": ready} | settled(peer, motion)
+        theirs = {"ready_s": ready} | equilibrium(peer, motion)
         times = {
             f"times_{word}": theirs[key] / ours[key]
             for word, key in (

@@ -21,7 +21,7 @@ from _protocol import arguments, finish
 import kneejax as kj
 from kneejax.geometry import PATELLA, TIBIA
 from kneejax.mechanics import QUADRICEPS, Knee, pull_of
-from kneejax.statics import Stations, Status, balance_many, sound
+from kneejax.statics import LoadCases, Status, balance_many, sound
 
 FLEXION_DEG = (0.0, 30.0, 60.0, 90.0, 120.0)
 PULLS_N = (20.0, 100.0, 500.0, 1500.0)
@@ -92,9 +92,9 @@ def main() -> None:
     ]
     rest = float(knee.muscles.tension.sum())
     flexion, pull = (x.ravel() for x in np.meshgrid(FLEXION_DEG, PULLS_N, indexing="ij"))
-    stations = Stations.at(flexion, [pull_of(QUADRICEPS, pull - rest)])
+    load_cases = LoadCases.at(flexion, [pull_of(QUADRICEPS, pull - rest)])
     begun = time.perf_counter()
-    found = balance_many(knee, with_patella_changed, values, stations)
+    found = balance_many(knee, with_patella_changed, values, load_cases)
     rows["random_s"] = time.perf_counter() - begun
     status = np.asarray(found.status)
     rows["sound"] = float(np.isin(status, _SOUND).mean())

@@ -15,8 +15,8 @@ import numpy as np
 from _protocol import ANGLES, TRUTH, arguments, finish, first_and_median, load, true_knee
 
 import kneejax as kj
-from kneejax.inference import LoadCases, balances_of, fit_lanes, profiles
-from kneejax.statics import Stations, balance_with_slopes
+from kneejax.inference import Observations, balances_of, fit_lanes, profiles
+from kneejax.statics import LoadCases, balance_with_slopes
 
 NAMES = ("*.stiffness", "*.reference_strain")
 UNITS = np.r_[np.rad2deg([1.0, 1.0]), 1.0, 1.0, 1.0]
@@ -26,17 +26,17 @@ _LIMIT = 3.8415
 
 def main() -> None:
     options = arguments("profiles", __doc__, draws=200, repeats=5, widest=30000)
-    knee, stations = load(options.knee), Stations.at(ANGLES)
+    knee, load_cases = load(options.knee), LoadCases.at(ANGLES)
     chosen = kj.select(knee, NAMES)
     truth = np.array([TRUTH[name] for name in chosen.names])
-    exact = balance_with_slopes(true_knee(knee), chosen.apply, truth[None], stations)
+    exact = balance_with_slopes(true_knee(knee), chosen.apply, truth[None], load_cases)
     draw = np.random.default_rng(0).standard_normal((options.draws, len(ANGLES), 5))
     target = exact.q[0] * UNITS + NOISE * draw
     stiff = [".stiffness" in name for name in chosen.names]
     lower = np.where(stiff, 300.0, -0.2)
     upper = np.where(stiff, float(options.widest), 0.2)
 
-    one = LoadCases(stations, target[0], NOISE)
+    one = Observations(load_cases, target[0], NOISE)
     balance = balances_of(knee, chosen, one)
     fit = fit_lanes(balance, one, exact, truth[None], lower[None], upper[None])
     first, seconds = first_and_median(
@@ -59,7 +59,7 @@ def main() -> None:
 def coverage(knee, chosen, exact, target, truth, lower, upper) -> tuple[np.ndarray, int]:
     """Whether each draw's interval of each parameter holds the truth, `(p, draws)`."""
     draws, size = len(target), len(truth)
-    data = LoadCases(exact_stations(), target, NOISE)
+    data = Observations(exact_load_cases(), target, NOISE)
     begin = exact.take(np.zeros(draws, int))
     box = [np.tile(x, (draws, 1)) for x in (lower, upper)]
     balance = balances_of(knee, chosen, data)
@@ -75,8 +75,8 @@ def coverage(knee, chosen, exact, target, truth, lower, upper) -> tuple[np.ndarr
     return np.array(inside), evaluations
 
 
-def exact_stations() -> Stations:
-    return Stations.at(ANGLES)
+def exact_load_cases() -> LoadCases:
+    return LoadCases.at(ANGLES)
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ from _protocol import RESULTS, finish
 import kneejax as kj
 from kneejax.files import bundled_path
 from kneejax.geometry import State
-from kneejax.inference.fit import LoadCases, Problem, balances_of, fit_lanes
+from kneejax.inference.fit import Observations, Problem, balances_of, fit_lanes
 from kneejax.parameters import stated_bounds
 from kneejax.statics import balance_with_slopes
 
@@ -37,7 +37,7 @@ CARRIES_N, APART_DEG = 1.0, 50.0
 class Unloaded:
     """Load cases whose passive poses ask for tensions of zero, too."""
 
-    cases: LoadCases
+    cases: Observations
     tensions: Callable
     asked: int
 
@@ -102,9 +102,9 @@ def fitted(study, unloaded: bool, starts: int):
     data = cases
     if unloaded:
         data = Unloaded(cases, *asked_tensions(knee, selection, study.flexion_deg))
-    known = balance_with_slopes(knee, selection.apply, begin, cases.stations)
+    known = balance_with_slopes(knee, selection.apply, begin, cases.load_cases)
     box = (np.tile(bound, (starts, 1)) for bound in (lower, upper))
-    balance = balances_of(knee, selection, cases.stations)
+    balance = balances_of(knee, selection, cases.load_cases)
     found = fit_lanes(balance, data, known, begin, *box, most=80, far=True)
     best = int(np.argmin(found.chi2))
     residual, _ = cases.take(np.arange(1)).residual(found.slopes.take([best]))

@@ -118,7 +118,7 @@ ADAPTATIONS = [
         "to": "degree 5 in angle, 2 in width; what meets in passive flexion weighs 20 times more",
         "reason": (
             "one elliptical patch needs a gap with one minimum: with degree 4 in width the lateral "
-            "meeting point jumps by 8 mm between 25 and 45 degrees"
+            "contact point jumps by 8 mm between 25 and 45 degrees"
         ),
     },
     {

@@ -142,11 +142,11 @@ def recorded_poses(source: Path) -> State:
     """OpenSim JAM's own passive flexion, 0 to 90 degrees, of both bones."""
     file = source / "recorded" / "jam_passive_flexion_kinematics.csv"
     rows = np.genfromtxt(file, delimiter=",", names=True)
-    settled = rows["time"] >= SETTLED_S
+    equilibrium = rows["time"] >= SETTLED_S
 
     def pose(prefix: str, *names: str) -> Pose:
         table = np.stack([rows[f"{prefix}_{name}"] for name in names], axis=1)
-        return Pose.from_table(table[settled])
+        return Pose.from_table(table[equilibrium])
 
     shifts = ("tx_r_mm", "ty_r_mm", "tz_r_mm")
     return State(

@@ -21,7 +21,7 @@ import kneejax as kj  # noqa: E402
 kj.use_shared_fusion()
 
 from kneejax.mechanics import NAMED_LOADS, load_of  # noqa: E402
-from kneejax.statics import Stations, Status, balance_many  # noqa: E402
+from kneejax.statics import LoadCases, Status, balance_many  # noqa: E402
 
 KNEES = ("four_ligament", "lenhart2015_reduced", "lenhart2015")
 LIGAMENTS = ("ACL", "PCL", "MCL", "LCL")
@@ -88,8 +88,8 @@ def outcomes(knee: kj.Knee) -> tuple[np.ndarray, ...]:
     for row, (name, size) in enumerate(LOADS):
         sizes[name][row] = size
     load = load_of(**{name: array.ravel() for name, array in sizes.items()})
-    stations = Stations.at(np.tile(ANGLES_DEG, len(LOADS)), [load])
-    found = balance_many(knee, cut_by_factor, factors, stations)
+    load_cases = LoadCases.at(np.tile(ANGLES_DEG, len(LOADS)), [load])
+    found = balance_many(knee, cut_by_factor, factors, load_cases)
     shape = len(CUTS), len(LOADS), len(ANGLES_DEG)
     return tuple(x.reshape(shape) for x in (found.status, found.reached, found.fault))
 

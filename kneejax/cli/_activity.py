@@ -187,7 +187,7 @@ def _write_motion(arguments, found: Mapping[str, Activity], told, cycle: Cycle) 
         status, said = told[name]
         pose = np.asarray(one.motion.to_table())
         tables = [convert_table(x, FEMORAL, arguments.convention) for x in (pose, one.record.pose)]
-        states = one.motion.settled.state.poses
+        states = one.motion.equilibrium.state.poses
         tables += [np.asarray(states[body].to_table()) for body in knee.other_bones]
         numbers = np.column_stack(
             [one.record.time_s, percent, *tables, one.record.quadriceps_N, one.residual_Nm]

@@ -196,7 +196,7 @@ def _write(arguments, knee: Knee, curves, mechanics: Mechanics, status, said, fo
         out / "poses.csv",
         np.concatenate([_femoral(one).reshape(-1, len(COLUMNS)) for one in curves]),
         status=[Status(int(x)) for own in status for x in own.ravel()],
-        converged=np.asarray(motion.settled.converged)[nodes].tolist(),
+        converged=np.asarray(motion.equilibrium.converged)[nodes].tolist(),
         stable=np.asarray(motion.stable)[nodes].tolist(),
         doubts=[text for own in said for texts in own for text in texts],
         convention=convention,

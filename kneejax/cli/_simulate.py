@@ -86,7 +86,7 @@ def _passive_flexion(arguments: argparse.Namespace) -> int:
     loads, knee = read_loads(arguments.load), asked_knee(arguments)
     with stages_on_terminal(knee.name):
         motion = passive_flexion(knee, flexion, [load_of(**loads)] if loads else [])
-        mechanics = evaluate(knee, motion.pose, motion.settled.meeting)
+        mechanics = evaluate(knee, motion.pose, motion.equilibrium.contact_points)
     table, status = np.array(motion.to_table()), with_flips(motion.status, mechanics)
     said = pose_words(knee, mechanics, search_words(motion, loads))
     table[:, 0] = flexion
@@ -101,7 +101,7 @@ def _passive_flexion(arguments: argparse.Namespace) -> int:
         arguments.out / "poses.csv",
         table,
         status=words,
-        converged=np.asarray(motion.settled.converged),
+        converged=np.asarray(motion.equilibrium.converged),
         stable=np.asarray(motion.stable),
         doubts=said,
         convention=arguments.convention,
@@ -130,7 +130,7 @@ def _passive_flexion(arguments: argparse.Namespace) -> int:
 def _branches(arguments, knee: Knee, flexion: np.ndarray, loads: list[Load]) -> None:
     """Say and write which stable balances there are besides those of the test."""
     found = branches(knee, flexion, loads)
-    poses = np.array([[flexion[b.station], *b.pose[1:]] for b in found]).reshape(-1, 6)
+    poses = np.array([[flexion[b.load_case], *b.pose[1:]] for b in found]).reshape(-1, 6)
     shown = convert_table(poses, FEMORAL, arguments.convention)
     others = np.array([not branch.by_test for branch in found], bool)
     if others.any():

@@ -89,7 +89,7 @@ def flow(
     moving: MovingKnee,
     loads: tuple[Load, ...],
     known: Moment,
-    meeting: Array,
+    contact_points: Array,
     held: tuple[str, ...],
 ) -> Flow:
     """Energies and powers.
@@ -98,7 +98,7 @@ def flow(
         moving: leaves end in a lane axis of length one.
         loads: at each moment, arrays `(3, moments)`.
         known: of them; arrays end in `(moments,)`.
-        meeting: of contacts, `(n, 2, moments)`.
+        contact_points: of contacts, `(n, 2, moments)`.
         held: names of the coordinates that are, `QUADRICEPS` where a motor gives it its length.
     """
     names = coordinates_of(moving.knee.bodies)
@@ -111,7 +111,7 @@ def flow(
     lost = lost + sum(c * rates[name] ** 2 for name, c in moving.coordinate_damping.items())
     kinetic = sum(m.kinetic_energy(known.velocities[bone]) for bone, m in moving.masses.items())
     whole = dataclasses.replace(moving.knee, loads=(*moving.loads, *loads))
-    _, forces = force(whole, {}, q, meeting)
+    _, forces = force(whole, {}, q, contact_points)
     in_motion = _in_motion(moving, whole, state, known, rates, coefficients)
     still = tuple(name for name in held if name != QUADRICEPS)
     holding, driven = {}, jnp.zeros(state.shape)
@@ -122,7 +122,7 @@ def flow(
         driven = -pull * _rate_of(muscles, moving.knee.bodies, q, rate)
         in_motion = dataclasses.replace(in_motion, muscles=muscles.pulling({QUADRICEPS: pull}))
     if still:
-        holding |= zip(still, force_along(in_motion, state, meeting, still), strict=True)
+        holding |= zip(still, force_along(in_motion, state, contact_points, still), strict=True)
     driven = driven + sum((holding[name] * rates[name] for name in still), jnp.zeros(state.shape))
     by_loads = jnp.sum(forces.load * rate, axis=0)
     return Flow(kinetic, forces.energy, lost, by_loads, driven, damping, holding)

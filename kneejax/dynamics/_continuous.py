@@ -157,10 +157,10 @@ class _Equations:
 
     def _damped_in_contacts(self, lanes: MovingKnee, x: Array, v: Array) -> Array:
         q = self.begin.at[self.free].set(x)[:, None]
-        meeting = lanes.knee.meeting(State.of({}, q, lanes.knee.bodies))
+        contact_points = lanes.knee.contact_points(State.of({}, q, lanes.knee.bodies))
 
         def overlaps(y: Array) -> tuple[dict[str, Array], dict[str, Array]]:
-            return lanes.overlaps(self._state(y), meeting)
+            return lanes.overlaps(self._state(y), contact_points)
 
         _, by_overlap, pressing = jax.vjp(overlaps, x, has_aux=True)
         _, faster, _ = jax.jvp(overlaps, (x,), (v,), has_aux=True)

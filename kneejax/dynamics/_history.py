@@ -121,15 +121,15 @@ class Moment(eqx.Module):
         length, length_rate = jax.jvp(lengths, (q,), (rate,))
         pulls = jnp.broadcast_to(pull, q.shape[1:])
         state = State.of({}, q, moving.knee.bodies)
-        meeting = moving.knee.meeting(state)
+        contact_points = moving.knee.contact_points(state)
 
         def overlaps(x: Array) -> tuple[dict[str, Array], dict[str, Array]]:
-            return moving.overlaps(State.of({}, x, moving.knee.bodies), meeting)
+            return moving.overlaps(State.of({}, x, moving.knee.bodies), contact_points)
 
         overlap, overlap_rate, pressing = jax.jvp(overlaps, (q,), (rate,), has_aux=True)
         pressed = overlap, overlap_rate, pressing
         moved = q, rate, there, velocities, nothing, length, length_rate
-        return cls(*moved, pulls, *pressed), meeting
+        return cls(*moved, pulls, *pressed), contact_points
 
 
 class History(eqx.Module):
@@ -138,12 +138,12 @@ class History(eqx.Module):
     Attributes:
         last: its last moment.
         older: the one before it.
-        meeting: where contacts met, `(n, 2, lanes)`.
+        contact_points: where contacts met, `(n, 2, lanes)`.
     """
 
     last: Moment
     older: Moment
-    meeting: Array
+    contact_points: Array
 
     def knee_of(self, moving: MovingKnee, step: Step) -> Knee:
         """The knee whose balance is the end of a step."""
@@ -199,13 +199,13 @@ class History(eqx.Module):
         bend = 0.5 * step.ratio * (last.rate - older.rate)
         return last.q + h * (last.rate + bend)
 
-    def after(self, moving: MovingKnee, step: Step, q: Array, meeting: Array) -> Moment:
+    def after(self, moving: MovingKnee, step: Step, q: Array, contact_points: Array) -> Moment:
         """The moment at the end of a step, by where the bones are and their contacts meet."""
         last, older = self.last, self.older
         state = State.of({}, q, moving.knee.bodies)
         places = {bone: state.poses[bone].placement for bone in moving.masses}
         lengths = moving.knee.ligaments.length(state)
-        overlaps, pressing = moving.overlaps(state, meeting)
+        overlaps, pressing = moving.overlaps(state, contact_points)
         was = [(x.places, x.q, x.lengths, x.overlaps) for x in (last, older)]
         now = places, q, lengths, overlaps
         speeds, rate, length_rates, overlap_rates = _rates(step, now, step.before(*was))

@@ -24,11 +24,11 @@ from kneejax.mechanics import Load
 from kneejax.numerics import compiled, on_all_cores, traced
 from kneejax.statics import (
     EnergyNewton,
+    Equilibrium,
     Guess,
-    Settled,
     converged,
     differentiable,
-    settle,
+    solve_equilibrium,
     with_tangent,
 )
 
@@ -79,7 +79,7 @@ class Moments(eqx.Module):
 
     Attributes:
         known: see `Moment`; NaN from where a step could not be taken.
-        meeting: points where contacts meet.
+        contact_points: points where contacts meet.
         status: of the step; that of the one that could not be taken is kept to the end.
         looks: of its search.
         surprise: how far the step ended from where it was expected, mm (rotations at 30 mm): its
@@ -87,7 +87,7 @@ class Moments(eqx.Module):
     """
 
     known: Moment
-    meeting: Array
+    contact_points: Array
     status: Array
     looks: Array
     surprise: Array
@@ -117,10 +117,10 @@ def march(
     """
     if not traced((moving, given)) and given.q.shape[1] > _MOST_LANES:
         return _on_all_cores(moving, given, progress)
-    settled = searched(moving, given, progress)
+    equilibrium = searched(moving, given, progress)
     if traced((moving, given)):
-        return followed(moving, given, settled)
-    moments = _in_blocks(_followed, moving, (given.steps, settled), begun(moving, given))
+        return followed(moving, given, equilibrium)
+    moments = _in_blocks(_followed, moving, (given.steps, equilibrium), begun(moving, given))
     return jax.tree.map(lambda x: x[: len(given.length_s)], moments)
 
 
@@ -146,7 +146,7 @@ def _on_all_cores(moving: MovingKnee, given: Given, progress) -> Moments:
 
 def searched(
     moving: MovingKnee, given: Given, progress: Callable[[int], None] | None = None
-) -> Settled:
+) -> Equilibrium:
     """The balances of all steps of a motion, which depend on nothing.
 
     Arguments as those of `march`.
@@ -154,30 +154,30 @@ def searched(
     moving, given = lax.stop_gradient((moving, given))
     if traced((moving, given)):
         return found(moving, given.steps, begun(moving, given))[1]
-    settled = _in_blocks(found, moving, (given.steps,), begun(moving, given), progress)
-    return jax.tree.map(lambda x: x[: len(given.length_s)], settled)
+    equilibrium = _in_blocks(found, moving, (given.steps,), begun(moving, given), progress)
+    return jax.tree.map(lambda x: x[: len(given.length_s)], equilibrium)
 
 
-def followed(moving: MovingKnee, given: Given, settled: Settled) -> Moments:
+def followed(moving: MovingKnee, given: Given, equilibrium: Equilibrium) -> Moments:
     """The motion whose balances were found (`searched`), as a function of all that it depends on.
 
     For programs that are differentiated: the search compiles once for all of them.
     """
-    return follow(moving, given.steps, settled, begun(moving, given), True)[1]
+    return follow(moving, given.steps, equilibrium, begun(moving, given), True)[1]
 
 
-def with_idle_steps(given: Given, settled: Settled) -> tuple[Given, Settled]:
+def with_idle_steps(given: Given, equilibrium: Equilibrium) -> tuple[Given, Equilibrium]:
     """With steps of no length at the end, so that one program follows motions of several lengths.
 
     Args:
         given: of a motion.
-        settled: its balances.
+        equilibrium: its balances.
 
     Returns:
         The same; what is followed of it has moments beyond the last.
     """
     count = -(-len(given.length_s) // _IDLE) * _IDLE
-    rows = jax.tree.map(lambda x: _filled_up(x, count), (given.steps, settled))
+    rows = jax.tree.map(lambda x: _filled_up(x, count), (given.steps, equilibrium))
     steps = {f.name: getattr(rows[0], f.name) for f in dataclasses.fields(Step)}
     return dataclasses.replace(given, **steps), rows[1]
 
@@ -203,7 +203,7 @@ def _filled_up(rows, count: int) -> np.ndarray:
 
 
 @compiled()
-def found(moving: MovingKnee, steps: Step, carry: Carry) -> tuple[Carry, Settled]:
+def found(moving: MovingKnee, steps: Step, carry: Carry) -> tuple[Carry, Equilibrium]:
     """The balance of every step; the first axis counts them."""
 
     def advance(before: Carry, step: Step):
@@ -215,29 +215,29 @@ def found(moving: MovingKnee, steps: Step, carry: Carry) -> tuple[Carry, Settled
         def rested():
             return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(taken))
 
-        settled = lax.cond(jnp.all(before.ended) | idle, rested, taken)
-        return _moved_on(moving, before, step, settled, idle), settled
+        equilibrium = lax.cond(jnp.all(before.ended) | idle, rested, taken)
+        return _moved_on(moving, before, step, equilibrium, idle), equilibrium
 
     return lax.scan(advance, carry, steps)
 
 
 @compiled(static_argnums=(4,))
 def follow(
-    moving: MovingKnee, steps: Step, settled: Settled, carry: Carry, exactly: bool
+    moving: MovingKnee, steps: Step, equilibrium: Equilibrium, carry: Carry, exactly: bool
 ) -> tuple[Carry, Moments]:
     """The motion whose balances were found, as a function of all that it depends on.
 
     Args:
         moving: as in `march`.
         steps: the first axis counts them.
-        settled: their balances.
+        equilibrium: their balances.
         carry: what goes into the first.
         exactly: whether tangents are computed anew where the balances are, for derivatives.
     """
     scale = jnp.array(scales(coordinates_of(moving.knee.bodies)))[:, None]
 
     @jax.checkpoint  # pyright: ignore[reportPrivateImportUsage]
-    def advance(before: Carry, each: tuple[Step, Settled]):
+    def advance(before: Carry, each: tuple[Step, Equilibrium]):
         step, idle = _filled(each[0])
         knee, known = before.history.knee_of(moving, step), each[1]
         known = with_tangent(knee, step.held, known) if exactly else known
@@ -247,21 +247,21 @@ def follow(
         off = (there.last.q - before.history.guess(step)) / scale
         known = jax.tree.map(lambda x: jnp.where(after.ended, jnp.nan, x), there.last)
         surprise = jnp.max(jnp.abs(off), axis=0)
-        return after, Moments(known, there.meeting, after.status, balance.steps, surprise)
+        return after, Moments(known, there.contact_points, after.status, balance.steps, surprise)
 
-    return lax.scan(advance, carry, (steps, settled))
+    return lax.scan(advance, carry, (steps, equilibrium))
 
 
 def begun(moving: MovingKnee, given: Given) -> Carry:
     """What goes into the first step."""
-    first, meeting = first_moment(moving, given.q, given.rate, jnp.asarray(given.pull))
+    first, contact_points = first_moment(moving, given.q, given.rate, jnp.asarray(given.pull))
     lanes = given.q.shape[1:]
-    history = History(first, first, meeting)
+    history = History(first, first, contact_points)
     return Carry(history, jnp.zeros(lanes, bool), jnp.zeros(lanes, int))
 
 
-def _followed(moving: MovingKnee, steps: Step, settled: Settled, carry: Carry):
-    return follow(moving, steps, settled, carry, False)
+def _followed(moving: MovingKnee, steps: Step, equilibrium: Equilibrium, carry: Carry):
+    return follow(moving, steps, equilibrium, carry, False)
 
 
 #: The start of a motion, and where contacts meet there: `Moment.at_first`.
@@ -274,25 +274,25 @@ def _filled(step: Step) -> tuple[Step, Array]:
     return dataclasses.replace(step, length_s=jnp.where(idle, 1.0, step.length_s)), idle
 
 
-def _searched(moving: MovingKnee, history: History, step: Step) -> Settled:
+def _searched(moving: MovingKnee, history: History, step: Step) -> Equilibrium:
     """The balance at the end of a step."""
     names, free = coordinates_of(moving.knee.bodies), free_of(step.held, moving.knee.bodies)
     rows = jnp.array([names.index(name) for name in free])
-    guess = Guess(history.guess(step)[rows], history.meeting)
-    return settle(history.knee_of(moving, step), step.held, guess, SEARCH)
+    guess = Guess(history.guess(step)[rows], history.contact_points)
+    return solve_equilibrium(history.knee_of(moving, step), step.held, guess, SEARCH)
 
 
 def _moved_on(
-    moving: MovingKnee, before: Carry, step: Step, settled: Settled, idle: Array
+    moving: MovingKnee, before: Carry, step: Step, equilibrium: Equilibrium, idle: Array
 ) -> Carry:
     """With a step's end in the past, in lanes where the motion goes on."""
     history, still = before.history, before.ended | idle
-    goes_on = ~still & converged(settled.status)
+    goes_on = ~still & converged(equilibrium.status)
     # Nothing is made of coordinates that are NaN: their derivatives would be so everywhere.
-    q = settled.state.at(coordinates_of(moving.knee.bodies))
+    q = equilibrium.state.at(coordinates_of(moving.knee.bodies))
     there = jnp.where(goes_on, q, history.last.q)
-    moment = history.after(moving, step, there, jnp.nan_to_num(settled.meeting))
-    there = History(moment, history.last, settled.meeting)
+    moment = history.after(moving, step, there, jnp.nan_to_num(equilibrium.contact_points))
+    there = History(moment, history.last, equilibrium.contact_points)
     there = jax.tree.map(lambda new, old: jnp.where(goes_on, new, old), there, history)
-    status = jnp.where(still, before.status, settled.status)
+    status = jnp.where(still, before.status, equilibrium.status)
     return Carry(there, before.ended | (~goes_on & ~idle), status)

@@ -126,17 +126,17 @@ class MovingKnee(eqx.Module):
         return dataclasses.replace(self, coordinate_damping=damping)
 
     def overlaps(
-        self, state: State, meeting: Array
+        self, state: State, contact_points: Array
     ) -> tuple[dict[str, Array], dict[str, Array]]:
         """What dampers of contacts must know: contact -> its overlap, mm, and elastic force, N.
 
         Args:
             state: where the bones are.
-            meeting: points near those where surfaces meet, `(n, 2, lanes)`.
+            contact_points: points near those where surfaces meet, `(n, 2, lanes)`.
         """
         overlap, pressing, row = {}, {}, 0
         for name, contact in zip(self.knee.contact_names, self.knee.contacts, strict=True):
-            near = meeting[row] if contact.has_patch else None
+            near = contact_points[row] if contact.has_patch else None
             row += contact.has_patch
             if name in self.contact_dissipation:
                 there = contact.overlap(state.between(contact.bodies), near)

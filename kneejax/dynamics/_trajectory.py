@@ -151,14 +151,15 @@ class Trajectory(eqx.Module):
         return float(times[known[-1]]) if len(known) else 0.0
 
     @property
-    def meeting(self) -> Array:
+    def contact_points(self) -> Array:
         """Where contacts meet, `(contacts, 2, times)`."""
-        return jnp.moveaxis(self.moments.meeting[self.rows, ..., 0], 0, -1)
+        return jnp.moveaxis(self.moments.contact_points[self.rows, ..., 0], 0, -1)
 
     def flow(self) -> Flow:
         """Energies and powers at every moment."""
         known = self.moments.known
-        lanes, loads, points = jax.tree.map(_last_first, (known, self.loads, self.moments.meeting))
+        rows = known, self.loads, self.moments.contact_points
+        lanes, loads, points = jax.tree.map(_last_first, rows)
         moving = add_lane_axis(self.moving)
         rows = loads, lanes, points
         held = tuple(self.held)
@@ -326,12 +327,12 @@ def _filled(x, first: int) -> np.ndarray:
 def _with_start(moving: MovingKnee, given: Given, found: Moments) -> Moments:
     """The moments with the start before them; its accelerations are those of the first step."""
     lanes = add_lane_axis(moving)
-    first, meeting = first_moment(lanes, given.q, given.rate, jnp.asarray(given.pull))
+    first, contact_points = first_moment(lanes, given.q, given.rate, jnp.asarray(given.pull))
     first = dataclasses.replace(
         first, accelerations=jax.tree.map(lambda x: x[0], found.known.accelerations)
     )
     start = Moments(
-        first, meeting, jnp.zeros_like(found.status[0]),
+        first, contact_points, jnp.zeros_like(found.status[0]),
         jnp.zeros_like(found.looks[0]), jnp.zeros_like(found.surprise[0]),
     )  # fmt: skip
     both = jnp if traced((start, found)) else np

@@ -13,7 +13,7 @@ from kneejax.experiments._motion import Motion, passive_flexion
 from kneejax.geometry import FREE_COORDINATES, scales, table_units
 from kneejax.mechanics import Knee, Load, add_lane_axis
 from kneejax.numerics import compiled, needs_numbers
-from kneejax.statics import Guess, Settled, Stations, Status, force, settle
+from kneejax.statics import Equilibrium, Guess, LoadCases, Status, force, solve_equilibrium
 
 #: How far from the balance that a test finds searches begin, degrees twice and mm thrice.
 _SPREAD = np.array([10.0, 25.0, 12.0, 12.0, 8.0])
@@ -31,7 +31,7 @@ class Branch:
     """A stable balance.
 
     Attributes:
-        station: its place among the flexions that were asked for.
+        load_case: its place among the flexions that were asked for.
         pose: degrees and mm, in the order of `kneejax.geometry.COLUMNS`, `(6,)`.
         status: of the pose.
         by_test: whether it is the one that a test finds: reached from the reference pose by
@@ -40,7 +40,7 @@ class Branch:
         starts: how many of the searches ended here.
     """
 
-    station: int
+    load_case: int
     pose: np.ndarray
     status: Status
     by_test: bool
@@ -78,13 +78,13 @@ def branches(
     """
     needs_numbers("branches", "passive_flexion", knee, flexion_deg, loads)
     motion = passive_flexion(knee, flexion_deg, loads)
-    stations = Stations.at(flexion_deg, loads)
-    found = [_of_test(motion, station) for station in range(len(stations))]
-    row, q = np.repeat(np.arange(len(stations)), starts), _around(knee, motion, starts)
+    load_cases = LoadCases.at(flexion_deg, loads)
+    found = [_of_test(motion, load_case) for load_case in range(len(load_cases))]
+    row, q = np.repeat(np.arange(len(load_cases)), starts), _around(knee, motion, starts)
     while len(row):
-        new = _add(found, motion, row, _searched(knee, stations, row, q))
+        new = _add(found, motion, row, _searched(knee, load_cases, row, q))
         # What rests at one angle may rest at the others too.
-        others = [(at, b) for b in new for at in range(len(stations)) if at != b.station]
+        others = [(at, b) for b in new for at in range(len(load_cases)) if at != b.load_case]
         row = np.array([at for at, _ in others], int)
         q = np.array([_coordinates(branch.pose) for _, branch in others])
     return tuple(
@@ -94,18 +94,18 @@ def branches(
     )
 
 
-def _of_test(motion: Motion, station: int) -> list[Branch]:
+def _of_test(motion: Motion, load_case: int) -> list[Branch]:
     """The balance that a test finds, if it is stable."""
-    if not motion.stable[station]:
+    if not motion.stable[load_case]:
         return []
-    pose, status = np.asarray(motion.to_table())[station], Status(int(motion.status[station]))
-    return [Branch(station, pose, status, True, 0.0, 0)]
+    pose, status = np.asarray(motion.to_table())[load_case], Status(int(motion.status[load_case]))
+    return [Branch(load_case, pose, status, True, 0.0, 0)]
 
 
 def _around(knee: Knee, motion: Motion, starts: int) -> np.ndarray:
-    """Coordinates at which searches begin, `(stations * starts, 5)`."""
+    """Coordinates at which searches begin, `(load_cases * starts, 5)`."""
     reference = np.asarray(knee.at_reference.at(FREE_COORDINATES))
-    middle = np.asarray(motion.settled.q).T
+    middle = np.asarray(motion.equilibrium.q).T
     middle = np.where(np.isfinite(middle), middle, reference)
     from scipy.stats import qmc  # half a second to import
 
@@ -113,45 +113,45 @@ def _around(knee: Knee, motion: Motion, starts: int) -> np.ndarray:
     return (middle[:, None] + (2.0 * points - 1.0) * _SPREAD * _IN_TABLE).reshape(-1, 5)
 
 
-def _searched(knee: Knee, stations: Stations, row: np.ndarray, q: np.ndarray) -> Settled:
-    """Searches downhill from coordinates `(searches, 5)`, each at one of the stations."""
+def _searched(knee: Knee, load_cases: LoadCases, row: np.ndarray, q: np.ndarray) -> Equilibrium:
+    """Searches downhill from coordinates `(searches, 5)`, each at one of the load cases."""
     parts = []
     for first in range(0, len(row), _LANES):
         # Filled up with the last one: one shape, one compilation.
         lanes = np.minimum(np.arange(first, first + _LANES), len(row) - 1)
-        settled = _search(knee, stations.take(row[lanes]), q[lanes].T)
+        equilibrium = _search(knee, load_cases.take(row[lanes]), q[lanes].T)
         count = min(_LANES, len(row) - first)
-        parts.append(jax.tree.map(lambda x, n=count: np.asarray(x)[..., :n], settled))
+        parts.append(jax.tree.map(lambda x, n=count: np.asarray(x)[..., :n], equilibrium))
     return jax.tree.map(lambda *x: np.concatenate(x, axis=-1), *parts)
 
 
 @compiled()
-def _search(knee: Knee, stations: Stations, q: jax.Array) -> Settled:
-    lanes, held = stations.load(add_lane_axis(knee)), stations.prescribed
-    settled = settle(lanes, held, Guess(q))
-    # A search from afar may carry its meeting points along to places where surfaces are close, but
+def _search(knee: Knee, load_cases: LoadCases, q: jax.Array) -> Equilibrium:
+    lanes, held = load_cases.load(add_lane_axis(knee)), load_cases.prescribed
+    equilibrium = solve_equilibrium(lanes, held, Guess(q))
+    # A search from afar may carry its contact points along to places where surfaces are close, but
     # not closest: what does not balance with points found anew is nothing.
-    left, _ = force(lanes, held, settled.q)
+    left, _ = force(lanes, held, equilibrium.q)
     left = jnp.max(jnp.abs(left * jnp.asarray(_SCALES)[:, None]), axis=0)
-    status = jnp.where(left < _LEFT_N, settled.status, int(Status.NOT_CONVERGED))
-    return dataclasses.replace(settled, status=status)
+    status = jnp.where(left < _LEFT_N, equilibrium.status, int(Status.NOT_CONVERGED))
+    return dataclasses.replace(equilibrium, status=status)
 
 
 def _add(
-    found: list[list[Branch]], motion: Motion, row: np.ndarray, settled: Settled
+    found: list[list[Branch]], motion: Motion, row: np.ndarray, equilibrium: Equilibrium
 ) -> list[Branch]:
-    """Add the stable balances that searches found to those of each station; returns the new."""
-    table, own = np.asarray(settled.pose.to_table()), np.asarray(motion.to_table())
+    """Add the stable balances that searches found to those of each load case; returns the new."""
+    table, own = np.asarray(equilibrium.pose.to_table()), np.asarray(motion.to_table())
     new = []
-    for lane in np.flatnonzero(settled.stable):
-        station, pose = int(row[lane]), table[lane]
-        here = found[station]
+    for lane in np.flatnonzero(equilibrium.stable):
+        load_case, pose = int(row[lane]), table[lane]
+        here = found[load_case]
         same = [i for i, b in enumerate(here) if _distance_mm(b.pose, pose) < _SAME_MM]
         if same:
             here[same[0]] = dataclasses.replace(here[same[0]], starts=here[same[0]].starts + 1)
             continue
-        apart = _distance_mm(own[station], pose)
-        here.append(Branch(station, pose, Status(int(settled.status[lane])), False, apart, 1))
+        apart = _distance_mm(own[load_case], pose)
+        here.append(Branch(load_case, pose, Status(int(equilibrium.status[lane])), False, apart, 1))
         new.append(here[-1])
     return new
 

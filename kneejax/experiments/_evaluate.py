@@ -92,7 +92,7 @@ class Mechanics(eqx.Module):
     ligament_force: Array
 
 
-def evaluate(knee: Knee, poses: Pose | State, meeting: Array | None = None) -> Mechanics:
+def evaluate(knee: Knee, poses: Pose | State, contact_points: Array | None = None) -> Mechanics:
     """Ligaments and contact at given poses; nothing is solved.
 
     Many poses are computed in batches on all cores, so memory does not grow with their number.
@@ -100,7 +100,7 @@ def evaluate(knee: Knee, poses: Pose | State, meeting: Array | None = None) -> M
     Args:
         knee: any knee.
         poses: of the tibia, fields of shape `(poses,)`; a `State` where other bones move too.
-        meeting: points near those where surfaces meet, if they are known, `(n, 2, poses)`.
+        contact_points: points near those where surfaces meet, if they are known, `(n, 2, poses)`.
 
     Returns:
         The mechanics of each pose, differentiable with respect to poses and knee. Depth beyond the
@@ -117,13 +117,13 @@ def evaluate(knee: Knee, poses: Pose | State, meeting: Array | None = None) -> M
     over_points = any(not contact.has_patch for contact in knee.contacts)
     count = len(jnp.atleast_1d(state.tibia.flexion))
     mechanics = _over_points_too if over_points else _of_patches
-    if traced(knee, state, meeting) or not count:
-        return mechanics(knee, state, meeting)
+    if traced(knee, state, contact_points) or not count:
+        return mechanics(knee, state, contact_points)
     knee = knee.for_many_poses()
     # The last chunk is filled up with the last pose.
     rows = np.minimum(np.arange(-(-count // _CHUNK) * _CHUNK), count - 1).reshape(-1, _CHUNK)
 
-    given = jax.tree.map(np.atleast_1d, (state, meeting))
+    given = jax.tree.map(np.atleast_1d, (state, contact_points))
 
     def chunk(own: np.ndarray) -> Mechanics:
         here, there = jax.tree.map(lambda x: x[..., own], given)
@@ -133,12 +133,12 @@ def evaluate(knee: Knee, poses: Pose | State, meeting: Array | None = None) -> M
     return jax.device_put(jax.tree.map(lambda *x: np.concatenate(x)[:count], *parts))
 
 
-def _evaluate(knee: Knee, state: State, meeting: Array | None) -> Mechanics:
+def _evaluate(knee: Knee, state: State, contact_points: Array | None) -> Mechanics:
     lanes = add_lane_axis(knee)
     ligaments, found = lanes.ligaments, {}
     patches = [row for row, contact in enumerate(lanes.contacts) if contact.has_patch]
     if patches:
-        each = lanes.map_patches(_over_patch, state, meeting, in_turn=True)
+        each = lanes.map_patches(_over_patch, state, contact_points, in_turn=True)
         found = {row: tuple(x[k] for x in each) for k, row in enumerate(patches)}
     for foundation in lanes.over_points:
         there = state.between(foundation.bodies)
@@ -203,14 +203,14 @@ def _over_patch(contact: Contact, tibia: Placement, near: Array):
     flat = (pressed.off <= OFF_SURFACE_MM) & contact.has_no_patch(gap)
     through = contact.passed_through(tibia) & (deep | ~known)
     peak = contact.pressure(gap.depth)
-    border = _border(contact, gap, pressed.meeting, pressed.off, whole)
+    border = _border(contact, gap, pressed.contact_point, pressed.off, whole)
     return (
         force, moment, area, peak, mean, gap.depth, center, border.beyond_mm, border.share,
         known, deep, flat, through,
     )  # fmt: skip
 
 
-def _border(contact: Contact, gap: Gap, meeting: Array, off: Array, whole: Array) -> Border:
+def _border(contact: Contact, gap: Gap, contact_points: Array, off: Array, whole: Array) -> Border:
     """Border of patches: hundreds of places of each, asked only of those not wholly inside.
 
     These are put together in blocks, and blocks of whole ones are passed over.
@@ -224,7 +224,7 @@ def _border(contact: Contact, gap: Gap, meeting: Array, off: Array, whole: Array
 
     def of_block(own: Array) -> Border:
         def asked() -> Border:
-            return contact.border(*jax.tree.map(lambda x: x[..., own], (gap, meeting, off)))
+            return contact.border(*jax.tree.map(lambda x: x[..., own], (gap, contact_points, off)))
 
         nothing = jnp.zeros(block)
         return lax.cond(jnp.all(whole[own]), lambda: Border(nothing, nothing), asked)

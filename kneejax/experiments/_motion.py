@@ -18,17 +18,17 @@ from kneejax.mechanics import Knee, Load, add_lane_axis
 from kneejax.numerics import WrongValue, compiled, imported, traced
 from kneejax.parameters import fibre_rows
 from kneejax.statics import (
-    Balances,
-    Settled,
-    Stations,
+    Equilibria,
+    Equilibrium,
+    LoadCases,
     Status,
     balance_near,
     balance_one,
     continued_in_trace,
     differentiable,
+    equilibrium_of,
     force_along,
     itself,
-    settled_of,
 )
 
 
@@ -46,9 +46,9 @@ class Motion(eqx.Module):
         reached: part of the load, or of the way to what is held, under which the knee still
             balanced, `(poses,)`.
         stable: `(poses,)`.
-        settled: the solution in full, for further derivatives.
+        equilibrium: the solution in full, for further derivatives.
         knee: that moved; without a lane axis.
-        stations: what was asked for.
+        load_cases: what was asked for.
     """
 
     flexion_deg: Array
@@ -59,9 +59,9 @@ class Motion(eqx.Module):
     left_mm: Array
     reached: Array
     stable: Array
-    settled: Settled
+    equilibrium: Equilibrium
     knee: Knee
-    stations: Stations
+    load_cases: LoadCases
 
     def to_table(self, convention: str = "femoral") -> Array:
         """Poses in rows of degrees and mm.
@@ -75,7 +75,7 @@ class Motion(eqx.Module):
         """
         if convention == "femoral":
             return self.pose.to_table()
-        found = convert(self.settled.state.at(COORDINATES), "femoral", convention)
+        found = convert(self.equilibrium.state.at(COORDINATES), "femoral", convention)
         return found.T * table_units(COORDINATES)
 
     def tension(self, name: str) -> Array:
@@ -97,7 +97,7 @@ class Motion(eqx.Module):
             (2,)
         """
         rows = fibre_rows(self.knee, name)
-        every = add_lane_axis(self.knee.ligaments).tension(self.settled.state)
+        every = add_lane_axis(self.knee.ligaments).tension(self.equilibrium.state)
         return jnp.sum(every[jnp.array(rows)], axis=0)
 
     def reaction(self, name: str) -> Array:
@@ -121,13 +121,13 @@ class Motion(eqx.Module):
             >>> bool(force_N[1] > force_N[0])
             True
         """
-        if name not in self.stations.prescribed:
-            known = ", ".join(self.stations.prescribed)
+        if name not in self.load_cases.prescribed:
+            known = ", ".join(self.load_cases.prescribed)
             raise WrongValue("name", repr(name), f"one that is prescribed: {known}")
         if traced(self):
-            return _reaction(name, self.knee, self.stations, self.settled)
-        row = sorted(self.stations.prescribed).index(name)
-        return jnp.where(self.settled.converged, self.settled.reaction[row], jnp.nan)
+            return _reaction(name, self.knee, self.load_cases, self.equilibrium)
+        row = sorted(self.load_cases.prescribed).index(name)
+        return jnp.where(self.equilibrium.converged, self.equilibrium.reaction[row], jnp.nan)
 
     def to_dataframe(self) -> Any:
         """The poses as a table of pandas, with status and, where something is held, its reaction.
@@ -142,7 +142,7 @@ class Motion(eqx.Module):
         pandas = imported("pandas", "pandas", "tables")
         table = pandas.DataFrame(np.asarray(self.to_table()), columns=list(COLUMNS))
         table["status"] = [Status(int(status)).word for status in self.status]
-        for name in self.stations.prescribed:
+        for name in self.load_cases.prescribed:
             if name != "flexion":
                 force = np.asarray(self.reaction(name))
                 of_turn = coordinate(name).unit == "deg"
@@ -152,10 +152,10 @@ class Motion(eqx.Module):
 
 
 @compiled(static_argnums=(0,))
-def _reaction(name: str, knee: Knee, stations: Stations, settled: Settled) -> Array:
+def _reaction(name: str, knee: Knee, load_cases: LoadCases, equilibrium: Equilibrium) -> Array:
     """Generalised force that is left on a prescribed coordinate, differentiable, `(poses,)`."""
-    lanes = stations.load(add_lane_axis(knee))
-    return force_along(lanes, settled.state, settled.meeting, (name,))[0]
+    lanes = load_cases.load(add_lane_axis(knee))
+    return force_along(lanes, equilibrium.state, equilibrium.contact_points, (name,))[0]
 
 
 def passive_flexion(
@@ -201,86 +201,86 @@ def passive_flexion(
         >>> bool(motion.stable.all())
         True
     """
-    return followed(knee, Stations.at(flexion_deg, loads, held, flexion_is_free))
+    return followed(knee, LoadCases.at(flexion_deg, loads, held, flexion_is_free))
 
 
-def followed(knee: Knee, stations: Stations) -> Motion:
-    """Where a knee is balanced at any stations, each reached as `passive_flexion` says.
+def followed(knee: Knee, load_cases: LoadCases) -> Motion:
+    """Where a knee is balanced at any load cases, each reached as `passive_flexion` says.
 
     Args:
         knee: any knee.
-        stations: what is prescribed, and what acts besides the knee's own loads.
+        load_cases: what is prescribed, and what acts besides the knee's own loads.
     """
-    stations = stations.of(knee)
-    still = jax.lax.stop_gradient((knee, stations))
+    load_cases = load_cases.of(knee)
+    still = jax.lax.stop_gradient((knee, load_cases))
     found = _found_in_trace(*still) if traced(still) else _found(*still)
-    return again(knee, stations, *found)
+    return again(knee, load_cases, *found)
 
 
-def expected(knee: Knee, stations: Stations, q: ArrayLike, meeting: ArrayLike) -> Motion:
+def expected(knee: Knee, load_cases: LoadCases, q: ArrayLike, contact_points: ArrayLike) -> Motion:
     """Where a knee is balanced near where it is expected; no path leads there.
 
     Args:
-        knee: any knee, its numbers known; likewise those of the `stations`.
+        knee: any knee, its numbers known; likewise those of the `load_cases`.
         q: free coordinates that are expected, `(free, poses)`, rad and mm.
-        meeting: parameters of the meeting points, `(n, 2, poses)`.
+        contact_points: parameters of the contact points, `(n, 2, poses)`.
 
     Returns:
         The motion. It may lie on another branch than the one that was expected: compare.
     """
-    stations = stations.of(knee)
-    near = (np.moveaxis(np.asarray(x), -1, 0)[None] for x in (q, meeting))
-    found = balance_near(knee, itself, np.zeros(1), stations, *near)
-    return again(knee, stations, *_of_walk(stations, found))
+    load_cases = load_cases.of(knee)
+    near = (np.moveaxis(np.asarray(x), -1, 0)[None] for x in (q, contact_points))
+    found = balance_near(knee, itself, np.zeros(1), load_cases, *near)
+    return again(knee, load_cases, *_of_walk(load_cases, found))
 
 
-def again(knee: Knee, stations: Stations, settled: Settled, reached: Array) -> Motion:
+def again(knee: Knee, load_cases: LoadCases, equilibrium: Equilibrium, reached: Array) -> Motion:
     """A motion that has been found, as a function of the knee and of what is prescribed.
 
     Args:
         knee: with which it was found, or of which a derivative is asked: of equal numbers.
-        stations: likewise.
-        settled: its balances.
+        load_cases: likewise.
+        equilibrium: its balances.
         reached: as in `Motion`.
     """
-    stations = stations.of(knee)
-    motion = _described(knee, stations, settled, reached)
+    load_cases = load_cases.of(knee)
+    motion = _described(knee, load_cases, equilibrium, reached)
     # What a program hands through would have others compiled anew for it.
-    return dataclasses.replace(motion, knee=knee, stations=stations)
+    return dataclasses.replace(motion, knee=knee, load_cases=load_cases)
 
 
-def _of_walk(stations: Stations, found: Balances) -> tuple[Settled, Array]:
+def _of_walk(load_cases: LoadCases, found: Equilibria) -> tuple[Equilibrium, Array]:
     nodes = {name: np.moveaxis(x, 0, -1) for name, x in found.in_nodes().items()}
-    return settled_of(stations, nodes), jnp.asarray(found.reached[0])
+    return equilibrium_of(load_cases, nodes), jnp.asarray(found.reached[0])
 
 
-def _found(knee: Knee, stations: Stations) -> tuple[Settled, Array]:
+def _found(knee: Knee, load_cases: LoadCases) -> tuple[Equilibrium, Array]:
     """The balances, and how much of the load was reached."""
-    return _of_walk(stations, balance_one(knee, stations))
+    return _of_walk(load_cases, balance_one(knee, load_cases))
 
 
-def _found_in_trace(knee: Knee, stations: Stations) -> tuple[Settled, Array]:
-    settled = continued_in_trace(knee, stations)
-    return settled, jnp.where(settled.converged, 1.0, 0.0)
+def _found_in_trace(knee: Knee, load_cases: LoadCases) -> tuple[Equilibrium, Array]:
+    equilibrium = continued_in_trace(knee, load_cases)
+    return equilibrium, jnp.where(equilibrium.converged, 1.0, 0.0)
 
 
 @compiled()
-def _described(knee: Knee, stations: Stations, found: Settled, reached: Array) -> Motion:
+def _described(knee: Knee, load_cases: LoadCases, found: Equilibrium, reached: Array) -> Motion:
     """One program: otherwise a derivative would compile each of its operations."""
-    lanes = stations.load(add_lane_axis(knee))
-    settled = differentiable(lanes, stations.prescribed, found)
-    turns = np.array([coordinate(name).unit == "deg" for name in stations.free])
-    moment, force = jnp.abs(settled.residual[turns]), jnp.abs(settled.residual[~turns])
+    lanes = load_cases.load(add_lane_axis(knee))
+    equilibrium = differentiable(lanes, load_cases.prescribed, found)
+    turns = np.array([coordinate(name).unit == "deg" for name in load_cases.free])
+    moment, force = jnp.abs(equilibrium.residual[turns]), jnp.abs(equilibrium.residual[~turns])
     return Motion(
-        jnp.rad2deg(stations.flexion),
-        settled.pose,
-        settled.status,
+        jnp.rad2deg(load_cases.flexion),
+        equilibrium.pose,
+        equilibrium.status,
         jnp.max(force, axis=0, initial=0.0),
         jnp.max(moment, axis=0, initial=0.0),
-        settled.left_mm,
+        equilibrium.left_mm,
         reached,
-        settled.stable,
-        settled,
+        equilibrium.stable,
+        equilibrium,
         knee,
-        stations,
+        load_cases,
     )

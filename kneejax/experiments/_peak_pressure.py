@@ -30,7 +30,9 @@ class PeakPressure(eqx.Module):
     center: Array
 
 
-def peak_pressure(knee: Knee, poses: Pose, meeting: Array, share: float = 0.1) -> PeakPressure:
+def peak_pressure(
+    knee: Knee, poses: Pose, contact_points: Array, share: float = 0.1
+) -> PeakPressure:
     """Mean pressure over the highest tenth of each touching area, and where that is.
 
     A finite element model averages the tenth of its faces with the highest pressure. Here a tenth
@@ -41,7 +43,7 @@ def peak_pressure(knee: Knee, poses: Pose, meeting: Array, share: float = 0.1) -
     Args:
         knee: any knee.
         poses: fields of shape `(poses,)`.
-        meeting: meeting points of the patches, `(n, 2, poses)`, as a balance gives them.
+        contact_points: contact points of the patches, `(n, 2, poses)`, as a balance gives them.
         share: of the touching area.
 
     Returns:
@@ -49,15 +51,15 @@ def peak_pressure(knee: Knee, poses: Pose, meeting: Array, share: float = 0.1) -
 
     Source: paper 4, section 2.4.1.
     """
-    return _peak_pressure(knee, poses, meeting, jnp.asarray(share))
+    return _peak_pressure(knee, poses, contact_points, jnp.asarray(share))
 
 
 @compiled()
-def _peak_pressure(knee: Knee, poses: Pose, meeting: Array, share: Array) -> PeakPressure:
+def _peak_pressure(knee: Knee, poses: Pose, contact_points: Array, share: Array) -> PeakPressure:
     lanes, row, peaks = add_lane_axis(knee), 0, []
     for contact in lanes.contacts:
         if contact.has_patch:
-            elements = _rings(contact, poses, meeting[row])
+            elements = _rings(contact, poses, contact_points[row])
             row += 1
         else:
             elements = _points(contact, poses)
@@ -69,9 +71,9 @@ def _peak_pressure(knee: Knee, poses: Pose, meeting: Array, share: Array) -> Pea
     return PeakPressure(pressure, jnp.moveaxis(center, 0, -1))
 
 
-def _rings(contact: Contact, poses: Pose, meeting: Array) -> tuple[Array, Array, Array]:
+def _rings(contact: Contact, poses: Pose, contact_points: Array) -> tuple[Array, Array, Array]:
     """Pressure, area and centre of the rings of a patch, along an axis before the poses."""
-    gap = contact.gap(poses.placement, meeting)
+    gap = contact.gap(poses.placement, contact_points)
     # Depth falls as the square of the radius, and so, linearly, with the area inside.
     inside = (jnp.arange(_RINGS)[:, None] + 0.5) / _RINGS
     depth = gap.depth * (1.0 - inside)

@@ -9,10 +9,10 @@ import numpy as np
 
 from kneejax.geometry import scales
 from kneejax.mechanics import Knee
-from kneejax.statics import Stations, balance_near, converged, itself, sound
+from kneejax.statics import LoadCases, balance_near, converged, itself, sound
 
 #: Fields of a balance from which a search begins.
-GUESSED = "q", "meeting"
+GUESSED = "q", "contact_points"
 #: Balances farther apart than this are two, mm (rotations at 30 mm).
 APART_MM = 1.0
 #: Neighbours farther apart than this may lie on two branches, mm (rotations at 30 mm).
@@ -23,7 +23,7 @@ _MISSING = 0.1, 0.01, 0.0
 
 
 def changed_in_steps(
-    before: Knee, knee: Knee, stations: Stations, begin: Sequence[np.ndarray]
+    before: Knee, knee: Knee, load_cases: LoadCases, begin: Sequence[np.ndarray]
 ) -> dict[str, np.ndarray] | None:
     """Balances of a knee under loads under which another one balances, whose numbers turn into its
     own in steps: the cutting of a ligament, while the loads act.
@@ -31,20 +31,21 @@ def changed_in_steps(
     Args:
         before: the other knee, of the same structure.
         knee: that was changed.
-        stations: what acts and is prescribed.
-        begin: balances of the other knee: `GUESSED`, arrays begin with the station.
+        load_cases: what acts and is prescribed.
+        begin: balances of the other knee: `GUESSED`, arrays begin with the load case.
 
     Returns:
-        Fields of the balances as `Balances.in_nodes` has them, and `reached`; None where the knees
-        are not of one structure. A stable balance is that which the knee comes to rest in when it
-        is changed so slowly; where that one vanishes on the way, the one that is found next.
+        Fields of the balances as `Equilibria.in_nodes` has them, and `reached`; None where the
+        knees are not of one structure. A stable balance is that which the knee comes to rest in
+        when it is changed so slowly; where that one vanishes on the way, the one that is found
+        next.
     """
     if not _alike(before, knee):
         return None
     begin, nodes = [np.array(x) for x in begin], None
     for missing in _MISSING:
         part = jax.tree.map(lambda a, b, m=missing: _between(a, b, m), before, knee)
-        found = balance_near(part, itself, np.zeros(1), stations, *(x[None] for x in begin))
+        found = balance_near(part, itself, np.zeros(1), load_cases, *(x[None] for x in begin))
         nodes = found.in_nodes() | {"reached": np.asarray(found.reached[0])}
         # What was lost is sought again from where it was last.
         good = np.asarray(converged(nodes["status"]))
@@ -69,16 +70,16 @@ def _between(a, b, missing: float):
 
 
 def second_of(
-    stations: Stations, main: dict[str, np.ndarray], other: dict[str, np.ndarray]
+    load_cases: LoadCases, main: dict[str, np.ndarray], other: dict[str, np.ndarray]
 ) -> np.ndarray:
-    """Where a stable balance lies apart from the one that is reported, `(stations,)`.
+    """Where a stable balance lies apart from the one that is reported, `(load_cases,)`.
 
     Args:
-        stations: of both.
+        load_cases: of both.
         main: fields of the balances that are reported, `q` and `status`.
         other: likewise, of those found in another way.
     """
-    units = np.array(scales(stations.free))
+    units = np.array(scales(load_cases.free))
     apart = np.abs((main["q"] - other["q"]) / units).max(axis=-1)
     known = np.asarray(sound(other["status"]))
     return known & ~(np.asarray(converged(main["status"])) & (apart <= APART_MM))
@@ -86,7 +87,7 @@ def second_of(
 
 def follow_second(
     knee: Knee,
-    stations: Stations,
+    load_cases: LoadCases,
     main: Mapping[str, np.ndarray],
     second: dict[str, np.ndarray],
     lines: np.ndarray,
@@ -96,12 +97,12 @@ def follow_second(
 
     Args:
         knee: that balances.
-        stations: what acts and is prescribed.
+        load_cases: what acts and is prescribed.
         main: fields of the balances that are reported: `GUESSED` and `status`.
         second: `GUESSED` of the second ones, NaN where none is known; written to.
-        lines: rows of stations that follow each other, `(lines, length)`.
+        lines: rows of load cases that follow each other, `(lines, length)`.
     """
-    units = np.array(scales(stations.free))
+    units = np.array(scales(load_cases.free))
     pairs = [(a, b) for line in lines for a, b in zip(line[:-1], line[1:], strict=True)]
     pairs += [(b, a) for a, b in pairs]
     untried = np.asarray(np.isnan(second["q"]).any(axis=1))
@@ -117,7 +118,7 @@ def follow_second(
         rows = np.array([*source])
         untried[rows] = False
         begin = [np.stack([one[name] for one in source.values()])[None] for name in GUESSED]
-        at = jax.tree.map(lambda x, r=rows: np.asarray(x)[r], stations)
+        at = jax.tree.map(lambda x, r=rows: np.asarray(x)[r], load_cases)
         found = balance_near(knee, itself, np.zeros(1), at, *begin).in_nodes()
         here = second_of(at, {name: main[name][rows] for name in ("q", "status")}, found)
         for name, values in second.items():

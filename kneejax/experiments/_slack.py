@@ -10,19 +10,19 @@ from kneejax.mechanics import Knee
 
 
 def slack_poses(
-    knee: Knee, poses: Pose | State, meeting: np.ndarray | None = None
+    knee: Knee, poses: Pose | State, contact_points: np.ndarray | None = None
 ) -> dict[str, np.ndarray]:
     """Where each ligament and group of a knee is slack.
 
     Args:
         knee: any knee.
         poses: of the tibia, fields of shape `(n,)`; a `State` where other bones move too.
-        meeting: meeting points if they are known.
+        contact_points: contact points if they are known.
 
     Returns:
         Ligament or group -> `(n,)`, true where no fibre of it is strained.
     """
-    strain = np.asarray(evaluate_mechanics(knee, poses, meeting).strain)
+    strain = np.asarray(evaluate_mechanics(knee, poses, contact_points).strain)
     names = knee.ligaments.names
     slack = {name: column <= 0.0 for name, column in zip(names, strain.T, strict=True)}
     for group, fibres in knee.groups:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from kneejax.mechanics import Knee, load_of
-from kneejax.statics import Balances, Stations, Status, balance_many, itself
+from kneejax.statics import Equilibria, LoadCases, Status, balance_many, itself
 
 #: N; of the mean mass, 66.2 kg, of paper 4's four subjects (its Table 1).
 BODY_WEIGHT_N = 649.2
@@ -83,10 +83,10 @@ class VarusValgusRamp:
         return 1.5 + 0.5 * self.axial_N / self.axial_N[-1] + np.abs(self.moment_Nm) / self.full_Nm
 
     @property
-    def stations(self) -> Stations:
+    def load_cases(self) -> LoadCases:
         """Flexion and loads for statics."""
         load = load_of(compression_N=self.axial_N, varus_Nm=self.moment_Nm, name="varus_valgus")
-        return Stations.at(np.full(len(self), self.flexion_deg), [load])
+        return LoadCases.at(np.full(len(self), self.flexion_deg), [load])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -104,7 +104,7 @@ class VarusValgus:
     """
 
     ramp: VarusValgusRamp
-    balances: Balances
+    balances: Equilibria
 
     @functools.cached_property
     def reached(self) -> np.ndarray:
@@ -172,5 +172,5 @@ def varus_valgus(
     """
     if vary is None:
         vary, values = itself, np.zeros(1)
-    found = balance_many(knee, vary, values, ramp.stations, progress=progress)
+    found = balance_many(knee, vary, values, ramp.load_cases, progress=progress)
     return VarusValgus(ramp, found)

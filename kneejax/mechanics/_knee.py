@@ -214,17 +214,17 @@ class Knee(eqx.Module):
         back = jnp.argsort(jnp.array(order))
         return jax.tree.map(lambda *x: jnp.concatenate(with_lanes(*x))[back], *answers)
 
-    def meeting(self, state: State) -> Array:
+    def contact_points(self, state: State) -> Array:
         """Parameters of the points where surfaces meet, `(n, 2, ...)`, searched from scratch; no
         derivative."""
         if not self.patch_count:
             return jnp.zeros((0, 2, *state.shape))
-        found = self.map_patches(Contact.meeting, state)
+        found = self.map_patches(Contact.contact_point, state)
         return lax.stop_gradient(jnp.stack(found, axis=1))
 
     @property
     def patch_count(self) -> int:
-        """Number of contacts that have a patch, hence a meeting point."""
+        """Number of contacts that have a patch, hence a contact point."""
         return sum(contact.has_patch for contact in self.contacts)
 
     @property

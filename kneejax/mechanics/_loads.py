@@ -106,7 +106,7 @@ class Load(eqx.Module):
         return dataclasses.replace(self, force=share * self.force, moment=share * self.moment)
 
     def at_each(self, shape: tuple[int, ...]) -> Load:
-        """Once for each of `shape` stations."""
+        """Once for each of `shape` load cases."""
         return jax.tree.map(lambda x: jnp.broadcast_to(x, (*shape, 3)), self)
 
     def wrench(self, there: Placement) -> Wrench:

@@ -100,7 +100,7 @@ def load_of(
 
     Args:
         lateral_N: along the femur's transverse axis. Numbers, or arrays of one shape `(n,)` for
-            `kneejax.statics.Stations`; so are the others.
+            `kneejax.statics.LoadCases`; so are the others.
         anterior_N: along the floating axis.
         compression_N: along the tibia's long axis, towards the femur.
         varus_Nm: about the floating axis.

@@ -13,7 +13,7 @@ from jax.typing import ArrayLike
 class Pull(eqx.Module):
     """Tension that is added to lines or muscles of a knee, as a load that grows like any other.
 
-    Its lines grow together. Only where a knee is balanced (`kneejax.statics.Stations`).
+    Its lines grow together. Only where a knee is balanced (`kneejax.statics.LoadCases`).
 
     Attributes:
         tension: that is added to each, shape `(..., lines)`, N.
@@ -47,7 +47,7 @@ class Pull(eqx.Module):
         return dataclasses.replace(self, tension=jnp.asarray(part)[..., None] * self.tension)
 
     def at_each(self, shape: tuple[int, ...]) -> Pull:
-        """Once for each of `shape` stations."""
+        """Once for each of `shape` load cases."""
         ends = self.ends
         if ends is not None:
             ends = jnp.broadcast_to(ends, (*shape, *ends.shape[-3:]))
@@ -60,7 +60,7 @@ def pull_of(line: str, tension_N: ArrayLike) -> Pull:
 
     Args:
         line: its name, e.g. `patellar_tendon`; a muscle's, or `QUADRICEPS`.
-        tension_N: one, or `(n,)` for `kneejax.statics.Stations`.
+        tension_N: one, or `(n,)` for `kneejax.statics.LoadCases`.
 
     Example:
         >>> pull_of("patellar_tendon", [0.0, 50.0]).tension.tolist()

@@ -15,7 +15,7 @@ from kneejax.mechanics import Knee, load_of
 from kneejax.numerics import lanes_for
 from kneejax.planning._balanced import balanced
 from kneejax.planning._reconstruction import Operated, Reconstruction
-from kneejax.statics import Progress, Slopes, Stations, converged
+from kneejax.statics import LoadCases, Progress, Slopes, converged
 
 #: Nodes whose readings are computed in one call.
 _CHUNK = 8192
@@ -44,36 +44,36 @@ class Protocol:
 
     @functools.cached_property
     def flexion_deg(self) -> np.ndarray:
-        """Of all stations: the motion, then each test from no load to the full one."""
+        """Of all load cases: the motion, then each test from no load to the full one."""
         tests = np.repeat(self.lachman_deg, self.steps + 1)
         return np.r_[self.extension_deg, tests]
 
     @functools.cached_property
     def force(self) -> np.ndarray:
-        """Anterior force at each station, N."""
+        """Anterior force at each load case, N."""
         grows = self.force_N * np.linspace(0.0, 1.0, self.steps + 1)
         nothing = np.zeros(len(self.extension_deg))
         return np.r_[nothing, np.tile(grows, len(self.lachman_deg))]
 
     @property
     def motion(self) -> slice:
-        """Stations of the motion."""
+        """Load cases of the motion."""
         return slice(0, len(self.extension_deg))
 
     def test(self, number: int) -> np.ndarray:
-        """Stations of a test, from no load to the full one."""
+        """Load cases of a test, from no load to the full one."""
         each = self.steps + 1
         return len(self.extension_deg) + each * number + np.arange(each)
 
     @functools.cached_property
-    def stations(self) -> Stations:
+    def load_cases(self) -> LoadCases:
         """Where knees are balanced."""
-        return Stations.at(self.flexion_deg, [load_of(anterior_N=self.force)])
+        return LoadCases.at(self.flexion_deg, [load_of(anterior_N=self.force)])
 
 
 @dataclasses.dataclass(frozen=True)
 class Followed:
-    """Balances of variants; arrays begin with variant and station.
+    """Balances of variants; arrays begin with variant and load case.
 
     Attributes:
         length_mm: of each fibre, `(v, s, fibres)`.
@@ -125,7 +125,7 @@ def follow(
         What was read; NaN where a knee has no balance.
     """
     q, status, near = balanced(
-        plan, values, protocol.stations, slopes=slopes, near=near, grid=grid, progress=progress
+        plan, values, protocol.load_cases, slopes=slopes, near=near, grid=grid, progress=progress
     )
     read = read_balances(plan.knee, plan.vary, values, np.deg2rad(protocol.flexion_deg), q, slopes)
     by_value = None
@@ -139,13 +139,13 @@ def follow(
 def read_balances(
     knee: Knee, vary: Operated, values: np.ndarray, flexion: np.ndarray, q: np.ndarray, by: bool
 ) -> dict:
-    """Lengths, strains, tensions and the anterior place of poses, `(variants, stations, ...)`.
+    """Lengths, strains, tensions and the anterior place of poses, `(variants, load_cases, ...)`.
 
     Args:
         knee: gives all numbers that do not vary.
         vary: sets those that do.
         values: `(v, numbers)`.
-        flexion: of the stations, rad.
+        flexion: of the load cases, rad.
         q: free coordinates, `(v, s, free)`.
         by: whether to give, under `by`, derivatives by values and pose.
     """

@@ -22,7 +22,7 @@ from kneejax.mechanics import Knee, ligament_law
 from kneejax.planning._balanced import balanced
 from kneejax.planning._grafts import TRANSITION_STRAIN, TRANSITION_WIDTH
 from kneejax.planning._reconstruction import BUNDLE_NUMBERS, Reconstruction
-from kneejax.statics import Slopes, Stations
+from kneejax.statics import LoadCases, Slopes
 
 
 @dataclasses.dataclass(frozen=True)
@@ -91,8 +91,8 @@ def fix(
         The fixed grafts.
     """
     values = plan.value(ends, tension_N=tension_N, elastic=False)
-    stations = Stations.at([flexion_deg])
-    q, status, near = balanced(plan, values, stations, slopes=slopes, near=near, grid=grid)
+    load_cases = LoadCases.at([flexion_deg])
+    q, status, near = balanced(plan, values, load_cases, slopes=slopes, near=near, grid=grid)
     slack, by_value, by_pose = (
         np.asarray(x) for x in _fixed(plan.knee.bodies, np.deg2rad(flexion_deg), values, q[:, 0],
                                       np.array(plan.stiffness_N))
@@ -143,7 +143,7 @@ def fixed_knee(
         return jnp.concatenate([jnp.zeros(1), jnp.hstack([ends, each]).ravel()])
 
     tight = plan.vary(plan.knee, numbers(nothing + 1.0, nothing, tension))
-    pose = passive_flexion(tight, jnp.atleast_1d(flexion_deg)).settled.state
+    pose = passive_flexion(tight, jnp.atleast_1d(flexion_deg)).equilibrium.state
     at_fixation = jax.tree.map(lambda x: x[0], pose)
     slack = slack_length(_length(at_fixation, ends), tension, stiffness)
     return plan.vary(plan.knee, numbers(slack, stiffness, nothing))

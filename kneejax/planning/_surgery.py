@@ -55,7 +55,7 @@ class Outcome:
         distance: of each strain curve from the intact knee's, `(v, ligaments)`, see
             `Surgery.ligaments`; NaN where the knee has no balance somewhere.
         laxity_mm: how far the full force draws the tibia forwards, `(v, tests)`.
-        graft_N: tension of the grafts at all stations, `(v, s, bundles)`.
+        graft_N: tension of the grafts at all load cases, `(v, s, bundles)`.
         isometry_mm: by how much each graft's length changes through the motion, `(v, bundles)`.
         status: the worst of all balances, `Status` values, `(v,)`.
         followed: all that was read.
@@ -116,7 +116,7 @@ class Surgery:
         replaced: of each bundle, the torn fibres whose strain it should have.
         fixation_deg: flexion at which the grafts are fixed.
         protocol: what knees are put through.
-        window: of the alignment of strain curves, in stations.
+        window: of the alignment of strain curves, in load cases.
         limits: what must be kept.
     """
 

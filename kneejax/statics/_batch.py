@@ -13,13 +13,13 @@ import jax
 import numpy as np
 
 from kneejax.mechanics import Knee
-from kneejax.statics._balances import Balances
 from kneejax.statics._chunks import Paths, follow_in_chunks
 from kneejax.statics._continuation import Behind
+from kneejax.statics._equilibria import Equilibria
+from kneejax.statics._equilibrium import needs_float64
 from kneejax.statics._flexion_paths import Chain, Routes
 from kneejax.statics._freed import freed
-from kneejax.statics._settle import needs_float64
-from kneejax.statics._stations import Stations
+from kneejax.statics._load_cases import LoadCases
 from kneejax.statics._status import Status, gives_way
 from kneejax.statics._variants import Case, Variants, Vary, in_rows
 
@@ -41,20 +41,20 @@ def balance_many(
     knee: Knee,
     vary: Vary,
     values: Any,
-    stations: Stations,
+    load_cases: LoadCases,
     *,
     holding: bool = False,
     progress: Progress | None = None,
-) -> Balances:
-    """Balance variants of a knee at stations.
+) -> Equilibria:
+    """Balance variants of a knee at load cases.
 
     Args:
         knee: gives all numbers that do not vary.
         vary: makes a variant: `(knee, value) -> knee` of the same structure, hashable, e.g. the
             bound method `selection.apply`.
         values: with a leading axis `(variants, ...)`.
-        stations: in any order.
-        holding: whether to tell what holds the balances, see `Balances`.
+        load_cases: in any order.
+        holding: whether to tell what holds the balances, see `Equilibria`.
         progress: called now and then with balances done and asked for.
 
     Returns:
@@ -64,23 +64,23 @@ def balance_many(
         RuntimeError: float64 is switched off.
     """
     needs_float64()
-    stations = stations.of(knee)
+    load_cases = load_cases.of(knee)
     variants = Variants.of(knee, vary, values)
-    total = len(variants) * len(stations)
-    if not stations.by_flexion:
-        before = _bent(variants, stations.loaded(), False, _counter(progress, total))
-        return freed(variants, stations, before)
-    return _bent(variants, stations, holding, _counter(progress, total))
+    total = len(variants) * len(load_cases)
+    if not load_cases.by_flexion:
+        before = _bent(variants, load_cases.loaded(), False, _counter(progress, total))
+        return freed(variants, load_cases, before)
+    return _bent(variants, load_cases, holding, _counter(progress, total))
 
 
-def balance_one(knee: Knee, stations: Stations) -> Balances:
-    """Balance a knee itself at stations, with what holds it.
+def balance_one(knee: Knee, load_cases: LoadCases) -> Equilibria:
+    """Balance a knee itself at load cases, with what holds it.
 
     A lax knee may have several balances; this is the one that a test finds.
 
     Args:
         knee: without a lane axis.
-        stations: in any order.
+        load_cases: in any order.
 
     Returns:
         The balances of one variant.
@@ -88,7 +88,7 @@ def balance_one(knee: Knee, stations: Stations) -> Balances:
     Raises:
         RuntimeError: float64 is switched off.
     """
-    return balance_many(knee, itself, np.zeros((1, 0)), stations, holding=True)
+    return balance_many(knee, itself, np.zeros((1, 0)), load_cases, holding=True)
 
 
 def itself(knee: Knee, _) -> Knee:
@@ -100,21 +100,22 @@ def balance_lines(
     knee: Knee,
     vary: Vary,
     values: Any,
-    stations: Stations,
+    load_cases: LoadCases,
     begin: np.ndarray,
     *,
-    near: Balances | None = None,
+    near: Equilibria | None = None,
     progress: Progress | None = None,
-) -> Balances:
+) -> Equilibria:
     """Balance variants that stand in lines, each near its neighbours.
 
-    At each station a line is followed from one of its points in both directions.
+    At each load case a line is followed from one of its points in both directions.
 
     Args:
-        knee: as in `balance_many`; likewise `vary`, `stations`, `progress`.
+        knee: as in `balance_many`; likewise `vary`, `load_cases`, `progress`.
         values: with leading axes `(lines, points, ...)`.
         begin: the point of each line where it begins, `(lines,)`.
-        near: balances near those points, `(lines, stations)`; by default each is reached by itself.
+        near: balances near those points, `(lines, load_cases)`; by default each is reached by
+            itself.
 
     Returns:
         The balances, in order, with leading axes `(lines, points)`.
@@ -125,15 +126,15 @@ def balance_lines(
     needs_float64()
     lines, points = np.shape(jax.tree.leaves(values)[0])[:2]
     flat = jax.tree.map(lambda x: np.reshape(x, (lines * points, *np.shape(x)[2:])), values)
-    stations = stations.of(knee)
-    batch = _Batch(Variants.of(knee, vary, flat), stations.plain(), False)
-    report, size = _counter(progress, lines * points * len(stations)), len(stations)
+    load_cases = load_cases.of(knee)
+    batch = _Batch(Variants.of(knee, vary, flat), load_cases.plain(), False)
+    report, size = _counter(progress, lines * points * len(load_cases)), len(load_cases)
     middle = np.arange(lines) * points + np.asarray(begin, int)
     if near is None:
         firsts = jax.tree.map(lambda x: x[middle], flat)
-        near = balance_many(knee, vary, firsts, stations)
-    every, station = np.repeat(middle, size), np.tile(np.arange(size), lines)
-    batch.seek(every, station, near.q.reshape(lines * size, -1), near.meeting.reshape(
+        near = balance_many(knee, vary, firsts, load_cases)
+    every, load_case = np.repeat(middle, size), np.tile(np.arange(size), lines)
+    batch.seek(every, load_case, near.q.reshape(lines * size, -1), near.contact_points.reshape(
         lines * size, -1, 2), report)  # fmt: skip
     # A line of a single point has arms of no length, on one node that is never followed.
     steps = np.arange(1, max(points, 2))
@@ -142,24 +143,27 @@ def balance_lines(
     length = np.where(way > 0, points - 1 - place, place)
     walked = np.minimum(steps, np.maximum(length, 0)[:, None])
     variant = np.tile(every, 2)[:, None] + way[:, None] * walked
-    along = np.broadcast_to(np.tile(station, 2)[:, None], variant.shape)
-    origin = np.tile(every, 2), np.tile(station, 2)
+    along = np.broadcast_to(np.tile(load_case, 2)[:, None], variant.shape)
+    origin = np.tile(every, 2), np.tile(load_case, 2)
     batch.follow(variant, along, length, origin, _WHILE_CHANGED, report)
     return batch.answer((lines, points))
 
 
-def balance_near(knee: Knee, vary: Vary, values: Any, stations: Stations, q, meeting) -> Balances:
-    """Balance variants at stations, each by itself near where it is expected: no path leads there.
+def balance_near(
+    knee: Knee, vary: Vary, values: Any, load_cases: LoadCases, q, contact_points
+) -> Equilibria:
+    """Balance variants at load cases, each by itself near where it is expected: no path leads
+    there.
 
     A search that begins near a balance may end at another one: compare what is found with what was
     expected.
 
     Args:
         knee: as in `balance_many`; likewise `vary`, `values`.
-        stations: any choice of prescribed coordinates.
-        q: free coordinates to begin with, `(variants, stations, free)`, rad and mm; the reference
+        load_cases: any choice of prescribed coordinates.
+        q: free coordinates to begin with, `(variants, load_cases, free)`, rad and mm; the reference
             pose where they are NaN.
-        meeting: parameters of the contact points, `(variants, stations, n, 2)`.
+        contact_points: parameters of the contact points, `(variants, load_cases, n, 2)`.
 
     Returns:
         The balances, with what holds them.
@@ -168,39 +172,39 @@ def balance_near(knee: Knee, vary: Vary, values: Any, stations: Stations, q, mee
         RuntimeError: float64 is switched off.
     """
     needs_float64()
-    variants, stations = Variants.of(knee, vary, values), stations.of(knee).plain()
-    batch, size = _Batch(variants, stations, True), len(stations)
+    variants, load_cases = Variants.of(knee, vary, values), load_cases.of(knee).plain()
+    batch, size = _Batch(variants, load_cases, True), len(load_cases)
     count = len(variants) * size
-    variant, station = np.arange(count) // max(size, 1), np.arange(count) % max(size, 1)
-    q, meeting = (np.reshape(x, (count, *np.shape(x)[2:])) for x in (q, meeting))
-    batch.seek(variant, station, q, meeting, lambda _: None)
+    variant, load_case = np.arange(count) // max(size, 1), np.arange(count) % max(size, 1)
+    q, contact_points = (np.reshape(x, (count, *np.shape(x)[2:])) for x in (q, contact_points))
+    batch.seek(variant, load_case, q, contact_points, lambda _: None)
     return batch.answer((len(variants),))
 
 
 class _Batch:
-    """Variants at stations, and what is found of them."""
+    """Variants at load cases, and what is found of them."""
 
-    def __init__(self, variants: Variants, stations: Stations, holding: bool):
-        knee, stations = variants.knee, jax.tree.map(np.asarray, stations)
-        self.variants, self.stations = variants, stations
-        shape = len(variants), len(stations)
-        self.found = Balances.nothing(shape, stations, knee.patch_count, holding)
+    def __init__(self, variants: Variants, load_cases: LoadCases, holding: bool):
+        knee, load_cases = variants.knee, jax.tree.map(np.asarray, load_cases)
+        self.variants, self.load_cases = variants, load_cases
+        shape = len(variants), len(load_cases)
+        self.found = Equilibria.nothing(shape, load_cases, knee.patch_count, holding)
         whole = {leaf: variants.numbers[leaf] for leaf in sorted(variants.numbers)}
         none = np.zeros((len(variants), 0))
         self._numbers = in_rows(whole, 1) if whole else none
-        self._marks = in_rows(stations, 1)
-        first = jax.tree.map(lambda x: np.zeros(x.shape[1:]), (whole, stations))
+        self._marks = in_rows(load_cases, 1)
+        first = jax.tree.map(lambda x: np.zeros(x.shape[1:]), (whole, load_cases))
         self._like = Case(*first)
 
     def follow(
-        self, variant, station, length, origin: tuple, give_up: int, report, anew: bool = True
+        self, variant, load_case, length, origin: tuple, give_up: int, report, anew: bool = True
     ) -> None:
         """Follow paths of nodes from balances.
 
         Args:
-            variant: of each node, `(paths, nodes)`; likewise `station`.
+            variant: of each node, `(paths, nodes)`; likewise `load_case`.
             length: nodes of each path that count, `(paths,)`.
-            origin: variant and station of the balance where each begins; without it none does.
+            origin: variant and load case of the balance where each begins; without it none does.
             give_up: see `follow_in_chunks`.
             report: called with how many nodes are done.
             anew: whether paths are followed whose first node is known.
@@ -208,51 +212,55 @@ class _Batch:
         known = self.found.converged
         length = np.where(known[origin], length, 0)
         if not anew:
-            length = np.where(known[variant[:, 0], station[:, 0]], 0, length)
-        q, meeting, begun = self.found.q[origin], self.found.meeting[origin], known[origin]
-        behind = self._behind(origin[0], origin[1], q, meeting, begun.astype(int))
-        self._run(variant, station, length, behind, give_up, report)
+            length = np.where(known[variant[:, 0], load_case[:, 0]], 0, length)
+        q, contact_points, begun = (
+            self.found.q[origin],
+            self.found.contact_points[origin],
+            known[origin],
+        )
+        behind = self._behind(origin[0], origin[1], q, contact_points, begun.astype(int))
+        self._run(variant, load_case, length, behind, give_up, report)
 
-    def seek(self, variant, station, q, meeting, report) -> None:
+    def seek(self, variant, load_case, q, contact_points, report) -> None:
         """Search nodes, each near a guess; arrays begin with the node."""
         one, unknown = np.ones(len(variant), int), np.isnan(q).any(axis=-1)
-        q, meeting = np.array(q), np.array(meeting)
+        q, contact_points = np.array(q), np.array(contact_points)
         q[unknown] = self._reference()
-        meeting[unknown] = np.nan
-        behind = self._behind(variant, station, q, meeting, 0 * one)
-        self._run(variant[:, None], station[:, None], one, behind, _WHILE_CHANGED, report)
+        contact_points[unknown] = np.nan
+        behind = self._behind(variant, load_case, q, contact_points, 0 * one)
+        self._run(variant[:, None], load_case[:, None], one, behind, _WHILE_CHANGED, report)
 
-    def begin(self, variant, station, length, give_up: int, report) -> None:
+    def begin(self, variant, load_case, length, give_up: int, report) -> None:
         """Follow paths of nodes from the reference pose; as in `follow`."""
         nothing = np.zeros(len(length), int)
         q = np.tile(self._reference(), (len(length), 1))
-        meeting = np.full((len(length), self.variants.knee.patch_count, 2), np.nan)
-        behind = self._behind(variant[:, 0], station[:, 0], q, meeting, nothing)
-        self._run(variant, station, length, behind, give_up, report)
+        contact_points = np.full((len(length), self.variants.knee.patch_count, 2), np.nan)
+        behind = self._behind(variant[:, 0], load_case[:, 0], q, contact_points, nothing)
+        self._run(variant, load_case, length, behind, give_up, report)
 
     def _reference(self) -> np.ndarray:
         """Free coordinates at the reference pose."""
-        return np.asarray(self.variants.knee.at_reference.at(self.stations.free))
+        return np.asarray(self.variants.knee.at_reference.at(self.load_cases.free))
 
-    def answer(self, shape: tuple[int, ...]) -> Balances:
+    def answer(self, shape: tuple[int, ...]) -> Equilibria:
         """What was found, with other leading axes of the variants."""
         self.found.reached[:] = np.where(self.found.converged, 1.0, 0.0)
         return self.found.shaped(shape)
 
-    def _rows(self, variant, station) -> np.ndarray:
-        return np.concatenate([self._numbers[variant], self._marks[station]], axis=-1)
+    def _rows(self, variant, load_case) -> np.ndarray:
+        return np.concatenate([self._numbers[variant], self._marks[load_case]], axis=-1)
 
-    def _behind(self, variant, station, q, meeting, known) -> Behind:
+    def _behind(self, variant, load_case, q, contact_points, known) -> Behind:
         """What lies behind paths that begin at nodes; q and meeting begin with the path."""
-        q, meeting = np.moveaxis(q, 0, -1), np.moveaxis(meeting, 0, -1)
-        return Behind.at(self._rows(variant, station).T, q, meeting, known)
+        q, contact_points = np.moveaxis(q, 0, -1), np.moveaxis(contact_points, 0, -1)
+        return Behind.at(self._rows(variant, load_case).T, q, contact_points, known)
 
-    def _run(self, variant, station, length, behind: Behind, give_up: int, report) -> None:
+    def _run(self, variant, load_case, length, behind: Behind, give_up: int, report) -> None:
         def cases(path: np.ndarray, place: np.ndarray) -> np.ndarray:
-            return self._rows(variant[path, place], station[path, place])
+            return self._rows(variant[path, place], load_case[path, place])
 
         def note(path: np.ndarray, place: np.ndarray, record: dict[str, Any]) -> None:
-            self.found.note((variant[path, place], station[path, place]), record)
+            self.found.note((variant[path, place], load_case[path, place]), record)
             report(len(path))
 
         if length.any():
@@ -260,28 +268,28 @@ class _Batch:
             follow_in_chunks(self.variants.knee, paths, give_up, note)
 
     def follow_chains(self, chains: Sequence[Chain], variants, give_up, report, anew=True) -> None:
-        """Some variants along chains of stations, each from its origin."""
+        """Some variants along chains of load cases, each from its origin."""
         chains = [chain for chain in chains if chain.nodes]
         if chains and len(variants):
-            stations, length = _even([chain.nodes for chain in chains])
+            load_cases, length = _even([chain.nodes for chain in chains])
             rows, variant = np.divmod(np.arange(len(chains) * len(variants)), len(variants))
             origin = np.array([chain.origin for chain in chains])[rows]
             variant = np.asarray(variants)[variant]
-            nodes = np.broadcast_to(variant[:, None], (len(variant), stations.shape[1]))
+            nodes = np.broadcast_to(variant[:, None], (len(variant), load_cases.shape[1]))
             begins = variant, origin
-            self.follow(nodes, stations[rows], length[rows], begins, give_up, report, anew)
+            self.follow(nodes, load_cases[rows], length[rows], begins, give_up, report, anew)
 
 
-def _bent(variants: Variants, stations: Stations, holding: bool, report) -> Balances:
-    """Variants at stations where flexion alone is prescribed."""
+def _bent(variants: Variants, load_cases: LoadCases, holding: bool, report) -> Equilibria:
+    """Variants at load cases where flexion alone is prescribed."""
     reference = float(variants.knee.reference_pose.flexion)
-    answer, at_home = _along(Routes.to(stations, reference), variants, holding, report)
+    answer, at_home = _along(Routes.to(load_cases, reference), variants, holding, report)
     if not at_home.all():
         # Where the way begins must not depend on how far it was to lead.
         leads = tuple(reference + lead for lead in _LEADS)
         lost = np.flatnonzero(~at_home)
         some = variants.take(lost)
-        again, _ = _along(Routes.to(stations, reference, leads), some, holding, lambda _: None)
+        again, _ = _along(Routes.to(load_cases, reference, leads), some, holding, lambda _: None)
         answer.put(lost, again)
     return answer
 
@@ -293,10 +301,10 @@ def _along(routes: Routes, variants: Variants, holding: bool, report):
     found, home = batch.found, routes.home
     # Both ways from the reference pose; who is lost there, back from where it was found first.
     arms = [(home, *routes.bent(home, way).nodes) for way in (1, -1)]
-    stations, length = _even(arms)
-    variant = np.broadcast_to(np.tile(every, 2)[:, None], (2 * len(every), stations.shape[1]))
-    stations, length = (np.repeat(x, len(every), axis=0) for x in (stations, length))
-    batch.begin(variant, stations, length, _WHILE_BENT, report)
+    load_cases, length = _even(arms)
+    variant = np.broadcast_to(np.tile(every, 2)[:, None], (2 * len(every), load_cases.shape[1]))
+    load_cases, length = (np.repeat(x, len(every), axis=0) for x in (load_cases, length))
+    batch.begin(variant, load_cases, length, _WHILE_BENT, report)
     at_home = found.converged[:, home].copy()
     lost = np.flatnonzero(~at_home)
     for way, arm in zip((1, -1), arms, strict=True):
@@ -317,7 +325,7 @@ def _along(routes: Routes, variants: Variants, holding: bool, report):
     return found.at(slice(None), routes.asked), at_home
 
 
-def _say_how_far(found: Balances, share: np.ndarray, chain: Chain) -> None:
+def _say_how_far(found: Equilibria, share: np.ndarray, chain: Chain) -> None:
     """Write down how much of its load each variant held along a chain, and whether it gave way."""
     nodes, sizes, row = np.array(chain.nodes), np.array(chain.sizes), np.arange(len(share))
     known = found.converged[:, nodes]

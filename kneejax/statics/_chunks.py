@@ -14,8 +14,8 @@ import numpy as np
 
 from kneejax.mechanics import Knee
 from kneejax.numerics import on_all_cores
-from kneejax.statics._balances import of_record, shapes_of_record
 from kneejax.statics._continuation import Behind, follow
+from kneejax.statics._equilibria import of_record, shapes_of_record
 from kneejax.statics._variants import Case
 
 #: Paths side by side. Few are soon filled, many share what an operation costs by itself
@@ -75,7 +75,7 @@ def _follow_lot(
     """Chunk after chunk of some paths, the longest first, so that lanes stay full to the end."""
     place, left = np.zeros(len(lot), int), paths.length[lot]
     behind: Behind = jax.tree.map(lambda x: x[..., lot], paths.behind)
-    shapes = shapes_of_record(paths.like.stations, knee.patch_count)
+    shapes = shapes_of_record(paths.like.load_cases, knee.patch_count)
     ahead = np.arange(_AHEAD)[:, None] if paths.longest > 1 else np.zeros((1, 1), int)
     room = lanes // (_ROOM if paths.longest > 1 else _ROOM_OF_ONE)
     while left.any():

@@ -23,9 +23,9 @@ from jax import Array, lax
 from kneejax.geometry import TIBIA, Prescribed, coordinate, scales
 from kneejax.mechanics import Knee
 from kneejax.numerics import compiled
-from kneejax.statics._balances import shapes_of_record
+from kneejax.statics._equilibria import shapes_of_record
+from kneejax.statics._equilibrium import fault_of, holding
 from kneejax.statics._newton import EnergyNewton, Guess, SearchState, look
-from kneejax.statics._settle import fault_of, holding
 from kneejax.statics._status import Status, converged
 from kneejax.statics._stiffness import size_of, softness_of
 from kneejax.statics._variants import Case
@@ -58,7 +58,7 @@ class Behind(eqx.Module):
     Attributes:
         cases: in rows, of the last three equilibria, the latest first, `(3, numbers, lanes)`.
         q: free coordinates there, `(3, free, lanes)`, rad and mm.
-        meeting: parameters of the contact points, `(3, n, 2, lanes)`; NaN where they are not known.
+        contact_points: their parameters, `(3, n, 2, lanes)`; NaN where they are not known.
         known: how many of them are equilibria, `(lanes,)`; without any, the latest is a guess.
         failed: load cases without an equilibrium in a row, or as many as end a path.
         progress: part of the way to the next load case at which the latest is.
@@ -67,19 +67,19 @@ class Behind(eqx.Module):
 
     cases: Any
     q: Any
-    meeting: Any
+    contact_points: Any
     known: Any
     failed: Any
     progress: Any
     softness: Any
 
     @classmethod
-    def at(cls, cases, q, meeting, known) -> Behind:
+    def at(cls, cases, q, points, known) -> Behind:
         """One equilibrium each, or a guess; arrays as in the attributes, but for the first axis."""
         numpy = np if isinstance(q, np.ndarray) else jnp
-        cases, q, meeting = (numpy.repeat(x[None], 3, axis=0) for x in (cases, q, meeting))
+        cases, q, points = (numpy.repeat(x[None], 3, axis=0) for x in (cases, q, points))
         nothing = numpy.zeros(numpy.shape(known))
-        return cls(cases, q, meeting, known, nothing.astype(int), nothing, nothing + numpy.inf)
+        return cls(cases, q, points, known, nothing.astype(int), nothing, nothing + numpy.inf)
 
 
 @compiled()
@@ -208,17 +208,17 @@ class Continuation(NamedTuple):
 
     def _args(self, here: Array) -> tuple[Knee, Prescribed]:
         case = self.like.of(here)
-        return case.knees(self.knee), case.stations.prescribed
+        return case.knees(self.knee), case.load_cases.prescribed
 
     def _begun(self, behind: Behind) -> _Paths:
         """Nothing sought yet: the loop begins as if all searches had just ended."""
         lanes = behind.known.shape
         yes, no, none = jnp.ones(lanes, bool), jnp.zeros(lanes, bool), jnp.zeros(lanes, int)
-        y, here = Guess(behind.q[0], behind.meeting[0]), behind.cases[0]
+        y, here = Guess(behind.q[0], behind.contact_points[0]), behind.cases[0]
         args = self._args(here)
         _, shapes = jax.eval_shape(look, y, args)
         state = EnergyNewton().init(look, y, args, {}, None, shapes, frozenset())
-        record = shapes_of_record(self.like.stations, self.knee.patch_count)
+        record = shapes_of_record(self.like.load_cases, self.knee.patch_count)
         size = sum(int(np.prod(shape)) for shape in record.values())
         nothing = jnp.full((size, *lanes), -1.0)
         return _Paths(
@@ -246,7 +246,7 @@ class Continuation(NamedTuple):
         entry = dict(
             place=paths.place, status=judged.status, fault=judged.fault, steps=looks,
             way=jnp.where(arrived, 1.0, paths.behind.progress), softness=judged.softness,
-            q=paths.y.q, meeting=paths.y.meeting, **holding(paths.state.there),
+            q=paths.y.q, contact_points=paths.y.contact_points, **holding(paths.state.there),
         )  # fmt: skip
         rows = [jnp.reshape(x, (-1, x.shape[-1])).astype(float) for x in entry.values()]
         record = jnp.where(over, jnp.concatenate(rows), paths.record)
@@ -260,7 +260,7 @@ class Continuation(NamedTuple):
         behind = Behind(
             cases=_pushed(behind.cases, paths.here, good),
             q=_pushed(behind.q, paths.y.q, good),
-            meeting=_pushed(behind.meeting, paths.y.meeting, good),
+            contact_points=_pushed(behind.contact_points, paths.y.contact_points, good),
             known=jnp.minimum(behind.known + good, 3),
             failed=jnp.where(arrived, 0, behind.failed + judged.failed),
             progress=jnp.where(over, 0.0, progress),
@@ -286,17 +286,16 @@ class Continuation(NamedTuple):
 
     def _sent(self, paths: _Paths, goal: Array, again: Array) -> _Paths:
         """Begin the next search of the lanes whose last one has ended."""
-        last, begins = paths.behind.cases[0], paths.ended & paths.active
+        behind = paths.behind
+        last, begins = behind.cases[0], paths.ended & paths.active
         # A load that grows acts where it will act.
         whole = (paths.step >= 1.0) | self.like.rows_of_points()[:, None]
         new = jnp.where(whole, goal, last + paths.step * _apart(goal, last))
-        orders, distances = self._past(paths.behind, new)
-        expected = jnp.stack([_extrapolated(paths.behind.q, distances, k) for k in orders])
+        orders, distances = self._past(behind, new)
+        expected = jnp.stack([_extrapolated(behind.q, distances, k) for k in orders])
         order = jnp.where(paths.cautious, jnp.minimum(orders[-1], 1), orders[-1])
-        q, meeting = (
-            _extrapolated(x, distances, order) for x in (paths.behind.q, paths.behind.meeting)
-        )
-        guess = Guess(q, meeting)
+        known = behind.q, behind.contact_points
+        guess = Guess(*(_extrapolated(x, distances, order) for x in known))
         patient = (order < 2) | again
         return dataclasses.replace(
             paths,
@@ -338,7 +337,7 @@ class Continuation(NamedTuple):
 
     def _judged(self, paths: _Paths) -> _Judged:
         """Whether what was found is on its branch, and what to do where it is not."""
-        behind, state, free = paths.behind, paths.state, self.like.stations.free
+        behind, state, free = paths.behind, paths.state, self.like.load_cases.free
         units = scales(free)
         here, last = paths.here, behind.cases[0]
         softness, pivots = softness_of(state.there.tangent, units)

@@ -1,9 +1,10 @@
-"""Which way leads from the reference pose to each station, whatever else is asked for.
+"""Which way leads from the reference pose to each load case, whatever else is asked for.
 
-A knee is bent from its reference pose in strides of 5 degrees, the stem; a station between two of
+A knee is bent from its reference pose in strides of 5 degrees, the stem; a load case between two of
 them hangs off the nearer one towards the reference. There its loads grow, one after the other in
-their order, each along a straight line; stations whose loads lie on the same line are passed on the
-way to the largest. So a station's route is its own, and a load is reached through lighter ones.
+their order, each along a straight line; load cases whose loads lie on the same line are passed on
+the way to the largest. So a load case's route is its own, and a load is reached through lighter
+ones.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kneejax.mechanics import Load, Pull
-from kneejax.statics._stations import Stations
+from kneejax.statics._load_cases import LoadCases
 from kneejax.statics._variants import in_rows
 
 #: Flexion between two nodes of the stem, rad.
@@ -42,11 +43,11 @@ class Chain:
 
 @dataclasses.dataclass(frozen=True)
 class Routes:
-    """All nodes on the way to some stations.
+    """All nodes on the way to some load cases.
 
     Attributes:
         nodes: flexion and loads of every node.
-        asked: the node of each station that was asked for, `(stations,)`.
+        asked: the node of each load case that was asked for, `(load_cases,)`.
         stem: unloaded nodes in strides from the reference, in order of flexion.
         home: the node at the reference flexion.
         hops: chains that leave the stem for flexions between its nodes, from the side of the
@@ -54,7 +55,7 @@ class Routes:
         loading: for the first load, the second, ...: chains along which it grows.
     """
 
-    nodes: Stations
+    nodes: LoadCases
     asked: np.ndarray
     stem: np.ndarray
     home: int
@@ -63,15 +64,15 @@ class Routes:
     loading: tuple[tuple[Chain, ...], ...]
 
     @classmethod
-    def to(cls, stations: Stations, reference: float, also: tuple[float, ...] = ()) -> Routes:
+    def to(cls, load_cases: LoadCases, reference: float, also: tuple[float, ...] = ()) -> Routes:
         """Lay the routes.
 
         Args:
-            stations: wanted, in any order.
+            load_cases: wanted, in any order.
             reference: flexion of the reference pose, rad.
             also: flexions (rad) to which the stem reaches in any case.
         """
-        return _Layout(stations.plain(), reference, also).routes()
+        return _Layout(load_cases.plain(), reference, also).routes()
 
     def at(self, flexion: float) -> int:
         """The node of the stem nearest to a flexion, rad."""
@@ -93,9 +94,9 @@ class Routes:
 class _Layout:
     """Nodes, numbered as they are met."""
 
-    def __init__(self, stations: Stations, reference: float, also: tuple[float, ...]):
-        self.reference, self.wanted = reference, np.asarray(stations.flexion)
-        self.kinds, self.bodies = stations.loads, stations.bodies
+    def __init__(self, load_cases: LoadCases, reference: float, also: tuple[float, ...]):
+        self.reference, self.wanted = reference, np.asarray(load_cases.flexion)
+        self.kinds, self.bodies = load_cases.loads, load_cases.bodies
         # One row a load: all its numbers, how much acts, and where.
         self.loads = _beside([in_rows(load, 1) for load in self.kinds])
         self.sizes = _beside([load.sizes for load in self.kinds])
@@ -127,7 +128,7 @@ class _Layout:
             for groups in self.groups
         )
         loads = tuple(map(_of_rows, np.moveaxis(np.array(self.acting), 1, 0), self.kinds))
-        nodes = Stations({"flexion": np.array(self.flexion)}, loads, bodies=self.bodies)
+        nodes = LoadCases({"flexion": np.array(self.flexion)}, loads, bodies=self.bodies)
         hops, back = (tuple(chains.values()) for chains in (self.hops, self.back))
         return Routes(nodes, asked, self.stem, self.home, hops, back, loading)
 
@@ -149,7 +150,7 @@ class _Layout:
         return self.numbers[key]
 
     def _reached(self, flexion: float, row: int, stages: int) -> int:
-        """The node of a flexion under the first loads of a station, after those on the way."""
+        """The node of a flexion under the first loads of a load case, after those on the way."""
         grown = np.flatnonzero(np.abs(self.sizes[row, :stages]).max(axis=1) > 0)
         if not len(grown):
             return self._unloaded(flexion)
@@ -176,14 +177,14 @@ class _Layout:
 
 
 def _beside(rows: Sequence[ArrayLike]) -> np.ndarray:
-    """Rows of several loads, `(stations, loads, numbers)`: shorter ones end in zeros."""
+    """Rows of several loads, `(load_cases, loads, numbers)`: shorter ones end in zeros."""
     longest = max(np.shape(row)[1] for row in rows)
     even = [np.pad(row, ((0, 0), (0, longest - np.shape(row)[1]))) for row in rows]
     return np.stack(even, axis=1)
 
 
 def _places_of(load: Load | Pull) -> np.ndarray:
-    """Where a load acts, `(stations, numbers)`, of any number of numbers."""
+    """Where a load acts, `(load_cases, numbers)`, of any number of numbers."""
     count = len(load.sizes)
     rows = (np.reshape(x, (count, -1)) for x in load.places)
     return np.hstack([np.empty((count, 0)), *rows])

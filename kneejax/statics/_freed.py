@@ -18,10 +18,10 @@ from kneejax.geometry import State
 from kneejax.mechanics import Knee, Support
 from kneejax.numerics import compiled
 from kneejax.statics._balance import force_along
-from kneejax.statics._balances import Balances
 from kneejax.statics._chunks import LANES, Paths, follow_in_chunks
 from kneejax.statics._continuation import Behind
-from kneejax.statics._stations import Stations
+from kneejax.statics._equilibria import Equilibria
+from kneejax.statics._load_cases import LoadCases
 from kneejax.statics._status import Status, gives_way
 from kneejax.statics._variants import Case, Variants, in_rows
 
@@ -29,32 +29,32 @@ from kneejax.statics._variants import Case, Variants, in_rows
 _SOFT = 0.1
 
 
-def freed(variants: Variants, stations: Stations, before: Balances) -> Balances:
+def freed(variants: Variants, load_cases: LoadCases, before: Equilibria) -> Equilibria:
     """Move balances under flexion alone to another choice of prescribed coordinates.
 
     Args:
         variants: of one knee.
-        stations: what is wanted.
-        before: balances of the same variants at `stations.loaded()`.
+        load_cases: what is wanted.
+        before: balances of the same variants at `load_cases.loaded()`.
 
     Returns:
         The balances, with what holds them; where `before` has none, there is none. `reached` is the
         part of the way that the knee followed.
     """
-    free, knee = stations.free, variants.knee
-    found = Balances.nothing(before.status.shape, stations, knee.patch_count, True)
+    free, knee = load_cases.free, variants.knee
+    found = Equilibria.nothing(before.status.shape, load_cases, knee.patch_count, True)
     found.status[:], found.fault[:] = before.status, before.fault
     found.steps[:], found.reached[:] = before.steps, before.reached
     node = np.nonzero(before.converged)
     count = len(node[0])
     if not count:
         return found
-    wanted = jax.tree.map(lambda x: np.asarray(x)[node[1]], stations.plain())
+    wanted = jax.tree.map(lambda x: np.asarray(x)[node[1]], load_cases.plain())
     numbers = {leaf: x[node[0]] for leaf, x in variants.numbers.items()}
-    q, meeting = (np.moveaxis(x[node], 0, -1) for x in (before.q, before.meeting))
+    q, contact_points = (np.moveaxis(x[node], 0, -1) for x in (before.q, before.contact_points))
     names = *wanted.prescribed, *wanted.free
     released = tuple(name for name in wanted.free if name in wanted.loaded().prescribed)
-    own, force = _at_rest(knee, numbers, wanted, q, meeting, released)
+    own, force = _at_rest(knee, numbers, wanted, q, contact_points, released)
     at = dict(zip(names, own, strict=True))
     ends, begins = (
         dataclasses.replace(wanted, supports=tuple(map(Support, forces, released)))
@@ -67,7 +67,7 @@ def freed(variants: Variants, stations: Stations, before: Balances) -> Balances:
     )
     rows = np.stack([in_rows((numbers, place), 1) for place in (begins, ends)])
     like = Case(*jax.tree.map(lambda x: np.zeros(x.shape[1:]), (numbers, begins)))
-    begin = np.stack([at[name] for name in free]), meeting, np.ones(count, int)
+    begin = np.stack([at[name] for name in free]), contact_points, np.ones(count, int)
     softness = np.full(count, np.nan)
 
     def note(path: np.ndarray, place: np.ndarray, record: dict) -> None:
@@ -90,7 +90,7 @@ def freed(variants: Variants, stations: Stations, before: Balances) -> Balances:
 
 
 def _at_rest(
-    knee: Knee, numbers, wanted: Stations, q, meeting, released: tuple[str, ...]
+    knee: Knee, numbers, wanted: LoadCases, q, contact_points, released: tuple[str, ...]
 ) -> tuple[np.ndarray, np.ndarray]:
     """All coordinates where nodes begin, in the order of prescribed and free ones, and the forces
     that support those to be freed; as many nodes a call as there are lanes."""
@@ -98,17 +98,19 @@ def _at_rest(
     for first in range(0, count, LANES):
         rows = np.minimum(np.arange(first, first + LANES), count - 1)
         case = jax.tree.map(lambda x, rows=rows: np.moveaxis(x[rows], 0, -1), (numbers, wanted))
-        parts.append(_beginning(knee, Case(*case), q[..., rows], meeting[..., rows], released))
+        parts.append(
+            _beginning(knee, Case(*case), q[..., rows], contact_points[..., rows], released)
+        )
     own, force = (np.concatenate(x, axis=-1)[:, :count] for x in zip(*parts, strict=True))
     return own, force
 
 
 @compiled(static_argnums=(4,))
-def _beginning(knee: Knee, case: Case, q, meeting, released) -> tuple[Array, Array]:
-    before = case.stations.loaded()
-    state = State.of(before.prescribed, q, case.stations.bodies)
-    own = state.at((*case.stations.prescribed, *case.stations.free))
+def _beginning(knee: Knee, case: Case, q, contact_points, released) -> tuple[Array, Array]:
+    before = case.load_cases.loaded()
+    state = State.of(before.prescribed, q, case.load_cases.bodies)
+    own = state.at((*case.load_cases.prescribed, *case.load_cases.free))
     if not released:
         return own, jnp.zeros((0, q.shape[-1]))
     knees = Case(case.numbers, before).knees(knee)
-    return own, force_along(knees, state, meeting, released)
+    return own, force_along(knees, state, contact_points, released)

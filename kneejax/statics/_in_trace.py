@@ -1,7 +1,8 @@
-"""A motion while JAX traces the knee: the same continuation, every station a path of its own.
+"""A motion while JAX traces the knee: the same continuation, every load case a path of its own.
 
-Paths cannot be shared where numbers are not known yet. So each goes all the way to its own station:
-from the reference pose in strides of 5 degrees, and then under its loads, one after the other.
+Paths cannot be shared where numbers are not known yet. So each goes all the way to its own load
+case: from the reference pose in strides of 5 degrees, and then under its loads, one after the
+    other.
 Where the knee does not balance at its reference pose, a path that found nothing goes once more by
 way of 45 degrees, from where the knee may be followed back.
 """
@@ -15,11 +16,11 @@ import jax.numpy as jnp
 from jax import Array, lax
 
 from kneejax.mechanics import Knee
-from kneejax.statics._balances import of_record, settled_of, shapes_of_record
 from kneejax.statics._continuation import Behind, Continuation
+from kneejax.statics._equilibria import equilibrium_of, of_record, shapes_of_record
+from kneejax.statics._equilibrium import Equilibrium
 from kneejax.statics._flexion_paths import STRIDE
-from kneejax.statics._settle import Settled
-from kneejax.statics._stations import Stations
+from kneejax.statics._load_cases import LoadCases
 from kneejax.statics._status import Status, converged
 from kneejax.statics._variants import Case, in_rows
 
@@ -29,31 +30,31 @@ _GIVE_UP = 5
 _AROUND, _MOST = 9, 36
 
 
-def continued_in_trace(knee: Knee, stations: Stations) -> Settled:
-    """Balance a knee at stations where flexion alone is prescribed.
+def continued_in_trace(knee: Knee, load_cases: LoadCases) -> Equilibrium:
+    """Balance a knee at load cases where flexion alone is prescribed.
 
     Args:
         knee: without a lane axis; nothing is differentiated through the search.
-        stations: in any order, within half a turn of the reference pose.
+        load_cases: in any order, within half a turn of the reference pose.
 
     Returns:
         The balances, a lane each; NaN where there is none.
     """
     knee = knee.for_many_poses()
-    stages, stations = len(stations.loads), stations.of(knee).plain()
-    lanes, free = len(stations), stations.free
+    stages, load_cases = len(load_cases.loads), load_cases.of(knee).plain()
+    lanes, free = len(load_cases), load_cases.free
     q = jnp.broadcast_to(knee.at_reference.at(free)[:, None], (len(free), lanes))
-    meeting = jnp.full((knee.patch_count, 2, lanes), jnp.nan)
-    like = Case({}, jax.tree.map(lambda x: x[0], stations))
-    shapes = shapes_of_record(stations, knee.patch_count)
+    contact_points = jnp.full((knee.patch_count, 2, lanes), jnp.nan)
+    like = Case({}, jax.tree.map(lambda x: x[0], load_cases))
+    shapes = shapes_of_record(load_cases, knee.patch_count)
 
     def a_trip(trip: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
         again, goes, found = trip
-        cases, length = _cases(knee, stations, stages, again * _AROUND)
+        cases, length = _cases(knee, load_cases, stages, again * _AROUND)
         length = jnp.where(goes, length, 0)
-        behind = Behind.at(cases[0].T, q, meeting, jnp.zeros(lanes, int))
+        behind = Behind.at(cases[0].T, q, contact_points, jnp.zeros(lanes, int))
         end = Continuation(knee, like, cases, length, jnp.asarray(_GIVE_UP)).run(behind, None)
-        # What ended before its station says nothing of it, nor where the ways end before it.
+        # What ended before its load case says nothing of it, nor where the ways end before it.
         record = of_record(end.record, shapes)
         here = (record["place"] == length - 1) & (length <= len(cases))
         record["status"] = jnp.where(here, record["status"], float(Status.NOT_CONVERGED))
@@ -69,13 +70,13 @@ def continued_in_trace(knee: Knee, stations: Stations) -> Settled:
     nodes = {name: record[name] for name in record if name not in ("place", "way", "softness")}
     for name in ("status", "fault", "steps"):
         nodes[name] = nodes[name].astype(int)
-    return settled_of(stations, nodes | {"q": jnp.where(good, record["q"], jnp.nan)})
+    return equilibrium_of(load_cases, nodes | {"q": jnp.where(good, record["q"], jnp.nan)})
 
 
-def _cases(knee: Knee, stations: Stations, stages: int, around: Array) -> tuple[Array, Array]:
+def _cases(knee: Knee, load_cases: LoadCases, stages: int, around: Array) -> tuple[Array, Array]:
     """Load cases of each path in rows, `(places, lanes, numbers)`, by way of so many strides
     around; and how many there are."""
-    begin, goal = knee.reference_pose.flexion, stations.flexion
+    begin, goal = knee.reference_pose.flexion, load_cases.flexion
     turn, place = begin + around * STRIDE, jnp.arange(2 * _AROUND + _MOST + stages)[:, None]
     strides = jnp.ceil(jnp.abs(goal - turn) / STRIDE - 1e-9).astype(int)
     back = jnp.maximum(place - around, 0) * STRIDE
@@ -85,7 +86,7 @@ def _cases(knee: Knee, stations: Stations, stages: int, around: Array) -> tuple[
     stage = place - around - strides
     grown = tuple(
         load.times(jnp.where(stage > k, 1.0, 0.0)).at_each(stage.shape)
-        for k, load in enumerate(stations.loads)
+        for k, load in enumerate(load_cases.loads)
     )
-    cases = dataclasses.replace(stations, prescribed={"flexion": bent}, loads=grown)
+    cases = dataclasses.replace(load_cases, prescribed={"flexion": bent}, loads=grown)
     return in_rows(({}, cases), 2), around + strides + 1 + stages

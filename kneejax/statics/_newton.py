@@ -48,12 +48,12 @@ class Guess(eqx.Module):
 
     Attributes:
         q: free coordinates `(free, lanes)`, rad and mm.
-        meeting: parameters of points near those where surfaces meet, `(n, 2, lanes)`; None, or NaN,
-            where they are not known.
+        contact_points: parameters of points near those where surfaces meet, `(n, 2, lanes)`; None,
+            or NaN, where they are not known.
     """
 
     q: Array
-    meeting: Array = eqx.field(default=None)
+    contact_points: Array = eqx.field(default=None)
 
 
 class Phase(enum.IntEnum):
@@ -131,7 +131,7 @@ def look(guess: Guess, args: tuple[Knee, Prescribed]):
         Residual in rows, what holds prescribed coordinates below; forces.
     """
     knee, prescribed = args
-    return rows_of_force(knee, prescribed, guess.q, guess.meeting)
+    return rows_of_force(knee, prescribed, guess.q, guess.contact_points)
 
 
 class EnergyNewton(optx.AbstractRootFinder):
@@ -160,7 +160,7 @@ class EnergyNewton(optx.AbstractRootFinder):
         return SearchState.begun(y, there, scales(free_of(prescribed, knee.bodies)))
 
     def step(self, fn, y, args, options, state, tags):
-        here = linearised(lambda q: fn(Guess(q, y.meeting), args), y.q)
+        here = linearised(lambda q: fn(Guess(q, y.contact_points), args), y.q)
         accept = state.searches & (~state.compares | self._is_lower(y, here, state))
         best, there = jax.tree.map(
             lambda new, old: jnp.where(accept, new, old), (y, here), (state.best, state.there)
@@ -205,7 +205,7 @@ class EnergyNewton(optx.AbstractRootFinder):
         q = state.best.q + jnp.stack(scaled(state.step, state.scales))
         # A lane whose numbers are not finite stands still: the solver would end the search of all.
         goes = jnp.all(jnp.isfinite(q), axis=0)
-        return Guess(jnp.where(goes, q, state.best.q), state.there.forces.meeting)
+        return Guess(jnp.where(goes, q, state.best.q), state.there.forces.contact_points)
 
     def terminate(self, fn, y, args, options, state, tags):
         return ~jnp.any(state.searches), optx.RESULTS.successful

@@ -19,7 +19,7 @@ from jax import Array
 from jax.flatten_util import ravel_pytree
 
 from kneejax.mechanics import Knee
-from kneejax.statics._stations import Stations
+from kneejax.statics._load_cases import LoadCases
 
 #: A function `(knee, value) -> knee` of the same structure; hashable, since it steers compiling.
 Vary = Callable[[Knee, Any], Knee]
@@ -121,7 +121,7 @@ class Case(NamedTuple):
     """A load case of a knee of its own: the numbers that vary by their places, what acts there."""
 
     numbers: dict[int, Any]
-    stations: Stations
+    load_cases: LoadCases
 
     def of(self, rows: Array) -> Case:
         """Those of rows `(numbers, lanes)`, which were made of cases like this one."""
@@ -129,7 +129,7 @@ class Case(NamedTuple):
 
     def knees(self, knee: Knee) -> Knee:
         """With their loads; of a case whose arrays end in lanes."""
-        return self.stations.added_to(with_numbers(knee, self.numbers)).for_many_poses()
+        return self.load_cases.added_to(with_numbers(knee, self.numbers)).for_many_poses()
 
     def rows_of_numbers(self) -> np.ndarray:
         """Which rows are numbers of the knee."""
@@ -137,11 +137,11 @@ class Case(NamedTuple):
 
     def rows_of_flexion(self) -> np.ndarray:
         """Which row is flexion, where that is prescribed."""
-        return self._rows_of(self.stations.prescribed.get("flexion"))
+        return self._rows_of(self.load_cases.prescribed.get("flexion"))
 
     def rows_of_points(self) -> np.ndarray:
         """Which rows say where a load acts."""
-        return self._rows_of([load.places for load in self.stations.loads])
+        return self._rows_of([load.places for load in self.load_cases.loads])
 
     def _rows_of(self, some: Any) -> np.ndarray:
         chosen = {id(x) for x in jax.tree.leaves(some)}

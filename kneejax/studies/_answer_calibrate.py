@@ -129,7 +129,7 @@ def _question(study: Study) -> Question:
 def _get_ready(study: Study) -> None:
     """Compile the mechanics of as many poses."""
     poses = len(study.flexion_deg)
-    meeting = np.zeros((study.knee.patch_count, 2, poses))
+    contact_points = np.zeros((study.knee.patch_count, 2, poses))
     # Whatever may be wrong here is met again, and said, where the result is needed.
     with contextlib.suppress(Exception):
-        evaluate(study.knee, Pose.from_table(np.zeros((poses, 6))), meeting)
+        evaluate(study.knee, Pose.from_table(np.zeros((poses, 6))), contact_points)

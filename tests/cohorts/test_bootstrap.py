@@ -59,7 +59,7 @@ def test_a_curve_is_the_passive_motion_or_a_test_at_one_flexion(asked, truth):
     passive, *others = curves_of(4, asked.tests)
     assert passive.tolist() == [0, 1, 2, 3]
     assert [len(one) for one in others] == [6] * 9  # a row without load tells nothing
-    flexion = Answered.of(asked, truth).cases.stations.flexion
+    flexion = Answered.of(asked, truth).cases.load_cases.flexion
     assert [np.ptp(np.asarray(flexion)[one]) for one in others] == [0.0] * 9
     # Flexions that a rig does not hold to a degree are one, and so is what shares a constant.
     rows = np.full((4, 5), np.nan)

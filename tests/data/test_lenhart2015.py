@@ -134,7 +134,7 @@ def test_passive_flexion_of_a_left_knee_is_the_mirrored_right_one(right, left):
     knee, twin = (files["lenhart2015_reduced"].knee for files in (right, left))
     angles = np.array([0.0, 30.0, 90.0])
     ours, theirs = (kj.passive_flexion(each, angles) for each in (knee, same_code(knee, twin)))
-    assert np.all(ours.settled.converged) and np.all(ours.stable)
+    assert np.all(ours.equilibrium.converged) and np.all(ours.stable)
     np.testing.assert_allclose(ours.to_table(), theirs.to_table(), rtol=0, atol=1e-9)
 
 

@@ -12,7 +12,7 @@ from kneejax.dynamics import Account, Grid, MovingKnee, given_of, gravity_of, ma
 from kneejax.experiments import Mechanics, Transient
 from kneejax.geometry import Frame, Plane, Sphere
 from kneejax.mechanics import Contact, Load, Mass, add_lane_axis
-from kneejax.statics import Guess, Status, settle
+from kneejax.statics import Guess, Status, solve_equilibrium
 from tests.dynamics.massed import (
     ALL_BUT_FLEXION,
     ALL_BUT_SUPERIOR,
@@ -142,7 +142,7 @@ def test_a_knee_that_settles_ends_in_its_static_balance():
     moving = MovingKnee.of(knee, SHANK, gravity_m_s2=gravity_of(-30.0)).damped_everywhere(5.0)
     found = move(moving, [0.05, 0, 0.02, 0.3, 0, 0], np.linspace(0.0, 28.0, STEPS + 1))
     held = add_lane_axis(bare(knee.ligaments, loads=moving.loads))
-    still = settle(held, {}, Guess(jnp.zeros((6, 1)), jnp.zeros((0, 2, 1))))
+    still = solve_equilibrium(held, {}, Guess(jnp.zeros((6, 1)), jnp.zeros((0, 2, 1))))
     np.testing.assert_allclose(found.q[-1], still.q[:, 0], atol=1e-6)
     assert found.account().dissipated[-1] > 0.0
 

@@ -59,7 +59,7 @@ def test_what_acts_equals_what_contacts_and_ligaments_hold(pressed):
     # 0.1 % was asked for; what is left is the search's own.
     assert np.all(np.linalg.norm(force, axis=1) < 1e-6 * size)
     # What is left over of the moment is what holds flexion, about the femur's transverse axis.
-    there = pressed.motion.settled.state.tibia.placement
+    there = pressed.motion.equilibrium.state.tibia.placement
     transverse = np.stack([np.asarray(x) for x in there.turn_back((0.0, 0.0, 1.0))], axis=1)
     along = np.sum(moment * transverse, axis=1)
     assert np.allclose(along, 1000.0 * pressed.residual_Nm, atol=1e-3)
@@ -77,7 +77,7 @@ def test_balances_are_those_of_the_same_loads_given_by_hand(knee, pressed):
 
 def test_muscles_from_the_pelvis_pull_from_where_they_are(pressed):
     """Along the straight line from each instant's origin to the insertion, wherever that went."""
-    there, muscles = pressed.motion.settled.state.tibia.placement, pressed.record.muscles
+    there, muscles = pressed.motion.equilibrium.state.tibia.placement, pressed.record.muscles
     ends = muscles.femoral_attachment, muscles.tibial_attachment
     origin, end = (np.asarray(x)[0] for x in ends)
     way = origin - np.stack([np.asarray(x) for x in there.apply(tuple(end))])

@@ -43,13 +43,13 @@ def test_a_knee_without_load_rests_in_one_pose(knee):
 
 @pytest.mark.long
 def test_both_ways_to_give_are_found_at_every_angle(found):
-    turned = {station: [] for station in range(3)}
+    turned = {load_case: [] for load_case in range(3)}
     for branch in found:
-        turned[branch.station].append(branch.pose[2])
+        turned[branch.load_case].append(branch.pose[2])
     for angles in turned.values():
         assert len(angles) == 2 and min(angles) < -10.0 and max(angles) > 40.0
     # A test ends on one of them, or gives way between.
-    assert [branch.station for branch in found if branch.by_test] == [0, 2]
+    assert [branch.load_case for branch in found if branch.by_test] == [0, 2]
     others = [branch for branch in found if not branch.by_test]
     assert [np.isnan(branch.apart_mm) for branch in others] == [False, True, True, False]
     assert min(branch.apart_mm for branch in (others[0], others[-1])) > 30.0

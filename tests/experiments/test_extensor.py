@@ -21,7 +21,7 @@ from kneejax.experiments import (
 )
 from kneejax.experiments.extensor import held_leg, weight_of
 from kneejax.mechanics import add_lane_axis
-from kneejax.statics import Guess, settle
+from kneejax.statics import Guess, solve_equilibrium
 
 #: Each compiles a search of its own.
 pytestmark = pytest.mark.long
@@ -44,7 +44,7 @@ def tracked(knee):
 def test_all_that_pulls_on_the_patella_has_no_moment_about_the_ball(knee, tracked):
     """The ball presses through its centre: quadriceps, tendon and bands balance about it."""
     assert bool(np.all(tracked.motion.stable))
-    state = tracked.motion.settled.state
+    state = tracked.motion.equilibrium.state
     muscles = knee.muscles.pulling({"quadriceps": PULL_N - 20.0})
     moment = np.zeros((3, len(FLEXION)))
     patella = state.poses["patella"].placement
@@ -80,7 +80,7 @@ def test_the_arm_is_the_growth_of_the_length_with_flexion(knee, tracked):
     lengths = []
     for way in (1.0, -1.0):
         there = kj.patellar_tracking(knee, FLEXION + way * step, PULL_N)
-        each = add_lane_axis(knee.muscles).length(there.motion.settled.state)
+        each = add_lane_axis(knee.muscles).length(there.motion.equilibrium.state)
         lengths.append(np.asarray(knee.muscles.tension / 20.0 @ each))
     grown = (lengths[0] - lengths[1]) / np.deg2rad(2.0 * step)
     np.testing.assert_allclose(tracked.arm_mm, grown, rtol=1e-6)
@@ -126,7 +126,7 @@ def test_a_held_leg_is_differentiable_by_every_number_of_the_knee(knee):
 
     def held(knee, weight):
         found = held_leg(knee, flexion, weight)
-        return found.pull, found.motion.settled.q
+        return found.pull, found.motion.equilibrium.q
 
     exact = jax.jvp(held, (knee, weight), way)[1]
     step, parts = 2e-3, {2: -1.0, 1: 8.0, -1: -8.0, -2: 1.0}
@@ -251,7 +251,7 @@ def test_what_cannot_be_is_refused(knee, call, words):
 
 
 def test_three_bones_are_drawn_where_they_are(knee, tracked):
-    state, row = tracked.motion.settled.state, 1
+    state, row = tracked.motion.equilibrium.state, 1
     corner = report.BoneMesh("patella", np.array([[0.0, 0.0, 0.0]]), np.zeros((0, 3), int))
     small = eqx.tree_at(lambda k: k.contacts[0].tibial.half_extent, knee, jnp.full(2, 12.0))
     scene = report.scenes(small, state, [corner], points=(24, 24))[row]
@@ -327,7 +327,7 @@ def test_a_leg_that_a_motor_raises_slowly_is_one_that_is_held(knee):
 def test_a_patella_without_mass_is_in_balance_at_every_moment_of_a_motion(knee, tracked):
     pulled = dataclasses.replace(knee, muscles=knee.muscles.pulling({"quadriceps": PULL_N - 20.0}))
     names = geo.coordinates_of(knee.bodies)
-    start = tracked.motion.settled.state.at(names)[:, 0]
+    start = tracked.motion.equilibrium.state.at(names)[:, 0]
     shank = kj.Mass(3.5, [0.0, -200.0, 0.0], np.diag([5e4, 5e3, 5e4]))
     moving = kj.MovingKnee.of(pulled, shank).critically_damped()
     on_patella = np.array(["patella" in pair for pair in knee.ligaments.bodies])
@@ -349,6 +349,6 @@ def test_a_patella_without_mass_is_in_balance_at_every_moment_of_a_motion(knee, 
     q = jnp.asarray(moved.q)[np.array([10, 20, 30])].T
     prescribed = dict(zip(names[:6], q[:6], strict=True))
     lanes = add_lane_axis(pulled)
-    there = settle(lanes, prescribed, Guess(q[6:]))
+    there = solve_equilibrium(lanes, prescribed, Guess(q[6:]))
     assert bool(jnp.all(there.stable))
     np.testing.assert_allclose(there.q, q[6:], atol=1e-6)

@@ -106,7 +106,7 @@ def _solved(knee, flexion_deg, change):
     """A motion of one pose, and its derivative along a change by the implicit rule."""
 
     def poses(knee, flexion_deg):
-        found = kj.passive_flexion(knee, flexion_deg[None]).settled
+        found = kj.passive_flexion(knee, flexion_deg[None]).equilibrium
         return found.q[:, 0], found
 
     value, slopes, found = jax.jvp(poses, (knee, flexion_deg), change, has_aux=True)
@@ -136,7 +136,7 @@ def _first_touch(contact, tibia):
     """Lower the plateau until it just touches the condyle."""
 
     def lower(_, contact):
-        depth = contact.gap(tibia, contact.meeting(tibia)).depth
+        depth = contact.gap(tibia, contact.contact_point(tibia)).depth
         origin = contact.tibial.frame.origin
         return eqx.tree_at(
             lambda c: c.tibial.frame.origin, contact, origin.at[1].add(-depth)

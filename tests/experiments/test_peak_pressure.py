@@ -34,11 +34,14 @@ def ball_on_plane(**more):
 def test_a_patch_has_the_closed_form():
     contact = ball_on_plane()
     knee = knee_of(contact)
-    meeting = jnp.stack(
-        [jnp.stack(contact.meeting(Pose.from_table(row).placement)) for row in POSES.to_table()],
+    contact_points = jnp.stack(
+        [
+            jnp.stack(contact.contact_point(Pose.from_table(row).placement))
+            for row in POSES.to_table()
+        ],
         axis=-1,
     )
-    found = peak_pressure(knee, POSES, meeting[None])
+    found = peak_pressure(knee, POSES, contact_points[None])
     highest = float(contact.modulus) * DEPTH / LAYER
     assert np.asarray(found.pressure)[:, 0] == pytest.approx([0.95 * highest, 0.0], rel=1e-9)
     anterior, lateral = PLACE
@@ -62,9 +65,9 @@ def test_points_approach_the_closed_form():
 
 def test_the_whole_area_gives_the_mean_pressure():
     contact = ball_on_plane()
-    meeting = contact.meeting(Pose.from_table(POSES.to_table()[0]).placement)
-    meeting = jnp.stack(meeting)[None, :, None]
+    contact_points = contact.contact_point(Pose.from_table(POSES.to_table()[0]).placement)
+    contact_points = jnp.stack(contact_points)[None, :, None]
     one = Pose.from_table(POSES.to_table()[:1])
-    found = peak_pressure(knee_of(contact), one, meeting, share=1.0)
+    found = peak_pressure(knee_of(contact), one, contact_points, share=1.0)
     half = 0.5 * float(contact.modulus) * DEPTH / LAYER
     assert float(found.pressure[0, 0]) == pytest.approx(half, rel=1e-9)

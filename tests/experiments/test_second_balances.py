@@ -13,7 +13,7 @@ from kneejax.experiments._second_balances import changed_in_steps, follow_second
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.mechanics import LegRecord, Muscles
 from kneejax.parameters import cut
-from kneejax.statics import Stations, Status
+from kneejax.statics import LoadCases, Status
 
 ANTERIOR = FREE_COORDINATES.index("anterior")
 
@@ -31,13 +31,13 @@ def two_wells(monkeypatch):
     """A knee that moves forwards and backwards only, with two places to rest; and its calls."""
     calls = []
 
-    def near(knee, vary, base, stations, q, meeting):
-        load = np.asarray(stations.loads[0].force)[:, 0]
+    def near(knee, vary, base, load_cases, q, contact_points):
+        load = np.asarray(load_cases.loads[0].force)[:, 0]
         calls.append(float(np.sum(np.asarray(knee.ligaments.stiffness))))
-        found, meeting = np.array(q)[0], np.asarray(meeting)[0]
+        found, contact_points = np.array(q)[0], np.asarray(contact_points)[0]
         begin = found[:, ANTERIOR]
         found[:, ANTERIOR] = [double_well(*pair) for pair in zip(load, begin, strict=True)]
-        nodes = {"q": found, "meeting": meeting,
+        nodes = {"q": found, "contact_points": contact_points,
                  "status": np.full(len(load), int(Status.BALANCED))}  # fmt: skip
         return types.SimpleNamespace(in_nodes=lambda: nodes, reached=np.ones((1, len(load))))
 
@@ -49,11 +49,11 @@ def guessed(x):
     """Balances of which only the anterior translation is known."""
     q = np.zeros((len(x), 5))
     q[:, ANTERIOR] = x
-    return {"q": q, "meeting": np.zeros((len(x), 2, 2))}
+    return {"q": q, "contact_points": np.zeros((len(x), 2, 2))}
 
 
-def stations(load):
-    return Stations.at(30.0, [kj.load_of(anterior_N=np.asarray(load, float))])
+def load_cases(load):
+    return LoadCases.at(30.0, [kj.load_of(anterior_N=np.asarray(load, float))])
 
 
 def test_a_second_balance_is_followed_as_far_as_it_exists(two_wells, knee):
@@ -61,10 +61,10 @@ def test_a_second_balance_is_followed_as_far_as_it_exists(two_wells, knee):
     load = np.linspace(-2.0, 2.0, 21)
     main = guessed([double_well(f, -3.0) for f in load])
     main["status"] = np.full(len(load), int(Status.BALANCED))
-    other = {name: np.full_like(main[name], np.nan) for name in ("q", "meeting")}
-    other["q"][10], other["meeting"][10] = 0.0, 0.0
+    other = {name: np.full_like(main[name], np.nan) for name in ("q", "contact_points")}
+    other["q"][10], other["contact_points"][10] = 0.0, 0.0
     other["q"][10, ANTERIOR] = 3.0
-    follow_second(knee, stations(load), main, other, np.arange(len(load))[None])
+    follow_second(knee, load_cases(load), main, other, np.arange(len(load))[None])
     known = np.isfinite(other["q"]).all(axis=1)
     limit = 2.0 / np.sqrt(3.0)
     assert known.tolist() == (np.abs(load) < limit).tolist()
@@ -77,8 +77,8 @@ def test_a_jump_of_what_is_reported_is_looked_at_from_both_sides(two_wells, knee
     load = np.linspace(-0.5, 0.5, 6)
     main = guessed([double_well(f, 3.0 if f > 0 else -3.0) for f in load])
     main["status"] = np.full(len(load), int(Status.BALANCED))
-    other = {name: np.full_like(main[name], np.nan) for name in ("q", "meeting")}
-    follow_second(knee, stations(load), main, other, np.arange(len(load))[None])
+    other = {name: np.full_like(main[name], np.nan) for name in ("q", "contact_points")}
+    follow_second(knee, load_cases(load), main, other, np.arange(len(load))[None])
     assert np.isfinite(other["q"]).all()
     assert (np.sign(other["q"][:, ANTERIOR]) == -np.sign(main["q"][:, ANTERIOR])).all()
 
@@ -86,13 +86,13 @@ def test_a_jump_of_what_is_reported_is_looked_at_from_both_sides(two_wells, knee
 def test_a_ligament_is_cut_in_steps_and_what_was_cut_pulls_nothing(two_wells, knee):
     torn = cut(knee, ["ACL"])
     begin = [*guessed([-3.0, 3.0]).values()]
-    found = changed_in_steps(knee, torn, stations([0.2, 0.2]), begin)
+    found = changed_in_steps(knee, torn, load_cases([0.2, 0.2]), begin)
     assert np.sign(found["q"][:, ANTERIOR]).tolist() == [-1.0, 1.0]
     whole, last = (float(jnp.sum(x.ligaments.stiffness)) for x in (knee, torn))
     assert two_wells == pytest.approx([last + part * (whole - last) for part in (0.1, 0.01, 0.0)])
     # A knee with other parts is none that was changed.
     other = kj.load_knee("ten_bundle")
-    assert changed_in_steps(knee, other, stations([0.2, 0.2]), begin) is None
+    assert changed_in_steps(knee, other, load_cases([0.2, 0.2]), begin) is None
 
 
 def drawer_record(force, compression):

@@ -10,7 +10,7 @@ import pytest
 from kneejax.experiments import VarusValgus, VarusValgusRamp, varus_valgus
 from kneejax.geometry import FREE_COORDINATES, Frame, Plane, Pose, Sphere, State
 from kneejax.mechanics import Contact, Knee, Ligaments
-from kneejax.statics import Balances, Status
+from kneejax.statics import Equilibria, Status
 
 TURNED = Pose.from_table([0.0, 7.0, -12.0, 3.0, -2.0, 1.0])
 
@@ -40,7 +40,7 @@ def test_the_axial_load_pushes_the_tibia_along_its_long_axis(small_knee):
 
 
 def load_at(ramp, step):
-    (load,) = ramp.stations.loads
+    (load,) = ramp.load_cases.loads
     return jax.tree.map(lambda x: x[step], load)
 
 
@@ -59,7 +59,7 @@ def made_up_run(status, adduction_deg):
     nothing = np.zeros((*status.shape, 0, 2))
     ramp = VarusValgusRamp.towards("varus", 40.0, 650.0, 2, 4)
     steps, left = np.zeros(status.shape, int), np.zeros(status.shape)
-    return VarusValgus(ramp, Balances(q, nothing, status, steps, left + 1.0, status, left))
+    return VarusValgus(ramp, Equilibria(q, nothing, status, steps, left + 1.0, status, left))
 
 
 def test_a_ramp_ends_at_the_first_step_that_is_not_sound():

@@ -199,11 +199,12 @@ def _of_contact(contact, pose):
         numbers = [jnp.sum(sampled.points.area), *sampled.depth[5:7], sampled.points.point[1][3]]
         depth = sampled.depth[5]
     else:
-        meeting = contact.meeting(tibia)
-        gap = contact.gap(tibia, meeting)
+        contact_points = contact.contact_point(tibia)
+        gap = contact.gap(tibia, contact_points)
         depth = gap.depth
         numbers = [
-            *meeting, gap.value, gap.aa, gap.ab, gap.bb, gap.steepness, gap.metric, *gap.stretch,
+            *contact_points, gap.value, gap.aa, gap.ab, gap.bb, gap.steepness, gap.metric,
+            *gap.stretch,
             *geo.vector(jnp.stack(jnp.broadcast_arrays(*gap.point))), gap.determinant,
             gap.curvature, gap.mean_radius, depth, contact.patch_energy(gap),
         ]  # fmt: skip
@@ -243,7 +244,7 @@ def press(contact, tibia, depth):
     """Lift the plateau until it overlaps by a depth."""
 
     def lift(_, contact):
-        missing = depth - contact.gap(tibia, contact.meeting(tibia)).depth
+        missing = depth - contact.gap(tibia, contact.contact_point(tibia)).depth
         origin = contact.tibial.frame.origin
         return eqx.tree_at(lambda c: c.tibial.frame.origin, contact, origin.at[1].add(missing))
 
@@ -253,7 +254,7 @@ def press(contact, tibia, depth):
 @jax.jit
 def tilt(contact, tibia):
     """Slope that is left where the search for the smallest gap ended."""
-    return contact.gap(tibia, contact.meeting(tibia)).tilt
+    return contact.gap(tibia, contact.contact_point(tibia)).tilt
 
 
 #: Sizes of a change by the leaf's name: what bends a law or a surface by a small part.

@@ -22,10 +22,10 @@ def knee(small_knee):
 
 @jax.jit
 def energies(knee, pose):
-    """Energy, energy at the meeting points, gaps there, and the same part by part."""
+    """Energy, energy at the contact points, gaps there, and the same part by part."""
     tibia = pose.placement
     patches = [contact for contact in knee.contacts if contact.has_patch]
-    gaps = [contact.gap(tibia, contact.meeting(tibia)) for contact in patches]
+    gaps = [contact.gap(tibia, contact.contact_point(tibia)) for contact in patches]
     state = geo.State({"tibia": pose})
     parts = knee.ligaments.energy(state)
     parts = parts + sum(line.energy(state) for line in knee.lines)
@@ -38,9 +38,9 @@ def energies(knee, pose):
 
 @pytest.mark.long
 def test_energy_is_the_sum_of_the_parts_and_that_at_the_meeting_points(knee):
-    whole, at_meeting, gap, parts, depths = energies(knee, POSE)
+    whole, at_contact_points, gap, parts, depths = energies(knee, POSE)
     np.testing.assert_allclose(np.asarray(whole), np.asarray(parts), rtol=1e-12)
-    np.testing.assert_allclose(np.asarray(whole), np.asarray(at_meeting), rtol=1e-12)
+    np.testing.assert_allclose(np.asarray(whole), np.asarray(at_contact_points), rtol=1e-12)
     np.testing.assert_allclose(np.asarray(gap.depth), np.asarray(depths), atol=1e-9)
     assert np.abs(np.asarray(gap.slope)).max() < 1e-9
     assert knee.patch_count == 2
@@ -55,10 +55,10 @@ def test_contacts_of_unlike_kinds_keep_their_order(knee):
     mixed = eqx.tree_at(
         lambda k: k.contacts, knee, (ball, knee.contacts[0], summed, ball)
     )
-    whole, at_meeting, gap, parts, depths = energies(mixed, POSE)
+    whole, at_contact_points, gap, parts, depths = energies(mixed, POSE)
     assert mixed.patch_count == 3
     np.testing.assert_allclose(np.asarray(whole), np.asarray(parts), rtol=1e-12)
-    np.testing.assert_allclose(np.asarray(at_meeting), np.asarray(parts), rtol=1e-12)
+    np.testing.assert_allclose(np.asarray(at_contact_points), np.asarray(parts), rtol=1e-12)
     np.testing.assert_allclose(np.asarray(gap.depth), np.asarray(depths), atol=1e-9)
     assert gap.depth.shape == (3, 2) and gap.steepness.shape == (3, 2)
 

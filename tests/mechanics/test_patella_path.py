@@ -105,8 +105,8 @@ def test_a_patella_on_its_path_moves_the_knee_as_the_patella_in_balance_does():
     assert away[1:3].max() < 1.0 and away[3:].max() < 0.1
     line = np.asarray(kj.passive_flexion(two, flexion[some]).to_table())
     assert np.abs(line - table)[:, 2].max() > 5.0
-    there = kj.evaluate(three, balanced.settled.state, balanced.settled.meeting)
+    there = kj.evaluate(three, balanced.equilibrium.state, balanced.equilibrium.contact_points)
     own = np.asarray(tendon_of(three, there))[some] / pull
-    tendon = np.asarray(add_lane_axis(knee.lines[0]).tendon_N(ridden.settled.state)) / pull
+    tendon = np.asarray(add_lane_axis(knee.lines[0]).tendon_N(ridden.equilibrium.state)) / pull
     middle = (flexion[some] >= 10.0) & (flexion[some] <= 80.0)
     assert tendon[middle] == pytest.approx(own[middle], abs=0.03)

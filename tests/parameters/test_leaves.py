@@ -12,7 +12,7 @@ from kneejax.geometry import FEMUR, PATELLA, TIBIA
 from kneejax.mechanics import Implausible
 from kneejax.numerics import compiled
 from kneejax.parameters import UnknownParameter, default_bounds, prior_scales, select
-from kneejax.statics import Stations, balance_with_slopes
+from kneejax.statics import LoadCases, balance_with_slopes
 
 
 @pytest.fixture(scope="module")
@@ -90,15 +90,15 @@ def test_leaves_are_calibrated_without_a_line_written_for_them(knee):
 
 @pytest.mark.long
 def test_slopes_of_other_parts_are_central_differences(knee):
-    selection, stations = select(knee, LEAVES), Stations.at(FLEXION)
+    selection, load_cases = select(knee, LEAVES), LoadCases.at(FLEXION)
     values = np.asarray(selection.read(knee))[None]
-    found = balance_with_slopes(knee, selection.apply, values, stations)
+    found = balance_with_slopes(knee, selection.apply, values, load_cases)
     steps = 1e-3 * np.array([values[0, 0], 1.0, 0.1, 0.1, 1.0, 0.1, values[0, 6]])
     for k, step in enumerate(steps):
         moved = np.repeat(values, 4, axis=0)
         moved[:, k] += step * np.array([-2.0, -1.0, 1.0, 2.0])
         near = found.take(np.zeros(4, int))
-        q = balance_with_slopes(knee, selection.apply, moved, stations, near).q
+        q = balance_with_slopes(knee, selection.apply, moved, load_cases, near).q
         slope = (q[0] - 8 * q[1] + 8 * q[2] - q[3]) / (12 * step)
         exact = found.jacobian[0, ..., k]
         np.testing.assert_allclose(slope, exact, atol=2e-6 * np.abs(exact).max())

@@ -44,7 +44,7 @@ def pull_of_graft(plan, knee, flexion):
     motion = passive_flexion(knee, [flexion])
     assert motion.status[0] == 0
     lanes = add_lane_axis(knee.ligaments)
-    return lanes.tension(motion.settled.state)[plan.vary.grafts[0], 0]
+    return lanes.tension(motion.equilibrium.state)[plan.vary.grafts[0], 0]
 
 
 @pytest.mark.long
@@ -117,7 +117,7 @@ def test_a_structure_with_grafts_is_the_knee_itself_where_nothing_is_torn(knee, 
     found = follow(plan, np.vstack(states), through)
     for row, own in enumerate((knee, cut(knee, ["ACL"]))):
         motion = passive_flexion(own, angles)
-        alone = add_lane_axis(own.ligaments).strain(motion.settled.state).T
+        alone = add_lane_axis(own.ligaments).strain(motion.equilibrium.state).T
         assert found.strain[row][:, :-1] == pytest.approx(np.asarray(alone), abs=1e-7)
 
 
@@ -129,7 +129,7 @@ def test_a_graft_that_is_the_ligament_makes_the_knee_what_it_was(knee, ends):
     fixed = fix(plan, ends[None], np.array([[pull]]), FLEXION)
     # Their toes differ: the same force at the same length, and nearly the same length without.
     law = float(own.transition_strain[0]), float(own.transition_width[0])
-    length = float(add_lane_axis(own).length(intact.settled.state)[0, 0])
+    length = float(add_lane_axis(own).length(intact.equilibrium.state)[0, 0])
     strain = length / fixed.slack_mm[0, 0] - 1.0
     graft = ligament_law.tension(strain, float(own.stiffness[0]), 0.06, 0.0001)
     assert float(graft) == pytest.approx(pull, abs=1e-6)

@@ -59,7 +59,7 @@ def test_the_graft_pulls_as_it_was_fixed(surgery, planned):
 
 
 def test_derivatives_are_those_of_central_differences(surgery, planned):
-    # A walk leaves meeting points within 3e-4 mm; from its balances they are found to rounding.
+    # A walk leaves contact points within 3e-4 mm; from its balances they are found to rounding.
     planned = surgery.try_out(BASE, slopes=True, near=planned.near)
     step = np.array([1e-4, 1e-4, 1e-4, 1e-4, 1e-3])
     for k, h in enumerate(step):

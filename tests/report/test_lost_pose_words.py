@@ -15,9 +15,10 @@ def test_a_search_tells_how_far_it_was_with_and_without_a_patella(bodies):
     count = len(free_of(["flexion"], bodies))
     residual = np.zeros((count, 1))
     residual[-1] = 2.0  # a force: translations come last
-    settled = types.SimpleNamespace(prescribed={"flexion": 0.0}, residual=residual, fault=[0])
+    equilibrium = types.SimpleNamespace(prescribed={"flexion": 0.0}, residual=residual, fault=[0])
     motion = types.SimpleNamespace(
-        reached=[0.5], status=[Status.NOT_CONVERGED], left_mm=np.array([0.3]), settled=settled,
+        reached=[0.5], status=[Status.NOT_CONVERGED], left_mm=np.array([0.3]),
+        equilibrium=equilibrium,
         knee=types.SimpleNamespace(bodies=bodies),
     )  # fmt: skip
     told = _of_lost(motion, 0, {})

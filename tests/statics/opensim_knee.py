@@ -138,7 +138,7 @@ class SettlingKnee:
             self._state = self.model.initSystem()
         self._coordinates = [self.model.getCoordinateSet().get(name) for name in COORDINATES]
 
-    def settle(self, flexion_deg: float, begin: np.ndarray) -> Rest:
+    def solve_equilibrium(self, flexion_deg: float, begin: np.ndarray) -> Rest:
         """Let go of the knee at a flexion, which is locked, and wait until it rests.
 
         Args:

@@ -19,7 +19,7 @@ from kneejax.mechanics import (
     Muscles,
     add_lane_axis,
 )
-from kneejax.statics import Guess, differentiable, settle
+from kneejax.statics import Guess, differentiable, solve_equilibrium
 
 BODIES = ("tibia", "patella")
 EVERY = geo.coordinates_of(BODIES)
@@ -140,20 +140,20 @@ def test_what_the_parts_do_to_every_bone_is_what_the_energy_loses(full_knee, cen
         held = knee.press(state)
         return jnp.stack(knee.work_of(held.wrenches, state, EVERY))[:, 0], held.energy[0]
 
-    found, at_meeting = work(here)
-    assert float(at_meeting) == pytest.approx(float(energy(here)), rel=1e-12)
+    found, at_contact_points = work(here)
+    assert float(at_contact_points) == pytest.approx(float(energy(here)), rel=1e-12)
     # Shifts of a rotation move what counts 30 times as far as those of a translation.
     scale = np.array(geo.scales(EVERY))
     slope = central_difference(lambda x: energy(here + x * scale), np.zeros(12), 1e-3)
     np.testing.assert_allclose(found * scale, -slope, rtol=1e-6, atol=1e-6 * np.abs(slope).max())
 
 
-def settled(knee, prescribed, nudge=0.0):
+def equilibrium(knee, prescribed, nudge=0.0):
     lanes = add_lane_axis(knee)
     held = {name: jnp.atleast_1d(x) for name, x in prescribed.items()}
     q = knee.at_reference.at(geo.free_of(held, knee.bodies))[:, None] + nudge
     nowhere = jnp.full((knee.patch_count, 2, 1), jnp.nan)
-    return settle(lanes, held, Guess(q, nowhere))
+    return solve_equilibrium(lanes, held, Guess(q, nowhere))
 
 
 FLEXION = {"flexion": np.deg2rad(22.0)}
@@ -161,7 +161,7 @@ FLEXION = {"flexion": np.deg2rad(22.0)}
 
 @pytest.mark.long
 def test_a_patella_balances_beside_the_tibia_in_eleven_unknowns(full_knee):
-    found = settled(full_knee, FLEXION)
+    found = equilibrium(full_knee, FLEXION)
     assert found.q.shape == (11, 1) and bool(found.stable[0])
     scale = np.array(geo.scales(geo.free_of(FLEXION, BODIES)))
     assert np.abs(found.residual[:, 0] * scale).max() < 1e-6
@@ -186,9 +186,9 @@ def test_its_derivatives_are_those_of_differences(full_knee, central_difference)
         return knee, {"flexion": FLEXION["flexion"] + 0.01 * x[2]}
 
     def state(x):
-        return settled(*changed(x)).q[:, 0]
+        return equilibrium(*changed(x)).q[:, 0]
 
-    there = settled(full_knee, FLEXION)
+    there = equilibrium(full_knee, FLEXION)
 
     # The derivative needs no search: it is compiled without one.
     @jax.jit
@@ -218,12 +218,12 @@ def test_a_patella_bound_ever_stiffer_to_the_tibia_becomes_part_of_it(slope_on_l
     to_tibia = dataclasses.replace(to_patella, bodies=(geo.FEMUR_AND_TIBIA,),
                                    tibial_attachment=jnp.asarray(on_tibia))  # fmt: skip
     alone = Knee(joined(held, to_tibia), (), (), (), AT_REFERENCE["tibia"], ())
-    expected = settled(alone, FLEXION)
+    expected = equilibrium(alone, FLEXION)
     assert bool(expected.stable[0])
     stiffness, misfit = [1e5, 1e6, 1e7], []
     for size in stiffness:
         bound = vice(("tibia", "patella"), size)
-        found = settled(knee_of(joined(held, bound, to_patella)), FLEXION)
+        found = equilibrium(knee_of(joined(held, bound, to_patella)), FLEXION)
         assert bool(found.stable[0])
         misfit.append(float(np.abs(np.asarray(found.q[:5] - expected.q)[2:]).max()))
     assert slope_on_log_axes(stiffness, misfit) == pytest.approx(-1.0, abs=0.05)

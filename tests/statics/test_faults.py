@@ -20,7 +20,7 @@ from kneejax.mechanics import (
     load_of,
 )
 from kneejax.report import pose_words
-from kneejax.statics import Guess, Stations, Status, balance_one
+from kneejax.statics import Guess, LoadCases, Status, balance_one
 from kneejax.statics._newton import look
 
 FLEXION = np.array([0.0, 30.0, 60.0, 90.0])
@@ -37,8 +37,8 @@ def judged(knee, table):
 
 def under(knee, load, flexion_deg):
     """The balance of a knee under a load, and what it is as a given pose."""
-    stations = Stations.at([flexion_deg], [load])
-    found = balance_one(knee, stations)
+    load_cases = LoadCases.at([flexion_deg], [load])
+    found = balance_one(knee, load_cases)
     table = np.c_[flexion_deg, found.table[0]]
     return found.status[0, 0], judged(knee, table)[0], table
 
@@ -126,7 +126,7 @@ def test_a_fibre_beyond_its_failure_strain_is_a_warning_with_numbers(knee, motio
     assert np.asarray(found.status).tolist() == expected.tolist()
     # No force depends on it.
     np.testing.assert_allclose(found.to_table(), motion.to_table(), atol=1e-9)
-    said = pose_words(weak, kj.evaluate(weak, found.pose, found.settled.meeting))
+    said = pose_words(weak, kj.evaluate(weak, found.pose, found.equilibrium.contact_points))
     assert said[0] == f"MCL strained by {strain[0, 2]:.3f} (fails at {0.5 * strain[0, 2]:g})"
 
 

@@ -13,7 +13,7 @@ import pytest
 import kneejax as kj
 from kneejax.geometry import COORDINATES, State, scales
 from kneejax.mechanics import Knee, Ligaments, Support, add_lane_axis, load_of
-from kneejax.statics import Stations, Status, balance_many, balance_with_slopes
+from kneejax.statics import LoadCases, Status, balance_many, balance_with_slopes
 
 #: What is held besides flexion, and whether flexion is free. Each is a program of its own.
 CHOICES = {
@@ -72,11 +72,11 @@ def test_what_is_held_is_where_it_is_held_and_the_rest_balances(knee, motion, ch
         np.testing.assert_allclose(rows[:, kj.geometry.COLUMNS.index(column)], value, atol=1e-12)
     # Minus the slope of the energy, by central differences, is what holds a coordinate.
     names = tuple(COORDINATES)
-    here = np.asarray(motion.settled.state.at(names))
+    here = np.asarray(motion.equilibrium.state.at(names))
     for name, scale, unit in zip(names, scales(names), np.eye(6)[:, :, None], strict=True):
         step = 1e-4 * scale
         slope = (energy(knee, here + step * unit) - energy(knee, here - step * unit)) / (2 * step)
-        if name in motion.stations.prescribed:
+        if name in motion.load_cases.prescribed:
             np.testing.assert_allclose(motion.reaction(name) * scale, slope * scale, atol=2e-4)
         else:
             assert np.abs(slope * scale).max() < 2e-4
@@ -134,10 +134,11 @@ def test_derivatives_are_central_differences(knee, choice):
     held, free = choice
     names = ["cable0.stiffness", "cable3.slack_length", "cable8.femoral_attachment.superior"]
     selection = kj.select(knee, names)
-    values, stations = np.asarray(selection.read(knee)), Stations.at([-5.0, 10.0], (), held, free)
-    found = balance_with_slopes(knee, selection.apply, values[None], stations)
+    values = np.asarray(selection.read(knee))
+    load_cases = LoadCases.at([-5.0, 10.0], (), held, free)
+    found = balance_with_slopes(knee, selection.apply, values[None], load_cases)
     assert found.converged.all()
-    units = np.array(scales(stations.free))
+    units = np.array(scales(load_cases.free))
     for k, value in enumerate(values):
         steps = abs(value) * np.array([-2e-4, -1e-4, 1e-4, 2e-4])
         moved = np.repeat(values[None], 4, axis=0)
@@ -145,9 +146,9 @@ def test_derivatives_are_central_differences(knee, choice):
         near = np.repeat(found.jacobian, 4, axis=0)
         guess = type(found)(
             np.repeat(values[None], 4, axis=0), *(np.repeat(x, 4, axis=0) for x in (
-                found.q, found.jacobian, found.meeting, found.tangent, found.status)),
+                found.q, found.jacobian, found.contact_points, found.tangent, found.status)),
         )  # fmt: skip
-        q = balance_with_slopes(knee, selection.apply, moved, stations, guess).q / units
+        q = balance_with_slopes(knee, selection.apply, moved, load_cases, guess).q / units
         slope = (q[0] - 8 * q[1] + 8 * q[2] - q[3]) / (12 * steps[2])
         exact = near[0, ..., k] / units
         np.testing.assert_allclose(slope, exact, atol=1e-6 * np.abs(exact).max())
@@ -157,15 +158,15 @@ def test_variants_are_held_each_from_its_own_balance(knee):
     selection = kj.select(knee, ["cable1.stiffness"])
     base = np.asarray(selection.read(knee))
     values = base * np.array([[0.5], [1.0], [2.0]])
-    stations = Stations.at([10.0, 10.0], (), {"anterior_mm": [1.0, 3.0]})
-    found = balance_many(knee, selection.apply, values, stations)
+    load_cases = LoadCases.at([10.0, 10.0], (), {"anterior_mm": [1.0, 3.0]})
+    found = balance_many(knee, selection.apply, values, load_cases)
     assert found.converged.all() and found.q.shape == (3, 2, 4)
     for row, value in enumerate(values):
         alone = kj.passive_flexion(
             selection.apply(knee, jnp.asarray(value)), [10.0, 10.0],
             held={"anterior_mm": [1.0, 3.0]},
         )  # fmt: skip
-        np.testing.assert_allclose(found.q[row].T, alone.settled.q, atol=1e-7)
+        np.testing.assert_allclose(found.q[row].T, alone.equilibrium.q, atol=1e-7)
 
 
 def test_what_is_held_must_be_a_coordinate(knee):

@@ -5,7 +5,7 @@ import pytest
 
 import kneejax as kj
 from kneejax.mechanics import load_of
-from kneejax.statics import Stations, Status, balance_many, balance_one
+from kneejax.statics import LoadCases, Status, balance_many, balance_one
 
 pytestmark = pytest.mark.usefixtures("optimised_code")
 
@@ -20,7 +20,7 @@ def variants(base):
 
 
 def drawer(sizes, angle=25.0):
-    return Stations.at(np.full(len(sizes), angle), [load_of(anterior_N=np.asarray(sizes, float))])
+    return LoadCases.at(np.full(len(sizes), angle), [load_of(anterior_N=np.asarray(sizes, float))])
 
 
 def moved(found, other):
@@ -55,9 +55,9 @@ def test_a_pose_does_not_depend_on_the_other_angles(knee, chosen, base, seed):
     strains = base[4:] + draw.uniform(-0.1, 0.1, (8, 4))
     variants = np.hstack([base[:4] * draw.uniform(0.2, 1.8, (8, 4)), strains])
     angles = np.sort(draw.choice(np.arange(0.0, 121.0, 2.5), 9, replace=False))
-    together = balance_many(knee, chosen.apply, variants, Stations.at(angles))
+    together = balance_many(knee, chosen.apply, variants, LoadCases.at(angles))
     some = np.sort(draw.choice(9, 3, replace=False))
-    few = balance_many(knee, chosen.apply, variants, Stations.at(angles[some]))
+    few = balance_many(knee, chosen.apply, variants, LoadCases.at(angles[some]))
     np.testing.assert_array_equal(few.status, together.status[:, some])
     assert np.nanmax(moved(few.q, together.q[:, some])) < 2e-6
     alone = kj.passive_flexion(chosen.apply(knee, variants[0]), angles)
@@ -74,8 +74,8 @@ def test_a_lax_mcl_is_balanced_in_either_range(knee):
 
 def test_a_heavy_load_is_reached_through_lighter_ones(knee, chosen, base):
     """5 kN along the tibia at once: the search from the unloaded pose alone would end anywhere."""
-    heavy = Stations.at([0.0], [load_of(compression_N=5000.0)])
-    ramp = Stations.at(np.zeros(20), [load_of(compression_N=np.linspace(250.0, 5000.0, 20))])
+    heavy = LoadCases.at([0.0], [load_of(compression_N=5000.0)])
+    ramp = LoadCases.at(np.zeros(20), [load_of(compression_N=np.linspace(250.0, 5000.0, 20))])
     once = balance_one(knee, heavy)
     followed = balance_one(knee, ramp)
     assert once.converged.all() and followed.converged.all()
@@ -111,7 +111,7 @@ def test_a_variant_gives_way_where_the_same_knee_by_itself_does(knee):
         alone = kj.passive_flexion(selection.apply(torn, value), [90.0], posterior.loads)
         assert beside.status[row, 0] == int(alone.status[0])
         assert beside.reached[row, 0] == pytest.approx(float(alone.reached[0]), abs=1e-3)
-        np.testing.assert_allclose(beside.q[row], alone.settled.q.T, atol=1e-6)
+        np.testing.assert_allclose(beside.q[row], alone.equilibrium.q.T, atol=1e-6)
     assert beside.status[0, 0] == Status.GIVES_WAY
 
 

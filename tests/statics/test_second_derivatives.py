@@ -11,7 +11,7 @@ import pytest
 
 import kneejax.geometry as geo
 from kneejax.mechanics import Contact, Course, Knee, Ligaments, Load, add_lane_axis
-from kneejax.statics import Guess, Status, differentiable, settle
+from kneejax.statics import Guess, Status, differentiable, solve_equilibrium
 
 OPTIONS = {"xla_disable_hlo_passes": "fusion", "xla_backend_optimization_level": 0}
 MODES = {"forward": jax.jacfwd, "reverse": jax.jacrev}
@@ -155,7 +155,7 @@ def at_differences(name):
     reference = case.knee.at_reference.at(geo.free_of(held, case.knee.bodies))
     q = jnp.broadcast_to(reference[:, None], (len(reference), x.shape[1]))
     nowhere = jnp.full((case.knee.patch_count, 2, x.shape[1]), jnp.nan)
-    found = settle(lanes, held, Guess(q, nowhere))
+    found = solve_equilibrium(lanes, held, Guess(q, nowhere))
     assert bool(found.stable.all()), np.asarray(found.status)
 
     def along(unit):

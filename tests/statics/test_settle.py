@@ -16,10 +16,10 @@ from kneejax.parameters import select
 from kneejax.statics import (
     EnergyNewton,
     Guess,
-    Stations,
+    LoadCases,
     Status,
     balance_with_slopes,
-    settle,
+    solve_equilibrium,
 )
 
 FLEXION = np.arange(0.0, 121.0, 5.0)
@@ -38,7 +38,7 @@ def test_the_bundled_knee_stands_from_0_to_120_degrees(motion):
 
 
 def test_no_impossible_penetration(knee, motion):
-    depth = np.asarray(motion.settled.depth)
+    depth = np.asarray(motion.equilibrium.depth)
     assert depth.max() < 1.5 < float(knee.contacts[0].layer_thickness)
 
 
@@ -47,7 +47,7 @@ def test_an_angle_does_not_depend_on_which_others_were_asked_for(knee, motion):
     assert np.allclose(few.to_table()[::-1], motion.to_table(), atol=1e-8)
     # Tables are filled up to a number of lanes, which nobody sees.
     shorter = kj.passive_flexion(knee, FLEXION[:3])
-    assert shorter.settled.q.shape == (5, 3) and shorter.flexion_deg.shape == (3,)
+    assert shorter.equilibrium.q.shape == (5, 3) and shorter.flexion_deg.shape == (3,)
     assert np.allclose(shorter.to_table(), motion.to_table()[:3], atol=1e-8)
 
 
@@ -67,9 +67,9 @@ def force_on_the_tibia(knee, pose, state, tension, contact_force):
 
 
 def test_forces_on_the_tibia_sum_to_zero(knee, motion):
-    mechanics = kj.evaluate(knee, motion.pose, motion.settled.meeting)
+    mechanics = kj.evaluate(knee, motion.pose, motion.equilibrium.contact_points)
     found = force_on_the_tibia(
-        knee, motion.pose, motion.settled.state, mechanics.tension, mechanics.contact_force
+        knee, motion.pose, motion.equilibrium.state, mechanics.tension, mechanics.contact_force
     )
     assert np.abs(np.asarray(found)).max() < 1e-4
 
@@ -77,11 +77,11 @@ def test_forces_on_the_tibia_sum_to_zero(knee, motion):
 @pytest.fixture(scope="module")
 def poses_of(knee, motion):
     selection = select(knee, ("*.stiffness", "*.reference_strain"))
-    values, stations = np.asarray(selection.read(knee)), Stations.at(FLEXION)
-    known = balance_with_slopes(knee, selection.apply, values[None], stations)
+    values, load_cases = np.asarray(selection.read(knee)), LoadCases.at(FLEXION)
+    known = balance_with_slopes(knee, selection.apply, values[None], load_cases)
 
     def run(x):
-        return balance_with_slopes(knee, selection.apply, x[None], stations, known)
+        return balance_with_slopes(knee, selection.apply, x[None], load_cases, known)
 
     return values, run
 
@@ -103,12 +103,12 @@ def test_jacobian_equals_central_differences(poses_of):
 
 @partial(jax.jit, compiler_options=dict(compiler_options()))
 def four_lanes(factor, lanes, flexion, guess):
-    """Settled poses with stiffnesses times a factor a lane, and their slope by all factors."""
+    """Equilibrium poses with stiffnesses times a factor a lane, and their slope by all factors."""
 
     def poses(factor):
         stiffness = lanes.ligaments.stiffness * factor
         scaled = eqx.tree_at(lambda k: k.ligaments.stiffness, lanes, stiffness)
-        found = settle(scaled, {"flexion": flexion}, guess)
+        found = solve_equilibrium(scaled, {"flexion": flexion}, guess)
         return found.q, found
 
     q, slope, found = jax.jvp(poses, (factor,), (jnp.ones_like(factor),), has_aux=True)
@@ -118,8 +118,8 @@ def four_lanes(factor, lanes, flexion, guess):
 @pytest.mark.long
 def test_one_bad_lane_is_nan_alone(knee, motion):
     """A lane without a balance is NaN in value and derivative; its neighbours do not notice."""
-    here, flexion = motion.settled, jnp.deg2rad(jnp.array([20.0, 25.0, 30.0, 35.0]))
-    guess = Guess(here.q[:, 4:8], here.meeting[:, :, 4:8])
+    here, flexion = motion.equilibrium, jnp.deg2rad(jnp.array([20.0, 25.0, 30.0, 35.0]))
+    guess = Guess(here.q[:, 4:8], here.contact_points[:, :, 4:8])
     factor = jnp.array([1.0, jnp.nan, 1.0, 1.0])
     found, slope = four_lanes(factor, add_lane_axis(knee), flexion, guess)
     assert found.status.tolist() == [0, Status.NOT_CONVERGED, 0, 0]
@@ -132,16 +132,17 @@ def test_one_bad_lane_is_nan_alone(knee, motion):
 @pytest.mark.parametrize("off_mm", [1e-8, 3e-5, 3e-3, 0.3])
 def test_a_balance_is_as_exact_however_near_the_search_began(knee, motion, off_mm):
     """Its last step, and the tangent from which it is taken, which derivatives are made of."""
-    there, lanes = motion.settled, np.array([6, 12])
+    there, lanes = motion.equilibrium, np.array([6, 12])
     off = off_mm * jnp.array([1 / 30, 1 / 30, 1.0, 0.0, 1.0])[:, None]
-    guess = Guess(there.q[:, lanes] + off, there.meeting[..., lanes])
+    guess = Guess(there.q[:, lanes] + off, there.contact_points[..., lanes])
     prescribed = {"flexion": there.prescribed["flexion"][lanes]}
-    lanes_of, far = add_lane_axis(knee), Guess(there.q[:, lanes] + 0.01, there.meeting[..., lanes])
-    found, exact = (settle(lanes_of, prescribed, x) for x in (guess, far))
+    lanes_of = add_lane_axis(knee)
+    far = Guess(there.q[:, lanes] + 0.01, there.contact_points[..., lanes])
+    found, exact = (solve_equilibrium(lanes_of, prescribed, x) for x in (guess, far))
     assert (found.steps <= 8).all()
     assert jnp.abs(found.q - exact.q).max() < 1e-10
     # A short step alone does not end it, where contacts meet elsewhere.
-    coarse = settle(lanes_of, prescribed, guess, EnergyNewton(atol=1e-7))
+    coarse = solve_equilibrium(lanes_of, prescribed, guess, EnergyNewton(atol=1e-7))
     assert jnp.abs(coarse.q - exact.q).max() < 1e-10
     np.testing.assert_allclose(found.tangent, exact.tangent, rtol=1e-6, atol=1e-3)
 
@@ -165,9 +166,9 @@ def test_elimination_solves_and_its_pivots_tell_definiteness():
 
 @pytest.mark.long
 def test_a_lane_whose_meeting_points_are_lost_finds_them_again(knee, motion):
-    """Guesses off where the surfaces meet, or none at all, of the meeting points or of the pose."""
-    lanes, here = add_lane_axis(knee), motion.settled
-    astray = here.meeting[..., 3:4] + jnp.array([0.0, 0.5, jnp.nan, jnp.nan])
+    """Guesses off where the surfaces meet, or none at all, of the contact points or of the pose."""
+    lanes, here = add_lane_axis(knee), motion.equilibrium
+    astray = here.contact_points[..., 3:4] + jnp.array([0.0, 0.5, jnp.nan, jnp.nan])
     q = here.q[:, 3:4] + jnp.array([0.0, 0.0, 0.0, jnp.nan])
     flexion = jnp.deg2rad(jnp.full(4, 20.0))
     found, _ = four_lanes(jnp.ones(4), lanes, flexion, Guess(q, astray))
@@ -177,15 +178,17 @@ def test_a_lane_whose_meeting_points_are_lost_finds_them_again(knee, motion):
 
 @pytest.mark.long
 def test_a_compartment_that_is_apart_is_apart_as_far_as_it_is(knee):
-    """It pulls at nothing: a pose balances however wrong its meeting point is."""
+    """It pulls at nothing: a pose balances however wrong its contact point is."""
     lower = eqx.tree_at(
         lambda k: k.contacts[1].tibial.frame.origin, knee, replace_fn=lambda x: x.at[1].add(-1.8)
     )
-    here = kj.passive_flexion(lower, [20.0]).settled
+    here = kj.passive_flexion(lower, [20.0]).equilibrium
     apart = np.asarray(here.depth)[1, 0]
     assert -0.6 < apart < -0.2
-    meeting = here.meeting + jnp.zeros((2, 2, 4)).at[1].set(jnp.array([0.0, 0.05, 0.1, 0.2]))
-    guess = Guess(jnp.tile(here.q, 4), meeting)
+    contact_points = here.contact_points + jnp.zeros((2, 2, 4)).at[1].set(
+        jnp.array([0.0, 0.05, 0.1, 0.2])
+    )
+    guess = Guess(jnp.tile(here.q, 4), contact_points)
     flexion = jnp.tile(here.prescribed["flexion"], 4)
     found, _ = four_lanes(jnp.ones(4), add_lane_axis(lower), flexion, guess)
     assert found.status.tolist() == [0, 0, 0, 0]
@@ -193,7 +196,7 @@ def test_a_compartment_that_is_apart_is_apart_as_far_as_it_is(knee):
 
 
 def test_a_lax_knee_is_found_in_extension(knee):
-    """Its surfaces are flat against each other there, and meeting points are far to seek."""
+    """Its surfaces are flat against each other there, and contact points are far to seek."""
     for strain in (0.02, 0.015, 0.0):
         lax = kj.with_values(knee, {"MCL.reference_strain": strain})
         motion = kj.passive_flexion(lax, FLEXION / 10)
@@ -209,9 +212,12 @@ def test_a_motion_does_not_jump_to_another_balance(knee, strain, most_deg):
     searches on the way there end so: by 4 to 9 mm where strides are not held short."""
     lax, flexion = kj.with_values(knee, {"MCL.reference_strain": strain}), FLEXION / 120 * most_deg
     motion = kj.passive_flexion(lax, flexion)
-    balanced = np.asarray(motion.settled.converged)
+    balanced = np.asarray(motion.equilibrium.converged)
     assert balanced.sum() > 8
-    q = np.asarray(motion.settled.q)[:, balanced] * np.array([30.0, 30.0, 1.0, 1.0, 1.0])[:, None]
+    q = (
+        np.asarray(motion.equilibrium.q)[:, balanced]
+        * np.array([30.0, 30.0, 1.0, 1.0, 1.0])[:, None]
+    )
     bend = np.diff(flexion[balanced])
     assert (np.abs(np.diff(q, axis=1)).max(axis=0) <= np.maximum(1.0, bend)).all()
 
@@ -221,9 +227,12 @@ def test_a_search_that_ends_on_another_branch_is_not_believed(knee):
     selection = select(knee, ("*.stiffness", "*.reference_strain"))
     values = np.array([7714.09, 4438.9077, 1379.1424, 8284.0577, -0.143, -0.2727, -0.0281, 0.0463])
     motion = kj.passive_flexion(selection.apply(knee, values), FLEXION)
-    balanced = np.asarray(motion.settled.converged)
+    balanced = np.asarray(motion.equilibrium.converged)
     assert 8 < balanced.sum() < len(FLEXION)
-    q = np.asarray(motion.settled.q)[:, balanced] * np.array([30.0, 30.0, 1.0, 1.0, 1.0])[:, None]
+    q = (
+        np.asarray(motion.equilibrium.q)[:, balanced]
+        * np.array([30.0, 30.0, 1.0, 1.0, 1.0])[:, None]
+    )
     assert (np.abs(np.diff(q, axis=1)).max(axis=0) <= np.diff(FLEXION[balanced])).all()
 
 

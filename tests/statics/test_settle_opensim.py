@@ -25,7 +25,7 @@ def rests(motion):
     for subdivisions in (4, 5):
         peer, begin = SettlingKnee(sphere_knee(), subdivisions), np.zeros(6)
         for angle in FLEXION:
-            answer.append(peer.settle(angle, begin))
+            answer.append(peer.solve_equilibrium(angle, begin))
             begin = answer[-1].pose
     return np.reshape(np.array(answer), (2, len(FLEXION)))
 
@@ -56,7 +56,7 @@ def test_what_is_between_them_is_the_mesh(motion, rests):
 def test_opensim_has_come_to_rest(motion, rests):
     """What its accelerations at rest would still move the knee is far less than the criterion."""
     for row, rest in enumerate(rests[1]):
-        tangent = np.asarray(motion.settled.tangent)[:, :, row]
+        tangent = np.asarray(motion.equilibrium.tangent)[:, :, row]
         left = np.linalg.solve(tangent, rest.unbalanced)
         assert np.abs(np.rad2deg(left[:2])).max() < 0.005
         assert np.abs(left[2:]).max() < 0.005

@@ -4,7 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from kneejax.statics import Stations
+from kneejax.statics import LoadCases
 
 
 @pytest.mark.parametrize(
@@ -18,8 +18,8 @@ from kneejax.statics import Stations
 )
 def test_what_is_no_number_is_refused_in_one_line(flexion, held, words):
     with pytest.raises(ValueError, match=words):
-        Stations.at(flexion, held=held)
+        LoadCases.at(flexion, held=held)
 
 
 def test_what_is_traced_is_not_looked_at():
-    assert jax.eval_shape(lambda x: Stations.at(x).flexion, np.zeros(3)).shape == (3,)
+    assert jax.eval_shape(lambda x: LoadCases.at(x).flexion, np.zeros(3)).shape == (3,)

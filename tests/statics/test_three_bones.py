@@ -11,7 +11,7 @@ from scipy.optimize import minimize
 import kneejax as kj
 from kneejax.geometry import free_of, scales
 from kneejax.mechanics import QUADRICEPS, add_lane_axis, pull_of
-from kneejax.statics import Stations, Status, balance_one, sound
+from kneejax.statics import LoadCases, Status, balance_one, sound
 from kneejax.statics._balance import balance
 
 pytestmark = pytest.mark.slow
@@ -71,8 +71,8 @@ def test_they_are_where_another_search_finds_the_least_energy(extensor, angle):
     knee = moved(*extensor)
     motion = kj.passive_flexion(knee, [angle])
     rest = np.asarray(knee.at_reference.at(free_of(["flexion"], knee.bodies)))
-    least, units = lowest(knee, angle, np.asarray(motion.settled.q[:, 0]) * 0.8 + 0.2 * rest)
-    np.testing.assert_allclose(np.asarray(motion.settled.q[:, 0]) / units, least, atol=1e-4)
+    least, units = lowest(knee, angle, np.asarray(motion.equilibrium.q[:, 0]) * 0.8 + 0.2 * rest)
+    np.testing.assert_allclose(np.asarray(motion.equilibrium.q[:, 0]) / units, least, atol=1e-4)
 
 
 def test_a_quadriceps_holds_the_patella_in_the_groove_however_far_the_knee_bends():
@@ -82,8 +82,8 @@ def test_a_quadriceps_holds_the_patella_in_the_groove_however_far_the_knee_bends
     angles, pulls = np.array([90.0, 115.0, 120.0, 140.0]), np.array([20.0, 100.0, 500.0, 1500.0])
     flexion, pull = (x.ravel() for x in np.meshgrid(angles, pulls, indexing="ij"))
     rest = float(knee.muscles.tension.sum())
-    stations = Stations.at(flexion, [pull_of(QUADRICEPS, pull - rest)])
-    found = balance_one(knee, stations)
+    load_cases = LoadCases.at(flexion, [pull_of(QUADRICEPS, pull - rest)])
+    found = balance_one(knee, load_cases)
     assert sound(found.status).all()
     coordinates = dict(zip(found.free, np.rad2deg(found.q[0].T), strict=True))
     turned = np.abs([coordinates["patella_rotation"], coordinates["patella_tilt"]])

@@ -20,7 +20,7 @@ from kneejax import Knee, Pose, Status
 from kneejax.geometry import FEMUR_AND_TIBIA, FREE_COORDINATES, TIBIA, State
 from kneejax.mechanics import Ligaments, Load, Wrench, add_lane_axis
 from kneejax.numerics import compiled
-from kneejax.statics import EnergyNewton, Guess, Settled, balance, settle
+from kneejax.statics import EnergyNewton, Equilibrium, Guess, balance, solve_equilibrium
 
 if TYPE_CHECKING:
     from recorded_lenhart2015 import Record
@@ -208,19 +208,19 @@ class Returned:
     """Where searches ended that began near recorded poses; instants are rows.
 
     Attributes:
-        settled: what the library says.
+        equilibrium: what the library says.
         turned: angle from the recorded pose, degrees; NaN where nothing was found.
         moved: likewise, mm.
     """
 
-    settled: Settled
+    equilibrium: Equilibrium
     turned: np.ndarray
     moved: np.ndarray
 
     @property
     def status(self) -> np.ndarray:
         """`Status` values."""
-        return np.asarray(self.settled.status)
+        return np.asarray(self.equilibrium.status)
 
     @property
     def back(self) -> np.ndarray:
@@ -243,20 +243,20 @@ def search_from_away(
         knee: one lane a pose.
         poses: recorded.
         seed: of the directions.
-        search: as in `settle`.
+        search: as in `solve_equilibrium`.
     """
     q = State({TIBIA: poses}).at(FREE_COORDINATES)
     away = np.random.default_rng(seed).normal(size=(5, len(poses.flexion)))
     away[:2] *= np.deg2rad(START_DEG) / np.linalg.norm(away[:2], axis=0)
     away[2:] *= START_MM / np.linalg.norm(away[2:], axis=0)
-    settled = _settle(knee, poses.flexion, q + away, search or EnergyNewton())
-    return Returned(settled, *_sizes(np.asarray(settled.q - q)))
+    equilibrium = _equilibrium(knee, poses.flexion, q + away, search or EnergyNewton())
+    return Returned(equilibrium, *_sizes(np.asarray(equilibrium.q - q)))
 
 
 @compiled(static_argnums=(3,))
-def _settle(knee: Knee, flexion, start, search: EnergyNewton) -> Settled:
+def _equilibrium(knee: Knee, flexion, start, search: EnergyNewton) -> Equilibrium:
     guess = Guess(start, jnp.zeros((0, 2, start.shape[1])))
-    return settle(knee, {"flexion": flexion}, guess, search)
+    return solve_equilibrium(knee, {"flexion": flexion}, guess, search)
 
 
 def _sizes(way: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -135,7 +135,8 @@ def _assert_closed(found):
     # 0.1 % was asked for.
     assert np.all(np.linalg.norm(left[:, :3], axis=1) < 1e-6 * size)
     # The moment that is left has no part along the axes of the two rotations that are free.
-    there, flexion = found.motion.settled.state.tibia.placement, np.deg2rad(found.record.pose[:, 0])
+    there = found.motion.equilibrium.state.tibia.placement
+    flexion = np.deg2rad(found.record.pose[:, 0])
     floating = there.turn_back((np.cos(flexion), -np.sin(flexion), 0.0))
     adduction = sum(np.asarray(x) * m for x, m in zip(floating, left[:, 3:].T, strict=True))
     assert np.all(np.abs(adduction) < 1e-3) and np.all(np.abs(left[:, 4]) < 1e-3)

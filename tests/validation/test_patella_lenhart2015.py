@@ -23,7 +23,7 @@ from kneejax.files.opensim._beyond import with_pelvis_and_foot
 from kneejax.files.opensim._knee import find_knee
 from kneejax.files.opensim._model import read_model
 from kneejax.mechanics import Load, Support, add_lane_axis
-from kneejax.statics import Guess, settle
+from kneejax.statics import Guess, solve_equilibrium
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "lenhart2015" / "recorded"
 MODEL = DATA.parent / "lenhart2015.osim"
@@ -116,7 +116,7 @@ def test_a_patella_let_go_stays_where_it_was_recorded(knee, state, kinematics):
     here = geo.State({bone: _rows(pose, rows) for bone, pose in state.poses.items()})
     held = dict(zip(geo.COORDINATES, here.at(geo.COORDINATES), strict=True))
     recorded = here.at(geo.free_of(held, ("tibia", "patella")))
-    found = settle(lanes, held, Guess(recorded, jnp.zeros((0, 2, len(rows)))))
+    found = solve_equilibrium(lanes, held, Guess(recorded, jnp.zeros((0, 2, len(rows)))))
     assert bool(np.all(found.stable))
     away = np.asarray(found.q - recorded)
     assert np.abs(np.rad2deg(away[:3])).max() < 2.0
@@ -201,7 +201,7 @@ def test_both_bones_let_go_stay_where_they_were_recorded(state, kinematics):
     here = geo.State({bone: _rows(pose, rows) for bone, pose in state.poses.items()})
     held = {"flexion": here.at(("flexion",))[0]}
     recorded = here.at(geo.free_of(held, ("tibia", "patella")))
-    found = settle(lanes, held, Guess(recorded, jnp.zeros((0, 2, len(rows)))))
+    found = solve_equilibrium(lanes, held, Guess(recorded, jnp.zeros((0, 2, len(rows)))))
     assert bool(np.all(found.stable))
     away = np.abs(np.asarray(found.q - recorded)).max(axis=1)
     turned, moved = np.rad2deg(away[[0, 1, 5, 6, 7]]), away[[2, 3, 4, 8, 9, 10]]

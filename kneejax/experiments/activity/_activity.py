@@ -36,7 +36,7 @@ from kneejax.mechanics import (
 )
 from kneejax.numerics import compiled
 from kneejax.parameters import cut
-from kneejax.statics import Stations, converged
+from kneejax.statics import LoadCases, converged
 
 #: What pulls on the tibia for the quadriceps, among what acts.
 TENDON = "patellar tendon"
@@ -77,7 +77,7 @@ class Activity:
         """What the knee's own parts do to the tibia along its axes, `(n, 6)` each, as `acting`:
         the ligaments together, the contacts by name."""
         motion, found = self.motion, self.mechanics
-        ligaments = np.asarray(_of_ligaments(motion.knee, motion.settled.state)).T
+        ligaments = np.asarray(_of_ligaments(motion.knee, motion.equilibrium.state)).T
         answer = {"ligaments": np.where(self.holds[:, None], ligaments, np.nan)}
         for k, name in enumerate(motion.knee.contact_names):
             if motion.knee.contacts[k].bodies == FEMUR_AND_TIBIA:
@@ -128,11 +128,11 @@ def activity(knee: Knee, record: LegRecord, near: Activity | None = None) -> Act
     if PATELLA in knee.bodies:
         record = record.with_heads_on_patella()
     muscles = muscles_over(knee, record)
-    body, stations = muscled(knee, record, muscles)
-    other = None if near is None else jax.lax.stop_gradient(near.motion.settled)
+    body, load_cases = muscled(knee, record, muscles)
+    other = None if near is None else jax.lax.stop_gradient(near.motion.equilibrium)
     before = None if near is None else jax.lax.stop_gradient(near.motion.knee)
-    found = Instants.of(*jax.lax.stop_gradient((body, stations)), other, before)
-    motion = found.motion(body, stations)
+    found = Instants.of(*jax.lax.stop_gradient((body, load_cases)), other, before)
+    motion = found.motion(body, load_cases)
     table = np.asarray(jax.lax.stop_gradient(motion.to_table()))
     tibia = np.where(np.isnan(table), record.pose, table)
     pulls = np.asarray(_on_tibia(jax.lax.stop_gradient(muscles), tibia))
@@ -140,7 +140,7 @@ def activity(knee: Knee, record: LegRecord, near: Activity | None = None) -> Act
     second = np.full(record.pose.shape, np.nan)
     second[:, 1:] = found.other[:, : len(FREE_COORDINATES)] * table_units(FREE_COORDINATES)
     second[:, 0] = np.where(np.isnan(second[:, 1]), np.nan, record.pose[:, 0])
-    mechanics = evaluate(motion.knee, motion.settled.state, motion.settled.meeting)
+    mechanics = evaluate(motion.knee, motion.equilibrium.state, motion.equilibrium.contact_points)
     return Activity(record, motion, mechanics, acting, second)
 
 
@@ -168,7 +168,7 @@ def muscles_over(knee: Knee, record: LegRecord) -> Muscles:
     return record.muscles.with_more(Muscles(begins[None], ends[None], tension[None], (TENDON,)))
 
 
-def muscled(knee: Knee, record: LegRecord, muscles: Muscles) -> tuple[Knee, Stations]:
+def muscled(knee: Knee, record: LegRecord, muscles: Muscles) -> tuple[Knee, LoadCases]:
     """A knee with muscles that are at rest, and the instants with what acts there.
 
     Args:
@@ -193,7 +193,7 @@ def muscled(knee: Knee, record: LegRecord, muscles: Muscles) -> tuple[Knee, Stat
     # What the record pulls by name, as a band from the pelvis, follows the hip there.
     own = cut(knee, [name for name in muscles.names if name in knee.ligaments.names])
     body = dataclasses.replace(own, lines=(), muscles=every)
-    return body, Stations.at(record.pose[:, 0], [*pulls, leg])
+    return body, LoadCases.at(record.pose[:, 0], [*pulls, leg])
 
 
 @compiled()

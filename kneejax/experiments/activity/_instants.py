@@ -26,15 +26,15 @@ from kneejax.experiments._second_balances import (
 from kneejax.geometry import scales
 from kneejax.mechanics import Knee
 from kneejax.statics import (
-    Balances,
-    Settled,
-    Stations,
+    Equilibria,
+    Equilibrium,
+    LoadCases,
     Status,
     balance_near,
     balance_one,
     converged,
+    equilibrium_of,
     itself,
-    settled_of,
     sound,
 )
 
@@ -51,7 +51,7 @@ class Instants:
 
     Attributes:
         knee: that balances.
-        stations: the instants, in order of time.
+        load_cases: the instants, in order of time.
         nodes: fields of the balances, arrays begin with the instant.
         reached: as in `Motion`.
         near: balances of a like knee at the same instants, see `activity`; or none.
@@ -59,31 +59,31 @@ class Instants:
     """
 
     knee: Knee
-    stations: Stations
+    load_cases: LoadCases
     nodes: dict[str, np.ndarray]
     reached: np.ndarray
-    near: Settled | None = None
+    near: Equilibrium | None = None
     other: np.ndarray = dataclasses.field(default_factory=lambda: np.empty((0, 0)))
 
     @classmethod
     def of(
         cls,
         knee: Knee,
-        stations: Stations,
-        near: Settled | None = None,
+        load_cases: LoadCases,
+        near: Equilibrium | None = None,
         before: Knee | None = None,
     ) -> Instants:
         """Find them all.
 
         Args:
             knee: without a lane axis, its numbers known.
-            stations: as in the attributes.
+            load_cases: as in the attributes.
             near: likewise.
             before: the knee that balances there.
         """
-        count = len(stations)
-        stations = jax.tree.map(np.asarray, stations.of(knee))
-        found = cls(knee, stations, {}, np.full(count, np.nan), near)
+        count = len(load_cases)
+        load_cases = jax.tree.map(np.asarray, load_cases.of(knee))
+        found = cls(knee, load_cases, {}, np.full(count, np.nan), near)
         anchors = np.unique(np.linspace(0, count - 1, min(count, _ANCHORS)).round().astype(int))
         found._by_own_path(anchors)
         found._between(anchors)
@@ -97,17 +97,19 @@ class Instants:
             found._from_before(before)
         return found
 
-    def motion(self, knee: Knee, stations: Stations) -> Motion:
-        """All of them as one motion of a knee and stations of equal numbers, of which derivatives
+    def motion(self, knee: Knee, load_cases: LoadCases) -> Motion:
+        """All of them as one motion of a knee and load cases of equal numbers, of which derivatives
         are asked."""
         nodes = {name: np.moveaxis(x, 0, -1) for name, x in self.nodes.items()}
-        return again(knee, stations, settled_of(self.stations, nodes), jnp.asarray(self.reached))
+        return again(
+            knee, load_cases, equilibrium_of(self.load_cases, nodes), jnp.asarray(self.reached)
+        )
 
     def _known(self, rows: np.ndarray) -> np.ndarray:
         return converged(self.nodes["status"][rows])
 
-    def _at(self, rows: np.ndarray) -> Stations:
-        return jax.tree.map(lambda x: x[rows], self.stations)
+    def _at(self, rows: np.ndarray) -> LoadCases:
+        return jax.tree.map(lambda x: x[rows], self.load_cases)
 
     def _by_own_path(self, rows: np.ndarray) -> None:
         """Some instants, each by a path of its own; what was not found at all is sought where the
@@ -147,16 +149,16 @@ class Instants:
         unsound = taken & ~np.asarray(sound(own["status"]))
         second["q"][rows[unsound]] = np.nan
         in_time = np.arange(len(self.reached))[None]
-        follow_second(self.knee, self.stations, self.nodes, second, in_time)
+        follow_second(self.knee, self.load_cases, self.nodes, second, in_time)
         self.other = second["q"]
 
     def _near(self, rows: np.ndarray, begin: list[np.ndarray]) -> None:
         """Find some near where they are expected."""
-        q, meeting = (np.asarray(x)[None] for x in begin)
-        found = balance_near(self.knee, itself, np.zeros(1), self._at(rows), q, meeting)
+        q, contact_points = (np.asarray(x)[None] for x in begin)
+        found = balance_near(self.knee, itself, np.zeros(1), self._at(rows), q, contact_points)
         self._take(rows, found)
 
-    def _take(self, rows: np.ndarray, found: Balances) -> None:
+    def _take(self, rows: np.ndarray, found: Equilibria) -> None:
         """Write down what was found."""
         for name, values in found.in_nodes().items():
             if name not in self.nodes:
@@ -187,7 +189,7 @@ class Instants:
         Args:
             way: 1 from the first on; -1 from the last backwards, where there is no balance only.
         """
-        q, units = self.nodes["q"], np.array(scales(self.stations.free))
+        q, units = self.nodes["q"], np.array(scales(self.load_cases.free))
 
         def is_near(row: int) -> bool:
             return np.abs((q[row] - q[row - way]) / units).max() <= _MISSED_MM

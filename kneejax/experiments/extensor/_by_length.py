@@ -24,7 +24,7 @@ from kneejax.experiments.extensor._of_length import (
 )
 from kneejax.mechanics import Knee, Load, add_lane_axis
 from kneejax.numerics import WrongValue, compiled, traced
-from kneejax.statics import Stations, converged
+from kneejax.statics import LoadCases, converged
 
 #: Flexions at which a leg is held before its quadriceps is given a length, degrees.
 _HELD_DEG = np.arange(0.0, 91.0, 5.0)
@@ -82,17 +82,17 @@ def extension_by_length(
     weightless = weight_of(np.zeros(3), np.zeros(3))
     acting = (weightless, *loads)
 
-    def stations_of(flexion: Array) -> Stations:
-        return Stations.at(flexion, acting)
+    def load_cases_of(flexion: Array) -> LoadCases:
+        return LoadCases.at(flexion, acting)
 
     known = jax.lax.stop_gradient((knee, flexion, longer))
     resting = followed(known[0], pulled_at(known[0], known[1], at_rest(known[0]), acting))
     rest = np.asarray(_length(resting))
-    start = OnCable(resting.settled, jnp.zeros(len(rest)))
-    found = drawn_to(known[0], stations_of(known[1]), rest, np.asarray(known[2]), start)
+    start = OnCable(resting.equilibrium, jnp.zeros(len(rest)))
+    found = drawn_to(known[0], load_cases_of(known[1]), rest, np.asarray(known[2]), start)
     if traced(knee, flexion, longer):
-        still = again(knee, resting.stations, resting.settled, resting.reached)
-        found = with_derivatives(knee, stations_of(flexion), _length(still) + longer, found)
+        still = again(knee, resting.load_cases, resting.equilibrium, resting.reached)
+        found = with_derivatives(knee, load_cases_of(flexion), _length(still) + longer, found)
     return _driven(knee, flexion, np.asarray(known[2]), found, acting)
 
 
@@ -128,19 +128,19 @@ def leg_raise_by_length(knee: Knee, longer_mm: ArrayLike, shank: Shank | Load) -
     resting = followed(known[0], pulled_at(known[0], jnp.zeros(1), at_rest(known[0]), (weight,)))
     length = np.asarray(_length(resting) + known[1])
     begin, near = _between_held(known[0], weight, length, np.asarray(known[1]))
-    stations = Stations.at(begin, (weight,), flexion_is_free=True)
-    found = balanced(known[0], stations, length, near)
+    load_cases = LoadCases.at(begin, (weight,), flexion_is_free=True)
+    found = balanced(known[0], load_cases, length, near)
     if traced(knee, longer):
-        still = again(knee, resting.stations, resting.settled, resting.reached)
-        found = with_derivatives(knee, stations, _length(still) + longer, found)
-    flexion = jnp.rad2deg(found.settled.q[0])
+        still = again(knee, resting.load_cases, resting.equilibrium, resting.reached)
+        found = with_derivatives(knee, load_cases, _length(still) + longer, found)
+    flexion = jnp.rad2deg(found.equilibrium.q[0])
     return _driven(knee, flexion, np.asarray(known[1]), found, (weight,))
 
 
 @compiled()
 def _length(motion: Motion) -> Array:
     """Of the quadriceps, mm."""
-    return add_lane_axis(motion.knee.muscles).quadriceps_length(motion.settled.state)
+    return add_lane_axis(motion.knee.muscles).quadriceps_length(motion.equilibrium.state)
 
 
 def _between_held(
@@ -170,10 +170,10 @@ def _between_held(
         x = np.asarray(x)
         return jnp.asarray(x[..., low] + part * (x[..., high] - x[..., low]))
 
-    settled = held.motion.settled
+    equilibrium = held.motion.equilibrium
     begin = between(_HELD_DEG)
-    q = jnp.concatenate([jnp.deg2rad(begin)[None], between(settled.q)])
-    near = dataclasses.replace(settled, q=q, meeting=between(settled.meeting))
+    q = jnp.concatenate([jnp.deg2rad(begin)[None], between(equilibrium.q)])
+    near = dataclasses.replace(equilibrium, q=q, contact_points=between(equilibrium.contact_points))
     return np.asarray(begin), OnCable(near, between(held.pull) - rest)
 
 
@@ -182,18 +182,21 @@ def _driven(
 ) -> DrivenExtensor:
     """What is told of balances: as under a quadriceps that pulls as much at the same flexion."""
     still = jax.lax.stop_gradient((knee, flexion, found))
-    own, bent, (settled, cable) = still
-    first = len(settled.q) - len(Stations.at(0.0).of(own).free)
-    pull = jnp.where(jnp.isfinite(settled.q[0]), cable, 0.0) + at_rest(own)
+    own, bent, (equilibrium, cable) = still
+    first = len(equilibrium.q) - len(LoadCases.at(0.0).of(own).free)
+    pull = jnp.where(jnp.isfinite(equilibrium.q[0]), cable, 0.0) + at_rest(own)
     bent = jnp.where(jnp.isfinite(bent), bent, 0.0)
-    near = expected(own, pulled_at(own, bent, pull, acting), settled.q[first:], settled.meeting)
+    expectation = equilibrium.q[first:], equilibrium.contact_points
+    near = expected(own, pulled_at(own, bent, pull, acting), *expectation)
     motion = near
     if traced(knee, flexion, found):
         pulls = found.pull + at_rest(knee)
-        motion = again(knee, pulled_at(knee, flexion, pulls, acting), near.settled, near.reached)
-    holds = jnp.isfinite(settled.q[0]) & converged(near.status)
-    status = jnp.where(holds, settled.status, jnp.maximum(settled.status, near.status))
-    motion = dataclasses.replace(motion, status=status, stable=settled.stable)
+        motion = again(
+            knee, pulled_at(knee, flexion, pulls, acting), near.equilibrium, near.reached
+        )
+    holds = jnp.isfinite(equilibrium.q[0]) & converged(near.status)
+    status = jnp.where(holds, equilibrium.status, jnp.maximum(equilibrium.status, near.status))
+    motion = dataclasses.replace(motion, status=status, stable=equilibrium.stable)
     total = jnp.where(holds, found.pull + at_rest(knee), jnp.nan)
     nowhere = np.zeros(len(longer), bool)
     slack = np.asarray(holds & (cable < SLACK_N)) & (longer > 0.0)

@@ -56,7 +56,7 @@ class Extensor:
     def arm_mm(self) -> Array:
         """Effective moment arm by virtual work, `(poses,)`: how much shorter the quadriceps becomes
         per rad of flexion, all other coordinates staying balanced; NaN where the search failed."""
-        arm = by_pull(self.motion.knee, self.motion.stations, self.motion.settled).arm
+        arm = by_pull(self.motion.knee, self.motion.load_cases, self.motion.equilibrium).arm
         return jnp.where(converged(self.motion.status), arm, jnp.nan)
 
     @property
@@ -68,12 +68,12 @@ class Extensor:
     def quadriceps_mm(self) -> Array:
         """Length of the quadriceps: mean of its heads by their shares of the pull, `(poses,)`."""
         muscles = add_lane_axis(self.motion.knee.muscles)
-        return muscles.quadriceps_length(self.motion.settled.state)
+        return muscles.quadriceps_length(self.motion.equilibrium.state)
 
     @property
     def patella(self) -> Array:
         """Poses of the patella, degrees and mm, `(poses, 6)`, in the order of its columns."""
-        return self.motion.settled.state.poses[PATELLA].to_table()
+        return self.motion.equilibrium.state.poses[PATELLA].to_table()
 
     @property
     def forces_on_tibia(self) -> dict[str, np.ndarray]:
@@ -191,7 +191,7 @@ def described(motion: Motion, pull: Array, walked: np.ndarray, weight: Load) -> 
         walked: `Extensor.walked`, as its searches found it.
         weight: that bends the knee; weightless where none does.
     """
-    mechanics = evaluate(motion.knee, motion.settled.state, motion.settled.meeting)
+    mechanics = evaluate(motion.knee, motion.equilibrium.state, motion.equilibrium.contact_points)
     xp = numpy_for(motion, weight)
     forces = xp.linalg.norm(mechanics.contact_force, axis=-1)
     on_patella = [k for k, c in enumerate(motion.knee.contacts) if c.bodies == (FEMUR, PATELLA)]
@@ -207,7 +207,7 @@ def described(motion: Motion, pull: Array, walked: np.ndarray, weight: Load) -> 
         where(tendon_of(motion.knee, mechanics)),
         where(forces[:, np.array(on_patella, int)].sum(axis=1)),
         where(xp.asarray(moment) / 1000.0),
-        where(xp.asarray(_moment(weight, motion.settled.state)) / 1000.0),
+        where(xp.asarray(_moment(weight, motion.equilibrium.state)) / 1000.0),
         walked,
     )
 

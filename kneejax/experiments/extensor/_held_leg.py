@@ -20,7 +20,7 @@ from kneejax.experiments.extensor._mechanism import ByPull, by_pull
 from kneejax.geometry import TIBIA, State, scales
 from kneejax.mechanics import QUADRICEPS, Knee, Load, pull_of
 from kneejax.numerics import numpy_for, traced
-from kneejax.statics import Stations
+from kneejax.statics import LoadCases
 
 #: No quadriceps pulls more, N.
 STRONGEST_N = 12000.0
@@ -55,9 +55,9 @@ def at_rest(knee: Knee) -> Array:
     return jnp.asarray(numpy_for(knee).asarray(knee.muscles.tension)[heads].sum())
 
 
-def pulled_at(knee: Knee, flexion: Array, pull: Array, loads: tuple[Load, ...]) -> Stations:
-    """Stations at flexions, degrees, at which the quadriceps pulls as much, N, besides loads."""
-    return Stations.at(flexion, [pull_of(QUADRICEPS, pull - at_rest(knee)), *loads])
+def pulled_at(knee: Knee, flexion: Array, pull: Array, loads: tuple[Load, ...]) -> LoadCases:
+    """Load cases at flexions, degrees, at which the quadriceps pulls as much, N, besides loads."""
+    return LoadCases.at(flexion, [pull_of(QUADRICEPS, pull - at_rest(knee)), *loads])
 
 
 def held_leg(knee: Knee, flexion: Array, weight: Load) -> Held:
@@ -93,7 +93,7 @@ def _searched(knee: Knee, flexion: Array, weight: Load) -> Held:
     pull, good, walked = first, np.full(first.shape, np.nan), np.zeros(first.shape, bool)
     motion = followed(knee, pulled_at(knee, flexion, pull, (weight,)))
     for _ in range(_MOST_TRIES):
-        grows = by_pull(knee, motion.stations, motion.settled)
+        grows = by_pull(knee, motion.load_cases, motion.equilibrium)
         moment, slope = np.asarray(grows.moment), np.asarray(grows.arm)
         lost = ~np.isfinite(moment)
         good = np.where(lost, good, pull)
@@ -113,23 +113,23 @@ def _searched(knee: Knee, flexion: Array, weight: Load) -> Held:
 
 
 def _moved(
-    before: Motion, stations: Stations, step: np.ndarray, grows: ByPull
+    before: Motion, load_cases: LoadCases, step: np.ndarray, grows: ByPull
 ) -> tuple[Motion, np.ndarray]:
     """A motion under another pull, and where a path of its own led there."""
-    settled = before.settled
-    q = settled.q + grows.q * step
-    motion = expected(before.knee, stations, q, settled.meeting)
-    units = np.array(scales(stations.of(before.knee).free))[:, None]
-    away = np.abs(np.asarray(motion.settled.q - q) / units).max(axis=0)
+    equilibrium = before.equilibrium
+    q = equilibrium.q + grows.q * step
+    motion = expected(before.knee, load_cases, q, equilibrium.contact_points)
+    units = np.array(scales(load_cases.of(before.knee).free))[:, None]
+    away = np.abs(np.asarray(motion.equilibrium.q - q) / units).max(axis=0)
     astray = (step != 0.0) & ~(away <= _MISSED_MM)
     if astray.any():
-        walked = followed(before.knee, stations)
-        settled, reached = jax.tree.map(
+        walked = followed(before.knee, load_cases)
+        equilibrium, reached = jax.tree.map(
             lambda new, old: jnp.where(astray, new, old),
-            (walked.settled, walked.reached),
-            (motion.settled, motion.reached),
+            (walked.equilibrium, walked.reached),
+            (motion.equilibrium, motion.reached),
         )
-        motion = again(before.knee, stations, settled, reached)
+        motion = again(before.knee, load_cases, equilibrium, reached)
     return motion, astray
 
 
@@ -144,14 +144,14 @@ def _differentiable(knee: Knee, flexion: Array, weight: Load, found: Held) -> He
     """The same leg as a function of all numbers: the pull makes the moment vanish, the pose
     balances under it. From the root a step by the slope there has the root's first derivative, and
     two have the second as well."""
-    settled, reached = found.motion.settled, found.motion.reached
-    arm = by_pull(found.motion.knee, found.motion.stations, settled).arm
+    equilibrium, reached = found.motion.equilibrium, found.motion.reached
+    arm = by_pull(found.motion.knee, found.motion.load_cases, equilibrium).arm
     rest = at_rest(knee)
     moves = (found.pull > jax.lax.stop_gradient(rest)) & (found.pull < STRONGEST_N)
     limit = jnp.where(found.pull < STRONGEST_N, rest, STRONGEST_N)
     pull = found.pull
     for _ in range(2):
-        held = again(knee, pulled_at(knee, flexion, pull, (weight,)), settled, reached)
+        held = again(knee, pulled_at(knee, flexion, pull, (weight,)), equilibrium, reached)
         pull = jnp.where(moves, pull - held.reaction("flexion") / arm, limit)
-    motion = again(knee, pulled_at(knee, flexion, pull, (weight,)), settled, reached)
+    motion = again(knee, pulled_at(knee, flexion, pull, (weight,)), equilibrium, reached)
     return found._replace(motion=motion, pull=pull)

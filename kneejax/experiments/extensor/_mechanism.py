@@ -16,7 +16,7 @@ from kneejax.experiments._motion import Motion
 from kneejax.geometry import FEMUR_AND_TIBIA, PATELLA, TIBIA, Vector, scale
 from kneejax.mechanics import QUADRICEPS, Knee, Load, add_lane_axis, pull_of
 from kneejax.numerics import compiled, numpy_for, traced
-from kneejax.statics import Settled, Stations, differentiable, force_along
+from kneejax.statics import Equilibrium, LoadCases, differentiable, force_along
 
 TENDON = "patellar tendon"
 
@@ -33,7 +33,7 @@ def forces_on_tibia(motion: Motion, mechanics: Mechanics) -> dict[str, np.ndarra
         zero where the knee balances.
     """
     knee = motion.knee
-    found = _pulls(knee, motion.stations, motion.settled)
+    found = _pulls(knee, motion.load_cases, motion.equilibrium)
     muscles, loads = (np.moveaxis(np.asarray(x), 0, -1) for x in found)
     ligaments = np.asarray(mechanics.ligament_force).swapaxes(0, 1)
     every = (knee.ligaments, ligaments), (knee.muscles, muscles)
@@ -48,7 +48,7 @@ def forces_on_tibia(motion: Motion, mechanics: Mechanics) -> dict[str, np.ndarra
     for k, contact in enumerate(knee.contacts):
         if contact.bodies == FEMUR_AND_TIBIA:
             answer[knee.contact_names[k]] = np.asarray(mechanics.contact_force)[:, k]
-    every_load = (*knee.loads, *motion.stations.loads)
+    every_load = (*knee.loads, *motion.load_cases.loads)
     acting = [load for load in every_load if isinstance(load, Load)]
     for load, force in zip(acting, loads, strict=True):
         answer[load.name] = answer.get(load.name, 0.0) + force
@@ -68,9 +68,9 @@ def tendon_rows(knee: Knee) -> np.ndarray:
 
 
 @compiled()
-def _pulls(knee: Knee, stations: Stations, settled: Settled) -> tuple[Array, Array]:
+def _pulls(knee: Knee, load_cases: LoadCases, equilibrium: Equilibrium) -> tuple[Array, Array]:
     """Forces of muscles and loads in tibia axes, `(3, parts, poses)` each."""
-    lanes, state = stations.load(add_lane_axis(knee)), settled.state
+    lanes, state = load_cases.load(add_lane_axis(knee)), equilibrium.state
     tibia = state.tibia.placement
 
     def turned(force: Vector) -> Array:
@@ -81,7 +81,7 @@ def _pulls(knee: Knee, stations: Stations, settled: Settled) -> tuple[Array, Arr
     if lanes.muscles is not None:
         muscles = turned(scale(lanes.muscles.tension, lanes.muscles.unit_pulls(state)))
     forces = [tibia.turn_back(x.wrench(tibia).force) for x in lanes.loads if isinstance(x, Load)]
-    loads = [jnp.stack(jnp.broadcast_arrays(*force, settled.q[0])[:3]) for force in forces]
+    loads = [jnp.stack(jnp.broadcast_arrays(*force, equilibrium.q[0])[:3]) for force in forces]
     return muscles, jnp.stack(loads, axis=1) if loads else nothing
 
 
@@ -101,45 +101,49 @@ class ByPull(NamedTuple):
     q: Array
 
 
-def by_pull(knee: Knee, stations: Stations, settled: Settled) -> ByPull:
+def by_pull(knee: Knee, load_cases: LoadCases, equilibrium: Equilibrium) -> ByPull:
     """See `ByPull`: exact, from the stiffness that a balance already has."""
-    if traced((knee, stations, settled)):
-        return _by_pull(knee, stations, settled)
-    known = np.asarray(settled.converged)
-    change = np.where(known, _of_one_newton(knee, stations, settled), np.nan)
-    free, row = len(stations.free), sorted(stations.prescribed).index("flexion")
-    stiffness = np.where(known, settled.tangent, np.eye(free)[..., None])
+    if traced((knee, load_cases, equilibrium)):
+        return _by_pull(knee, load_cases, equilibrium)
+    known = np.asarray(equilibrium.converged)
+    change = np.where(known, _of_one_newton(knee, load_cases, equilibrium), np.nan)
+    free, row = len(load_cases.free), sorted(load_cases.prescribed).index("flexion")
+    stiffness = np.where(known, equilibrium.tangent, np.eye(free)[..., None])
     q = -np.linalg.solve(np.moveaxis(stiffness, -1, 0), change[:free].T[..., None])[..., 0].T
-    arm = change[free] + np.einsum("fp,fp->p", settled.coupling[row], q)
-    moment = np.where(known, settled.reaction[row], np.nan)
+    arm = change[free] + np.einsum("fp,fp->p", equilibrium.coupling[row], q)
+    moment = np.where(known, equilibrium.reaction[row], np.nan)
     return ByPull(*map(jnp.asarray, (moment, arm, q)))
 
 
 @compiled()
-def _of_one_newton(knee: Knee, stations: Stations, settled: Settled) -> Array:
+def _of_one_newton(knee: Knee, load_cases: LoadCases, equilibrium: Equilibrium) -> Array:
     """What one newton more of the quadriceps changes of the unbalanced force, free coordinates and
     flexion, `(free + 1, poses)`, the pose held."""
-    return jax.jvp(*_pulled(knee, stations, lambda lanes: settled))[1][0]
+    return jax.jvp(*_pulled(knee, load_cases, lambda lanes: equilibrium))[1][0]
 
 
 @compiled()
-def _by_pull(knee: Knee, stations: Stations, settled: Settled) -> ByPull:
+def _by_pull(knee: Knee, load_cases: LoadCases, equilibrium: Equilibrium) -> ByPull:
     """By the implicit rule, to be differentiated."""
     (rows, _), (slope, q) = jax.jvp(
-        *_pulled(knee, stations, lambda lanes: differentiable(lanes, stations.prescribed, settled))
+        *_pulled(
+            knee,
+            load_cases,
+            lambda lanes: differentiable(lanes, load_cases.prescribed, equilibrium),
+        )
     )
     return ByPull(rows[-1], slope[-1], q)
 
 
-def _pulled(knee: Knee, stations: Stations, balance: Callable[[Knee], Settled]):
+def _pulled(knee: Knee, load_cases: LoadCases, balance: Callable[[Knee], Equilibrium]):
     """A function of the pull that is added, where it is none, and one newton: for `jax.jvp`."""
 
     def answer(pull: Array) -> tuple[Array, Array]:
-        loads = (*stations.loads, pull_of(QUADRICEPS, pull))
-        lanes = dataclasses.replace(stations, loads=loads).load(add_lane_axis(knee))
+        loads = (*load_cases.loads, pull_of(QUADRICEPS, pull))
+        lanes = dataclasses.replace(load_cases, loads=loads).load(add_lane_axis(knee))
         there = balance(lanes)
-        rows = force_along(lanes, there.state, there.meeting, (*stations.free, "flexion"))
+        rows = force_along(lanes, there.state, there.contact_points, (*load_cases.free, "flexion"))
         return rows, there.q
 
-    none = jnp.zeros(len(stations))
+    none = jnp.zeros(len(load_cases))
     return answer, (none,), (jnp.ones_like(none),)

@@ -18,7 +18,7 @@ from jax import Array
 from kneejax.geometry import scales
 from kneejax.mechanics import Cable, Knee, add_lane_axis
 from kneejax.numerics import compiled, lanes_for
-from kneejax.statics import Guess, Settled, Stations, differentiable, settle
+from kneejax.statics import Equilibrium, Guess, LoadCases, differentiable, solve_equilibrium
 
 #: N; a cable that is slack still pulls a rounding of 0.05.
 SLACK_N = 0.1
@@ -33,40 +33,40 @@ class OnCable(NamedTuple):
     """Balances under a quadriceps of given length.
 
     Attributes:
-        settled: poses of all bones; NaN where a search failed.
+        equilibrium: poses of all bones; NaN where a search failed.
         pull: of the cable, `(lanes,)`, N, which comes to what the heads have at rest.
     """
 
-    settled: Settled
+    equilibrium: Equilibrium
     pull: Array
 
 
-def drawn(knee: Knee, stations: Stations, length: Array, expected: Array) -> Knee:
+def drawn(knee: Knee, load_cases: LoadCases, length: Array, expected: Array) -> Knee:
     """A knee in lanes whose quadriceps hangs on a cable.
 
     Args:
         knee: of three bones.
-        stations: what is prescribed and acts besides.
+        load_cases: what is prescribed and acts besides.
         length: of the quadriceps, `(lanes,)`, mm.
         expected: pull at which the cable has that length, `(lanes,)`, N.
     """
-    lanes = stations.load(add_lane_axis(knee))
+    lanes = load_cases.load(add_lane_axis(knee))
     assert lanes.muscles is not None
     muscles = dataclasses.replace(lanes.muscles, cable=Cable(length, expected))
     return dataclasses.replace(lanes, muscles=muscles)
 
 
-def balanced(knee: Knee, stations: Stations, length: np.ndarray, near: OnCable) -> OnCable:
+def balanced(knee: Knee, load_cases: LoadCases, length: np.ndarray, near: OnCable) -> OnCable:
     """Balances near others, of quadriceps that are as long as they are told to be."""
     # Filled up: another number of lanes is no other program.
     rows = np.minimum(np.arange(lanes_for(len(length))), len(length) - 1)
-    stations, long = stations.of(knee).take(rows), jnp.asarray(length)[rows]
+    load_cases, long = load_cases.of(knee).take(rows), jnp.asarray(length)[rows]
     found = jax.tree.map(lambda x: x[..., rows], near)
     for _ in range(_MOST_TIMES):
-        settled, pull = found
-        lanes = drawn(knee, stations, long, pull)
-        guess = Guess(settled.q, settled.meeting)
-        again = settle(lanes, stations.prescribed, guess)
+        equilibrium, pull = found
+        lanes = drawn(knee, load_cases, long, pull)
+        guess = Guess(equilibrium.q, equilibrium.contact_points)
+        again = solve_equilibrium(lanes, load_cases.prescribed, guess)
         comes = _pull(lanes, again)
         found = OnCable(again, jnp.where(jnp.isfinite(comes), comes, pull))
         if not (jnp.abs(found.pull - pull) > _SAME_N).any():
@@ -75,7 +75,7 @@ def balanced(knee: Knee, stations: Stations, length: np.ndarray, near: OnCable) 
 
 
 def drawn_to(
-    knee: Knee, stations: Stations, rest: np.ndarray, longer: np.ndarray, start: OnCable
+    knee: Knee, load_cases: LoadCases, rest: np.ndarray, longer: np.ndarray, start: OnCable
 ) -> OnCable:
     """Balances of quadriceps that are drawn from where they are at rest, in strides.
 
@@ -83,12 +83,12 @@ def drawn_to(
 
     Args:
         knee: of three bones.
-        stations: what is prescribed and acts besides.
+        load_cases: what is prescribed and acts besides.
         rest: length at the start, `(lanes,)`, mm.
         longer: by how much it is to be longer, or shorter where it is negative, `(lanes,)`, mm.
         start: the balances there.
     """
-    units = np.array(scales(stations.of(knee).free))[:, None]
+    units = np.array(scales(load_cases.of(knee).free))[:, None]
     before, here, lost = start, start, np.zeros(len(longer), bool)
     for k in range(int(np.ceil(np.abs(longer).max(initial=0.0) / _STRIDE_MM))):
         way = np.sign(longer) * np.minimum((k + 1) * _STRIDE_MM, np.abs(longer))
@@ -96,44 +96,48 @@ def drawn_to(
         part = np.abs(way - last) / _STRIDE_MM if k else np.zeros(len(longer))
         ahead = jax.tree.map(
             lambda new, old, part=part: new + part * (new - old),
-            (here.settled.q, here.pull), (before.settled.q, before.pull),
+            (here.equilibrium.q, here.pull), (before.equilibrium.q, before.pull),
         )  # fmt: skip
-        near = OnCable(dataclasses.replace(here.settled, q=ahead[0]), jnp.maximum(ahead[1], 0.0))
-        before, here = here, balanced(knee, stations, rest + way, near)
-        away = np.abs(np.asarray(here.settled.q - ahead[0]) / units).max(axis=0)
+        near = OnCable(
+            dataclasses.replace(here.equilibrium, q=ahead[0]), jnp.maximum(ahead[1], 0.0)
+        )
+        before, here = here, balanced(knee, load_cases, rest + way, near)
+        away = np.abs(np.asarray(here.equilibrium.q - ahead[0]) / units).max(axis=0)
         lost |= (way != last) & ~(away <= _MISSED_MM)
-    settled = dataclasses.replace(here.settled, q=jnp.where(lost, jnp.nan, here.settled.q))
-    return OnCable(settled, jnp.where(lost, jnp.nan, here.pull))
+    equilibrium = dataclasses.replace(
+        here.equilibrium, q=jnp.where(lost, jnp.nan, here.equilibrium.q)
+    )
+    return OnCable(equilibrium, jnp.where(lost, jnp.nan, here.pull))
 
 
-def with_derivatives(knee: Knee, stations: Stations, length: Array, found: OnCable) -> OnCable:
+def with_derivatives(knee: Knee, load_cases: LoadCases, length: Array, found: OnCable) -> OnCable:
     """The same balances as a function of the knee, of what is prescribed and of the length.
 
     The pull is where the one that comes out is the one that was expected: from there a step by the
     slope at the root has the first derivative of that, and two have the second as well.
     """
     still = jax.lax.stop_gradient(found)
-    known = jax.lax.stop_gradient((knee, stations, length))
+    known = jax.lax.stop_gradient((knee, load_cases, length))
     more = (jnp.ones_like(still.pull),)
     _, comes = jax.jvp(lambda x: _followed(*known, still, x)[1], (still.pull,), more)
     pull = still.pull
     for _ in range(2):
-        left = _followed(knee, stations, length, still, pull)[1] - pull
+        left = _followed(knee, load_cases, length, still, pull)[1] - pull
         pull = pull + left / (1.0 - jax.lax.stop_gradient(comes))
-    return OnCable(_followed(knee, stations, length, still, pull)[0], pull)
+    return OnCable(_followed(knee, load_cases, length, still, pull)[0], pull)
 
 
 @compiled()
 def _followed(
-    knee: Knee, stations: Stations, length: Array, found: OnCable, expected: Array
-) -> tuple[Settled, Array]:
-    lanes = drawn(knee, stations, length, expected)
-    settled = differentiable(lanes, stations.prescribed, found.settled)
-    return settled, _pull(lanes, settled)
+    knee: Knee, load_cases: LoadCases, length: Array, found: OnCable, expected: Array
+) -> tuple[Equilibrium, Array]:
+    lanes = drawn(knee, load_cases, length, expected)
+    equilibrium = differentiable(lanes, load_cases.prescribed, found.equilibrium)
+    return equilibrium, _pull(lanes, equilibrium)
 
 
 @compiled()
-def _pull(lanes: Knee, settled: Settled) -> Array:
+def _pull(lanes: Knee, equilibrium: Equilibrium) -> Array:
     """Of the cable, N."""
     assert lanes.muscles is not None and lanes.muscles.cable is not None
-    return lanes.muscles.cable.pull(lanes.muscles.quadriceps_length(settled.state))
+    return lanes.muscles.cable.pull(lanes.muscles.quadriceps_length(equilibrium.state))

@@ -46,7 +46,7 @@ def patella_path(knee: Knee, flexion_deg: ArrayLike = _FLEXION_DEG) -> PatellaOn
     if len(lost):
         place = f"{flexion[lost[0]]:g} degrees"
         raise ValueError(f"{knee.name}: the patella has no balance at {place}; expected one there")
-    state = motion.settled.state
+    state = motion.equilibrium.state
     poses = state.poses[PATELLA]
     length = np.asarray(add_lane_axis(knee.muscles).quadriceps_length(state))
     steps = np.linalg.norm(np.diff(np.asarray(poses.to_table())[:, 3:], axis=0), axis=1)

@@ -88,7 +88,7 @@ def raised_leg(
     first, last = _ends(ahead)
     way = _way(times, np.asarray(ahead.quadriceps_mm)[[first, last]], lengths)
     names = coordinates_of(knee.bodies)
-    start = np.asarray(ahead.motion.settled.state.at(names))[:, first]
+    start = np.asarray(ahead.motion.equilibrium.state.at(names))[:, first]
     found = move_within(
         most_mm, moving, start, times, held={QUADRICEPS: way},
         pull_N=float(ahead.quadriceps_N[first] - at_rest(knee)), progress=progress,
@@ -98,7 +98,7 @@ def raised_leg(
     wanted = np.linspace(flexions[first], flexions[last], len(flexions))
     rows = np.argmin(np.abs(passed - wanted[:, None]), axis=1)
     held = leg_raise(knee, passed[rows], weight)
-    there = np.asarray(held.motion.settled.state.at(names)).T * table_units(names)
+    there = np.asarray(held.motion.equilibrium.state.at(names)).T * table_units(names)
     away = table[rows] - there
     longer = np.asarray(way(times))[rows] - np.asarray(held.quadriceps_mm)
     away[:, 0] = np.rad2deg(longer / np.asarray(held.arm_mm))

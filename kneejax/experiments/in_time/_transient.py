@@ -170,7 +170,7 @@ def transient(
     if not flexion_is_free and set(begin.held) == {"flexion"}:
         weights, names = _weights(moving), coordinates_of(moving.knee.bodies)
         rest = _balance(moving, flexion_deg, weights, sizes, load_s, times[-1], check=False)
-        off = np.asarray(found.q[-1]) - np.asarray(rest.settled.state.at(names))[:, 0]
+        off = np.asarray(found.q[-1]) - np.asarray(rest.equilibrium.state.at(names))[:, 0]
         far = float(np.abs(off / np.array(scales(names))).max())
     at = {k: np.interp(times, load_s, np.broadcast_to(v, load_s.shape)) for k, v in sizes.items()}
     return described(found, at, rest, far)
@@ -222,7 +222,7 @@ def beginning(
     curve = LoadCurve.of(times, load_of(**{k: jnp.asarray(v) for k, v in sized.items()}))
     balance = _balance(moving, flexion_deg, _weights(moving), sized, times, start_s)
     names = coordinates_of(moving.knee.bodies)
-    start = np.array(balance.settled.state.at(names))[:, 0]
+    start = np.array(balance.equilibrium.state.at(names))[:, 0]
     for name, more in prescribed_of(offset or {}).items():
         start[names.index(name)] += float(more)
     held = {} if flexion_is_free else {"flexion": lambda t, x=start[0]: np.full_like(t, x)}
@@ -258,8 +258,8 @@ def described(
         from_rest_mm: likewise.
     """
     knee = found.moving.knee
-    meeting = jnp.nan_to_num(found.meeting) if knee.patch_count else None
-    mechanics = evaluate(knee, State.of({}, found.q.T, knee.bodies), meeting)
+    contact_points = jnp.nan_to_num(found.contact_points) if knee.patch_count else None
+    mechanics = evaluate(knee, State.of({}, found.q.T, knee.bodies), contact_points)
     damping = np.asarray(found.flow().damping).T[found.rows]
     return Transient(found, mechanics, damping, found.account(), sizes, rest, from_rest_mm)
 
@@ -298,7 +298,7 @@ def _balance(
     }
     loads = [*weights, *([load_of(**acting)] if acting else [])]
     motion = passive_flexion(moving.knee, [flexion_deg], loads)
-    if check and not bool(motion.settled.converged[0]):
+    if check and not bool(motion.equilibrium.converged[0]):
         found = f"{flexion_deg:g}: {Status(int(motion.status[0])).sentence}"
         raise WrongValue("flexion_deg", found, "a balance that the motion can begin from")
     return motion

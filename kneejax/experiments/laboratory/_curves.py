@@ -18,7 +18,7 @@ from kneejax.experiments.laboratory._lab_test import LabTest
 from kneejax.geometry import CLINICAL, COORDINATES, table_units
 from kneejax.mechanics import Knee, Load
 from kneejax.numerics import numpy_for
-from kneejax.statics import Stations, converged
+from kneejax.statics import LoadCases, converged
 
 
 @dataclasses.dataclass(frozen=True)
@@ -149,7 +149,7 @@ def mechanics_of(curves: Curves) -> Mechanics:
         curves: of any of the tests that were made at the same time.
     """
     motion = curves.motion
-    return evaluate(motion.knee, motion.pose, motion.settled.meeting)
+    return evaluate(motion.knee, motion.pose, motion.equilibrium.contact_points)
 
 
 def load_curves(
@@ -246,15 +246,15 @@ def _by_machine(knee: Knee, laid, neutral: Motion, constant: list[Load], grows: 
     moved = np.concatenate(
         [np.tile(_displaced(test, part), len(nodes)) for test, nodes, part, _ in laid], axis=1
     )
-    prescribed = dict(zip(names, neutral.settled.state.at(names)[:, own] + moved, strict=True))
+    prescribed = dict(zip(names, neutral.equilibrium.state.at(names)[:, own] + moved, strict=True))
     flexion = np.concatenate([test.flexion_deg for test, *_ in laid])
     bent = jnp.deg2rad(jnp.asarray(flexion, float))[own]
     acting, later = (*constant, grows), 1
     if constant and all(test.displacement is not None for test, *_ in laid):
         # A machine that moves the tibia adds no load: the search of the neutral pose serves.
         acting, later = tuple(constant), 0
-    stations = Stations({"flexion": bent, **prescribed}, acting, later=later)
-    return followed(knee, stations)
+    load_cases = LoadCases({"flexion": bent, **prescribed}, acting, later=later)
+    return followed(knee, load_cases)
 
 
 def _displaced(test: LabTest, part: np.ndarray) -> np.ndarray:

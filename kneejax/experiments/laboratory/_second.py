@@ -38,14 +38,14 @@ def second_balances(curves: Curves, before: Knee) -> np.ndarray:
         return answer
     part = curves.part
     ends = sorted({int(part.argmin()), int(np.abs(part).argmin()), int(part.argmax())})
-    stations = jax.tree.map(lambda x: np.asarray(x)[nodes.ravel()], motion.stations.of(before))
-    main = {x: np.moveaxis(np.asarray(getattr(motion.settled, x)), -1, 0)[nodes.ravel()]
+    load_cases = jax.tree.map(lambda x: np.asarray(x)[nodes.ravel()], motion.load_cases.of(before))
+    main = {x: np.moveaxis(np.asarray(getattr(motion.equilibrium, x)), -1, 0)[nodes.ravel()]
             for x in GUESSED}  # fmt: skip
     main["status"] = np.asarray(motion.status)[nodes.ravel()]
     second = {x: np.full_like(main[x], np.nan) for x in GUESSED}
     lines = np.arange(nodes.size).reshape(nodes.shape)
     rows = lines[:, ends].ravel()
-    at = jax.tree.map(lambda x: x[rows], stations)
+    at = jax.tree.map(lambda x: x[rows], load_cases)
     whole = balance_one(before, at).in_nodes()
     good = np.asarray(converged(whole["status"]))
     # A loose knee snaps over on the way to its load: then what it snaps to from its neutral pose.
@@ -67,7 +67,7 @@ def second_balances(curves: Curves, before: Knee) -> np.ndarray:
             here = second_of(at, {x: main[x][rows] for x in ("q", "status")}, found)
             for name, values in second.items():
                 values[rows[here]] = found[name][here]
-    follow_second(motion.knee, stations, main, second, lines)
+    follow_second(motion.knee, load_cases, main, second, lines)
     poses = second["q"].reshape(*nodes.shape, -1)[..., : len(FREE_COORDINATES)]
     answer[..., 1:] = poses * table_units(FREE_COORDINATES)
     flexion = np.array(curves.test.flexion_deg)[:, None]

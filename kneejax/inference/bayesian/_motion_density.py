@@ -16,7 +16,7 @@ from kneejax.inference.bayesian._priors import Prior
 from kneejax.inference.fit import TABLE_UNITS, Problem, without_offsets
 from kneejax.mechanics import Knee
 from kneejax.parameters import Selection
-from kneejax.statics import Guess, Slopes, Stations, in_lanes, settle
+from kneejax.statics import Guess, LoadCases, Slopes, in_lanes, solve_equilibrium
 
 # A hundred numbers that are this much off, mm, move a log density by less than 1e-4.
 
@@ -38,7 +38,7 @@ class MotionDensity(eqx.Module):
         selection: the parameters.
         offsets: free coordinates with an unknown offset to the measurement.
         knee: gives everything else.
-        stations: `(n,)`; the problem's load cases that count, as are the following.
+        load_cases: `(n,)`; the problem's load cases that count, as are the following.
         target: measured coordinates, degrees and mm, `(5, n)`; NaN where not observed.
         noise: its standard deviation, `(5,)`.
         near: parameters `(p,)` and balances there to predict from, fields of `Slopes`; arrays begin
@@ -54,7 +54,7 @@ class MotionDensity(eqx.Module):
     selection: Selection = eqx.field(static=True)
     offsets: tuple[str, ...] = eqx.field(static=True)
     knee: Knee
-    stations: Stations
+    load_cases: LoadCases
     target: Array
     noise: Array
     near: dict[str, Array]
@@ -96,7 +96,7 @@ class MotionDensity(eqx.Module):
             problem.selection,
             problem.offsets,
             problem.knee,
-            problem.cases.stations.take(rows),
+            problem.cases.load_cases.take(rows),
             jnp.asarray(problem.cases.target.T[:, rows]),
             jnp.asarray(noise),
             known,
@@ -165,8 +165,8 @@ class MotionDensity(eqx.Module):
     def _likelihood(self, values: Array) -> tuple[Array, Array]:
         """Log likelihood of each chain, and whether all poses that count are balanced."""
         chains, size = values.shape[0], len(self.selection)
-        settled = self._settled(values[:, :size])
-        own = settled.q[: len(TABLE_UNITS)]
+        equilibrium = self._equilibrium_of(values[:, :size])
+        own = equilibrium.q[: len(TABLE_UNITS)]
         table = own.reshape(len(own), chains, -1) * TABLE_UNITS[:, None, None]
         for k, name in enumerate(self.offsets):
             table = table.at[FREE_COORDINATES.index(name)].add(values[:, size + k, None])
@@ -177,25 +177,26 @@ class MotionDensity(eqx.Module):
         error = jnp.where(jnp.isnan(self.target[:, None]), 0.0, error)
         return -0.5 * jnp.sum(error**2, axis=(0, 2)), balanced
 
-    def _settled(self, values: Array):
+    def _equilibrium_of(self, values: Array):
         """Every pose of every chain: lanes run over the chains' poses, chain by chain."""
-        chains, poses = values.shape[0], len(self.stations)
+        chains, poses = values.shape[0], len(self.load_cases)
 
         def of_its_chain(leaf: Array) -> Array:
             return jnp.repeat(leaf, poses, axis=-1) if leaf.shape[-1] == chains else leaf
 
         lanes = in_lanes(self.knee, self.selection.apply, values)
         guess = self._predicted(values)
-        every = jax.tree.map(lambda x: jnp.concatenate([x] * chains), self.stations)
+        every = jax.tree.map(lambda x: jnp.concatenate([x] * chains), self.load_cases)
         knees = every.load(jax.tree.map(of_its_chain, lanes))
-        return settle(knees, every.prescribed, guess)
+        return solve_equilibrium(knees, every.prescribed, guess)
 
     def _predicted(self, values: Array) -> Guess:
         """Poses to first order from the known ones."""
         near, step = self.near, values - self.near["values"]
         q = near["q"] + jnp.einsum("ncp,vp->vnc", near["jacobian"], step)
-        meeting = jnp.broadcast_to(near["meeting"], (len(q), *near["meeting"].shape))
-        lanes = (x.reshape(len(q) * q.shape[1], *x.shape[2:]) for x in (q, meeting))
+        points = near["contact_points"]
+        points = jnp.broadcast_to(points, (len(q), *points.shape))
+        lanes = (x.reshape(len(q) * q.shape[1], *x.shape[2:]) for x in (q, points))
         return Guess(*(jnp.moveaxis(x, 0, -1) for x in lanes))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from kneejax.experiments import MeasuredTest
 from kneejax.inference.calibration import Question, Ready, ready
-from kneejax.inference.fit import LoadCases, fit_lanes
+from kneejax.inference.fit import Observations, fit_lanes
 from kneejax.parameters import UnsuitableData
 from kneejax.statics import Slopes
 
@@ -29,7 +29,7 @@ class Answered:
     """
 
     own: Ready
-    cases: LoadCases
+    cases: Observations
     first: Slopes
 
     @classmethod
@@ -53,7 +53,7 @@ class Answered:
         return cls(own, problem.with_used(first.converged[0] & problem.used).cases, first)
 
     def fitted(
-        self, draws: Sequence[int], data: Callable[[Sequence[int]], LoadCases]
+        self, draws: Sequence[int], data: Callable[[Sequence[int]], Observations]
     ) -> np.ndarray:
         """Fit data of each draw, with all parameters free, from the answer.
 

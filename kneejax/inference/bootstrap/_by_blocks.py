@@ -10,7 +10,7 @@ import numpy as np
 from kneejax.experiments import MeasuredTest
 from kneejax.inference.bootstrap._answered import Answered
 from kneejax.inference.calibration import Question
-from kneejax.inference.fit import LoadCases, rows_of_tests
+from kneejax.inference.fit import Observations, rows_of_tests
 from kneejax.parameters import UnsuitableData
 
 #: Flexions of one test that are farther apart are curves of their own, degrees.
@@ -77,7 +77,7 @@ def bootstrap_by_blocks(
     count, shape = len(curves), cases.target.shape
     spread = np.ones(shape) if cases.spread is None else cases.spread
 
-    def drawn(some: Sequence[int]) -> LoadCases:
+    def drawn(some: Sequence[int]) -> Observations:
         times = np.ones((len(some), *shape))
         for place, k in enumerate(some):
             lot = np.random.default_rng([seed, k]).integers(0, count, count)

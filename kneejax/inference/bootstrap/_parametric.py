@@ -9,7 +9,7 @@ import numpy as np
 
 from kneejax.inference.bootstrap._answered import Answered
 from kneejax.inference.calibration import Question
-from kneejax.inference.fit import LoadCases
+from kneejax.inference.fit import Observations
 
 
 def bootstrap(
@@ -47,7 +47,7 @@ def bootstrap(
     if cases.spread is not None:
         spread = spread * cases.spread
 
-    def made_again(some: Sequence[int]) -> LoadCases:
+    def made_again(some: Sequence[int]) -> Observations:
         scatter = [np.random.default_rng([seed, k]).standard_normal(model.shape) for k in some]
         target = model + spread * np.array(scatter)
         return dataclasses.replace(cases, target=np.where(np.isnan(cases.target), np.nan, target))

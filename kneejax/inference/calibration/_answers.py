@@ -96,7 +96,7 @@ def fit_of(
         {
             "residual": trail.evaluations,
             "jacobian": trail.evaluations,
-            "equilibria": trail.evaluations * len(problem.cases.stations),
+            "equilibria": trail.evaluations * len(problem.cases.load_cases),
             **trail.counts,
         },
         bool(trail.converged and not failed),
@@ -166,12 +166,12 @@ def motion_of(problem: Problem, found: Slopes) -> Motion:
     table = np.array(state.tibia.to_table())
     table[:, 0] = problem.measured[:, 0]
     knee = problem.knee_at(found.values[0])
-    meeting, status = problem.meeting(found)[..., rows], found.status[0][rows]
-    return motion_at(knee, table, state, meeting, status)
+    contact_points, status = problem.contact_points(found)[..., rows], found.status[0][rows]
+    return motion_at(knee, table, state, contact_points, status)
 
 
 def motion_at(
-    knee: Knee, table: np.ndarray, state: State, meeting: ArrayLike, status: ArrayLike
+    knee: Knee, table: np.ndarray, state: State, contact_points: ArrayLike, status: ArrayLike
 ) -> Motion:
     """Poses with the forces that hold them.
 
@@ -179,13 +179,13 @@ def motion_at(
         knee: that was balanced.
         table: what is shown of the poses, degrees and mm, `(n, 6)`.
         state: the balances, `(n,)`.
-        meeting: parameters of the meeting points, `(patches, 2, n)`.
+        contact_points: parameters of the contact points, `(patches, 2, n)`.
         status: `Status` values, `(n,)`.
     """
     if not len(table):
         parts = len(knee.ligaments.names), len(knee.contact_names)
         return Motion(table, np.asarray(status), *(np.empty((0, count)) for count in parts))
-    mechanics = evaluate_mechanics(knee, state, meeting)
+    mechanics = evaluate_mechanics(knee, state, contact_points)
     return Motion(
         table,
         with_flips(status, mechanics),

@@ -92,7 +92,7 @@ def _readings(problem: Problem, found: Slopes) -> dict[str, np.ndarray]:
     value, every = np.where(counted, data.target + error, np.nan), {}
     for place, name in enumerate(data.names):
         own = data.name == place
-        every[name] = np.full(len(problem.cases.stations), np.nan)
+        every[name] = np.full(len(problem.cases.load_cases), np.nan)
         every[name][data.case[own]] = value[own]
     return every
 

@@ -106,7 +106,7 @@ def check_offsets(problem: Problem) -> None:
     Raises:
         UnsuitableData: fewer than two poses for each.
     """
-    poses = np.asarray(problem.cases.stations.flexion)[problem.cases.posed]
+    poses = np.asarray(problem.cases.load_cases.flexion)[problem.cases.posed]
     angles = len(np.unique(np.round(poses, 12)))
     if problem.offsets and angles < 2:
         raise UnsuitableData(

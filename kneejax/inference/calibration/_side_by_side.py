@@ -211,7 +211,7 @@ def _past_what_blocks(
     off = ~(largest <= _BLOCKED * np.sqrt(min(variance, _unit(one))))
     if not off.any():
         return None
-    units = np.array(scales(problem.cases.stations.of(problem.knee).free))
+    units = np.array(scales(problem.cases.load_cases.of(problem.knee).free))
     # Of what the search followed past the end of its branch no stiffness is known.
     stiffness = np.nan_to_num(there.tangent[0][cases]) * units[:, None] * units
     least = np.linalg.eigvalsh(0.5 * (stiffness + stiffness.swapaxes(1, 2)))[:, 0]

@@ -10,7 +10,7 @@ import numpy as np
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.mechanics import NAMED_LOADS, RANGES, load_of, load_words
 from kneejax.parameters import UnsuitableData
-from kneejax.statics import Stations
+from kneejax.statics import LoadCases
 
 #: Loads of the usual tests, of the size that laxity tests use: name of a load -> its size.
 USUAL_LOADS: tuple[dict[str, float], ...] = (
@@ -102,7 +102,7 @@ def usual_candidates(
     )
 
 
-def stations_of(candidates: Sequence[Candidate]) -> Stations:
+def load_cases_of(candidates: Sequence[Candidate]) -> LoadCases:
     """The load cases at which a knee must be balanced to predict each candidate."""
     sizes = {name: np.array([test.loads[name] for test in candidates]) for name in NAMED_LOADS}
-    return Stations.at([test.flexion_deg for test in candidates], [load_of(**sizes, name="test")])
+    return LoadCases.at([test.flexion_deg for test in candidates], [load_of(**sizes, name="test")])

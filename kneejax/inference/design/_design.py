@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from kneejax.geometry import FREE_COORDINATES
-from kneejax.inference.design._candidates import Candidate, stations_of, usual_candidates
+from kneejax.inference.design._candidates import Candidate, load_cases_of, usual_candidates
 from kneejax.inference.design._linearity import departures
-from kneejax.inference.design._station_derivatives import station_derivatives
+from kneejax.inference.design._load_case_derivatives import load_case_derivatives
 from kneejax.inference.identification import Information
 from kneejax.mechanics import Knee
 from kneejax.parameters import Selection, UnsuitableData
@@ -119,7 +119,7 @@ def design_tests(
     noise, prior = np.asarray(noise, float), None if prior is None else np.asarray(prior, float)
     check_tests(tests, count, criterion, repeat=repeat)
     _check(selection, known, noise, prior)
-    found = station_derivatives(selection, knee, known.values, stations_of(tests))
+    found = load_case_derivatives(selection, knee, known.values, load_cases_of(tests))
     usable = found.status == Status.BALANCED
     if usable.sum() < (1 if repeat else count):
         raise UnsuitableData(

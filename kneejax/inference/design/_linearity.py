@@ -6,8 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from kneejax.inference.design._candidates import Candidate, stations_of
-from kneejax.inference.design._station_derivatives import StationDerivatives, station_derivatives
+from kneejax.inference.design._candidates import Candidate, load_cases_of
+from kneejax.inference.design._load_case_derivatives import (
+    LoadCaseDerivatives,
+    load_case_derivatives,
+)
 from kneejax.mechanics import Knee
 from kneejax.parameters import Selection
 
@@ -20,7 +23,7 @@ def departures(
     noise: np.ndarray,
     candidates: Sequence[Candidate],
     chosen: Sequence[int],
-    foreseen: StationDerivatives,
+    foreseen: LoadCaseDerivatives,
 ) -> np.ndarray:
     """Move parameters by one standard deviation along what a test tells most about, both ways.
 
@@ -45,11 +48,11 @@ def departures(
         jacobian = foreseen.jacobian[row] / noise[:, None]
         sizes, directions = np.linalg.eigh(jacobian @ covariance @ jacobian.T)
         step = covariance @ jacobian.T @ directions[:, -1] / np.sqrt(sizes[-1])
-        # As many stations as there were candidates: one shape, one compilation.
+        # As many load cases as there were candidates: one shape, one compilation.
         copies = [row] * len(candidates)
-        alike, near = stations_of([candidates[i] for i in copies]), foreseen.take(copies)
+        alike, near = load_cases_of([candidates[i] for i in copies]), foreseen.take(copies)
         for side in (step, -step):
-            moved = station_derivatives(selection, knee, values + side, alike, near).table[0]
+            moved = load_case_derivatives(selection, knee, values + side, alike, near).table[0]
             change, straight = (moved - foreseen.table[row]) / noise, jacobian @ side
             part = np.linalg.norm(change - straight) / np.linalg.norm(straight)
             parts[row] = max(parts.get(row, 0.0), float(np.nan_to_num(part, nan=np.inf)))

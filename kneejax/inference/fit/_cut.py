@@ -13,10 +13,10 @@ import numpy as np
 from kneejax.experiments import slack_poses
 from kneejax.geometry import State
 from kneejax.inference.fit._frames import Passage
-from kneejax.inference.fit._load_cases import Balance, LoadCases
+from kneejax.inference.fit._observed import Balance, Observations
 from kneejax.mechanics import Knee
 from kneejax.parameters import Selection, fibre_rows
-from kneejax.statics import Own, Slopes, Stations, Vary, balance_with_slopes
+from kneejax.statics import LoadCases, Own, Slopes, Vary, balance_with_slopes
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,7 +43,7 @@ class CutKnee:
 
 
 def balances_of(
-    knee: Knee, selection: Selection, cases: LoadCases, own: Own | None = None
+    knee: Knee, selection: Selection, cases: Observations, own: Own | None = None
 ) -> Balance:
     """Balances of a knee's variants at load cases, many at a time.
 
@@ -60,7 +60,7 @@ def balances_of(
     """
     if own and any(cases.cuts):
         raise ValueError("knees side by side have no ligament cut: one whole knee stands for all")
-    every = cases.stations.of(knee)
+    every = cases.load_cases.of(knee)
     parts: list[tuple[np.ndarray, Balance]] = []
     for number, names in enumerate(cases.cuts):
         base, vary = without(knee, selection, names)
@@ -84,7 +84,7 @@ def balances_of(
     return balance
 
 
-def _balanced(knee: Knee, vary: Vary, there: Stations, own: Own | None) -> Balance:
+def _balanced(knee: Knee, vary: Vary, there: LoadCases, own: Own | None) -> Balance:
     """Load cases that are the same are one: a load that grows and is taken away again, as in most
     tests, meets each balance twice."""
     columns = [x.reshape(len(there), -1) for x in jax.tree.leaves(there)]
@@ -124,19 +124,19 @@ def without(knee: Knee, selection: Selection, names: tuple[str, ...]):
     return whole, CutKnee(selection, fibres)
 
 
-def state_of(knee: Knee, cases: LoadCases, found: Slopes) -> State:
-    """Where the bones are in the balances of one variant, `(stations,)`.
+def state_of(knee: Knee, cases: Observations, found: Slopes) -> State:
+    """Where the bones are in the balances of one variant, `(load_cases,)`.
 
     Args:
         knee: whose bones they are.
         cases: at which it was balanced.
         found: one variant.
     """
-    return State.of(cases.stations.prescribed, jnp.asarray(found.q[0].T), knee.bodies)
+    return State.of(cases.load_cases.prescribed, jnp.asarray(found.q[0].T), knee.bodies)
 
 
 def slack_at(
-    knee: Knee, selection: Selection, cases: LoadCases, found: Slopes
+    knee: Knee, selection: Selection, cases: Observations, found: Slopes
 ) -> dict[str, np.ndarray]:
     """Where each ligament and group is slack or cut, in the balances of one variant.
 
@@ -147,11 +147,11 @@ def slack_at(
         found: one variant.
 
     Returns:
-        Ligament or group -> `(stations,)`.
+        Ligament or group -> `(load_cases,)`.
     """
-    meeting = jnp.moveaxis(jnp.asarray(found.meeting[0]), 0, -1)
+    contact_points = jnp.moveaxis(jnp.asarray(found.contact_points[0]), 0, -1)
     own = selection.apply(knee, jnp.asarray(found.values[0]))
-    slack = slack_poses(own, state_of(knee, cases, found), meeting)
+    slack = slack_poses(own, state_of(knee, cases, found), contact_points)
     for number, names in enumerate(cases.cuts):
         gone = {row for name in names for row in fibre_rows(knee, name)}
         for name, where in slack.items():

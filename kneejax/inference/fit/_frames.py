@@ -34,9 +34,9 @@ from kneejax.mechanics import Knee, add_lane_axis
 from kneejax.numerics import compiled, on_all_cores
 from kneejax.parameters import UnsuitableData
 from kneejax.statics import (
-    Settled,
+    Equilibrium,
+    LoadCases,
     Slopes,
-    Stations,
     Status,
     Vary,
     balance_with_slopes,
@@ -52,7 +52,7 @@ class Passage:
     Attributes:
         frames: when, and what moves.
         rows: of the load cases, `(n,)`.
-        stations: these.
+        load_cases: these.
         grid: steps of the motion.
         restless: how far a motion that repeats itself is from where it was a period before, mm or
             degrees, at worst in the last half of the rows; 0 of one that does not.
@@ -60,12 +60,12 @@ class Passage:
 
     frames: Frames
     rows: np.ndarray
-    stations: Stations
+    load_cases: LoadCases
     grid: Grid
     restless: float
 
     @classmethod
-    def of(cls, knee: Knee, vary: Vary, values, frames: Frames, rows, stations) -> Passage:
+    def of(cls, knee: Knee, vary: Vary, values, frames: Frames, rows, load_cases) -> Passage:
         """With steps that leave as little error as was asked for.
 
         Args:
@@ -74,12 +74,12 @@ class Passage:
             values: of the variant for which steps are chosen, `(p,)`.
             frames: as the attribute, and so are the others.
             rows: likewise.
-            stations: likewise.
+            load_cases: likewise.
 
         Raises:
             UnsuitableData: the motion has no start, or ends early.
         """
-        begin = _started(knee, vary, np.asarray(values, float)[None], frames, stations)
+        begin = _started(knee, vary, np.asarray(values, float)[None], frames, load_cases)
         if not begin.converged.all():
             status = Status(int(begin.status[0, 0]))
             raise UnsuitableData(f"no balance from which a motion could begin: {status.sentence}")
@@ -89,7 +89,7 @@ class Passage:
         start = _start(knee, frames, begin)[0][0]
         found = move_within(
             frames.most_mm, moving, start, frames.since_start_s,
-            loads=_loads(frames, stations), held={"flexion": frames.led},
+            loads=_loads(frames, load_cases), held={"flexion": frames.led},
             rate=_rate(knee, frames),
         )  # fmt: skip
         if not converged(np.asarray(found.status)).all():
@@ -101,7 +101,7 @@ class Passage:
         now, before = table[-count:], table[-2 * count : -count]
         periodic = frames.period_s is not None and frames.cycles_before
         restless = float(np.abs(now - before)[count // 2 :].max()) if periodic else 0.0
-        return cls(frames, np.asarray(rows), stations, found.grid, restless)
+        return cls(frames, np.asarray(rows), load_cases, found.grid, restless)
 
     def slopes(self, knee: Knee, vary: Vary, values: np.ndarray) -> Slopes:
         """Poses of variants at the frames, and their derivatives.
@@ -111,7 +111,7 @@ class Passage:
             vary: sets values.
             values: `(variants, p)`.
         """
-        begin = _started(knee, vary, values, self.frames, self.stations)
+        begin = _started(knee, vary, values, self.frames, self.load_cases)
         q, slope = _start(knee, self.frames, begin)
 
         # One by one: a program of more lanes compiles for as long as a hundred motions take.
@@ -133,15 +133,15 @@ class Passage:
         frames = self.frames
         given = given_of(
             frames.moving(knee), np.zeros(q.shape[1]), self.grid, rate=_rate(knee, frames),
-            loads=_loads(frames, self.stations), held={"flexion": frames.led},
+            loads=_loads(frames, self.load_cases), held={"flexion": frames.led},
         )  # fmt: skip
         dampers = jnp.array([frames.critical]), jnp.array([frames.damping_N_s_per_mm])
         asked = jnp.asarray(self.grid.asked[-len(self.rows) :])
         given, moving = dataclasses.replace(given, q=jnp.asarray(q.T)), frames.moving(knee)
         varied = _Varied(vary)
-        settled = searched(varied(moving, dampers, values), given)
-        given, settled = with_idle_steps(given, settled)
-        found = passed(varied, moving, dampers, given, settled, asked, values, slope)
+        equilibrium = searched(varied(moving, dampers, values), given)
+        given, equilibrium = with_idle_steps(given, equilibrium)
+        found = passed(varied, moving, dampers, given, equilibrium, asked, values, slope)
         free = [k for k, name in enumerate(coordinates_of(knee.bodies)) if name not in given.held]
         return found._replace(q=found.q[..., free], jacobian=found.jacobian[..., free, :])
 
@@ -152,7 +152,7 @@ class Passed(NamedTuple):
 
     q: np.ndarray
     jacobian: np.ndarray
-    meeting: np.ndarray
+    contact_points: np.ndarray
     status: np.ndarray
 
 
@@ -173,7 +173,7 @@ def passed(
     moving: MovingKnee,
     fixed: Any,
     given: Given,
-    settled: Settled,
+    equilibrium: Equilibrium,
     asked: Array,
     values: ArrayLike,
     slope: ArrayLike,
@@ -185,39 +185,39 @@ def passed(
         moving: gives all numbers that do not vary.
         fixed: arrays that `lanes_of` takes besides.
         given: start and steps of the motions.
-        settled: these motions, as they were searched.
+        equilibrium: these motions, as they were searched.
         asked: steps that are asked for.
         values: `(variants, p)`.
         slope: of the starts by the values, `(variants, coordinates, p)`.
     """
-    answer = _passed(lanes_of, moving, fixed, given, settled, asked, values, slope)
+    answer = _passed(lanes_of, moving, fixed, given, equilibrium, asked, values, slope)
     return Passed(*map(np.asarray, answer))
 
 
 @compiled(static_argnums=(0,))
-def _passed(lanes_of, moving, fixed, given: Given, settled, asked, values, slope):
+def _passed(lanes_of, moving, fixed, given: Given, equilibrium, asked, values, slope):
     def motion(x: Array):
         begin = given.q + jnp.einsum("vcp,vp->cv", slope, x - values)
         lanes = lanes_of(moving, fixed, x)
-        found = followed(lanes, dataclasses.replace(given, q=begin), settled)
-        return found.known.q[asked], (found.meeting[asked], found.status[asked])
+        found = followed(lanes, dataclasses.replace(given, q=begin), equilibrium)
+        return found.known.q[asked], (found.contact_points[asked], found.status[asked])
 
-    q, push, (meeting, status) = jax.linearize(motion, values, has_aux=True)
+    q, push, (contact_points, status) = jax.linearize(motion, values, has_aux=True)
     size = values.shape[1]
     units = jnp.broadcast_to(jnp.eye(size)[:, None], (size, *values.shape))
     turned = jax.vmap(push, out_axes=-1)(units)
-    q, turned, meeting = map(jnp.nan_to_num, (q, turned, meeting))
+    q, turned, contact_points = map(jnp.nan_to_num, (q, turned, contact_points))
     return (
-        jnp.moveaxis(q, -1, 0), jnp.moveaxis(turned, -2, 0), jnp.moveaxis(meeting, -1, 0),
+        jnp.moveaxis(q, -1, 0), jnp.moveaxis(turned, -2, 0), jnp.moveaxis(contact_points, -1, 0),
         jnp.moveaxis(status, -1, 0),
     )  # fmt: skip
 
 
-def _started(knee: Knee, vary: Vary, values: np.ndarray, frames: Frames, stations) -> Slopes:
-    """Balances from which the variants begin to move, at one station."""
+def _started(knee: Knee, vary: Vary, values: np.ndarray, frames: Frames, load_cases) -> Slopes:
+    """Balances from which the variants begin to move, at one load case."""
     flexion = np.rad2deg(frames.led(np.zeros(1)))
     heavy = dataclasses.replace(knee, loads=frames.moving(knee).loads)
-    first = Stations.at(flexion, jax.tree.map(lambda x: x[:1], stations.loads))
+    first = LoadCases.at(flexion, jax.tree.map(lambda x: x[:1], load_cases.loads))
     return balance_with_slopes(heavy, vary, values, first)
 
 
@@ -233,9 +233,9 @@ def _start(knee: Knee, frames: Frames, begin: Slopes) -> tuple[np.ndarray, np.nd
     return q, slope
 
 
-def _loads(frames: Frames, stations: Stations) -> LoadCurve:
+def _loads(frames: Frames, load_cases: LoadCases) -> LoadCurve:
     """What acts besides the knee's own loads, over the time since the start."""
-    along = jax.tree.map(lambda x: jnp.asarray(frames.over_time(np.asarray(x))), stations.loads)
+    along = jax.tree.map(lambda x: jnp.asarray(frames.over_time(np.asarray(x))), load_cases.loads)
     return LoadCurve(jnp.asarray(frames.since_start_s), along)
 
 

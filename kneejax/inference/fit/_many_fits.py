@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from kneejax.inference.fit._bounded import BoundedLevenbergMarquardt
-from kneejax.inference.fit._load_cases import Balance, LoadCases
+from kneejax.inference.fit._observed import Balance, Observations
 from kneejax.statics import Slopes
 
 #: Evaluations of a fit that is to reach the end of a long flat valley.
@@ -49,7 +49,7 @@ class ManyFits:
 
 def fit_lanes(
     balance: Balance,
-    data: LoadCases,
+    data: Observations,
     begin: Slopes,
     starts: np.ndarray,
     lower: np.ndarray,

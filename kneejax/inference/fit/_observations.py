@@ -10,11 +10,11 @@ import numpy as np
 
 from kneejax.experiments import MeasuredTest, counts_like_poses
 from kneejax.geometry import COORDINATES, FREE_COORDINATES, OTHER_COLUMNS
-from kneejax.inference.fit._load_cases import LoadCases
+from kneejax.inference.fit._observed import Observations
 from kneejax.inference.fit._readings import Readings, check_readable
 from kneejax.mechanics import NAMED_LOADS, Knee, Load, Pull, load_of, pull_of
 from kneejax.parameters import Selection, UnsuitableData
-from kneejax.statics import Stations
+from kneejax.statics import LoadCases
 
 
 def observations(
@@ -23,7 +23,7 @@ def observations(
     loads: Sequence[Load] = (),
     tests: Sequence[MeasuredTest] = (),
     stated: np.ndarray | None = None,
-) -> LoadCases:
+) -> Observations:
     """What was measured of a knee: poses as they are, then what tests under load observed.
 
     Each test brings its rows and, where it counts from them, an unloaded pose per flexion, at
@@ -46,14 +46,14 @@ def observations(
         >>> (test,) = kj.lab_tests("drawer", [0.0, 30.0], steps=2)
         >>> (curves,) = kj.load_curves(kj.load_knee("four_ligament"), test)
         >>> cases = observations(np.zeros((0, 6)), np.ones(5), tests=[kj.MeasuredTest.of(curves)])
-        >>> len(cases.stations), cases.neutral.tolist()
+        >>> len(cases.load_cases), cases.neutral.tolist()
         (8, [6, 6, 6, 7, 7, 7, -1, -1])
     """
     measured = np.asarray(measured, float).reshape(-1, 6)
     poses = len(measured)
     if not tests:
-        stations = Stations.at(measured[:, 0], tuple(loads))
-        return LoadCases(stations, measured[:, 1:], noise)
+        load_cases = LoadCases.at(measured[:, 0], tuple(loads))
+        return Observations(load_cases, measured[:, 1:], noise)
     flexion, target = [measured[:, 0]], [measured[:, 1:]]
     neutral, group = [np.full(poses, -1)], [np.full(poses, -1)]
     spread, acting, count = [np.ones((poses, 5))], [], poses
@@ -75,8 +75,8 @@ def observations(
         acting.append(_acting(test, len(bent), lines, axes))
         count += len(bent)
     kinds = _together(tuple(loads), acting, poses, count, len(axes))
-    return LoadCases(
-        Stations.at(np.concatenate(flexion), kinds),
+    return Observations(
+        LoadCases.at(np.concatenate(flexion), kinds),
         np.vstack(target),
         noise,
         clinical=np.arange(count) >= poses,

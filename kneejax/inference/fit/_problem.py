@@ -13,15 +13,15 @@ from kneejax.experiments import MeasuredTest
 from kneejax.geometry import FREE_COORDINATES, State
 from kneejax.inference.fit._cut import balances_of, state_of, without
 from kneejax.inference.fit._frames import Passage
-from kneejax.inference.fit._load_cases import (
+from kneejax.inference.fit._observations import observations, readings_of, rows_of_tests
+from kneejax.inference.fit._observed import (
     TABLE_UNITS,
     Balance,
-    LoadCases,
+    Observations,
     add_offsets,
     with_offsets,
     without_offsets,
 )
-from kneejax.inference.fit._observations import observations, readings_of, rows_of_tests
 from kneejax.mechanics import Knee, Load
 from kneejax.parameters import Selection, UnsuitableData, stated
 from kneejax.statics import Slopes
@@ -54,7 +54,7 @@ class Problem:
 
     knee: Knee
     selection: Selection
-    cases: LoadCases
+    cases: Observations
     offsets: tuple[str, ...] = ()
     tests: tuple[MeasuredTest, ...] = ()
 
@@ -95,7 +95,7 @@ class Problem:
         Raises:
             UnsuitableData: a motion ends early.
         """
-        passages, every = [], self.cases.stations.of(self.knee)
+        passages, every = [], self.cases.load_cases.of(self.knee)
         for test, place in zip(self.tests, self.rows_of_tests(), strict=True):
             if test.frames is not None:
                 rows = np.arange(place.start, place.stop)
@@ -144,7 +144,7 @@ class Problem:
     @property
     def measured(self) -> np.ndarray:
         """Measured poses, degrees and mm, `(n, 6)`; without what tests observed."""
-        table = np.column_stack([np.rad2deg(self.cases.stations.flexion), self.cases.target])
+        table = np.column_stack([np.rad2deg(self.cases.load_cases.flexion), self.cases.target])
         return table[self.cases.posed]
 
     def rows_of_tests(self) -> list[slice]:
@@ -223,9 +223,9 @@ class Problem:
         own = without_offsets(found, self.offsets, self.cases.posed)
         return state_of(self.knee, self.cases, own)
 
-    def meeting(self, found: Slopes) -> np.ndarray:
-        """Meeting points of one fit, `(patches, 2, cases)`."""
-        return np.moveaxis(found.meeting[0], 0, -1)
+    def contact_points(self, found: Slopes) -> np.ndarray:
+        """Contact points of one fit, `(patches, 2, cases)`."""
+        return np.moveaxis(found.contact_points[0], 0, -1)
 
     def error(self, found: Slopes) -> np.ndarray:
         """Model plus constants minus measurement of one fit, `(5, cases)`, degrees and mm; zero

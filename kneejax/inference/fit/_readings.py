@@ -15,10 +15,10 @@ from kneejax.inference.fit._cut import without
 from kneejax.mechanics import Knee
 from kneejax.numerics import compiled, on_all_cores, safe_sqrt
 from kneejax.parameters import Selection, UnknownParameter, fibre_rows, nearest_of
-from kneejax.statics import Slopes, Stations, Vary, in_lanes
+from kneejax.statics import LoadCases, Slopes, Vary, in_lanes
 
 if TYPE_CHECKING:
-    from kneejax.inference.fit._load_cases import LoadCases
+    from kneejax.inference.fit._observed import Observations
 
 #: Lanes of a call, as of the derivatives of balances.
 _LANES = 128
@@ -58,7 +58,7 @@ class Readings:
     def __len__(self) -> int:
         return len(self.target)
 
-    def model(self, cases: LoadCases, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
+    def model(self, cases: Observations, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
         """What the knee gives in the place of each number, and its derivative by the values.
 
         Args:
@@ -76,12 +76,12 @@ class Readings:
         value = at[own] - np.where(counts, at[rest], 0.0)
         return value, slope[own] - np.where(counts[:, None], slope[rest], 0.0)
 
-    def counted(self, cases: LoadCases) -> np.ndarray:
+    def counted(self, cases: Observations) -> np.ndarray:
         """Of which numbers the load case counts, and the one that it is counted from, `(r,)`."""
         zero = np.where(self.neutral >= 0, self.neutral, self.case)
         return cases.counted[self.case] & cases.counted[zero]
 
-    def error(self, cases: LoadCases, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
+    def error(self, cases: Observations, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
         """Knee minus what was read, the best unknown constants taken out, `(fits, r)`, and by the
         values; zero where the load case does not count."""
         value, slope = self.model(cases, found)
@@ -96,23 +96,23 @@ class Readings:
             slope[:, own] -= np.einsum("r,frp->fp", share, slope[:, own])[:, None]
         return error, slope
 
-    def residual(self, cases: LoadCases, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
+    def residual(self, cases: Observations, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
         """Errors over standard deviations `(fits, r)`, and by the values."""
         error, slope = self.error(cases, found)
         return error / self.sd, slope / self.sd[:, None]
 
-    def _at_cases(self, cases: LoadCases, found: Slopes, rows: np.ndarray):
+    def _at_cases(self, cases: Observations, found: Slopes, rows: np.ndarray):
         """All that can be read at some load cases, `(fits, cases, names)`, and by the values; NaN
         at the others."""
         fits, size = found.values.shape
-        shape = fits, len(cases.stations), len(self.names)
+        shape = fits, len(cases.load_cases), len(self.names)
         value, slope = np.full(shape, np.nan), np.full((*shape, size), np.nan)
         asked = tuple(_asked(self.knee, name) for name in self.names)
         for number, names in enumerate(cases.cuts):
             own = rows[cases.cut[rows] == number]
             if len(own):
                 knee, vary = without(self.knee, self.selection, names)
-                there = cases.stations.of(knee).take(own).plain()
+                there = cases.load_cases.of(knee).take(own).plain()
                 pair = _read_all(asked, vary, knee, len(self.selection), there, found.at(own))
                 value[:, own], slope[:, own] = pair
         return value, slope
@@ -153,22 +153,22 @@ def check_readable(knee: Knee, names) -> None:
         _asked(knee, name)
 
 
-def _read_all(asked, vary: Vary, knee: Knee, free: int, stations: Stations, found: Slopes):
-    """What is read of all variants at all stations, `(variants, stations, names)`, and by the
+def _read_all(asked, vary: Vary, knee: Knee, free: int, load_cases: LoadCases, found: Slopes):
+    """What is read of all variants at all load cases, `(variants, load_cases, names)`, and by the
     values."""
     fits, size = found.values.shape
-    count = len(stations)
+    count = len(load_cases)
     in_nodes = [
         x.reshape(fits * count, *x.shape[2:])
-        for x in (found.q, found.meeting, found.jacobian)
+        for x in (found.q, found.contact_points, found.jacobian)
     ]
 
     def some(first: int):
         rows = np.minimum(np.arange(first, first + _LANES), fits * count - 1)
-        there = jax.tree.map(lambda x: np.asarray(x)[rows % count], stations)
-        q, meeting, moved = (np.moveaxis(x[rows], 0, -1) for x in in_nodes)
+        there = jax.tree.map(lambda x: np.asarray(x)[rows % count], load_cases)
+        q, contact_points, moved = (np.moveaxis(x[rows], 0, -1) for x in in_nodes)
         values = found.values[rows // count, :free]
-        at = values, there, q, meeting, np.moveaxis(moved, -2, 0)
+        at = values, there, q, contact_points, np.moveaxis(moved, -2, 0)
         return tuple(map(np.asarray, _read(asked, vary, knee, *at)))
 
     parts = on_all_cores(some, range(0, fits * count, _LANES))
@@ -179,15 +179,15 @@ def _read_all(asked, vary: Vary, knee: Knee, free: int, stations: Stations, foun
 
 
 @compiled(static_argnums=(0, 1))
-def _read(asked, vary: Vary, knee: Knee, values, stations: Stations, q, meeting, moved):
+def _read(asked, vary: Vary, knee: Knee, values, load_cases: LoadCases, q, contact_points, moved):
     """Readings `(names, lanes)`, and in each direction of the values, `(p, names, lanes)`."""
 
     def at(values: Any, q: Array) -> Array:
-        lanes = stations.load(in_lanes(knee, vary, values))
-        state = State.of(stations.prescribed, q, stations.bodies)
+        lanes = load_cases.load(in_lanes(knee, vary, values))
+        state = State.of(load_cases.prescribed, q, load_cases.bodies)
         length = lanes.ligaments.length(state)
         springs = length / lanes.ligaments.slack_length - 1.0, lanes.ligaments.tension_at(length)
-        return jnp.stack([_one(lanes, state, meeting, springs, *each) for each in asked])
+        return jnp.stack([_one(lanes, state, contact_points, springs, *each) for each in asked])
 
     read, push = jax.linearize(at, values, q)
     # Lanes do not touch each other. Values beyond the parameters are constants between frames.
@@ -196,7 +196,9 @@ def _read(asked, vary: Vary, knee: Knee, values, stations: Stations, q, meeting,
     return read, jax.vmap(push)(units, moved)
 
 
-def _one(lanes: Knee, state: State, meeting: Array, springs, kind: str, rows: tuple[int, ...]):
+def _one(
+    lanes: Knee, state: State, contact_points: Array, springs, kind: str, rows: tuple[int, ...]
+):
     if kind in OTHER_COLUMNS:
         place = OTHER_COLUMNS[kind]
         return state.at([place.name])[0] * place.table_unit
@@ -209,7 +211,7 @@ def _one(lanes: Knee, state: State, meeting: Array, springs, kind: str, rows: tu
     there = state.between(contact.bodies)
     if contact.has_patch:
         patch = sum(one.has_patch for one in lanes.contacts[: rows[0]])
-        force = contact.press(there, meeting[patch]).wrench.force
+        force = contact.press(there, contact_points[patch]).wrench.force
     else:
         force = contact.wrench(there).force
     return safe_sqrt(sum(x * x for x in force))

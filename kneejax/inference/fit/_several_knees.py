@@ -11,7 +11,7 @@ import jax
 import numpy as np
 
 from kneejax.inference.fit._cut import balances_of
-from kneejax.inference.fit._load_cases import Balance, LoadCases, add_offsets, with_offsets
+from kneejax.inference.fit._observed import Balance, Observations, add_offsets, with_offsets
 from kneejax.inference.fit._problem import Problem
 from kneejax.statics import Own, Slopes
 
@@ -31,7 +31,7 @@ class SeveralKnees:
 
     problems: tuple[Problem, ...]
     own: Own | None
-    cases: LoadCases
+    cases: Observations
 
     @classmethod
     def of(cls, problems: Sequence[Problem]) -> SeveralKnees:
@@ -92,10 +92,10 @@ def form_of(problem: Problem) -> bytes | None:
         return None
     plain = dataclasses.replace(problem.knee, name="", side="right")
     leaves, tree = jax.tree.flatten(plain)
-    stations, kinds = jax.tree.flatten(cases.stations)
+    load_cases, kinds = jax.tree.flatten(cases.load_cases)
     known = None if cases.prior is None else cases.prior[1]
     arrays = [
-        *jax.tree.leaves(problem.knee.reference_pose), *stations, ~np.isnan(cases.target), known,
+        *jax.tree.leaves(problem.knee.reference_pose), *load_cases, ~np.isnan(cases.target), known,
         *(getattr(cases, name) for name in _ALIKE),
     ]  # fmt: skip
     words = [

@@ -8,7 +8,7 @@ import numpy as np
 
 from kneejax.mechanics import Knee, Load
 from kneejax.parameters import UnsuitableData, with_values
-from kneejax.statics import Stations, balance_one
+from kneejax.statics import LoadCases, balance_one
 
 
 def synthetic_motion(
@@ -42,7 +42,7 @@ def synthetic_motion(
     true_knee = with_values(knee, truth)
     table = np.zeros((len(flexion_deg), 6))
     table[:, 0] = flexion_deg
-    motion = balance_one(true_knee, Stations.at(flexion_deg, tuple(loads)))
+    motion = balance_one(true_knee, LoadCases.at(flexion_deg, tuple(loads)))
     poses, balanced = motion.table[0], motion.converged[0]
     if not balanced.all():
         angles = ", ".join(f"{f:g}" for f in np.asarray(flexion_deg)[~balanced])

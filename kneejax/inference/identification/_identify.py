@@ -12,7 +12,7 @@ from kneejax.experiments import MeasuredTest
 from kneejax.inference.calibration import Motion, motion_at
 from kneejax.inference.fit import (
     DEFAULT_WEIGHTS,
-    LoadCases,
+    Observations,
     Problem,
     balances_of,
     best_offsets,
@@ -163,7 +163,7 @@ def identify(
 
 
 def _identification(
-    problem: Problem, data: LoadCases, fit: Slopes, followed: tuple[Profile, ...], box
+    problem: Problem, data: Observations, fit: Slopes, followed: tuple[Profile, ...], box
 ) -> Identification:
     """What the data say of a fit.
 
@@ -225,8 +225,8 @@ def check_enough(count: int, unknowns: int) -> None:
         )
 
 
-def _motion(knee: Knee, data: LoadCases, fit: Slopes) -> Motion:
+def _motion(knee: Knee, data: Observations, fit: Slopes) -> Motion:
     rows = data.posed
     state = jax.tree.map(lambda x: x[rows], state_of(knee, data, fit))
-    table, meeting = np.asarray(state.tibia.to_table()), np.moveaxis(fit.meeting[0][rows], 0, -1)
-    return motion_at(knee, table, state, meeting, fit.status[0][rows])
+    table, points = np.asarray(state.tibia.to_table()), fit.contact_points[0][rows]
+    return motion_at(knee, table, state, np.moveaxis(points, 0, -1), fit.status[0][rows])

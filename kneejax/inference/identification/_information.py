@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from kneejax.inference.fit import LoadCases, slack_at
+from kneejax.inference.fit import Observations, slack_at
 from kneejax.mechanics import Knee
 from kneejax.parameters import Selection, UnsuitableData, prior_scales
 from kneejax.statics import Slopes
@@ -158,7 +158,7 @@ def information(
 def fit_information(
     knee: Knee,
     selection: Selection,
-    data: LoadCases,
+    data: Observations,
     fit: Slopes,
     *,
     scale: np.ndarray | None = None,
@@ -188,7 +188,7 @@ def fit_information(
         fit.values[0],
         scale=scale,
         at_bound=at_bound,
-        flexion_deg=np.rad2deg(np.asarray(data.stations.flexion))[counted],
+        flexion_deg=np.rad2deg(np.asarray(data.load_cases.flexion))[counted],
         slack={name: where[counted] for name, where in slack.items()},
     )
     return dataclasses.replace(answer, lost=int(data.counted.sum() - counted.sum()))

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from kneejax.inference.fit import Balance, LoadCases
+from kneejax.inference.fit import Balance, Observations
 from kneejax.inference.intervals._likelihood import (
     errors,
     likeliest,
@@ -169,7 +169,7 @@ class Surety:
 
 def sureties(
     balance: Balance,
-    data: LoadCases,
+    data: Observations,
     answers: Slopes,
     weights: np.ndarray,
     stated: np.ndarray,

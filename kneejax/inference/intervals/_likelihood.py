@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from kneejax.inference.fit import PATIENT, Balance, LoadCases, ManyFits, fit_lanes
+from kneejax.inference.fit import PATIENT, Balance, ManyFits, Observations, fit_lanes
 from kneejax.inference.intervals._uncertainty import uncertainty
 from kneejax.parameters import UnsuitableData
 from kneejax.statics import Slopes
@@ -64,14 +64,14 @@ def rise_at_limits(spare: int | None) -> float:
 
 def likeliest(
     balance: Balance,
-    data: LoadCases,
+    data: Observations,
     near: Slopes,
     stated: np.ndarray,
     lower: np.ndarray,
     upper: np.ndarray,
     *,
     far: bool = False,
-) -> tuple[ManyFits, LoadCases]:
+) -> tuple[ManyFits, Observations]:
     """Fit by maximum likelihood, many times at once.
 
     Args:
@@ -99,7 +99,7 @@ def likeliest(
 
 
 def noise_left(
-    data: LoadCases, fits: Slopes, stated: np.ndarray, lower: np.ndarray, upper: np.ndarray
+    data: Observations, fits: Slopes, stated: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> np.ndarray:
     """What fits leave, of rotations and of displacements, where no noise is stated: `(fits, 5)`."""
     weighed = np.broadcast_to(data.noise, (len(fits.values), 5))
@@ -121,9 +121,9 @@ def noise_left(
     return np.array(left)
 
 
-def errors(data: LoadCases, fit: Slopes) -> tuple[np.ndarray, np.ndarray]:
+def errors(data: Observations, fit: Slopes) -> tuple[np.ndarray, np.ndarray]:
     """Model minus measurement `(5, poses)` of one fit, degrees and mm, and its Jacobian, where
-    noise is its coordinate's; less where an observation has more (`LoadCases.spread`)."""
+    noise is its coordinate's; less where an observation has more (`Observations.spread`)."""
     plain = dataclasses.replace(data, noise=np.ones(5), prior=None, readings=None)
     residual, slope = plain.residual(fit)
     poses = int(data.counted.sum())

@@ -85,13 +85,13 @@ class _Steps:
     Attributes:
         parts: levels one after the other, in parts of the root of the rise at the limit.
         longest: step of any parameter, as a part of the bounds' width.
-        settled: the last step, as a part of the whole way, which is not looked at any more.
+        equilibrium: the last step, as a part of the whole way, which is not looked at any more.
         spare: what the other parameters may still take back there, as a part of the rise.
     """
 
     parts: tuple[float, ...]
     longest: float
-    settled: float
+    equilibrium: float
     spare: float
 
 
@@ -317,7 +317,7 @@ class Arms:
     def _judge(self, row: int) -> None:
         """Whether an arm is at its level, at its bound, or given up."""
         point = self.points[row][-1]
-        while self.active[row] and self._settled(row):
+        while self.active[row] and self._equilibrium_of(row):
             if self.steps.parts[self.part[row]] == 1.0:
                 self.limit[row] = self._after(np.array([row]))[0, self.index[row]]
             self.looks[row] = 0
@@ -332,13 +332,13 @@ class Arms:
         elif self.looks[row] > _MOST:
             self._stop(row, f"given up after {_MOST} steps")
 
-    def _settled(self, row: int) -> bool:
+    def _equilibrium_of(self, row: int) -> bool:
         """Whether the level is a short step away, and not behind a bound."""
         height, point, i = self._height(row), self.points[row][-1], self.index[row]
         there = squares(self.model[row], self.step[row]) - self.best[row]
         step = self.step[row, i] * self.width[i]
         whole_way = abs(point.value + step - self.points[row][0].value)
-        short = abs(step) <= self.steps.settled * whole_way
+        short = abs(step) <= self.steps.equilibrium * whole_way
         # A short reach hides how far the others are from where they should be.
         level = abs(there - height**2) <= self.steps.spare * height**2
         spare = point.spare <= self.steps.spare * height**2 and self.reach[row] > _FREE

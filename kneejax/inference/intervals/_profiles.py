@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from kneejax.inference.fit import PATIENT, Balance, LoadCases, ManyFits, balances_of, fit_lanes
+from kneejax.inference.fit import PATIENT, Balance, ManyFits, Observations, balances_of, fit_lanes
 from kneejax.inference.intervals._profile_arms import BETTER, Arms, Pace
 from kneejax.mechanics import Knee
 from kneejax.parameters import Selection
@@ -66,7 +66,7 @@ class Profile:
 def profiles(
     knee: Knee,
     selection: Selection,
-    data: LoadCases,
+    data: Observations,
     fit: Slopes,
     lower: np.ndarray,
     upper: np.ndarray,
@@ -99,7 +99,7 @@ def named(selection: Selection) -> list[tuple[str, str]]:
 
 def follow(
     balance: Balance,
-    data: LoadCases,
+    data: Observations,
     fits: Slopes,
     lower: np.ndarray,
     upper: np.ndarray,
@@ -166,7 +166,7 @@ def _led(balance: Balance, near: Slopes, values: np.ndarray) -> Slopes:
     return there
 
 
-def _walk(balance: Balance, data: LoadCases, arms: Arms, leave: bool) -> None:
+def _walk(balance: Balance, data: Observations, arms: Arms, leave: bool) -> None:
     """Advance all arms to their ends; data are those of each arm."""
     while arms.active.any():
         rows, values = arms.trials()
@@ -178,7 +178,7 @@ def _walk(balance: Balance, data: LoadCases, arms: Arms, leave: bool) -> None:
 
 def follow_to_the_lowest(
     balance: Balance,
-    data: LoadCases,
+    data: Observations,
     fits: ManyFits,
     lower: np.ndarray,
     upper: np.ndarray,

@@ -49,7 +49,7 @@ def uncertainty(
         noise: standard deviations of the measurement, `(5,)`; estimated where NaN, and by default.
         seen: what was observed, `(5, n)`; error and Jacobian are zero elsewhere. All by default.
         beside: derivatives of further residuals, each in its own standard deviation, `(k, p)`, in
-            an objective to which they add their squares (`LoadCases.beside_poses`).
+            an objective to which they add their squares (`Observations.beside_poses`).
 
     Returns:
         The `Uncertainty`.

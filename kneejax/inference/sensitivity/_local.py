@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from kneejax.inference.fit import table_of
 from kneejax.mechanics import Knee
 from kneejax.parameters import Selection, UnsuitableData, percent_scales, prior_scales, select
-from kneejax.statics import Stations, balance_with_slopes
+from kneejax.statics import LoadCases, balance_with_slopes
 
 #: How a slope is scaled -> words that finish "mm or degrees per ...".
 SCALES = {"prior": "standard deviation of the prior", "percent": "per cent of the parameter"}
@@ -88,8 +88,8 @@ def local_sensitivity(
     values = np.asarray(selection.read(knee))
     widths = step_widths(selection, values, scale, given)
     flexion = np.atleast_1d(np.asarray(flexion_deg, float))
-    stations = Stations.at(flexion)
-    found = balance_with_slopes(knee, selection.apply, values[None], stations)
+    load_cases = LoadCases.at(flexion)
+    found = balance_with_slopes(knee, selection.apply, values[None], load_cases)
     table, slope = table_of(found)
     return LocalSensitivity(
         selection.names,

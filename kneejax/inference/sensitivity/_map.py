@@ -21,7 +21,7 @@ from kneejax.parameters import (
     select,
     stated_bounds,
 )
-from kneejax.statics import FAILURES, Progress, Stations, Status
+from kneejax.statics import FAILURES, LoadCases, Progress, Status
 
 
 def sensitivity_map(
@@ -98,15 +98,15 @@ def sensitivity_maps(
             raise UnsuitableData(f"{moved[0]}: a knee in motion; expected tests of a knee at rest")
         problem = Problem.of(knee, selection, measured, weights, (), loads, tests, known)
         cases = MapCases.of(problem, offsets, base, failures)
-        study: Maps = LoadedMaps(knee, selection, base, problem.cases.stations, weights, cases)
+        study: Maps = LoadedMaps(knee, selection, base, problem.cases.load_cases, weights, cases)
     else:
         flexion, back = np.unique(measured[:, 0], return_inverse=True)
         study = PassiveMaps(
-            knee, selection, base, Stations.at(flexion), weights, back, measured, offsets,
+            knee, selection, base, LoadCases.at(flexion), weights, back, measured, offsets,
             convention, failures,
         )  # fmt: skip
         study.check_own_motion()
-    size = len(study.stations)
+    size = len(study.load_cases)
     total = len(pairs) * grid[0] * grid[1] * size
     maps, done = [], 0
     for pair in pairs:

@@ -8,15 +8,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kneejax.inference.fit import LoadCases, Problem, without
+from kneejax.inference.fit import Observations, Problem, without
 from kneejax.inference.sensitivity._condition import worst_condition
 from kneejax.mechanics import Knee
 from kneejax.parameters import UnsuitableData, unphysiological
 from kneejax.statics import (
-    Balances,
+    Equilibria,
+    LoadCases,
     Progress,
     Slopes,
-    Stations,
     Status,
     Vary,
     balance_lines,
@@ -27,13 +27,13 @@ from kneejax.statics import (
 
 class _Part(NamedTuple):
     """Load cases with the same ligaments cut: their rows, a knee whose fibres cannot tear where
-    they are cut, what varies and cuts it, the stations, and its balances there at `base`."""
+    they are cut, what varies and cuts it, the load cases, and its balances there at `base`."""
 
     rows: np.ndarray
     knee: Knee
     vary: Vary
-    stations: Stations
-    own: Balances
+    load_cases: LoadCases
+    own: Equilibria
 
 
 @dataclasses.dataclass(frozen=True)
@@ -48,7 +48,7 @@ class MapCases:
         base: values of what varies where searches begin, `(p,)`.
     """
 
-    cases: LoadCases
+    cases: Observations
     parts: tuple[_Part, ...]
     own_table: np.ndarray
     failures: tuple[Status, ...]
@@ -67,17 +67,17 @@ class MapCases:
         Raises:
             UnsuitableData: the knee balances nowhere.
         """
-        selection, every = problem.selection, problem.cases.stations.of(problem.knee)
+        selection, every = problem.selection, problem.cases.load_cases.of(problem.knee)
         itself, parts, homes = np.asarray(selection.read(problem.knee)), [], []
         for number, names in enumerate(problem.cases.cuts):
             rows = np.flatnonzero(problem.cases.cut == number)
             if not len(rows):
                 continue
             knee, vary = without(problem.knee, selection, names)
-            stations = every.take(rows)
-            both = balance_many(knee, vary, np.stack([base, itself]), stations)
+            load_cases = every.take(rows)
+            both = balance_many(knee, vary, np.stack([base, itself]), load_cases)
             homes.append(both.at([1]))
-            parts.append(_Part(rows, knee, vary, stations, both.at([0])))
+            parts.append(_Part(rows, knee, vary, load_cases, both.at([0])))
         table, used = _joined(parts, homes, "table"), converged(_joined(parts, homes, "status")[0])
         if not used.any():
             raise UnsuitableData("nothing measured has a balance with the knee's own parameters")
@@ -96,8 +96,12 @@ class MapCases:
         return float(self._misfit(self.base[None], [part.own for part in self.parts])[0][0])
 
     def lines(
-        self, values: np.ndarray, begin: np.ndarray, near: list[Balances] | None, progress: Progress
-    ) -> list[Balances]:
+        self,
+        values: np.ndarray,
+        begin: np.ndarray,
+        near: list[Equilibria] | None,
+        progress: Progress,
+    ) -> list[Equilibria]:
         """Balance lines of variants, as `kneejax.statics.balance_lines`, part by part."""
         found, done = [], 0
         for number, part in enumerate(self.parts):
@@ -106,13 +110,13 @@ class MapCases:
                 progress(before + count, of)
 
             found.append(balance_lines(
-                part.knee, part.vary, values, part.stations, begin,
+                part.knee, part.vary, values, part.load_cases, begin,
                 near=near and near[number], progress=report,
             ))  # fmt: skip
             done += values.shape[0] * values.shape[1] * len(part.rows)
         return found
 
-    def reduced(self, values: np.ndarray, found: list[Balances]) -> dict[str, np.ndarray]:
+    def reduced(self, values: np.ndarray, found: list[Equilibria]) -> dict[str, np.ndarray]:
         """What a map keeps of grid points, arrays of their shape."""
         shape, counted = values.shape[:-1], self.cases.counted
         table, status = (_joined(self.parts, found, name) for name in ("table", "status"))
@@ -125,7 +129,7 @@ class MapCases:
             "lost": (~converged(status[..., counted])).sum(axis=-1),
         }
 
-    def _misfit(self, values: np.ndarray, found: list[Balances]) -> tuple[np.ndarray, np.ndarray]:
+    def _misfit(self, values: np.ndarray, found: list[Equilibria]) -> tuple[np.ndarray, np.ndarray]:
         """Sums of squares over all that was observed, `(points,)`, each as it is weighed, and of
         errors by coordinate, `(5, points)`, as they are."""
         axis = found[0].status.ndim - 1
@@ -139,13 +143,13 @@ class MapCases:
         q = nodes("q")
         still = np.broadcast_to(0.0, (*q.shape, size))
         stiff = np.broadcast_to(0.0, (*q.shape, q.shape[-1]))
-        rest = nodes("meeting"), stiff, nodes("status")
+        rest = nodes("contact_points"), stiff, nodes("status")
         slopes = Slopes(values[:, :size], q, still, *rest)
         error, residual = self.cases.error(slopes)[0], self.cases.residual(slopes)[0]
         return (residual**2).sum(axis=1), np.moveaxis((error**2).sum(axis=1), -1, 0)
 
 
-def _joined(parts: Sequence[_Part], found: Sequence[Balances], name: str) -> np.ndarray:
+def _joined(parts: Sequence[_Part], found: Sequence[Equilibria], name: str) -> np.ndarray:
     """A field of all parts' balances, load cases in their order."""
     axis = found[0].status.ndim - 1
     whole = np.concatenate([getattr(one, name) for one in found], axis)

@@ -14,9 +14,9 @@ from kneejax.inference.sensitivity._parameter_map import BlockStore, ParameterMa
 from kneejax.mechanics import Knee
 from kneejax.parameters import Selection, UnsuitableData, unphysiological
 from kneejax.statics import (
-    Balances,
+    Equilibria,
+    LoadCases,
     Progress,
-    Stations,
     Status,
     balance_lines,
     balance_many,
@@ -38,7 +38,7 @@ class Maps(abc.ABC):
         knee: gives all that does not vary.
         selection: parameters of all pairs.
         base: their values where searches begin, `(p,)`.
-        stations: at which every grid point is balanced.
+        load_cases: at which every grid point is balanced.
         weights: of the objective, `(5,)`, per degree^2 and per mm^2.
         left_out: number of poses or load cases that count nowhere.
         start_objective: at `base`.
@@ -47,17 +47,17 @@ class Maps(abc.ABC):
     knee: Knee
     selection: Selection
     base: np.ndarray
-    stations: Stations
+    load_cases: LoadCases
     weights: np.ndarray
     left_out: int = dataclasses.field(init=False)
     start_objective: float = dataclasses.field(init=False)
 
     @abc.abstractmethod
-    def _lines(self, values, begin, near, progress=None) -> list[Balances]:
+    def _lines(self, values, begin, near, progress=None) -> list[Equilibria]:
         """Balance lines of grid points, as `kneejax.statics.balance_lines`."""
 
     @abc.abstractmethod
-    def _reduced(self, values, found: list[Balances]) -> dict[str, np.ndarray]:
+    def _reduced(self, values, found: list[Equilibria]) -> dict[str, np.ndarray]:
         """What a map keeps of grid points: `objective`, `partial`, `condition`, `lost`."""
 
     def map(self, pair, x, y, store: BlockStore | None, report: Progress) -> ParameterMap:
@@ -76,8 +76,8 @@ class Maps(abc.ABC):
         spine = self._values(x[middle : middle + 1], y, column, row).swapaxes(0, 1)
         begin = int(np.abs(y - self.base[row]).argmin())
         near = None
-        rows = max(_FEWEST_ROWS, _BLOCK // (x.size * len(self.stations)))
-        parts, size = [], len(self.stations)
+        rows = max(_FEWEST_ROWS, _BLOCK // (x.size * len(self.load_cases)))
+        parts, size = [], len(self.load_cases)
         for first in range(0, y.size, rows):
             block = slice(first, min(first + rows, y.size))
             name = f"{pair[0]}-{pair[1]}-{first}"
@@ -127,10 +127,10 @@ class LoadedMaps(Maps):
     def __post_init__(self) -> None:
         self.left_out, self.start_objective = self.cases.left_out, self.cases.start_objective
 
-    def _lines(self, values, begin, near, progress=None) -> list[Balances]:
+    def _lines(self, values, begin, near, progress=None) -> list[Equilibria]:
         return self.cases.lines(values, begin, near, progress or (lambda *_: None))
 
-    def _reduced(self, values, found: list[Balances]) -> dict[str, np.ndarray]:
+    def _reduced(self, values, found: list[Equilibria]) -> dict[str, np.ndarray]:
         return self.cases.reduced(values, found)
 
 
@@ -148,7 +148,7 @@ class PassiveMaps(Maps):
         """The knee's own motion says what counts and what is physiological; searches begin at the
         motion of `base`."""
         vary, own = self.selection.apply, np.asarray(self.selection.read(self.knee))
-        found = balance_many(self.knee, vary, np.stack([self.base, own]), self.stations)
+        found = balance_many(self.knee, vary, np.stack([self.base, own]), self.load_cases)
         here, home = found.at([0]), found.at([1])
         self.own_table, self.used = home.table[0], home.converged[0][self.back]
         if not self.used.any():
@@ -156,14 +156,14 @@ class PassiveMaps(Maps):
         self.left_out = int((~self.used).sum())
         self.start_objective = float(self.weights @ self._partial(here.table)[:, 0])
 
-    def _lines(self, values, begin, near, progress=None) -> list[Balances]:
+    def _lines(self, values, begin, near, progress=None) -> list[Equilibria]:
         found = balance_lines(
-            self.knee, self.selection.apply, values, self.stations, begin,
+            self.knee, self.selection.apply, values, self.load_cases, begin,
             near=near and near[0], progress=progress,
         )  # fmt: skip
         return [found]
 
-    def _reduced(self, values, found: list[Balances]) -> dict[str, np.ndarray]:
+    def _reduced(self, values, found: list[Equilibria]) -> dict[str, np.ndarray]:
         (own,) = found
         partial, status = self._partial(own.table), own.status[..., np.unique(self.back[self.used])]
         strange = unphysiological(own.table, self.own_table)
@@ -176,7 +176,7 @@ class PassiveMaps(Maps):
         }
 
     def _partial(self, table: np.ndarray) -> np.ndarray:
-        """Sums of squared errors, coordinates first; `table` is `(..., stations, 5)`."""
+        """Sums of squared errors, coordinates first; `table` is `(..., load_cases, 5)`."""
         rows = self.back[self.used]
         here = in_convention(table[..., rows, :], self.measured[self.used, 0], self.convention)
         error = here - in_convention(

@@ -25,7 +25,7 @@ from kneejax.parameters import (
     select,
     stated,
 )
-from kneejax.statics import FAILURES, Progress, Stations, Status, balance_many, fails
+from kneejax.statics import FAILURES, LoadCases, Progress, Status, balance_many, fails
 
 #: Half a range where none is stated, in standard deviations of the prior: that of a uniform
 #: distribution is then the same.
@@ -138,8 +138,8 @@ def motion_indices(
     free = [FREE_COORDINATES.index(name) for name in offsets]
 
     def model(values: np.ndarray) -> np.ndarray:
-        stations = Stations.at(flexion)
-        found = balance_many(knee, selection.apply, values, stations, progress=progress)
+        load_cases = LoadCases.at(flexion)
+        found = balance_many(knee, selection.apply, values, load_cases, progress=progress)
         failed = np.any(fails(found.status, failures), axis=1)
         error = found.table[:, row] - measured[:, 1:]
         error[..., free] -= error[..., free].mean(axis=1, keepdims=True)
@@ -160,9 +160,9 @@ def _balanced_at(
     knee: Knee, selection: Selection, base: np.ndarray, measured_deg: np.ndarray, failures
 ) -> tuple[np.ndarray, np.ndarray]:
     """Flexions at which the knee itself balances, and at which it does not, rising, degrees."""
-    # Stations ascend; a measurement may run to and fro.
+    # Load cases ascend; a measurement may run to and fro.
     flexion = np.unique(measured_deg)
-    found = balance_many(knee, selection.apply, base[None], Stations.at(flexion))
+    found = balance_many(knee, selection.apply, base[None], LoadCases.at(flexion))
     held = ~fails(found.status[0], failures)
     if not held.any():
         raise UnsuitableData("the knee itself is balanced and stable at no measured flexion")

@@ -18,7 +18,7 @@ from kneejax.parameters import (
     structure_range,
     unphysiological,
 )
-from kneejax.statics import FAILURES, Progress, Stations, Status, balance_lines, fails
+from kneejax.statics import FAILURES, LoadCases, Progress, Status, balance_lines, fails
 
 #: Ranges of paper 1, section 3, of structures; other quantities go over their bounds.
 SWEEP_RANGES = {"stiffness": (300.0, 9300.0), "reference_strain": (-0.2, 0.2)}
@@ -37,10 +37,10 @@ class Sweep:
         unit: e.g. `N`; empty for strains.
         own: the baseline value, that of the knee itself.
         values: ascending, `(values,)`.
-        table: free coordinates, degrees and mm, `(values, stations, 5)`; NaN where no balance.
-        status: `Status` values, `(values, stations)`.
+        table: free coordinates, degrees and mm, `(values, load_cases, 5)`; NaN where no balance.
+        status: `Status` values, `(values, load_cases)`.
         unphysiological: balanced, but not as a knee moves (see `unphysiological`),
-            `(values, stations)`.
+            `(values, load_cases)`.
         failures: statuses of balances that count for nothing.
     """
 
@@ -55,7 +55,7 @@ class Sweep:
 
     @property
     def sound(self) -> np.ndarray:
-        """Balanced, no failure, and physiological, `(values, stations)`."""
+        """Balanced, no failure, and physiological, `(values, load_cases)`."""
         return ~fails(self.status, self.failures) & ~self.unphysiological
 
 
@@ -64,9 +64,9 @@ class Sweeps:
     """Parameters of one knee, swept one at a time.
 
     Attributes:
-        flexion_deg: of the load cases, `(stations,)`.
-        table: baseline motion, of the knee itself, degrees and mm, `(stations, 5)`.
-        status: `Status` values of that motion, `(stations,)`.
+        flexion_deg: of the load cases, `(load_cases,)`.
+        table: baseline motion, of the knee itself, degrees and mm, `(load_cases, 5)`.
+        status: `Status` values of that motion, `(load_cases,)`.
         sweeps: one per parameter.
     """
 
@@ -82,7 +82,7 @@ class Sweeps:
 def sweep(
     knee: Knee,
     parameters: Sequence[str] | Mapping[str, ArrayLike | None],
-    stations: ArrayLike | Stations,
+    load_cases: ArrayLike | LoadCases,
     *,
     count: int = USUAL_COUNT,
     progress: Progress | None = None,
@@ -100,7 +100,7 @@ def sweep(
             `count` values from 300 to 9300 N (paper 1; of a structure drawn as several fibres also
             a quarter to four times its own), from -0.2 to 0.2 of reference strain (paper 1), over
             a fifth of the slack length to either side, or over the bounds of the quantity.
-        stations: load cases: angles in degrees, or `Stations` with loads of their own.
+        load_cases: load cases: angles in degrees, or `LoadCases` with loads of their own.
         count: how many values where none are given.
         progress: called now and then with balances done and asked for.
         failures: statuses of balances that count for nothing: such poses are not sound.
@@ -116,11 +116,11 @@ def sweep(
     Source: paper 1, sections 3.1 and 3.2.
     """
     selection, values = sweep_values(knee, parameters, count)
-    if isinstance(stations, Stations):
-        flexion = np.rad2deg(np.asarray(stations.flexion))
+    if isinstance(load_cases, LoadCases):
+        flexion = np.rad2deg(np.asarray(load_cases.flexion))
     else:
-        flexion = np.unique(np.asarray(stations, float))
-        stations = Stations.at(flexion)
+        flexion = np.unique(np.asarray(load_cases, float))
+        load_cases = LoadCases.at(flexion)
     own = np.asarray(selection.read(knee))
     # Each line gets the knee's own value besides, where its path begins. All have one shape: a
     # short one stands at its last value.
@@ -131,7 +131,7 @@ def sweep(
         followed = np.insert(line, begin[i], own[i])
         lines[i, :, i] = np.pad(followed, (0, longest - len(followed)), mode="edge")
 
-    found = balance_lines(knee, selection.apply, lines, stations, begin, progress=progress)
+    found = balance_lines(knee, selection.apply, lines, load_cases, begin, progress=progress)
     motion, outcome = found.table[0, begin[0]], found.status[0, begin[0]]
     sweeps = []
     for i, line in enumerate(values):

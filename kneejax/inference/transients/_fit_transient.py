@@ -17,11 +17,11 @@ from jax.typing import ArrayLike
 
 from kneejax.dynamics import Given, MovingKnee, Trajectory, given_of, move_within, searched
 from kneejax.geometry import FREE_COORDINATES, coordinate, coordinates_of
-from kneejax.inference.fit import LoadCases, ManyFits, fit_lanes, passed
+from kneejax.inference.fit import ManyFits, Observations, fit_lanes, passed
 from kneejax.inference.intervals import Uncertainty, uncertainty
 from kneejax.mechanics import RANGES, Range, add_lane_axis
 from kneejax.numerics import WrongValue
-from kneejax.statics import Slopes, Stations, converged
+from kneejax.statics import LoadCases, Slopes, converged
 
 #: Evaluations of a motion and its derivative before a fit is given up.
 _MOST = 40
@@ -159,7 +159,7 @@ def fit_transient(
     ends = [(d.allowed.lower, d.allowed.upper) for d in map(DAMPING.__getitem__, names)]
     lower, upper = (np.array(x, float)[None] for x in zip(*ends, strict=True))
     target = recorded.table()[1:]
-    data = LoadCases(Stations.at(np.zeros(len(target))), target, np.ones(target.shape[1]))
+    data = Observations(LoadCases.at(np.zeros(len(target))), target, np.ones(target.shape[1]))
     x, evaluations = np.array([[free[name] for name in names]], float), 0
     found, fit, grid = None, None, None
 
@@ -221,10 +221,17 @@ class _Motions:
 
     def __call__(self, values: np.ndarray, _: Slopes | None = None) -> Slopes:
         every, damped = coordinates_of(self.moving.knee.bodies), _Damped(self.names)
-        settled = searched(damped(self.moving, None, jnp.asarray(values)), self.given)
+        equilibrium = searched(damped(self.moving, None, jnp.asarray(values)), self.given)
         still = np.zeros((1, len(every), len(self.names)))
         found = passed(
-            damped, self.moving, None, self.given, settled, jnp.asarray(self.asked), values, still
+            damped,
+            self.moving,
+            None,
+            self.given,
+            equilibrium,
+            jnp.asarray(self.asked),
+            values,
+            still,
         )
         rows = [every.index(name) for name in FREE_COORDINATES]
         change = np.where(converged(found.status)[..., None], found.q - self.start, np.nan)
@@ -239,7 +246,7 @@ class _Motions:
 
 
 def _fitted(
-    moving, names, found, data: LoadCases, fit: ManyFits, between, evaluations: int
+    moving, names, found, data: Observations, fit: ManyFits, between, evaluations: int
 ) -> FittedTransient:
     (error,), (jacobian,) = data.error(fit.slopes)
     (x,), seen = fit.values, data.seen

@@ -64,13 +64,13 @@ def of_points(
     return Border(of_each(jnp.max, carried), share)
 
 
-def of_patch(contact: Contact, gap: Gap, meeting: Array, off: Array) -> Border:
+def of_patch(contact: Contact, gap: Gap, contact_point: Array, off: Array) -> Border:
     """Border of an elliptical patch: how far its rim reaches, and what is carried there.
 
     Args:
         contact: the surfaces and the pressure law.
-        gap: at the meeting point.
-        meeting: parameters of that point, shape `(2, ...)`.
+        gap: at the contact point.
+        contact_point: parameters of that point, shape `(2, ...)`.
         off: how far the rim lies beyond the fitted regions, mm; see `rim_off`.
     """
     inner = (np.arange(_RINGS) + 0.5) / _RINGS
@@ -78,7 +78,7 @@ def of_patch(contact: Contact, gap: Gap, meeting: Array, off: Array) -> Border:
     square, angle = np.meshgrid(inner, around, indexing="ij")
     lanes = (1,) * jnp.ndim(gap.depth)
     square, angle = (x.reshape(-1, *lanes) for x in (square, angle))
-    away = _away(contact, gap, meeting, np.sqrt(square), angle)
+    away = _away(contact, gap, contact_point, np.sqrt(square), angle)
     depth = jnp.maximum(gap.depth, 0.0)
     relative = jnp.minimum(depth * (1.0 - square) / contact.layer_thickness, 0.99)
     pressure = law.relative_pressure(contact.law, relative)
@@ -89,27 +89,28 @@ def of_patch(contact: Contact, gap: Gap, meeting: Array, off: Array) -> Border:
     return Border(jnp.where(touches, off, 0.0), share)
 
 
-def rim_off(femoral: Surface, tibial: Surface, gap: Gap, meeting: Array) -> Array:
+def rim_off(femoral: Surface, tibial: Surface, gap: Gap, contact_point: Array) -> Array:
     """How far the rim of a patch, or its middle while the surfaces are apart, lies beyond either
     region, mm.
 
     Args:
-        femoral: the surface that carries the meeting point.
+        femoral: the surface that carries the contact point.
         tibial: the surface over which the gap is measured.
-        gap: at the meeting point, in the tibial surface's frame.
-        meeting: parameters of the meeting point, shape `(2, ...)`.
+        gap: at the contact point, in the tibial surface's frame.
+        contact_point: parameters of the contact point, shape `(2, ...)`.
     """
     half = gap.reach(1.0, 0.0), gap.reach(0.0, 1.0)
     reach = tuple(gap.reach(p, q) for p, q in zip(*gap.along, strict=True))
     off = jnp.zeros(())
     for way in (1.0, -1.0):
-        for middle, by, ends, mm in zip(meeting, half, femoral.bounds(), gap.stretch, strict=True):
+        every = zip(contact_point, half, femoral.bounds(), gap.stretch, strict=True)
+        for middle, by, ends, mm in every:
             off = jnp.maximum(off, mm * excess(middle + way * by, ends))
         off = jnp.maximum(off, tibial.beyond(add(gap.point, scale(way, reach))))
     return off
 
 
-def _away(contact: Contact, gap: Gap, meeting: Array, part, angle) -> Array:
+def _away(contact: Contact, gap: Gap, contact_point: Array, part, angle) -> Array:
     """How far places of the patch lie beyond either region, mm."""
     # A gap that is not convex has no ellipse: its middle alone is asked then.
     convex = gap.convex
@@ -121,8 +122,8 @@ def _away(contact: Contact, gap: Gap, meeting: Array, part, angle) -> Array:
     by_a = (size * jnp.cos(angle) - jnp.where(convex, gap.ab, 0.0) / first * by_b) / first
     (limits_a, limits_b), (stretch_a, stretch_b) = contact.femoral.bounds(), gap.stretch
     femoral = safe_sqrt(
-        (stretch_a * excess(meeting[0] + by_a, limits_a)) ** 2
-        + (stretch_b * excess(meeting[1] + by_b, limits_b)) ** 2
+        (stretch_a * excess(contact_point[0] + by_a, limits_a)) ** 2
+        + (stretch_b * excess(contact_point[1] + by_b, limits_b)) ** 2
     )
     shift = add(scale(by_a, gap.along[0]), scale(by_b, gap.along[1]))
     return jnp.maximum(femoral, contact.tibial.beyond(add(gap.point, shift)))

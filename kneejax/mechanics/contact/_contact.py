@@ -122,17 +122,17 @@ class Contact(eqx.Module):
 
     @property
     def has_patch(self) -> bool:
-        """Whether the contact is computed over an elliptical patch, around a meeting point."""
+        """Whether the contact is computed over an elliptical patch, around a contact point."""
         return self.form == ELLIPTICAL_PATCH
 
-    def meeting(self, tibia: Placement, near: Array | None = None) -> tuple[Array, Array]:
+    def contact_point(self, tibia: Placement, near: Array | None = None) -> tuple[Array, Array]:
         """The two parameters of the femoral point where the surfaces meet; see `press`."""
         motion = self.femur_to_plateau(tibia)
-        return _patch.meeting_point(self.femoral, self.tibial, motion, near)[0]
+        return _patch.contact_point(self.femoral, self.tibial, motion, near)[0]
 
-    def gap(self, tibia: Placement, meeting: Array | tuple[Array, Array]) -> Gap:
+    def gap(self, tibia: Placement, contact_point: Array | tuple[Array, Array]) -> Gap:
         """Gap of the surfaces at a femoral point."""
-        return _patch.gap_at(self.femoral, self.tibial, self.femur_to_plateau(tibia), meeting)
+        return _patch.gap_at(self.femoral, self.tibial, self.femur_to_plateau(tibia), contact_point)
 
     @property
     def foundation(self) -> Foundation:
@@ -160,7 +160,7 @@ class Contact(eqx.Module):
             Of the patch, `(...)`, or at each point, `(points, ...)`.
         """
         if self.has_patch:
-            gap = self.gap(tibia, self.meeting(tibia, near))
+            gap = self.gap(tibia, self.contact_point(tibia, near))
             pressing = self._energy_per_radius(gap.depth)[1] * gap.mean_radius
             return gap.depth, pressing
 
@@ -172,13 +172,13 @@ class Contact(eqx.Module):
 
     def has_no_patch(self, gap: Gap) -> Array:
         """Whether surfaces that overlap have no elliptical patch: the gap is nearly flat or not
-        convex, as between two meeting points. Its force is a guess; the form `quadrature` knows."""
+        convex, as between two contact points. Its force is a guess; the form `quadrature` knows."""
         return (gap.depth > 0) & ~gap.has_ellipse
 
-    def outgrown(self, gap: Gap, meeting: Array) -> Array:
+    def outgrown(self, gap: Gap, contact_point: Array) -> Array:
         """Whether the patch is larger than a radius of the femoral surface where it lies: the
         closed form, exact for small patches, is then a guess."""
-        largest, _ = principal_curvatures(self.femoral, meeting[0], meeting[1])
+        largest, _ = principal_curvatures(self.femoral, contact_point[0], contact_point[1])
         return gap.semi_axes[0] * largest > 1.0
 
     def passed_through(self, tibia: Placement) -> Array:
@@ -187,24 +187,24 @@ class Contact(eqx.Module):
         core = self.femur_to_plateau(tibia).apply(self.femoral.core())
         return self.tibial.contains(core)
 
-    def border(self, gap: Gap, meeting: Array, off: Array) -> Border:
+    def border(self, gap: Gap, contact_point: Array, off: Array) -> Border:
         """How far a patch reaches beyond the fitted regions, and what force is carried there.
 
         Args:
-            gap: at its meeting point.
-            meeting: parameters of that point, `(2, ...)`.
+            gap: at its contact point.
+            contact_point: parameters of that point, `(2, ...)`.
             off: how far its rim lies beyond, mm; see `rim_off`.
         """
-        return _border.of_patch(self, gap, meeting, off)
+        return _border.of_patch(self, gap, contact_point, off)
 
-    def rim_off(self, gap: Gap, meeting: Array) -> Array:
+    def rim_off(self, gap: Gap, contact_point: Array) -> Array:
         """How far the rim of a patch lies beyond the fitted regions, mm.
 
         Args:
-            gap: at its meeting point.
-            meeting: parameters of that point, `(2, ...)`.
+            gap: at its contact point.
+            contact_point: parameters of that point, `(2, ...)`.
         """
-        return _border.rim_off(self.femoral, self.tibial, gap, meeting)
+        return _border.rim_off(self.femoral, self.tibial, gap, contact_point)
 
     def patch_energy(self, gap: Gap) -> Array:
         """Energy of the layer if the patch were centred at a point with this gap, N mm."""
@@ -234,13 +234,13 @@ class Contact(eqx.Module):
 
         Returns:
             The patch, its wrench on the tibia about the tibia's origin in femur axes; the energy is
-            infinite where surfaces are near each other and their meeting point is not found.
+            infinite where surfaces are near each other and their contact point is not found.
         """
         motion = self.femur_to_plateau(tibia)
-        meeting, lost = _patch.meeting_point(self.femoral, self.tibial, motion, near)
+        contact_point, lost = _patch.contact_point(self.femoral, self.tibial, motion, near)
         damping = None if self.damper is None else self._damping
         laws = self._energy_per_radius, damping
-        pressed = press(self.femoral, self.tibial, motion, meeting, *laws)
+        pressed = press(self.femoral, self.tibial, motion, contact_point, *laws)
         lost = lost & (pressed.gap.depth > -_APART)
         pressed = dataclasses.replace(pressed, energy=jnp.where(lost, jnp.inf, pressed.energy))
         return pressed.carried(self.tibial.frame.placement, tibia)
@@ -254,7 +254,7 @@ class Contact(eqx.Module):
     def energy(self, tibia: Placement) -> Array:
         """Elastic energy of the layer, N mm."""
         if self.has_patch:
-            return self.patch_energy(self.gap(tibia, self.meeting(tibia)))
+            return self.patch_energy(self.gap(tibia, self.contact_point(tibia)))
         return self.foundation.energy(tibia)
 
     def pressure(self, depth: Array) -> Array:

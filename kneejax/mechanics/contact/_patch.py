@@ -213,11 +213,11 @@ def nearby(
     femoral: Surface,
     tibial: Surface,
     motion: Placement,
-    meeting: Array | tuple[Array, Array],
+    contact_point: Array | tuple[Array, Array],
     order: int = 2,
 ) -> Nearby:
     """Both surfaces around a femoral point, with derivatives to an order; else as `gap_at`."""
-    jet = femoral.jet(meeting[0], meeting[1], order)
+    jet = femoral.jet(contact_point[0], contact_point[1], order)
     jet = eqx.tree_at(lambda j: j.basis, jet, tuple(motion.turn(e) for e in jet.basis))
     point = add(jet.vector(jet.point), motion.translation)
     height = tibial.height(point, order)
@@ -229,7 +229,7 @@ def nearby(
 
 
 def gap_at(
-    femoral: Surface, tibial: Surface, motion: Placement, meeting: Array | tuple[Array, Array]
+    femoral: Surface, tibial: Surface, motion: Placement, contact_point: Array | tuple[Array, Array]
 ) -> Gap:
     """The gap at a point of the femoral surface.
 
@@ -237,9 +237,9 @@ def gap_at(
         femoral: the surface that carries the point.
         tibial: the surface over which the gap is measured.
         motion: from the femoral to the tibial surface's frame.
-        meeting: the point's two parameters.
+        contact_point: the point's two parameters.
     """
-    return nearby(femoral, tibial, motion, meeting).gap
+    return nearby(femoral, tibial, motion, contact_point).gap
 
 
 def first_guess(
@@ -253,15 +253,15 @@ def first_guess(
 
 
 def improved(
-    femoral: Surface, gap: Gap, meeting: tuple[Array, Array]
+    femoral: Surface, gap: Gap, contact_point: tuple[Array, Array]
 ) -> tuple[tuple[Array, Array], Array]:
     """A point after one guarded Newton step towards the smallest gap, and how far that leads, mm.
 
     Args:
         femoral: the surface that carries the point.
         gap: there.
-        meeting: the point's parameters: a pair, not stacked, since whatever the compiler computes
-            into a stack it computes once for each row.
+        contact_point: the point's parameters: a pair, not stacked, since whatever the compiler
+            computes into a stack it computes once for each row.
     """
     # In mm along both parameters, so that the guards below have a meaning.
     along_a, along_b = gap.stretch
@@ -277,12 +277,12 @@ def improved(
     short = jnp.minimum(1.0, _LONGEST_STEP / (miss + 1e-9))
     (lower_a, upper_a), (lower_b, upper_b) = femoral.bounds()
     more_a, more_b = _OVERSHOOT * (upper_a - lower_a), _OVERSHOOT * (upper_b - lower_b)
-    a = jnp.clip(meeting[0] - short * step_a / along_a, lower_a - more_a, upper_a + more_a)
-    b = jnp.clip(meeting[1] - short * step_b / along_b, lower_b - more_b, upper_b + more_b)
+    a = jnp.clip(contact_point[0] - short * step_a / along_a, lower_a - more_a, upper_a + more_a)
+    b = jnp.clip(contact_point[1] - short * step_b / along_b, lower_b - more_b, upper_b + more_b)
     return (a, b), miss
 
 
-def meeting_point(
+def contact_point(
     femoral: Surface, tibial: Surface, motion: Placement, near: Array | None = None
 ) -> tuple[tuple[Array, Array], Array]:
     """Where two surfaces meet: the femoral point where the gap is smallest.
@@ -321,13 +321,13 @@ def meeting_point(
     state = jnp.asarray(0), begin, far, far > 0.0
     going_on = lambda s: (s[0] < _SEARCH_STEPS) & jnp.any(s[-1])  # noqa: E731
     _, point, last, _ = lax.while_loop(going_on, nearer, state)
-    found = ruled(_meeting_rule, point, femoral, tibial, motion)
+    found = ruled(_contact_point_rule, point, femoral, tibial, motion)
     return found, ~(last <= _NEARLY_FOUND)
 
 
-def _meeting_rule(meeting: tuple[Array, Array], primals, tangents):
+def _contact_point_rule(contact_point: tuple[Array, Array], primals, tangents):
     def slope(femoral: Surface, tibial: Surface, motion: Placement):
-        return gap_at(femoral, tibial, motion, meeting).slope
+        return gap_at(femoral, tibial, motion, contact_point).slope
 
     (femoral, tibial, motion), moved = primals, jvp_of_moved(slope, primals, tangents)[1]
-    return meeting, gap_at(femoral, tibial, motion, meeting).newton(*moved)
+    return contact_point, gap_at(femoral, tibial, motion, contact_point).newton(*moved)

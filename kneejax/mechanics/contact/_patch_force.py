@@ -1,6 +1,6 @@
 """Force and moment of an elliptical patch: the derivatives of its energy, written out.
 
-The energy `W(depth, curvature)` depends on the motion of the bones and on the meeting point `s`.
+The energy `W(depth, curvature)` depends on the motion of the bones and on the contact point `s`.
 With `G` the gap, `x` the femoral point, `c_i` its derivatives by `s`, `g`, `H` and `T` the first
 three derivatives of the height at `x`, a small motion of the femur (`dx` at the point, `w` of
 rotation) changes
@@ -9,7 +9,7 @@ rotation) changes
     G_i by     (H c_i) . dx + w . (c_i x g)
     G_ij by    (H c_ij + T c_i c_j) . dx + w . (c_ij x g + c_i x H c_j + c_j x H c_i)
 
-and with them depth, curvature and energy. The meeting point follows; a multiplier on the slopes
+and with them depth, curvature and energy. The contact point follows; a multiplier on the slopes
 `G_i` makes the energy blind to that. Reverse differentiation of the energy gives the same numbers
 with three times the operations, and its derivative, which every step of a search takes, with four
 times (tests/mechanics/contact/test_patch_force.py holds the two against each other).
@@ -45,15 +45,15 @@ class Pressed(eqx.Module):
     Attributes:
         energy: N mm.
         wrench: on the second bone.
-        gap: at the meeting point.
-        meeting: the two parameters of that point.
+        gap: at the contact point.
+        contact_point: the two parameters of that point.
         off: how far the patch reaches beyond the regions in which both surfaces are known, mm.
     """
 
     energy: Array
     wrench: Wrench
     gap: Gap
-    meeting: tuple[Array, Array]
+    contact_point: tuple[Array, Array]
     off: Array
 
     def of(self, rows: tuple[int, ...]) -> Pressed:
@@ -66,31 +66,31 @@ class Pressed(eqx.Module):
         """Wrenches from the tibial surface's frame to the first bone's axes, about the second's
         origin."""
         wrench = self.wrench.moved(frame).turned(there)
-        return Pressed(self.energy, wrench, self.gap, self.meeting, self.off)
+        return Pressed(self.energy, wrench, self.gap, self.contact_point, self.off)
 
 
 def press(
     femoral: Surface,
     tibial: Surface,
     motion: Placement,
-    meeting: tuple[Array, Array],
+    contact_point: tuple[Array, Array],
     energy_per_radius: Callable[[Array], tuple[Array, Array]],
     damping: Callable[[Array], tuple[Array, Array]] | None = None,
 ) -> Pressed:
     """Energy, force and moment of a patch, in the tibial surface's frame.
 
     Args:
-        femoral: the surface that carries the meeting point.
+        femoral: the surface that carries the contact point.
         tibial: the surface over which the gap is measured.
         motion: from the femoral to the tibial surface's frame.
-        meeting: the two parameters of the meeting point.
+        contact_point: the two parameters of the contact point.
         energy_per_radius: of a depth, energy per mm of the mean radius, N, and its slope, N/mm.
         damping: of a depth, a potential whatever the radius, N mm, and its slope, N.
 
     Returns:
         The patch; its wrench is the exact derivative of the energy where the slopes vanish.
     """
-    near = nearby(femoral, tibial, motion, meeting, order=3)
+    near = nearby(femoral, tibial, motion, contact_point, order=3)
     gap = near.gap
     curvature, raised = gap.raised_curvature
     energy, by_depth = (x / jnp.sqrt(curvature) for x in energy_per_radius(gap.depth))
@@ -98,19 +98,19 @@ def press(
     if damping is not None:
         more, by_more = damping(gap.depth)
         energy, by_depth = energy + more, by_depth + by_more
-    force, couple = _at_fixed_meeting(near, gap, by_depth, by_curvature)
-    shift_a, shift_b = gap.newton(*_by_meeting(near, gap, by_curvature, force))
+    force, couple = _at_fixed_point(near, gap, by_depth, by_curvature)
+    shift_a, shift_b = gap.newton(*_by_point(near, gap, by_curvature, force))
 
     (along_a, along_b), (bent_a, bent_b) = near.along, near.bent
     gradient = near.height.gradient
     force = add(force, add(scale(shift_a, bent_a), scale(shift_b, bent_b)))
     shifted = add(scale(shift_a, along_a), scale(shift_b, along_b))
     couple = add(couple, cross(shifted, gradient))
-    # Blind to first order to what is left of the search for the meeting point.
+    # Blind to first order to what is left of the search for the contact point.
     energy = energy + shift_a * gap.slope[0] + shift_b * gap.slope[1]
     wrench = Wrench.at(near.point, force, couple)
-    off = rim_off(femoral, tibial, gap, meeting)
-    return Pressed(energy, wrench, gap, meeting, off)
+    off = rim_off(femoral, tibial, gap, contact_point)
+    return Pressed(energy, wrench, gap, contact_point, off)
 
 
 def _cofactors(near: Nearby, gap: Gap) -> tuple[Vector, Vector]:
@@ -122,7 +122,7 @@ def _cofactors(near: Nearby, gap: Gap) -> tuple[Vector, Vector]:
     )
 
 
-def _at_fixed_meeting(
+def _at_fixed_point(
     near: Nearby, gap: Gap, by_depth: Array, by_curvature: Array
 ) -> tuple[Vector, Vector]:
     """Derivative of the energy by a motion of the femur: force and couple at the point."""
@@ -146,8 +146,8 @@ def _at_fixed_meeting(
     return force, scale(by_determinant, couple)
 
 
-def _by_meeting(near: Nearby, gap: Gap, by_curvature: Array, force: Vector) -> tuple[Array, Array]:
-    """Derivative of the energy by the two parameters of the meeting point.
+def _by_point(near: Nearby, gap: Gap, by_curvature: Array, force: Vector) -> tuple[Array, Array]:
+    """Derivative of the energy by the two parameters of the contact point.
 
     A shift of the point moves it through the height as a motion of the femur would, and changes
     the derivatives of the point besides.

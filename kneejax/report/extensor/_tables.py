@@ -39,7 +39,7 @@ def extensor_rows(found: Extensor, status: np.ndarray) -> Iterator[list[Any]]:
         yield [
             round(float(flexion), 9), pull[i], length[i], tendon, contact, tendon / pull[i],
             contact / pull[i], found.extension_Nm[i], found.weight_Nm[i], found.arm_mm[i], area[i],
-            peak[i], *tibia[i, 1:], *patella[i], bool(motion.settled.converged[i]),
+            peak[i], *tibia[i, 1:], *patella[i], bool(motion.equilibrium.converged[i]),
             bool(motion.stable[i]), Status(int(status[i])).word,
         ]  # fmt: skip
 

@@ -93,7 +93,7 @@ def _pull(found: RaisedLeg) -> np.ndarray:
 def _beside(axes: Axes, found: RaisedLeg, names: dict[str, str], label: str) -> None:
     motion, at = found.transient.trajectory, found.held.flexion_deg
     table, moved = motion.to_table(), "change" in label
-    there = found.held.motion.settled.state.at(motion.names)
+    there = found.held.motion.equilibrium.state.at(motion.names)
     held = np.asarray(there).T * table_units(motion.names)
     for (name, word), color in zip(names.items(), (BLUE, VERMILLION, GREEN), strict=True):
         k = motion.names.index(name)

@@ -83,8 +83,8 @@ def _of_lost(motion: Motion, row: int, loads: Mapping[str, float]) -> str:
     reached = float(motion.reached[row])
     if motion.status[row] == Status.GIVES_WAY:
         return f"held {_part(loads, reached)}, and nothing beyond"
-    left = motion.settled.residual[:, row] * scales(
-        free_of(motion.settled.prescribed, motion.knee.bodies)
+    left = motion.equilibrium.residual[:, row] * scales(
+        free_of(motion.equilibrium.prescribed, motion.knee.bodies)
     )
     left_mm, left_N = motion.left_mm[row], np.abs(left).max()
     if not np.isfinite([left_mm, left_N]).all():
@@ -94,7 +94,7 @@ def _of_lost(motion: Motion, row: int, loads: Mapping[str, float]) -> str:
     told = f"the search stopped {left_mm:.2g} mm and {left_N:.2g} N from a balance"
     if 0.0 < reached < 1.0:
         told += f" beyond {_part(loads, reached)}"
-    fault = Status(int(motion.settled.fault[row])).fault
+    fault = Status(int(motion.equilibrium.fault[row])).fault
     return f"{told}, where {fault}" if fault else told
 
 

@@ -91,9 +91,9 @@ def plateau_pressures(
             np.concatenate(part, axis=-1)[..., :count] for part in zip(*parts, strict=True)
         )
         if contact.has_patch:
-            meeting = [np.asarray(_meeting(lanes, some)) for some in lots(state)]
-            meeting = np.concatenate(meeting, axis=-1)[..., :count]
-            pressure = _around(pressure, place, meeting, points)
+            contact_point = [np.asarray(_contact_point(lanes, some)) for some in lots(state)]
+            contact_point = np.concatenate(contact_point, axis=-1)[..., :count]
+            pressure = _around(pressure, place, contact_point, points)
         rim = rim_of(contact.tibial, points)
         covered = _inside(contact.tibial, rim, place[:, :, 0])
         pressure = np.where(covered[:, None], pressure, 0.0)
@@ -165,17 +165,17 @@ def _field(contact: Contact, state: State) -> tuple[Array, Array, Array]:
 
 
 @eqx.filter_jit
-def _meeting(contact: Contact, state: State) -> Array:
+def _contact_point(contact: Contact, state: State) -> Array:
     tibia = state.between(contact.bodies)
-    gap = contact.gap(tibia, contact.meeting(tibia))
+    gap = contact.gap(tibia, contact.contact_point(tibia))
     point = contact.tibial.frame.placement.apply(gap.point)
     return jnp.stack([jnp.broadcast_to(x, state.shape) for x in point])
 
 
 def _around(
-    pressure: np.ndarray, place: np.ndarray, meeting: np.ndarray, points: tuple[int, int]
+    pressure: np.ndarray, place: np.ndarray, contact_point: np.ndarray, points: tuple[int, int]
 ) -> np.ndarray:
-    """Pressure of the patch around a meeting point alone.
+    """Pressure of the patch around a contact point alone.
 
     The closed form has one patch; elsewhere, mostly at the rims, the fitted surfaces may overlap
     without a meaning.
@@ -183,7 +183,7 @@ def _around(
     kept = np.zeros_like(pressure)
     for pose in range(pressure.shape[1]):
         pressed = (np.nan_to_num(pressure[:, pose], nan=1.0) > 0).reshape(points)
-        away = np.sum((place[:, :, pose] - meeting[:, pose]) ** 2, axis=1)
+        away = np.sum((place[:, :, pose] - contact_point[:, pose]) ** 2, axis=1)
         own = _patch_at(pressed, int(np.argmin(away))).ravel()
         kept[own, pose] = pressure[own, pose]
     return kept

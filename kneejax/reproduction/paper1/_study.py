@@ -50,7 +50,7 @@ def as_paper1_sees(sweeps: Sweeps) -> Sweeps:
 
 
 def effect(sweep: Sweep) -> np.ndarray:
-    """Range of each coordinate over the sound values of a sweep, `(stations, 5)`, degrees, mm."""
+    """Range of each coordinate over the sound values of a sweep, `(load_cases, 5)`, degrees, mm."""
     table = np.where(sweep.sound[..., None], sweep.table, np.nan)
     known = np.isfinite(table).any(axis=0)
     low = np.min(np.where(np.isfinite(table), table, np.inf), axis=0)
@@ -59,7 +59,7 @@ def effect(sweep: Sweep) -> np.ndarray:
 
 
 def effect_of(found: Paper1Study, name: str, coordinate: str) -> np.ndarray:
-    """`effect` of one parameter on one coordinate, `(stations,)`, degrees or mm."""
+    """`effect` of one parameter on one coordinate, `(load_cases,)`, degrees or mm."""
     return effect(found.sweeps[name])[:, FREE_COORDINATES.index(coordinate)]
 
 

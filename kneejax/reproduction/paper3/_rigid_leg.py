@@ -230,7 +230,7 @@ def _beginnings(
     along *= (carried * own[:, 12] / np.linalg.norm(along, axis=1))[:, None]
     tendon = Load(along, np.zeros_like(along), np.tile(patella.tibial_attachment, (len(along), 1)))
     loaded: Motion = passive_flexion(knee, flexion_deg, [weight, tendon])
-    return jnp.asarray(np.c_[np.asarray(loaded.settled.q).T, carried, own])
+    return jnp.asarray(np.c_[np.asarray(loaded.equilibrium.q).T, carried, own])
 
 
 def _first(patella: RigidPatella, start: Pose) -> Array:

@@ -171,10 +171,12 @@ def _common_step(run: VarusValgus, rows: list[int], least_Nm: float) -> tuple[in
 def _peaks(knee: Knee, run: VarusValgus, variants: list[int], step: int, far: list[bool]):
     """Peak pressure `(variants, contacts)` and its place at a step; NaN for those not so far."""
     found = run.balances
-    q, meeting = found.q[variants, step].T, np.moveaxis(found.meeting[variants, step], 0, -1)
+    q, contact_points = (
+        np.moveaxis(x[variants, step], 0, -1) for x in (found.q, found.contact_points)
+    )
     pose = State.of({"flexion": np.deg2rad(run.ramp.flexion_deg)}, jnp.asarray(q)).tibia
     # Only ligaments are changed: the contacts are the knee's own.
-    peaks = peak_pressure(knee, pose, jnp.asarray(meeting))
+    peaks = peak_pressure(knee, pose, jnp.asarray(contact_points))
     known = np.array(far)
     pressure = np.where(known[:, None], np.asarray(peaks.pressure), np.nan)
     return pressure, np.where(known[:, None, None], np.asarray(peaks.center), np.nan)

@@ -71,7 +71,7 @@ def test_a_displacement_counts_from_the_neutral_pose_along_the_floating_axis(kne
     clinical = np.asarray(found.to_table(CLINICAL))[0, :, 3]
     assert clinical - clinical[0] == pytest.approx([0.0, 1.5, 3.0, 1.5, 0.0], abs=1e-8)
     # The machine adds no load to that: the search of the neutral pose serves its motion too.
-    assert len(found.motion.stations.loads) == 1
+    assert len(found.motion.load_cases.loads) == 1
     force = np.asarray(found.load("anterior_N"))[0]
     assert force[0] == pytest.approx(0.0, abs=1e-6)
     assert force[2] > force[1] > 0.0

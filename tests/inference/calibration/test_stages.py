@@ -51,7 +51,7 @@ def test_stages_end_where_all_data_are_fitted_once_the_last_frees_all(problem):
 
 
 def test_data_of_a_stage_are_those_of_its_tests_alone(problem):
-    rows = len(problem.cases.stations)
+    rows = len(problem.cases.load_cases)
     poses, test = (problem.with_data([name]).used for name in ("poses", "drawer"))
     assert poses.tolist() == [True] * 3 + [False] * (rows - 3)
     assert (test == ~poses).all()

@@ -9,23 +9,23 @@ import pytest
 import kneejax as kj
 from kneejax.inference import (
     Candidate,
-    LoadCases,
+    Observations,
     choose,
     criterion_of,
     design_tests,
     fit_information,
     information,
+    load_case_derivatives,
+    load_cases_of,
     noise_of,
     standard_errors,
-    station_derivatives,
-    stations_of,
     told_by,
     usual_candidates,
 )
 from kneejax.inference.design._linearity import departures
 from kneejax.parameters import UnsuitableData, select
 from kneejax.report.design import design_notes, design_words
-from kneejax.statics import Stations, Status, balance_with_slopes
+from kneejax.statics import LoadCases, Status, balance_with_slopes
 
 pytestmark = pytest.mark.usefixtures("optimised_code")
 
@@ -56,10 +56,10 @@ def variant(seed):
 
 def known(knee):
     """What a passive motion tells of a knee, at its own parameters."""
-    selection, stations = select(knee, PARAMETERS), Stations.at(np.arange(0.0, 121.0, 5.0))
+    selection, load_cases = select(knee, PARAMETERS), LoadCases.at(np.arange(0.0, 121.0, 5.0))
     values = np.asarray(selection.read(knee))
-    fit = balance_with_slopes(knee, selection.apply, values[None], stations)
-    data = LoadCases(stations, np.zeros((25, 5)), NOISE)
+    fit = balance_with_slopes(knee, selection.apply, values[None], load_cases)
+    data = Observations(load_cases, np.zeros((25, 5)), NOISE)
     table = fit.q[0] * np.r_[np.rad2deg([1.0, 1.0]), 1.0, 1.0, 1.0]
     return selection, fit_information(knee, selection, data, fit), table.T
 
@@ -71,7 +71,7 @@ def cases():
     for seed in SEEDS:
         knee = variant(seed)
         selection, data, passive = known(knee)
-        poses = station_derivatives(selection, knee, data.values, stations_of(TESTS))
+        poses = load_case_derivatives(selection, knee, data.values, load_cases_of(TESTS))
         found.append((knee, selection, data, poses, passive))
     return found
 
@@ -155,13 +155,13 @@ def test_only_what_is_measured_tells(rng):
 
 @pytest.mark.long
 def test_derivatives_under_loads_are_those_of_differences(cases):
-    """Along one direction in all parameters, at every station."""
+    """Along one direction in all parameters, at every load case."""
     knee, selection, data, poses, _ = cases[0]
     direction = np.random.default_rng(0).normal(size=8) * data.scale * 1e-3
 
     def table(part):
         moved = data.values + part * direction
-        return station_derivatives(selection, knee, moved, stations_of(TESTS)).table
+        return load_case_derivatives(selection, knee, moved, load_cases_of(TESTS)).table
 
     near, far = table(0.5) - table(-0.5), table(1.0) - table(-1.0)
     numeric = (8.0 * near - far) / 6.0
@@ -339,10 +339,10 @@ def test_loads_are_called_by_their_clinical_names():
 
 
 def test_stations_carry_the_loads_along_the_axes_of_grood_and_suntay():
-    stations = stations_of(TESTS)
-    assert isinstance(stations, Stations) and len(stations) == 72
-    (load,) = stations.loads
+    load_cases = load_cases_of(TESTS)
+    assert isinstance(load_cases, LoadCases) and len(load_cases) == 72
+    (load,) = load_cases.loads
     assert load.axes == "grood_suntay" and load.point_in == "tibia"
     row = [str(test) for test in TESTS].index("varus moment 10 N m at 45 degrees")
     np.testing.assert_allclose(load.moment[row], [10_000.0, 0.0, 0.0])
-    assert float(jnp.rad2deg(stations.flexion[row])) == pytest.approx(45.0)
+    assert float(jnp.rad2deg(load_cases.flexion[row])) == pytest.approx(45.0)

@@ -40,7 +40,7 @@ def measured(knee, cut=(), read=(), **given):
     curves = curves_of(kj.cut(knee, cut) if cut else knee)
     test = kj.MeasuredTest.of(curves, cut=cut)
     motion, under = curves.motion, np.asarray(curves.test.path) != 0.0
-    parts = evaluate(motion.knee, motion.pose, motion.settled.meeting)
+    parts = evaluate(motion.knee, motion.pose, motion.equilibrium.contact_points)
     names = motion.knee.ligaments.names
     rows = {
         "ACL.tension_N": parts.tension[:, names.index("ACL")],
@@ -105,21 +105,21 @@ def test_what_is_cut_does_not_pull_and_nothing_else_changes(problem):
     assert slack[without].all() and not slack[whole].all()
     torn = kj.cut(problem.knee, ["ACL"])
     alone = kj.passive_flexion(torn, [20.0])
-    row = without[np.isclose(np.rad2deg(cases.stations.flexion[without]), 20.0)][-1]
-    assert found.q[0, row] == pytest.approx(np.asarray(alone.settled.q)[:, 0], abs=1e-7)
+    row = without[np.isclose(np.rad2deg(cases.load_cases.flexion[without]), 20.0)][-1]
+    assert found.q[0, row] == pytest.approx(np.asarray(alone.equilibrium.q)[:, 0], abs=1e-7)
 
 
 def test_a_load_that_is_taken_away_again_is_balanced_once(knee, monkeypatch):
     selection = kj.select(knee, NAMES)
     cases = problem_of(knee, np.zeros((0, 6)), [measured(knee, ("ACL",))]).cases
-    forces = np.asarray(cases.stations.loads[0].force)[:, 0]
+    forces = np.asarray(cases.load_cases.loads[0].force)[:, 0]
     assert (len(forces), len(np.unique(forces))) == (14, 5)
     values = np.asarray(selection.read(knee))[None] * np.array([[1.0], [1.01]])
     asked = []
 
-    def watched(knee, vary, values, stations, *rest):
-        asked.append(len(stations))
-        return balance_with_slopes(knee, vary, values, stations, *rest)
+    def watched(knee, vary, values, load_cases, *rest):
+        asked.append(len(load_cases))
+        return balance_with_slopes(knee, vary, values, load_cases, *rest)
 
     monkeypatch.setattr(_cut, "balance_with_slopes", watched)
     balance = balances_of(knee, selection, cases)
@@ -127,7 +127,7 @@ def test_a_load_that_is_taken_away_again_is_balanced_once(knee, monkeypatch):
     near = balance(values, begin.take([0, 0]))
     assert asked == [10, 10]
     vary = _cut.without(knee, selection, ("ACL",))
-    every = balance_with_slopes(*vary, values, cases.stations, near)
+    every = balance_with_slopes(*vary, values, cases.load_cases, near)
     for name in ("q", "jacobian", "status"):
         assert np.allclose(getattr(near, name), getattr(every, name), rtol=1e-6, atol=1e-8)
 
@@ -181,8 +181,9 @@ def test_weights_scale_squares_and_a_row_without_weight_counts_for_nothing(knee,
     posed, read = [], []
     for one in both:
         residual, _ = one.residual(one.begin(start[None]))
-        posed.append(residual[: 5 * len(one.cases.stations)].reshape(-1, 5)[2 : 2 + rows, ANTERIOR])
-        read.append(residual[5 * len(one.cases.stations) :])
+        count = 5 * len(one.cases.load_cases)
+        posed.append(residual[:count].reshape(-1, 5)[2 : 2 + rows, ANTERIOR])
+        read.append(residual[count:])
     assert posed[1] ** 2 == pytest.approx(posed[0] ** 2 * weight)
     assert read[1] ** 2 == pytest.approx(read[0][1:] ** 2 * weight[1:])
     assert both[1].cases.numbers == both[0].cases.numbers - 2
@@ -257,7 +258,7 @@ def test_residuals_under_a_pull_have_exact_derivatives(knee, passive, central_di
 
 
 def test_parts_of_a_knee_over_points_are_read_where_it_stands():
-    """No contact of it has a meeting point: nothing else differs."""
+    """No contact of it has a contact point: nothing else differs."""
     plane = Plane(Frame([0.0, -29.0, 0.0]), half_extent=(8.0, 8.0))
     contact = Contact(Sphere(30.0), plane, form="quadrature", points=(4, 4))
     name = "fibre"

@@ -7,10 +7,10 @@ import pytest
 
 import kneejax as kj
 from kneejax.geometry import CLINICAL, FREE_COORDINATES
-from kneejax.inference.fit import LoadCases, Problem, fit_lanes
-from kneejax.inference.fit._load_cases import _read, _read_all
+from kneejax.inference.fit import Observations, Problem, fit_lanes
+from kneejax.inference.fit._observed import _read, _read_all
 from kneejax.parameters import UnsuitableData
-from kneejax.statics import Stations
+from kneejax.statics import LoadCases
 
 pytestmark = pytest.mark.usefixtures("optimised_code")
 
@@ -181,7 +181,7 @@ def test_a_test_with_noise_of_its_own_needs_that_of_the_poses(knee, curves, pass
 def test_what_is_read_in_the_packages_own_convention_is_what_was_found(knee, problem):
     start = np.asarray(problem.selection.read(knee))
     found = problem.begin(start[None])
-    plain = LoadCases(Stations.at(np.zeros(len(found.q[0]))), np.zeros((1, 5)), NOISE)
+    plain = Observations(LoadCases.at(np.zeros(len(found.q[0]))), np.zeros((1, 5)), NOISE)
     value, slope = plain.observed(found)
     assert value[0, 0, 0] == pytest.approx(np.rad2deg(found.q[0, 0, 0]))
     assert slope[0, 0, 2] == pytest.approx(found.jacobian[0, 0, 2])

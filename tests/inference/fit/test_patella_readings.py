@@ -33,7 +33,7 @@ def moved(knee, pull_N):
 
 
 def patella(motion):
-    return np.asarray(motion.settled.state.poses[PATELLA].to_table())
+    return np.asarray(motion.equilibrium.state.poses[PATELLA].to_table())
 
 
 def tracked(knee, **given):
@@ -164,7 +164,7 @@ def test_what_is_counted_from_another_row_is_less_that_row_and_scatters_more(kne
 
 def anywhere(problem):
     """Poses near the reference, whether they balance or not: a reading asks where bones are."""
-    knee, count = problem.knee, len(problem.cases.stations)
+    knee, count = problem.knee, len(problem.cases.load_cases)
     values = np.asarray(problem.selection.read(knee))[None]
     here = np.asarray(knee.at_reference.at(free_of(["flexion"], knee.bodies)))
     q = here + np.random.default_rng(2).uniform(-0.02, 0.02, (1, count, len(here)))

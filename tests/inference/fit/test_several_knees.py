@@ -6,7 +6,7 @@ import pytest
 
 import kneejax as kj
 from kneejax.inference.fit import Problem, SeveralKnees, form_of
-from kneejax.statics import Stations, balance_with_slopes
+from kneejax.statics import LoadCases, balance_with_slopes
 
 FLEXION = [0.0, 30.0, 60.0]
 
@@ -38,7 +38,7 @@ def test_each_lane_is_its_own_knee(several):
     moved = several.balance(start[order] * 1.05, found.take(order))
     for row, knee in enumerate(order):
         alone = balance_with_slopes(
-            knees()[knee], chosen.apply, start[:1] * 1.05, Stations.at(FLEXION)
+            knees()[knee], chosen.apply, start[:1] * 1.05, LoadCases.at(FLEXION)
         )
         np.testing.assert_allclose(moved.q[row], alone.q[0], rtol=0, atol=1e-7)
         scale = np.abs(alone.jacobian[0]).max()

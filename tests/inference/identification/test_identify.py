@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import kneejax as kj
-from kneejax.inference import LoadCases, balances_of, fit_lanes, identify, profiles
+from kneejax.inference import Observations, balances_of, fit_lanes, identify, profiles
 from kneejax.parameters import UnknownParameter, UnsuitableData
 from kneejax.report.identification import fit_doubts
-from kneejax.statics import Stations, balance_with_slopes
+from kneejax.statics import LoadCases, balance_with_slopes
 
 pytestmark = pytest.mark.usefixtures("optimised_code")
 
@@ -30,12 +30,14 @@ def chosen(knee):
 @pytest.fixture(scope="module")
 def exact(knee, chosen):
     """The true knee's motion with its slopes."""
-    return balance_with_slopes(knee, chosen.apply, TRUTH[None], Stations.at(FLEXION))
+    return balance_with_slopes(knee, chosen.apply, TRUTH[None], LoadCases.at(FLEXION))
 
 
 def data_of(exact, draws, noise=0.1, seed=0):
     errors = np.random.default_rng(seed).standard_normal((draws, len(FLEXION), 5))
-    return LoadCases(Stations.at(FLEXION), exact.q[0] * UNITS + noise * errors, np.full(5, noise))
+    return Observations(
+        LoadCases.at(FLEXION), exact.q[0] * UNITS + noise * errors, np.full(5, noise)
+    )
 
 
 def box(count):
@@ -74,7 +76,7 @@ def clean(knee, chosen, exact):
     """Profiles of a motion that is hardly noisy: the problem is all but linear."""
     data = data_of(exact, 1, noise=1e-3)
     fit = fit_lanes(balances_of(knee, chosen, data), data, exact, TRUTH[None], *box(1))
-    one = LoadCases(data.stations, data.target[0], data.noise)
+    one = Observations(data.load_cases, data.target[0], data.noise)
     return fit, profiles(knee, chosen, one, fit.slopes, LOWER, UPPER, 3.8415)
 
 
@@ -94,7 +96,7 @@ def test_limits_are_where_a_fit_held_there_rises_by_the_threshold(knee, chosen, 
     """The interval's ends, which are interpolated, against fits at those very values."""
     data = data_of(exact, 1, seed=1)
     fit = fit_lanes(balances_of(knee, chosen, data), data, exact, TRUTH[None], *box(1))
-    one = LoadCases(data.stations, data.target[0], data.noise)
+    one = Observations(data.load_cases, data.target[0], data.noise)
     found = profiles(knee, chosen, one, fit.slopes, LOWER, UPPER, 3.8415)
     ends = [(i, end) for i, p in enumerate(found) for end in (p.low, p.high)]
     (low, high), starts = box(len(ends)), np.tile(fit.values[0], (len(ends), 1))
@@ -102,7 +104,7 @@ def test_limits_are_where_a_fit_held_there_rises_by_the_threshold(knee, chosen, 
         nearest = found[i].parameters[np.argmin(np.abs(found[i].values - end))]
         starts[row] = nearest
         starts[row, i] = low[row, i] = high[row, i] = end
-    begin = balance_with_slopes(knee, chosen.apply, starts, data.stations)
+    begin = balance_with_slopes(knee, chosen.apply, starts, data.load_cases)
     held = fit_lanes(balances_of(knee, chosen, one), one, begin, starts, low, high)
     np.testing.assert_allclose(held.chi2 - fit.chi2[0], 3.8415, atol=0.05)
 
@@ -110,7 +112,7 @@ def test_limits_are_where_a_fit_held_there_rises_by_the_threshold(knee, chosen, 
 def test_a_bound_leaves_an_end_open(knee, chosen, exact):
     """MCL stiffness beside paper 1's bound of 10,000 N."""
     data = data_of(exact, 1, seed=1)
-    one = LoadCases(data.stations, data.target[0], data.noise)
+    one = Observations(data.load_cases, data.target[0], data.noise)
     upper = np.r_[np.full(4, 10000.0), np.full(4, 0.2)]
     balance = balances_of(knee, chosen, one)
     fit = fit_lanes(balance, one, exact, TRUTH[None], LOWER[None], upper[None])

@@ -5,7 +5,7 @@ import pytest
 
 import kneejax as kj
 from kneejax.geometry import State
-from kneejax.inference import LoadCases, fit_information, information, noise_of
+from kneejax.inference import Observations, fit_information, information, noise_of
 from kneejax.parameters import UnsuitableData, select
 from kneejax.report.identification import (
     information_notes,
@@ -14,7 +14,7 @@ from kneejax.report.identification import (
     sloppy_words,
     stiff_words,
 )
-from kneejax.statics import Stations, balance_with_slopes
+from kneejax.statics import LoadCases, balance_with_slopes
 
 PARAMETERS = ("*.stiffness", "*.reference_strain")
 TWO = ("ACL.reference_strain", "PCL.reference_strain")
@@ -28,10 +28,10 @@ def line(x):
 
 def passive(knee, flexion, offsets=()):
     """What a passive motion tells, at the knee's own parameters, and the balances."""
-    selection, stations = select(knee, PARAMETERS), Stations.at(flexion)
+    selection, load_cases = select(knee, PARAMETERS), LoadCases.at(flexion)
     values = np.asarray(selection.read(knee))
-    fit = balance_with_slopes(knee, selection.apply, values[None], stations)
-    data = LoadCases(stations, np.zeros((len(flexion), 5)), noise_of(0.1, 0.1), offsets)
+    fit = balance_with_slopes(knee, selection.apply, values[None], load_cases)
+    data = Observations(load_cases, np.zeros((len(flexion), 5)), noise_of(0.1, 0.1), offsets)
     return fit_information(knee, selection, data, fit), fit
 
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from kneejax.inference import LoadCases
+from kneejax.inference import Observations
 from kneejax.inference.intervals import _profile_arms
 from kneejax.inference.intervals._curvature import is_convex, learned
 from kneejax.inference.intervals._profiles import Pace, follow
-from kneejax.statics import Slopes, Stations, Status
+from kneejax.statics import LoadCases, Slopes, Status
 
 
 def test_a_quadratic_is_known_after_as_many_steps_as_it_has_directions():
@@ -71,7 +71,7 @@ def limits_and_looks(threshold=3.84):
         looks.append(len(values))
         return bent_valley(values)
 
-    data = LoadCases(Stations.at([0.0, 1.0]), np.zeros((1, 2, 5)), np.ones(5))
+    data = Observations(LoadCases.at([0.0, 1.0]), np.zeros((1, 2, 5)), np.ones(5))
     box, names = np.full(3, 20.0), [(name, "") for name in "xyz"]
     found, _ = follow(
         balance, data, bent_valley(np.zeros((1, 3))), -box, box, threshold, names, Pace.LIMITS

@@ -4,21 +4,21 @@ import numpy as np
 import pytest
 
 import kneejax as kj
-from kneejax.inference import LoadCases, balances_of, fit_lanes
+from kneejax.inference import Observations, balances_of, fit_lanes
 from kneejax.inference.fit import DEFAULT_WEIGHTS, TABLE_UNITS
-from kneejax.inference.fit._load_cases import add_offsets, with_offsets, without_offsets
 from kneejax.inference.fit._many_fits import ManyFits
+from kneejax.inference.fit._observed import add_offsets, with_offsets, without_offsets
 from kneejax.inference.intervals._intervals import Interval, IntervalKind, sureties
 from kneejax.inference.intervals._profile_arms import Pace
 from kneejax.inference.intervals._profiles import Profile, _led, follow, follow_to_the_lowest, named
-from kneejax.statics import Slopes, Stations, Status, balance_with_slopes
+from kneejax.statics import LoadCases, Slopes, Status, balance_with_slopes
 
 NAMES = ("*.stiffness", "*.reference_strain")
 #: Paper 1, Table 3.
 TRUTH = np.array([5876.0, 2814.0, 8904.0, 7048.0, 0.037, -0.047, 0.023, 0.039])
 LOWER = np.r_[np.full(4, 300.0), np.full(4, -0.2)]
 UPPER = np.r_[np.full(4, 10000.0), np.full(4, 0.2)]
-TWELVE = Stations.at(np.linspace(0.0, 110.0, 12))
+TWELVE = LoadCases.at(np.linspace(0.0, 110.0, 12))
 
 
 def profile(low=2.0, high=8.0, low_open="", high_open=""):
@@ -79,7 +79,7 @@ def test_limits_with_a_prior_are_those_of_the_closed_form_and_name_what_is_the_p
     target = np.full((1, 2, 5), np.nan)
     target[..., 3] = 12.0
     weights = np.full(5, noise**-2.0)
-    data = LoadCases(Stations.at([0.0, 1.0]), target, np.ones(5), prior=(mean, sd))
+    data = Observations(LoadCases.at([0.0, 1.0]), target, np.ones(5), prior=(mean, sd))
     slope = linear(mean[None]).jacobian[0, :, 3] / noise
     precision = slope.T @ slope + np.diag(sd**-2.0)
     best = np.linalg.solve(precision, slope.T @ [24.0, 24.0] + mean / sd**2)
@@ -126,7 +126,7 @@ XY = [("x", ""), ("y", "")]
 @pytest.mark.parametrize("pace", list(Pace))
 def test_a_limit_is_where_the_farthest_valley_ends(pace):
     """At x = 3, y = 1 the fit is worse by 0.64 only: nothing that the arm of x alone would see."""
-    data = LoadCases(Stations.at([0.0]), np.zeros((1, 1, 5)), np.ones(5))
+    data = Observations(LoadCases.at([0.0]), np.zeros((1, 1, 5)), np.ones(5))
     ((x, y),), _ = follow(two_valleys, data, two_valleys([[0.0, 0.0]]), *BOX, 3.84, XY, pace)
     assert x.low == pytest.approx(-np.sqrt(3.84) / 2.0, abs=0.02)
     assert x.high == pytest.approx(3.0 + np.sqrt(3.84 - 0.64) / 2.0, abs=0.02)
@@ -142,7 +142,7 @@ def test_a_fit_moves_to_the_valley_that_an_arm_has_found(pace):
 
     target = np.zeros((1, 1, 5))
     target[..., 3] = 0.8
-    data = LoadCases(Stations.at([0.0]), target, np.ones(5))
+    data = Observations(LoadCases.at([0.0]), target, np.ones(5))
     begin = ManyFits(two_valleys([[0.0, 0.0]]), np.array([0.64]), np.array([True]), 1)
     here, ((x, _),) = follow_to_the_lowest(balance, data, begin, *BOX, 3.84, XY, pace)
     np.testing.assert_allclose(np.abs(here.values), [[3.0, 1.0]], atol=1e-3)
@@ -185,7 +185,7 @@ def test_printed_intervals_of_a_bent_valley_hold_the_truth(knee, exact):
     draws, chosen = 24, kj.select(knee, NAMES)
     errors = np.random.default_rng(0).standard_normal((draws, 12, 5))
     target = exact.q[0] * TABLE_UNITS + 0.2 * errors
-    data = LoadCases(TWELVE, target, 1.0 / np.sqrt(DEFAULT_WEIGHTS))
+    data = Observations(TWELVE, target, 1.0 / np.sqrt(DEFAULT_WEIGHTS))
     tiles = [np.tile(x, (draws, 1)) for x in (TRUTH, LOWER, UPPER)]
     balance = balances_of(knee, chosen, data)
     fits = fit_lanes(balance, data, exact.take(np.zeros(draws, int)), *tiles)

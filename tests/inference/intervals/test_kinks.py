@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from kneejax.inference import LoadCases
+from kneejax.inference import Observations
 from kneejax.inference.intervals import _profile_arms
 from kneejax.inference.intervals._profiles import Pace, follow
-from kneejax.statics import Slopes, Stations, Status
+from kneejax.statics import LoadCases, Slopes, Status
 
 HALF = 20.0
 
@@ -48,7 +48,7 @@ def followed(seed):
         looks.append(len(values))
         return balance(values)
 
-    data = LoadCases(Stations.at([0.0, 1.0]), np.zeros((1, 2, 5)), np.ones(5))
+    data = Observations(LoadCases.at([0.0, 1.0]), np.zeros((1, 2, 5)), np.ones(5))
     box, names = np.full(3, HALF), [(name, "") for name in "xyz"]
     found, _ = follow(counted, data, balance(fit), -box, box, 3.84, names, Pace.LIMITS)
     ends = [(one.low, one.high, one.low_open, one.high_open) for one in found[0]]

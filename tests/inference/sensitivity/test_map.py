@@ -6,10 +6,10 @@ import pytest
 import kneejax as kj
 from kneejax.files import Checkpoints
 from kneejax.inference import Condition, in_convention, profiles, sensitivity_map, sensitivity_maps
-from kneejax.inference.fit import LoadCases, balances_of, fit_lanes
+from kneejax.inference.fit import Observations, balances_of, fit_lanes
 from kneejax.parameters import UnknownParameter, UnsuitableData
 from kneejax.reproduction.paper1._claims_fitting import valley
-from kneejax.statics import Stations, balance_many, balance_with_slopes
+from kneejax.statics import LoadCases, balance_many, balance_with_slopes
 
 pytestmark = pytest.mark.usefixtures("optimised_code")
 
@@ -51,7 +51,7 @@ def test_grid_points_are_objectives_of_their_knees(knee, measured, found):
     chosen = kj.select(knee, PAIR)
     rows = [(0, 0), (3, 4), (2, 8)]
     values = np.array([[found.x[column], found.y[row]] for row, column in rows])
-    alone = balance_many(knee, chosen.apply, values, Stations.at(FLEXION))
+    alone = balance_many(knee, chosen.apply, values, LoadCases.at(FLEXION))
     squares = ((alone.table - measured[:, 1:]) ** 2).sum(axis=1)
     for k, (row, column) in enumerate(rows):
         np.testing.assert_allclose(found.partial_objectives[:, row, column], squares[k], rtol=1e-6)
@@ -152,9 +152,9 @@ def test_profiles_follow_the_valley_of_the_map(knee, measured):
     """With two free parameters the profile of one is the map's minimum over the other."""
     chosen, noise = kj.select(knee, PAIR), np.array([0.5, 0.5, 0.5, 0.5, 0.5])
     lower, upper = np.array([1500.0, -0.07]), np.array([5000.0, -0.02])
-    data = LoadCases(Stations.at(FLEXION), measured[:, 1:], noise)
+    data = Observations(LoadCases.at(FLEXION), measured[:, 1:], noise)
     start = np.array([[2900.0, -0.05]])
-    near = balance_with_slopes(knee, chosen.apply, start, data.stations)
+    near = balance_with_slopes(knee, chosen.apply, start, data.load_cases)
     balance = balances_of(knee, chosen, data)
     fit = fit_lanes(balance, data, near, start, lower[None], upper[None])
     np.testing.assert_allclose(fit.values[0], [2814.0, -0.047], rtol=1e-4)

@@ -28,7 +28,7 @@ def measured(knee):
     (test,) = kj.lab_tests("drawer", [20.0, 60.0], force_N=60.0, steps=1)
     (whole,) = kj.load_curves(true, test)
     (torn,) = kj.load_curves(kj.cut(true, ["MCL"]), test, true)
-    parts = evaluate(true, whole.motion.pose, whole.motion.settled.meeting)
+    parts = evaluate(true, whole.motion.pose, whole.motion.equilibrium.contact_points)
     pull = np.asarray(parts.tension)[whole.nodes[:, 1], true.ligaments.names.index("ACL")]
     intact = kj.MeasuredTest.of(whole, sd_mm=0.2)
     intact = dataclasses.replace(intact, readings={"ACL.tension_N": pull}, sd_N=3.0)

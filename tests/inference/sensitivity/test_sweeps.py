@@ -5,7 +5,7 @@ import pytest
 
 from kneejax.inference import local_sensitivity, sweep
 from kneejax.parameters import UnknownParameter, UnsuitableData
-from kneejax.statics import Stations, Status, converged
+from kneejax.statics import LoadCases, Status, converged
 
 pytestmark = pytest.mark.usefixtures("optimised_code")
 
@@ -97,7 +97,7 @@ def test_sweeps_of_unlike_length_run_together_and_change_nothing(knee, sweeps):
     lines = {one.name: one.values for one in sweeps.sweeps}
     lines["LCL.stiffness"] = lines["LCL.stiffness"][[0, 4, 8]]
     lines["ACL.reference_strain"] = lines["ACL.reference_strain"][[3, 7]]
-    together = sweep(knee, lines, Stations.at(FLEXION))
+    together = sweep(knee, lines, LoadCases.at(FLEXION))
     assert together["LCL.stiffness"].table.shape == (3, 4, 5)
     for one in together.sweeps:
         whole = sweeps[one.name]

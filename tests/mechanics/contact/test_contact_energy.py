@@ -58,7 +58,7 @@ def touching():
     @jax.jit
     def depth(c):
         tibia = geo.Pose(*c).placement
-        return contact.gap(tibia, contact.meeting(tibia)).depth
+        return contact.gap(tibia, contact.contact_point(tibia)).depth
 
     for _ in range(30):
         c[4] -= float(depth(c))

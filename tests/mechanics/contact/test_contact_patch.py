@@ -23,7 +23,7 @@ def compiled(function):
 
 @compiled
 def gap(contact, tibia):
-    return contact.gap(tibia, contact.meeting(tibia))
+    return contact.gap(tibia, contact.contact_point(tibia))
 
 
 @pytest.mark.parametrize("depth", [-2.0, 0.0, 1.5])
@@ -42,7 +42,7 @@ def test_a_sphere_on_a_tilted_plane_meets_it_along_the_normal():
     tibia = at(*(-28.5 * normal)[[1, 0, 2]])
     there = gap(contact, tibia)
     assert float(there.depth) == pytest.approx(1.5, abs=1e-12)
-    point = geo.Sphere(30.0).point(*contact.meeting(tibia))
+    point = geo.Sphere(30.0).point(*contact.contact_point(tibia))
     np.testing.assert_allclose([float(c) for c in point], -30.0 * normal, atol=1e-9)
 
 
@@ -154,8 +154,8 @@ def test_semi_axes_are_those_of_the_overlap_of_a_paraboloid():
 
 @compiled
 def outgrown(contact, tibia):
-    meeting = contact.meeting(tibia)
-    return contact.outgrown(contact.gap(tibia, meeting), meeting)
+    contact_point = contact.contact_point(tibia)
+    return contact.outgrown(contact.gap(tibia, contact_point), contact_point)
 
 
 def test_a_patch_larger_than_a_radius_is_outgrown():
@@ -182,9 +182,9 @@ def test_a_tibia_that_has_passed_through_the_femur_is_seen_at_any_depth(form):
 
 @compiled
 def border_of(contact, tibia):
-    meeting = contact.meeting(tibia)
-    gap = contact.gap(tibia, meeting)
-    return contact.border(gap, meeting, contact.rim_off(gap, meeting))
+    contact_point = contact.contact_point(tibia)
+    gap = contact.gap(tibia, contact_point)
+    return contact.border(gap, contact_point, contact.rim_off(gap, contact_point))
 
 
 def test_a_patch_on_the_border_carries_half_its_force_beyond_it():
@@ -198,9 +198,9 @@ def test_a_patch_on_the_border_carries_half_its_force_beyond_it():
 
 @compiled
 def pressed_and_border(contact, tibia):
-    meeting = contact.meeting(tibia)
-    found = contact.press(tibia, meeting)
-    return found.off <= OFF_SURFACE_MM, contact.border(found.gap, meeting, found.off)
+    contact_point = contact.contact_point(tibia)
+    found = contact.press(tibia, contact_point)
+    return found.off <= OFF_SURFACE_MM, contact.border(found.gap, contact_point, found.off)
 
 
 @pytest.mark.parametrize("mm", [0.1, 0.9, 1.1, 3.0])
@@ -238,11 +238,13 @@ def placement(c):
 
 
 gap_of = compiled(
-    lambda contact, c: contact.gap(placement(c), contact.meeting(placement(c)))
+    lambda contact, c: contact.gap(placement(c), contact.contact_point(placement(c)))
 )
-meeting = compiled(lambda contact, c: contact.meeting(placement(c)))
+contact_point = compiled(lambda contact, c: contact.contact_point(placement(c)))
 
-meeting_slope = compiled(jax.jacfwd(lambda contact, c: contact.meeting(placement(c)), 1))
+contact_point_slope = compiled(
+    jax.jacfwd(lambda contact, c: contact.contact_point(placement(c)), 1)
+)
 
 
 def touching(contact, c):
@@ -280,7 +282,7 @@ def normal_and_tangents(contact, m, c):
 
 @pytest.mark.long
 def test_at_the_meeting_point_both_tangents_are_normal_to_the_other_surfaces_normal(contact, pose):
-    normal, tangents = normal_and_tangents(contact, meeting(contact, pose), pose)
+    normal, tangents = normal_and_tangents(contact, contact_point(contact, pose), pose)
     normal /= np.linalg.norm(normal)
     for tangent in tangents:
         assert abs(tangent @ normal) / np.linalg.norm(tangent) < 1e-9
@@ -290,8 +292,8 @@ def test_at_the_meeting_point_both_tangents_are_normal_to_the_other_surfaces_nor
 def test_the_meeting_point_has_the_derivative_of_central_differences(
     contact, pose, central_difference
 ):
-    exact = np.asarray(meeting_slope(contact, jnp.asarray(pose)))
-    numeric = central_difference(lambda c: meeting(contact, c), pose)
+    exact = np.asarray(contact_point_slope(contact, jnp.asarray(pose)))
+    numeric = central_difference(lambda c: contact_point(contact, c), pose)
     np.testing.assert_allclose(exact, numeric, atol=1e-6)
 
 
@@ -301,9 +303,11 @@ def test_the_meeting_point_follows_the_numbers_of_both_surfaces(contact, central
     rng = np.random.default_rng(11)
     tangents = [jnp.asarray(rng.normal(size=x.shape)) * 0.01 for x in leaves]
     bend = jax.tree.unflatten(structure, tangents)
-    _, exact = jax.jvp(lambda k: meeting(k, POSE), (contact,), (bend,))
+    _, exact = jax.jvp(lambda k: contact_point(k, POSE), (contact,), (bend,))
     numeric = central_difference(
-        lambda e: meeting(jax.tree.map(lambda x, t: x + e * t, contact, bend), POSE), 0.0, 1e-2
+        lambda e: contact_point(jax.tree.map(lambda x, t: x + e * t, contact, bend), POSE),
+        0.0,
+        1e-2,
     )
     np.testing.assert_allclose(np.asarray(exact), numeric, atol=1e-6)
 
@@ -317,22 +321,22 @@ def test_second_derivatives_of_the_meeting_point_equal_central_differences_of_th
     direction = jnp.asarray(np.array([0.3, -0.2, 0.5, 0.7, -0.4, 0.6]))
 
     def along(x):
-        return jax.jvp(lambda c: contact.meeting(placement(c)), (x,), (direction,))[1]
+        return jax.jvp(lambda c: contact.contact_point(placement(c)), (x,), (direction,))[1]
 
     _, exact = compiled(lambda c: jax.jvp(along, (c,), (direction,)))(jnp.asarray(pose))
     assert np.isfinite(np.asarray(exact)).all()
 
     def slope(e):
-        return np.asarray(meeting_slope(contact, pose + e * np.asarray(direction))) @ direction
+        return (
+            np.asarray(contact_point_slope(contact, pose + e * np.asarray(direction))) @ direction
+        )
 
-    np.testing.assert_allclose(
-        np.asarray(exact), central_difference(slope, 0.0), atol=1e-6
-    )
+    np.testing.assert_allclose(np.asarray(exact), central_difference(slope, 0.0), atol=1e-6)
 
 
 @compiled
 def pressed(contact, c):
-    return contact.press(placement(c), contact.meeting(placement(c)))
+    return contact.press(placement(c), contact.contact_point(placement(c)))
 
 
 @pytest.mark.long

@@ -43,14 +43,14 @@ PAIRS = {
 # Fused, a reverse derivative of a search computes its values anew at each of its many uses.
 @functools.partial(jax.jit, compiler_options={"xla_disable_hlo_passes": "fusion"})
 def both(contact, pose):
-    """Written out and by reverse differentiation through the search for the meeting point."""
+    """Written out and by reverse differentiation through the search for the contact point."""
     tibia = pose.placement
     return contact.wrench(tibia), wrench_of(contact.energy, tibia), contact.energy(tibia)
 
 
 @jax.jit
 def depth(contact, pose):
-    return contact.gap(pose.placement, contact.meeting(pose.placement)).depth
+    return contact.gap(pose.placement, contact.contact_point(pose.placement)).depth
 
 
 # A law says how energy grows, a pair where: each of them once.

@@ -11,7 +11,7 @@ import kneejax as kj
 import kneejax.geometry as geo
 from kneejax.mechanics import Contact, Knee, Ligaments, Muscles, add_lane_axis
 from kneejax.reproduction.paper3 import RigidPatella, held_by_rigid_patella, rigid_leg
-from kneejax.statics import Guess, settle
+from kneejax.statics import Guess, solve_equilibrium
 
 PULL_N, THICKNESS = 200.0, 6.0
 #: Medial and lateral polynomial of the groove, second order; planes 130 degrees apart.
@@ -123,7 +123,7 @@ def test_the_elastic_patella_becomes_the_rigid_one_with_the_root_of_its_stiffnes
     knee = elastic(patella, modulus, 1e3 * modulus)
     held = {name: jnp.zeros(len(modulus)) for name in geo.COORDINATES}
     near = jnp.tile(found[:6, None], len(modulus))
-    stiff = settle(knee, held, Guess(near, jnp.full((2, 2, len(modulus)), jnp.nan)))
+    stiff = solve_equilibrium(knee, held, Guess(near, jnp.full((2, 2, len(modulus)), jnp.nan)))
     assert bool(stiff.stable.all())
     away = np.abs(np.asarray(stiff.q - near)) / np.array(geo.scales(geo.BODIES["patella"]))[:, None]
     away = away.max(axis=0)

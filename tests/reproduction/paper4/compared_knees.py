@@ -15,7 +15,7 @@ from kneejax.reproduction import (
     Outcome,
     score,
 )
-from kneejax.statics import Balances, Status
+from kneejax.statics import Equilibria, Status
 
 SETTINGS = OneAtATime(axial_steps=2, moment_steps=8)
 _VALUES = {"prestretch": (-0.1, 0.1), "youngs_modulus": (-100.0, 100.0)}
@@ -66,7 +66,7 @@ def study(name, *, factor=1.0, attachments=True, tension=None, lost=False, **cha
             status[0, -2:], status[1] = Status.OUTSIDE_REGION, Status.NOT_CONVERGED
         nothing, reached = np.zeros((count, len(ramp), 0, 2)), np.ones(status.shape)
         steps = np.zeros(status.shape, int)
-        balances = Balances(q, nothing, status, steps, reached, status, reached)
+        balances = Equilibria(q, nothing, status, steps, reached, status, reached)
         run = VarusValgus(ramp, balances)
         runs[direction] = run
         for row, change in enumerate(changes, 1):

@@ -22,7 +22,7 @@ from kneejax.reproduction import (
     with_fibres,
 )
 from kneejax.reproduction.paper4._knee_comparison import _common_step, _compared
-from kneejax.statics import Guess, Status, settle
+from kneejax.statics import Guess, Status, solve_equilibrium
 
 COARSE = OneAtATime(
     ("MCL", "LCL"), prestretch=(0.0,), modulus_MPa=(-50.0, 100.0), full_Nm=12.0, axial_steps=1,
@@ -143,12 +143,12 @@ def test_a_change_of_nothing_scores_nothing(compared):
 
 
 @compiled()
-def settled_on_a_ramp(knee, stations):
-    lanes = stations.load(add_lane_axis(knee))
-    reference = lanes.at_reference.at(stations.free)
-    q = jnp.broadcast_to(reference, (len(reference), len(stations)))
-    nowhere = jnp.full((knee.patch_count, 2, len(stations)), jnp.nan)
-    return settle(lanes, stations.prescribed, Guess(q, nowhere))
+def settled_on_a_ramp(knee, load_cases):
+    lanes = load_cases.load(add_lane_axis(knee))
+    reference = lanes.at_reference.at(load_cases.free)
+    q = jnp.broadcast_to(reference, (len(reference), len(load_cases)))
+    nowhere = jnp.full((knee.patch_count, 2, len(load_cases)), jnp.nan)
+    return solve_equilibrium(lanes, load_cases.prescribed, Guess(q, nowhere))
 
 
 @pytest.mark.slow
@@ -157,7 +157,7 @@ def test_the_error_of_rotation_is_that_of_direct_balances(compared):
     changes, knees = varied(knee, ("LCL",), modulus_MPa=(100.0,), reference_modulus_MPa=345.0)
     angles = []
     for one in knees:
-        found = settled_on_a_ramp(one, ramp.stations)
+        found = settled_on_a_ramp(one, ramp.load_cases)
         assert (np.asarray(found.status) == Status.BALANCED).all()
         angles.append(np.rad2deg(np.asarray(found.q[0])))
     direct = np.sqrt(np.mean((angles[1] - angles[0])[ramp.loaded] ** 2))

@@ -10,11 +10,11 @@ import numpy as np
 from kneejax.inference.fit import table_of
 from kneejax.mechanics import Knee
 from kneejax.parameters import Selection
-from kneejax.statics import Slopes, Stations, balance_with_slopes
+from kneejax.statics import LoadCases, Slopes, balance_with_slopes
 
 
 @dataclasses.dataclass(frozen=True)
-class StationDerivatives:
+class LoadCaseDerivatives:
     """Poses at load cases, and how parameters move them; rows that failed are NaN.
 
     Attributes:
@@ -25,31 +25,31 @@ class StationDerivatives:
 
     @property
     def table(self) -> np.ndarray:
-        """Free coordinates, degrees and mm, `(stations, 5)`."""
+        """Free coordinates, degrees and mm, `(load_cases, 5)`."""
         return table_of(self.slopes)[0][0]
 
     @property
     def jacobian(self) -> np.ndarray:
-        """Derivative of the table with respect to the parameters, `(stations, 5, p)`."""
+        """Derivative of the table with respect to the parameters, `(load_cases, 5, p)`."""
         return table_of(self.slopes)[1][0]
 
     @property
     def status(self) -> np.ndarray:
-        """`Status` values, `(stations,)`."""
+        """`Status` values, `(load_cases,)`."""
         return self.slopes.status[0]
 
-    def take(self, rows: Sequence[int]) -> StationDerivatives:
+    def take(self, rows: Sequence[int]) -> LoadCaseDerivatives:
         """Some of the load cases, in the order of `rows`."""
-        return StationDerivatives(self.slopes.at(list(rows)))
+        return LoadCaseDerivatives(self.slopes.at(list(rows)))
 
 
-def station_derivatives(
+def load_case_derivatives(
     selection: Selection,
     knee: Knee,
     values: np.ndarray,
-    stations: Stations,
-    near: StationDerivatives | None = None,
-) -> StationDerivatives:
+    load_cases: LoadCases,
+    near: LoadCaseDerivatives | None = None,
+) -> LoadCaseDerivatives:
     """Balance a knee at flexions with loads, and differentiate each pose by the parameters.
 
     Every load case is reached as a test is made: the knee is bent without load, then loaded.
@@ -58,7 +58,7 @@ def station_derivatives(
         selection: the parameters.
         knee: gives everything else.
         values: of the parameters, `(p,)`.
-        stations: the load cases, in any order; none depends on another.
+        load_cases: the load cases, in any order; none depends on another.
         near: balanced poses at these load cases, of parameters close by, to predict from instead.
 
     Returns:
@@ -66,4 +66,4 @@ def station_derivatives(
     """
     known = None if near is None else near.slopes
     one = np.asarray(values, float)[None]
-    return StationDerivatives(balance_with_slopes(knee, selection.apply, one, stations, known))
+    return LoadCaseDerivatives(balance_with_slopes(knee, selection.apply, one, load_cases, known))

@@ -1,4 +1,4 @@
-"""What is known of many balances: variants of a knee at stations."""
+"""What is known of many balances: variants of a knee at load cases."""
 
 from __future__ import annotations
 
@@ -11,36 +11,39 @@ import numpy as np
 from jax import Array
 
 from kneejax.geometry import FREE_COORDINATES, TIBIA, coordinate, scales, table_units
-from kneejax.statics._settle import Settled, shapes_of_holding
-from kneejax.statics._stations import Stations
+from kneejax.statics._equilibrium import Equilibrium, shapes_of_holding
+from kneejax.statics._load_cases import LoadCases
 from kneejax.statics._status import Status, converged
 from kneejax.statics._stiffness import newton_step_left
 
-#: Fields of `Settled` that a continuation finds, besides what holds a balance.
-_FOUND = ("q", "meeting", "status", "fault", "steps")
+#: Fields of `Equilibrium` that a continuation finds, besides what holds a balance.
+_FOUND = ("q", "contact_points", "status", "fault", "steps")
 
 
 @dataclasses.dataclass(frozen=True)
-class Balances:
-    """Balanced poses of variants at stations; arrays begin with the axes of the values.
+class Equilibria:
+    """Balanced poses of variants at load cases; arrays begin with the axes of the values.
 
     Attributes:
-        q: free coordinates `(variants, stations, free)`, rad and mm; NaN where there is no balance.
-        meeting: parameters of the points where surfaces meet, `(variants, stations, n, 2)`.
-        status: `Status` values, `(variants, stations)`.
-        steps: Newton steps taken, of all searches, `(variants, stations)`.
-        reached: part of a station's last load under which the knee still balanced on the way to
-            it, `(variants, stations)`: 1 where it is found.
+        q: free coordinates `(variants, load_cases, free)`, rad and mm; NaN where there is no
+            balance.
+        contact_points: parameters of the points where surfaces meet, `(variants, load_cases, n,
+            2)`.
+        status: `Status` values, `(variants, load_cases)`.
+        steps: Newton steps taken, of all searches, `(variants, load_cases)`.
+        reached: part of a load case's last load under which the knee still balanced on the way to
+            it, `(variants, load_cases)`: 1 where it is found.
         fault: the pose at which the last search ended, balanced or not, taken by itself; `Status`
             values.
-        softness: see `softness_of`, at the last balance before a station or where the search ended.
-        holding: what holds the balances, fields of `Settled` by name, `(variants, stations, ...)`;
-            those of the last search where there is none; empty where nobody asked.
+        softness: see `softness_of`, at the last balance before a load case or where the search
+            ended.
+        holding: what holds the balances, fields of `Equilibrium` by name, `(variants, load_cases,
+            ...)`; those of the last search where there is none; empty where nobody asked.
         free: names of the free coordinates.
     """
 
     q: np.ndarray
-    meeting: np.ndarray
+    contact_points: np.ndarray
     status: np.ndarray
     steps: np.ndarray
     reached: np.ndarray
@@ -51,10 +54,10 @@ class Balances:
 
     @classmethod
     def nothing(
-        cls, shape: tuple[int, ...], stations: Stations, patches: int, holding: bool
-    ) -> Balances:
+        cls, shape: tuple[int, ...], load_cases: LoadCases, patches: int, holding: bool
+    ) -> Equilibria:
         """Nothing known yet: every pose counts as not balanced."""
-        free, held = stations.free, len(stations.prescribed)
+        free, held = load_cases.free, len(load_cases.prescribed)
         sizes = shapes_of_holding(len(free), held, patches) if holding else {}
         lost = int(Status.NOT_CONVERGED)
         return cls(
@@ -72,7 +75,7 @@ class Balances:
     def note(self, where: Any, record: Mapping[str, Any]) -> None:
         """Write down what became of some of them, see `shapes_of_record`, in place."""
         good = np.asarray(converged(record["status"]))
-        for name in ("q", "meeting"):
+        for name in ("q", "contact_points"):
             values = np.moveaxis(record[name], -1, 0)
             unknown = ~good.reshape(-1, *(1,) * (values.ndim - 1))
             getattr(self, name)[where] = np.where(unknown, np.nan, values)
@@ -83,7 +86,7 @@ class Balances:
         for name, values in self.holding.items():
             values[where] = np.moveaxis(record[name], -1, 0)
 
-    def put(self, where: Any, others: Balances) -> None:
+    def put(self, where: Any, others: Equilibria) -> None:
         """Replace some of them, in place."""
         for field in dataclasses.fields(self):
             if field.name == "holding":
@@ -92,47 +95,48 @@ class Balances:
             elif field.name != "free":
                 getattr(self, field.name)[where] = getattr(others, field.name)
 
-    def at(self, *where: Any) -> Balances:
-        """The balances at some of the variants and stations, as NumPy indexes."""
+    def at(self, *where: Any) -> Equilibria:
+        """The balances at some of the variants and load cases, as NumPy indexes."""
         arrays = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
         free = arrays.pop("free")
-        return Balances(**jax.tree.map(lambda x: x[where], arrays), free=free)
+        return Equilibria(**jax.tree.map(lambda x: x[where], arrays), free=free)
 
-    def shaped(self, shape: tuple[int, ...]) -> Balances:
+    def shaped(self, shape: tuple[int, ...]) -> Equilibria:
         """The same with other leading axes of the variants."""
         arrays = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
         free = arrays.pop("free")
-        return Balances(
+        return Equilibria(
             **jax.tree.map(lambda x: x.reshape(*shape, *x.shape[1:]), arrays), free=free
         )
 
     def in_nodes(self) -> dict[str, np.ndarray]:
-        """What `settled_of` makes balances of, one node after the other; holding must be known."""
+        """What `equilibrium_of` makes balances of, one node after the other; holding must be
+        known."""
         every = {name: getattr(self, name) for name in _FOUND} | self.holding
         axes = self.status.ndim
         return {name: x.reshape(self.status.size, *x.shape[axes:]) for name, x in every.items()}
 
     @property
     def table(self) -> np.ndarray:
-        """Free coordinates of the tibia in degrees and mm, `(variants, stations, free)`."""
+        """Free coordinates of the tibia in degrees and mm, `(variants, load_cases, free)`."""
         own = [name for name in self.free if coordinate(name).body == TIBIA]
         return self.q[..., : len(own)] * table_units(own)
 
     @property
     def converged(self) -> np.ndarray:
-        """Where forces balance, `(variants, stations)`."""
+        """Where forces balance, `(variants, load_cases)`."""
         return converged(self.status)
 
 
-def shapes_of_record(stations: Stations, patches: int) -> dict[str, tuple[int, ...]]:
+def shapes_of_record(load_cases: LoadCases, patches: int) -> dict[str, tuple[int, ...]]:
     """What is recorded where a path is through with a load case, without lanes: its place on the
-    path, -1 where none ended; as in `Settled`, q, the contact points, status, fault and how many
-    looks it took; the part of the way to it at which the last equilibrium was; `softness_of` it;
-    and what holds it."""
+    path, -1 where none ended; as in `Equilibrium`, q, the contact points, status, fault and how
+    many looks it took; the part of the way to it at which the last equilibrium was; `softness_of`
+    it; and what holds it."""
     numbers = ("place", "status", "fault", "steps", "way", "softness")
-    free, held = len(stations.free), len(stations.prescribed)
+    free, held = len(load_cases.free), len(load_cases.prescribed)
     nothing: dict[str, tuple[int, ...]] = dict.fromkeys(numbers, ())
-    return nothing | {"q": (free,), "meeting": (patches, 2)} | shapes_of_holding(
+    return nothing | {"q": (free,), "contact_points": (patches, 2)} | shapes_of_holding(
         free, held, patches
     )
 
@@ -145,18 +149,18 @@ def of_record(rows: Any, shapes: dict[str, tuple[int, ...]]) -> dict[str, Any]:
 
 
 @jax.jit
-def settled_of(stations: Stations, nodes: Mapping[str, Array]) -> Settled:
+def equilibrium_of(load_cases: LoadCases, nodes: Mapping[str, Array]) -> Equilibrium:
     """Balances that were found, as what the derivative follows.
 
     Args:
-        stations: of each node.
-        nodes: see `Balances.in_nodes`, but arrays end in lanes.
+        load_cases: of each node.
+        nodes: see `Equilibria.in_nodes`, but arrays end in lanes.
 
     Returns:
         One lane a node.
     """
-    units = scales(stations.free)
+    units = scales(load_cases.free)
     left_mm, pivots = newton_step_left(nodes["tangent"], nodes["residual"], units)
-    return Settled(
-        stations.prescribed, **nodes, left_mm=left_mm, pivots=pivots, bodies=stations.bodies
+    return Equilibrium(
+        load_cases.prescribed, **nodes, left_mm=left_mm, pivots=pivots, bodies=load_cases.bodies
     )

@@ -20,14 +20,15 @@ from kneejax.numerics import traced
 _PLAIN = "load"
 
 
-class Stations(eqx.Module):
+class LoadCases(eqx.Module):
     """What is prescribed, with loads that act besides those of the knee; the first axis counts.
 
     Attributes:
-        prescribed: coordinate -> its value, `(stations,)`, rad or mm. All others are free.
-        loads: arrays of shape `(stations, 3)`, N, N mm and mm; of a pull, `(stations, lines, ...)`.
+        prescribed: coordinate -> its value, `(load_cases,)`, rad or mm. All others are free.
+        loads: arrays of shape `(load_cases, 3)`, N, N mm and mm; of a pull, `(load_cases, lines,
+            ...)`.
         begin: flexion at which the knee is loaded before the others are prescribed and, where it is
-            free, before it is let go, rad, `(stations,)`; None where flexion is prescribed.
+            free, before it is let go, rad, `(load_cases,)`; None where flexion is prescribed.
         supports: what still holds coordinates that are being let go.
         later: how many of the loads, the last ones, begin to act only once a machine holds what is
             held. The others act before it takes hold.
@@ -36,10 +37,10 @@ class Stations(eqx.Module):
     Example:
         >>> import numpy as np
         >>> from kneejax.mechanics import load_of
-        >>> drawer = Stations.at([20.0, 20.0], [load_of(anterior_N=np.array([-90.0, 90.0]))])
+        >>> drawer = LoadCases.at([20.0, 20.0], [load_of(anterior_N=np.array([-90.0, 90.0]))])
         >>> len(drawer), drawer.loads[0].moment.shape
         (2, (2, 3))
-        >>> Stations.at(20.0, held={"anterior_mm": [-5.0, 0.0, 5.0]}).free
+        >>> LoadCases.at(20.0, held={"anterior_mm": [-5.0, 0.0, 5.0]}).free
         ('adduction', 'internal_rotation', 'superior', 'lateral')
     """
 
@@ -57,11 +58,12 @@ class Stations(eqx.Module):
         loads: Sequence[Load | Pull] = (),
         held: Mapping[str, ArrayLike] | None = None,
         flexion_is_free: bool = False,
-    ) -> Stations:
-        """Stations at angles in degrees; numbers are repeated where one serves all.
+    ) -> LoadCases:
+        """Load cases at angles in degrees; numbers are repeated where one serves all.
 
         Args:
-            flexion_deg: prescribed, `(stations,)` or one; where it is free, that of the beginning.
+            flexion_deg: prescribed, `(load_cases,)` or one; where it is free, that of the
+                beginning.
             loads: see `kneejax.mechanics.load_of` and `pull_of`.
             held: column -> value of further prescribed coordinates, degrees or mm, e.g.
                 `{"anterior_mm": 5.0}`; see `kneejax.geometry.COLUMNS`. `drawer_mm` is the anterior
@@ -91,7 +93,7 @@ class Stations(eqx.Module):
 
     @property
     def flexion(self) -> Array:
-        """Flexion, prescribed or that of the beginning, rad, `(stations,)`."""
+        """Flexion, prescribed or that of the beginning, rad, `(load_cases,)`."""
         return self.prescribed["flexion"] if self.begin is None else self.begin
 
     @property
@@ -104,23 +106,23 @@ class Stations(eqx.Module):
         """Whether flexion, and nothing else, is prescribed."""
         return tuple(self.prescribed) == ("flexion",)
 
-    def take(self, rows: ArrayLike) -> Stations:
-        """Some of the stations, in the order of `rows`."""
+    def take(self, rows: ArrayLike) -> LoadCases:
+        """Some of the load cases, in the order of `rows`."""
         return jax.tree.map(lambda x: x[jnp.asarray(rows)], self)
 
-    def loaded(self) -> Stations:
+    def loaded(self) -> LoadCases:
         """Where the knee is loaded with flexion alone prescribed: from there the others move."""
         first = len(self.loads) - self.later
         still = (load.times(0.0) for load in self.loads[first:])
         acting = (*self.loads[:first], *still)
-        return Stations({"flexion": self.flexion}, acting, bodies=self.bodies)
+        return LoadCases({"flexion": self.flexion}, acting, bodies=self.bodies)
 
-    def of(self, knee: Knee) -> Stations:
-        """The same stations, of all that moves in a knee."""
+    def of(self, knee: Knee) -> LoadCases:
+        """The same load cases, of all that moves in a knee."""
         same = self.bodies == knee.bodies
         return self if same else dataclasses.replace(self, bodies=knee.bodies)
 
-    def plain(self) -> Stations:
+    def plain(self) -> LoadCases:
         """The same with at least one load and without names: one compiled program serves more."""
         named = [load for load in self.loads if isinstance(load, Load) and load.name != _PLAIN]
         if self.loads and not named:
@@ -134,11 +136,11 @@ class Stations(eqx.Module):
         return dataclasses.replace(self, loads=plain)
 
     def load(self, knee: Knee) -> Knee:
-        """A knee whose leaves end in lanes, one lane a station, with these loads added."""
+        """A knee whose leaves end in lanes, one lane a load case, with these loads added."""
         return jax.tree.map(lambda x: jnp.moveaxis(x, 0, -1), self).added_to(knee)
 
     def added_to(self, knee: Knee) -> Knee:
-        """As `load`, where the arrays of these stations end in lanes."""
+        """As `load`, where the arrays of these load cases end in lanes."""
         pulls = [load for load in self.loads if isinstance(load, Pull)]
         more, ends = {}, {}
         for pull in pulls:

@@ -41,14 +41,15 @@ _SEARCH = EnergyNewton()
 _MOST_ROUNDS = 256
 
 
-class Settled(eqx.Module):
+class Equilibrium(eqx.Module):
     """Balanced poses of one or many knees; arrays end in lanes.
 
     Attributes:
         prescribed: coordinate -> its value, `(lanes,)`, rad or mm.
         q: free coordinates `(free, lanes)`, rad and mm, in the order of `kneejax.geometry.free_of`;
             NaN where the search failed.
-        meeting: parameters of the points where surfaces meet, `(n, 2, lanes)`; without derivatives.
+        contact_points: parameters of the points where surfaces meet, `(n, 2, lanes)`; without
+            derivatives.
         residual: unbalanced force left, `(free, lanes)`, N mm per rad and N.
         tangent: stiffness `(free, free, lanes)`.
         reaction: what holds the prescribed coordinates, in the order of their names, `(prescribed,
@@ -66,7 +67,7 @@ class Settled(eqx.Module):
 
     prescribed: Prescribed
     q: Array
-    meeting: Array
+    contact_points: Array
     residual: Array
     tangent: Array
     reaction: Array
@@ -100,9 +101,9 @@ class Settled(eqx.Module):
         return self.converged & jnp.all(self.pivots > 0, axis=0)
 
 
-def settle(
+def solve_equilibrium(
     knee: Knee, prescribed: Prescribed, guess: Guess, search: EnergyNewton = _SEARCH
-) -> Settled:
+) -> Equilibrium:
     """Find the balance near a guess.
 
     Args:
@@ -135,7 +136,7 @@ def needs_float64() -> None:
         )
 
 
-def differentiable(knee: Knee, prescribed: Prescribed, found: Settled) -> Settled:
+def differentiable(knee: Knee, prescribed: Prescribed, found: Equilibrium) -> Equilibrium:
     """A balance that has been found, as a function of the knee and of what is prescribed.
 
     By the implicit function theorem the derivative of a balance needs no search. So one compiled
@@ -147,14 +148,14 @@ def differentiable(knee: Knee, prescribed: Prescribed, found: Settled) -> Settle
         found: the balance.
 
     Returns:
-        The same balance, differentiable as `settle` is.
+        The same balance, differentiable as `solve_equilibrium` is.
     """
     found = lax.stop_gradient(found)
     q = ruled(_following, found.q, knee, prescribed, found)
     return dataclasses.replace(found, prescribed=prescribed, q=q)
 
 
-def with_tangent(knee: Knee, prescribed: Prescribed, found: Settled) -> Settled:
+def with_tangent(knee: Knee, prescribed: Prescribed, found: Equilibrium) -> Equilibrium:
     """A balance with the tangent exactly there: that of its search is a last step away, which is
     too far for a cable that becomes taut within 0.1 micrometre.
 
@@ -164,16 +165,16 @@ def with_tangent(knee: Knee, prescribed: Prescribed, found: Settled) -> Settled:
         found: the balance; NaN stays NaN.
     """
     knee, prescribed, found = lax.stop_gradient((knee, prescribed, found))
-    tangent = balance(knee, prescribed, found.q, found.meeting).tangent
+    tangent = balance(knee, prescribed, found.q, found.contact_points).tangent
     return dataclasses.replace(found, tangent=tangent)
 
 
 @compiled(static_argnums=(3,))
-def _search(knee: Knee, prescribed: Prescribed, guess: Guess, search: EnergyNewton) -> Settled:
+def _search(knee: Knee, prescribed: Prescribed, guess: Guess, search: EnergyNewton) -> Equilibrium:
     # One lane that starts from NaN would end the search of all.
     reference = knee.at_reference.at(free_of(prescribed, knee.bodies))
     q = jnp.where(jnp.isnan(guess.q), jnp.broadcast_to(reference, guess.q.shape), guess.q)
-    knee, near = knee.for_many_poses(), guess.meeting
+    knee, near = knee.for_many_poses(), guess.contact_points
     if near is None:
         near = jnp.full((knee.patch_count, 2, *q.shape[1:]), jnp.nan)
     solution = optx.root_find(
@@ -185,23 +186,24 @@ def _search(knee: Knee, prescribed: Prescribed, guess: Guess, search: EnergyNewt
         max_steps=_MOST_ROUNDS,
         throw=False,
     )
-    q, meeting, rest = described(knee, prescribed, solution.value, solution.aux)
-    return Settled(prescribed, q, meeting, **rest, bodies=knee.bodies)
+    q, contact_points, rest = described(knee, prescribed, solution.value, solution.aux)
+    return Equilibrium(prescribed, q, contact_points, **rest, bodies=knee.bodies)
 
 
 def described(knee: Knee, prescribed: Prescribed, found: Guess, here: SearchState):
-    """Coordinates (NaN where they are no balance), meeting points, and the rest of `Settled`."""
+    """Coordinates (NaN where they are no balance), contact points, and the rest of
+    `Equilibrium`."""
     left_mm, pivots = newton_step_left(here.there.tangent, here.there.residual, here.scales)
     fault = fault_of(knee, prescribed, here, pivots)
     status = jnp.where(here.done, fault, int(Status.NOT_CONVERGED))
     rest = holding(here.there) | dict(
         pivots=pivots, status=status, fault=fault, left_mm=left_mm, steps=here.count
     )
-    return jnp.where(converged(status), found.q, jnp.nan), found.meeting, rest
+    return jnp.where(converged(status), found.q, jnp.nan), found.contact_points, rest
 
 
 def holding(here: Balance) -> dict[str, Array]:
-    """What holds a balance: the fields of `Settled` that a look has computed."""
+    """What holds a balance: the fields of `Equilibrium` that a look has computed."""
     return dict(
         residual=jnp.stack(here.residual),
         tangent=here.tangent,
@@ -252,7 +254,7 @@ def _following(q, primals, tangents):
     knee, prescribed, found = primals
     failed, size = ~found.converged, len(q)
     # Anywhere, where there is no balance: what is computed there goes nowhere.
-    held = knee, prescribed, jnp.where(failed, 0.0, q), found.meeting
+    held = knee, prescribed, jnp.where(failed, 0.0, q), found.contact_points
     change = _force_change(*held, *tangents[:2])
     tangent = as_known(lambda *held: balance(*held).tangent, found.tangent, *held)
     tangent = jnp.where(failed, identity(size, q.ndim - 1), tangent)

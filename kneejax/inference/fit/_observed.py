@@ -13,7 +13,7 @@ from jax import Array
 
 from kneejax.geometry import CLINICAL, FEMORAL, FREE_COORDINATES, convert, table_units
 from kneejax.numerics import lanes_for
-from kneejax.statics import Slopes, Stations
+from kneejax.statics import LoadCases, Slopes
 
 if TYPE_CHECKING:
     from kneejax.inference.fit._frames import Passage
@@ -34,7 +34,7 @@ def table_of(found: Slopes) -> tuple[np.ndarray, np.ndarray]:
         found: balances, of whatever bones: the tibia's coordinates stand first.
 
     Returns:
-        Degrees and mm, `(fits, stations, 5)`, and by the values `(fits, stations, 5, p)`.
+        Degrees and mm, `(fits, load_cases, 5)`, and by the values `(fits, load_cases, 5, p)`.
     """
     q, slope = _of_tibia(found)
     return q * TABLE_UNITS, slope * TABLE_UNITS[:, None]
@@ -46,35 +46,35 @@ def _of_tibia(found: Slopes) -> tuple[np.ndarray, np.ndarray]:
 
 
 @dataclasses.dataclass(frozen=True)
-class LoadCases:
+class Observations:
     """What was observed of a knee, and how well it is known.
 
     Attributes:
-        stations: where: flexion, loads, and what was held.
-        target: free coordinates, degrees and mm, `(stations, 5)`, or one set per fit
-            `(fits, stations, 5)`; NaN where a coordinate was not observed.
+        load_cases: where: flexion, loads, and what was held.
+        target: free coordinates, degrees and mm, `(load_cases, 5)`, or one set per fit
+            `(fits, load_cases, 5)`; NaN where a coordinate was not observed.
         noise: standard deviation of each coordinate, degrees and mm, `(5,)`, or one set per fit
             `(fits, 5)`; infinite for a coordinate that does not count.
         offsets: free coordinates whose constant difference to the measurement is free.
-        used: load cases that count, `(stations,)`.
+        used: load cases that count, `(load_cases,)`.
         prior: means and standard deviations of the values, `(p,)` each, that count as observed too,
             means perhaps one set per fit `(fits, p)`; None where nothing is known beforehand.
-        clinical: whose translations are those of Grood and Suntay, `(stations,)`; frame offsets
+        clinical: whose translations are those of Grood and Suntay, `(load_cases,)`; frame offsets
             are not of these. None where no case's are.
-        neutral: load case from which each one is counted, `(stations,)`, -1 where the pose counts
+        neutral: load case from which each one is counted, `(load_cases,)`, -1 where the pose counts
             as it is; None where all do.
         group: load cases that share unknown constants, one a coordinate: their number
-            `(stations,)`, -1 for cases without; None where no case has any.
-        spread: times its coordinate's noise that an observation has, `(stations, 5)`, or one set
-            per fit `(fits, stations, 5)`, infinite for one that does not count; None where all have
-            that noise itself.
+            `(load_cases,)`, -1 for cases without; None where no case has any.
+        spread: times its coordinate's noise that an observation has, `(load_cases, 5)`, or one set
+            per fit `(fits, load_cases, 5)`, infinite for one that does not count; None where all
+            have that noise itself.
         cuts: what was cut, a set of ligaments each; the first is that of a whole knee, none.
-        cut: which of these each load case had, `(stations,)`; the first by default.
+        cut: which of these each load case had, `(load_cases,)`; the first by default.
         readings: forces and strains that were read of parts of the knee; None without any.
         passages: load cases that a knee in motion passes; all others are balances.
     """
 
-    stations: Stations
+    load_cases: LoadCases
     target: np.ndarray
     noise: np.ndarray
     offsets: tuple[str, ...] = ()
@@ -91,17 +91,17 @@ class LoadCases:
 
     def __post_init__(self) -> None:
         if self.cut is None:
-            object.__setattr__(self, "cut", np.zeros(len(self.stations), int))
+            object.__setattr__(self, "cut", np.zeros(len(self.load_cases), int))
 
     @property
     def counted(self) -> np.ndarray:
-        """Load cases that count, `(stations,)`."""
-        return np.ones(len(self.stations), bool) if self.used is None else self.used
+        """Load cases that count, `(load_cases,)`."""
+        return np.ones(len(self.load_cases), bool) if self.used is None else self.used
 
     @property
     def moved(self) -> np.ndarray:
-        """Load cases that a knee in motion passes, `(stations,)`."""
-        moved = np.zeros(len(self.stations), bool)
+        """Load cases that a knee in motion passes, `(load_cases,)`."""
+        moved = np.zeros(len(self.load_cases), bool)
         for passage in self.passages:
             moved[passage.rows] = True
         return moved
@@ -123,14 +123,14 @@ class LoadCases:
 
     @property
     def seen(self) -> np.ndarray:
-        """Which numbers were observed and count, `(stations, 5)`; the same in every fit."""
-        one = self.target.reshape(-1, len(self.stations), 5)[0]
+        """Which numbers were observed and count, `(load_cases, 5)`; the same in every fit."""
+        one = self.target.reshape(-1, len(self.load_cases), 5)[0]
         return ~np.isnan(one) & self.counted[:, None]
 
     @property
     def posed(self) -> np.ndarray:
-        """Load cases in the frame to which offsets lead, `(stations,)`."""
-        return np.ones(len(self.stations), bool) if self.clinical is None else ~self.clinical
+        """Load cases in the frame to which offsets lead, `(load_cases,)`."""
+        return np.ones(len(self.load_cases), bool) if self.clinical is None else ~self.clinical
 
     @property
     def taken(self) -> np.ndarray:
@@ -148,7 +148,7 @@ class LoadCases:
             found += [(rows, column) for rows in groups for column in range(5)]
         return found
 
-    def take(self, rows) -> LoadCases:
+    def take(self, rows) -> Observations:
         """The data of some of the fits."""
         target = self.target if self.target.ndim == 2 else self.target[rows]
         noise = self.noise if self.noise.ndim == 1 else self.noise[rows]
@@ -163,14 +163,14 @@ class LoadCases:
         """What the model gives to compare with the target, and its derivative by the values.
 
         Args:
-            found: balances at the stations.
+            found: balances at the load cases.
 
         Returns:
-            Degrees and mm, `(fits, stations, 5)`, and by the values `(fits, stations, 5, p)`.
+            Degrees and mm, `(fits, load_cases, 5)`, and by the values `(fits, load_cases, 5, p)`.
         """
         q, slope = _of_tibia(found)
         if self.clinical is not None and self.clinical.any():
-            read, turn = _read_all(np.asarray(self.stations.flexion), q)
+            read, turn = _read_all(np.asarray(self.load_cases.flexion), q)
             q = np.where(self.clinical[:, None], read, q)
             slope = np.where(self.clinical[:, None, None], turn @ slope, slope)
         value, slope = q * TABLE_UNITS, slope * TABLE_UNITS[:, None]
@@ -188,11 +188,11 @@ class LoadCases:
         """Model minus observation, the best unknown constants taken out, and by the values.
 
         Args:
-            found: balances at the stations.
+            found: balances at the load cases.
 
         Returns:
-            Degrees and mm, `(fits, stations, 5)`, and by the values `(fits, stations, 5, p)`; zero
-            where nothing was observed or a load case does not count.
+            Degrees and mm, `(fits, load_cases, 5)`, and by the values `(fits, load_cases, 5, p)`;
+            zero where nothing was observed or a load case does not count.
         """
         value, slope = self.observed(found)
         seen = self.seen
@@ -236,7 +236,7 @@ class LoadCases:
 
 
 def _read_all(flexion: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Free coordinates `(fits, stations, 5)` of Grood and Suntay, and by those of the package."""
+    """Free coordinates `(fits, load_cases, 5)` of Grood and Suntay, and by those of the package."""
     shape = q.shape[:2]
     count = shape[0] * shape[1]
     # Arms of profiles end one by one: a program for each number of fits took a second each.
@@ -260,13 +260,13 @@ def _read(flexion: Array, q: Array) -> tuple[Array, Array]:
 def with_offsets(balance: Balance, offsets: Sequence[str], posed: np.ndarray) -> Balance:
     """A balance whose last values are constants added to some coordinates.
 
-    `LoadCases.offsets` takes the best constants out of every residual; this makes them values
+    `Observations.offsets` takes the best constants out of every residual; this makes them values
     like any other, which have bounds and can be held.
 
     Args:
         balance: of the other values.
         offsets: free coordinates; their constants are in degrees and mm.
-        posed: load cases to which they are added, `(stations,)`.
+        posed: load cases to which they are added, `(load_cases,)`.
 
     Returns:
         The balance.
@@ -311,7 +311,7 @@ def without_offsets(found: Slopes, offsets: Sequence[str], posed: np.ndarray) ->
     )
 
 
-def best_offsets(data: LoadCases, fit: Slopes) -> list[float]:
+def best_offsets(data: Observations, fit: Slopes) -> list[float]:
     """The best constant of each coordinate whose frames may differ, to be added to the model's.
 
     Args:
@@ -321,6 +321,6 @@ def best_offsets(data: LoadCases, fit: Slopes) -> list[float]:
     Returns:
         Degrees or mm, in the order of `data.offsets`.
     """
-    target = data.target.reshape(len(data.stations), 5)
+    target = data.target.reshape(len(data.load_cases), 5)
     error = (data.observed(fit)[0][0] - target)[data.counted & data.posed]
     return [-float(error[:, FREE_COORDINATES.index(name)].mean()) for name in data.offsets]
