@@ -144,7 +144,7 @@ class _Paths(eqx.Module):
     here: Array
     expected: Array
     straight: Array
-    y: Guess
+    y: Array
     state: SearchState
     turns: Array
     record: Array
@@ -214,8 +214,8 @@ class Continuation(NamedTuple):
         """Nothing sought yet: the loop begins as if all searches had just ended."""
         lanes = behind.known.shape
         yes, no, none = jnp.ones(lanes, bool), jnp.zeros(lanes, bool), jnp.zeros(lanes, int)
-        y, here = Guess(behind.q[0], behind.contact_points[0]), behind.cases[0]
-        args = self._args(here)
+        y, here = behind.q[0], behind.cases[0]
+        args = *self._args(here), behind.contact_points[0]
         _, shapes = jax.eval_shape(look, y, args)
         state = EnergyNewton().init(look, y, args, {}, None, shapes, frozenset())
         record = shapes_of_record(self.like.load_cases, self.knee.patch_count)
@@ -232,21 +232,22 @@ class Continuation(NamedTuple):
         """A look of all lanes, each where its search goes on."""
         few = jnp.where(paths.step * (1.0 - paths.behind.progress) < 1.0, _PART, _QUICK)
         search = EnergyNewton(atol=_ACCURACY_MM, most_steps=jnp.where(paths.patient, _PATIENT, few))
-        args, before = self._args(paths.here), paths.state
+        before = paths.state
+        args = *self._args(paths.here), before.best.contact_points
         y, state, _ = search.step(look, paths.y, args, {}, before, frozenset())
         ended = paths.active & ~state.searches
         return dataclasses.replace(paths, y=y, state=state, ended=ended)
 
     def _advanced(self, paths: _Paths) -> _Paths:
         """Judge what was found, write it down, and send the paths on."""
-        judged = self._judged(paths)
+        judged, points = self._judged(paths), paths.state.best.contact_points
         arrived = judged.good & (paths.step >= 1.0)
         over = arrived | judged.failed
         looks = paths.looks + jnp.where(paths.ended & ~paths.fresh, paths.state.count, 0)
         entry = dict(
             place=paths.place, status=judged.status, fault=judged.fault, steps=looks,
             way=jnp.where(arrived, 1.0, paths.behind.progress), softness=judged.softness,
-            q=paths.y.q, contact_points=paths.y.contact_points, **holding(paths.state.there),
+            q=paths.y, contact_points=points, **holding(paths.state.there),
         )  # fmt: skip
         rows = [jnp.reshape(x, (-1, x.shape[-1])).astype(float) for x in entry.values()]
         record = jnp.where(over, jnp.concatenate(rows), paths.record)
@@ -259,8 +260,8 @@ class Continuation(NamedTuple):
         behind, good, place = paths.behind, judged.good, paths.place + over
         behind = Behind(
             cases=_pushed(behind.cases, paths.here, good),
-            q=_pushed(behind.q, paths.y.q, good),
-            contact_points=_pushed(behind.contact_points, paths.y.contact_points, good),
+            q=_pushed(behind.q, paths.y, good),
+            contact_points=_pushed(behind.contact_points, points, good),
             known=jnp.minimum(behind.known + good, 3),
             failed=jnp.where(arrived, 0, behind.failed + judged.failed),
             progress=jnp.where(over, 0.0, progress),
@@ -303,7 +304,7 @@ class Continuation(NamedTuple):
             here=jnp.where(begins, new, paths.here),
             expected=jnp.where(begins, expected, paths.expected),
             straight=jnp.where(begins, orders[-1], paths.straight),
-            y=jax.tree.map(lambda a, b: jnp.where(begins, a, b), guess, paths.y),
+            y=jnp.where(begins, guess.q, paths.y),
             state=paths.state.anew(begins, guess),
             patient=jnp.where(begins, patient, paths.patient),
         )
@@ -350,10 +351,10 @@ class Continuation(NamedTuple):
         reach = jnp.where(loading, _LOADED_MM, reach)
         scale = jnp.asarray(units)[:, None]
         reaches = [1.0 if coordinate(name).body == TIBIA else _PATELLA for name in free]
-        moved = (paths.y.q - behind.q[0]) / scale / jnp.asarray(reaches)[:, None]
+        moved = (paths.y - behind.q[0]) / scale / jnp.asarray(reaches)[:, None]
         far = begun & (size_of(moved) > reach)
         # Round a corner a parabola leads astray, which a line, or the last equilibrium, does not.
-        missed = jnp.min(jnp.max(jnp.abs(paths.y.q - paths.expected) / scale, axis=1), axis=0)
+        missed = jnp.min(jnp.max(jnp.abs(paths.y - paths.expected) / scale, axis=1), axis=0)
         far |= (paths.straight > 1) & (missed > _MISSED_MM)
         off_branch = converged(status) & (far | (loading & ~(softness > 0.0)))
         status = jnp.where(off_branch, int(Status.NOT_CONVERGED), status)

@@ -180,8 +180,8 @@ def _search(knee: Knee, prescribed: Prescribed, guess: Guess, search: EnergyNewt
     solution = optx.root_find(
         look,
         search,
-        Guess(q, near),
-        (knee, prescribed),
+        q,
+        (knee, prescribed, near),
         has_aux=True,
         max_steps=_MOST_ROUNDS,
         throw=False,
@@ -190,7 +190,7 @@ def _search(knee: Knee, prescribed: Prescribed, guess: Guess, search: EnergyNewt
     return Equilibrium(prescribed, q, contact_points, **rest, bodies=knee.bodies)
 
 
-def described(knee: Knee, prescribed: Prescribed, found: Guess, here: SearchState):
+def described(knee: Knee, prescribed: Prescribed, q: Array, here: SearchState):
     """Coordinates (NaN where they are no balance), contact points, and the rest of
     `Equilibrium`."""
     left_mm, pivots = newton_step_left(here.there.tangent, here.there.residual, here.scales)
@@ -199,7 +199,7 @@ def described(knee: Knee, prescribed: Prescribed, found: Guess, here: SearchStat
     rest = holding(here.there) | dict(
         pivots=pivots, status=status, fault=fault, left_mm=left_mm, steps=here.count
     )
-    return jnp.where(converged(status), found.q, jnp.nan), found.contact_points, rest
+    return jnp.where(converged(status), q, jnp.nan), here.best.contact_points, rest
 
 
 def holding(here: Balance) -> dict[str, Array]:

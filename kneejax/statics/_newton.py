@@ -122,16 +122,16 @@ class SearchState(eqx.Module):
 
 
 @partial(jax.jit, inline=True)
-def look(guess: Guess, args: tuple[Knee, Prescribed]):
-    """The function whose root is sought: the unbalanced force at a guess, with what it is made of.
+def look(q: Array, args: tuple[Knee, Prescribed, Array | None]):
+    """The function whose root is sought: the unbalanced force at a pose, with what it is made of.
 
     Jitted so that Python runs through the mechanics once however often the search is traced.
 
     Returns:
         Residual in rows, what holds prescribed coordinates below; forces.
     """
-    knee, prescribed = args
-    return rows_of_force(knee, prescribed, guess.q, guess.contact_points)
+    knee, prescribed, near = args
+    return rows_of_force(knee, prescribed, q, near)
 
 
 class EnergyNewton(optx.AbstractRootFinder):
@@ -152,18 +152,21 @@ class EnergyNewton(optx.AbstractRootFinder):
     def init(self, fn, y, args, options, f_struct, aux_struct, tags) -> SearchState:
         if options:
             raise ValueError(f"EnergyNewton: unknown options {sorted(options)}; it takes none")
-        (knee, prescribed), nothing = args, jnp.zeros_like(y.q)
-        reaction = jnp.zeros((len(prescribed), *y.q.shape[1:]))
-        tangent, coupling = (jnp.zeros((len(x), *y.q.shape)) for x in (nothing, reaction))
+        (knee, prescribed, near), nothing = args, jnp.zeros_like(y)
+        reaction = jnp.zeros((len(prescribed), *y.shape[1:]))
+        tangent, coupling = (jnp.zeros((len(x), *y.shape)) for x in (nothing, reaction))
         forces = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), aux_struct)
         there = Balance(tuple(nothing), tuple(reaction), tangent, coupling, forces)
-        return SearchState.begun(y, there, scales(free_of(prescribed, knee.bodies)))
+        units = scales(free_of(prescribed, knee.bodies))
+        return SearchState.begun(Guess(y, near), there, units)
 
     def step(self, fn, y, args, options, state, tags):
-        here = linearised(lambda q: fn(Guess(q, y.contact_points), args), y.q)
+        (knee, prescribed, _), near = args, state.best.contact_points
+        here = linearised(lambda q: fn(q, (knee, prescribed, near)), y)
         accept = state.searches & (~state.compares | self._is_lower(y, here, state))
+        seen = Guess(y, here.forces.contact_points), here
         best, there = jax.tree.map(
-            lambda new, old: jnp.where(accept, new, old), (y, here), (state.best, state.there)
+            lambda new, old: jnp.where(accept, new, old), seen, (state.best, state.there)
         )
         damping = jnp.where(accept, 0.1 * state.damping, jnp.maximum(8.0 * state.damping, 1.0))
         damping = jnp.where(damping < 1e-3, 0.0, damping)
@@ -171,9 +174,9 @@ class EnergyNewton(optx.AbstractRootFinder):
         ahead = self._ahead(best, state, accept)
         return self._next(ahead), ahead, ahead.there.forces
 
-    def _is_lower(self, y: Guess, here: Balance, state: SearchState) -> Array:
+    def _is_lower(self, q: Array, here: Balance, state: SearchState) -> Array:
         before, energy = state.there.forces, here.forces.energy
-        work = jnp.sum(before.load * (y.q - state.best.q), axis=0)
+        work = jnp.sum(before.load * (q - state.best.q), axis=0)
         climb = energy - before.energy - work
         scale = jnp.abs(before.energy) + jnp.abs(energy) + 1.0
         both = here.residual, state.there.residual
@@ -200,12 +203,12 @@ class EnergyNewton(optx.AbstractRootFinder):
         phase = jnp.where(found, int(Phase.FOUND), phase)
         return dataclasses.replace(best, step=step, phase=phase, count=count)
 
-    def _next(self, state: SearchState) -> Guess:
+    def _next(self, state: SearchState) -> Array:
         """Where to look next: a step ahead of the best point."""
         q = state.best.q + jnp.stack(scaled(state.step, state.scales))
         # A lane whose numbers are not finite stands still: the solver would end the search of all.
         goes = jnp.all(jnp.isfinite(q), axis=0)
-        return Guess(jnp.where(goes, q, state.best.q), state.there.forces.contact_points)
+        return jnp.where(goes, q, state.best.q)
 
     def terminate(self, fn, y, args, options, state, tags):
         return ~jnp.any(state.searches), optx.RESULTS.successful
