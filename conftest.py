@@ -70,7 +70,7 @@ LONGEST = (
     "dynamics/test_integrators.py",
     "mechanics/ligaments/test_courses.py",
     "cli/test_calibrate_tests.py",
-    "statics/test_settle.py",
+    "statics/test_equilibrium.py",
     "inference/calibration/test_calibrate.py",
     "mechanics/contact/test_contact_patch.py",
     "inference/calibration/test_prior.py",
