@@ -6,7 +6,7 @@ to a stable balance. Where the tangent is not positive definite, or a step was r
 of the identity is added to it. Lanes decide alone: one bad lane slows the others but never
 changes them.
 
-A look begins its search for the points where surfaces meet at those of the best point so far; where
+A look begins its search for the points where surfaces meet at those of the best pose so far; where
 one is not found the energy is infinite, and the step is refused.
 
 Every look computes the tangent: docs/performance.md says what leaving it out has cost.
@@ -172,6 +172,9 @@ class EnergyNewton(optx.AbstractRootFinder):
         damping = jnp.where(damping < 1e-3, 0.0, damping)
         best = dataclasses.replace(state, best=best, there=there, damping=damping)
         ahead = self._ahead(best, state, accept)
+        # A first pose whose contact points are not near those handed in is looked at once more.
+        again = accept & ~best.compares & ~jnp.any(jnp.isnan(near), axis=(0, 1))
+        ahead = dataclasses.replace(ahead, step=jnp.where(again, 0.0, ahead.step))
         return self._next(ahead), ahead, ahead.there.forces
 
     def _is_lower(self, q: Array, here: Balance, state: SearchState) -> Array:
