@@ -9,18 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from kneejax.inference.calibration._result import Ending, Iteration
-from kneejax.inference.fit import (
-    Problem,
-    Progress,
-    SeveralKnees,
-    balances_of,
-    best_offsets,
-    fit_lanes,
-)
+from kneejax.inference.fit import Problem, Progress, SeveralKnees, fit_lanes
 from kneejax.statics import Slopes
-
-# Evaluations of each of several starts.
-_STEPS_OF_STARTS = 40
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,6 +62,8 @@ _MAX_EVALUATIONS = 200
 _WINDOW, _INSIGNIFICANT = 6, 0.5
 # Relative decrease of the objective, and relative step, that end a stage.
 _RTOL, _ATOL = 1e-10, 1e-9
+# Effect of a number, relative to the largest of all, below which no pose depends on it.
+_SILENT = 1e-6
 # Cycles that Anderson's extrapolation looks back on.
 _MEMORY = 6
 
@@ -154,7 +146,7 @@ def run_procedure(
     trail = Trail(start, np.inf, [], {}, progress=progress)
     stages, search = PROCEDURES[procedure] or tuple(stages), METHODS[method]
     cycles = cycles if PROCEDURES[procedure] and len(stages) > 1 else 1
-    begun, ended = [], []
+    begun, ended, before = [], [], None
     for _ in range(cycles):
         reached, here = trail.objective, trail.x
         for number, stage in enumerate(stages, 1):
@@ -167,6 +159,12 @@ def run_procedure(
         if trail.objective < 1e-16 * problem.cases.numbers:
             return trail
         if begun and reached - trail.objective <= tolerance * reached:
+            if before is None and (anew := _taut_again(problem, trail, start)) is not None:
+                before, begun, ended = trail, [], []
+                trail = Trail(anew, np.inf, [], dict(trail.counts), progress=progress)
+                continue
+            if before is not None and before.objective <= trail.objective:
+                return dataclasses.replace(before, counts=trail.counts)
             return trail
         begun.append(here)
         ended.append(trail.x)
@@ -213,6 +211,16 @@ def run_side_by_side(
     if any(stage.data for stage in several):
         trails = [_of_all(*pair) for pair in zip(knees.problems, trails, strict=True)]
     return trails
+
+
+def _taut_again(problem: Problem, trail: Trail, start: Slopes) -> Slopes | None:
+    """Balances with what no pose depends on, numbers of a ligament that went slack, as it was at
+    the start: by turns it would stay slack. None where there is none, or no balance."""
+    _, jacobian = problem.residual(trail.known)
+    effect = np.linalg.norm(jacobian, axis=0) * np.abs(start.values[0])
+    silent = effect < _SILENT * effect.max()
+    found = problem.balance(np.where(silent, start.values[0], trail.x)[None], trail.known)
+    return found if silent.any() and found.converged.all() else None
 
 
 def _accelerate(problem: Problem, trail: Trail, begun, ended, lower, upper) -> None:
@@ -367,31 +375,3 @@ def _telling_changes(problem: Problem, known: Slopes, width: np.ndarray) -> np.n
 
 #: How a stage is searched: with the exact Jacobian, or with the gradient alone (jaxopt).
 METHODS = {"least_squares": _stage, "lbfgsb": _stage_by_lbfgsb}
-
-
-def several_starts(
-    problem: Problem,
-    starts: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Run procedure III from several starts at once.
-
-    Args:
-        problem: what is fitted.
-        starts: `(s, p)`; offsets need no start, the best ones are known at every step.
-        lower: bounds.
-        upper: bounds.
-
-    Returns:
-        End points `(s, p)` and their objectives `(s,)`, infinite where a start found no balance.
-    """
-    size, count = len(problem.selection), len(starts)
-    # The best constants between frames are known at every step.
-    prior = problem.cases.prior and tuple(part[:size] for part in problem.cases.prior)
-    data = dataclasses.replace(problem.cases, offsets=problem.offsets, prior=prior)
-    balance, values = balances_of(problem.knee, problem.selection, data), starts[:, :size]
-    box = (np.tile(bound[:size], (count, 1)) for bound in (lower, upper))
-    found = fit_lanes(balance, data, balance(values), values, *box, most=_STEPS_OF_STARTS, far=True)
-    shifts = [best_offsets(data, found.slopes.take([row])) for row in range(count)]
-    return np.hstack([found.values, np.reshape(shifts, (count, -1))]), found.chi2

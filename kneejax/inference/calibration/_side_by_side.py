@@ -22,9 +22,9 @@ from kneejax.inference.calibration._fitted_test import fitted_tests, misfits_of_
 from kneejax.inference.calibration._quality import misfits
 from kneejax.inference.calibration._question import Question, Ready, ready
 from kneejax.inference.calibration._result import Calibration, Fit
-from kneejax.inference.calibration._search import Trail, run_side_by_side, several_starts
+from kneejax.inference.calibration._search import Trail, run_side_by_side
 from kneejax.inference.calibration._versions import versions
-from kneejax.inference.fit import Problem, Progress, SeveralKnees, form_of
+from kneejax.inference.fit import Problem, Progress, SeveralKnees, form_of, several_starts
 from kneejax.inference.intervals import Surety
 from kneejax.numerics import adding_up, lap, stopwatch
 from kneejax.parameters import UnknownParameter, UnsuitableData

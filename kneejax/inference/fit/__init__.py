@@ -11,6 +11,7 @@ from kneejax.inference.fit._lbfgsb import minimise_bounded as minimise_bounded
 from kneejax.inference.fit._many_fits import PATIENT as PATIENT
 from kneejax.inference.fit._many_fits import ManyFits as ManyFits
 from kneejax.inference.fit._many_fits import fit_lanes as fit_lanes
+from kneejax.inference.fit._many_fits import several_starts as several_starts
 from kneejax.inference.fit._observations import observations as observations
 from kneejax.inference.fit._observations import rows_of_tests as rows_of_tests
 from kneejax.inference.fit._observed import DEFAULT_WEIGHTS as DEFAULT_WEIGHTS

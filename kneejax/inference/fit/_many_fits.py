@@ -9,12 +9,20 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kneejax.inference.fit._bounded import BoundedLevenbergMarquardt
-from kneejax.inference.fit._observed import Balance, Observations
+from kneejax.inference.fit._cut import balances_of
+from kneejax.inference.fit._observed import Balance, Observations, best_offsets
 from kneejax.statics import Slopes
+
+if TYPE_CHECKING:
+    from kneejax.inference.fit._problem import Problem
+
+#: Evaluations of each of several starts.
+_STEPS_OF_STARTS = 40
 
 #: Evaluations of a fit that is to reach the end of a long flat valley.
 PATIENT = 200
@@ -107,3 +115,31 @@ def fit_lanes(
             through |= watch(here, found, chi2, better)
         here = here[~through]
     return ManyFits(known, fit.chi2, fit.ended, evaluations)
+
+
+def several_starts(
+    problem: Problem,
+    starts: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Run procedure III from several starts at once.
+
+    Args:
+        problem: what is fitted.
+        starts: `(s, p)`; offsets need no start, the best ones are known at every step.
+        lower: bounds.
+        upper: bounds.
+
+    Returns:
+        End points `(s, p)` and their objectives `(s,)`, infinite where a start found no balance.
+    """
+    size, count = len(problem.selection), len(starts)
+    # The best constants between frames are known at every step.
+    prior = problem.cases.prior and tuple(part[:size] for part in problem.cases.prior)
+    data = dataclasses.replace(problem.cases, offsets=problem.offsets, prior=prior)
+    balance, values = balances_of(problem.knee, problem.selection, data), starts[:, :size]
+    box = (np.tile(bound[:size], (count, 1)) for bound in (lower, upper))
+    found = fit_lanes(balance, data, balance(values), values, *box, most=_STEPS_OF_STARTS, far=True)
+    shifts = [best_offsets(data, found.slopes.take([row])) for row in range(count)]
+    return np.hstack([found.values, np.reshape(shifts, (count, -1))]), found.chi2

@@ -6,7 +6,7 @@ import pytest
 import kneejax as kj
 from kneejax.inference import identify
 from kneejax.inference.calibration import _side_by_side
-from kneejax.inference.calibration._search import several_starts
+from kneejax.inference.fit import several_starts
 from kneejax.parameters import UnsuitableData
 
 pytestmark = pytest.mark.usefixtures("optimised_code")
