@@ -41,14 +41,12 @@ def lowest(knee, flexion_deg, begin):
     """Where SciPy's trust region finds the energy least, in mm (rotations at 30 mm)."""
     units, lanes = np.array(scales(free_of(["flexion"], knee.bodies))), add_lane_axis(knee)
     held = {"flexion": jnp.array([np.deg2rad(flexion_deg)])}
-    none = (jnp.zeros((0, 1)), jnp.zeros((0, 1)))
-
-    at_pose = jax.jit(lambda q: balance(lanes, held, q, none))
+    at_pose = jax.jit(lambda q: balance(lanes, held, q))
 
     def at(x):
         found = at_pose(jnp.asarray(x * units)[:, None])
         stiffness = np.asarray(found.tangent[..., 0]) * np.outer(units, units)
-        force = np.asarray(found.residual[:, 0]) * units
+        force = np.asarray(found.residual)[:, 0] * units
         return float(found.forces.energy[0]), force, 0.5 * (stiffness + stiffness.T)
 
     parts = [lambda x, k=k: at(x)[k] for k in range(3)]
