@@ -166,9 +166,8 @@ def footing(knee: Knee, poses: Pose) -> Footing:
 
 @compiled()
 def _balance(knee: Knee, poses: Pose):
-    nowhere = jnp.zeros((0, *poses.flexion.shape))
     held, q = {"flexion": poses.flexion}, State({TIBIA: poses}).at(FREE_COORDINATES)
-    found = balance(knee, held, q, (nowhere, nowhere))
+    found = balance(knee, held, q)
     pulls = knee.ligaments.pull(State({TIBIA: poses}))[0].between[FEMUR_AND_TIBIA]
     return found.residual, found.tangent, Wrench.total(pulls)
 
