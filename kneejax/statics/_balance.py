@@ -32,8 +32,7 @@ class Forces(eqx.Module):
         energy: N mm.
         load: generalised force of the loads on the free coordinates, `(free, lanes)`.
         depth: of each patch, `(n, lanes)`, mm.
-        contact_points: parameters of the point where its surfaces meet, `(n, 2, lanes)`; NaN where
-            it was not found.
+        contact_points: parameters of the point where its surfaces meet, `(n, 2, lanes)`.
         flat: whether no elliptical patch fits there, `(n, lanes)`.
         known: whether all of the patch lies where both surfaces are known, `(n, lanes)`.
         points: what is wrong with the contacts over points together; None without any.
@@ -199,6 +198,5 @@ def _forces(knee: Knee, state: State, held: Held, free: tuple[str, ...]) -> Forc
         return Forces(held.energy, load, none, nowhere, none > 0, none > 0, *faults)
     gap = pressed.gap
     fits = ~gap.has_ellipse, pressed.off <= OFF_SURFACE_MM
-    points = jnp.stack(pressed.contact_point, axis=1)
-    met = gap.depth, jnp.where(jnp.isinf(pressed.energy)[:, None], jnp.nan, points)
+    met = gap.depth, jnp.stack(pressed.contact_point, axis=1)
     return Forces(held.energy, load, *met, *fits, *faults)

@@ -172,9 +172,6 @@ class EnergyNewton(optx.AbstractRootFinder):
         damping = jnp.where(damping < 1e-3, 0.0, damping)
         best = dataclasses.replace(state, best=best, there=there, damping=damping)
         ahead = self._ahead(best, state, accept)
-        # A first pose whose contact points are not near those handed in is looked at once more.
-        again = accept & ~best.compares & ~jnp.any(jnp.isnan(near), axis=(0, 1))
-        ahead = dataclasses.replace(ahead, step=jnp.where(again, 0.0, ahead.step))
         return self._next(ahead), ahead, ahead.there.forces
 
     def _is_lower(self, q: Array, here: Balance, state: SearchState) -> Array:
