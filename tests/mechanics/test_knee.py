@@ -37,7 +37,7 @@ def energies(knee, pose):
 
 
 @pytest.mark.long
-def test_energy_is_the_sum_of_the_parts_and_that_at_the_meeting_points(knee):
+def test_energy_is_the_sum_of_the_parts_and_that_at_the_contact_points(knee):
     whole, at_contact_points, gap, parts, depths = energies(knee, POSE)
     np.testing.assert_allclose(np.asarray(whole), np.asarray(parts), rtol=1e-12)
     np.testing.assert_allclose(np.asarray(whole), np.asarray(at_contact_points), rtol=1e-12)

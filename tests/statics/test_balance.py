@@ -66,7 +66,7 @@ def test_the_poses_press_and_lift_both_compartments(knee, balanced):
     assert depth.min() < -0.1 and 1.0 < depth.max() < 5.0
 
 
-def test_energy_at_the_meeting_points_is_the_energy(knee, balanced, energy):
+def test_energy_at_the_contact_points_is_the_energy(knee, balanced, energy):
     expected = np.asarray(energy(knee, Q))
     np.testing.assert_allclose(np.asarray(balanced.forces.energy), expected, rtol=1e-12)
 

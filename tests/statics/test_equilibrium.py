@@ -165,7 +165,7 @@ def test_elimination_solves_and_its_pivots_tell_definiteness():
 
 
 @pytest.mark.long
-def test_a_lane_whose_meeting_points_are_lost_finds_them_again(knee, motion):
+def test_a_lane_whose_contact_points_are_lost_finds_them_again(knee, motion):
     """Guesses off where the surfaces meet, or none at all, of the contact points or of the pose."""
     lanes, here = add_lane_axis(knee), motion.equilibrium
     astray = here.contact_points[..., 3:4] + jnp.array([0.0, 0.5, jnp.nan, jnp.nan])

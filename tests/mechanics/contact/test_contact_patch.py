@@ -281,7 +281,7 @@ def normal_and_tangents(contact, m, c):
 
 
 @pytest.mark.long
-def test_at_the_meeting_point_both_tangents_are_normal_to_the_other_surfaces_normal(contact, pose):
+def test_at_the_contact_point_both_tangents_are_normal_to_the_other_surfaces_normal(contact, pose):
     normal, tangents = normal_and_tangents(contact, contact_point(contact, pose), pose)
     normal /= np.linalg.norm(normal)
     for tangent in tangents:
@@ -289,7 +289,7 @@ def test_at_the_meeting_point_both_tangents_are_normal_to_the_other_surfaces_nor
 
 
 @pytest.mark.long
-def test_the_meeting_point_has_the_derivative_of_central_differences(
+def test_the_contact_point_has_the_derivative_of_central_differences(
     contact, pose, central_difference
 ):
     exact = np.asarray(contact_point_slope(contact, jnp.asarray(pose)))
@@ -298,7 +298,7 @@ def test_the_meeting_point_has_the_derivative_of_central_differences(
 
 
 @pytest.mark.long
-def test_the_meeting_point_follows_the_numbers_of_both_surfaces(contact, central_difference):
+def test_the_contact_point_follows_the_numbers_of_both_surfaces(contact, central_difference):
     leaves, structure = jax.tree.flatten(contact)
     rng = np.random.default_rng(11)
     tangents = [jnp.asarray(rng.normal(size=x.shape)) * 0.01 for x in leaves]
@@ -313,7 +313,7 @@ def test_the_meeting_point_follows_the_numbers_of_both_surfaces(contact, central
 
 
 @pytest.mark.long
-def test_second_derivatives_of_the_meeting_point_equal_central_differences_of_the_first(
+def test_second_derivatives_of_the_contact_point_equal_central_differences_of_the_first(
     central_difference,
 ):
     plane = geo.Plane(geo.Frame([0, -25, 22], [0.03, 0, -0.08]))
