@@ -282,7 +282,7 @@ selection = kj.select(knee, ["*.stiffness", "*.reference_strain"])
 values = np.asarray(selection.read(knee))
 
 def motion(x):
-    return kj.passive_flexion(selection.apply(knee, x), flexion).settled.q
+    return kj.passive_flexion(selection.apply(knee, x), flexion).equilibrium.q
 
 def seconds(way):
     begun = time.process_time()
