@@ -34,7 +34,6 @@ _MODULES = {
     "load_curves": "kneejax.experiments",
     "load_cycle": "kneejax.experiments",
     "passive_flexion": "kneejax.experiments",
-    "on_path": "kneejax.experiments",
     "patellar_tracking": "kneejax.experiments",
     "InputProblem": "kneejax.files",
     "load_knee": "kneejax.files",
@@ -84,9 +83,9 @@ _MODULES = {
     "joints": "kneejax.joints",
     "mechanics": "kneejax.mechanics",
     "numerics": "kneejax.numerics",
+    "papers": "kneejax.papers",
     "parameters": "kneejax.parameters",
     "report": "kneejax.report",
-    "reproduction": "kneejax.reproduction",
     "statics": "kneejax.statics",
     "studies": "kneejax.studies",
 }
@@ -111,7 +110,6 @@ if TYPE_CHECKING:
     from kneejax.experiments import leg_raise as leg_raise
     from kneejax.experiments import load_curves as load_curves
     from kneejax.experiments import load_cycle as load_cycle
-    from kneejax.experiments import on_path as on_path
     from kneejax.experiments import passive_flexion as passive_flexion
     from kneejax.experiments import patellar_tracking as patellar_tracking
     from kneejax.files import InputProblem as InputProblem

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import importlib
 
+from kneejax.cli._progress import stages_on_terminal
 from kneejax.files import InputProblem
 
 
@@ -14,9 +15,19 @@ def run(arguments: argparse.Namespace) -> int:
     A claim that is not reproduced is an answer like any other: status 0. Status 1 says that
     something computed on the way is doubtful.
     """
-    for option in ("knee", "patella"):
-        said = getattr(arguments, option)
-        if said and arguments.paper != "1":
+    given = {name: getattr(arguments, name) for name in ("knee", "patella")}
+    options = {name: value for name, value in given.items() if value}
+    if arguments.paper != "1":
+        for name, value in options.items():
             expected = "none of it: paper 1 alone takes one"
-            raise InputProblem(f"--{option}", "option", said, expected)
-    return importlib.import_module(f"kneejax.cli.papers._paper{arguments.paper}").run(arguments)
+            raise InputProblem(f"--{name}", "option", value, expected)
+    from kneejax.papers.claims import summary, write
+
+    paper = importlib.import_module(f"kneejax.papers.paper{arguments.paper}")
+    found = paper.reproduce(stages_on_terminal, **options)
+    files = write(found, arguments.out, arguments.svg)
+    print(summary(found.claims))
+    for doubt in found.doubts:
+        print(f"! {doubt}")
+    print(f"written: {arguments.out}/{', '.join(files)}, settings.json, figures/")
+    return int(bool(found.doubts))

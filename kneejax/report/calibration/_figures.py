@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kneejax.report.calibration._estimates import undetermined
-from kneejax.report.calibration._verdict import PAPER_COUNTS
 from kneejax.report.look import (
     BLUE,
     FITS,
@@ -306,10 +305,7 @@ def convergence_figure(calibration: Calibration) -> Figure:
     axes.set_ylim(bottom / 1.6, top * 1.6)
     _plain_log_axis(axes.yaxis, math.log10(top / bottom) + 0.4)
     axes.set_xlabel("Simulated motions")
-    if calibration.truth:
-        _published_counts(axes, calibration)
-        reached = max(reached, 233)
-    axes.set_xscale("log" if calibration.truth or reached > 300 else "linear")
+    axes.set_xscale("log" if reached > 300 else "linear")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     if axes.get_xscale() == "log":
         _plain_log_axis(axes.xaxis)
@@ -324,15 +320,3 @@ def convergence_figure(calibration: Calibration) -> Figure:
         handles=handles, loc=corner, borderaxespad=0.8, fontsize=7.5, handlelength=1.5,
     )  # fmt: skip
     return figure
-
-
-def _published_counts(axes: Axes, calibration: Calibration) -> None:
-    sides = {"I": ("left", 3), "II": ("right", -3), "III": ("left", 3)}
-    for procedure, (side, shift) in sides.items():
-        calls = PAPER_COUNTS[procedure][1]
-        axes.axvline(calls, color=GREY, linewidth=0.6, zorder=1)
-        axes.annotate(
-            f"published {procedure}: {calls}", (calls, 0.97), (shift, 0),
-            xycoords=axes.get_xaxis_transform(), textcoords="offset points",
-            rotation=90, ha=side, va="top", fontsize=6.5, color=GREY,
-        )  # fmt: skip

@@ -23,8 +23,6 @@ from kneejax.report.calibration._notes import calibration_notes
 from kneejax.report.calibration._starts import starts_words
 from kneejax.report.calibration._tests import axis_label_of, errors_to_show, tests_figure
 from kneejax.report.calibration._verdict import (
-    PAPER,
-    PAPER_COUNTS,
     Outcome,
     data_words,
     ending,
@@ -279,30 +277,21 @@ def _starred(e: Estimate) -> str:
 
 
 def _procedure_section(calibration: Calibration, svg: str) -> str:
-    known = bool(calibration.truth) and any(f.procedure in PAPER_COUNTS for f in calibration.fits)
     header = ["Procedure", "Converged", "Objective", "Accepted steps", "Simulated motions"]
     header += ["Gradients", "Poses"]
-    header += ["Published search steps", "Published Simpack calls"] * known
     rows = []
     for fit in calibration.fits:
         count = fit.evaluations
         row = [fit.procedure, "yes" if fit.success else "no", number(fit.objective)]
         row += [str(len(fit.history))]
         row += [str(count.get(key, NONE)) for key in ("residual", "jacobian", "equilibria")]
-        rows.append([*row, *_published(fit.procedure, known)])
+        rows.append(row)
         for stage, evaluations in stage_counts(fit):
             steps = [step for step in fit.history if step.stage == stage]
             objective = number(steps[-1].objective) if steps else NONE
             row = [f"\u2003{stage}", "", objective, str(len(steps)) if steps else NONE]
-            rows.append([*row, str(evaluations), "", "", *_published(stage, known)])
+            rows.append([*row, str(evaluations), "", ""])
     text = table(header, rows, (0, 1))
-    if known:
-        text += (
-            f"<p class=small>Published counts: {escape(PAPER)}. The steps are those of a pattern "
-            "search. One Simpack call is one simulated motion; the published search had another "
-            "specimen and another model, and no derivatives. A gradient here costs more than a "
-            "motion and is counted apart.</p>\n"
-        )
     if optimiser(calibration):
         text += f"<p class=small>Optimiser: {escape(optimiser(calibration))}.</p>\n"
     for fit in calibration.fits:
@@ -312,10 +301,6 @@ def _procedure_section(calibration: Calibration, svg: str) -> str:
             text += f"<p class=small>{escape(starts_words(fit))}</p>\n"
     return text + picture(svg, "Objective against simulated motions; markers are accepted "
                            "steps, their shape is the stage.")  # fmt: skip
-
-
-def _published(stage: str, known: bool) -> list[str]:
-    return [str(count) for count in PAPER_COUNTS.get(stage, (NONE, NONE))] if known else []
 
 
 def _partial_section(calibration: Calibration) -> str:

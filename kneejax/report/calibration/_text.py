@@ -11,7 +11,6 @@ from kneejax.report.calibration._estimates import limits, line_remark
 from kneejax.report.calibration._starts import starts_words
 from kneejax.report.calibration._tests import axis_label_of, errors_to_show
 from kneejax.report.calibration._verdict import (
-    PAPER_COUNTS,
     Outcome,
     data_words,
     known_words,
@@ -153,13 +152,9 @@ def _test_rows(calibration: Calibration) -> list[list[str]]:
 
 
 def _procedure_rows(calibration: Calibration) -> list[list[str]]:
-    published = bool(calibration.truth)
     rows = [["procedure", "converged", "objective", "simulated motions", "gradients", "poses"]]
-    rows[0] += ["published calls"] * published
     for fit in calibration.fits:
         row = [fit.procedure, "yes" if fit.success else "no", number(fit.objective)]
         counted = ("residual", "jacobian", "equilibria")
-        row += [str(fit.evaluations.get(key, "-")) for key in counted]
-        calls = PAPER_COUNTS.get(fit.procedure, ("-", "-"))[1]
-        rows.append([*row, *[str(calls)] * published])
+        rows.append([*row, *(str(fit.evaluations.get(key, "-")) for key in counted)])
     return rows

@@ -22,22 +22,6 @@ from kneejax.statics import Status, converged
 if TYPE_CHECKING:
     from kneejax.inference import Calibration, Fit
 
-#: Published counts: procedure or step -> pattern search steps, Simpack calls.
-PAPER_COUNTS = {
-    "I": (53, 167),
-    "I.1": (31, 98),
-    "I.2": (22, 69),
-    "II": (52, 159),
-    "II.1": (22, 65),
-    "II.2": (30, 94),
-    "III": (84, 233),
-}
-#: Where they stand.
-PAPER = (
-    "Influence of Ligament Modelling on Knee Joint Kinematics with Respect to "
-    "Multibody Optimisation, Table 2"
-)
-
 #: Method of a study -> the optimiser, and what ends it when it has converged.
 _SEARCHES = {
     "least_squares": (

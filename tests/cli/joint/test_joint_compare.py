@@ -321,10 +321,10 @@ def test_too_few_conditions(tmp_path, axes, capsys):
 
 def test_paper_5_is_reproduced_with_synthetic_numbers_labelled(tmp_path, monkeypatch, capsys):
     pytest.importorskip("pingouin")
-    from kneejax.reproduction.paper5 import _study as _paper5_study
+    from kneejax.papers import paper5_study
 
-    monkeypatch.setattr(_paper5_study, "COHORTS", 1)
-    monkeypatch.setattr(_paper5_study, "DRAWS", 50)
+    monkeypatch.setattr(paper5_study, "COHORTS", 1)
+    monkeypatch.setattr(paper5_study, "DRAWS", 50)
     out = tmp_path / "out"
     assert main(["reproduce", "5", "--out", str(out)]) == 0
     assert "cannot be judged" in capsys.readouterr().out

@@ -120,8 +120,6 @@ def test_page_names_every_parameter_and_warning(paths):
     assert Status.NOT_CONVERGED.sentence in text
     assert Status.UNSTABLE.sentence in text
     assert all(note in text for note in calibration_notes(calibration))
-    for count in (167, 159, 233, 98, 69, 65, 94):
-        assert f">{count}</td>" in page
 
 
 def test_report_is_the_same_every_time(paths, tmp_path):
@@ -205,8 +203,6 @@ def test_summary_is_plain_and_complete():
     flat = " ".join(text.split())
     for sentence in report.warnings(calibration):
         assert " ".join(sentence.split()) in flat
-    assert "published calls" in text
-    assert "published" not in report.calibration_summary(made_up.calibration(synthetic=False))
 
 
 def test_simulation_is_drawn_even_at_constant_flexion(tmp_path):
