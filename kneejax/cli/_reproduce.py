@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import importlib
 
-from kneejax.cli._progress import stages_on_terminal
 from kneejax.files import InputProblem
 
 
@@ -21,6 +20,8 @@ def run(arguments: argparse.Namespace) -> int:
         for name, value in options.items():
             expected = "none of it: paper 1 alone takes one"
             raise InputProblem(f"--{name}", "option", value, expected)
+    # Mistakes above are said before anything that computes is imported.
+    from kneejax.cli._progress import stages_on_terminal
     from kneejax.papers.claims import summary, write
 
     paper = importlib.import_module(f"kneejax.papers.paper{arguments.paper}")

@@ -110,7 +110,7 @@ class OneAtATime:
 
     def ramp(self, direction: str) -> VarusValgusRamp:
         """The loads in a direction."""
-        return VarusValgusRamp.towards(
+        return VarusValgusRamp(
             direction, self.full_Nm, self.body_weight_N, self.axial_steps, self.moment_steps
         )
 

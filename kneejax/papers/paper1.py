@@ -34,8 +34,8 @@ CONVENTION = "femur-in-tibia"
 _GRID, _VALUES = (61, 61), 37
 #: `--patella`, the default first: on what the weight pulls, in words.
 _PATELLAS = {
-    "balanced": "The 2 kg pull on a patella that is in balance in its groove, as a third bone.",
     "on-path": "The 2 kg pull on a patella that rides on its path, as in the paper.",
+    "balanced": "The 2 kg pull on a patella that is in balance in its groove, as a third bone.",
     "none": "A line of constant tension stands for the patella on which 2 kg pull.",
 }
 #: Displacements as the paper names them.
@@ -105,7 +105,7 @@ def reproduce(
     Args:
         stages: shows progress.
         knee: with the paper's four ligaments; by default `KNEE`.
-        patella: `balanced`, `on-path` or `none`: what the weight of 2 kg pulls on.
+        patella: a key of `_PATELLAS`, by default `on-path`: what the weight of 2 kg pulls on.
     """
     from kneejax.report import map_figure, message, sweep_figure
 

@@ -11,12 +11,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jax.custom_derivatives import SymbolicZero
 
 from kneejax.experiments import Motion, Shank, passive_flexion
 from kneejax.geometry import FREE_COORDINATES, Pose, State, scales
 from kneejax.mechanics import Knee, Load, add_lane_axis
-from kneejax.numerics import compiled, instantiate, traced
+from kneejax.numerics import compiled, traced
 from kneejax.papers.rigid_patella import SCALES, RigidPatella
 from kneejax.statics import force_along
 
@@ -157,12 +156,13 @@ def _linear(knee, patella, weight, flexion, unknowns: Array) -> tuple[Array, Arr
     """What is unbalanced, `(poses, n)`, and its derivative by the unknowns, `(poses, n, n)`."""
 
     def one(a: Array, x: Array) -> tuple[Array, Array]:
-        def twice(y: Array) -> tuple[Array, Array]:
-            left = _unbalanced(y, (knee, patella, weight, a))
-            return left, left
+        def left(y: Array) -> Array:
+            return _unbalanced(y, (knee, patella, weight, a))
 
-        slope, left = jax.jacfwd(twice, has_aux=True)(x)
-        return left, slope
+        # One direction after the other: all at once would copy every point of a contact for each
+        # of them, and compile for minutes.
+        ways = jnp.eye(len(x))
+        return left(x), jax.lax.map(lambda way: jax.jvp(left, (x,), (way,))[1], ways).T
 
     return jax.vmap(one)(flexion, unknowns)
 
@@ -182,43 +182,10 @@ def _unbalanced(unknowns: Array, args) -> Array:
     attached = _attached(patella, state)
     along = patella.tendon(Pose(*own[:6]).placement, attached)
     tendon = Load(pull * own[12] * along / jnp.linalg.norm(along), point=patella.tibial_attachment)
-    left = _by_knee(knee, flexion, unknowns[:_TIBIA])
+    left = force_along(add_lane_axis(knee), state, None, _BALANCED)[:, 0]
     for load in (weight, tendon):
         left = left - jnp.stack([x[0] for x in add_lane_axis(load).work(state, _BALANCED)])
     return jnp.concatenate([left * jnp.array(scales(_BALANCED)), patella.stationary(own, attached)])
-
-
-@jax.custom_jvp
-def _by_knee(knee: Knee, flexion: Array, q: Array) -> Array:
-    """What the knee itself leaves unbalanced on the tibia, `(6,)`.
-
-    Its derivative by the coordinates is taken one after the other: all directions of a larger
-    system at once would copy every point of a contact for each of them, and compile for minutes.
-    """
-    state = State.of({"flexion": flexion[None]}, q[:, None])
-    return force_along(add_lane_axis(knee), state, None, _BALANCED)[:, 0]
-
-
-def _by_knee_jvp(primals, tangents):
-    knee, flexion, q = primals
-    *of_knee, of_q = tangents
-    value = _by_knee(knee, flexion, q)
-    change = jnp.zeros_like(value)
-    if not isinstance(of_q, SymbolicZero):
-
-        def along(way: Array) -> Array:
-            return jax.jvp(lambda x: _by_knee.fun(knee, flexion, x), (q,), (way,))[1]
-
-        change = jax.lax.map(along, jnp.eye(len(q))).T @ of_q
-    if not all(isinstance(t, SymbolicZero) for t in jax.tree.leaves(of_knee)):
-        moved = jax.jvp(
-            lambda k, a: _by_knee.fun(k, a, q), (knee, flexion), instantiate(tuple(of_knee))
-        )
-        change = change + moved[1]
-    return value, change
-
-
-_by_knee.defjvp(_by_knee_jvp, symbolic_zeros=True)
 
 
 def _attached(patella: RigidPatella, state: State) -> Array:

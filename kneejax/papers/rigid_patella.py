@@ -111,29 +111,22 @@ class RigidPatella(eqx.Module):
             attached: end of the tendon on the tibia, `(3,)`, mm, in the femur's frame.
         """
         medial, lateral, pull = unknowns[10:]
+        touch = unknowns[6:10].reshape(2, 2)
+
+        def constrained(coordinates: Array) -> tuple[Placement, list[Array]]:
+            there = Pose(*coordinates).placement
+            stretch = jnp.linalg.norm(self.tendon(there, attached)) - self.tendon_length
+            return there, [*(self.gap(k, there, touch[k]) for k in (0, 1)), stretch]
 
         def lagrangian(coordinates: Array) -> Array:
-            there = Pose(*coordinates).placement
-            gaps = [self.gap(k, there, unknowns[6 + 2 * k : 8 + 2 * k]) for k in (0, 1)]
-            stretch = jnp.linalg.norm(self.tendon(there, attached)) - self.tendon_length
-            rest = pull * stretch - medial * gaps[0] - lateral * gaps[1]
-            return self.quadriceps(there) + rest
+            there, (inner, outer, stretch) = constrained(coordinates)
+            return self.quadriceps(there) + pull * stretch - medial * inner - lateral * outer
 
-        coordinates = unknowns[:6]
-        there = Pose(*coordinates).placement
-        gaps, slopes = zip(
-            *(
-                jax.value_and_grad(lambda met, k=k: self.gap(k, there, met))(
-                    unknowns[6 + 2 * k : 8 + 2 * k]
-                )
-                for k in (0, 1)
-            ),
-            strict=True,
-        )
-        stretch = jnp.linalg.norm(self.tendon(there, attached)) - self.tendon_length
-        return jnp.concatenate(
-            [jax.grad(lagrangian)(coordinates), *slopes, jnp.stack([*gaps, stretch])]
-        ) * jnp.array([*SCALES[:10], 1.0, 1.0, 1.0])
+        there, left = constrained(unknowns[:6])
+        slopes = [jax.grad(self.gap, argnums=2)(k, there, touch[k]) for k in (0, 1)]
+        forces = jax.grad(lagrangian)(unknowns[:6])
+        units = jnp.array([*SCALES[:10], 1.0, 1.0, 1.0])
+        return jnp.concatenate([forces, *slopes, jnp.stack(left)]) * units
 
     def balanced(self, attached: Array, near: Array) -> Array:
         """Where the patella is in balance, `(13,)`; NaN where the search finds nothing.

@@ -29,55 +29,47 @@ _RINGS, _FINER = 200, 3
 
 @dataclasses.dataclass(frozen=True)
 class VarusValgusRamp:
-    """Axial load in steps, then a moment in steps while that load stays.
+    """Axial load in equal steps, then a moment in equal steps while that load stays.
 
-    The axial load is half a body weight, `compression_N` of `kneejax.mechanics.load_of`; the moment
-    is its `varus_Nm`. Both act besides the loads and lines of the knee.
+    The axial load is `compression_N` of `kneejax.mechanics.load_of`, the moment its `varus_Nm`.
+    Both act besides the loads and lines of the knee.
 
     Attributes:
+        direction: `varus` or `valgus`.
+        full_Nm: moment at its end, positive.
+        body_weight_N: the axial load is half of it.
+        axial_steps: to reach the axial load; the last has no moment yet.
+        moment_steps: to reach the moment.
         flexion_deg: prescribed.
-        axial_N: `(steps,)`.
-        moment_Nm: `(steps,)`, positive in varus.
-        full_Nm: the moment that is aimed at, positive.
+
+    Example:
+        >>> ramp = VarusValgusRamp("valgus", 40.0, 600.0, 1, 2)
+        >>> ramp.moment_Nm.tolist(), ramp.axial_N.tolist()
+        ([0.0, -20.0, -40.0], [300.0, 300.0, 300.0])
     """
 
-    flexion_deg: float
-    axial_N: np.ndarray
-    moment_Nm: np.ndarray
-    full_Nm: float
-
-    @classmethod
-    def towards(
-        cls,
-        direction: str,
-        full_Nm: float = 40.0,
-        body_weight_N: float = BODY_WEIGHT_N,
-        axial_steps: int = 4,
-        moment_steps: int = 80,
-        flexion_deg: float = 0.0,
-    ) -> VarusValgusRamp:
-        """A ramp in equal steps.
-
-        Args:
-            direction: `varus` or `valgus`.
-            full_Nm: moment at its end.
-            body_weight_N: the axial load is half of it.
-            axial_steps: to reach the axial load; the last has no moment yet.
-            moment_steps: to reach the moment.
-            flexion_deg: prescribed.
-
-        Example:
-            >>> ramp = VarusValgusRamp.towards("valgus", 40.0, 600.0, 1, 2)
-            >>> ramp.moment_Nm.tolist(), ramp.axial_N.tolist()
-            ([0.0, -20.0, -40.0], [300.0, 300.0, 300.0])
-        """
-        rise = np.arange(1, axial_steps + 1) / axial_steps
-        turn = DIRECTIONS[direction] * full_Nm * np.arange(1, moment_steps + 1) / moment_steps
-        axial = 0.5 * body_weight_N * np.r_[rise, np.ones(moment_steps)]
-        return cls(flexion_deg, axial, np.r_[np.zeros(axial_steps), turn], full_Nm)
+    direction: str
+    full_Nm: float = 40.0
+    body_weight_N: float = BODY_WEIGHT_N
+    axial_steps: int = 4
+    moment_steps: int = 80
+    flexion_deg: float = 0.0
 
     def __len__(self) -> int:
-        return len(self.moment_Nm)
+        return self.axial_steps + self.moment_steps
+
+    @property
+    def axial_N(self) -> np.ndarray:
+        """`(steps,)`."""
+        rise = np.arange(1, self.axial_steps + 1) / self.axial_steps
+        return 0.5 * self.body_weight_N * np.r_[rise, np.ones(self.moment_steps)]
+
+    @property
+    def moment_Nm(self) -> np.ndarray:
+        """`(steps,)`, positive in varus."""
+        full = DIRECTIONS[self.direction] * self.full_Nm
+        turn = full * np.arange(1, self.moment_steps + 1) / self.moment_steps
+        return np.r_[np.zeros(self.axial_steps), turn]
 
     @property
     def loaded(self) -> np.ndarray:

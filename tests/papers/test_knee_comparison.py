@@ -114,7 +114,7 @@ class Reached:
     """As much of a run as the choice of a step looks at."""
 
     def __init__(self, *steps):
-        ramp = VarusValgusRamp.towards("valgus", 40.0, 600.0, 2, 8)
+        ramp = VarusValgusRamp("valgus", 40.0, 600.0, 2, 8)
         self.reached = np.array(steps)
         self.moment_reached_Nm = np.r_[0.0, ramp.moment_Nm][self.reached]
 

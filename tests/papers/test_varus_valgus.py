@@ -21,7 +21,7 @@ def at(pose, flexion_deg):
 
 @pytest.mark.parametrize("flexion_deg", [0.0, 35.0])
 def test_the_moment_works_on_adduction_alone(small_knee, flexion_deg):
-    ramp = VarusValgusRamp.towards("varus", 30.0, 600.0, 2, 3, flexion_deg)
+    ramp = VarusValgusRamp("varus", 30.0, 600.0, 2, 3, flexion_deg)
     pose = at(TURNED, flexion_deg)
     full, axial = (
         np.stack(load_at(ramp, step).work(State({"tibia": pose}), FREE_COORDINATES))
@@ -31,7 +31,7 @@ def test_the_moment_works_on_adduction_alone(small_knee, flexion_deg):
 
 
 def test_the_axial_load_pushes_the_tibia_along_its_long_axis(small_knee):
-    ramp = VarusValgusRamp.towards("varus", 30.0, 600.0, 2, 3)
+    ramp = VarusValgusRamp("varus", 30.0, 600.0, 2, 3)
     pushed = dataclasses.replace(small_knee, loads=(load_at(ramp, 1),))
     # Through the tibia's origin: no moment, 300 N up the tibia.
     work = np.asarray(pushed.load_work(State({"tibia": TURNED}), FREE_COORDINATES))
@@ -45,7 +45,7 @@ def load_at(ramp, step):
 
 
 def test_steps_and_time_are_those_of_table_2():
-    ramp = VarusValgusRamp.towards("valgus", 40.0, 650.0, 2, 4)
+    ramp = VarusValgusRamp("valgus", 40.0, 650.0, 2, 4)
     assert ramp.axial_N.tolist() == [162.5, 325.0, 325.0, 325.0, 325.0, 325.0]
     assert ramp.moment_Nm.tolist() == [0.0, 0.0, -10.0, -20.0, -30.0, -40.0]
     assert ramp.time == pytest.approx([1.75, 2.0, 2.25, 2.5, 2.75, 3.0])
@@ -57,7 +57,7 @@ def made_up_run(status, adduction_deg):
     q = np.zeros((*status.shape, 5))
     q[..., 0] = np.deg2rad(adduction_deg)
     nothing = np.zeros((*status.shape, 0, 2))
-    ramp = VarusValgusRamp.towards("varus", 40.0, 650.0, 2, 4)
+    ramp = VarusValgusRamp("varus", 40.0, 650.0, 2, 4)
     steps, left = np.zeros(status.shape, int), np.zeros(status.shape)
     return VarusValgus(ramp, Equilibria(q, nothing, status, steps, left + 1.0, status, left))
 
@@ -109,7 +109,7 @@ def ball_knee(mirrored):
 def test_varus_of_a_mirrored_knee_is_valgus():
     coarse = {"full_Nm": 6.0, "body_weight_N": 600.0, "axial_steps": 2, "moment_steps": 4}
     varus, valgus = (
-        varus_valgus(ball_knee(mirrored), VarusValgusRamp.towards(direction, **coarse))
+        varus_valgus(ball_knee(mirrored), VarusValgusRamp(direction, **coarse))
         for mirrored, direction in ((False, "varus"), (True, "valgus"))
     )
     assert varus.reached.tolist() == valgus.reached.tolist() == [6]
