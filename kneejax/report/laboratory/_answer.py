@@ -1,0 +1,268 @@
+"""Tests under load as an answer: laxity, curves, and where a knee gave way."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from kneejax.experiments import LAXITY_COLUMNS, Curves, Laxity, Mechanics, laxity
+from kneejax.geometry import COLUMNS, FEMORAL, convert_table, coordinate
+from kneejax.mechanics import NAMED_LOADS, Knee, load_called
+from kneejax.report.laboratory._curve_words import curve_words, femoral_poses
+from kneejax.report.laboratory._figures import laxity_figure, load_figure
+from kneejax.report.look import NONE, Answer, Column, Drawing, Section, Table, Verdict
+from kneejax.report.motion import second_balance
+from kneejax.statics import Status, converged
+
+
+def laboratory_answer(
+    name: str,
+    knee: Knee,
+    curves: Sequence[Curves],
+    mechanics: Mechanics,
+    *,
+    second: Sequence[np.ndarray] = (),
+    bands: Sequence[Any] = (),
+    convention: str = FEMORAL,
+) -> Answer:
+    """What tests under load tell of a knee.
+
+    Args:
+        name: of the knee, with what was cut.
+        knee: that was loaded.
+        curves: one per test.
+        mechanics: of their motion (`kneejax.experiments.mechanics_of`).
+        second: of each test, poses of a second stable balance, NaN where there is none,
+            `(flexions, loads, 6)`; none for tests that were not asked.
+        bands: published laxities (`kneejax.files.bundled_bands`), to be drawn beside.
+        convention: of the poses of the curves.
+
+    Returns:
+        The answer; its tables are curves, laxity and forces.
+    """
+    status = [one.status(mechanics) for one in curves]
+    wrong = [curve_words(c, mechanics, o) for c, o in itertools.zip_longest(curves, second)]
+    found = [x for one, own in zip(curves, status, strict=True) for x in laxity(one, own)]
+    by_test = [(one, [x for x in found if x.test == one.test.name]) for one in curves]
+    shown = [laxity_table(one, rows) for one, rows in by_test]
+    doubts = [s for each in zip(curves, status, wrong, strict=True) for s in _doubts(*each)]
+    doubts += [s for each in zip(curves, second, strict=False) for s in _of_second(*each)]
+    balanced = [x.status == Status.BALANCED for x in found]
+    heads = [f"{one.test.name}: {one.test.words}" for one in curves]
+    tables = zip(heads, shown, strict=True)
+    return Answer(
+        title=f"{', '.join(one.test.name for one in curves)} of {name}",
+        asked=f"{'; '.join(heads)}; at {_angles(curves)} degrees of flexion.",
+        verdict=Verdict.GOOD if all(balanced) else
+        Verdict.DOUBTFUL if any(balanced) else Verdict.FAILED,
+        sentence=" ".join(_headline(*each) for each in by_test),
+        tables={
+            "curves": _curves_table(curves, status, wrong, convention),
+            "laxity": Table([Column(x) for x in LAXITY_COLUMNS], [x.row for x in found]),
+            "forces": _forces_table(knee, curves, mechanics),
+        },
+        main=shown,
+        drawings={
+            "laxity": Drawing(
+                functools.partial(laxity_figure, curves, found, bands),
+                "Laxity over flexion. Crosses mark angles at which the knee does not hold the "
+                "load; squares are published means with two standard deviations where known.",
+            ),
+            "curves": Drawing(
+                functools.partial(load_figure, curves, status),
+                "Load against displacement, a curve for each angle of flexion.",
+            ),
+        },
+        picture="laxity",
+        doubts=doubts,
+        sections=[Section("Load against displacement", drawings=["curves"])],
+        text="\n".join([name, *(x for h, t in tables for x in (h, t.note, t.terminal())), *doubts]),
+        exit_status=int(bool(doubts)),
+    )  # fmt: skip
+
+
+def laxity_table(curves: Curves, rows: Sequence[Laxity]) -> Table:
+    """Laxity for people: a row for each angle, units in the headings.
+
+    Args:
+        curves: of one test.
+        rows: its laxities.
+    """
+    test, unit = curves.test, rows[0].unit
+    load, by_load = NAMED_LOADS[test.driven_by], test.displacement is None
+    ends = unit if by_load else load.unit
+    slope = f"{load.unit}/{unit}"
+    observed = test.observed.replace("_", " ")
+    counted = ", from the intact knee" if curves.intact is not None else ""
+    two = functools.partial(_digits, 2)
+    columns = [
+        Column("flexion_deg", "flexion, deg", functools.partial(_digits, 1)),
+        Column("range", f"range, {ends}", two),
+        Column("positive", f"under {load.positive}, {ends}", two),
+        Column("negative", f"under {load.negative}, {ends}", two),
+        Column("neutral", f"neutral, {unit}", two),
+        Column("stiffness_start", f"stiffness at first, {slope}", two),
+        Column("stiffness_end", f"at the end, {slope}", two),
+        Column("status", words=True),
+    ]
+    cells = []
+    for x in rows:
+        moved = (x.range, x.positive, x.negative)
+        held = (_span(x), x.held_positive, x.held_negative)
+        cells.append(
+            [x.flexion_deg, *(moved if by_load else held), x.neutral, x.stiffness_start,
+             x.stiffness_end, "; ".join(_not_held(test, x)) or x.status.word]
+        )  # fmt: skip
+    note = f"Change of {observed} along the load's own axes{counted}, {unit}."
+    if not by_load:
+        note = f"What the machine needs of {load.positive}."
+    return Table(columns, cells, f"{test.name.capitalize()}: {test.words}", note)
+
+
+def _digits(count: int, value: float) -> str:
+    return f"{value:.{count}f}" if np.isfinite(value) else NONE
+
+
+def _span(x: Laxity) -> float:
+    """Between the forces at both ends of a displacement, or the one of a test one way."""
+    known = [force for force in (x.held_positive, x.held_negative) if np.isfinite(force)]
+    return max(known) - min(known) if len(known) == 2 else abs(known[0]) if known else np.nan
+
+
+def _not_held(test, x: Laxity) -> Iterator[str]:
+    """Each way in which the knee did not hold the full load."""
+    if test.displacement is not None:
+        return
+    load, size = NAMED_LOADS[test.driven_by], test.full[test.driven_by]
+    ends = sorted((size * max(*test.path, 0.0), size * min(*test.path, 0.0)))
+    for held, full, word in (
+        (x.held_negative, ends[0], load.negative),
+        (x.held_positive, ends[1], load.positive),
+    ):
+        if np.isfinite(held) and abs(held) < abs(full) * (1 - 1e-9):
+            part = f"{abs(held):.3g} of {abs(full):.3g} {load.unit}"
+            yield f"beyond {part} of {word}: {x.status.word}"
+
+
+def _angles(curves: Sequence[Curves]) -> str:
+    return ", ".join(f"{x:g}" for x in dict.fromkeys(a for c in curves for a in c.test.flexion_deg))
+
+
+def _headline(one: Curves, rows: Sequence[Laxity]) -> str:
+    """How far the knee gives, and at how many angles something is doubtful."""
+    held = [x for x in rows if x.status == Status.BALANCED]
+    if not held:
+        return f"{one.test.name.capitalize()}: no angle without a doubt."
+    known = [(_span(x) if one.test.displacement is not None else x.range, x) for x in held]
+    unit = one.test.unit if one.test.displacement is None else NAMED_LOADS[one.test.driven_by].unit
+    unit = held[0].unit if one.test.displacement is None else unit
+    (low, at_low), (high, at_high) = (f(known, key=lambda pair: pair[0]) for f in (min, max))
+    lost = len(rows) - len(held)
+    said = f"{one.test.name.capitalize()}: {high:.3g} {unit} at {at_high.flexion_deg:g} degrees"
+    if len(known) > 1:
+        said += f", the most, and {low:.3g} {unit} at {at_low.flexion_deg:g}, the least"
+    return said + (f"; {lost} of {len(rows)} angles in doubt." if lost else ".")
+
+
+def _curves_table(curves, status, wrong, convention: str) -> Table:
+    """A row for each step of the loads of each test."""
+    columns = [
+        name
+        for name in NAMED_LOADS
+        if any(name in {**x.test.full, **x.test.constant, x.test.driven_by: 0} for x in curves)
+    ]
+    held = {f"held_{_load_column(load_called(name) or name)}": name
+            for x in curves for name in x.test.held}  # fmt: skip
+    seen = list(dict.fromkeys(x.test.observed for x in curves))
+    extra = [] if convention == FEMORAL else ["convention"]
+    header = [
+        "test", "flexion_deg", "step", *map(_load_column, columns), *held, *COLUMNS[1:],
+        *(f"{name}_change_{coordinate(name).unit}" for name in seen), "counted_from",
+        "converged", "stable", "status", "doubt", *extra,
+    ]  # fmt: skip
+    rows = [
+        row + [convention] * len(extra)
+        for each in zip(curves, status, wrong, strict=True)
+        for row in _curve_rows(*each, columns, held.values(), seen, convention)
+    ]
+    return Table([Column(name) for name in header], rows)
+
+
+def _load_column(name: str) -> str:
+    """`anterior_N` -> `anterior_force_N`, `varus_Nm` -> `varus_moment_Nm`."""
+    word, unit = name.rsplit("_", 1)
+    if word == "compression":
+        return name
+    return f"{word}_{'moment' if unit == 'Nm' else 'force'}_{unit}"
+
+
+def _curve_rows(one: Curves, status, wrong, columns, held, seen, convention) -> Iterator[list]:
+    poses = convert_table(femoral_poses(one).reshape(-1, len(COLUMNS)), FEMORAL, convention)
+    poses = poses.reshape(*one.nodes.shape, -1)
+    good, stable = converged(status), np.asarray(one.motion.stable)[one.nodes]
+    loads = np.stack([np.asarray(one.load(name)) for name in columns], axis=-1)
+    moved = np.asarray(one.displacement)
+    turning = [np.asarray(one.motion.reaction(name))[one.nodes] / 1000.0 for name in held]
+    for i, flexion in enumerate(one.test.flexion_deg):
+        for step, k in enumerate(one.steps):
+            yield [
+                one.test.name, flexion, step, *loads[i, step], *(own[i, k] for own in turning),
+                *poses[i, k, 1:],
+                *(moved[i, step] if name == one.test.observed else np.nan for name in seen),
+                one.counted_from, bool(good[i, k]), bool(stable[i, k]),
+                Status(int(status[i, k])).word, wrong[i][k],
+            ]  # fmt: skip
+
+
+def _forces_table(knee: Knee, curves: Sequence[Curves], mechanics: Mechanics) -> Table:
+    """Of ligaments, then of contacts, at each step of the loads."""
+    contact = np.linalg.norm(np.asarray(mechanics.contact_force), axis=-1)
+    forces = np.concatenate([np.asarray(mechanics.tension), contact], axis=1)
+    parts = [*knee.ligaments.names, *knee.contact_names]
+    rows = [
+        [one.test.name, flexion, step, part, force]
+        for one in curves
+        for i, flexion in enumerate(one.test.flexion_deg)
+        for step, k in enumerate(one.steps)
+        for part, force in zip(parts, forces[one.nodes[i, k]], strict=True)
+    ]
+    return Table([Column(x) for x in ("test", "flexion_deg", "step", "part", "force_N")], rows)
+
+
+def _doubts(one: Curves, status: np.ndarray, wrong) -> Iterator[str]:
+    """Each outcome with where it is met, its next step and one of its poses in numbers."""
+    for kind in sorted({Status(int(x)) for x in status.ravel()} - {Status.BALANCED}):
+        rows = [np.flatnonzero(row == kind) for row in status]
+        where = ", ".join(_met(one, i, own) for i, own in enumerate(rows) if len(own))
+        yield f"{one.test.name} at {where}: {kind.sentence}"
+        told = [(i, k) for i, own in enumerate(rows) for k in own if wrong[i][k]]
+        if told:
+            i, k = told[-1]
+            yield f"  {_met(one, i, np.array([k]))}: {wrong[i][k]}"
+
+
+def _of_second(one: Curves, other: np.ndarray) -> Iterator[str]:
+    """From which load to which a second balance exists, and where it lies."""
+    known = np.asarray(np.isfinite(other).all(axis=-1))
+    for i in np.flatnonzero(known.any(axis=1)):
+        rows = np.flatnonzero(known[i])
+        k = int(rows[np.argmin(np.abs(one.part[rows]))])
+        yield (
+            f"{one.test.name} at {_met(one, int(i), rows)}: a second stable balance exists, which "
+            "an intact knee comes to that is loaded first and cut then; reported is that of the "
+            "knee that is cut first"
+        )
+        where = second_balance(other[i, k], femoral_poses(one)[i, k])
+        yield f"  {_met(one, int(i), np.array([k]))}: {where}"
+
+
+def _met(one: Curves, flexion: int, rows: np.ndarray) -> str:
+    """One flexion, and the loads from the first to the last of some rows."""
+    test = one.test
+    sizes = test.size * one.part[rows]
+    span = f"{sizes[0]:g}" if len(sizes) == 1 else f"{sizes[0]:g} to {sizes[-1]:g}"
+    return f"{test.flexion_deg[flexion]:g} degrees ({span} {test.unit})"
