@@ -3,32 +3,25 @@
 from __future__ import annotations
 
 import argparse
-import itertools
-from collections.abc import Sequence
-
-import numpy as np
 
 from kneejax.cli._asked_knee import knee_words, whole_knee
 from kneejax.cli._deliver import deliver
 from kneejax.cli._given import check_within, read_loads, refused
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.experiments import (
-    Curves,
     LabTest,
-    Mechanics,
     lab_tests,
     load_curves,
     load_cycle,
     mechanics_of,
     second_balances,
 )
-from kneejax.files import InputProblem, bundled_bands, parse_flexion, write_poses
-from kneejax.geometry import COLUMNS, COORDINATES
+from kneejax.files import InputProblem, bundled_bands, parse_flexion
+from kneejax.geometry import COORDINATES
 from kneejax.mechanics import LIMITS, NAMED_LOADS, RANGES, Range
 from kneejax.numerics import WrongValue
 from kneejax.parameters import cut
-from kneejax.report.laboratory import curve_words, femoral_poses, laboratory_answer
-from kneejax.statics import Status
+from kneejax.report import laboratory_answer
 
 _MOST_STEPS = 1000
 #: Option of a test's size -> what it may be. Farther than a limit a knee is dislocated.
@@ -57,8 +50,7 @@ def run_test(arguments: argparse.Namespace) -> int:
         knee_words(arguments, knee), knee, curves, mechanics, second=others,
         bands=bundled_bands(arguments.cut), convention=arguments.convention,
     )  # fmt: skip
-    _write_poses(arguments, curves, mechanics, others)
-    return deliver(answer, arguments, ["poses.csv"])
+    return deliver(answer, arguments)
 
 
 def _tests(arguments: argparse.Namespace) -> tuple[LabTest, ...]:
@@ -103,24 +95,3 @@ def _wrench(given, asked, angles, path, held) -> LabTest:
         return LabTest("load", ordered, observed, angles, path, held=held)
     except WrongValue as problem:
         raise refused("simulate load", problem) from None
-
-
-def _write_poses(
-    arguments: argparse.Namespace, curves: Sequence[Curves], mechanics: Mechanics, second
-) -> None:
-    rows = np.concatenate([one.nodes.ravel() for one in curves])
-    motion = curves[0].motion
-    write_poses(
-        arguments.out / "poses.csv",
-        np.concatenate([femoral_poses(one).reshape(-1, len(COLUMNS)) for one in curves]),
-        status=[Status(int(x)) for one in curves for x in one.status(mechanics).ravel()],
-        converged=np.asarray(motion.equilibrium.converged)[rows].tolist(),
-        stable=np.asarray(motion.stable)[rows].tolist(),
-        doubts=[
-            text
-            for one, other in itertools.zip_longest(curves, second)
-            for texts in curve_words(one, mechanics, other)
-            for text in texts
-        ],
-        convention=arguments.convention,
-    )

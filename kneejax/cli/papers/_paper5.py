@@ -39,16 +39,20 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _write(found: Paper5Study, claims: tuple[Claim, ...], out, svg: bool) -> list[str]:
-    from kneejax.report import joint_comparison_figure, paper5_figure, write_reproduction
-    from kneejax.report import joint_comparison_text as text
+    from kneejax.report import (
+        comparison_tables,
+        joint_comparison_figure,
+        paper5_figure,
+        write_reproduction,
+    )
 
     cohort = found.cohorts[_SHOWN][0]
     tables = {
         "means.csv": (("motion", "source", "flexion_deg", *_columns()), list(_means(found))),
-        "synthetic_summary.csv": (text.SUMMARY_COLUMNS, text.summary_rows(cohort)),
-        "synthetic_differences.csv": (text.DIFFERENCE_COLUMNS, text.difference_rows(cohort)),
-        "synthetic_predictions.csv": (text.PREDICTION_COLUMNS, text.prediction_rows(cohort)),
-        "synthetic_tests.csv": (text.TEST_COLUMNS, text.test_rows(cohort)),
+        **{
+            f"synthetic_{name}.csv": (one.names, one.rows)
+            for name, one in comparison_tables(cohort).items()
+        },
     }
     for name, (columns, rows) in tables.items():
         write_rows(out / name, list(columns), rows)

@@ -1,16 +1,15 @@
-"""Poses, forces and energies over time."""
+"""Poses, forces and energies over time, and a leg that a motor raises over its flexion."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kneejax.experiments import Transient
-from kneejax.geometry import COORDINATES
+from kneejax.experiments import RaisedLeg, Transient
+from kneejax.geometry import COORDINATES, coordinate, table_units
 from kneejax.inference.transients import Recorded
-from kneejax.mechanics import NAMED_LOADS, Knee
+from kneejax.mechanics import NAMED_LOADS
 from kneejax.report.look import (
     BLACK,
     BLUE,
@@ -23,15 +22,16 @@ from kneejax.report.look import (
     styled,
     verbatim,
 )
+from kneejax.report.motion import contact_forces, draw_ligaments, flexion_axis, legend_above
 from kneejax.statics import Status
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Ligaments whose force never reaches this part of the largest are left out of the drawing.
-_SMALL = 0.03
-_MOST_LINES = 8
+#: Coordinates that are drawn, and what they are called there.
+_PATELLA = {f"patella_{way}": way for way in ("flexion", "tilt", "rotation")}
+_TIBIA = {"internal_rotation": "internal", "adduction": "varus", "anterior": "anterior"}
 _COLORS = (BLUE, VERMILLION, GREEN)
 
 
@@ -59,9 +59,11 @@ def transient_figure(found: Transient, title: str, recorded: Recorded | None = N
     turned = coordinates[1:3]
     _changes(panels[1], found, turned, "Change of rotation, deg", recorded)
     _loads(panels[2], found)
-    draw_ligaments(panels[3], found.time_s, found)
-    contact = np.linalg.norm(np.asarray(found.mechanics.contact_force), axis=-1)
-    for k, name in enumerate(found.trajectory.moving.knee.contact_names):
+    knee = found.trajectory.moving.knee
+    tension = np.asarray(found.mechanics.tension) + found.damping_N
+    draw_ligaments(panels[3], found.time_s, knee, tension)
+    contact = contact_forces(found.mechanics)
+    for k, name in enumerate(knee.contact_names):
         panels[4].plot(found.time_s, contact[:, k], color=PARTS[k % len(PARTS)], label=name)
     panels[4].set_ylabel("Contact force, N")
     legend_above(panels[4])
@@ -74,15 +76,6 @@ def transient_figure(found: Transient, title: str, recorded: Recorded | None = N
     return figure
 
 
-def legend_above(axes: Axes, columns: int = 4) -> None:
-    """Put the legend above a panel, if it has one."""
-    if axes.get_legend_handles_labels()[0]:
-        axes.legend(
-            fontsize=7.5, ncol=columns, loc="lower left", bbox_to_anchor=(0.0, 1.0),
-            borderaxespad=0.1, columnspacing=1.0, handlelength=1.4,
-        )  # fmt: skip
-
-
 def _changes(
     axes: Axes, found: Transient, names: list[str], label: str, recorded: Recorded | None
 ) -> None:
@@ -90,7 +83,8 @@ def _changes(
     rest = None if found.rest is None else np.asarray(found.rest.to_table())[0]
     for name, color in zip(names, _COLORS, strict=False):
         k = list(COORDINATES).index(name)
-        axes.plot(found.time_s, table[:, k] - table[0, k], color=color, label=_short(name))
+        label = name.replace("_rotation", "")
+        axes.plot(found.time_s, table[:, k] - table[0, k], color=color, label=label)
         if recorded is not None and name in recorded.changes:
             dots = recorded.time_s, recorded.changes[name]
             axes.plot(*dots, ".", color=color, markersize=2.5, alpha=0.6)
@@ -98,10 +92,6 @@ def _changes(
             axes.axhline(rest[k] - table[0, k], color=color, linestyle="--", linewidth=0.8)
     axes.set_ylabel(label)
     legend_above(axes)
-
-
-def _short(name: str) -> str:
-    return name.replace("internal_rotation", "internal")
 
 
 def _loads(axes: Axes, found: Transient) -> None:
@@ -119,41 +109,6 @@ def _loads(axes: Axes, found: Transient) -> None:
     legend_above(axes)
 
 
-def draw_ligaments(axes: Axes, x: np.ndarray, found: Transient) -> None:
-    """Draw the ligaments that carry most, the fibres of a group together."""
-    knee = found.trajectory.moving.knee
-    whole = np.asarray(found.mechanics.tension) + found.damping_N
-    row = {name: k for k, name in enumerate(knee.ligaments.names)}
-    drawn = {
-        name: whole[:, [row[fibre] for fibre in fibres]].sum(axis=1)
-        for name, fibres in bundles(knee).items()
-    }
-    size = {name: np.nanmax(np.abs(x)) for name, x in drawn.items()}
-    largest = max(size.values(), default=0.0)
-    shown = [name for name in drawn if size[name] > _SMALL * largest]
-    for name, color in zip(
-        sorted(shown, key=lambda x: -size[x])[:_MOST_LINES], PARTS, strict=False
-    ):
-        axes.plot(x, drawn[name], color=color, label=verbatim(name))
-    axes.set_ylabel("Ligament force, N")
-    legend_above(axes)
-
-
-def bundles(knee: Knee) -> Mapping[str, list[str]]:
-    """Ligaments, the fibres of the largest groups together: name -> fibres.
-
-    Args:
-        knee: any knee.
-    """
-    answer: dict[str, list[str]] = {}
-    left = list(knee.ligaments.names)
-    for group, members in sorted(knee.groups, key=lambda group: -len(group[1])):
-        if all(name in left for name in members):
-            answer[group] = list(members)
-            left = [name for name in left if name not in members]
-    return answer | {name: [name] for name in left}
-
-
 def _energies(axes: Axes, found: Transient) -> None:
     account = found.account
     times = np.concatenate([[0.0], found.trajectory.grid.time_s]) + found.time_s[0]
@@ -166,7 +121,72 @@ def _energies(axes: Axes, found: Transient) -> None:
     ):
         axes.plot(times, values, color=color, label=label, linestyle=dashes)
     axes.set_ylabel("Energy, N mm")
-    axes.legend(
-        fontsize=7, ncol=5, loc="lower left", bbox_to_anchor=(-0.02, 1.0), borderaxespad=0.1,
-        columnspacing=0.7, handlelength=1.0, handletextpad=0.4,
-    )  # fmt: skip
+    legend_above(axes, 5, 7.0)
+
+
+@styled
+def motor_raise_figure(found: RaisedLeg, title: str) -> Figure:
+    """Draw a leg that is raised over its flexion, and by points one that is held there.
+
+    Args:
+        found: the leg.
+        title: of the whole.
+
+    Returns:
+        Six panels: flexion over time, the quadriceps' pull, both bones, ligaments, and how far the
+        motion is from a leg that is held.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, 7.8))
+    panels = figure.subplots(3, 2).ravel()
+    figure.subplots_adjust(left=0.09, right=0.985, top=0.905, bottom=0.06, wspace=0.27, hspace=0.52)
+    figure.suptitle(verbatim(title), x=0.09, ha="left", fontsize=9.5)
+    motion = found.transient.trajectory
+    flexion = motion.to_table()[:, 0]
+    panels[0].plot(found.transient.time_s, flexion, color=BLUE)
+    panels[0].set_xlabel("Time, s")
+    panels[0].set_ylabel("Flexion, deg")
+    panels[1].plot(flexion, found.transient.quadriceps["quadriceps_N"], color=BLUE, label="raised")
+    at, pulls = found.held.flexion_deg, found.held.quadriceps_N
+    panels[1].plot(at, pulls, ".", color=BLACK, markersize=3.5, label="held")
+    panels[1].set_ylabel("Quadriceps force, N")
+    legend_above(panels[1])
+    _beside(panels[2], found, _PATELLA, "Patella, deg")
+    _beside(panels[3], found, _TIBIA, "Tibia, change, deg or mm")
+    tension = np.asarray(found.transient.mechanics.tension) + found.transient.damping_N
+    draw_ligaments(panels[4], flexion, motion.moving.knee, tension)
+    _away(panels[5], found)
+    for axes in panels[1:]:
+        flexion_axis(axes, flexion)
+    return figure
+
+
+def _beside(axes: Axes, found: RaisedLeg, names: dict[str, str], label: str) -> None:
+    motion, at = found.transient.trajectory, found.held.flexion_deg
+    table, moved = motion.to_table(), "change" in label
+    there = found.held.motion.equilibrium.state.at(motion.names)
+    held = np.asarray(there).T * table_units(motion.names)
+    for (name, word), color in zip(names.items(), (BLUE, VERMILLION, GREEN), strict=True):
+        k = motion.names.index(name)
+        zero = table[0, k] if moved else 0.0
+        axes.plot(table[:, 0], table[:, k] - zero, color=color, label=word)
+        axes.plot(at, held[:, k] - zero, ".", color=color, markersize=3.5)
+    axes.set_ylabel(label)
+    legend_above(axes)
+
+
+def _away(axes: Axes, found: RaisedLeg) -> None:
+    motion = found.transient.trajectory
+    colors = {"tibia": (BLUE, GREEN), "patella": (VERMILLION, PURPLE)}
+    for name, pair in colors.items():
+        for unit, color in zip(("deg", "mm"), pair, strict=True):
+            columns = [
+                k for k, one in enumerate(motion.names)
+                if coordinate(one).unit == unit and one.startswith("patella") == (name == "patella")
+            ]  # fmt: skip
+            size = np.abs(found.from_held[:, columns]).max(axis=1)
+            axes.plot(found.held.flexion_deg, size, color=color, label=f"{name}, {unit}")
+    axes.set_ylabel("From the leg that is held")
+    axes.set_ylim(bottom=0.0)
+    legend_above(axes, 2)

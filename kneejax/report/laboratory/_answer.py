@@ -7,15 +7,25 @@ import itertools
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+import jax
 import numpy as np
 
 from kneejax.experiments import LAXITY_COLUMNS, Curves, Laxity, Mechanics, laxity
 from kneejax.geometry import COLUMNS, FEMORAL, convert_table, coordinate
 from kneejax.mechanics import NAMED_LOADS, Knee, load_called
-from kneejax.report.laboratory._curve_words import curve_words, femoral_poses
 from kneejax.report.laboratory._figures import laxity_figure, load_figure
-from kneejax.report.look import NONE, Answer, Column, Drawing, Section, Table, Verdict
-from kneejax.report.motion import second_balance
+from kneejax.report.look import Answer, Column, Drawing, Section, Table
+from kneejax.report.motion import (
+    digits,
+    force_table,
+    pose_table,
+    pose_words,
+    search_words,
+    second_balance,
+    status_doubts,
+    text_of,
+    verdict_of,
+)
 from kneejax.statics import Status, converged
 
 
@@ -42,7 +52,7 @@ def laboratory_answer(
         convention: of the poses of the curves.
 
     Returns:
-        The answer; its tables are curves, laxity and forces.
+        The answer; its tables are curves, laxity, poses and forces.
     """
     status = [one.status(mechanics) for one in curves]
     wrong = [curve_words(c, mechanics, o) for c, o in itertools.zip_longest(curves, second)]
@@ -51,18 +61,16 @@ def laboratory_answer(
     shown = [laxity_table(one, rows) for one, rows in by_test]
     doubts = [s for each in zip(curves, status, wrong, strict=True) for s in _doubts(*each)]
     doubts += [s for each in zip(curves, second, strict=False) for s in _of_second(*each)]
-    balanced = [x.status == Status.BALANCED for x in found]
     heads = [f"{one.test.name}: {one.test.words}" for one in curves]
-    tables = zip(heads, shown, strict=True)
     return Answer(
         title=f"{', '.join(one.test.name for one in curves)} of {name}",
         asked=f"{'; '.join(heads)}; at {_angles(curves)} degrees of flexion.",
-        verdict=Verdict.GOOD if all(balanced) else
-        Verdict.DOUBTFUL if any(balanced) else Verdict.FAILED,
+        verdict=verdict_of([x.status for x in found]),
         sentence=" ".join(_headline(*each) for each in by_test),
         tables={
             "curves": _curves_table(curves, status, wrong, convention),
             "laxity": Table([Column(x) for x in LAXITY_COLUMNS], [x.row for x in found]),
+            "poses": _poses_table(curves, status, wrong, convention),
             "forces": _forces_table(knee, curves, mechanics),
         },
         main=shown,
@@ -80,7 +88,7 @@ def laboratory_answer(
         picture="laxity",
         doubts=doubts,
         sections=[Section("Load against displacement", drawings=["curves"])],
-        text="\n".join([name, *(x for h, t in tables for x in (h, t.note, t.terminal())), *doubts]),
+        text="\n".join([name, text_of(*shown), *doubts]),
         exit_status=int(bool(doubts)),
     )  # fmt: skip
 
@@ -98,9 +106,9 @@ def laxity_table(curves: Curves, rows: Sequence[Laxity]) -> Table:
     slope = f"{load.unit}/{unit}"
     observed = test.observed.replace("_", " ")
     counted = ", from the intact knee" if curves.intact is not None else ""
-    two = functools.partial(_digits, 2)
+    two = digits(2)
     columns = [
-        Column("flexion_deg", "flexion, deg", functools.partial(_digits, 1)),
+        Column("flexion_deg", "flexion, deg", digits(1)),
         Column("range", f"range, {ends}", two),
         Column("positive", f"under {load.positive}, {ends}", two),
         Column("negative", f"under {load.negative}, {ends}", two),
@@ -120,11 +128,7 @@ def laxity_table(curves: Curves, rows: Sequence[Laxity]) -> Table:
     note = f"Change of {observed} along the load's own axes{counted}, {unit}."
     if not by_load:
         note = f"What the machine needs of {load.positive}."
-    return Table(columns, cells, f"{test.name.capitalize()}: {test.words}", note)
-
-
-def _digits(count: int, value: float) -> str:
-    return f"{value:.{count}f}" if np.isfinite(value) else NONE
+    return Table(columns, cells, f"{test.name}: {test.words}", note)
 
 
 def _span(x: Laxity) -> float:
@@ -220,29 +224,87 @@ def _curve_rows(one: Curves, status, wrong, columns, held, seen, convention) -> 
 
 def _forces_table(knee: Knee, curves: Sequence[Curves], mechanics: Mechanics) -> Table:
     """Of ligaments, then of contacts, at each step of the loads."""
-    contact = np.linalg.norm(np.asarray(mechanics.contact_force), axis=-1)
-    forces = np.concatenate([np.asarray(mechanics.tension), contact], axis=1)
-    parts = [*knee.ligaments.names, *knee.contact_names]
-    rows = [
-        [one.test.name, flexion, step, part, force]
+    steps = [
+        (one.test.name, flexion, step, one.nodes[i, k])
         for one in curves
         for i, flexion in enumerate(one.test.flexion_deg)
         for step, k in enumerate(one.steps)
-        for part, force in zip(parts, forces[one.nodes[i, k]], strict=True)
     ]
-    return Table([Column(x) for x in ("test", "flexion_deg", "step", "part", "force_N")], rows)
+    *keys, rows = zip(*steps, strict=True)
+    of_steps = jax.tree.map(lambda x: np.asarray(x)[list(rows)], mechanics)
+    names = ("test", "flexion_deg", "step")
+    return force_table(knee, of_steps, dict(zip(names, keys, strict=True)))
+
+
+def _poses_table(curves, status, wrong, convention: str) -> Table:
+    """A row for each different load of each flexion, by its size."""
+    rows = np.concatenate([one.nodes.ravel() for one in curves])
+    motion = curves[0].motion
+    more = {
+        "converged": np.asarray(motion.equilibrium.converged)[rows].tolist(),
+        "stable": np.asarray(motion.stable)[rows].tolist(),
+        "doubt": [text for of_test in wrong for texts in of_test for text in texts],
+    }
+    poses = np.concatenate([femoral_poses(one).reshape(-1, len(COLUMNS)) for one in curves])
+    return pose_table(poses, np.concatenate([x.ravel() for x in status]), convention, more=more)
+
+
+def femoral_poses(one: Curves) -> np.ndarray:
+    """Poses by flexion and load, `(flexions, loads, 6)`, degrees and mm.
+
+    Args:
+        one: curves of a test; flexion is as it was asked for, not through radians.
+    """
+    table = np.asarray(one.motion.to_table())[one.nodes]
+    table[..., 0] = np.array(one.test.flexion_deg)[:, None]
+    return table
+
+
+def curve_words(
+    curves: Curves, mechanics: Mechanics, second: np.ndarray | None = None
+) -> list[tuple[str, ...]]:
+    """Say what is wrong at every load of each flexion of a test.
+
+    Args:
+        curves: of the test.
+        mechanics: of their motion (`kneejax.experiments.mechanics_of`).
+        second: poses of a second stable balance, NaN where there is none, `(flexions, loads, 6)`.
+
+    Returns:
+        For each flexion a text per different load, in order of its size; as `pose_words`.
+    """
+    test, motion, here = curves.test, curves.motion, femoral_poses(curves)
+    full = test.full or {test.observed: test.size}
+    sizes = {name: np.zeros(len(motion.status)) for name in full}
+    for name, size in full.items():
+        sizes[name][curves.nodes] = size * curves.part
+    found = search_words(motion, sizes)
+    answer = []
+    for i, rows in enumerate(curves.nodes):
+        also = [found[row] for row in rows]
+        if second is not None:
+            known = np.isfinite(second[i]).all(axis=-1)
+            others = [second_balance(*x) if k else ""
+                      for k, *x in zip(known, second[i], here[i], strict=True)]  # fmt: skip
+            also = ["; ".join(filter(None, pair)) for pair in zip(also, others, strict=True)]
+        at_rows = jax.tree.map(lambda x, rows=rows: x[rows], mechanics)
+        answer.append(pose_words(motion.knee, at_rows, also))
+    return answer
 
 
 def _doubts(one: Curves, status: np.ndarray, wrong) -> Iterator[str]:
-    """Each outcome with where it is met, its next step and one of its poses in numbers."""
-    for kind in sorted({Status(int(x)) for x in status.ravel()} - {Status.BALANCED}):
-        rows = [np.flatnonzero(row == kind) for row in status]
-        where = ", ".join(_met(one, i, own) for i, own in enumerate(rows) if len(own))
-        yield f"{one.test.name} at {where}: {kind.sentence}"
-        told = [(i, k) for i, own in enumerate(rows) for k in own if wrong[i][k]]
-        if told:
-            i, k = told[-1]
-            yield f"  {_met(one, i, np.array([k]))}: {wrong[i][k]}"
+    """Each outcome with where it is found, its next step and poses in numbers."""
+    loads = status.shape[1]
+
+    def where(rows: np.ndarray) -> str:
+        flexion, load = np.divmod(rows, loads)
+        return f"{one.test.name} at " + ", ".join(
+            _met(one, i, load[flexion == i]) for i in dict.fromkeys(flexion.tolist())
+        )
+
+    words = [text for texts in wrong for text in texts]
+    lost = np.where(status.ravel() == Status.BALANCED, "", words).tolist()
+    return status_doubts(status.ravel(), lost, where, lambda i: where(np.array([i])))
 
 
 def _of_second(one: Curves, other: np.ndarray) -> Iterator[str]:
@@ -251,13 +313,12 @@ def _of_second(one: Curves, other: np.ndarray) -> Iterator[str]:
     for i in np.flatnonzero(known.any(axis=1)):
         rows = np.flatnonzero(known[i])
         k = int(rows[np.argmin(np.abs(one.part[rows]))])
+        where = second_balance(other[i, k], femoral_poses(one)[i, k])
         yield (
             f"{one.test.name} at {_met(one, int(i), rows)}: a second stable balance exists, which "
             "an intact knee comes to that is loaded first and cut then; reported is that of the "
-            "knee that is cut first"
+            f"knee that is cut first\n  at {_met(one, int(i), np.array([k]))}: {where}"
         )
-        where = second_balance(other[i, k], femoral_poses(one)[i, k])
-        yield f"  {_met(one, int(i), np.array([k]))}: {where}"
 
 
 def _met(one: Curves, flexion: int, rows: np.ndarray) -> str:

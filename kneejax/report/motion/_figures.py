@@ -13,7 +13,6 @@ from kneejax.report.look import (
     CONTACT_PARTS,
     FITS,
     GREY,
-    MEASURED,
     PARTS,
     SHOWN,
     START,
@@ -22,8 +21,17 @@ from kneejax.report.look import (
     styled,
     verbatim,
 )
-from kneejax.report.motion._pose_doubts import row_status
-from kneejax.statics import Status
+from kneejax.report.motion._doubts import row_status
+from kneejax.report.motion._panels import (
+    DENSE,
+    FLEXION,
+    curve_style,
+    flexion_axis,
+    mark_status,
+    measured_curve,
+    part_legend,
+    part_styles,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,85 +40,7 @@ if TYPE_CHECKING:
 
     from kneejax.inference import Calibration, Fit
 
-_DENSE = 40
-#: What an axis of flexion says; one of steps has no such ticks.
-FLEXION = "Flexion, deg"
 _COLUMN = {name: i for i, name in enumerate(COORDINATES)}
-#: Outcomes that are marked at the bottom edge: legend entry and marker.
-_MARKS = (
-    ("not balanced", tuple(s for s in Status if not s.converged), "x"),
-    ("dislocated", (Status.DISLOCATED,), "D"),
-    ("unstable", (Status.UNSTABLE,), "+"),
-    ("a fibre's way is wrong", (Status.WAY_FLIPPED, Status.PAST_WRAP, Status.WRAP_INSIDE), "v"),
-    ("a fibre overstretched", (Status.OVERSTRETCHED,), "^"),
-    ("outside fitted surfaces", (Status.OUTSIDE_REGION,), "|"),
-)
-
-
-def _curve(flexion: np.ndarray, dashes: Any, marker_only: float = 1.8) -> dict[str, Any]:
-    """A line where flexion runs one way, small markers where it does not."""
-    steps = np.diff(flexion)
-    if len(flexion) > 1 and ((steps >= 0).all() or (steps <= 0).all()):
-        return {"linestyle": dashes}
-    return {"linestyle": "none", "marker": "o", "markersize": marker_only, "markeredgewidth": 0}
-
-
-def measured_curve(flexion: np.ndarray) -> dict[str, Any]:
-    """How measured poses are drawn: black points without a line, smaller where they are many.
-
-    Args:
-        flexion: of the poses, `(n,)`, degrees.
-
-    Returns:
-        Keywords for `Axes.plot`.
-    """
-    size = 3.0 if len(flexion) <= _DENSE else 1.6
-    return {
-        "linestyle": "none", "marker": "o", "markersize": size, "markeredgewidth": 0,
-        "color": MEASURED,
-    }  # fmt: skip
-
-
-def flexion_axis(
-    axes: Axes, flexion: np.ndarray, labelled: bool = True, *, label: str = FLEXION
-) -> None:
-    """Make the horizontal axis one of flexion: limits, ticks at clinical angles, label.
-
-    Args:
-        axes: of the panel.
-        flexion: of what is drawn, `(n,)`, degrees (or steps, where flexion is constant).
-        labelled: whether the label is written; panels above others leave it out.
-        label: of the axis; only that of flexion has ticks at multiples of 15 or 30.
-    """
-    from matplotlib.ticker import MultipleLocator
-
-    low, high = np.nanmin(flexion), np.nanmax(flexion)
-    pad = 0.02 * (high - low) or 1.0
-    axes.set_xlim(low - pad, high + pad)
-    if label == FLEXION and 60 <= high - low <= 200:
-        axes.xaxis.set_major_locator(MultipleLocator(30 if high - low > 90 else 15))
-    if labelled:
-        axes.set_xlabel(label)
-
-
-def mark_status(axes: Axes, x: np.ndarray, status: np.ndarray, color: str, height: float) -> dict:
-    """Mark doubtful rows at the bottom edge; returns the handles by legend entry."""
-    handles = {}
-    for entry, outcomes, marker in _MARKS:
-        rows = np.isin(status, outcomes)
-        if rows.any():
-            (handles[entry],) = axes.plot(
-                x[rows],
-                np.full(rows.sum(), height),
-                marker,
-                color=color,
-                markersize=4.5,
-                markeredgewidth=1.2,
-                transform=axes.get_xaxis_transform(),
-                clip_on=False,
-                zorder=5,
-            )
-    return handles
 
 
 def _as_measured(fit: Fit) -> np.ndarray:
@@ -159,7 +89,7 @@ def motion_figure(calibration: Calibration) -> Figure:
                 flexion[order],
                 table[order, column],
                 color=color,
-                **_curve(flexion[order], dashes),
+                **curve_style(flexion[order], dashes),
             )
         marks = mark_status(axes, flexion, row_status(calibration.start), START, 0.10)
         marked |= {f"start: {entry}": handle for entry, handle in marks.items()}
@@ -190,7 +120,7 @@ def _legend_panel(axes: Axes, handles: dict[str, Any], calibration: Calibration)
         columnspacing=1.2,
         borderpad=0,
         labelspacing=0.5,
-        markerscale=1.2 if len(calibration.measured) <= _DENSE else 2.0,
+        markerscale=1.2 if len(calibration.measured) <= DENSE else 2.0,
     )
     if calibration.fit.offsets:
         axes.text(
@@ -208,20 +138,14 @@ def _force_panel(
     dashes: str,
     drawn: list,
 ) -> None:
+    styles = part_styles(names) if colors is PARTS else {}
     for i, name in enumerate(names):
-        color = colors[i % len(colors)]
-        (line,) = axes.plot(x, forces[:, i], color=color, **_curve(x, dashes))
+        style = curve_style(x, dashes)
+        if dashes == "-" and "marker" not in style:
+            style |= styles.get(name, {})
+        color = styles.get(name, {}).get("color", colors[i % len(colors)])
+        (line,) = axes.plot(x, forces[:, i], **{**style, "color": color})
         drawn.append((line, verbatim(name)))
-
-
-def part_legend(axes: Axes, drawn: list, corner: tuple[float, float], **layout: Any) -> None:
-    """Lines and their names, the upper left corner in the axes' coordinates."""
-    if drawn:
-        lines, names = zip(*drawn, strict=True)
-        layout = {"fontsize": 7.5, **layout}
-        axes.legend(
-            lines, names, loc="upper left", bbox_to_anchor=corner, borderaxespad=0, **layout
-        )
 
 
 @styled
@@ -262,7 +186,7 @@ def ligament_forces_figure(calibration: Calibration) -> Figure:
         last = axes is panels[-1]
         flexion_axis(axes, flexion, last)
         axes.tick_params(labelbottom=last)
-        if "marker" not in _curve(flexion[order], "-"):
+        if "marker" not in curve_style(flexion[order], "-"):
             kinds = [("fitted", "-"), ("start", ":")] if axes is panels[0] else []
             drawn += [(Line2D([], [], color=GREY, linestyle=d), word) for word, d in kinds]
         mark_status(axes, flexion, row_status(calibration.fit.motion), VERMILLION, 0.03)
@@ -320,7 +244,7 @@ def simulation_figure(
     spots = [(0, 0), (1, 0), (2, 0), (0, 1), (1, 1)]
     for name, spot in zip(SHOWN, spots, strict=True):
         axes = figure.add_subplot(grid[spot])
-        axes.plot(x, table[:, _COLUMN[name]], color=GREY, **_curve(x, "-"))
+        axes.plot(x, table[:, _COLUMN[name]], color=GREY, **curve_style(x, "-"))
         axes.set_title(COORDINATES[name].axis_label)
         marks |= mark_status(axes, x, status, VERMILLION, 0.03)
         flexion_axis(axes, x, spot in ((2, 0), (1, 1)), label=label)

@@ -1,0 +1,381 @@
+"""What a recorded movement does to a knee, or to several, as an answer."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from kneejax.experiments import Activity, Cycle, Round, with_flips
+from kneejax.geometry import (
+    BODIES,
+    COLUMNS,
+    COORDINATES,
+    FEMORAL,
+    FREE_COORDINATES,
+    convert_table,
+    coordinate,
+)
+from kneejax.report.activity._figures import activity_figure, graft_pulls, places_figure
+from kneejax.report.look import Answer, Column, Drawing, Section, Table, listed
+from kneejax.report.motion import (
+    bundle_forces,
+    contact_forces,
+    digits,
+    named_places,
+    peak_table,
+    pose_words,
+    search_words,
+    second_balance,
+    status_doubts,
+    text_of,
+    verdict_of,
+)
+from kneejax.statics import Status
+
+#: A knee whose residual is larger does not agree with the record, N m.
+_LARGE_NM = 5.0
+_DIRECTIONS = ("anterior", "superior", "lateral")
+_MOMENTS = ("adduction", "internal_rotation", "extension")
+
+
+def activity_answer(
+    title: str,
+    found: Mapping[str, Activity],
+    cycle: Cycle,
+    *,
+    rounds: Sequence[Round] = (),
+    convention: str = FEMORAL,
+) -> Answer:
+    """A movement of knees, each with or without a ligament or a graft.
+
+    Args:
+        title: the knee and how its record is counted.
+        found: what a knee is called -> its activity; the intact one first.
+        cycle: of the record.
+        rounds: of OpenSim and the knee, in their order.
+        convention: of the poses.
+
+    Returns:
+        The answer; its tables are activity, forces, contact, residual and, of several knees,
+        places, and of rounds, rounds.
+    """
+    first = next(iter(found.values()))
+    record = first.record
+    status = {name: with_flips(x.motion.status, x.mechanics) for name, x in found.items()}
+    words = {name: _words(one) for name, one in found.items()}
+    doubts = [*record.doubts]
+    for name, one in found.items():
+        places = named_places([f"{x:g}" for x in record.time_s], "s")
+        own = [*status_doubts(status[name], words[name], *places), *_second(one)]
+        own += [*_unexplained(one)]
+        doubts += [f"{name}: {x.lstrip()}" if len(found) > 1 else x for x in own]
+    tables = {
+        "activity": _activity_table(found, status, words, cycle, convention),
+        "forces": _ligament_table(found),
+        "contact": _contact_table(found),
+        "residual": _residual_table(found),
+    }
+    summary, several = _summary(found), len(found) > 2
+    drawings = {
+        "activity": Drawing(
+            functools.partial(activity_figure, dict([*found.items()][:2]), cycle, title),
+            "Secondary motion, contact, ligaments, muscles and ground over the record; the second "
+            "knee is dashed, gaps are instants without an equilibrium.",
+        )
+    }
+    if several:
+        tables["places"] = place_table(found)
+        draw = functools.partial(places_figure, found, cycle, title)
+        drawings["places"] = Drawing(draw, "Ligament or graft, and the tibia from the intact knee.")
+    ranges = _ranges(found)
+    sections = [Section("Range of each coordinate", tables=[ranges])]
+    peaks = [
+        peak_table(x.motion.knee, x.mechanics, np.round(record.time_s, 3), "at time, s")
+        for x in [*found.values()][:2]
+    ]
+    names = [f"Largest forces, {name}" for name in [*found][:2]]
+    sections += [Section(head, tables=[one]) for head, one in zip(names, peaks, strict=True)]
+    sections += [Section("All coordinates and forces", drawings=["activity"])] * several
+    said = [*round_lines(rounds)]
+    if rounds:
+        tables["rounds"] = round_table(rounds)
+        sections.append(Section("Rounds with OpenSim", said, ["rounds"]))
+    time = record.time_s
+    spoken = [f"{len(time)} instants from {time[0]:g} to {time[-1]:g} s"]
+    if record.mass_kg:
+        spoken.append(f"Leg below the knee: {record.mass_kg:.2f} kg.")
+    spoken += record.notes
+    main = ["places" if several else summary]
+    shown = [tables["places"]] if several else [summary, ranges]
+    lost = any((x != Status.BALANCED).any() for x in status.values())
+    second = any(np.isfinite(one.other).all(axis=1).any() for one in found.values())
+    return Answer(
+        title=title,
+        asked=f"What the recorded loads and muscles do to the knee at {spoken[0]}.",
+        verdict=verdict_of(np.concatenate([*status.values()])),
+        sentence=_sentence(found),
+        tables=tables,
+        main=main,
+        drawings=drawings,
+        picture="places" if several else "activity",
+        doubts=doubts,
+        sections=[*sections, Section("The record", spoken)],
+        text="\n".join([*spoken, text_of(*shown), *said, *doubts]),
+        exit_status=int(bool(record.doubts) or lost or second),
+    )
+
+
+def _words(one: Activity) -> tuple[str, ...]:
+    """What is wrong at each instant, or known of another balance there."""
+    here = np.asarray(one.motion.to_table())
+    others = [
+        second_balance(other, own) if np.isfinite(other).all() else ""
+        for other, own in zip(one.other, here, strict=True)
+    ]
+    also = zip(search_words(one.motion), others, strict=True)
+    said = ["; ".join(filter(None, pair)) for pair in also]
+    return pose_words(one.motion.knee, one.mechanics, said)
+
+
+def _second(one: Activity) -> Iterator[str]:
+    """When a second stable balance is known, and what is reported then; nothing without one."""
+    rows = np.flatnonzero(np.isfinite(one.other).all(axis=1))
+    if not len(rows):
+        return
+    # Runs of instants, one after the other.
+    runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
+    time = one.record.time_s
+    spans = [f"{time[r[0]]:g}" + (f" to {time[r[-1]]:g}" if len(r) > 1 else "") for r in runs]
+    yield (
+        f"{listed(spans, 8)} s ({len(rows)} of {len(time)} instants): a second stable balance "
+        "exists, and the loads alone do not decide between them: reported is that to which the "
+        "intact knee comes when it is cut while they act; what the other is stands in the column "
+        "doubt"
+    )
+
+
+def _residual(one: Activity) -> tuple[float, float]:
+    """Moment that holds flexion, N m: root of the mean square, and the largest."""
+    if not one.holds.any():
+        return np.nan, np.nan
+    moment = np.asarray(one.residual_Nm)
+    return float(np.sqrt(np.nanmean(moment**2))), float(np.nanmax(np.abs(moment)))
+
+
+def _unexplained(one: Activity) -> Iterator[str]:
+    rms, most = _residual(one)
+    if rms > _LARGE_NM:
+        yield (
+            f"flexion is held by a moment of {rms:.1f} N m rms, at most {most:.1f}: so much is not "
+            "explained by muscles, ligaments, contact and what acts on the leg together"
+        )
+
+
+def _peak(values: np.ndarray) -> float:
+    """The largest number; NaN where there is none."""
+    return float(np.nanmax(values)) if np.isfinite(values).any() else np.nan
+
+
+def _summary(found: Mapping[str, Activity]) -> Table:
+    """A row for each knee: equilibria, contact, the ligament that carries most, the residual."""
+    rows = []
+    for name, one in found.items():
+        forces = {x: _peak(f) for x, f in
+                  bundle_forces(one.motion.knee, one.mechanics.tension).items()}  # fmt: skip
+        most = max(forces, key=lambda x: np.nan_to_num(forces[x]), default="-")
+        contact = contact_forces(one.mechanics)
+        rows.append([
+            name, f"{int(one.holds.sum())} of {len(one.holds)}", _peak(contact.sum(axis=1)),
+            _peak(np.asarray(one.mechanics.max_pressure)), most, forces.get(most, np.nan),
+            *_residual(one),
+        ])  # fmt: skip
+    columns = [
+        Column("knee", words=True), Column("balanced", "in balance at", words=True),
+        Column("contact_N", "contact, N", digits(0)),
+        Column("max_pressure_MPa", "peak pressure, MPa", digits(1)),
+        Column("ligament", "ligament with most", words=True),
+        Column("ligament_N", "its force, N", digits(0)),
+        Column("residual_rms_Nm", "moment, N m rms", digits(1)),
+        Column("residual_max_Nm", "at most, N m", digits(1)),
+    ]  # fmt: skip
+    note = "Peaks over the record. Moment: what holds flexion beside all that is known to act."
+    return Table(columns, rows, note=note)
+
+
+def _ranges(found: Mapping[str, Activity]) -> Table:
+    """Least and most of each coordinate, and how far it is from the record's."""
+    rows = []
+    for name, one in found.items():
+        table = np.asarray(one.motion.to_table())
+        for k, which in enumerate(COORDINATES if one.holds.any() else ()):
+            away = table[:, k] - one.record.pose[:, k]
+            rms = np.sqrt(np.nanmean(away**2)) if one.record.same_frames and k else np.nan
+            ends = np.nanmin(table[:, k]), np.nanmax(table[:, k])
+            rows.append([name, coordinate(which).axis_label, *ends, rms])
+    two = digits(2)
+    same = any(one.record.same_frames for one in found.values())
+    columns = [
+        Column("knee", words=True), Column("coordinate", " ", words=True),
+        Column("least", show=two), Column("most", show=two),
+        Column("rms", "rms from record", two, shown=same),
+    ]  # fmt: skip
+    return Table(columns, rows)
+
+
+def _sentence(found: Mapping[str, Activity]) -> str:
+    first = next(iter(found.values()))
+    if not first.holds.any():
+        return "The intact knee has no equilibrium at any instant."
+    contact = contact_forces(first.mechanics).sum(axis=1)
+    row = int(np.nanargmax(contact))
+    words = (
+        f"Contact reaches {contact[row]:.0f} N at {first.record.time_s[row]:.2f} s in the intact "
+        "knee."
+    )
+    tables = {name: np.asarray(one.motion.to_table()) for name, one in found.items()}
+    intact = next(iter(tables.values()))
+    for name, table in [*tables.items()][1:3]:
+        away = np.abs(table - intact)[:, [3, 2]]
+        if np.isfinite(away).any():
+            far, turned = np.nanmax(away, axis=0)
+            words += (
+                f" {name[:1].upper()}{name[1:]}, the tibia is up to {far:.1f} mm (anterior) and "
+                f"{turned:.1f} degrees (internal rotation) from it."
+            )
+    return words
+
+
+def place_table(found: Mapping[str, Activity]) -> Table:
+    """Peaks and distances from the intact knee, one row a knee: places.csv.
+
+    Args:
+        found: what a knee is called -> its activity; the intact one first, all of one structure.
+    """
+    pulls = graft_pulls(found)
+    tables = {name: np.asarray(one.motion.to_table()) for name, one in found.items()}
+    intact, rows = next(iter(tables.values())), []
+    for name, one in found.items():
+        away = (tables[name] - intact)[:, [3, 2]]
+        away = away[np.isfinite(away).all(axis=1)]
+        rms = np.sqrt(np.mean(away**2, axis=0)) if len(away) else [np.nan, np.nan]
+        peaks = [_peak(x) for x in (*pulls[name], contact_forces(one.mechanics))]
+        torn = np.asarray(one.motion.status) == Status.OVERSTRETCHED
+        rows.append([name, int(one.holds.sum()), int(torn.sum()), *peaks, *rms])
+    columns = [
+        Column("knee", words=True), Column("in_balance", show=str),
+        Column("overstretched", show=str),
+        Column("graft_peak_N", "ligament or graft, N", digits(0)),
+        Column("graft_peak_strain", "strain, %", lambda x: digits(1)(100 * x)),
+        Column("contact_peak_N", "contact, N", digits(0)),
+        Column("anterior_rms_from_intact_mm", "forwards, mm", digits(2)),
+        Column("internal_rotation_rms_from_intact_deg", "inwards, deg", digits(2)),
+    ]  # fmt: skip
+    note = (
+        f"Of {len(next(iter(found.values())).holds)} instants. Peaks; forwards and inwards: rms "
+        "distance of the tibia from that of the intact knee."
+    )
+    return Table(columns, rows, note=note)
+
+
+def round_table(rounds: Sequence[Round]) -> Table:
+    """How far a whole body and a knee agree about its secondary motion: rounds.csv.
+
+    Args:
+        rounds: in their order.
+    """
+    names = (
+        "round", "coordinate", "residual_rms", "residual_largest", "left_by_splines_rms",
+        "balanced_instants", "instants", "moment_Nm_rms", "reaction_N_rms",
+    )  # fmt: skip
+    rows = []
+    for one in rounds:
+        rms, largest = one.residual
+        for k, name in enumerate(FREE_COORDINATES):
+            rows.append([one.number, coordinate(name).column, rms[k], largest[k], one.left[k],
+                         *one.holds, one.moment_Nm, one.reaction_N])  # fmt: skip
+    whole = ("round", "balanced_instants", "instants")
+    return Table([Column(x, show=str if x in whole else None, words=x == "coordinate")
+                  for x in names], rows)  # fmt: skip
+
+
+def round_lines(rounds: Sequence[Round]) -> Iterator[str]:
+    """The same in sentences.
+
+    Args:
+        rounds: in their order.
+    """
+    for one in rounds:
+        rms, largest = one.residual
+        turns, shifts = rms[:2], rms[2:]
+        worst = int(largest[:2].argmax()), 2 + int(largest[2:].argmax())
+        most = " and ".join(
+            f"{largest[k]:.2g} {coordinate(FREE_COORDINATES[k]).unit} "
+            f"({FREE_COORDINATES[k].replace('_', ' ')})"
+            for k in worst
+        )
+        yield (
+            f"Round {one.number}: the knee's secondary motion is off the one that OpenSim's model "
+            f"had by {turns.max():.2g} degrees and {shifts.max():.2g} mm rms, at most {most}; "
+            f"{one.holds[0]} of {one.holds[1]} instants in balance."
+        )
+
+
+def _activity_table(found: Mapping[str, Activity], status, words, cycle: Cycle, convention: str):
+    """Poses of the knee and of the record, at each instant of each knee: activity.csv."""
+    knee = next(iter(found.values())).motion.knee
+    others = [x.column for body in knee.other_bones for x in BODIES[body].values()]
+    extra = [] if convention == FEMORAL else ["convention"]
+    header = [
+        "knee", "time_s", "cycle_percent", *COLUMNS, *(f"record_{name}" for name in COLUMNS),
+        *others, "quadriceps_N", "residual_flexion_Nm", "status", "doubt", *extra,
+    ]  # fmt: skip
+    # A record of no gait has no part of a cycle.
+    percent = cycle.percent if cycle.is_gait else np.full(len(cycle.percent), np.nan)
+    rows = []
+    for name, one in found.items():
+        poses = np.asarray(one.motion.to_table()), one.record.pose
+        states = one.motion.equilibrium.state.poses
+        numbers = np.column_stack(
+            [one.record.time_s, percent, *(convert_table(x, FEMORAL, convention) for x in poses),
+             *(np.asarray(states[body].to_table()) for body in knee.other_bones),
+             one.record.quadriceps_N, one.residual_Nm]
+        )  # fmt: skip
+        for row, word, doubt in zip(numbers.tolist(), status[name], words[name], strict=True):
+            rows.append([name, *row, Status(int(word)).word, doubt, *[convention] * len(extra)])
+    return Table([Column(x) for x in header], rows)
+
+
+def _ligament_table(found: Mapping[str, Activity]) -> Table:
+    rows = []
+    for name, one in found.items():
+        force, strain = (np.asarray(x) for x in (one.mechanics.tension, one.mechanics.strain))
+        for i, time in enumerate(one.record.time_s):
+            for j, ligament in enumerate(one.motion.knee.ligaments.names):
+                rows.append([name, time, ligament, force[i, j], strain[i, j]])
+    return Table([Column(x) for x in ("knee", "time_s", "ligament", "force_N", "strain")], rows)
+
+
+def _contact_table(found: Mapping[str, Activity]) -> Table:
+    rows = []
+    for name, one in found.items():
+        told = one.mechanics
+        sizes = [contact_forces(told), np.asarray(told.max_pressure), np.asarray(told.area)]
+        numbers = np.concatenate([np.stack(sizes, axis=-1), np.asarray(told.center)], axis=-1)
+        for time, of_instant in zip(one.record.time_s, numbers, strict=True):
+            for contact, row in zip(one.motion.knee.contact_names, of_instant, strict=True):
+                rows.append([name, time, contact, *row])
+    names = ["knee", "time_s", "contact", "force_N", "max_pressure_MPa", "area_mm2"]
+    return Table([*map(Column, [*names, *(f"center_{way}_mm" for way in _DIRECTIONS)])], rows)
+
+
+def _residual_table(found: Mapping[str, Activity]) -> Table:
+    """What each part does to the tibia, and what all together leave over: residual.csv."""
+    rows = []
+    for name, one in found.items():
+        parts = {**one.acting, **one.held, "left over": one.left_over}
+        for i, time in enumerate(one.record.time_s):
+            rows += [[name, time, part, *wrench[i]] for part, wrench in parts.items()]
+    names = [f"{x}_N" for x in _DIRECTIONS] + [f"{x}_Nmm" for x in _MOMENTS]
+    return Table([*map(Column, ["knee", "time_s", "part", *names])], rows)
