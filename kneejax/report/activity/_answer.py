@@ -67,7 +67,7 @@ def activity_answer(
     words = {name: _words(one) for name, one in found.items()}
     doubts = [*record.doubts]
     for name, one in found.items():
-        places = named_places([f"{x:g}" for x in record.time_s], "s")
+        places = named_places([f"{x:.4g}" for x in record.time_s], "s")
         own = [*status_doubts(status[name], words[name], *places), *_second(one)]
         own += [*_unexplained(one)]
         doubts += [f"{name}: {x.lstrip()}" if len(found) > 1 else x for x in own]

@@ -83,8 +83,8 @@ def _changes(
     rest = None if found.rest is None else np.asarray(found.rest.to_table())[0]
     for name, color in zip(names, _COLORS, strict=False):
         k = list(COORDINATES).index(name)
-        label = name.replace("_rotation", "")
-        axes.plot(found.time_s, table[:, k] - table[0, k], color=color, label=label)
+        change = table[:, k] - table[0, k]
+        axes.plot(found.time_s, change, color=color, label=name.replace("_rotation", ""))
         if recorded is not None and name in recorded.changes:
             dots = recorded.time_s, recorded.changes[name]
             axes.plot(*dots, ".", color=color, markersize=2.5, alpha=0.6)

@@ -283,7 +283,7 @@ def _beyond(found: Mechanics, row: int, k: int) -> str:
     counts = "no doubt up to" if found.known[row, k] else "at most"
     return (
         f" {far:.2g} mm off the fitted surfaces ({counts} {OFF_SURFACE_MM:g}) with "
-        f"{100 * share:.2g} % of its force"
+        f"{float(f'{100 * share:.2g}'):g} % of its force"
     )
 
 

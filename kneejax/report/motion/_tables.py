@@ -103,10 +103,8 @@ def change_table(flexion: ArrayLike, moved: ArrayLike) -> Table:
 
 def text_of(*tables: Table) -> str:
     """Tables with their titles and notes for a terminal."""
-    lines = []
-    for one in tables:
-        lines += [*wrapped(one.title), one.terminal(), *wrapped(one.note)]
-    return "\n".join(lines)
+    blocks = [[*wrapped(one.title), one.terminal(), *wrapped(one.note)] for one in tables]
+    return "\n\n".join("\n".join(block) for block in blocks)
 
 
 def contact_forces(mechanics: Mechanics) -> np.ndarray:
