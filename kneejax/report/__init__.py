@@ -3,7 +3,6 @@
 from kneejax.report.activity import activity_answer as activity_answer
 from kneejax.report.activity import place_table as place_table
 from kneejax.report.activity import places_figure as places_figure
-from kneejax.report.activity import round_lines as round_lines
 from kneejax.report.activity import round_table as round_table
 from kneejax.report.bayesian import POSTERIOR_COLUMNS as POSTERIOR_COLUMNS
 from kneejax.report.bayesian import marginals_figure as marginals_figure

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from kneejax.report.motion import (
     contact_forces,
     digits,
     named_places,
+    part_table,
     peak_table,
     pose_words,
     search_words,
@@ -36,6 +37,7 @@ from kneejax.statics import Status
 
 #: A knee whose residual is larger does not agree with the record, N m.
 _LARGE_NM = 5.0
+_ROUND_CELLS = dict.fromkeys(("round", "coordinate", "balanced_instants", "instants"), str)
 _DIRECTIONS = ("anterior", "superior", "lateral")
 _MOMENTS = ("adduction", "internal_rotation", "extension")
 
@@ -73,9 +75,9 @@ def activity_answer(
         doubts += [f"{name}: {x.lstrip()}" if len(found) > 1 else x for x in own]
     tables = {
         "activity": _activity_table(found, status, words, cycle, convention),
-        "forces": _ligament_table(found),
-        "contact": _contact_table(found),
-        "residual": _residual_table(found),
+        "forces": _of_knees(found, _ligament_table),
+        "contact": _of_knees(found, _contact_table),
+        "residual": _of_knees(found, _residual_table),
     }
     summary, several = _summary(found), len(found) > 2
     drawings = {
@@ -98,10 +100,9 @@ def activity_answer(
     names = [f"Largest forces, {name}" for name in [*found][:2]]
     sections += [Section(head, tables=[one]) for head, one in zip(names, peaks, strict=True)]
     sections += [Section("All coordinates and forces", drawings=["activity"])] * several
-    said = [*round_lines(rounds)]
     if rounds:
         tables["rounds"] = round_table(rounds)
-        sections.append(Section("Rounds with OpenSim", said, ["rounds"]))
+        sections.append(Section("Rounds with OpenSim", tables=["rounds"]))
     time = record.time_s
     spoken = [f"{len(time)} instants from {time[0]:g} to {time[-1]:g} s"]
     if record.mass_kg:
@@ -109,6 +110,7 @@ def activity_answer(
     spoken += record.notes
     main = ["places" if several else summary]
     shown = [tables["places"]] if several else [summary, ranges]
+    shown += [tables["rounds"]] if rounds else []
     lost = any((x != Status.BALANCED).any() for x in status.values())
     second = any(np.isfinite(one.other).all(axis=1).any() for one in found.values())
     return Answer(
@@ -122,7 +124,7 @@ def activity_answer(
         picture="places" if several else "activity",
         doubts=doubts,
         sections=[*sections, Section("The record", spoken)],
-        text="\n".join([*spoken, text_of(*shown), *said, *doubts]),
+        text="\n".join([*spoken, text_of(*shown), *doubts]),
         exit_status=int(bool(record.doubts) or lost or second),
     )
 
@@ -280,7 +282,7 @@ def place_table(found: Mapping[str, Activity]) -> Table:
 
 
 def round_table(rounds: Sequence[Round]) -> Table:
-    """How far a whole body and a knee agree about its secondary motion: rounds.csv.
+    """How far the knee's secondary motion is off the one that OpenSim's model had: rounds.csv.
 
     Args:
         rounds: in their order.
@@ -295,31 +297,10 @@ def round_table(rounds: Sequence[Round]) -> Table:
         for k, name in enumerate(FREE_COORDINATES):
             rows.append([one.number, coordinate(name).column, rms[k], largest[k], one.left[k],
                          *one.holds, one.moment_Nm, one.reaction_N])  # fmt: skip
-    whole = ("round", "balanced_instants", "instants")
-    return Table([Column(x, show=str if x in whole else None, words=x == "coordinate")
-                  for x in names], rows)  # fmt: skip
-
-
-def round_lines(rounds: Sequence[Round]) -> Iterator[str]:
-    """The same in sentences.
-
-    Args:
-        rounds: in their order.
-    """
-    for one in rounds:
-        rms, largest = one.residual
-        turns, shifts = rms[:2], rms[2:]
-        worst = int(largest[:2].argmax()), 2 + int(largest[2:].argmax())
-        most = " and ".join(
-            f"{largest[k]:.2g} {coordinate(FREE_COORDINATES[k]).unit} "
-            f"({FREE_COORDINATES[k].replace('_', ' ')})"
-            for k in worst
-        )
-        yield (
-            f"Round {one.number}: the knee's secondary motion is off the one that OpenSim's model "
-            f"had by {turns.max():.2g} degrees and {shifts.max():.2g} mm rms, at most {most}; "
-            f"{one.holds[0]} of {one.holds[1]} instants in balance."
-        )
+    columns = [Column(x, show=_ROUND_CELLS.get(x, digits(2)), words=x == "coordinate")
+               for x in names]  # fmt: skip
+    note = "Of the knee from the motion that OpenSim's model had, root of the mean square and most."
+    return Table(columns, rows, "Rounds with OpenSim", note)
 
 
 def _activity_table(found: Mapping[str, Activity], status, words, cycle: Cycle, convention: str):
@@ -347,35 +328,31 @@ def _activity_table(found: Mapping[str, Activity], status, words, cycle: Cycle, 
     return Table([Column(x) for x in header], rows)
 
 
-def _ligament_table(found: Mapping[str, Activity]) -> Table:
-    rows = []
+def _of_knees(found: Mapping[str, Activity], table: Callable[[dict, Activity], Table]) -> Table:
+    """One table of all knees, the knee in the first column."""
+    made = []
     for name, one in found.items():
-        force, strain = (np.asarray(x) for x in (one.mechanics.tension, one.mechanics.strain))
-        for i, time in enumerate(one.record.time_s):
-            for j, ligament in enumerate(one.motion.knee.ligaments.names):
-                rows.append([name, time, ligament, force[i, j], strain[i, j]])
-    return Table([Column(x) for x in ("knee", "time_s", "ligament", "force_N", "strain")], rows)
+        time = one.record.time_s
+        made.append(table({"knee": [name] * len(time), "time_s": time}, one))
+    return Table(made[0].columns, [row for each in made for row in each.rows])
 
 
-def _contact_table(found: Mapping[str, Activity]) -> Table:
-    rows = []
-    for name, one in found.items():
-        told = one.mechanics
-        sizes = [contact_forces(told), np.asarray(told.max_pressure), np.asarray(told.area)]
-        numbers = np.concatenate([np.stack(sizes, axis=-1), np.asarray(told.center)], axis=-1)
-        for time, of_instant in zip(one.record.time_s, numbers, strict=True):
-            for contact, row in zip(one.motion.knee.contact_names, of_instant, strict=True):
-                rows.append([name, time, contact, *row])
-    names = ["knee", "time_s", "contact", "force_N", "max_pressure_MPa", "area_mm2"]
-    return Table([*map(Column, [*names, *(f"center_{way}_mm" for way in _DIRECTIONS)])], rows)
+def _ligament_table(keys: dict, one: Activity) -> Table:
+    names, told = one.motion.knee.ligaments.names, one.mechanics
+    return part_table(keys, "ligament", names, {"force_N": told.tension, "strain": told.strain})
 
 
-def _residual_table(found: Mapping[str, Activity]) -> Table:
-    """What each part does to the tibia, and what all together leave over: residual.csv."""
-    rows = []
-    for name, one in found.items():
-        parts = {**one.acting, **one.held, "left over": one.left_over}
-        for i, time in enumerate(one.record.time_s):
-            rows += [[name, time, part, *wrench[i]] for part, wrench in parts.items()]
+def _contact_table(keys: dict, one: Activity) -> Table:
+    told, names = one.mechanics, one.motion.knee.contact_names
+    numbers = {
+        "force_N": contact_forces(told), "max_pressure_MPa": told.max_pressure,
+        "area_mm2": told.area, tuple(f"center_{way}_mm" for way in _DIRECTIONS): told.center,
+    }  # fmt: skip
+    return part_table(keys, "contact", names, numbers)
+
+
+def _residual_table(keys: dict, one: Activity) -> Table:
+    """What each part does to the tibia, and what all together leave over."""
+    parts = {**one.acting, **one.held, "left over": one.left_over}
     names = [f"{x}_N" for x in _DIRECTIONS] + [f"{x}_Nmm" for x in _MOMENTS]
-    return Table([*map(Column, ["knee", "time_s", "part", *names])], rows)
+    return part_table(keys, "part", [*parts], {tuple(names): np.stack([*parts.values()], axis=1)})

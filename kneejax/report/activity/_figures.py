@@ -10,8 +10,14 @@ import numpy as np
 
 from kneejax.experiments import Activity, Cycle
 from kneejax.geometry import COORDINATES, coordinate
-from kneejax.report.look import BLACK, BLUE, GREY, LIGHT, PARTS, VERMILLION, WIDTH, styled, verbatim
-from kneejax.report.motion import bundle_forces, contact_forces, legend_above, part_styles
+from kneejax.report.look import BLACK, BLUE, GREY, LIGHT, VERMILLION, styled, verbatim
+from kneejax.report.motion import (
+    bundle_forces,
+    contact_forces,
+    draw_named,
+    panel_grid,
+    part_styles,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,31 +44,60 @@ def activity_figure(found: Mapping[str, Activity], cycle: Cycle, title: str) -> 
         moment that holds flexion, muscles, and the force of the ground. Instants without a balance
         are gaps, marked at the lower edge.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(WIDTH, 8.6))
-    panels = figure.subplots(4, 3, sharex=True)
-    figure.subplots_adjust(
-        left=0.075, right=0.985, top=0.915, bottom=0.055, wspace=0.33, hspace=0.27
-    )
-    figure.suptitle(verbatim(title), x=0.075, ha="left", fontsize=9.5)
-    for k, (name, axes) in enumerate(zip(COORDINATES, panels[:2].ravel(), strict=True)):
-        _coordinate(axes, found, cycle, k, name)
-    forces = [contact_forces(one.mechanics) for one in found.values()]
-    _contacts(panels[2, 0], found, cycle, forces, "Contact force, N")
-    pressures = [np.asarray(one.mechanics.max_pressure) for one in found.values()]
-    _contacts(panels[2, 1], found, cycle, pressures, "Peak pressure, MPa")
-    _ligaments(panels[2, 2], found, cycle)
-    _residual(panels[3, 0], found, cycle)
-    _muscles(panels[3, 1], next(iter(found.values())), cycle)
-    _ground(panels[3, 2], next(iter(found.values())), cycle)
-    for axes in panels.ravel():
+    figure, panels = panel_grid(4, 3, 8.6, title, shared=True)
+    x, first = cycle.percent, next(iter(found.values()))
+    record, legend = first.record, {"columns": 5, "size": 6.0}
+    for k, (name, axes) in enumerate(zip(COORDINATES, panels[:6], strict=True)):
+        if record.same_frames or k == 0:
+            axes.plot(x, record.pose[:, k], color=GREY, linestyle=":", linewidth=1.4)
+        for (_, one), color, dashes in _styles(found):
+            if k or not record.same_frames:
+                table = np.asarray(one.motion.to_table())
+                axes.plot(x, table[:, k], color=color, linestyle=dashes)
+        axes.set_ylabel(coordinate(name).axis_label)
+    bundled = [bundle_forces(one.motion.knee, one.mechanics.tension) for one in found.values()]
+    size = {name: max(np.nanmax(f[name], initial=0.0) for f in bundled) for name in bundled[0]}
+    shown = sorted(size, key=lambda name: -size[name])[:_MOST_LIGAMENTS]
+    shown = [name for name in shown if size[name] > _SMALL * size[shown[0]]]
+    styles = part_styles(bundled[0])
+    panels[9].axhline(0.0, color=GREY, linewidth=0.5)
+    for k, ((_, one), color, dashes) in enumerate(_styles(found)):
+        mark = "_" * k  # of the second knee nothing stands in the legends
+        names = [mark + name for name in one.motion.knee.contact_names]
+        for axes, values, label in (
+            (panels[6], contact_forces(one.mechanics), "Contact force, N"),
+            (panels[7], np.asarray(one.mechanics.max_pressure), "Peak pressure, MPa"),
+        ):
+            curves = dict(zip(names, values.T, strict=True))
+            draw_named(axes, x, curves, label, linestyle=dashes, **legend)
+        forces = {mark + name: bundled[k][name] for name in shown}
+        colors = [styles[name]["color"] for name in shown] or [GREY]
+        draw_named(panels[8], x, forces, "Ligament force, N", colors=colors, linestyle=dashes,
+                   **legend)  # fmt: skip
+        panels[9].plot(x, one.residual_Nm, color=color, linestyle=dashes)
+    panels[9].set_ylabel("Moment holding flexion, N m")
+    for axes in panels[6:9]:
+        axes.set_ylim(bottom=0.0)
+    muscles = dict(zip(record.muscles.names, np.asarray(record.muscles.tension), strict=True))
+    panels[10].set_visible(bool(muscles))
+    if muscles and record.quadriceps_N.any():
+        muscles["quadriceps"] = record.quadriceps_N
+    most = sorted(muscles, key=lambda name: -float(muscles[name].max()))[:_MOST_MUSCLES]
+    pulls = {re.sub(r"_[rl]$", "", name): muscles[name] for name in most}
+    draw_named(panels[10], x, pulls, "Muscle force, N", **legend)
+    given = record.acting.get("joint reaction")
+    force, ways, label = record.ground_N, ("X", "Y", "Z"), "Ground force, N"
+    if given is not None:
+        force, ways = given[:, :3], ("anterior", "superior", "lateral")
+        label = "Joint reaction, N"
+    draw_named(panels[11], x, dict(zip(ways, force.T, strict=True)), label, **legend)
+    for axes in panels:
         if np.isfinite(cycle.toe_off):
             axes.axvline(cycle.toe_off, color=LIGHT, linewidth=1.0, zorder=0)
         _mark_lost(axes, found, cycle)
-        axes.set_xlim(cycle.percent[0], cycle.percent[-1])
+        axes.set_xlim(x[0], x[-1])
         axes.yaxis.labelpad = 1.5
-    for axes in panels[-1]:
+    for axes in panels[9:]:
         axes.set_xlabel(cycle.axis_label)
     _legend(figure, found, cycle)
     return figure
@@ -70,83 +105,6 @@ def activity_figure(found: Mapping[str, Activity], cycle: Cycle, title: str) -> 
 
 def _styles(found: Mapping[str, Activity]):
     return zip(found.items(), _COLORS, _DASHES, strict=False)
-
-
-def _coordinate(axes: Axes, found: Mapping[str, Activity], cycle: Cycle, k: int, name: str) -> None:
-    record = next(iter(found.values())).record
-    if record.same_frames or k == 0:
-        axes.plot(cycle.percent, record.pose[:, k], color=GREY, linestyle=":", linewidth=1.4)
-    for (_, one), color, dashes in _styles(found):
-        table = np.asarray(one.motion.to_table())
-        if k or not record.same_frames:
-            axes.plot(cycle.percent, table[:, k], color=color, linestyle=dashes)
-    axes.set_ylabel(coordinate(name).axis_label)
-
-
-def _contacts(axes: Axes, found: Mapping[str, Activity], cycle: Cycle, of_knees, label) -> None:
-    for one, values, dashes in zip(found.values(), of_knees, _DASHES, strict=False):
-        for j, name in enumerate(one.motion.knee.contact_names):
-            own, color = None if dashes != "-" else name, PARTS[j % len(PARTS)]
-            axes.plot(cycle.percent, values[:, j], color=color, linestyle=dashes, label=own)
-    axes.set_ylabel(label)
-    axes.set_ylim(bottom=0.0)
-    legend_above(axes, 5, 6.0)
-
-
-def _ligaments(axes: Axes, found: Mapping[str, Activity], cycle: Cycle) -> None:
-    drawn: dict[str, list[np.ndarray]] = {}
-    for one in found.values():
-        forces = bundle_forces(one.motion.knee, one.mechanics.tension)
-        for name, whole in forces.items():
-            drawn.setdefault(name, []).append(whole)
-    size = {name: max(np.nanmax(x, initial=0.0) for x in rows) for name, rows in drawn.items()}
-    shown, styles = sorted(size, key=lambda name: -size[name])[:_MOST_LIGAMENTS], part_styles(drawn)
-    for name in shown:
-        if size[name] > _SMALL * size[shown[0]]:
-            for values, dashes in zip(drawn[name], _DASHES, strict=False):
-                style = {"color": styles[name]["color"], "linestyle": dashes}
-                own = verbatim(name) if dashes == "-" else None
-                axes.plot(cycle.percent, values, label=own, **style)
-    axes.set_ylabel("Ligament force, N")
-    axes.set_ylim(bottom=0.0)
-    legend_above(axes, 5, 6.0)
-
-
-def _residual(axes: Axes, found: Mapping[str, Activity], cycle: Cycle) -> None:
-    axes.axhline(0.0, color=GREY, linewidth=0.5)
-    for (_, one), color, dashes in _styles(found):
-        axes.plot(cycle.percent, one.residual_Nm, color=color, linestyle=dashes)
-    axes.set_ylabel("Moment holding flexion, N m")
-
-
-def _muscles(axes: Axes, one: Activity, cycle: Cycle) -> None:
-    tension = np.asarray(one.record.muscles.tension)
-    curves = dict(zip(one.record.muscles.names, tension, strict=True))
-    if not curves:
-        axes.set_visible(False)
-        return
-    if one.record.quadriceps_N.any():
-        curves["quadriceps"] = one.record.quadriceps_N
-    shown = sorted(curves, key=lambda name: -float(curves[name].max()))[:_MOST_MUSCLES]
-    for name, color in zip(shown, PARTS, strict=False):
-        own = verbatim(re.sub(r"_[rl]$", "", name))
-        axes.plot(cycle.percent, curves[name], color=color, label=own)
-    axes.set_ylabel("Muscle force, N")
-    legend_above(axes, 5, 6.0)
-
-
-def _ground(axes: Axes, one: Activity, cycle: Cycle) -> None:
-    """Force of the ground, or of the joint reaction that was given."""
-    if "joint reaction" in one.record.acting:
-        force, label = one.record.acting["joint reaction"][:, :3], "Joint reaction, N"
-        names = "anterior", "superior", "lateral"
-    else:
-        force, label = one.record.ground_N, "Ground force, N"
-        names = "X", "Y", "Z"
-    for values, name, color in zip(force.T, names, PARTS, strict=False):
-        axes.plot(cycle.percent, values, color=color, label=name)
-    axes.set_ylabel(label)
-    legend_above(axes, 5, 6.0)
 
 
 def _mark_lost(axes: Axes, found: Mapping[str, Activity], cycle: Cycle) -> None:
@@ -213,18 +171,14 @@ def places_figure(found: Mapping[str, Activity], cycle: Cycle, title: str) -> Fi
         inwards the tibia is than that of the intact knee. The legend says at how many instants a
         knee balances that does not at all.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(WIDTH, 5.4))
-    panels = figure.subplots(2, 2, sharex=True)
-    figure.subplots_adjust(left=0.09, right=0.985, top=0.93, bottom=0.2, wspace=0.25, hspace=0.12)
-    figure.suptitle(verbatim(title), x=0.09, ha="left", fontsize=9.5)
+    figure, panels = panel_grid(2, 2, 5.4, title, shared=True)
+    figure.subplots_adjust(bottom=0.2, hspace=0.12)
     pulls = graft_pulls(found)
     tables = {name: np.asarray(one.motion.to_table()) for name, one in found.items()}
     intact = next(iter(tables.values()))
-    _curves(panels[0, 0], cycle, {name: 100 * strain for name, (_, strain) in pulls.items()})
-    _curves(panels[0, 1], cycle, {name: force for name, (force, _) in pulls.items()})
-    for axes, column in ((panels[1, 0], _FORWARD), (panels[1, 1], _TURN)):
+    _curves(panels[0], cycle, {name: 100 * strain for name, (_, strain) in pulls.items()})
+    _curves(panels[1], cycle, {name: force for name, (force, _) in pulls.items()})
+    for axes, column in ((panels[2], _FORWARD), (panels[3], _TURN)):
         axes.axhline(0.0, color=GREY, linewidth=0.5)
         away = {name: table[:, column] - intact[:, column] for name, table in tables.items()}
         _curves(axes, cycle, dict(list(away.items())[1:]), first=1)
@@ -232,14 +186,14 @@ def places_figure(found: Mapping[str, Activity], cycle: Cycle, title: str) -> Fi
         "Strain of ligament or graft, %", "Force of ligament or graft, N",
         "Forwards of the intact tibia, mm", "Turned inwards of it, deg",
     )  # fmt: skip
-    for axes, label in zip(panels.ravel(), words, strict=True):
+    for axes, label in zip(panels, words, strict=True):
         axes.set_ylabel(label)
         axes.set_xlim(cycle.percent[0], cycle.percent[-1])
         if np.isfinite(cycle.toe_off):
             axes.axvline(cycle.toe_off, color=LIGHT, linewidth=1.0, zorder=0)
-    for axes in panels[-1]:
+    for axes in panels[2:]:
         axes.set_xlabel(cycle.axis_label)
-    own = {label: line for axes in panels.ravel()
+    own = {label: line for axes in panels
            for line, label in zip(*axes.get_legend_handles_labels(), strict=True)}  # fmt: skip
     lines = [own[verbatim(name)] for name in found]
     names = [_label(name, one.holds) for name, one in found.items()]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,9 +12,10 @@ from kneejax.report.look import BLUE, GREEN, GREY, VERMILLION, WIDTH, styled, ve
 from kneejax.report.motion import (
     bundles,
     draw_ligaments,
+    draw_named,
     flexion_axis,
-    legend_above,
     mark_status,
+    panel_grid,
     part_styles,
 )
 
@@ -43,14 +43,8 @@ def extensor_figure(found: Extensor, status: np.ndarray, title: str) -> Figure:
         Six panels; what is no plain balance is marked at their lower edge.
     """
     from matplotlib import colormaps
-    from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(WIDTH, 7.6))
-    panels = figure.subplots(3, 2).ravel()
-    figure.subplots_adjust(
-        left=0.085, right=0.985, top=0.93, bottom=0.065, wspace=0.24, hspace=0.36
-    )
-    figure.suptitle(verbatim(title), x=0.085, ha="left", fontsize=9.5)
+    figure, panels = panel_grid(3, 2, 7.8, title)
     flexion, pull, patella = (np.asarray(x) for x in
                               (found.flexion_deg, found.quadriceps_N, found.patella))  # fmt: skip
     angles = np.unique(flexion)
@@ -67,13 +61,11 @@ def extensor_figure(found: Extensor, status: np.ndarray, title: str) -> Figure:
             axes.plot(x[own], np.asarray(values)[own], color=color, label=f"{angle:g}")
         axes.set_ylabel(label)
 
-    def by_kind(axes: Axes, curves: Sequence[tuple], label: str) -> None:
+    def by_kind(axes: Axes, curves: dict[str, np.ndarray], label: str) -> None:
         """A colour for each of several quantities."""
-        for values, name, color in curves:
-            for k, own in enumerate(rows):
-                axes.plot(x[own], values[own], color=color, label=None if k else name)
-        axes.set_ylabel(label)
-        legend_above(axes, 3)
+        for k, own in enumerate(rows):
+            named = {name if k == 0 else f"_{name}": y[own] for name, y in curves.items()}
+            draw_named(axes, x[own], named, label, colors=(BLUE, VERMILLION, GREEN), columns=3)
 
     # A quadriceps that nothing asks for is left at rest: its ratios tell of the bands alone.
     extension = np.asarray(found.extension_Nm)
@@ -84,12 +76,12 @@ def extensor_figure(found: Extensor, status: np.ndarray, title: str) -> Figure:
         by_flexion(panels[0], extension, "Extension moment, N m")
     else:
         by_flexion(panels[0], pull, _PULL)
-    ratios = [(tendon, "patellar tendon", BLUE), (contact, "patellofemoral contact", VERMILLION)]
+    ratios = {"patellar tendon": tendon, "patellofemoral contact": contact}
     by_kind(panels[1], ratios, "Force by quadriceps force")
     panels[1].set_ylim(bottom=0.0)
     by_flexion(panels[2], found.arm_mm, "Moment arm of the quadriceps, mm")
-    kinds = ((0, "flexion", BLUE), (2, "tilt", VERMILLION), (1, "rotation", GREEN))
-    by_kind(panels[3], [(patella[:, k], *style) for k, *style in kinds], "Patella, deg")
+    turns = {"flexion": patella[:, 0], "tilt": patella[:, 2], "rotation": patella[:, 1]}
+    by_kind(panels[3], turns, "Patella, deg")
     knee = found.motion.knee
     draw_ligaments(
         panels[4], x, knee, found.mechanics.tension, among=_tibiofemoral(found), rows=rows

@@ -57,8 +57,8 @@ def transient_answer(
     if fit is not None:
         tables["damping"] = _damping_table(fit)
         main.insert(0, "damping")
-        dampers, open_ones = [*_dampers(fit)], [*_not_found(fit)]
-        said, doubts = [*dampers, *open_ones], [*doubts, *open_ones]
+        said = [text_of(tables["damping"])]
+        doubts += _not_found(fit)
     exact = [*_how_exact(found)]
     return Answer(
         title=title,
@@ -77,7 +77,7 @@ def transient_answer(
         picture="motion",
         doubts=doubts,
         sections=[*_sections(found), Section("Loads, time steps and energy", [*notes, *exact])],
-        text="\n".join([title, text_of(moved), *notes, *exact, *_wrong(found), *said]),
+        text="\n".join([title, text_of(moved), *notes, *exact, *said, *doubts]),
         exit_status=_exit_status(found) or int(fit is not None and not fit.converged),
     )
 
@@ -186,7 +186,7 @@ def _motion_tables(found: Transient, convention: str) -> dict[str, Table]:
     return {
         "motion": Table([Column(name) for name in header], rows),
         "forces": force_table(
-            knee, found.mechanics, {"time_s": found.time_s.tolist()}, more={"damping_N": damping}
+            knee, found.mechanics, {"time_s": found.time_s.tolist()}, damping_N=damping
         ),
         "energy": Table([Column("time_s"), *(Column(f"{x}_Nmm") for x in kinds)], energy_rows),
     }
@@ -273,16 +273,6 @@ def _damping_table(fit: FittedTransient) -> Table:
              Column("lower_95", "95 % from"), Column("upper_95", "to")]  # fmt: skip
     left = "; ".join(f"{coordinate(k).axis_label} {x:.2g}" for k, x in fit.rms.items())
     return Table(heads, rows, "Dampers", f"Left of the record, root of the mean square: {left}.")
-
-
-def _dampers(fit: FittedTransient) -> Iterator[str]:
-    for name, value, lower, upper in zip(
-        fit.names, fit.values, fit.lower, fit.upper, strict=True
-    ):
-        sides = f"95 % {lower:.4g} to {upper:.4g}" if np.isfinite(lower) else "at its bound"
-        yield f"found: {name} {value:.4g} ({sides})"
-    left = (f"{coordinate(k).axis_label} {x:.2g}" for k, x in fit.rms.items())
-    yield f"left of the record, root of the mean square: {'; '.join(left)}"
 
 
 def _not_found(fit: FittedTransient) -> Iterator[str]:

@@ -17,10 +17,12 @@ from kneejax.report.motion._figures import ligament_forces_figure as ligament_fo
 from kneejax.report.motion._figures import motion_figure as motion_figure
 from kneejax.report.motion._figures import simulation_figure as simulation_figure
 from kneejax.report.motion._panels import draw_ligaments as draw_ligaments
+from kneejax.report.motion._panels import draw_named as draw_named
 from kneejax.report.motion._panels import flexion_axis as flexion_axis
 from kneejax.report.motion._panels import legend_above as legend_above
 from kneejax.report.motion._panels import mark_status as mark_status
 from kneejax.report.motion._panels import measured_curve as measured_curve
+from kneejax.report.motion._panels import panel_grid as panel_grid
 from kneejax.report.motion._panels import part_legend as part_legend
 from kneejax.report.motion._panels import part_styles as part_styles
 from kneejax.report.motion._tables import bundle_forces as bundle_forces
@@ -29,6 +31,7 @@ from kneejax.report.motion._tables import change_table as change_table
 from kneejax.report.motion._tables import contact_forces as contact_forces
 from kneejax.report.motion._tables import digits as digits
 from kneejax.report.motion._tables import force_table as force_table
+from kneejax.report.motion._tables import part_table as part_table
 from kneejax.report.motion._tables import peak_table as peak_table
 from kneejax.report.motion._tables import pose_columns as pose_columns
 from kneejax.report.motion._tables import pose_table as pose_table

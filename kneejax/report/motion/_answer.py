@@ -25,6 +25,7 @@ from kneejax.report.motion._tables import (
     contact_forces,
     digits,
     force_table,
+    part_table,
     peak_table,
     pose_table,
     text_of,
@@ -32,12 +33,8 @@ from kneejax.report.motion._tables import (
 )
 from kneejax.statics import Status, converged
 
-_CONTACT = (
-    "force_N", "area_mm2", "max_pressure_MPa", "mean_pressure_MPa", "max_depth_mm",
-    "center_anterior_mm", "center_superior_mm", "center_lateral_mm", "force_anterior_N",
-    "force_superior_N", "force_lateral_N", "moment_adduction_Nmm",
-    "moment_internal_rotation_Nmm", "moment_extension_Nmm", "beyond_mm", "beyond_share",
-)  # fmt: skip
+_WAYS = ("anterior", "superior", "lateral")
+_MOMENTS = ("adduction", "internal_rotation", "extension")
 
 
 def flexion_answer(
@@ -229,34 +226,29 @@ def _branches(
 
 
 def _ligament_table(knee: Knee, table: np.ndarray, found: Mechanics) -> Table:
-    length, strain, tension = (np.asarray(x) for x in (found.length, found.strain, found.tension))
-    words, ways = {way.value: way.word for way in Way}, ways_of(found)
-    angle = np.rad2deg(np.maximum(np.asarray(found.wrap_angle), 0.0))
-    names = ("pose", "flexion_deg", "ligament", "length_mm", "strain", "force_N", "way", "wrap_deg")
-    rows = [
-        [i, table[i, 0], name, length[i, j], strain[i, j], tension[i, j], words[ways[i, j]],
-         angle[i, j]]
-        for i in range(len(table))
-        for j, name in enumerate(knee.ligaments.names)
-    ]  # fmt: skip
-    return Table([Column(x, words=x in ("ligament", "way")) for x in names], rows)
+    words = {way.value: way.word for way in Way}
+    numbers = {
+        "length_mm": found.length, "strain": found.strain, "force_N": found.tension,
+        "way": np.vectorize(words.get, otypes=[object])(ways_of(found)),
+        "wrap_deg": np.rad2deg(np.maximum(np.asarray(found.wrap_angle), 0.0)),
+    }  # fmt: skip
+    keys = {"pose": range(len(table)), "flexion_deg": table[:, 0]}
+    return part_table(keys, "ligament", knee.ligaments.names, numbers)
 
 
 def _contact_table(knee: Knee, found: Mechanics, status: np.ndarray) -> Table:
     # Moments are about X, Y, Z of the tibia: adduction, internal rotation, extension.
-    parts = [contact_forces(found), found.area, found.max_pressure, found.mean_pressure,
-             found.max_depth]  # fmt: skip
-    vectors = [found.center, found.contact_force, found.contact_moment]
-    columns = [np.asarray(x)[..., None] for x in parts] + [np.asarray(x) for x in vectors]
-    columns += [np.asarray(x)[..., None] for x in (found.beyond_mm, found.beyond_share)]
-    numbers = np.concatenate(columns, axis=-1)
-    rows = [
-        [i, name, *numbers[i, j], Status(int(status[i])).word]
-        for i in range(len(status))
-        for j, name in enumerate(knee.contact_names)
-    ]
-    heads = [Column("pose"), Column("contact", words=True), *map(Column, _CONTACT)]
-    return Table([*heads, Column("status", words=True)], rows)
+    numbers = {
+        "force_N": contact_forces(found), "area_mm2": found.area,
+        "max_pressure_MPa": found.max_pressure, "mean_pressure_MPa": found.mean_pressure,
+        "max_depth_mm": found.max_depth,
+        tuple(f"center_{x}_mm" for x in _WAYS): found.center,
+        tuple(f"force_{x}_N" for x in _WAYS): found.contact_force,
+        tuple(f"moment_{x}_Nmm" for x in _MOMENTS): found.contact_moment,
+        "beyond_mm": found.beyond_mm, "beyond_share": found.beyond_share,
+    }  # fmt: skip
+    words = {"status": [Status(int(x)).word for x in status]}
+    return part_table({"pose": range(len(status))}, "contact", knee.contact_names, numbers, words)
 
 
 def _summary(knee: Knee, table: np.ndarray, found: Mechanics, status: np.ndarray) -> Table:

@@ -27,8 +27,10 @@ from kneejax.report.motion._panels import (
     FLEXION,
     curve_style,
     flexion_axis,
+    legend_above,
     mark_status,
     measured_curve,
+    panel_grid,
     part_legend,
     part_styles,
 )
@@ -216,54 +218,44 @@ def simulation_figure(
         ligament_forces: shape `(n, ligaments)`, N.
         contact_names: one per column of `contact_forces`.
         contact_forces: shape `(n, contacts)`, N.
-        convention: of the table; said beside the legend.
+        convention: of the table; it stands above the panels.
 
     Returns:
-        Five coordinates, then ligament and contact forces with their legends below them.
+        Five coordinates, then ligament and contact forces with their legends above them.
     """
-    from matplotlib.figure import Figure
 
     x, label = np.asarray(flexion_deg, float), FLEXION
     if np.ptp(x) == 0:
         x, label = np.arange(1.0, len(x) + 1), "Step"
     table, status = np.asarray(table, float), np.asarray(status, int)
-    forces = [
-        ("Ligament force, N", ligament_names, np.asarray(ligament_forces, float), PARTS),
-        ("Contact force, N", contact_names, np.asarray(contact_forces, float), CONTACT_PARTS),
-    ]
-    most = max(len(ligament_names), len(contact_names), 1)
-    columns, line = (4, 0.16) if most <= 12 else (5, 0.115)
-    legends = line * -(-most // columns) + 0.05
-    height = 8.6 + legends
-    figure = Figure(figsize=(WIDTH, height))
-    grid = figure.add_gridspec(
-        4, 2, left=0.085, right=0.98, top=1 - 0.26 / height, bottom=(0.45 + legends) / height,
-        wspace=0.2, hspace=0.48,
-    )  # fmt: skip
+    meaning = f"Convention {convention}: {CONVENTION_WORDS.get(convention, '')}".strip(": ")
+    figure, panels = panel_grid(4, 2, 8.8, "\n".join(textwrap.wrap(meaning, 100)))
     marks: dict[str, Any] = {}
-    spots = [(0, 0), (1, 0), (2, 0), (0, 1), (1, 1)]
-    for name, spot in zip(SHOWN, spots, strict=True):
-        axes = figure.add_subplot(grid[spot])
+    for name, place in zip(SHOWN, (0, 2, 4, 1, 3), strict=True):
+        axes = panels[place]
         axes.plot(x, table[:, _COLUMN[name]], color=GREY, **curve_style(x, "-"))
         axes.set_title(COORDINATES[name].axis_label)
         marks |= mark_status(axes, x, status, VERMILLION, 0.03)
-        flexion_axis(axes, x, spot in ((2, 0), (1, 1)), label=label)
-    words = figure.add_subplot(grid[2, 1])
-    words.set_axis_off()
-    meaning = f"Convention {convention}: {CONVENTION_WORDS.get(convention, '')}".strip(": ")
-    words.text(0.0, 0.98, textwrap.fill(meaning, 46), va="top", fontsize=7.5)
-    for column, (title, names, values, colors) in enumerate(forces):
-        axes = figure.add_subplot(grid[3, column])
-        axes.set_title(title)
-        drawn: list = []
-        if len(names):
-            _force_panel(axes, x, values, names, colors, "-", drawn)
+    panels[5].set_axis_off()
+    part_legend(panels[5], [(handle, entry) for entry, handle in marks.items()], (0.0, 0.9))
+    styles = part_styles(ligament_names)
+    for axes, names, values, kind in (
+        (panels[6], ligament_names, ligament_forces, "Ligament force, N"),
+        (panels[7], contact_names, contact_forces, "Contact force, N"),
+    ):
+        for k, (name, force) in enumerate(zip(names, np.asarray(values, float).T, strict=True)):
+            style = styles.get(name) or {"color": CONTACT_PARTS[k % len(CONTACT_PARTS)]}
+            axes.plot(x, force, label=verbatim(name), **{**style, **_markers(x)})
+        axes.set_ylabel(kind)
+        legend_above(axes, 5)
         mark_status(axes, x, status, VERMILLION, 0.03)
-        flexion_axis(axes, x, label=label)
-        below = -0.45 / (axes.get_position().height * height)
-        part_legend(
-            axes, drawn, (0.0, below), ncols=columns, fontsize=7.5 if columns == 4 else 6.0,
-            handlelength=1.4, columnspacing=0.9, labelspacing=0.3, borderpad=0,
-        )  # fmt: skip
-    part_legend(words, [(handle, entry) for entry, handle in marks.items()], (0.0, 0.46))
+    for place, axes in enumerate(panels):
+        if place != 5:
+            flexion_axis(axes, x, place in (3, 4, 6, 7), label=label)
     return figure
+
+
+def _markers(x: np.ndarray) -> dict[str, Any]:
+    """Markers instead of lines where flexion runs to and fro."""
+    style = curve_style(x, "-")
+    return style if "marker" in style else {}

@@ -2,18 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from kneejax.mechanics import Knee
-from kneejax.report.look import BLUE, GREEN, MEASURED, ORANGE, PARTS, PURPLE, VERMILLION, verbatim
+from kneejax.report.look import (
+    BLUE,
+    GREEN,
+    MEASURED,
+    ORANGE,
+    PARTS,
+    PURPLE,
+    VERMILLION,
+    WIDTH,
+    verbatim,
+)
 from kneejax.report.motion._tables import bundle_forces
 from kneejax.statics import Status
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
 DENSE = 40
@@ -164,6 +176,60 @@ def draw_ligaments(
             axes.plot(x[of_line], forces[name][of_line], label=label, **styles[name])
     axes.set_ylabel("Ligament force, N")
     legend_above(axes, columns)
+
+
+def draw_named(
+    axes: Axes,
+    x: ArrayLike,
+    curves: Mapping[str, Any],
+    label: str,
+    *,
+    colors: Sequence[str] = PARTS,
+    columns: int = 4,
+    size: float = 7.5,
+    **style: Any,
+) -> None:
+    """Draw a line for each name, with a legend above the panel.
+
+    Args:
+        axes: of the panel.
+        x: of the curves, `(n,)`.
+        curves: name -> values, `(n,)`.
+        label: of the vertical axis.
+        colors: of the curves, in turn.
+        columns: of the legend.
+        size: of its letters.
+        style: keywords for `Axes.plot`.
+    """
+    for (name, values), color in zip(curves.items(), itertools.cycle(colors), strict=False):
+        own = {"color": color, "label": verbatim(name), **style}
+        axes.plot(np.asarray(x), np.asarray(values), **own)
+    axes.set_ylabel(label)
+    legend_above(axes, columns, size)
+
+
+def panel_grid(
+    rows: int, columns: int, height: float, title: str, *, shared: bool = False
+) -> tuple[Figure, np.ndarray]:
+    """A figure as wide as a page with a title, and its panels in reading order.
+
+    Args:
+        rows: of panels.
+        columns: of panels.
+        height: inches.
+        title: of the whole.
+        shared: whether all have the same horizontal axis, written below the last row.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, height))
+    panels, left = figure.subplots(rows, columns, sharex=shared), 0.09 if columns == 2 else 0.075
+    figure.subplots_adjust(
+        left=left, right=0.985, top=1 - 0.68 / height, bottom=0.46 / height,
+        wspace=0.26 if columns == 2 else 0.33, hspace=0.3 if shared else 0.5,
+    )  # fmt: skip
+    figure.suptitle(verbatim(title), x=left, ha="left", fontsize=9.5)
+    return figure, panels.ravel()
 
 
 def legend_above(axes: Axes, columns: int = 4, size: float = 7.5) -> None:

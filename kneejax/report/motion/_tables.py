@@ -112,33 +112,53 @@ def contact_forces(mechanics: Mechanics) -> np.ndarray:
     return np.linalg.norm(np.asarray(mechanics.contact_force), axis=-1)
 
 
-def force_table(
-    knee: Knee,
-    mechanics: Mechanics,
+def part_table(
     keys: Mapping[str, Sequence[Any]],
-    *,
-    part: str = "part",
-    more: Mapping[str, np.ndarray] | None = None,
+    part: str,
+    names: Sequence[str],
+    numbers: Mapping[str, Any],
+    last: Mapping[str, Sequence[Any]] | None = None,
 ) -> Table:
-    """Forces of ligaments, then of contacts, a row for each at each pose, `forces.csv`.
+    """Numbers of the parts of a knee, a row for each part at each pose.
+
+    Args:
+        keys: column -> what each pose is called, e.g. its flexion, `(poses,)`.
+        part: what the parts are, e.g. `ligament`.
+        names: of the parts.
+        numbers: column -> of each part, `(poses, parts)`; several columns by a tuple of their
+            names, `(poses, parts, columns)`.
+        last: column -> of each pose, `(poses,)`.
+    """
+    heads, arrays = [], []
+    for name, values in numbers.items():
+        many = isinstance(name, tuple)
+        heads += name if many else [name]
+        arrays += list(np.moveaxis(np.asarray(values), -1, 0)) if many else [np.asarray(values)]
+    last, count = last or {}, len(next(iter(keys.values())))
+    rows = [
+        [*(key[i] for key in keys.values()), name, *(array[i, j] for array in arrays),
+         *(end[i] for end in last.values())]
+        for i in range(count)
+        for j, name in enumerate(names)
+    ]  # fmt: skip
+    columns = [*keys, part, *heads, *last]
+    return Table([Column(x, words=x in (part, "way", "status")) for x in columns], rows)
+
+
+def force_table(
+    knee: Knee, mechanics: Mechanics, keys: Mapping[str, Sequence[Any]], **more: np.ndarray
+) -> Table:
+    """Forces of ligaments, then of contacts, at each pose: `forces.csv`.
 
     Args:
         knee: whose parts they are.
         mechanics: of its poses.
         keys: column -> what each pose is called, e.g. its flexion.
-        part: name of the column of parts.
-        more: column -> further numbers of each part, `(poses, parts)`.
+        more: further numbers of each part, `(poses, parts)`.
     """
     names = [*knee.ligaments.names, *knee.contact_names]
     forces = np.concatenate([np.asarray(mechanics.tension), contact_forces(mechanics)], axis=1)
-    numbers = np.stack([forces, *(more or {}).values()], axis=-1)
-    places = zip(*keys.values(), strict=True)
-    rows = [
-        [*place, name, *of_part]
-        for place, of_pose in zip(places, numbers, strict=True)
-        for name, of_part in zip(names, of_pose, strict=True)
-    ]
-    return Table([Column(x) for x in (*keys, part, "force_N", *(more or {}))], rows)
+    return part_table(keys, "part", names, {"force_N": forces, **more})
 
 
 def bundles(knee: Knee, among: Sequence[str] | None = None) -> dict[str, list[str]]:
