@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
@@ -18,9 +19,8 @@ from kneejax.geometry import (
     coordinate,
 )
 from kneejax.report.activity._figures import activity_figure, graft_pulls, places_figure
-from kneejax.report.look import Answer, Column, Drawing, Section, Table, listed
+from kneejax.report.look import Answer, Column, Drawing, Section, Table, Verdict, listed
 from kneejax.report.motion import (
-    bundle_forces,
     contact_forces,
     digits,
     named_places,
@@ -79,7 +79,8 @@ def activity_answer(
         "contact": _of_knees(found, _contact_table),
         "residual": _of_knees(found, _residual_table),
     }
-    summary, several = _summary(found), len(found) > 2
+    several, alone = len(found) > 2, len(found) == 1
+    ranges, compared = _ranges(found), place_table(found)
     drawings = {
         "activity": Drawing(
             functools.partial(activity_figure, dict([*found.items()][:2]), cycle, title),
@@ -88,18 +89,20 @@ def activity_answer(
         )
     }
     if several:
-        tables["places"] = place_table(found)
+        tables["places"] = compared
         draw = functools.partial(places_figure, found, cycle, title)
         drawings["places"] = Drawing(draw, "Ligament or graft, and the tibia from the intact knee.")
-    ranges = _ranges(found)
-    sections = [Section("Range of each coordinate", tables=[ranges])]
-    peaks = [
-        peak_table(x.motion.knee, x.mechanics, np.round(record.time_s, 3), "at time, s")
-        for x in [*found.values()][:2]
+    peaks = []
+    for name, one in [*found.items()][:2]:
+        times = np.round(record.time_s, 3)
+        forces = peak_table(one.motion.knee, one.mechanics, times, "at time, s")
+        peaks.append(dataclasses.replace(forces, title=f"Largest forces, {name}"))
+    sections = [
+        Section("Range of each coordinate", tables=[ranges] if not alone else []),
+        Section("Largest forces", tables=peaks),
+        Section("All coordinates and forces", drawings=["activity"] if several else []),
     ]
-    names = [f"Largest forces, {name}" for name in [*found][:2]]
-    sections += [Section(head, tables=[one]) for head, one in zip(names, peaks, strict=True)]
-    sections += [Section("All coordinates and forces", drawings=["activity"])] * several
+    sections = [part for part in sections if part.tables or part.drawings]
     if rounds:
         tables["rounds"] = round_table(rounds)
         sections.append(Section("Rounds with OpenSim", tables=["rounds"]))
@@ -108,18 +111,18 @@ def activity_answer(
     if record.mass_kg:
         spoken.append(f"Leg below the knee: {record.mass_kg:.2f} kg.")
     spoken += record.notes
-    main = ["places" if several else summary]
-    shown = [tables["places"]] if several else [summary, ranges]
+    shown = [compared] if several else [*[compared] * (not alone), ranges, *peaks]
     shown += [tables["rounds"]] if rounds else []
     lost = any((x != Status.BALANCED).any() for x in status.values())
     second = any(np.isfinite(one.other).all(axis=1).any() for one in found.values())
     return Answer(
         title=title,
         asked=f"What the recorded loads and muscles do to the knee at {spoken[0]}.",
-        verdict=verdict_of(np.concatenate([*status.values()])),
+        verdict=Verdict.DOUBTFUL if (record.doubts or second) and not lost else
+        verdict_of(np.concatenate([*status.values()])),
         sentence=_sentence(found),
         tables=tables,
-        main=main,
+        main=[ranges if alone else compared],
         drawings=drawings,
         picture="places" if several else "activity",
         doubts=doubts,
@@ -180,32 +183,6 @@ def _peak(values: np.ndarray) -> float:
     return float(np.nanmax(values)) if np.isfinite(values).any() else np.nan
 
 
-def _summary(found: Mapping[str, Activity]) -> Table:
-    """A row for each knee: equilibria, contact, the ligament that carries most, the residual."""
-    rows = []
-    for name, one in found.items():
-        forces = {x: _peak(f) for x, f in
-                  bundle_forces(one.motion.knee, one.mechanics.tension).items()}  # fmt: skip
-        most = max(forces, key=lambda x: np.nan_to_num(forces[x]), default="-")
-        contact = contact_forces(one.mechanics)
-        rows.append([
-            name, f"{int(one.holds.sum())} of {len(one.holds)}", _peak(contact.sum(axis=1)),
-            _peak(np.asarray(one.mechanics.max_pressure)), most, forces.get(most, np.nan),
-            *_residual(one),
-        ])  # fmt: skip
-    columns = [
-        Column("knee", words=True), Column("balanced", "in balance at", words=True),
-        Column("contact_N", "contact, N", digits(0)),
-        Column("max_pressure_MPa", "peak pressure, MPa", digits(1)),
-        Column("ligament", "ligament with most", words=True),
-        Column("ligament_N", "its force, N", digits(0)),
-        Column("residual_rms_Nm", "moment, N m rms", digits(1)),
-        Column("residual_max_Nm", "at most, N m", digits(1)),
-    ]  # fmt: skip
-    note = "Peaks over the record. Moment: what holds flexion beside all that is known to act."
-    return Table(columns, rows, note=note)
-
-
 def _ranges(found: Mapping[str, Activity]) -> Table:
     """Least and most of each coordinate, and how far it is from the record's."""
     rows = []
@@ -216,14 +193,18 @@ def _ranges(found: Mapping[str, Activity]) -> Table:
             rms = np.sqrt(np.nanmean(away**2)) if one.record.same_frames and k else np.nan
             ends = np.nanmin(table[:, k]), np.nanmax(table[:, k])
             rows.append([name, coordinate(which).axis_label, *ends, rms])
+        if one.holds.any():
+            moment = np.asarray(one.residual_Nm)
+            ends = np.nanmin(moment), np.nanmax(moment)
+            rows.append([name, "Moment that holds flexion, N m", *ends, _residual(one)[0]])
     two = digits(2)
     same = any(one.record.same_frames for one in found.values())
     columns = [
         Column("knee", words=True), Column("coordinate", " ", words=True),
         Column("least", show=two), Column("most", show=two),
-        Column("rms", "rms from record", two, shown=same),
+        Column("rms", "rms from record" if same else "rms", two),
     ]  # fmt: skip
-    return Table(columns, rows)
+    return Table(columns, rows, note="Of the moment: rms of itself; nothing known to act holds it.")
 
 
 def _sentence(found: Mapping[str, Activity]) -> str:
