@@ -37,7 +37,6 @@ from kneejax.statics import Status
 
 #: A knee whose residual is larger does not agree with the record, N m.
 _LARGE_NM = 5.0
-_ROUND_CELLS = dict.fromkeys(("round", "coordinate", "balanced_instants", "instants"), str)
 _DIRECTIONS = ("anterior", "superior", "lateral")
 _MOMENTS = ("adduction", "internal_rotation", "extension")
 
@@ -272,13 +271,14 @@ def round_table(rounds: Sequence[Round]) -> Table:
         "round", "coordinate", "residual_rms", "residual_largest", "left_by_splines_rms",
         "balanced_instants", "instants", "moment_Nm_rms", "reaction_N_rms",
     )  # fmt: skip
+    whole = ("round", "coordinate", "balanced_instants", "instants")
     rows = []
     for one in rounds:
         rms, largest = one.residual
         for k, name in enumerate(FREE_COORDINATES):
             rows.append([one.number, coordinate(name).column, rms[k], largest[k], one.left[k],
                          *one.holds, one.moment_Nm, one.reaction_N])  # fmt: skip
-    columns = [Column(x, show=_ROUND_CELLS.get(x, digits(2)), words=x == "coordinate")
+    columns = [Column(x, show=str if x in whole else digits(2), words=x == "coordinate")
                for x in names]  # fmt: skip
     note = "Of the knee from the motion that OpenSim's model had, root of the mean square and most."
     return Table(columns, rows, "Rounds with OpenSim", note)

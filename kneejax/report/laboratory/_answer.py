@@ -26,7 +26,7 @@ from kneejax.report.motion import (
     text_of,
     verdict_of,
 )
-from kneejax.statics import Status, converged
+from kneejax.statics import Status
 
 
 def laboratory_answer(
@@ -161,9 +161,9 @@ def _headline(one: Curves, rows: Sequence[Laxity]) -> str:
     held = [x for x in rows if x.status == Status.BALANCED]
     if not held:
         return f"{one.test.name.capitalize()}: no angle without a doubt."
-    known = [(_span(x) if one.test.displacement is not None else x.range, x) for x in held]
-    unit = one.test.unit if one.test.displacement is None else NAMED_LOADS[one.test.driven_by].unit
-    unit = held[0].unit if one.test.displacement is None else unit
+    by_load = one.test.displacement is None
+    unit = held[0].unit if by_load else NAMED_LOADS[one.test.driven_by].unit
+    known = [(x.range if by_load else _span(x), x) for x in held]
     (low, at_low), (high, at_high) = (f(known, key=lambda pair: pair[0]) for f in (min, max))
     lost = len(rows) - len(held)
     said = f"{one.test.name.capitalize()}: {high:.3g} {unit} at {at_high.flexion_deg:g} degrees"
@@ -188,11 +188,23 @@ def _curves_table(curves, status, wrong, convention: str) -> Table:
         *(f"{name}_change_{coordinate(name).unit}" for name in seen), "counted_from",
         "converged", "stable", "status", "doubt", *extra,
     ]  # fmt: skip
-    rows = [
-        row + [convention] * len(extra)
-        for each in zip(curves, status, wrong, strict=True)
-        for row in _curve_rows(*each, columns, held.values(), seen, convention)
-    ]
+    rows = []
+    for one, own, said in zip(curves, status, wrong, strict=True):
+        poses = convert_table(femoral_poses(one).reshape(-1, len(COLUMNS)), FEMORAL, convention)
+        poses = poses.reshape(*one.nodes.shape, -1)
+        loads = np.stack([np.asarray(one.load(name)) for name in columns], axis=-1)
+        turning = [np.asarray(one.motion.reaction(x))[one.nodes] / 1000.0 for x in held.values()]
+        stable, moved = np.asarray(one.motion.stable)[one.nodes], np.asarray(one.displacement)
+        for i, flexion in enumerate(one.test.flexion_deg):
+            for step, k in enumerate(one.steps):
+                outcome = Status(int(own[i, k]))
+                rows.append([
+                    one.test.name, flexion, step, *loads[i, step], *(x[i, k] for x in turning),
+                    *poses[i, k, 1:],
+                    *(moved[i, step] if x == one.test.observed else np.nan for x in seen),
+                    one.counted_from, outcome.converged, bool(stable[i, k]), outcome.word,
+                    said[i][k], *[convention] * len(extra),
+                ])  # fmt: skip
     return Table([Column(name) for name in header], rows)
 
 
@@ -202,24 +214,6 @@ def _load_column(name: str) -> str:
     if word == "compression":
         return name
     return f"{word}_{'moment' if unit == 'Nm' else 'force'}_{unit}"
-
-
-def _curve_rows(one: Curves, status, wrong, columns, held, seen, convention) -> Iterator[list]:
-    poses = convert_table(femoral_poses(one).reshape(-1, len(COLUMNS)), FEMORAL, convention)
-    poses = poses.reshape(*one.nodes.shape, -1)
-    good, stable = converged(status), np.asarray(one.motion.stable)[one.nodes]
-    loads = np.stack([np.asarray(one.load(name)) for name in columns], axis=-1)
-    moved = np.asarray(one.displacement)
-    turning = [np.asarray(one.motion.reaction(name))[one.nodes] / 1000.0 for name in held]
-    for i, flexion in enumerate(one.test.flexion_deg):
-        for step, k in enumerate(one.steps):
-            yield [
-                one.test.name, flexion, step, *loads[i, step], *(own[i, k] for own in turning),
-                *poses[i, k, 1:],
-                *(moved[i, step] if name == one.test.observed else np.nan for name in seen),
-                one.counted_from, bool(good[i, k]), bool(stable[i, k]),
-                Status(int(status[i, k])).word, wrong[i][k],
-            ]  # fmt: skip
 
 
 def _forces_table(knee: Knee, curves: Sequence[Curves], mechanics: Mechanics) -> Table:

@@ -59,7 +59,7 @@ leave this pose out
     status = np.asarray(status)
     for outcome in sorted({Status(int(x)) for x in status} - {*accepted}, reverse=True):
         rows = np.flatnonzero(status == outcome)
-        told = [int(i) for i in rows if words[i]]
+        told = [i for i in rows.tolist() if words[i]]
         lines = [f"  {at(i)}: {words[i]}" for i in told if i in (told[0], _middle(told), told[-1])]
         if outcome is not Status.BALANCED:
             sentence = outcome.remark if given else outcome.sentence
@@ -81,7 +81,7 @@ def named_places(places: Sequence[str], unit: str) -> tuple[Callable, Callable]:
     """
 
     def where(rows: np.ndarray) -> str:
-        words = [places[i] for i in rows]
+        words = [places[i] for i in rows.tolist()]
         if len(words) > 12:
             words = [*words[:10], f"... {words[-1]} ({len(words)} poses)"]
         return f"{', '.join(words)} {unit}"
