@@ -65,7 +65,7 @@ def transient_answer(
         asked=f"How the knee moves in {found.time_s[-1] - found.time_s[0]:g} s, with the mass of "
         "the leg and damping.",
         verdict=_verdict(found) if not doubts else Verdict.DOUBTFUL,
-        sentence=_sentence(moved, found),
+        sentence=_sentence(moved, found) if fit is None else _found(fit),
         tables=tables,
         main=main,
         drawings={
@@ -273,6 +273,15 @@ def _damping_table(fit: FittedTransient) -> Table:
              Column("lower_95", "95 % from"), Column("upper_95", "to")]  # fmt: skip
     left = "; ".join(f"{coordinate(k).axis_label} {x:.2g}" for k, x in fit.rms.items())
     return Table(heads, rows, "Dampers", f"Left of the record, root of the mean square: {left}.")
+
+
+def _found(fit: FittedTransient) -> str:
+    values = zip(fit.names, fit.values, fit.lower, fit.upper, strict=True)
+    return "; ".join(
+        f"{name} is {value:.3g} "
+        + (f"(95 % {low:.3g} to {high:.3g})" if np.isfinite(low) else "(at its bound)")
+        for name, value, low, high in values
+    ) + "."  # fmt: skip
 
 
 def _not_found(fit: FittedTransient) -> Iterator[str]:

@@ -73,7 +73,8 @@ def transient_figure(found: Transient, title: str, recorded: Recorded | None = N
     draw_named(panels[4], time, contact, "Contact force, N")
     energies = {kind: getattr(found.account, kind) for kind in _ENERGIES}
     steps = np.concatenate([[0.0], motion.grid.time_s]) + time[0]
-    draw_named(panels[5], steps, energies, "Energy, N mm", colors=[*_ENERGIES.values()], columns=5)
+    draw_named(panels[5], steps, energies, "Energy, N mm", colors=[*_ENERGIES.values()], columns=5,
+               size=6.5)  # fmt: skip
     for axes in panels[4:]:
         axes.set_xlabel("Time, s")
     for axes in panels:

@@ -65,7 +65,7 @@ leave this pose out
             sentence = outcome.remark if given else outcome.sentence
             lines.insert(0, f"{where(rows)}: {sentence}")
         if lines:
-            yield "\n".join(lines)
+            yield "\n".join(dict.fromkeys(lines))
 
 
 def _middle(rows: Sequence[int]) -> int:
@@ -81,7 +81,7 @@ def named_places(places: Sequence[str], unit: str) -> tuple[Callable, Callable]:
     """
 
     def where(rows: np.ndarray) -> str:
-        words = [places[i] for i in rows.tolist()]
+        words = [str(places[i]) for i in rows.tolist()]
         if len(words) > 12:
             words = [*words[:10], f"... {words[-1]} ({len(words)} poses)"]
         return f"{', '.join(words)} {unit}"

@@ -217,7 +217,8 @@ def peak_table(knee: Knee, mechanics: Mechanics, places: ArrayLike, place: str) 
         rows.append([name, size, float(np.asarray(places)[row]), most])
     columns = [
         Column("part", words=True), Column("force_N", "at most, N", digits(0)),
-        Column("place", place), Column("max_pressure_MPa", "peak pressure, MPa", digits(2)),
+        Column("place", place, "{:g}".format),
+        Column("max_pressure_MPa", "peak pressure, MPa", digits(2)),
     ]  # fmt: skip
     return Table(columns, rows, "Largest forces", "Fibres of a ligament are added.")
 
