@@ -174,8 +174,9 @@ def _angles(flexion: np.ndarray) -> str:
 
 def _sound(status: np.ndarray) -> str:
     good = int((np.asarray(status) == Status.BALANCED).sum())
-    whole = f"all {good}" if good == len(status) else f"{good} of {len(status)}"
-    return f"{whole[:1].upper()}{whole[1:]} poses pass every check"
+    if good == len(status):
+        return f"All {good} poses pass every check" if good > 1 else "1 pose passes every check"
+    return f"{good} of {len(status)} poses pass every check"
 
 
 def _sentence(status, table: np.ndarray, knee: Knee, mechanics: Mechanics, flexion) -> str:
