@@ -131,23 +131,18 @@ def _legend_panel(axes: Axes, handles: dict[str, Any], calibration: Calibration)
         )  # fmt: skip
 
 
-def _force_panel(
-    axes: Axes,
-    x: np.ndarray,
-    forces: np.ndarray,
-    names: Sequence[str],
-    colors: Sequence[str],
-    dashes: str,
-    drawn: list,
-) -> None:
-    styles = part_styles(names) if colors is PARTS else {}
-    for i, name in enumerate(names):
-        style = curve_style(x, dashes)
+def _force_lines(
+    axes: Axes, x: np.ndarray, forces: Any, names: Sequence[str], colors: Sequence[str], dashes: str
+) -> list:
+    """Forces over flexion, ligaments in the colours of their structures; lines with their names."""
+    styles, drawn = part_styles(names) if colors is PARTS else {}, []
+    for i, (name, force) in enumerate(zip(names, np.asarray(forces, float).T, strict=True)):
+        style = {"color": colors[i % len(colors)], **styles.get(name, {}), **curve_style(x, dashes)}
         if dashes == "-" and "marker" not in style:
-            style |= styles.get(name, {})
-        color = styles.get(name, {}).get("color", colors[i % len(colors)])
-        (line,) = axes.plot(x, forces[:, i], **{**style, "color": color})
-        drawn.append((line, verbatim(name)))
+            style["linestyle"] = styles.get(name, {}).get("linestyle", "-")
+        label = verbatim(name) if dashes == "-" else None
+        drawn += [(line, verbatim(name)) for line in axes.plot(x, force, label=label, **style)]
+    return drawn
 
 
 @styled
@@ -180,11 +175,10 @@ def ligament_forces_figure(calibration: Calibration) -> Figure:
     )  # fmt: skip
     for axes, (title, names, field, colors) in zip(panels, groups, strict=True):
         axes.set_title(title)
-        drawn: list = []
         before = np.asarray(getattr(calibration.start, field), float)
         after = np.asarray(getattr(calibration.fit.motion, field), float)
-        _force_panel(axes, flexion[order], before[order], names, colors, ":", [])
-        _force_panel(axes, flexion[order], after[order], names, colors, "-", drawn)
+        _force_lines(axes, flexion[order], before[order], names, colors, ":")
+        drawn = _force_lines(axes, flexion[order], after[order], names, colors, "-")
         last = axes is panels[-1]
         flexion_axis(axes, flexion, last)
         axes.tick_params(labelbottom=last)
@@ -238,14 +232,11 @@ def simulation_figure(
         marks |= mark_status(axes, x, status, VERMILLION, 0.03)
     panels[5].set_axis_off()
     part_legend(panels[5], [(handle, entry) for entry, handle in marks.items()], (0.0, 0.9))
-    styles = part_styles(ligament_names)
-    for axes, names, values, kind in (
-        (panels[6], ligament_names, ligament_forces, "Ligament force, N"),
-        (panels[7], contact_names, contact_forces, "Contact force, N"),
+    for axes, names, values, kind, colors in (
+        (panels[6], ligament_names, ligament_forces, "Ligament force, N", PARTS),
+        (panels[7], contact_names, contact_forces, "Contact force, N", CONTACT_PARTS),
     ):
-        for k, (name, force) in enumerate(zip(names, np.asarray(values, float).T, strict=True)):
-            style = styles.get(name) or {"color": CONTACT_PARTS[k % len(CONTACT_PARTS)]}
-            axes.plot(x, force, label=verbatim(name), **{**style, **_markers(x)})
+        _force_lines(axes, x, values, names, colors, "-")
         axes.set_ylabel(kind)
         legend_above(axes, 5)
         mark_status(axes, x, status, VERMILLION, 0.03)
@@ -253,9 +244,3 @@ def simulation_figure(
         if place != 5:
             flexion_axis(axes, x, place in (3, 4, 6, 7), label=label)
     return figure
-
-
-def _markers(x: np.ndarray) -> dict[str, Any]:
-    """Markers instead of lines where flexion runs to and fro."""
-    style = curve_style(x, "-")
-    return style if "marker" in style else {}
