@@ -167,5 +167,6 @@ def _sentence(experiment: str, found: Extensor, status: np.ndarray) -> str:
     most = int(np.argmax(values))
     words = f"{what} with at most {values[most]:.0f} {unit}, at {flexion[most]:g} degrees"
     if np.isfinite(arm).any():
-        words += f"; its moment arm is {np.nanmin(arm):.0f} to {np.nanmax(arm):.0f} mm"
+        arms = f"{np.nanmin(arm):.0f} to {np.nanmax(arm):.0f} mm"
+        words += f"; the quadriceps has a moment arm of {arms}"
     return f"{words}."
