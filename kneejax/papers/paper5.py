@@ -49,8 +49,7 @@ def reproduce(stages: Stages = silent) -> Reproduction:
     Raises:
         UnsuitableData: pingouin, for the analysis of variance, is not installed.
     """
-    from kneejax.report import joint_comparison_figure
-    from kneejax.report import joint_comparison_text as text
+    from kneejax.report import comparison_tables, joint_comparison_figure
 
     try:
         with stages("cohorts"):
@@ -70,10 +69,10 @@ def reproduce(stages: Stages = silent) -> Reproduction:
     ]
     tables = {
         "means.csv": (["motion", "source", "flexion_deg", *(x.column for x in MEASURES)], rows),
-        "synthetic_summary.csv": (text.SUMMARY_COLUMNS, text.summary_rows(cohort)),
-        "synthetic_differences.csv": (text.DIFFERENCE_COLUMNS, text.difference_rows(cohort)),
-        "synthetic_predictions.csv": (text.PREDICTION_COLUMNS, text.prediction_rows(cohort)),
-        "synthetic_tests.csv": (text.TEST_COLUMNS, text.test_rows(cohort)),
+        **{
+            f"synthetic_{name}.csv": (one.names, one.rows)
+            for name, one in comparison_tables(cohort).items()
+        },
     }
     labelled = {f"{name}, SYNTHETIC": motion for name, motion in cohort.models.items()}
     figures = {

@@ -113,6 +113,7 @@ def test_persons_with_joints_of_their_own(cohort, tmp_path, capsys):
     assert document["tested"] and document["models"] == ["moving axis", "hinge"]
     assert "kneejax" in document["versions"] and document["settings"]["sources"]["hinge"]
     assert (out / "figures" / "joints.png").stat().st_size > 20_000
+    assert "moving axis: RMSE</td>" in (out / "report.html").read_text(encoding="utf-8")
 
 
 def test_one_person_with_joints_fitted_on_the_way(cohort, axes, tmp_path, capsys):

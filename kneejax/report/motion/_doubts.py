@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import jax
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kneejax.experiments import Mechanics, Motion, flipped, near_flip
+from kneejax.experiments import Mechanics, Motion, flipped, near_flip, status_of, with_flips
 from kneejax.geometry import COLUMNS, COORDINATES, free_of, scales
 from kneejax.mechanics import LIMITS, OFF_SURFACE_MM, WIDEST_GAP_MM, Knee, load_words
+from kneejax.report.look import listed
 from kneejax.statics import Status, converged
+
+if TYPE_CHECKING:
+    from kneejax import inference
 
 # All compartments farther apart than this: something pulls the bones apart, mm.
 _APART_MM = 0.5
@@ -19,6 +24,141 @@ _APART_MM = 0.5
 _BALANCED_MM = 1e-6
 # Fibres that are named; the others are counted.
 _MOST_NAMED = 3
+
+
+def status_doubts(
+    status: ArrayLike,
+    words: Sequence[str],
+    where: Callable[[np.ndarray], str],
+    at: Callable[[int], str],
+    *,
+    given: bool = False,
+    accepted: Collection[Status] = (),
+) -> Iterator[str]:
+    """Say which poses are not simply balanced, what to try next, and what is wrong in numbers.
+
+    Args:
+        status: `Status` values, one a pose.
+        words: one text per pose, of `pose_words`.
+        where: what several poses are called, by their rows.
+        at: what one is called.
+        given: whether the poses were given, not searched for.
+        accepted: statuses of which nothing is said.
+
+    Returns:
+        For each status a sentence, and on lines of their own what is wrong with the first, a
+        middle and the last of its poses; of balanced poses only these lines.
+
+    Example:
+        >>> places = named_places(["0", "30"], "degrees")
+        >>> print(*status_doubts([0, 12], ["", "the search stopped 2 mm from a balance"], *places))
+        30 degrees: no balance found: look for a fibre too tight or a load that nothing holds, or \
+leave this pose out
+          at 30: the search stopped 2 mm from a balance
+    """
+    status = np.asarray(status)
+    for outcome in sorted({Status(int(x)) for x in status} - {*accepted}, reverse=True):
+        rows = np.flatnonzero(status == outcome)
+        told = [i for i in rows.tolist() if words[i]]
+        lines = [f"  {at(i)}: {words[i]}" for i in told if i in (told[0], _middle(told), told[-1])]
+        if outcome is not Status.BALANCED:
+            sentence = outcome.remark if given else outcome.sentence
+            lines.insert(0, f"{where(rows)}: {sentence}")
+        if lines:
+            yield "\n".join(dict.fromkeys(lines))
+
+
+def _middle(rows: Sequence[int]) -> int:
+    return rows[len(rows) // 2]
+
+
+def named_places(places: Sequence[str], unit: str) -> tuple[Callable, Callable]:
+    """`where` and `at` of `status_doubts` for poses with names.
+
+    Args:
+        places: what each pose is called, e.g. its flexion.
+        unit: of those, e.g. `degrees`.
+    """
+
+    def where(rows: np.ndarray) -> str:
+        words = [str(places[i]) for i in rows.tolist()]
+        if len(words) > 12:
+            words = [*words[:10], f"... {words[-1]} ({len(words)} poses)"]
+        return f"{', '.join(words)} {unit}"
+
+    return where, lambda i: f"at {places[i]}"
+
+
+def given_doubts(
+    knee: Knee, found: Mechanics, places: Sequence[str]
+) -> tuple[np.ndarray, list[str]]:
+    """What is wrong with poses that were given, not searched for.
+
+    Args:
+        knee: with which they were evaluated.
+        found: their mechanics.
+        places: what each pose is called.
+
+    Returns:
+        `Status` values, `(poses,)`, and sentences as of `status_doubts`.
+    """
+    status = with_flips(status_of(found, knee), found)
+    named = named_places(places, "(row)")
+    return status, [*status_doubts(status, pose_words(knee, found), *named, given=True)]
+
+
+def pose_doubts(
+    motion: inference.Motion, flexion: np.ndarray, accepted: tuple[Status, ...] = ()
+) -> list[str]:
+    """What is wrong with the poses of a motion that was fitted, a line per status.
+
+    Args:
+        motion: as it was found.
+        flexion: of its poses, degrees.
+        accepted: statuses of which nothing is said.
+    """
+    status = row_status(motion)
+
+    def where(rows: np.ndarray) -> str:
+        word = Status(int(status[rows[0]])).word.replace("_", " ")
+        angles = listed([f"{flexion[row]:g}" for row in rows], 8)
+        return f"{len(rows)} of {len(status)} poses {word} (flexion {angles} deg)"
+
+    accepted = (Status.BALANCED, *accepted)
+    found = status_doubts(
+        status, motion_words(motion), where, lambda i: f"At {flexion[i]:g} deg", accepted=accepted
+    )
+    return [sentence.replace("\n  ", ". ") + "." for sentence in found]
+
+
+def row_status(motion: inference.Motion) -> np.ndarray:
+    """Status of every row; a row of NaN that claims to be balanced has not converged.
+
+    Args:
+        motion: poses with status.
+
+    Returns:
+        Integers of `Status`.
+    """
+    status = np.array(motion.status, int)
+    lost = ~np.isfinite(np.asarray(motion.table, float)).all(axis=1)
+    return np.where(lost & converged(status), int(Status.NOT_CONVERGED), status)
+
+
+def accepted_statuses(failures: Collection[str]) -> tuple[Status, ...]:
+    """What a study that names its `failures` accepts: all balances with another status.
+
+    Args:
+        failures: words of statuses; where there are none, nothing but `balanced` is accepted.
+    """
+    return tuple(s for s in Status if s.converged and s.word not in failures) if failures else ()
+
+
+def motion_words(motion: inference.Motion) -> tuple[str, ...]:
+    """What is wrong with each pose, in words and numbers; nothing where no forces are known."""
+    if motion.knee is None or motion.mechanics is None:
+        return ("",) * len(motion.status)
+    return pose_words(motion.knee, motion.mechanics)
 
 
 def pose_words(knee: Knee, found: Mechanics, also: Sequence[str] | None = None) -> tuple[str, ...]:
@@ -143,7 +283,7 @@ def _beyond(found: Mechanics, row: int, k: int) -> str:
     counts = "no doubt up to" if found.known[row, k] else "at most"
     return (
         f" {far:.2g} mm off the fitted surfaces ({counts} {OFF_SURFACE_MM:g}) with "
-        f"{100 * share:.2g} % of its force"
+        f"{float(f'{100 * share:.2g}'):g} % of its force"
     )
 
 
