@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,23 +33,6 @@ _FEWEST, _FEWEST_KNEES = 20, 5
 _NUMBERS = ("value", "low", "high", "standard_error", "start")
 
 
-@dataclasses.dataclass(frozen=True)
-class KneeEstimate:
-    """One parameter of a knee, as its result.json has it: limits of 95 %, NaN where there are none.
-
-    Attributes:
-        interval: which of the limits mean something, in words; empty where nobody asked.
-    """
-
-    value: float
-    low: float
-    high: float
-    standard_error: float
-    start: float
-    interval: str
-    at_bound: bool
-
-
 @dataclasses.dataclass(frozen=True, eq=False)
 class KneeAnswer:
     """What became of a knee.
@@ -63,7 +46,9 @@ class KneeAnswer:
         rmse: coordinate -> root mean square error of the poses, mm or degrees.
         tests: test and coordinate -> root mean square error of its curves.
         objective: weighted sum of squares.
-        parameters: name -> its estimate.
+        parameters: name -> its estimate as in result.json, NaN for null: `value`, `low`, `high`
+            (95 % limits), `standard_error`, `start`, `interval` (which limits mean something, in
+            words), `at_bound`.
         units: parameter -> unit.
         correlation: of the estimates, `(p, p)`.
         good: whether its search converged to a fit that is not poor: only such a knee counts in the
@@ -78,7 +63,7 @@ class KneeAnswer:
     rmse: Mapping[str, float] = dataclasses.field(default_factory=dict)
     tests: Mapping[str, float] = dataclasses.field(default_factory=dict)
     objective: float = math.nan
-    parameters: Mapping[str, KneeEstimate] = dataclasses.field(default_factory=dict)
+    parameters: Mapping[str, Mapping[str, Any]] = dataclasses.field(default_factory=dict)
     units: Mapping[str, str] = dataclasses.field(default_factory=dict)
     correlation: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((0, 0)))
     good: bool = False
@@ -165,23 +150,17 @@ def read_answers(
             found.append(KneeAnswer(member.name, member.about, one.failed, seconds=one.seconds))
             continue
         text = read_text(folders / member.name / "result.json", "the result of a knee")
-        document = json.loads(text)
+        document = json.loads(text, object_hook=_without_null)
         tests = {
-            f"{one['test']}, {one['coordinate']}": _number(one["fitted"])
-            for one in document["tests"]
-            if one["flexion_deg"] is None
+            f"{x['test']}, {x['coordinate']}": x["fitted"]
+            for x in document["tests"]
+            if math.isnan(x["flexion_deg"])
         }
-        parameters = {
-            name: KneeEstimate(*(_number(x[field]) for field in _NUMBERS), x["interval"] or "",
-                               bool(x["at_bound"]))
-            for name, x in document["parameters"].items()
-        }  # fmt: skip
+        known = {name: document[name] for name in ("outcome", "rmse", "objective", "parameters",
+                                                   "units")}  # fmt: skip
         found.append(
             KneeAnswer(
-                member.name, member.about, outcome=document["outcome"], seconds=one.seconds,
-                rmse={name: _number(x) for name, x in document["rmse"].items()}, tests=tests,
-                objective=_number(document["objective"]), parameters=parameters,
-                units=document["units"],
+                member.name, member.about, seconds=one.seconds, tests=tests, **known,
                 correlation=np.array(document["correlation"]["matrix"], float),
                 good=bool(document["success"]) and document["outcome"] != POOR,
             )
@@ -189,9 +168,9 @@ def read_answers(
     return tuple(found)
 
 
-def _number(value: float | None) -> float:
-    """As JSON holds it: null is not a number."""
-    return math.nan if value is None else float(value)
+def _without_null(read: dict[str, Any]) -> dict[str, Any]:
+    """Null is not a number; of words it is none."""
+    return {k: ("" if k == "interval" else math.nan) if v is None else v for k, v in read.items()}
 
 
 def summed_up(
@@ -219,7 +198,7 @@ def summed_up(
         with np.errstate(invalid="ignore"):
             away = (values - found.mean) / np.sqrt(found.next_deviation**2 + errors**2)
         outliers += [
-            Outlier(fitted[row].name, name, fitted[row].parameters[name].value, float(away[row]))
+            Outlier(fitted[row].name, name, fitted[row].parameters[name]["value"], float(away[row]))
             for row in np.flatnonzero(np.abs(np.nan_to_num(away)) > OUTLIER)
         ]
     outliers.sort(key=lambda one: -abs(one.deviations))
@@ -234,12 +213,12 @@ def summed_up(
     )
 
 
-def _told(estimate: KneeEstimate | None, log: bool, good: bool) -> tuple[float, float]:
+def _told(estimate: Mapping[str, Any] | None, log: bool, good: bool) -> tuple[float, float]:
     """Value and standard error of a parameter or its logarithm; NaN and infinite where the data
     give no two limits."""
     if estimate is None or not good:
         return np.nan, np.inf
-    ends = np.array([estimate.low, estimate.high])
+    ends = np.array([estimate["low"], estimate["high"]], float)
     if not np.isfinite(ends).all() or (log and not (ends > 0).all()):
         return np.nan, np.inf
     ends = np.log(ends) if log else ends
@@ -286,33 +265,37 @@ def to_dataset(summary: CohortSummary) -> Dataset:
     over = [summary.populations.get(name) for name in names]
     place = {one.name: row for row, one in enumerate(summary.fitted)}
     size, count = len(answers), len(names)
-    each = {
-        name: np.full((size, count), np.nan)
-        for name in (*_NUMBERS, "in_population", "in_population_sd")
-    }
-    interval = np.full((size, count), "", object)
+
+    def over_knees(number: Callable[[KneeAnswer, str], Any]) -> tuple[tuple[str, str], np.ndarray]:
+        rows = [[number(one, name) for name in names] for one in answers]
+        return ("knee", "parameter"), np.array(rows).reshape(size, count)
+
+    def estimated(field: str, without: Any = np.nan) -> Callable[[KneeAnswer, str], Any]:
+        return lambda one, name: one.parameters.get(name, {}).get(field, without)
+
+    def shrunken(field: str) -> Callable[[KneeAnswer, str], float]:
+        return lambda one, name: (
+            getattr(summary.populations[name], field)[place[one.name]]
+            if name in summary.populations and one.name in place
+            else np.nan
+        )
+
     correlation = np.full((size, count, count), np.nan)
     longest = max(map(len, summary.draws.values()), default=0)
     redrawn = np.full((size, longest, count), np.nan)
     for row, one in enumerate(answers):
         own = [names.index(name) for name in one.parameters]
-        for column, estimate in zip(own, one.parameters.values(), strict=True):
-            for field in _NUMBERS:
-                each[field][row, column] = getattr(estimate, field)
-            interval[row, column] = estimate.interval
         if own:
             correlation[np.ix_([row], own, own)] = one.correlation
         if one.name in summary.draws:
             values = summary.draws[one.name][:, : len(own)]
             redrawn[np.ix_([row], range(len(values)), own)] = values
-        for column, found in enumerate(over):
-            if found is not None and one.name in place:
-                each["in_population"][row, column] = found.shrunk[place[one.name]]
-                each["in_population_sd"][row, column] = found.deviation[place[one.name]]
     rmse = [[one.rmse.get(name, np.nan) for name in FREE_COORDINATES] for one in answers]
-    data: dict[str, Any] = {name: (("knee", "parameter"), x) for name, x in each.items()}
+    data: dict[str, Any] = {name: over_knees(estimated(name)) for name in _NUMBERS}
     data |= {
-        "interval": (("knee", "parameter"), interval.astype(str)),
+        "in_population": over_knees(shrunken("shrunk")),
+        "in_population_sd": over_knees(shrunken("deviation")),
+        "interval": over_knees(estimated("interval", "")),
         "rmse": (("knee", "coordinate"), np.reshape(rmse, (size, len(FREE_COORDINATES)))),
         "correlation": (("knee", "parameter", "other_parameter"), correlation),
         "objective": ("knee", [one.objective for one in answers]),

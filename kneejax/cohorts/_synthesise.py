@@ -8,7 +8,6 @@ is a convention that stands in `Spread`.
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 from collections.abc import Iterator
 from typing import Any
@@ -155,7 +154,7 @@ def _drawn(
 ) -> MadeUpKnee | None:
     """A knee and its data; None where there is no such knee, or it does not balance."""
     size = 1.0 + spread.size * _cut_normal(draws, ())
-    own = _scaled(copy.deepcopy(document), float(size))
+    own = _scaled(document, float(size))
     for ligament in own["ligaments"].values():
         for end in _ENDS:
             moved = np.array(ligament[end]) + spread.attachment_mm * _cut_normal(draws, (3,))

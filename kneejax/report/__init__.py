@@ -99,6 +99,7 @@ from kneejax.report.motion import search_words as search_words
 from kneejax.report.motion import second_balance as second_balance
 from kneejax.report.motion import simulation_figure as simulation_figure
 from kneejax.report.planning import front_figure as front_figure
+from kneejax.report.planning import plan_answer as plan_answer
 from kneejax.report.planning import plan_failed as plan_failed
 from kneejax.report.planning import strain_figure as strain_figure
 from kneejax.report.planning import tension_figure as tension_figure

@@ -96,8 +96,8 @@ def cohort_answer(summary: CohortSummary, knees: str) -> Answer:
         sections.append(Section("Correlation over the knees", drawings=["correlation"]))
     return Answer(
         title=summary.title,
-        asked=f"Which parameters have the {len(summary.answers)} knees, and how much do they "
-        "differ?",
+        asked=f"What are the parameters of {len(summary.answers)} knees, and how much do they "
+        "differ between knees?",
         verdict=Verdict.FAILED if not summary.fitted else
         Verdict.DOUBTFUL if doubtful else Verdict.GOOD,
         sentence=f"{len(summary.fitted)} of {len(summary.answers)} knees have an answer: {words}.",
@@ -105,7 +105,11 @@ def cohort_answer(summary: CohortSummary, knees: str) -> Answer:
         main=[population] if population.rows else [],
         drawings=drawings,
         picture="parameters" if "parameters" in drawings else "",
-        doubts=[f"No answer: {one}" for one in failed],
+        doubts=[
+            *(f"{word}: {count} of {len(summary.answers)} knees, whose pages say why"
+              for word, count in found.items() if word not in (Outcome.GOOD.value, _FAILED)),
+            *(f"No answer: {one}" for one in failed),
+        ],
         facts=[("Time of a knee, s", _three(float(np.median(seconds))))] if seconds else [],
         sections=sections,
         text="\n".join(lines),
@@ -236,6 +240,7 @@ def _rows(summary: CohortSummary, one: KneeAnswer, row: int) -> Iterator[list[An
             # Of a logarithm, to first order.
             middle = found.in_own_unit(mean)
             shrunk = [middle, sd * middle if found.log else sd, float(found.own[row])]
-        yield ["parameter", name, summary.units.get(name, ""), own.value, own.low, own.high,
-               own.standard_error, own.interval, own.at_bound, own.start, *shrunk,
-               *summary.redrawn(one.name, name)]  # fmt: skip
+        fields = ("value", "low", "high", "standard_error", "interval", "at_bound", "start")
+        estimate = [own[field] for field in fields]
+        redrawn = summary.redrawn(one.name, name)
+        yield ["parameter", name, summary.units.get(name, ""), *estimate, *shrunk, *redrawn]

@@ -61,7 +61,7 @@ def map_answer(
         drawings["maps"] = Drawing(functools.partial(map_matrix_figure, maps, begun), caption)
     picture = "maps" if len(maps) > 2 else single[0]
     empty = [one for one in maps if not one.drawn.any()]
-    doubts = [f"{' and '.join(one.names)}: {doubt}" for one in maps if (doubt := _doubt(one))]
+    doubts = [f"{' and '.join(one.names)}: {doubt}" for one in maps if (doubt := _doubt(one, begun))]
     counted = np.concatenate([one.condition.ravel() for one in maps])
     found = np.bincount(counted, minlength=len(Condition)).tolist()
     notes = [
@@ -156,11 +156,16 @@ def correlation(one: ParameterMap) -> float:
     return float(-across / np.sqrt(product)) if across**2 < product else np.nan
 
 
-def _doubt(one: ParameterMap) -> str:
+def _doubt(one: ParameterMap, begun: str) -> str:
     """Why the lowest grid point may not be where the data are fitted best; empty where it is."""
     if not one.drawn.any():
         return "no grid point has a result that counts"
     row, column = _best(one)
+    if one.start_objective < one.objective[row, column]:
+        return (
+            f"the {begun} has a lower objective, {number(one.start_objective)}, than any grid "
+            "point; a finer grid shows its valley"
+        )
     if row in (0, len(one.y) - 1) or column in (0, len(one.x) - 1):
         return "the lowest point lies on the edge of the map; a wider range may hold a lower one"
     condition = Condition(int(one.condition[row, column]))
