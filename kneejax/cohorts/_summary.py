@@ -7,7 +7,7 @@ import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -69,17 +69,9 @@ class KneeAnswer:
     good: bool = False
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Outlier:
-    """A parameter of a knee that is far from those of the others.
-
-    Attributes:
-        knee: its name.
-        parameter: which.
-        value: its estimate.
-        deviations: from the population's mean, in standard deviations of a knee that is measured as
-            well as this one.
-    """
+class Outlier(NamedTuple):
+    """A parameter of a knee that is far from the population's mean: its estimate, and the distance
+    in standard deviations of a knee that is measured as well as this one."""
 
     knee: str
     parameter: str

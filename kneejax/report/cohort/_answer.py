@@ -148,18 +148,12 @@ def population_table(summary: CohortSummary) -> Table:
 
 
 def _outlier_table(summary: CohortSummary) -> Table:
-    return Table(
-        [
-            Column("knee", words=True), Column("parameter", words=True), Column("value"),
-            Column("unit"), Column("deviations", show=lambda x: f"{x:+.1f}"),
-        ],
-        [
-            [one.knee, one.parameter, one.value, summary.units[one.parameter] or NONE,
-             one.deviations]
-            for one in summary.outliers
-        ],
-        note="Farther from the population than 3 standard deviations of a knee measured so.",
-    )  # fmt: skip
+    named = [Column(name, words=True) for name in ("knee", "parameter")]
+    columns = [*named, Column("value"), Column("deviations", show=lambda x: f"{x:+.1f}")]
+    columns.append(Column("unit"))
+    rows = [[*one, summary.units[one.parameter] or NONE] for one in summary.outliers]
+    note = "Farther from the population than 3 standard deviations of a knee measured as well."
+    return Table(columns, rows, note=note)
 
 
 def _knees_table(summary: CohortSummary, knees: str) -> Table:

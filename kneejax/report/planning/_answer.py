@@ -247,12 +247,9 @@ def plan_document(result: PlanResult, versions: dict[str, str]) -> dict[str, Any
         "knees": knees_table(result).records(),
         "doubts": plan_doubts(result),
         "tolerances": [
-            {
-                "bone": one.bone, "bundle": one.bundle, "lachman_deg": one.lachman_deg,
-                "direction": one.direction, "by_derivative_mm": one.expected_mm,
-                "found_mm": one.found_mm, "checked_mm": one.checked_mm,
-                "laxity_mm_per_mm": one.slope,
-            }
+            _fields(one, bone="bone", bundle="bundle", lachman_deg="lachman_deg",
+                    direction="direction", by_derivative_mm="expected_mm", found_mm="found_mm",
+                    checked_mm="checked_mm", laxity_mm_per_mm="slope")
             for one in result.tolerances
         ],
         "maps": [
@@ -264,20 +261,16 @@ def plan_document(result: PlanResult, versions: dict[str, str]) -> dict[str, Any
         "versions": versions,
     }  # fmt: skip
     if (own := result.intervals) is not None:
-        document["intervals"] = {
-            "draws": own.draws,
-            "parts": [0.025, 0.5, 0.975],
-            "held": list(plan.held),
-            "knees": {
-                knee: {
-                    "limits_kept_in": own.kept[row],
-                    **{name: own.limits[row, k] for k, name in enumerate(own.quantities)},
-                    **{f"{name}_known_in": own.known[row, k]
-                       for k, name in enumerate(own.quantities)},
-                }
-                for row, knee in enumerate(own.knees)
-            },
-        }  # fmt: skip
+        knees = {}
+        for row, knee in enumerate(own.knees):
+            knees[knee] = {"limits_kept_in": own.kept[row]}
+            for k, name in enumerate(own.quantities):
+                knees[knee] |= {name: own.limits[row, k]}
+            for k, name in enumerate(own.quantities):
+                knees[knee] |= {f"{name}_known_in": own.known[row, k]}
+        parts = [0.025, 0.5, 0.975]
+        document["intervals"] = {"draws": own.draws, "parts": parts, "held": list(plan.held),
+                                 "knees": knees}  # fmt: skip
     if result.has_front and (front := result.front) is not None:
         document["front"] = {
             "criteria": list(front.names), "points": len(front.criteria),
@@ -285,9 +278,12 @@ def plan_document(result: PlanResult, versions: dict[str, str]) -> dict[str, Any
             "compromise": front.criteria[front.compromise],
         }  # fmt: skip
     if optimum is not None:
-        names = ("feasible", "missed", "evaluations", "starts", "start_totals", "followed", "ends")
-        document["optimum"] = {"free": list(plan.free)} | {
-            {"start_totals": "start_distances"}.get(name, name): getattr(optimum, name)
-            for name in names
-        }
+        document["optimum"] = {"free": list(plan.free)} | _fields(
+            optimum, feasible="feasible", missed="missed", evaluations="evaluations",
+            starts="starts", start_distances="start_totals", followed="followed", ends="ends",
+        )  # fmt: skip
     return json_safe(document)
+
+
+def _fields(one: Any, **names: str) -> dict[str, Any]:
+    return {said: getattr(one, name) for said, name in names.items()}

@@ -161,28 +161,33 @@ def sensitivity_doubts(
     return doubts
 
 
-def _importance(local: LocalSensitivity) -> np.ndarray:
-    """Mean over the coordinates of a parameter's effect against the largest of all, `(p,)`."""
+def _shares(local: LocalSensitivity) -> np.ndarray:
+    """Effect of each parameter on each coordinate against the largest of all, `(5, p)`."""
     size = np.abs(local.largest()[0])
-    return (size / np.maximum(size.max(axis=1, keepdims=True), 1e-300)).mean(axis=0)
+    return size / np.maximum(size.max(axis=1, keepdims=True), 1e-300)
+
+
+def _ranked(local: LocalSensitivity) -> np.ndarray:
+    """Parameters by their mean share over the coordinates, the largest first."""
+    return np.argsort(-_shares(local).mean(axis=0), kind="stable")
 
 
 def _sentence(local: LocalSensitivity, found: MotionIndices | None) -> str:
     """Who moves the knee most, and who decides the fit."""
     slopes, rows = local.largest()
     said = []
-    for i in np.argsort(-_importance(local), kind="stable")[:2]:
-        share = np.abs(slopes[:, i]) / np.maximum(np.abs(slopes).max(axis=1), 1e-300)
-        largest = np.where(share > 0.99 * share.max(), np.abs(slopes[:, i]), 0.0)
-        name = FREE_COORDINATES[c := int(largest.argmax())]
+    for i in _ranked(local)[:2]:
+        share = _shares(local)[:, i]
+        # Of coordinates on which it has the largest effect of all, the one that changes most.
+        c = int(np.where(share > 0.99 * share.max(), np.abs(slopes[:, i]), 0.0).argmax())
+        coordinate = COORDINATES[FREE_COORDINATES[c]]
         said.append(
-            f"{local.names[i]} ({COORDINATES[name].label.lower()} {slopes[c, i]:+.2f} "
-            f"{COORDINATES[name].unit} at {local.flexion_deg[rows[c, i]]:g} degrees of flexion)"
+            f"{local.names[i]} ({coordinate.label.lower()} {slopes[c, i]:+.2f} {coordinate.unit} "
+            f"at {local.flexion_deg[rows[c, i]]:g} degrees of flexion)"
         )
     sentence = f"The knee moves most with {', then with '.join(said)}, for {_STEP[local.scale]}."
     if found is not None:
-        main = next(iter(found.indices.measures))
-        share = found.indices.measures[main][found.row("")]
+        share = next(iter(found.indices.measures.values()))[found.row("")]
         if np.isfinite(share).any():
             name = found.indices.names[int(np.nanargmax(share))]
             sentence += f" {name} decides the fit to the measured motion most."
@@ -196,23 +201,15 @@ def ranked_table(local: LocalSensitivity) -> Table:
         local: exact derivatives.
     """
     slopes, rows = local.largest()
-    order = [FREE_COLUMN[name] for name in SHOWN]
-    ranked = np.argsort(-_importance(local), kind="stable")
-    most = np.abs(slopes).argmax(axis=1)
-    cells = [
-        [
-            local.names[i],
-            f"{trimmed(local.widths[i], 3)} {local.units[i]}".strip(),
-            *(
-                f"{slopes[c, i]:+.2f} at {local.flexion_deg[rows[c, i]]:3.0f}"
-                + ("*" if most[c] == i else " ")
-                for c in order
-            ),
-        ]
-        for i in ranked[:_MOST_ROWS]
-    ]
-    units = [COORDINATES[name].unit for name in SHOWN]
-    heads = [Column(name, f"{h}, {u}") for name, h, u in zip(SHOWN, _HEADS, units, strict=True)]
+    most, cells = np.abs(slopes).argmax(axis=1), []
+    for i in _ranked(local)[:_MOST_ROWS]:
+        row = [local.names[i], f"{trimmed(local.widths[i], 3)} {local.units[i]}".strip()]
+        for c in (FREE_COLUMN[name] for name in SHOWN):
+            at = f"{slopes[c, i]:+.2f} at {local.flexion_deg[rows[c, i]]:3.0f}"
+            row.append(at + ("*" if most[c] == i else " "))
+        cells.append(row)
+    pairs = zip(SHOWN, _HEADS, strict=True)
+    heads = [Column(name, f"{head}, {COORDINATES[name].unit}") for name, head in pairs]
     hidden = len(local.names) - len(cells)
     return Table(
         [Column("parameter", words=True), Column("step"), *heads],
@@ -366,17 +363,14 @@ def _document(found: Sensitivities, options: Mapping[str, Any], doubts: list[str
         "steps": dict(zip(local.names, local.widths, strict=True)),
         "sweeps": {
             one.name: {
-                "own": one.own,
-                "unit": one.unit,
-                "from": one.values[0],
-                "to": one.values[-1],
+                "own": one.own, "unit": one.unit, "from": one.values[0], "to": one.values[-1],
                 "values": len(one.values),
                 "poses": {s.word: int((one.status == s).sum()) for s in Status},
                 "unphysiological": int(one.unphysiological.sum()),
             }
             for one in sweeps.sweeps
         },
-    }
+    }  # fmt: skip
     packages = versions()
     if indices is not None:
         one = indices.indices
@@ -388,9 +382,7 @@ def _document(found: Sensitivities, options: Mapping[str, Any], doubts: list[str
     return document | {"doubts": doubts, "seconds": found.seconds, "versions": packages}
 
 
-def _in_the_model_frame(
-    measured: np.ndarray, sweeps: Sweeps, offsets: tuple[str, ...]
-) -> np.ndarray:
+def _in_the_model_frame(measured: np.ndarray, sweeps: Sweeps, offsets: tuple[str, ...]):
     """The measurement, moved by the constants that the study leaves free onto the knee's motion."""
     measured = np.array(measured)
     row = np.searchsorted(sweeps.flexion_deg, measured[:, 0])

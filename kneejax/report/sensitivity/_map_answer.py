@@ -61,14 +61,11 @@ def map_answer(
         drawings["maps"] = Drawing(functools.partial(map_matrix_figure, maps, begun), caption)
     picture = "maps" if len(maps) > 2 else single[0]
     empty = [one for one in maps if not one.drawn.any()]
-    doubts = [f"{' and '.join(one.names)}: {doubt}" for one in maps if (doubt := _doubt(one, begun))]
+    found = [(" and ".join(one.names), _doubt(one, begun)) for one in maps]
+    doubts = [f"{pair}: {doubt}" for pair, doubt in found if doubt]
     counted = np.concatenate([one.condition.ravel() for one in maps])
-    found = np.bincount(counted, minlength=len(Condition)).tolist()
-    notes = [
-        f"{found[condition]} grid point{'s' * (found[condition] > 1)}: {condition.sentence}"
-        for condition in Condition
-        if condition and found[condition]
-    ]
+    counts = [(one, int((counted == one).sum())) for one in Condition if one]
+    notes = [f"{n} grid point{'s' * (n > 1)}: {one.sentence}" for one, n in counts if n]
     if maps[0].left_out:
         doubts.append(
             f"{maps[0].left_out} measured poses count nowhere: the knee itself has no balance there"
