@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from kneejax.cli._settings import options_of
@@ -17,7 +18,7 @@ def deliver(
     answer: Answer,
     arguments: argparse.Namespace,
     written: Sequence[str] = (),
-    seconds: Mapping[str, float] | None = None,
+    seconds: dict[str, float] | None = None,
 ) -> int:
     """Write tables, figures, result.json and report.html; then print what was found.
 
@@ -25,7 +26,7 @@ def deliver(
         answer: what a command found.
         arguments: of the command: where results go, and what the page says was asked for.
         written: names of files that the command has written itself.
-        seconds: part of the work -> how long it took.
+        seconds: part of the work -> how long it took; `figures` is added.
 
     Returns:
         The exit status.
@@ -39,11 +40,13 @@ def deliver(
     out = arguments.out
     for name, table in answer.tables.items():
         write_rows(out / f"{name}.csv", table.names, table.rows)
-    pictures = {}
+    pictures, begun = {}, time.perf_counter()
     for name, drawing in answer.drawings.items():
         _, pictures[name] = save_and_inline(
             drawing.draw(), out / "figures", name, svg=arguments.svg
         )
+    if seconds is not None:
+        seconds["figures"] = time.perf_counter() - begun
     if answer.document is not None:
         write_text(out / "result.json", answer.json())
     settings = {"command": arguments.command, **options_of(arguments)}

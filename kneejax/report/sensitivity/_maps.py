@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -25,8 +26,7 @@ _HATCHES = {
 }
 #: The condition whose colours fade: numbers are valid there, but in doubt.
 _FADED = 1
-_FADED_LABEL = "faded: outside fitted surfaces"
-_COLOURS = "viridis"
+_FADED_LABEL, _LOWEST = "faded: outside fitted surfaces", "lowest grid point"
 #: Most decades -> levels of a decade: so many that a valley's floor shows.
 _STEPS = (
     (1.3, (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)),
@@ -38,11 +38,12 @@ _ERRORS = "Sums of squared errors between simulated and measured motion"
 
 
 @styled
-def map_figure(found: ParameterMap) -> Figure:
+def map_figure(found: ParameterMap, begun: str = "start") -> Figure:
     """Draw the objective and its five partial objectives over two parameters.
 
     Args:
         found: the map.
+        begun: what the knee's own values are: `start` of a search, or its `fit`.
 
     Returns:
         Six panels, contours over decades; regions that mean nothing are hatched, those outside the
@@ -52,55 +53,54 @@ def map_figure(found: ParameterMap) -> Figure:
 
     figure = Figure(figsize=(WIDTH, 5.55))
     panels = figure.subplots(2, 3, sharex=True, sharey=True)
-    figure.subplots_adjust(
-        left=0.085, right=0.945, top=0.9, bottom=0.165, wspace=0.26, hspace=0.2
-    )
+    figure.subplots_adjust(left=0.085, right=0.945, top=0.9, bottom=0.165, wspace=0.26, hspace=0.2)
     figure.text(0.01, 0.99, f"{_ERRORS}; the objective is their weighted sum", va="top")
-    names = list(COORDINATES)[1:]
-    spots = [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2)]
-    shown: list[tuple[str, np.ndarray]] = [("Objective", found.objective)]
+    names, handles = list(COORDINATES)[1:], {}
+    shown = [("Objective", found.objective)]
     for name in SHOWN:
-        unit = COORDINATES[name].unit
-        label = f"{COORDINATES[name].label}, {unit}$^2$"
+        label = f"{COORDINATES[name].label}, {COORDINATES[name].unit}$^2$"
         shown.append((label, found.partial_objectives[names.index(name)]))
-    handles: dict[str, Any] = {}
-    for spot, (title, values) in zip(spots, shown, strict=True):
-        axes = panels[spot]
+    for k, (axes, (title, values)) in enumerate(zip(panels.flat, shown, strict=True)):
         axes.set_title(title)
-        handles |= _contours(figure, axes, found, values)
-        handles |= _marks(axes, found, values)
-        _axes(axes, found, left=spot[1] == 0, bottom=spot[0] == 1)
-    _legend(figure, handles)
+        filled, regions = _filled(axes, found, values)
+        if filled is not None:
+            bar = figure.colorbar(filled, ax=axes, pad=0.03, fraction=0.07)
+            bar.ax.tick_params(labelsize=6.5, length=2)
+            _decade_ticks(bar, _ends(values[found.drawn]))
+        handles |= regions | _marks(axes, found, values, begun)
+        _axes(axes, found, left=k % 3 == 0, bottom=k > 2)
+    order = (begun, _LOWEST, _FADED_LABEL, *(label for _, label in _HATCHES.values()))
+    labels = [label for label in order if label in handles]
+    figure.legend(
+        [handles[label] for label in labels], labels, loc="lower center",
+        bbox_to_anchor=(0.5, 0.005), ncols=min(len(labels), 6), handlelength=1.8,
+    )  # fmt: skip
     return figure
 
 
 @styled
-def map_matrix_figure(found: Sequence[ParameterMap]) -> Figure:
+def map_matrix_figure(found: Sequence[ParameterMap], begun: str = "start") -> Figure:
     """Draw the objective over every pair of parameters, as a lower triangle.
 
     Args:
         found: a map of every pair, the grids alike.
+        begun: what the knee's own values are: `start` of a search, or its `fit`.
 
     Returns:
         One panel per pair, all on one scale of colours.
     """
     from matplotlib.figure import Figure
 
-    names: list[str] = []
-    for one in found:
-        names += [name for name in one.names if name not in names]
+    names = list(dict.fromkeys(name for one in found for name in one.names))
     size = len(names) - 1
     side = max(WIDTH, 1.4 * size + 1.3)
     figure = Figure(figsize=(side, side))
     panels = figure.subplots(size, size, squeeze=False)
     edge = 0.75 / side
-    figure.subplots_adjust(
-        left=edge, right=0.99, top=0.985, bottom=edge, wspace=0.08, hspace=0.08
-    )
+    figure.subplots_adjust(left=edge, right=0.99, top=0.985, bottom=edge, wspace=0.08, hspace=0.08)
     for axes in panels.flat:
         axes.set_axis_off()
-    drawn = np.concatenate([one.objective[one.drawn] for one in found])
-    limits = (float(drawn.min()), float(drawn.max())) if drawn.size else None
+    limits = _ends(np.concatenate([one.objective[one.drawn] for one in found]))
     handles: dict[str, Any] = {}
     filled = None
     for one in found:
@@ -109,7 +109,7 @@ def map_matrix_figure(found: Sequence[ParameterMap]) -> Figure:
         axes.set_axis_on()
         upright = one if names.index(one.names[0]) == low else _transposed(one)
         filled, marks = _filled(axes, upright, upright.objective, limits)
-        handles |= marks | _marks(axes, upright, upright.objective, figure)
+        handles |= marks | _marks(axes, upright, upright.objective, begun, figure)
         _axes(axes, upright, left=low == 0, bottom=high == size, small=True)
     if filled is not None:
         place = figure.add_axes((0.62, 0.93, 0.35, 0.016))
@@ -124,8 +124,6 @@ def map_matrix_figure(found: Sequence[ParameterMap]) -> Figure:
 
 
 def _transposed(one: ParameterMap) -> ParameterMap:
-    import dataclasses
-
     flip = {
         key: np.swapaxes(getattr(one, key), -1, -2)
         for key in ("objective", "partial_objectives", "condition", "lost")
@@ -136,18 +134,11 @@ def _transposed(one: ParameterMap) -> ParameterMap:
     )  # fmt: skip
 
 
-def _contours(figure: Figure, axes: Axes, found: ParameterMap, values: np.ndarray) -> dict:
-    filled, handles = _filled(axes, found, values, None)
-    if filled is None:
-        return handles
-    bar = figure.colorbar(filled, ax=axes, pad=0.03, fraction=0.07)
-    bar.ax.tick_params(labelsize=6.5, length=2)
-    drawn = values[found.drawn]
-    _decade_ticks(bar, (float(drawn.min()), float(drawn.max())))
-    return handles
+def _ends(values: np.ndarray) -> tuple[float, float] | None:
+    return (float(values.min()), float(values.max())) if values.size else None
 
 
-def _filled(axes: Axes, found: ParameterMap, values: np.ndarray, limits):
+def _filled(axes: Axes, found: ParameterMap, values: np.ndarray, limits=None):
     """Colours where they mean something, hatches elsewhere; the contour set and legend handles."""
     from matplotlib.colors import LogNorm
     from matplotlib.patches import Patch
@@ -161,35 +152,31 @@ def _filled(axes: Axes, found: ParameterMap, values: np.ndarray, limits):
         masked = np.ma.masked_invalid(shown)
         norm = LogNorm(levels[0], levels[-1])
         filled = axes.contourf(
-            found.x, found.y, masked, levels, norm=norm, cmap=_COLOURS, extend="neither"
+            found.x, found.y, masked, levels, norm=norm, cmap="viridis", extend="neither"
         )
         axes.contour(
             found.x, found.y, masked, levels, colors="white", linewidths=0.35, alpha=0.7
         )
-    doubtful = found.condition == _FADED
-    if doubtful.any():
-        inside = np.ma.masked_where(~_padded(doubtful), np.ones(doubtful.shape))
-        axes.contourf(
-            found.x, found.y, inside, [0.5, 1.5], colors="white", alpha=0.6, zorder=2
-        )
-        handles[_FADED_LABEL] = Patch(facecolor="#B5D5D2", edgecolor="none")
-    for condition, (hatch, label) in _HATCHES.items():
+    for condition in (_FADED, *_HATCHES):
         where = found.condition == condition
-        if where.any():
-            inside = np.ma.masked_where(~_padded(where), np.ones(where.shape))
+        if not where.any():
+            continue
+        # With the neighbours: between grid points nothing is drawn otherwise.
+        padded = np.pad(where, 1)
+        padded = where | padded[:-2, 1:-1] | padded[2:, 1:-1] | padded[1:-1, :-2] | padded[1:-1, 2:]
+        inside = np.ma.masked_where(~padded, np.ones(where.shape))
+        if condition == _FADED:
             axes.contourf(
-                found.x, found.y, inside, [0.5, 1.5], colors="none", hatches=[hatch], zorder=2
+                found.x, found.y, inside, [0.5, 1.5], colors="white", alpha=0.6, zorder=2
             )
-            handles[label] = Patch(facecolor="none", edgecolor="#555555", hatch=hatch)
+            handles[_FADED_LABEL] = Patch(facecolor="#B5D5D2", edgecolor="none")
+            continue
+        hatch, label = _HATCHES[condition]
+        axes.contourf(
+            found.x, found.y, inside, [0.5, 1.5], colors="none", hatches=[hatch], zorder=2
+        )
+        handles[label] = Patch(facecolor="none", edgecolor="#555555", hatch=hatch)
     return filled, handles
-
-
-def _padded(where: np.ndarray) -> np.ndarray:
-    """With the neighbours: between grid points nothing is drawn otherwise."""
-    padded = np.pad(where, 1)
-    return padded[1:-1, 1:-1] | padded[:-2, 1:-1] | padded[2:, 1:-1] | (
-        padded[1:-1, :-2] | padded[1:-1, 2:]
-    )
 
 
 def _levels(low: float, high: float) -> np.ndarray:
@@ -231,9 +218,9 @@ def _plain(x: float) -> str:
 
 
 def _marks(
-    axes: Axes, found: ParameterMap, values: np.ndarray, above: Figure | None = None
+    axes: Axes, found: ParameterMap, values: np.ndarray, begun: str, above: Figure | None = None
 ) -> dict[str, Any]:
-    """Where the search begins, and the best grid point of what is drawn.
+    """The knee's own values, and the best grid point of what is drawn.
 
     Of panels that stand close the best point belongs to the figure `above` them: on an edge the
     next panel would cut it.
@@ -247,7 +234,7 @@ def _marks(
     edges = zip((found.x, found.y), found.start, strict=True)
     inside = all(line[0] <= own <= line[-1] for line, own in edges)
     if inside:
-        (handles["start"],) = axes.plot(
+        (handles[begun],) = axes.plot(
             *found.start, "o", markersize=5, **{**style, **dark, "markerfacecolor": "white"}
         )
     if np.isfinite(best).any():
@@ -255,7 +242,7 @@ def _marks(
         looks = {"marker": "*", "markersize": 9, **style, **dark, "color": VERMILLION}
         star = Line2D([found.x[column]], [found.y[row]], transform=axes.transData, **looks)
         (axes if above is None else above).add_artist(star)
-        handles["lowest grid point"] = star
+        handles[_LOWEST] = star
     return handles
 
 
@@ -281,13 +268,3 @@ def _axes(axes: Axes, found: ParameterMap, left: bool, bottom: bool, small: bool
         axes.set_xlabel(x)
     if left:
         axes.set_ylabel(y)
-
-
-def _legend(figure: Figure, handles: dict[str, Any]) -> None:
-    order = ["start", "lowest grid point", _FADED_LABEL]
-    order += [label for _, label in _HATCHES.values()]
-    labels = [label for label in order if label in handles]
-    figure.legend(
-        [handles[label] for label in labels], labels, loc="lower center",
-        bbox_to_anchor=(0.5, 0.005), ncols=min(len(labels), 6), handlelength=1.8,
-    )  # fmt: skip
