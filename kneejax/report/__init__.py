@@ -14,9 +14,9 @@ from kneejax.report.activity import second_words as second_words
 from kneejax.report.bayesian import POSTERIOR_COLUMNS as POSTERIOR_COLUMNS
 from kneejax.report.bayesian import marginals_figure as marginals_figure
 from kneejax.report.bayesian import pairs_figure as pairs_figure
-from kneejax.report.bayesian import posterior_figures as posterior_figures
-from kneejax.report.bayesian import posterior_rows as posterior_rows
+from kneejax.report.bayesian import posterior_drawings as posterior_drawings
 from kneejax.report.bayesian import posterior_summary as posterior_summary
+from kneejax.report.bayesian import posterior_table as posterior_table
 from kneejax.report.bayesian import predictive_figure as predictive_figure
 from kneejax.report.calibration import PARAMETER_COLUMNS as PARAMETER_COLUMNS
 from kneejax.report.calibration import Outcome as Outcome
@@ -45,7 +45,7 @@ from kneejax.report.cohort import forest_figure as forest_figure
 from kneejax.report.cohort import write_cohort_report as write_cohort_report
 from kneejax.report.design import CANDIDATE_COLUMNS as CANDIDATE_COLUMNS
 from kneejax.report.design import candidates_figure as candidates_figure
-from kneejax.report.design import candidates_rows as candidates_rows
+from kneejax.report.design import candidates_table as candidates_table
 from kneejax.report.design import design_text as design_text
 from kneejax.report.design import standard_errors_figure as standard_errors_figure
 from kneejax.report.extensor import EXTENSOR_COLUMNS as EXTENSOR_COLUMNS
@@ -55,15 +55,13 @@ from kneejax.report.extensor import extensor_rows as extensor_rows
 from kneejax.report.extensor import shear_figure as shear_figure
 from kneejax.report.identification import ESTIMATE_COLUMNS as ESTIMATE_COLUMNS
 from kneejax.report.identification import INFORMATION_COLUMNS as INFORMATION_COLUMNS
-from kneejax.report.identification import estimate_rows as estimate_rows
 from kneejax.report.identification import estimates_text as estimates_text
+from kneejax.report.identification import identification_answer as identification_answer
 from kneejax.report.identification import identification_document as identification_document
 from kneejax.report.identification import identification_doubts as identification_doubts
 from kneejax.report.identification import identification_outcome as identification_outcome
-from kneejax.report.identification import (
-    information_correlation_figure as information_correlation_figure,
-)
-from kneejax.report.identification import information_rows as information_rows
+from kneejax.report.identification import identified_table as identified_table
+from kneejax.report.identification import information_table as information_table
 from kneejax.report.identification import information_text as information_text
 from kneejax.report.identification import profiles_figure as profiles_figure
 from kneejax.report.identification import spectrum_figure as spectrum_figure
