@@ -7,15 +7,14 @@ import dataclasses
 import importlib
 import threading
 import time
-from pathlib import Path
 
 from kneejax import studies
 from kneejax.cli._calibration_files import FILES, write_results
 from kneejax.cli._cohort_commands import check_single
+from kneejax.cli._deliver import say
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.cohorts import is_cohort
 from kneejax.files import check_new
-from kneejax.inference import Calibration
 from kneejax.numerics import adding_up
 
 
@@ -38,20 +37,8 @@ def run(arguments: argparse.Namespace) -> int:
         result = studies.run(study, progress=progress)
     seconds = {"imports": arguments.imports_s, "reading": reading, **result.seconds}
     result = dataclasses.replace(result, seconds=adding_up(seconds))
-    return _written(result, arguments.out, arguments.svg)
-
-
-def _written(result: Calibration, out: Path, svg: bool) -> int:
-    """Write everything, and say what was found and where it stands."""
-    from kneejax.report import calibration_summary, outcome
-    from kneejax.report.look import wrapped
-
-    missing = write_results(result, out, svg=svg)
-    print(calibration_summary(result))
-    knee = "" if missing else "knee.yaml, "
-    tables = "parameters.csv, poses.csv" + ", tests.csv" * bool(result.fit.tests)
-    files = f"report.html, result.json, {knee}{tables}, settings.json, figures/"
-    print("\n".join(wrapped(f"{out}/{files}", "written: ")))
+    answer, missing = write_results(result, arguments.out, svg=arguments.svg)
+    status = say(answer, arguments.out, ["poses.csv", *["knee.yaml"] * (not missing)])
     if missing:
-        print(f"not written: {out}/knee.yaml: {missing}")
-    return max(outcome(result).exit_status, int(bool(missing)))
+        print(f"not written: {arguments.out}/knee.yaml: {missing}")
+    return max(status, int(bool(missing)))

@@ -166,12 +166,12 @@ def _add_calibrate(commands) -> None:
         commands,
         "calibrate",
         "Identify the parameters of ligaments from measured motion.",
-        "kneejax calibrate paper1",
+        "kneejax calibrate passive_flexion",
     )
     calibrate.add_argument(
         "study",
         nargs="?",
-        default="paper1",
+        default="passive_flexion",
         help="study file or bundled study; or a cohort: a folder of studies, a pattern in quotes, "
         "or a file that names its knees",
     )

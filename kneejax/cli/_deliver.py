@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import time
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from kneejax.cli._settings import options_of
 from kneejax.files import write_rows, write_text
@@ -35,26 +35,43 @@ def deliver(
         InputProblem: a file cannot be written.
     """
     from kneejax.inference import versions
-    from kneejax.report.look import save_and_inline, wrapped
 
-    out = arguments.out
+    settings = {"command": arguments.command, **options_of(arguments)}
+    write_answer(
+        answer, arguments.out, svg=arguments.svg, settings=settings, versions=versions(),
+        seconds=seconds,
+    )  # fmt: skip
+    return say(answer, arguments.out, written)
+
+
+def write_answer(answer: Answer, out: Path, **page: Any) -> None:
+    """Write tables, figures, result.json and report.html.
+
+    Args:
+        answer: what a command found.
+        out: folder.
+        page: options of `kneejax.report.look.write_page`.
+
+    Raises:
+        InputProblem: a file cannot be written.
+    """
+    from kneejax.report.look import write_page
+
     for name, table in answer.tables.items():
         write_rows(out / f"{name}.csv", table.names, table.rows)
-    pictures, begun = {}, time.perf_counter()
-    for name, drawing in answer.drawings.items():
-        _, pictures[name] = save_and_inline(
-            drawing.draw(), out / "figures", name, svg=arguments.svg
-        )
-    if seconds is not None:
-        seconds["figures"] = time.perf_counter() - begun
+    write_page(answer, out, **page)
     if answer.document is not None:
         write_text(out / "result.json", answer.json())
-    settings = {"command": arguments.command, **options_of(arguments)}
-    write_text(out / "report.html", answer.page(pictures, settings, versions(), seconds))
+
+
+def say(answer: Answer, out: Path, written: Sequence[str] = ()) -> int:
+    """Print what was found and where it stands; the exit status comes back."""
+    from kneejax.report.look import wrapped
+
     if answer.text:
         print(answer.text)
     files = ["report.html", *(f"{name}.csv" for name in answer.tables), *written]
     files += ["result.json"] * (answer.document is not None) + ["settings.json"]
-    files += ["figures/"] * bool(pictures)
+    files += ["figures/"] * bool(answer.drawings)
     print("\n".join(wrapped(f"{out}/{', '.join(files)}", "written: ")))
     return answer.exit_status

@@ -7,24 +7,23 @@ from kneejax.report.activity import round_table as round_table
 from kneejax.report.bayesian import POSTERIOR_COLUMNS as POSTERIOR_COLUMNS
 from kneejax.report.bayesian import marginals_figure as marginals_figure
 from kneejax.report.bayesian import pairs_figure as pairs_figure
-from kneejax.report.bayesian import posterior_figures as posterior_figures
-from kneejax.report.bayesian import posterior_rows as posterior_rows
+from kneejax.report.bayesian import posterior_drawings as posterior_drawings
 from kneejax.report.bayesian import posterior_summary as posterior_summary
+from kneejax.report.bayesian import posterior_table as posterior_table
 from kneejax.report.bayesian import predictive_figure as predictive_figure
 from kneejax.report.calibration import PARAMETER_COLUMNS as PARAMETER_COLUMNS
 from kneejax.report.calibration import Outcome as Outcome
+from kneejax.report.calibration import calibration_answer as calibration_answer
 from kneejax.report.calibration import calibration_notes as calibration_notes
 from kneejax.report.calibration import calibration_summary as calibration_summary
 from kneejax.report.calibration import convergence_figure as convergence_figure
-from kneejax.report.calibration import correlation_figure as correlation_figure
 from kneejax.report.calibration import correlation_matrix_figure as correlation_matrix_figure
 from kneejax.report.calibration import message as message
 from kneejax.report.calibration import outcome as outcome
 from kneejax.report.calibration import parameters_figure as parameters_figure
-from kneejax.report.calibration import parameters_rows as parameters_rows
+from kneejax.report.calibration import parameters_table as parameters_table
 from kneejax.report.calibration import reading_table as reading_table
 from kneejax.report.calibration import remark as remark
-from kneejax.report.calibration import report_page as report_page
 from kneejax.report.calibration import result_document as result_document
 from kneejax.report.calibration import tests_figure as tests_figure
 from kneejax.report.calibration import verdict as verdict
@@ -35,7 +34,7 @@ from kneejax.report.cohort import cohort_answer as cohort_answer
 from kneejax.report.cohort import forest_figure as forest_figure
 from kneejax.report.design import CANDIDATE_COLUMNS as CANDIDATE_COLUMNS
 from kneejax.report.design import candidates_figure as candidates_figure
-from kneejax.report.design import candidates_rows as candidates_rows
+from kneejax.report.design import candidates_table as candidates_table
 from kneejax.report.design import design_text as design_text
 from kneejax.report.design import standard_errors_figure as standard_errors_figure
 from kneejax.report.extensor import extensor_answer as extensor_answer
@@ -44,15 +43,13 @@ from kneejax.report.extensor import extensor_table as extensor_table
 from kneejax.report.extensor import shear_figure as shear_figure
 from kneejax.report.identification import ESTIMATE_COLUMNS as ESTIMATE_COLUMNS
 from kneejax.report.identification import INFORMATION_COLUMNS as INFORMATION_COLUMNS
-from kneejax.report.identification import estimate_rows as estimate_rows
 from kneejax.report.identification import estimates_text as estimates_text
+from kneejax.report.identification import identification_answer as identification_answer
 from kneejax.report.identification import identification_document as identification_document
 from kneejax.report.identification import identification_doubts as identification_doubts
 from kneejax.report.identification import identification_outcome as identification_outcome
-from kneejax.report.identification import (
-    information_correlation_figure as information_correlation_figure,
-)
-from kneejax.report.identification import information_rows as information_rows
+from kneejax.report.identification import identified_table as identified_table
+from kneejax.report.identification import information_table as information_table
 from kneejax.report.identification import information_text as information_text
 from kneejax.report.identification import profiles_figure as profiles_figure
 from kneejax.report.identification import spectrum_figure as spectrum_figure

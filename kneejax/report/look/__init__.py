@@ -4,6 +4,7 @@ from kneejax.report.look._answer import Answer as Answer
 from kneejax.report.look._answer import Drawing as Drawing
 from kneejax.report.look._answer import Section as Section
 from kneejax.report.look._answer import Verdict as Verdict
+from kneejax.report.look._answer import write_page as write_page
 from kneejax.report.look._json import json_safe as json_safe
 from kneejax.report.look._numbers import NONE as NONE
 from kneejax.report.look._numbers import change as change

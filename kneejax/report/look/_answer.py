@@ -5,15 +5,19 @@ from __future__ import annotations
 import dataclasses
 import enum
 import functools
+import gc
 import json
 import math
+import os
+import time
 from collections.abc import Callable, Mapping, Sequence
 from importlib import resources
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from kneejax.report.look._json import json_safe
 from kneejax.report.look._numbers import number
-from kneejax.report.look._saving import picture_svg
+from kneejax.report.look._saving import picture_svg, save_and_inline, write_whole
 from kneejax.report.look._tables import Table
 
 if TYPE_CHECKING:
@@ -68,6 +72,7 @@ class Answer:
         title: what was computed, of which knee.
         asked: one sentence: the question with its knee, loads, angles and data.
         verdict: of the whole.
+        badge: its words; those of the verdict where it is empty.
         sentence: the answer in one or two sentences, beside the badge.
         tables: name -> table; `NAME.csv` holds all of its columns. Those in `main` stand on the
             first screen.
@@ -93,6 +98,7 @@ class Answer:
     title: str
     asked: str
     verdict: Verdict = Verdict.GOOD
+    badge: str = ""
     sentence: str = ""
     tables: Mapping[str, Table] = dataclasses.field(default_factory=dict)
     main: Sequence[str | Table] = ()
@@ -146,6 +152,51 @@ class Answer:
 
     def _table(self, one: str | Table) -> Table:
         return self.tables[one] if isinstance(one, str) else one
+
+
+def write_page(
+    answer: Answer,
+    folder: str | os.PathLike[str],
+    *,
+    svg: bool = False,
+    figures: bool = True,
+    settings: Mapping[str, Any] | None = None,
+    versions: Mapping[str, str] | None = None,
+    seconds: dict[str, float] | None = None,
+) -> list[Path]:
+    """Write the page of an answer, and its figures; each is drawn once.
+
+    Args:
+        answer: what a command found.
+        folder: where; made if needed. Files of the same names are replaced.
+        svg: whether figures are saved as SVG as well; the page holds them in any case.
+        figures: whether figures are files at all.
+        settings: of the command, at the foot of the page.
+        versions: package -> version, likewise.
+        seconds: part of the work -> how long it took, likewise; `figures` is added.
+
+    Returns:
+        `report.html`, which needs no other file, then `figures/NAME.png`.
+    """
+    folder, paths, pictures = Path(folder), [], {}
+    running, begun = gc.isenabled(), time.perf_counter()
+    # With many objects alive, garbage collection costs as much as the drawing.
+    gc.disable()
+    try:
+        for name, drawing in answer.drawings.items():
+            if figures:
+                drawn = save_and_inline(drawing.draw(), folder / "figures", name, svg=svg)
+                paths += drawn[0]
+                pictures[name] = drawn[1]
+            else:
+                pictures[name] = picture_svg(drawing.draw(), name)
+    finally:
+        if running:
+            gc.enable()
+    if seconds is not None:
+        seconds["figures"] = time.perf_counter() - begun
+    page = answer.page(pictures, settings, versions, seconds)
+    return [write_whole(folder / "report.html", page.encode()), *paths]
 
 
 def _setting(value: Any) -> str:

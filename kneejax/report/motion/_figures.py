@@ -77,7 +77,8 @@ def motion_figure(calibration: Calibration) -> Figure:
     motions: list[tuple[str, str, Any, np.ndarray]] = []
     for i, fit in reversed(list(enumerate(calibration.fits))):
         dashes = "--" if i == 0 else (0, (1 + 3 * i, 1.5, 1, 1.5))
-        label = verbatim(f"fitted, procedure {fit.procedure}")
+        several = len(calibration.fits) > 1
+        label = verbatim(f"fitted, procedure {fit.procedure}") if several else "fitted"
         motions.append((label, FITS[i % len(FITS)], dashes, _as_measured(fit)))
     spots = [(0, 0), (1, 0), (2, 0), (0, 1), (1, 1)]
     lines: dict[str, Any] = {}

@@ -8,8 +8,9 @@ import numpy as np
 
 from kneejax.inference import Interval, IntervalKind, same_ends
 from kneejax.parameters import sums_in_words
-from kneejax.report.identification._information_words import reason_words
-from kneejax.report.look import aligned, number, wrapped
+from kneejax.report.calibration import limits
+from kneejax.report.identification._information import reason_words
+from kneejax.report.look import NONE, Column, Table, number, with_error, wrapped
 
 if TYPE_CHECKING:
     from kneejax.inference import Identification, Posterior
@@ -25,48 +26,84 @@ ESTIMATE_COLUMNS = (
 )  # fmt: skip
 
 
-def estimate_rows(found: Identification, sampled: Posterior | None = None) -> list[dict[str, Any]]:
-    """List estimates and their limits for a table.
+def identified_table(found: Identification, sampled: Posterior | None = None) -> Table:
+    """The table of parameters.csv of an identification.
 
     Args:
         found: the fit, its information and its profiles.
         sampled: the posterior, if it was sampled.
 
     Returns:
-        One dictionary per parameter, with the keys `ESTIMATE_COLUMNS` in that order.
+        A row per parameter under the columns `ESTIMATE_COLUMNS`.
     """
     by_name = {profile.name: profile for profile in found.profiles}
     ends = None if sampled is None else sampled.quantiles((0.025, 0.975))
     rows = []
     for i, name in enumerate(found.selection.names):
         profile, interval = by_name.get(name), _interval(found, i)
+        followed: list[Any] = [None] * 4
+        if profile:
+            followed = [profile.low, profile.high, profile.low_open, profile.high_open]
+        drawn: list[Any] = [None] * 6
+        if sampled is not None and ends is not None:
+            moments = (sampled.mean[i], sampled.sd[i], *ends[i])
+            drawn = [*moments, sampled.r_hat[i], sampled.effective_sample_size[i]]
+        known = _determined(found, i)
         rows.append(
-            {
-                "name": name,
-                "value": float(found.values[i]),
-                "unit": found.selection.unit(i),
-                "lower": float(found.lower[i]),
-                "upper": float(found.upper[i]),
-                "at_bound": bool(found.at_bound[i]),
-                "standard_error": float(found.information.standard_error[i]),
-                "profile_low": profile.low if profile else None,
-                "profile_high": profile.high if profile else None,
-                "profile_low_open": profile.low_open if profile else None,
-                "profile_high_open": profile.high_open if profile else None,
-                "posterior_mean": None if sampled is None else float(sampled.mean[i]),
-                "posterior_sd": None if sampled is None else float(sampled.sd[i]),
-                "posterior_low": None if ends is None else float(ends[i, 0]),
-                "posterior_high": None if ends is None else float(ends[i, 1]),
-                "r_hat": None if sampled is None else float(sampled.r_hat[i]),
-                "effective_sample_size": None
-                if sampled is None
-                else float(sampled.effective_sample_size[i]),
-                "interval": None if interval is None else interval.kind.value,
-                "determined": _determined(found, i),
-                "reason": "" if _determined(found, i) else _why(found, i),
-            }
+            [name, float(found.values[i]), found.selection.unit(i), float(found.lower[i]),
+             float(found.upper[i]), bool(found.at_bound[i]),
+             float(found.information.standard_error[i]), *followed,
+             *(None if x is None else float(x) for x in drawn),
+             None if interval is None else interval.kind.value, known,
+             "" if known else _why(found, i)]
+        )  # fmt: skip
+    return Table([Column(name) for name in ESTIMATE_COLUMNS], rows)
+
+
+def estimates_table(found: Identification, sampled: Posterior | None = None) -> Table:
+    """Estimates with their limits as people read them.
+
+    Args:
+        found: the fit, its information and its profiles.
+        sampled: the posterior, if it was sampled.
+
+    Returns:
+        Estimate, standard error where it gives the limits, 95 % limits by the profile and by the
+        posterior, and whether the data determine the parameter.
+    """
+    heads = ["parameter", "estimate", "standard error", "unit"]
+    heads += ["95 % limits"] * bool(found.profiles) + ["95 % by posterior"] * (sampled is not None)
+    rows = []
+    for row in identified_table(found, sampled).records():
+        means = row["interval"] in (None, IntervalKind.STANDARD_ERROR.value)
+        error = row["standard_error"] if means and row["standard_error"] is not None else np.nan
+        cells = [row["name"], *with_error(row["value"], error), row["unit"]]
+        if found.profiles:
+            low = None if row["profile_low_open"] else row["profile_low"]
+            high = None if row["profile_high_open"] else row["profile_high"]
+            ends = (np.nan if end is None else end for end in (low, high))
+            cells.append(limits(*ends) or NONE)
+        if sampled is not None:
+            cells.append(limits(row["posterior_low"], row["posterior_high"]))
+        cells.append("" if row["determined"] else "not determined")
+        rows.append(cells)
+    right = ("estimate", "standard error")
+    columns = [*(Column(head, words=head not in right) for head in heads), Column("determined", " ",
+                                                                                  words=True)]
+    return Table(columns, rows)
+
+
+def profiles_table(found: Identification) -> Table:
+    """Every point of every profile, the table of profiles.csv."""
+    columns = ("parameter", "value", "rise_of_chi2", *found.selection.names)
+    rows = [
+        [profile.name, value, rise, *others]
+        for profile in found.profiles
+        for value, rise, others in zip(
+            profile.values, profile.rise, profile.parameters, strict=True
         )
-    return rows
+    ]
+    return Table([Column(name) for name in columns], rows)
 
 
 def undetermined_words(found: Identification) -> list[str]:
@@ -111,29 +148,8 @@ def estimates_text(found: Identification, sampled: Posterior | None = None) -> s
     Returns:
         Lines of fewer than 100 columns, without a final line break.
     """
-    head = ["parameter", "estimate", "standard error"]
-    if found.profiles:
-        head.append("95 % by profile")
-    if sampled is not None:
-        head.append("95 % by posterior")
-    table = [[*head, "unit"]]
-    for row in estimate_rows(found, sampled):
-        words = [row["name"], number(row["value"], 4), _error(row)]
-        if found.profiles:
-            low = "open" if row["profile_low_open"] else number(row["profile_low"], 4)
-            high = "open" if row["profile_high_open"] else number(row["profile_high"], 4)
-            words.append(f"{low} to {high}")
-        if sampled is not None:
-            ends = number(row["posterior_low"], 4), number(row["posterior_high"], 4)
-            words.append(" to ".join(ends))
-        table.append([*words, row["unit"]])
-    kind = "estimated from the misfit" if found.noise_estimated else "as given"
-    noise = f"{number(found.noise[2], 3)} mm and {number(found.noise[0], 3)} degrees ({kind})"
-    lines = wrapped(
-        f"Fit by maximum likelihood: chi squared {number(found.chi2, 4)} for {found.data} measured "
-        f"numbers, noise {noise}."
-    )
-    lines += ["", *aligned(table, (0, len(table[0]) - 1))]
+    lines = wrapped(fit_words(found))
+    lines += ["", estimates_table(found, sampled).terminal()]
     lines += wrapped(sums_in_words(found.problem.knee, found.selection.names))
     said, warnings = agreement(found, sampled), fit_doubts(found)
     lines += [""] * bool(said or warnings)
@@ -142,6 +158,16 @@ def estimates_text(found: Identification, sampled: Posterior | None = None) -> s
     for warning in warnings:
         lines += wrapped(warning, "warning: ")
     return "\n".join(lines)
+
+
+def fit_words(found: Identification) -> str:
+    """How the parameters were fitted, and by which noise."""
+    kind = "estimated from the misfit" if found.noise_estimated else "as given"
+    noise = f"{number(found.noise[2], 3)} mm and {number(found.noise[0], 3)} degrees ({kind})"
+    return (
+        f"Fit by maximum likelihood: chi squared {number(found.chi2, 4)} for {found.data} measured "
+        f"numbers, noise {noise}."
+    )
 
 
 def fit_doubts(found: Identification) -> list[str]:
@@ -175,12 +201,6 @@ def fit_doubts(found: Identification) -> list[str]:
             f"On a bound: {', '.join(names)}. Standard errors of the others hold them there."
         )
     return notes
-
-
-def _error(row: dict[str, Any]) -> str:
-    """The standard error where it tells the limits."""
-    means = row["interval"] in (None, IntervalKind.STANDARD_ERROR.value)
-    return number(row["standard_error"], 2) if means else number(np.nan)
 
 
 def agreement(found: Identification, sampled: Posterior | None = None) -> list[str]:

@@ -1,13 +1,25 @@
-"""What the spectrum of an information matrix means, in plain words."""
+"""What data determine of parameters by curvature: the spectrum in words, and a table."""
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kneejax.report.look import plain, short, unit_after
+from kneejax.parameters import unit_of_quantity
+from kneejax.report.look import (
+    NONE,
+    Column,
+    Table,
+    number,
+    plain,
+    short,
+    trimmed,
+    unit_after,
+    wrapped,
+)
 
 if TYPE_CHECKING:
     from kneejax.inference import Information
@@ -20,6 +32,16 @@ _NEARLY = 5.0
 _EXACT = 1e-6
 # Sentences on the best and the worst known combinations.
 _STIFF, _SLOPPY = 2, 3
+#: How the table of what data determine by curvature is read.
+CURVATURE = (
+    "A standard error is how far an estimate is typically off; the prior SD is the spread between "
+    "knees. Data determine a parameter whose standard error is smaller than its prior SD."
+)
+#: Columns of a table of what the data determine of each parameter.
+INFORMATION_COLUMNS = (
+    "name", "value", "standard_error", "unit", "scale", "times_better", "determined", "at_bound",
+    "reason",
+)  # fmt: skip
 
 
 def slack_words(flexion_deg: np.ndarray, slack: np.ndarray) -> str:
@@ -77,6 +99,78 @@ def reason_words(found: Information) -> list[str]:
     return [
         "" if determined else _reason(found, row) for row, determined in enumerate(found.determined)
     ]
+
+
+def information_table(found: Information) -> Table:
+    """What the data determine of each parameter, by curvature.
+
+    Args:
+        found: information and estimates.
+
+    Returns:
+        A row per parameter under the columns `INFORMATION_COLUMNS`; `scale` is the standard
+        deviation between knees, `times_better` that over the standard error.
+    """
+    reasons = reason_words(found)
+    rows = [
+        [
+            name, float(found.values[i]), float(found.standard_error[i]),
+            unit_of_quantity(name.split(".", 1)[-1]), float(found.scale[i]),
+            float(found.scale[i] / found.standard_error[i]), bool(found.determined[i]),
+            bool(found.at_bound[i]), reasons[i],
+        ]
+        for i, name in enumerate(found.names)
+    ]  # fmt: skip
+    two = functools.partial(number, digits=2)
+    columns = [
+        Column("name", "parameter", words=True), Column("value"),
+        Column("standard_error", "std. error", _error), Column("unit", words=True),
+        Column("scale", "prior SD", functools.partial(trimmed, digits=3)),
+        Column("times_better", "times better", lambda value: two(value) if value else NONE),
+        Column("determined", "determined", words=True),
+        Column("at_bound", " ", lambda on: "at bound" if on else "", words=True),
+        Column("reason", shown=False),
+    ]  # fmt: skip
+    return Table(columns, rows)
+
+
+def _error(value: float) -> str:
+    return "unlimited" if np.isinf(value) else number(value, 2)
+
+
+def information_words(found: Information) -> list[str]:
+    """Sentences on the combinations of parameters that are known best and worst."""
+    words = [*stiff_words(found), *sloppy_words(found)]
+    if np.isfinite(found.condition_number):
+        ratio = number(float(np.sqrt(found.condition_number)), 2)
+        words.append(
+            f"The best-determined combination of parameters is known {ratio} times better than "
+            f"the worst (condition number {number(found.condition_number, 2)})."
+        )
+    return words
+
+
+def information_text(found: Information) -> str:
+    """Say on a terminal what the data determine and what not.
+
+    Args:
+        found: information and estimates.
+
+    Returns:
+        Lines of fewer than 100 columns, without a final line break.
+    """
+    lines = wrapped(
+        f"What the data tell ({found.data} measured numbers, {len(found.names)} parameters). "
+        f"{CURVATURE}"
+    )
+    lines += ["", information_table(found).terminal(), ""]
+    for sentence in information_words(found):
+        lines += wrapped(sentence)
+    for sentence in filter(None, reason_words(found)):
+        lines += wrapped(sentence, "warning: ")
+    for note in information_notes(found):
+        lines += wrapped(note, "note: ")
+    return "\n".join(lines)
 
 
 def information_notes(found: Information) -> list[str]:
