@@ -21,10 +21,11 @@ _NEXT = "next_tests.csv"
 
 def run(arguments: argparse.Namespace) -> int:
     """Say what the data of a study determine; write tables and figures."""
-    question = _question(arguments)
+    with said_of_options(Identify):
+        question = _question(arguments)
     study = studies.read_study(arguments.study)
-    with said_of_options(question), stages_on_terminal("what the data tell"):
-        found = studies.run(study, question)
+    with said_of_options(Identify), stages_on_terminal("what the data tell"):
+        found = studies.identify(study, question)
     return _write(found, arguments)
 
 

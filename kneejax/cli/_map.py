@@ -30,10 +30,14 @@ def run(arguments: argparse.Namespace) -> int:
         # Better known before the work than after it.
         check_installed(package, "maps")
     ranges = read_numbers("--range", read_texts("--range", arguments.ranges), "NAME=LOW:HIGH", (2,))
-    question = studies.Map(arguments.pair, arguments.all_pairs, _grid(arguments.grid), ranges)
+    with said_of_options(studies.Map):
+        question = studies.Map(
+            pair=arguments.pair, all_pairs=arguments.all_pairs, grid=_grid(arguments.grid),
+            range=ranges,
+        )  # fmt: skip
     arguments.results.check_free("maps.csv", "result.json", "map.nc")
     study = studies.read_study(arguments.study)
-    with said_of_options(question):
+    with said_of_options(studies.Map):
         studies.check(study, question)
     about = studies.about_maps(study, question)
     store = Checkpoints(
@@ -41,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
         begin=lambda: arguments.results.begin(lambda _: False),
     )  # fmt: skip
     with stages_on_terminal() as progress:
-        maps = studies.run(study, question, progress=progress, store=store)
+        maps = studies.sensitivity_map(study, question, progress=progress, store=store)
     if store.resumed:
         print(f"{store.resumed} finished parts were found in {arguments.out}, and used")
     arguments.results.holds = [CLAIM]

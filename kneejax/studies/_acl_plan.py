@@ -42,8 +42,8 @@ from kneejax.planning import (
     footprint_of,
     reconstruction_of,
 )
+from kneejax.studies._checked import parameter_values
 from kneejax.studies._drawn_knees import drawn_parameters
-from kneejax.studies._study_fields import parameter_values
 
 _REQUIRED = ("title", "knee", "graft")
 _OPTIONAL = (

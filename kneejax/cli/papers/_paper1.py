@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import dataclasses
 
 import numpy as np
 
@@ -16,8 +15,7 @@ from kneejax.inference import in_convention, sensitivity_maps, sweep, versions
 from kneejax.mechanics import Knee
 from kneejax.reproduction import VERDICTS, Claim, Paper1Study, paper1_claims
 from kneejax.reproduction.paper1 import CONVENTION, LIGAMENTS, as_paper1_sees
-from kneejax.studies import Study, read_study
-from kneejax.studies import run as run_study
+from kneejax.studies import Study, calibrate, read_study
 
 #: The paper's protocol, and a knee of four lines that moves as measured knees do.
 _STUDY, _KNEE = "paper1", "four_ligament_fitted"
@@ -36,7 +34,7 @@ def run(arguments: argparse.Namespace) -> int:
     patella = arguments.patella or PATELLAS[0]
     knee = _four_lines(arguments.knee or _KNEE, patella)
     names = [f"{name}.{quantity}" for quantity in _QUANTITIES for name in LIGAMENTS]
-    study = dataclasses.replace(read_study(_STUDY), knee=knee, parameters=names)
+    study = read_study(_STUDY).replace(knee=knee, parameters=names)
     found = _computed(study)
     claims, doubts = paper1_claims(found), _doubts(found)
     _write(study, found, claims, doubts, patella, arguments.out, arguments.svg)
@@ -56,7 +54,7 @@ def _four_lines(name: str, patella: str) -> Knee:
 
 
 def _computed(study: Study) -> Paper1Study:
-    calibration = run_study(study)
+    calibration = calibrate(study)
     knee, measured, weights = study.knee_at_start, calibration.measured, study.weight_vector
     with balances_on_terminal("sweeps") as progress:
         sweeps = sweep(knee, study.parameters, measured[:, 0], count=_VALUES, progress=progress)
