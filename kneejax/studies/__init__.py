@@ -8,13 +8,14 @@ from kneejax._lazy import lazy_names
 _NAMES = {
     "_acl_plan": ("plan_of", "read_plan"),
     "_answers": (
-        "Identified", "Sensitivities", "about_maps", "bootstrapped", "calibrate", "check",
-        "fingerprint", "identify", "run", "run_side_by_side", "sensitivity", "sensitivity_map",
+        "Identified", "Sensitivities", "bootstrapped", "calibrate", "check", "identify", "run",
+        "run_side_by_side", "sensitivity",
     ),
     "_drawn_knees": ("drawn_parameters",),
+    "_maps": ("about_maps", "fingerprint", "sensitivity_map"),
     "_options": ("Identify", "Map", "Sensitivity"),
-    "_poses": ("Measured", "Synthetic", "measured_poses"),
-    "_study": ("FAULTS", "STUDY_FIELDS", "Study", "StudyStage", "read_study", "study_of"),
+    "_schema": ("Measured", "Synthetic"),
+    "_study": ("FAULTS", "STUDY_FIELDS", "Study", "read_study", "study_of"),
 }  # fmt: skip
 _MODULES = {name: f"{__name__}.{module}" for module, names in _NAMES.items() for name in names}
 
@@ -23,27 +24,25 @@ if TYPE_CHECKING:
     from kneejax.studies._acl_plan import read_plan as read_plan
     from kneejax.studies._answers import Identified as Identified
     from kneejax.studies._answers import Sensitivities as Sensitivities
-    from kneejax.studies._answers import about_maps as about_maps
     from kneejax.studies._answers import bootstrapped as bootstrapped
     from kneejax.studies._answers import calibrate as calibrate
     from kneejax.studies._answers import check as check
-    from kneejax.studies._answers import fingerprint as fingerprint
     from kneejax.studies._answers import identify as identify
     from kneejax.studies._answers import run as run
     from kneejax.studies._answers import run_side_by_side as run_side_by_side
     from kneejax.studies._answers import sensitivity as sensitivity
-    from kneejax.studies._answers import sensitivity_map as sensitivity_map
     from kneejax.studies._drawn_knees import drawn_parameters as drawn_parameters
+    from kneejax.studies._maps import about_maps as about_maps
+    from kneejax.studies._maps import fingerprint as fingerprint
+    from kneejax.studies._maps import sensitivity_map as sensitivity_map
     from kneejax.studies._options import Identify as Identify
     from kneejax.studies._options import Map as Map
     from kneejax.studies._options import Sensitivity as Sensitivity
-    from kneejax.studies._poses import Measured as Measured
-    from kneejax.studies._poses import Synthetic as Synthetic
-    from kneejax.studies._poses import measured_poses as measured_poses
+    from kneejax.studies._schema import Measured as Measured
+    from kneejax.studies._schema import Synthetic as Synthetic
     from kneejax.studies._study import FAULTS as FAULTS
     from kneejax.studies._study import STUDY_FIELDS as STUDY_FIELDS
     from kneejax.studies._study import Study as Study
-    from kneejax.studies._study import StudyStage as StudyStage
     from kneejax.studies._study import read_study as read_study
     from kneejax.studies._study import study_of as study_of
 else:

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal, Self, TypeVar, get_args
 
 import numpy as np
 from pydantic import (
+    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
@@ -18,6 +19,7 @@ from pydantic import (
     ValidationError,
     ValidationInfo,
 )
+from pydantic import Field as PydanticField
 from pydantic_core import core_schema
 
 from kneejax._ranges import RANGES, Range, range_of_parameter
@@ -96,27 +98,13 @@ class Mistakes(list[ValueError]):
         Raises:
             ValueError: it is no mistake of a person.
         """
-        from kneejax.mechanics import Implausible
-        from kneejax.numerics import MissingPackage, WrongValue
-        from kneejax.parameters import UnknownParameter, UnsuitableData
-
         for one in getattr(problem, "problems", (problem,)):
-            match one:
-                case InputProblem():
-                    self.append(_placed(one, self.file, at))
-                case WrongValue():
-                    place = _joined(at, one.field)
-                    self.append(InputProblem(self.file, place, one.found, one.expected))
-                case Implausible():
-                    place = f"{one.fibre}.{one.quantity}"
-                    self.append(InputProblem(self.file, place, one.value, one.expected))
-                case UnknownParameter() | UnsuitableData():
-                    place = ": ".join(word for word in (self.file, at) if word)
-                    self.append(type(one)(f"{place}: {one}") if place else one)
-                case MissingPackage():
-                    self.append(one)
-                case _:
-                    raise one
+            # What else may be wrong was found by JAX's modules, which are there then.
+            self.append(
+                _placed(one, self.file, at)
+                if isinstance(one, InputProblem)
+                else _explained(one, self.file, at)
+            )
 
     def check(self) -> None:
         """Raise what was found, if anything."""
@@ -135,6 +123,27 @@ def _placed(problem: InputProblem, file: str, at: str) -> InputProblem:
         return problem
     place = _joined(at, "" if problem.field == "file" else problem.field)
     return InputProblem(file, place or "file", problem.value, problem.expected, problem.nearest)
+
+
+def _explained(problem: ValueError, file: str, at: str) -> ValueError:
+    """What a calculation refuses, said of the place that asked for it."""
+    from kneejax.mechanics import Implausible
+    from kneejax.numerics import MissingPackage, WrongValue
+    from kneejax.parameters import UnknownParameter, UnsuitableData
+
+    match problem:
+        case WrongValue():
+            place = _joined(at, problem.field)
+            return InputProblem(file, place, problem.found, problem.expected)
+        case Implausible():
+            place = f"{problem.fibre}.{problem.quantity}"
+            return InputProblem(file, place, problem.value, problem.expected)
+        case UnknownParameter() | UnsuitableData():
+            place = ": ".join(word for word in (file, at) if word)
+            return type(problem)(f"{place}: {problem}") if place else problem
+        case MissingPackage():
+            return problem
+    raise problem
 
 
 def _joined(at: str, place: str) -> str:
@@ -220,6 +229,12 @@ def plain(value: Any) -> Any:
     return [plain(one) for one in value] if isinstance(value, list | tuple) else value
 
 
+def said(description: str, default: Any = ..., **more: Any) -> Any:
+    """A field: what it means, and its default, or what makes it."""
+    kind = "default_factory" if callable(default) else "default"
+    return PydanticField(**{kind: default}, description=description, **more)
+
+
 def reads(read: Callable[[Field], Any]) -> BeforeValidator:
     """A value that is read as one of a file is."""
     return BeforeValidator(lambda value: read(Field("", "", value)))
@@ -250,10 +265,10 @@ class OrObject:
 
     Attributes:
         models: the part's model.
-        read: what an object is checked and kept by.
+        read: what an object is checked and kept by; it is kept as it is without.
     """
 
-    def __init__(self, model: type[Part], read: Callable[[Field], Any]):
+    def __init__(self, model: type[Part], read: Callable[[Field], Any] | None = None):
         self.models, self.read = (model,), read
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler):
@@ -262,7 +277,11 @@ class OrObject:
         def made(value: Any, info: core_schema.ValidationInfo) -> Any:
             if isinstance(value, dict):
                 return model.model_validate(value, context=info.context)
-            return value if isinstance(value, model) else self.read(Field("", "", value))
+            if self.read is not None and not isinstance(value, model):
+                return self.read(Field("", "", value))
+            if isinstance(value, str | int | float | list | None):
+                return model.model_validate(value)
+            return value
 
         return core_schema.with_info_plain_validator_function(made)
 
@@ -278,7 +297,7 @@ def entries(kind: str, *, empty: bool = False) -> BeforeValidator:
     return reads(lambda field: listed(Field("", "", plain(field.value))))
 
 
-def distinct(values: tuple[_T, ...]) -> tuple[_T, ...]:
+def _distinct(values: tuple[_T, ...]) -> tuple[_T, ...]:
     """Refuse a list with an entry twice."""
     mistakes = Mistakes()
     for number, value in enumerate(values):
@@ -358,6 +377,13 @@ def angles(field: Field) -> np.ndarray:
     return np.array(field.numbers(allowed=RANGES["flexion_deg"]))
 
 
+#: Free coordinate -> its unit, in the order of `kneejax.geometry.FREE_COORDINATES`.
+UNITS = {"adduction": "deg", "internal_rotation": "deg", "anterior": "mm", "superior": "mm",
+         "lateral": "mm"}  # fmt: skip
+#: Signs of a left knee in axes with Z to the person's right: adduction, internal rotation and
+#: lateral shift change.
+MIRROR = (1.0, -1.0, -1.0, 1.0, 1.0, -1.0)
+Distinct = AfterValidator(_distinct)
 Text = Annotated[str, reads(Field.text)]
 Flag = Annotated[bool, reads(Field.boolean)]
 Seed = Annotated[int, whole(0)]

@@ -9,7 +9,6 @@ import dataclasses
 import math
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import Field as described
 from pydantic import model_validator
 
 from kneejax._ranges import RANGES, Range
@@ -25,6 +24,7 @@ from kneejax.studies._checked import (
     entries,
     of_parameters,
     reads,
+    said,
     whole,
 )
 
@@ -39,12 +39,16 @@ def _noise(name: str):
     return reads(lambda field: field.number(dataclasses.replace(RANGES[name], or_zero=False)))
 
 
+def _spread(field: Field, allowed: Range | None) -> float:
+    return field.number(allowed and allowed.spread)
+
+
 def _normal(field: Field, allowed: Range | None) -> tuple[float, float]:
     """Mean and standard deviation, which may be infinite."""
     mean, width = (item.value for item in field.items("numbers", 2))
-    place = Field(field.file, field.path, width)
     Field(field.file, field.path, mean).number(allowed)
-    return mean, math.inf if width == math.inf else place.number(allowed and allowed.spread)
+    place = Field(field.file, field.path, width)
+    return mean, width if width == math.inf else _spread(place, allowed)
 
 
 def _line(field: Field, allowed: Range | None) -> tuple[float, ...] | None:
@@ -60,83 +64,69 @@ def _line(field: Field, allowed: Range | None) -> tuple[float, ...] | None:
 class Identify(Options):
     """Asks what the data can tell, what they cannot, and what should be measured next."""
 
-    noise_mm: Annotated[float, _noise("noise_mm")] | None = described(
-        None, description="standard deviation of measured positions; the study's otherwise"
+    noise_mm: Annotated[float, _noise("noise_mm")] | None = said(
+        "standard deviation of measured positions; the study's otherwise", None
     )
-    noise_deg: Annotated[float, _noise("noise_deg")] | None = described(
-        None, description="standard deviation of measured rotations; the study's otherwise"
+    noise_deg: Annotated[float, _noise("noise_deg")] | None = said(
+        "standard deviation of measured rotations; the study's otherwise", None
     )
-    prior: Annotated[dict[str, tuple[float, float]], of_parameters(_normal)] = described(
-        default_factory=dict,
-        description="mean and standard deviation, which may be infinite, of a normal prior of a "
-        "parameter or wildcard, for the posterior",
-    )
-    posterior: Flag = described(False, description="sample it (packages BlackJAX and ArviZ)")
-    chains: Annotated[int, whole(1, 1000)] = described(4, description="of the posterior's samples")
-    draws: Annotated[int, whole(1, 1_000_000)] = described(
-        1000, description="of each chain, after warm-up"
-    )
-    seed: Seed = described(0, description="of the random numbers")
-    next_tests: Annotated[int, whole(1, 1000)] = described(
-        3, description="how many tests to choose"
-    )
-    criterion: Annotated[Literal["D", "A"], Choice()] = described(
-        "D",
-        description="what they make small: the volume of the confidence region (D), or the mean "
-        "squared standard error (A)",
-    )
-    candidates: tuple[Candidate, ...] | None = described(
-        None, description="tests to choose from; a usual set otherwise"
+    prior: Annotated[dict[str, tuple[float, float]], of_parameters(_normal)] = said(
+        "mean and standard deviation, which may be infinite, of a normal prior of a parameter or "
+        "wildcard, for the posterior", dict,
+    )  # fmt: skip
+    posterior: Flag = said("sample it (packages BlackJAX and ArviZ)", False)
+    chains: Annotated[int, whole(1, 1000)] = said("of the posterior's samples", 4)
+    draws: Annotated[int, whole(1, 1_000_000)] = said("of each chain, after warm-up", 1000)
+    seed: Seed = said("of the random numbers", 0)
+    next_tests: Annotated[int, whole(1, 1000)] = said("how many tests to choose", 3)
+    criterion: Annotated[Literal["D", "A"], Choice()] = said(
+        "what they make small: the volume of the confidence region (D), or the mean squared "
+        "standard error (A)", "D",
+    )  # fmt: skip
+    candidates: tuple[Candidate, ...] | None = said(
+        "tests to choose from; a usual set otherwise", None
     )
 
 
 class Map(Options):
     """Asks how the objective looks over pairs of parameters."""
 
-    pair: Annotated[tuple[tuple[Text, Text], ...], entries("pairs", empty=True)] = described(
-        (), description="two parameters, the first along x"
+    pair: Annotated[tuple[tuple[Text, Text], ...], entries("pairs", empty=True)] = said(
+        "two parameters, the first along x", ()
     )
-    all_pairs: Flag = described(False, description="every pair of the study's parameters")
-    grid: tuple[Annotated[int, whole(2, 2000)], Annotated[int, whole(2, 2000)]] = described(
-        (41, 41), description="points along x and y"
+    all_pairs: Flag = said("every pair of the study's parameters", False)
+    grid: tuple[Annotated[int, whole(2, 2000)], Annotated[int, whole(2, 2000)]] = said(
+        "points along x and y", (41, 41)
     )
-    range: Intervals = described(
-        default_factory=dict,
-        description="parameter -> lowest and highest value; the study's bounds otherwise",
+    range: Intervals = said(
+        "parameter -> lowest and highest value; the study's bounds otherwise", dict
     )
 
 
 class Sensitivity(Options):
     """Asks what each parameter does to the motion."""
 
-    sweep: Annotated[dict[str, tuple[float, ...] | None], of_parameters(_line)] = described(
-        default_factory=dict,
-        description="name or wildcard -> first and last value, and how many if not as many as "
-        "usual; all of the study's parameters otherwise",
+    sweep: Annotated[dict[str, tuple[float, ...] | None], of_parameters(_line)] = said(
+        "name or wildcard -> first and last value, and how many if not as many as usual; all of "
+        "the study's parameters otherwise", dict,
+    )  # fmt: skip
+    scale: Annotated[Literal["prior", "percent"], Choice()] = said(
+        "local derivatives per standard deviation of a prior, or per per cent", "prior"
     )
-    scale: Annotated[Literal["prior", "percent"], Choice()] = described(
-        "prior",
-        description="local derivatives per standard deviation of a prior, or per per cent",
+    prior: Annotated[dict[str, float], of_parameters(_spread)] = said(
+        "standard deviation of a parameter or wildcard; usual ones otherwise", dict
     )
-    prior: Annotated[
-        dict[str, float], of_parameters(lambda field, own: field.number(own and own.spread))
-    ] = described(
-        default_factory=dict,
-        description="standard deviation of a parameter or wildcard; usual ones otherwise",
+    indices: Annotated[Literal["sobol", "morris"], Choice()] | None = said(
+        "global indices of the motion too (package SALib)", None
     )
-    indices: Annotated[Literal["sobol", "morris"], Choice()] | None = described(
-        None, description="global indices of the motion too (package SALib)"
-    )
-    samples: Annotated[int, whole(0, 1_000_000)] | None = described(
+    samples: Annotated[int, whole(0, 1_000_000)] | None = said(
+        "points of Sobol's sequence, a power of two, or Morris trajectories; 256 or 64 otherwise",
         None,
-        description="points of Sobol's sequence, a power of two, or Morris trajectories; 256 or 64 "
-        "otherwise",
     )
-    range: Intervals = described(
-        default_factory=dict,
-        description="of a parameter, for global indices; as wide as its prior otherwise",
+    range: Intervals = said(
+        "of a parameter, for global indices; as wide as its prior otherwise", dict
     )
-    seed: Seed = described(0, description="of the random numbers")
+    seed: Seed = said("of the random numbers", 0)
 
     @model_validator(mode="after")
     def _check_used(self) -> Self:

@@ -2,150 +2,33 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
-from pydantic import AfterValidator, PlainValidator, PrivateAttr, ValidationInfo
-from pydantic import Field as described
+from pydantic import PrivateAttr
 
-from kneejax._ranges import RANGES
-from kneejax.files import bundled_knees, named_document
+from kneejax.files import InputProblem, named_document
 from kneejax.files.reading import Field
-from kneejax.studies._checked import (
-    Choice,
-    Flag,
-    Interval,
-    Intervals,
-    LoadName,
-    Mistakes,
-    OrObject,
-    Parameter,
-    Part,
-    Seed,
-    Text,
-    Values,
-    by_name,
-    distinct,
-    entries,
-    folder_of,
-    found_in,
-    plain,
-    reads,
-    whole,
-)
-from kneejax.studies._lab_tests import StudyTest
-from kneejax.studies._poses import UNITS, Measured, Synthetic, given_poses, measured_poses
-from kneejax.studies._reading import check_fields, check_with_knee, given_prior, objects_of
+from kneejax.studies._checked import UNITS, Mistakes, found_in, plain
+from kneejax.studies._reading import check_fields, objects_of
+from kneejax.studies._schema import Fault, StudyFields
 
 if TYPE_CHECKING:
-    from kneejax.experiments import MeasuredTest
     from kneejax.inference.calibration import CalibrationProblem
     from kneejax.mechanics import Knee, Load
     from kneejax.parameters import Selection
     from kneejax.statics import Status
-else:
-    Knee = MeasuredTest = Any
 
-#: Weights of squared errors per degree^2 and per mm^2 where nobody says so: those of paper 1.
-_WEIGHTS = {"deg": 8.0, "mm": 1.0}
-Procedure = Literal["I", "II", "III", "S"]
-Fault = Literal[
-    "outside_region", "overstretched", "way_flipped", "past_wrap", "wrap_inside", "unstable",
-    "dislocated",
-]  # fmt: skip
 #: What a balance may be at fault for, and a study may count as a failure.
 FAULTS = get_args(Fault)
 
 
-class StudyStage(Part):
-    """A part of the search of procedure S: what is free in it, and which data count."""
-
-    parameters: Annotated[
-        tuple[Parameter, ...], entries("names", empty=True), AfterValidator(distinct)
-    ] = described((), description="names or wildcards that are free; all if empty")
-    data: Annotated[tuple[Text, ...], entries("names", empty=True), AfterValidator(distinct)] = (
-        described((), description="`poses` and names of tests that count; all if empty")
-    )
-
-
-def _knee(value: Any, info: ValidationInfo) -> Any:
-    """A knee as it is; of a name the bundled one, or the whole path of a file."""
-    field, known = Field("", "", value), bundled_knees()
-    if value is None or isinstance(value, list | dict | float | int):
-        raise field.problem("a text, or a knee, as kneejax.load_knee gives")
-    if not isinstance(value, str):
-        return value
-    name = field.text()
-    if name in known:
-        return name
-    path = folder_of(info) / name
-    if not os.path.isfile(path):
-        expected = f"a bundled knee ({', '.join(known) or 'none'}) or a knee file; not at {path}"
-        raise field.problem(expected, known)
-    return os.path.abspath(path)  # results are read elsewhere
-
-
-def _weights(value: Any) -> dict[str, float]:
-    """Of all five coordinates; one of a coordinate counts before one of its unit."""
-    known = ("mm", "deg", *UNITS)
-    kind = f"a mapping with the fields {', '.join(known)}"
-    given = by_name(lambda f, _: f.number(RANGES["weight"]), kind, known).func(value)
-    weights = {
-        name: given.get(name, given.get(unit, _WEIGHTS[unit])) for name, unit in UNITS.items()
-    }
-    if not any(weights.values()):
-        raise Field("", "", value).problem("a weight above 0 for at least one coordinate")
-    return weights
-
-
-def _sizes(field: Field, name: str) -> list[float]:
-    many = isinstance(field.value, list)
-    return [*field.numbers(allowed=RANGES[name])] if many else [field.number(RANGES[name])]
-
-
-def _load_name(field: Field, _: Any) -> str:
-    known = get_args(LoadName)
-    if field.value not in known:
-        from kneejax.mechanics import load_called, load_opposite_to
-
-        meant = load_opposite_to(str(field.value))
-        near = f"{meant} of the opposite sign" if meant else load_called(field.value) or known
-        raise field.problem(f"one of {', '.join(known)}", near)
-    return field.value
-
-
-def _frame_offset(field: Field) -> list[Any]:
-    if isinstance(field.value, bool):
-        return [*UNITS] if field.value else []
-    if not isinstance(field.value, list | tuple):
-        raise field.problem(f"true, false, or a list of {', '.join(UNITS)}")
-    return [*field.value]
-
-
-def _offset(field: Field) -> str:
-    if field.value == "flexion":
-        raise field.problem(
-            f"one of {', '.join(UNITS)}; flexion is prescribed as it was measured, so it can have "
-            "no offset: correct the measured column instead"
-        )
-    return field.choice(UNITS)
-
-
-def _noise(name: str):
-    def read(field: Field) -> float | None:
-        noise = None if field.value is None else field.number(RANGES[name])
-        if noise == 0:
-            raise field.problem("a standard deviation above 0; leave it out to have it estimated")
-        return noise
-
-    return reads(read)
-
-
-class Study(Part):
+class Study(StudyFields):
     """What is asked of a knee and a motion: all that a study file says.
 
     Everything is checked when a study is made: names are those of the knee, numbers are in their
@@ -170,107 +53,6 @@ class Study(Part):
         ('four_ligament', (300.0, 10000.0), ())
     """
 
-    title: Text = described(description="for reports")
-    knee: Annotated[Knee, PlainValidator(_knee)] = described(
-        repr=False, description="a bundled knee or a knee file, with the values that stay fixed"
-    )
-    parameters: Annotated[
-        tuple[Parameter, ...], entries("names"), AfterValidator(distinct)
-    ] = described(description="names or wildcards of what is free")
-    measured: Annotated[np.ndarray | None, OrObject(Measured, given_poses)] = described(
-        None, description="measured poses, degrees and mm; not beside synthetic ones"
-    )
-    synthetic: Synthetic | None = described(
-        None, description="poses to be made; needed no more than measured ones where tests are"
-    )
-    tests: Annotated[
-        tuple[Annotated[MeasuredTest, OrObject(StudyTest, lambda f: f.value)], ...],
-        entries("tests", empty=True),
-    ] = described((), description="under load that were made, each by a name of its own")
-    patella: Flag | None = described(
-        None, description="whether the knee is that of three bones, where its file has one"
-    )
-    start: Values = described(
-        default_factory=dict,
-        description="name or wildcard -> value where the search begins; the knee's own otherwise",
-    )
-    bounds: Intervals = described(
-        default_factory=dict,
-        description="name, `*.quantity` or quantity -> lower and upper bound; a name counts before "
-        "a wildcard, that before a quantity, and usual bounds hold for the rest",
-    )
-    weights: Annotated[dict[str, float], PlainValidator(lambda x: _weights(plain(x)))] = described(
-        default_factory=lambda: _weights({}),
-        description="free coordinate, or `mm` or `deg` -> weight of its squared error, per mm^2 or "
-        "per degree^2; those of paper 1 otherwise",
-    )
-    prior: Annotated[dict[str, float], PlainValidator(given_prior)] = described(
-        default_factory=dict,
-        description="name, `*.quantity` or quantity -> standard deviation of a normal prior around "
-        "the start, or the prior.yaml of a cohort; needs noise_mm and noise_deg",
-    )
-    procedures: Annotated[
-        tuple[Annotated[Procedure, Choice()], ...],
-        entries("names", empty=True),
-        AfterValidator(distinct),
-    ] = described(
-        (),
-        description="the first is the answer, others are there to compare; `S` alone where there "
-        "are stages",
-    )
-    stages: Annotated[tuple[StudyStage, ...], entries("stages", empty=True)] = described(
-        (), description="of procedure S, in turn"
-    )
-    starts: Annotated[int, whole(1, 1000)] = described(
-        1,
-        description="of procedure III: the knee's own, then draws from the prior, or between the "
-        "bounds where there is none",
-    )
-    seed: Seed = described(0, description="of the further starts")
-    noise_mm: Annotated[float | None, _noise("noise_mm")] = described(
-        None,
-        description="standard deviation of measured displacements; estimated where it is not "
-        "known, while synthetic poses know their own",
-    )
-    noise_deg: Annotated[float | None, _noise("noise_deg")] = described(
-        None, description="of measured rotations; likewise"
-    )
-    frame_offset: Annotated[
-        tuple[Annotated[str, reads(_offset)], ...], reads(_frame_offset), AfterValidator(distinct)
-    ] = described(
-        (),
-        description="free coordinates whose constant offset between measured and model frames is "
-        "free too; true for all five",
-    )
-    method: Annotated[Literal["least_squares", "lbfgsb"], Choice()] = described(
-        "least_squares", description="of the search; `lbfgsb` needs jaxopt and takes long"
-    )
-    cycles: Annotated[int, whole(1, 1000)] = described(
-        1, description="how often procedures I and II may go through their two steps"
-    )
-    failures: Annotated[
-        tuple[Annotated[Fault, Choice()], ...],
-        entries("names", empty=True),
-        AfterValidator(distinct),
-    ] = described(
-        (),
-        description="statuses for which a pose counts for nothing and a command ends with exit "
-        "status 1; the package's choice if empty",
-    )
-    loads: Annotated[
-        dict[str, list[float]],
-        by_name(_sizes, f"a mapping from one of {', '.join(get_args(LoadName))} to its sizes",
-                _load_name),
-    ] = described(
-        default_factory=dict,
-        description="load -> its size at each pose, or one for all, in the unit of its name",
-    )  # fmt: skip
-    flexion_limits_deg: Interval | None = described(
-        None, alias="flexion_deg", description="between which measured poses count"
-    )
-    set: Values = described(
-        default_factory=dict, description="parameter -> value of the knee that stays fixed"
-    )
     #: What a file says of what is kept as objects, and where it stands.
     _origin: dict[str, Any] = PrivateAttr(default_factory=dict)
     _file: str = PrivateAttr("study")
@@ -299,7 +81,7 @@ class Study(Part):
             mistakes.keep(problem)
         mistakes.check()
         self._origin, self._file = {**(origin or {}), **said}, mistakes.file
-        check_with_knee(self, mistakes)
+        _check_with_knee(self, mistakes)
         mistakes.check()
 
     def replace(self, **changes: Any) -> Study:
@@ -380,6 +162,26 @@ class Study(Part):
         """Name or file of the knee, as the study states it."""
         return str(self._origin.get("knee", self.knee.name))
 
+    def poses(self) -> np.ndarray:
+        """The poses that the knee is compared with; synthetic ones take a motion of the knee.
+
+        Returns:
+            Shape `(n, 6)` in the order of `kneejax.geometry.COLUMNS`, degrees and mm; no row where
+            a study has only tests.
+
+        Raises:
+            UnsuitableData: the knee that should make the data does not balance.
+        """
+        made = self.synthetic
+        if made is None:
+            return np.empty((0, 6)) if self.measured is None else self.measured
+        from kneejax.inference import synthetic_motion
+
+        return synthetic_motion(
+            self.knee, made.parameters, made.flexion_deg, noise_mm=made.noise_mm,
+            noise_deg=made.noise_deg, loads=self.acting, seed=made.seed,
+        )  # fmt: skip
+
     def problem(self, *, nameless: bool = False) -> CalibrationProblem:
         """The study as arrays: what `kneejax.calibrate` solves; synthetic poses take a motion.
 
@@ -391,9 +193,6 @@ class Study(Part):
             UnsuitableData: the knee that should make the data does not balance, or data that tell
                 nothing of what is free.
         """
-        import dataclasses
-
-        from kneejax.inference import Stage
         from kneejax.inference.calibration import CalibrationProblem
         from kneejax.inference.intervals import stated_noise
         from kneejax.parameters import select
@@ -404,7 +203,7 @@ class Study(Part):
         return CalibrationProblem.of(
             knee,
             select(knee, self.parameters),
-            measured_poses(self),
+            self.poses(),
             bounds=self.bounds,
             weights=self.weight_vector,
             stated=stated_noise(*self.noise),
@@ -413,7 +212,7 @@ class Study(Part):
             tests=self.tests,
             prior=self.prior,
             procedures=self.procedures,
-            stages=tuple(Stage(one.parameters, one.data) for one in self.stages),
+            stages=self.stages,
             starts=self.starts,
             seed=self.seed,
             method=self.method,
@@ -433,6 +232,80 @@ class Study(Part):
             "noise_mm": mm, "noise_deg": deg, "knee": self.knee_name,
             "path": os.path.abspath(self.file) if os.path.isfile(self.file) else self.file,
         }  # fmt: skip
+
+
+def _check_tests(study: Study, mistakes: Mistakes) -> None:
+    """Of tests no two have one name, and none is better known than the poses can say."""
+    from kneejax.inference.fit import check_readable
+    from kneejax.parameters import cut
+
+    stated = {"mm": study.noise_mm, "deg": study.noise_deg}
+    for number, test in enumerate(study.tests):
+        place = f"tests[{number}]"
+        with mistakes.gathered(place):
+            cut(study.knee, test.cut)
+            check_readable(study.knee, test.readings)
+            if test.name in [one.name for one in study.tests[:number]]:
+                raise InputProblem("", "name", test.name, "every name once")
+            for unit, noise in stated.items():
+                if test.readings and noise is None:
+                    expected = f"noise_{unit} of the study too, against which it counts"
+                    raise InputProblem("", "", next(iter(test.readings)), expected)
+                if (sd := getattr(test, f"sd_{unit}")) is None:
+                    continue
+                if not (np.isfinite(sd) and sd > 0):
+                    expected = "a standard deviation above 0"
+                    raise InputProblem("", f"sd_{unit}", sd, expected)
+                if noise is None and study.synthetic is None:
+                    expected = f"noise_{unit} of the study too, against which tests are weighed"
+                    raise InputProblem("", f"sd_{unit}", sd, expected)
+
+
+def _check_with_knee(study: Study, mistakes: Mistakes) -> None:
+    """Names, bounds and data that must suit the knee."""
+    from kneejax.numerics import check_installed
+    from kneejax.parameters import (
+        QUANTITIES,
+        doubt_prior,
+        select,
+        start_within,
+        stated,
+        stated_bounds,
+        with_values,
+    )
+
+    for name, sizes in study.loads.items():
+        if len(sizes) not in (1, len(study.flexion_deg)):
+            expected = f"one for all poses, or {len(study.flexion_deg)}, one for each"
+            mistakes.keep(InputProblem("", f"loads.{name}", f"{len(sizes)} sizes", expected))
+    _check_tests(study, mistakes)
+    if study.prior and None in study.noise:
+        expected = "noise_mm and noise_deg too, against which a prior counts"
+        mistakes.keep(InputProblem("", "prior", ", ".join(study.prior), expected))
+    bounded = [name for name in study.bounds if name not in QUANTITIES]
+    for name in dict.fromkeys((*study.parameters, *study.truth, *study.start, *bounded)):
+        with mistakes.gathered():
+            select(study.knee, [name])
+    mistakes.check()
+    with mistakes.gathered():
+        # Of these, too, a value may lead to a knee that there is not.
+        with_values(study.knee, study.truth)
+    with mistakes.gathered():
+        knee, selection = study.knee_at_start, study.selection
+        start_within(knee, selection, *stated_bounds(knee, selection, study.bounds))
+        deviations = stated(selection, study.prior, "prior")
+        for name, sd in zip(selection.names, deviations, strict=True):
+            if sd is not None:
+                doubt_prior(knee, name, sd)
+        for number, stage in enumerate(study.stages):
+            for name in stage.parameters:
+                alone = dataclasses.replace(stage, parameters=(name,))
+                if not any(map(alone.frees, selection.names)):
+                    place, expected = f"stages[{number}].parameters", "of the parameters that"
+                    raise InputProblem("", place, name, f"{expected} the study frees")
+    with mistakes.gathered():
+        if study.method == "lbfgsb":
+            check_installed("jaxopt", "lbfgsb")
 
 
 #: Names that a study file may hold.

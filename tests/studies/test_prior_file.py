@@ -74,5 +74,5 @@ def test_kept_parts_of_maps_are_of_one_meaning(study, monkeypatch):
     question = Map(pair=(("ACL.stiffness", "ACL.reference_strain"),))
     read = study()
     now = fingerprint(read, question)
-    monkeypatch.setattr("kneejax.studies._answers.MEANING", {})
+    monkeypatch.setattr("kneejax.studies._maps.MEANING", {})
     assert now != fingerprint(read, question)

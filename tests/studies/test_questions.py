@@ -17,7 +17,7 @@ from kneejax.inference.fit import DEFAULT_WEIGHTS
 from kneejax.mechanics import AXES, NAMED_LOADS
 from kneejax.numerics import MissingPackage
 from kneejax.parameters import UnknownParameter, UnsuitableData
-from kneejax.studies import _checked, _lab_tests, _poses, _reading, _study
+from kneejax.studies import _checked, _lab_tests, _reading, _schema
 
 
 @pytest.fixture(scope="module")
@@ -147,14 +147,14 @@ def test_a_question_and_the_function_that_answers_it_have_the_same_defaults(
 def test_names_that_are_known_without_jax_are_those_of_what_computes():
     names = {name: field.annotation for name, field in kj.Study.model_fields.items()}
     assert get_args(names["method"]) == tuple(calibration.METHODS)
-    assert get_args(_study.Procedure) == tuple(calibration.PROCEDURES)
+    assert get_args(_schema.Procedure) == tuple(calibration.PROCEDURES)
     assert kj.Study.model_fields["cycles"].default == USUAL_CYCLES
     assert get_args(_lab_tests.CountedFrom) == tuple(COUNTED_FROM)
     assert {*get_args(_lab_tests.Axes)} == {*AXES}
     assert {*get_args(_checked.LoadName)} == {*NAMED_LOADS}
-    assert get_args(_poses.Measured.model_fields["convention"].annotation) == tuple(CONVENTIONS)
-    assert tuple(_poses.UNITS) == FREE_COORDINATES
-    assert _lab_tests._COORDINATES == (
+    assert get_args(_schema.Measured.model_fields["convention"].annotation) == tuple(CONVENTIONS)
+    assert tuple(_checked.UNITS) == FREE_COORDINATES
+    assert _lab_tests.COORDINATES == (
         *FREE_COORDINATES, *(one.name for one in OTHER_COLUMNS.values())
     )  # fmt: skip
     weights = kj.Study.model_fields["weights"].get_default(call_default_factory=True)
