@@ -182,7 +182,7 @@ def _mistakes(error: ValidationError, model: type[BaseModel]) -> list[ValueError
             case "extra_forbidden":
                 continue
             case "value_error":
-                found.keep(one["ctx"]["error"], place)
+                found.keep(one.get("ctx", {})["error"], place)
             case "missing" if one["loc"] in misspelt:
                 continue
             case "missing":
@@ -307,12 +307,12 @@ def _distinct(values: tuple[_T, ...]) -> tuple[_T, ...]:
     return values
 
 
-def by_name(
+def mapping_of(
     read: Callable[[Field, str], Any],
     kind: str,
     names: Sequence[str] | Callable[[Field, Any], str] | None = None,
-) -> PlainValidator:
-    """A mapping whose values are read with the names under which they stand.
+) -> Callable[[Any], dict[str, Any]]:
+    """A reader of a mapping whose values are read with the names under which they stand.
 
     Args:
         read: takes a value and its name.
@@ -328,6 +328,7 @@ def by_name(
         return name
 
     def found(value: Any) -> dict[str, Any]:
+        value = plain(value)
         if not isinstance(value, dict):
             raise Field("", "", value).problem(kind)
         mistakes, values = Mistakes(), {}
@@ -338,12 +339,12 @@ def by_name(
         mistakes.check()
         return values
 
-    return PlainValidator(lambda value: found(plain(value)))
+    return found
 
 
-def of_parameters(read: Callable[[Field, Range | None], Any]) -> PlainValidator:
-    """A mapping from names or wildcards of parameters to what is said of them."""
-    return by_name(
+def by_parameter(read: Callable[[Field, Range | None], Any]) -> Callable[[Any], dict[str, Any]]:
+    """A reader of a mapping from names or wildcards of parameters to what is said of them."""
+    return mapping_of(
         lambda field, name: read(field, range_of_parameter(name)),
         "a mapping from a parameter to its value",
         parameter_name,
@@ -389,10 +390,11 @@ Flag = Annotated[bool, reads(Field.boolean)]
 Seed = Annotated[int, whole(0)]
 Parameter = Annotated[str, reads(parameter_name)]
 Angles = Annotated[np.ndarray, reads(lambda f: angles(Field("", "", plain(f.value))))]
-Values = Annotated[dict[str, float], of_parameters(Field.number)]
-Deviations = Annotated[dict[str, float], of_parameters(deviation)]
+Values = Annotated[dict[str, float], PlainValidator(by_parameter(Field.number))]
 Interval = Annotated[tuple[float, float], reads(Field.interval)]
-Intervals = Annotated[dict[str, tuple[float, float]], of_parameters(Field.interval)]
+Intervals = Annotated[
+    dict[str, tuple[float, float]], PlainValidator(by_parameter(Field.interval))
+]
 Convention = Annotated[
     Literal["femoral", "grood-suntay", "tibial", "femur-in-tibia"], Choice()
 ]
@@ -401,8 +403,8 @@ LoadName = Literal["lateral_N", "anterior_N", "compression_N", "varus_Nm", "inte
 
 def parameter_values(field: Field) -> dict[str, float]:
     """Values by name or wildcard, each one that such a parameter can have."""
-    mistakes = Mistakes(field.file)
+    found, mistakes = {}, Mistakes(field.file)
     with mistakes.gathered(field.path):
-        return of_parameters(Field.number).func(field.value)
+        found = by_parameter(Field.number)(field.value)
     mistakes.check()
-    raise AssertionError
+    return found

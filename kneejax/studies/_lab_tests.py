@@ -19,9 +19,9 @@ from kneejax.studies._checked import (
     LoadName,
     Part,
     Text,
-    by_name,
     entries,
     folder_of,
+    mapping_of,
     reads,
     said,
     whole,
@@ -38,14 +38,14 @@ CountedFrom = Literal[
     "extension",
 ]  # fmt: skip
 Axes = Literal["femur", "tibia", "grood_suntay"]
-_Loads = by_name(
+_loads = mapping_of(
     lambda field, name: field.number(RANGES[name]),
     f"a mapping with the fields {', '.join(get_args(LoadName))}",
     get_args(LoadName),
 )
 
 
-_Columns = by_name(lambda f, _: f.text(), "a mapping from a name to a column of the file")
+_columns = mapping_of(lambda f, _: f.text(), "a mapping from a name to a column of the file")
 
 
 class InTime(Part):
@@ -118,7 +118,9 @@ class StudyTest(Part):
         "CSV table, relative to the study's folder, or a published test"
     )
     source: Any = said("who measured it", None)
-    columns: Annotated[dict[str, str], _Columns] = said("name -> column, perhaps scaled", dict)
+    columns: Annotated[dict[str, str], PlainValidator(_columns)] = said(
+        "name -> column, perhaps scaled", dict
+    )
     ignore: Annotated[tuple[Text, ...], entries("columns")] = said("columns left out", ())
     convention: Convention = said("what coordinates mean", "grood-suntay")
     mirror: Flag = said("whether a left knee was measured in axes with Z to the right", False)
@@ -132,7 +134,9 @@ class StudyTest(Part):
     counted_from: Annotated[CountedFrom, Choice()] | None = said(
         "what numbers are counted from; as a published test says, or `unloaded`", None
     )
-    loads: Annotated[dict[str, float], _Loads] = said("load -> size that acted throughout", dict)
+    loads: Annotated[dict[str, float], PlainValidator(_loads)] = said(
+        "load -> size that acted throughout", dict
+    )
     load: Any = said("load -> size of a published laxity whose load is not known", None)
     point_mm: Annotated[
         tuple[float, float, float], reads(lambda f: f.numbers(3, RANGES["point_mm"]))

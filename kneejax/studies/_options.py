@@ -9,7 +9,7 @@ import dataclasses
 import math
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import model_validator
+from pydantic import PlainValidator, model_validator
 
 from kneejax._ranges import RANGES, Range
 from kneejax.files import InputProblem
@@ -21,8 +21,8 @@ from kneejax.studies._checked import (
     Options,
     Seed,
     Text,
+    by_parameter,
     entries,
-    of_parameters,
     reads,
     said,
     whole,
@@ -70,7 +70,7 @@ class Identify(Options):
     noise_deg: Annotated[float, _noise("noise_deg")] | None = said(
         "standard deviation of measured rotations; the study's otherwise", None
     )
-    prior: Annotated[dict[str, tuple[float, float]], of_parameters(_normal)] = said(
+    prior: Annotated[dict[str, tuple[float, float]], PlainValidator(by_parameter(_normal))] = said(
         "mean and standard deviation, which may be infinite, of a normal prior of a parameter or "
         "wildcard, for the posterior", dict,
     )  # fmt: skip
@@ -106,14 +106,16 @@ class Map(Options):
 class Sensitivity(Options):
     """Asks what each parameter does to the motion."""
 
-    sweep: Annotated[dict[str, tuple[float, ...] | None], of_parameters(_line)] = said(
+    sweep: Annotated[
+        dict[str, tuple[float, ...] | None], PlainValidator(by_parameter(_line))
+    ] = said(
         "name or wildcard -> first and last value, and how many if not as many as usual; all of "
         "the study's parameters otherwise", dict,
     )  # fmt: skip
     scale: Annotated[Literal["prior", "percent"], Choice()] = said(
         "local derivatives per standard deviation of a prior, or per per cent", "prior"
     )
-    prior: Annotated[dict[str, float], of_parameters(_spread)] = said(
+    prior: Annotated[dict[str, float], PlainValidator(by_parameter(_spread))] = said(
         "standard deviation of a parameter or wildcard; usual ones otherwise", dict
     )
     indices: Annotated[Literal["sobol", "morris"], Choice()] | None = said(

@@ -10,7 +10,7 @@ import numpy as np
 
 from kneejax.files import InputProblem
 from kneejax.files.reading import Field, load_yaml
-from kneejax.studies._checked import MIRROR, Mistakes, deviation, of_parameters
+from kneejax.studies._checked import MIRROR, Mistakes, by_parameter, deviation
 from kneejax.studies._lab_tests import StudyTest, older_name
 from kneejax.studies._schema import Measured, StudyFields, StudyStage
 from kneejax.studies._test_tables import measured_test_of
@@ -143,9 +143,9 @@ def _prior_of_cohort(study: StudyFields, knee: Knee) -> dict[str, Any]:
         file[mark].choice((meaning,))
     said = Mistakes(path)
     with said.gathered("start"):
-        means = of_parameters(Field.number).func(file["start"].value)
+        means = by_parameter(Field.number)(file["start"].value)
     with said.gathered("prior"):
-        deviations = of_parameters(deviation).func(file["prior"].value)
+        deviations = by_parameter(deviation)(file["prior"].value)
     said.check()
     free = select(knee, study.parameters).names
     for name, value in study.start.items():

@@ -27,12 +27,11 @@ from kneejax.studies._checked import (
     Seed,
     Text,
     Values,
-    by_name,
+    by_parameter,
     deviation,
     entries,
     folder_of,
-    of_parameters,
-    plain,
+    mapping_of,
     reads,
     said,
     whole,
@@ -113,7 +112,7 @@ def _weights(value: Any) -> dict[str, float]:
     """Of all five coordinates; one of a coordinate counts before one of its unit."""
     known = ("mm", "deg", *UNITS)
     kind = f"a mapping with the fields {', '.join(known)}"
-    given = by_name(lambda f, _: f.number(RANGES["weight"]), kind, known).func(value)
+    given = mapping_of(lambda f, _: f.number(RANGES["weight"]), kind, known)(value)
     weights = {
         name: given.get(name, given.get(unit, _WEIGHTS[unit])) for name, unit in UNITS.items()
     }
@@ -125,7 +124,7 @@ def _weights(value: Any) -> dict[str, float]:
 def _prior(value: Any, info: ValidationInfo) -> Any:
     """Standard deviations by name; of a text the whole path of the file that has them."""
     if not isinstance(value, str):
-        return of_parameters(deviation).func(value)
+        return by_parameter(deviation)(value)
     path = folder_of(info) / value.strip()
     if not os.path.isfile(path):
         expected = f"a mapping, or the prior.yaml of a cohort; not at {path}"
@@ -173,10 +172,10 @@ def _offset(field: Field) -> str:
     return field.choice(UNITS)
 
 
-_Columns = by_name(
+_columns = mapping_of(
     lambda field, _: field.text(), f"a mapping with the fields {', '.join(_COLUMNS)}", _COLUMNS
 )
-_Loads = by_name(
+_loads = mapping_of(
     _sizes, f"a mapping from one of {', '.join(get_args(LoadName))} to its sizes", _load_name
 )
 
@@ -189,7 +188,7 @@ class Measured(Part):
     )
     source: Text = said("who measured it")
     convention: Convention = said("what its coordinates mean", "femoral")
-    columns: Annotated[dict[str, str], _Columns] = said(
+    columns: Annotated[dict[str, str], PlainValidator(_columns)] = said(
         "column of a pose -> what the table calls it", dict
     )
     mirror: Flag = said("whether a left knee was measured in axes with Z to the right", False)
@@ -243,7 +242,7 @@ class StudyFields(Part):
         "name, `*.quantity` or quantity -> lower and upper bound; a name counts before a wildcard, "
         "that before a quantity, and usual bounds hold for the rest", dict,
     )  # fmt: skip
-    weights: Annotated[dict[str, float], PlainValidator(lambda x: _weights(plain(x)))] = said(
+    weights: Annotated[dict[str, float], PlainValidator(_weights)] = said(
         "free coordinate, or `mm` or `deg` -> weight of its squared error, per mm^2 or per "
         "degree^2; those of paper 1 otherwise", lambda: _weights({}),
     )  # fmt: skip
@@ -290,7 +289,7 @@ class StudyFields(Part):
         "statuses for which a pose counts for nothing and a command ends with exit status 1; the "
         "package's choice if empty", (),
     )  # fmt: skip
-    loads: Annotated[dict[str, list[float]], _Loads] = said(
+    loads: Annotated[dict[str, list[float]], PlainValidator(_loads)] = said(
         "load -> its size at each pose, or one for all, in the unit of its name", dict
     )
     flexion_limits_deg: Interval | None = said(
