@@ -6,12 +6,11 @@ from kneejax._lazy import lazy_names
 
 #: Module -> its public names: what may be asked, with its defaults, is known without JAX.
 _NAMES = {
-    "_acl_plan": ("plan_of", "read_plan"),
+    "_acl_plan": ("drawn_parameters", "plan_of", "read_plan"),
     "_answers": (
         "Identified", "Sensitivities", "bootstrapped", "calibrate", "check", "identify", "run",
         "run_side_by_side", "sensitivity",
     ),
-    "_drawn_knees": ("drawn_parameters",),
     "_maps": ("about_maps", "fingerprint", "sensitivity_map"),
     "_options": ("Identify", "Map", "Sensitivity"),
     "_schema": ("Measured", "Synthetic"),
@@ -20,6 +19,7 @@ _NAMES = {
 _MODULES = {name: f"{__name__}.{module}" for module, names in _NAMES.items() for name in names}
 
 if TYPE_CHECKING:
+    from kneejax.studies._acl_plan import drawn_parameters as drawn_parameters
     from kneejax.studies._acl_plan import plan_of as plan_of
     from kneejax.studies._acl_plan import read_plan as read_plan
     from kneejax.studies._answers import Identified as Identified
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from kneejax.studies._answers import run as run
     from kneejax.studies._answers import run_side_by_side as run_side_by_side
     from kneejax.studies._answers import sensitivity as sensitivity
-    from kneejax.studies._drawn_knees import drawn_parameters as drawn_parameters
     from kneejax.studies._maps import about_maps as about_maps
     from kneejax.studies._maps import fingerprint as fingerprint
     from kneejax.studies._maps import sensitivity_map as sensitivity_map

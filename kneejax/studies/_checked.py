@@ -57,9 +57,7 @@ class Options(Part):
 
     def __init__(self, **fields: Any):
         """Check all fields."""
-        mistakes = Mistakes()
-        mistakes += found_in(self, plain(fields))
-        if mistakes:
+        if mistakes := found_in(self, plain(fields)):
             raise together([_of_option(one) for one in mistakes])
 
 
@@ -154,9 +152,7 @@ def _joined(at: str, place: str) -> str:
 def found_in(model: BaseModel, fields: Any, context: Any = None) -> list[ValueError]:
     """Fill a model that was made empty; the mistakes in its fields, at their places."""
     try:
-        model.__pydantic_validator__.validate_python(
-            fields, self_instance=model, context=context
-        )
+        model.__pydantic_validator__.validate_python(fields, self_instance=model, context=context)
     except ValidationError as error:
         return _mistakes(error, type(model))
     return []
@@ -399,12 +395,3 @@ Convention = Annotated[
     Literal["femoral", "grood-suntay", "tibial", "femur-in-tibia"], Choice()
 ]
 LoadName = Literal["lateral_N", "anterior_N", "compression_N", "varus_Nm", "internal_Nm"]
-
-
-def parameter_values(field: Field) -> dict[str, float]:
-    """Values by name or wildcard, each one that such a parameter can have."""
-    found, mistakes = {}, Mistakes(field.file)
-    with mistakes.gathered(field.path):
-        found = by_parameter(Field.number)(field.value)
-    mistakes.check()
-    return found

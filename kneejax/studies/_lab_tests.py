@@ -1,10 +1,12 @@
-"""Tests under load of a study: what may be said of one."""
+"""Tests under load of a study: what may be said of one, and what published ones say."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
+import numpy as np
 from pydantic import BeforeValidator, PlainValidator, ValidationInfo, model_validator
 
 from kneejax._ranges import RANGES
@@ -29,7 +31,7 @@ from kneejax.studies._checked import (
 )
 
 if TYPE_CHECKING:
-    from kneejax.files import Measurement
+    from kneejax.files import LabTable, LaxityBand, Measurement
 
 PATELLA = ("flexion", "rotation", "tilt", "anterior", "superior", "lateral")
 COORDINATES = (*UNITS, *(f"patella_{name}" for name in PATELLA))
@@ -170,3 +172,64 @@ class StudyTest(Part):
         value = getattr(self, field) if value is None else value
         value = os.path.basename(value) if field == "file" else value
         return InputProblem("", f".{field}", value, expected)
+
+
+def published_laxity(test: StudyTest, bands: Sequence[LaxityBand]) -> tuple[LabTable, str | None]:
+    """The rows of a published laxity, of knees with those ligaments cut that the test had cut.
+
+    Args:
+        test: of the test; where the load is not known, with it as `load: {internal_Nm: 5}`.
+        bands: of the laxity.
+
+    Raises:
+        InputProblem: it is no test of one knee, or its load is not known and not stated.
+    """
+    from kneejax.files import LabTable
+    from kneejax.mechanics import load_called
+
+    name = bands[0].name
+    if bands[0].end == "range_increase":
+        raise test.wrong("file", f"a test of one knee; not {name}, a difference that cutting makes")
+    own = [band for band in bands if {*band.cut} == {*test.cut}]
+    if not own:
+        known = sorted({" and ".join(band.cut) or "nothing" for band in bands})
+        value = test.cut[0] if len(test.cut) == 1 else None
+        expected = f"{name} with {' or '.join(known)} cut, as it was measured"
+        raise test.wrong("cut" if test.cut else "file", expected, value)
+    load, size = own[0].load, _size(test, own[0])
+    (column,) = [k for k, coordinate in enumerate(UNITS) if load_called(coordinate) == load]
+    rows = []  # flexion, load, reading
+    for band in own:
+        sense = -1.0 if band.end == "negative" else 1.0
+        rows += [(x, sense * size, y) for x, y in zip(band.flexion_deg, band.mean, strict=True)]
+        if band.end == "range":
+            rows += [(x, -size, 0.0) for x in band.flexion_deg]
+    flexion, sizes, read = np.array(rows).T
+    observed = np.full((len(rows), len(UNITS)), np.nan)
+    observed[:, column] = read
+    ranges = any(band.end == "range" for band in own)
+    if ranges and test.counted_from:
+        expected = f"this field left out: {name} is of ranges between opposite loads"
+        raise test.wrong("counted_from", expected)
+    counted = "opposite" if ranges else own[0].counted_from
+    return LabTable(flexion, {load: sizes}, observed), counted
+
+
+def _size(test: StudyTest, band: LaxityBand) -> float:
+    """The load of a table, as published or as the study states it."""
+    unknown, load = np.isnan(band.size), band.load
+    if "load" not in test.model_fields_set:
+        if unknown:
+            raise test.wrong(
+                "file",
+                f"load: {{{load}: ...}} beside it, since the load of {band.name} is not known",
+            )
+        return band.size
+    if not unknown:
+        expected = f"this field left out: {band.name} was measured under {load} {band.size:g}"
+        raise test.wrong("load", expected)
+    given = Field("", "load", test.load).mapping((load,))[load]
+    size = given.number(RANGES[load])
+    if not size > 0:
+        raise given.problem("the size of the load, above 0")
+    return size

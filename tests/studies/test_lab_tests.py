@@ -19,8 +19,7 @@ from kneejax.geometry import CLINICAL, FREE_COORDINATES, convert_table
 from kneejax.inference.fit import observations
 from kneejax.parameters import UnsuitableData
 from kneejax.studies import Identify, Sensitivity, check
-from kneejax.studies._lab_tests import StudyTest
-from kneejax.studies._test_tables import published_laxity
+from kneejax.studies._lab_tests import StudyTest, published_laxity
 
 ANTERIOR = FREE_COORDINATES.index("anterior")
 

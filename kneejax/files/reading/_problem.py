@@ -70,19 +70,19 @@ class InputProblem(ValueError):
 
 
 class InputProblems(InputProblem):
-    """Several mistakes of one input, a line each; its attributes are those of the first.
+    """Several mistakes of one input, a line each.
 
     Attributes:
-        problems: every mistake, at least one of them an `InputProblem`.
+        problems: every mistake; the attributes of the whole are those of the first `InputProblem`.
     """
 
     def __init__(self, problems: Sequence[ValueError]):
         """Keep the mistakes in their order."""
         self.problems = tuple(problems)
         ValueError.__init__(self, "\n".join(map(str, problems)))
-        first = next(one for one in problems if isinstance(one, InputProblem))
+        first = next((one for one in problems if isinstance(one, InputProblem)), None)
         for name in ("file", "field", "value", "expected", "nearest"):
-            setattr(self, name, getattr(first, name))
+            setattr(self, name, getattr(first, name, ""))
 
     def __reduce__(self):
         return type(self), (self.problems,)
