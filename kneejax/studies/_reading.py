@@ -83,7 +83,10 @@ def objects_of(
         said["knee"] = knee
         with mistakes.gathered():
             knee = load_knee(knee, patella=bool(study.patella))
-    said |= {"measured": None, "flexion_deg": study.flexion_limits_deg, "overrides": study.set}
+    if study.flexion_limits_deg:
+        said["flexion_deg"] = study.flexion_limits_deg
+    if study.set:
+        said["overrides"] = study.set
     if isinstance(study.measured, Measured):
         said["measured"] = study.measured.model_dump()
         with mistakes.gathered():

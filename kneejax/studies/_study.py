@@ -87,7 +87,8 @@ class Study(StudyFields):
     def replace(self, **changes: Any) -> Study:
         """The same study with other values, checked anew."""
         other = Study.__new__(Study)
-        other._fill(self.given() | changes, Mistakes(self.file), origin=self._origin)
+        origin = {name: said for name, said in self._origin.items() if name not in changes}
+        other._fill(self.given() | changes, Mistakes(self.file), origin=origin)
         return other
 
     @property
