@@ -34,7 +34,7 @@ def run(arguments: argparse.Namespace) -> int:
     # XLA compiles without holding Python: what comes last is imported beside the search.
     threading.Thread(target=importlib.import_module, args=("kneejax.report",)).start()
     with stages_on_terminal("calibration") as progress:
-        result = studies.run(study, progress=progress)
+        result = studies.calibrate(study, progress=progress)
     seconds = {"imports": arguments.imports_s, "reading": reading, **result.seconds}
     result = dataclasses.replace(result, seconds=adding_up(seconds))
     answer, missing = write_results(result, arguments.out, svg=arguments.svg)

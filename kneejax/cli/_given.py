@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import dataclasses
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
@@ -139,12 +138,12 @@ def read_numbers(
 
 
 @contextlib.contextmanager
-def said_of_options(question: Identify | Map | Sensitivity) -> Iterator[None]:
-    """Let what is wrong with a question name the option where it was asked."""
+def said_of_options(asked: type[Identify | Map | Sensitivity]) -> Iterator[None]:
+    """Let what is wrong with options name the option where it was asked."""
     try:
         yield
     except InputProblem as problem:
-        if problem.file not in {field.name for field in dataclasses.fields(question)}:
+        if problem.file not in asked.model_fields:
             raise
         option = {"indices": "--global"}.get(problem.file, "--" + problem.file.replace("_", "-"))
         raise InputProblem(

@@ -18,10 +18,11 @@ from kneejax.studies import Identify
 
 def run(arguments: argparse.Namespace) -> int:
     """Say what the data of a study determine; write the answer."""
-    question = _question(arguments)
+    with said_of_options(Identify):
+        question = _question(arguments)
     study = studies.read_study(arguments.study)
-    with said_of_options(question), stages_on_terminal("what the data tell"):
-        found = studies.run(study, question)
+    with said_of_options(Identify), stages_on_terminal("what the data tell"):
+        found = studies.identify(study, question)
     from kneejax.report import identification_answer
 
     options = {"command": arguments.command, "out": arguments.out, **options_of(arguments)}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import importlib.metadata
 import json
 import re
@@ -34,10 +33,14 @@ def run(arguments: argparse.Namespace) -> int:
         # Better known before the work than after it.
         check_installed(package, "maps")
     ranges = read_numbers("--range", read_texts("--range", arguments.ranges), "NAME=LOW:HIGH", (2,))
-    question = studies.Map(arguments.pair, arguments.all_pairs, _grid(arguments.grid), ranges)
+    with said_of_options(studies.Map):
+        question = studies.Map(
+            pair=arguments.pair, all_pairs=arguments.all_pairs, grid=_grid(arguments.grid),
+            range=ranges,
+        )  # fmt: skip
     arguments.results.check_free("maps.csv", "result.json", "map.nc")
     study, begun = _study(arguments.study)
-    with said_of_options(question):
+    with said_of_options(studies.Map):
         studies.check(study, question)
     about = studies.about_maps(study, question)
     store = Checkpoints(
@@ -45,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
         begin=lambda: arguments.results.begin(lambda _: False),
     )  # fmt: skip
     with stages_on_terminal() as progress:
-        maps = studies.run(study, question, progress=progress, store=store)
+        maps = studies.sensitivity_map(study, question, progress=progress, store=store)
     if store.resumed:
         print(f"{store.resumed} finished parts were found in {arguments.out}, and used")
     arguments.results.holds = [CLAIM]
@@ -76,7 +79,7 @@ def _study(name_or_path: str) -> tuple[studies.Study, str]:
         raise path.problem("the file of its study, which must be there still")
     study = studies.read_study(path.text())
     fitted = found.of_structures(study.knee).found
-    return dataclasses.replace(study, start=fitted), "fit"
+    return study.replace(start=fitted), "fit"
 
 
 def _grid(text: str) -> tuple[int, int]:

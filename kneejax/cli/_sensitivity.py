@@ -17,10 +17,11 @@ def run(arguments: argparse.Namespace) -> int:
         from kneejax.cli import _sensitivity_knees
 
         return _sensitivity_knees.run(arguments)
-    question = _question(arguments)
+    with said_of_options(Sensitivity):
+        question = _question(arguments)
     study = studies.read_study(arguments.study)
-    with said_of_options(question), stages_on_terminal() as progress:
-        found = studies.run(study, question, progress=progress)
+    with said_of_options(Sensitivity), stages_on_terminal() as progress:
+        found = studies.sensitivity(study, question, progress=progress)
     from kneejax.report.sensitivity import sensitivity_answer
 
     names = {"sweep": "sweep", "scale": "scale", "prior": "prior", "global": "indices",

@@ -27,7 +27,7 @@ def add_map(commands) -> None:
     command.add_argument(
         "--all-pairs", action="store_true", help="every pair of the study's parameters"
     )
-    command.add_argument("--grid", default=f"{Map.grid[0]}", help="points a side, or as in 41x61")
+    command.add_argument("--grid", default=f"{Map().grid[0]}", help="points a side, or as in 41x61")
     add_repeated(
         command,
         "--range",
@@ -58,7 +58,7 @@ def add_sensitivity(commands) -> None:
     command.add_argument(
         "--scale",
         choices=["prior", "percent"],
-        default=Sensitivity.scale,
+        default=Sensitivity().scale,
         help="local derivatives per standard deviation of a prior, or per per cent",
     )
     add_repeated(
@@ -94,7 +94,7 @@ def add_sensitivity(commands) -> None:
         f"{KNEE}",
     )
     command.add_argument(
-        "--seed", type=int, default=Sensitivity.seed, help="of the random numbers"
+        "--seed", type=int, default=Sensitivity().seed, help="of the random numbers"
     )
     add_out(command, "kneejax-sensitivity")
     add_svg(command)
@@ -122,23 +122,23 @@ def add_identify(commands) -> None:
         "--posterior", action="store_true", help="sample it (packages BlackJAX and ArviZ)"
     )
     command.add_argument(
-        "--chains", type=int, default=Identify.chains, help="of the posterior's samples"
+        "--chains", type=int, default=Identify().chains, help="of the posterior's samples"
     )
     command.add_argument(
-        "--draws", type=int, default=Identify.draws, help="of each chain, after warm-up"
+        "--draws", type=int, default=Identify().draws, help="of each chain, after warm-up"
     )
-    command.add_argument("--seed", type=int, default=Identify.seed, help="of the random numbers")
+    command.add_argument("--seed", type=int, default=Identify().seed, help="of the random numbers")
     command.add_argument(
         "--next-tests",
         type=int,
-        default=Identify.next_tests,
+        default=Identify().next_tests,
         metavar="K",
         help="how many tests to choose",
     )
     command.add_argument(
         "--criterion",
         choices=["D", "A"],
-        default=Identify.criterion,
+        default=Identify().criterion,
         help="what they make small: the volume of the confidence region (D), or the mean squared "
         "standard error (A)",
     )

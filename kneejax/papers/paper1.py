@@ -25,7 +25,7 @@ from kneejax.inference import (
 )
 from kneejax.papers.claims import Claim, Finding, Reproduction, Stages, judged, silent
 from kneejax.papers.patella_on_path import on_path
-from kneejax.studies import read_study, run
+from kneejax.studies import calibrate, read_study
 
 #: The paper's protocol, a knee of four lines that moves as measured knees do, and its ligaments.
 STUDY, KNEE, LIGAMENTS = "paper1", "four_ligament_fitted", ("ACL", "PCL", "MCL", "LCL")
@@ -118,8 +118,8 @@ def reproduce(
         whole = load_knee(name, patella=True)
         start = whole if patella == "balanced" else on_path(start, whole)
     names = [f"{name}.{q}" for q in ("stiffness", "reference_strain") for name in LIGAMENTS]
-    study = dataclasses.replace(read_study(STUDY), knee=start, parameters=names)
-    calibration = run(study)
+    study = read_study(STUDY).replace(knee=start, parameters=names)
+    calibration = calibrate(study)
     start, measured = study.knee_at_start, calibration.measured
     flexion = measured[:, 0]
     with stages("sweeps") as show:
