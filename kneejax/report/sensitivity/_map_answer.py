@@ -177,7 +177,7 @@ def _sentence(one: ParameterMap) -> str:
     x, y, objective = one.minimum or (np.nan, np.nan, np.nan)
     triples = zip(one.names, (x, y), one.units, strict=True)
     at = ", ".join(f"{name} {number(value)} {unit}".strip() for name, value, unit in triples)
-    sentence = f"The objective is lowest, {number(objective)}, at {at}"
+    sentence = f"Of the grid points the objective is lowest, {number(objective)}, at {at}"
     found = correlation(one)
     if not np.isfinite(found):
         return f"{sentence}."
