@@ -349,7 +349,7 @@ def _swept(study: Study, options: Sensitivity) -> dict[str, np.ndarray | None]:
     asked: Mapping[str, Any] = options.sweep or dict.fromkeys(study.parameters)
     count = {name: int(line[2]) for name, line in asked.items() if line and line[2:]}
     return {
-        name: None if line is None else np.linspace(*line[:2], count.get(name, USUAL_COUNT))
+        name: None if line is None else np.linspace(line[0], line[1], count.get(name, USUAL_COUNT))
         for name, line in asked.items()
     }
 
