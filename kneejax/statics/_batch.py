@@ -315,9 +315,12 @@ def _along(routes: Routes, variants: Variants, holding: bool, report):
             ahead = np.minimum(begin + 1, len(arm) - 1)
             begin = np.where(known[row, ahead], ahead, begin)
         begin = np.where(known.any(axis=1), begin, -1)
+        before = found.at(lost[:, None], np.array(arm))
         for place in np.unique(begin[begin >= 0]):
             back = routes.bent(arm[place], -way)
             batch.follow_chains([back], lost[begin == place], _WHILE_BENT, report)
+        again, there = np.nonzero(known & ~found.converged[lost[:, None], arm])
+        found.put((lost[again], np.array(arm)[there]), before.at(again, there))
         # Who is found has one branch: that of another arm would be laid over it.
         lost = lost[begin < 0]
     # Flexions between, from either side; then the loads, one after the other.
