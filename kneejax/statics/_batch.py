@@ -344,12 +344,20 @@ def _along(routes: Routes, variants: Variants, holding: bool, report):
     lost = np.flatnonzero(~at_home)
     for way, arm in zip((1, -1), arms, strict=True):
         known = found.converged[lost[:, None], arm]
-        first = np.where(known.any(axis=1), np.argmax(known, axis=1), -1)
-        for place in np.unique(first[first >= 0]):
+        begin, row = np.argmax(known, axis=1), np.arange(len(lost))
+        # From two strides farther on, if may be: three equilibria tell where the branch leads.
+        for _ in range(2):
+            ahead = np.minimum(begin + 1, len(arm) - 1)
+            begin = np.where(known[row, ahead], ahead, begin)
+        begin = np.where(known.any(axis=1), begin, -1)
+        before = found.at(lost[:, None], np.array(arm))
+        for place in np.unique(begin[begin >= 0]):
             back = routes.bent(arm[place], -way)
-            batch.follow_chains([back], lost[first == place], _WHILE_BENT, report)
+            batch.follow_chains([back], lost[begin == place], _WHILE_BENT, report)
+        again, there = np.nonzero(known & ~found.converged[lost[:, None], arm])
+        found.put((lost[again], np.array(arm)[there]), before.at(again, there))
         # Who is found has one branch: that of another arm would be laid over it.
-        lost = lost[first < 0]
+        lost = lost[begin < 0]
     # Flexions between, from either side; then the loads, one after the other.
     batch.follow_chains(routes.hops, every, 1, report)
     batch.follow_chains(routes.back, every, 1, report, anew=False)
