@@ -127,7 +127,7 @@ def laxity_table(curves: Curves, rows: Sequence[Laxity]) -> Table:
         )  # fmt: skip
     note = f"Change of {observed} along the load's own axes{counted}, {unit}."
     if not by_load:
-        note = f"What the machine needs of {load.positive}."
+        note = f"For the machine's displacement: what it takes of {load.positive}, {load.unit}."
     return Table(columns, cells, f"{test.name}: {test.words}", note)
 
 
