@@ -36,7 +36,8 @@ def edited(folder, **changes):
 def test_a_folder_says_what_was_asked_for(evaluated):
     settings = settings_of(evaluated)
     assert settings.pop("versions")["kneejax"] == __version__
-    assert {*settings.pop("written")} == {"ligaments.csv", "contact.csv", "checksum"}
+    files = {"ligaments.csv", "contact.csv", "report.html", "checksum"}
+    assert {*settings.pop("written")} == files
     assert settings == {
         "command": "evaluate",
         "knee": "four_ligament",

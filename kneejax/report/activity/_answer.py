@@ -213,8 +213,8 @@ def _sentence(found: Mapping[str, Activity]) -> str:
     contact = contact_forces(first.mechanics).sum(axis=1)
     row = int(np.nanargmax(contact))
     words = (
-        f"Contact reaches {contact[row]:.0f} N at {first.record.time_s[row]:.2f} s in the intact "
-        "knee."
+        f"All contacts together carry up to {contact[row]:.0f} N, at "
+        f"{first.record.time_s[row]:.2f} s, in the intact knee."
     )
     tables = {name: np.asarray(one.motion.to_table()) for name, one in found.items()}
     intact = next(iter(tables.values()))

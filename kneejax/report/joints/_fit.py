@@ -90,18 +90,18 @@ def joint_fit_answer(
     dense = np.linspace(flexion.min(), flexion.max(), 241)
     sections.insert(0, Section("Axes in the femur", drawings=["axes"]))
     text += [text_of(errors), *(line for one in doubts for line in wrapped(one, "! "))]
-    worst = np.nanmax(fit.rmse[0, :2]), np.nanmax(fit.rmse[0, 2:])
+    worst = np.stack([np.nanmax(x, axis=1) for x in np.split(fit.rmse, [2], axis=1)], axis=1)
     rmse = {
         joint: dict(zip(FREE_COORDINATES, row, strict=True))
         for joint, row in zip(("moving", "hinge"), fit.rmse.tolist(), strict=True)
     }
     return Answer(
-        title=f"Simple joints of {name}",
+        title=f"Simple joints of {name if status else 'measured poses'}",
         asked=f"How closely a {kind} and a hinge follow {over}.",
         verdict=Verdict.DOUBTFUL if doubts else Verdict.GOOD,
-        sentence=f"The {kind} is off by at most {worst[0]:.2g} degrees and {worst[1]:.2g} mm (RMSE "
-        f"of the worst coordinate), the hinge by {np.nanmax(fit.rmse[1, :2]):.2g} degrees and "
-        f"{np.nanmax(fit.rmse[1, 2:]):.2g} mm.",
+        sentence=f"The {kind} is off by at most {worst[0, 0]:.2f} degrees and {worst[0, 1]:.2f} mm "
+        f"(RMSE of the worst coordinate), the hinge by {worst[1, 0]:.2f} degrees and "
+        f"{worst[1, 1]:.2f} mm.",
         tables=tables,
         main=[errors],
         drawings={

@@ -55,7 +55,7 @@ def laboratory_answer(
         The answer; its tables are curves, laxity, poses and forces.
     """
     status = [one.status(mechanics) for one in curves]
-    wrong = [curve_words(c, mechanics, o) for c, o in itertools.zip_longest(curves, second)]
+    wrong = [_curve_words(c, mechanics, o) for c, o in itertools.zip_longest(curves, second)]
     found = [x for one, own in zip(curves, status, strict=True) for x in laxity(one, own)]
     by_test = [(one, [x for x in found if x.test == one.test.name]) for one in curves]
     shown = [laxity_table(one, rows) for one, rows in by_test]
@@ -127,7 +127,7 @@ def laxity_table(curves: Curves, rows: Sequence[Laxity]) -> Table:
         )  # fmt: skip
     note = f"Change of {observed} along the load's own axes{counted}, {unit}."
     if not by_load:
-        note = f"What the machine needs of {load.positive}."
+        note = f"For the machine's displacement: what it takes of {load.positive}, {load.unit}."
     return Table(columns, cells, f"{test.name}: {test.words}", note)
 
 
@@ -190,7 +190,7 @@ def _curves_table(curves, status, wrong, convention: str) -> Table:
     ]  # fmt: skip
     rows = []
     for one, own, said in zip(curves, status, wrong, strict=True):
-        poses = convert_table(femoral_poses(one).reshape(-1, len(COLUMNS)), FEMORAL, convention)
+        poses = convert_table(_femoral_poses(one).reshape(-1, len(COLUMNS)), FEMORAL, convention)
         poses = poses.reshape(*one.nodes.shape, -1)
         loads = np.stack([np.asarray(one.load(name)) for name in columns], axis=-1)
         turning = [np.asarray(one.motion.reaction(x))[one.nodes] / 1000.0 for x in held.values()]
@@ -239,35 +239,22 @@ def _poses_table(curves, status, wrong, convention: str) -> Table:
         "stable": np.asarray(motion.stable)[rows].tolist(),
         "doubt": [text for of_test in wrong for texts in of_test for text in texts],
     }
-    poses = np.concatenate([femoral_poses(one).reshape(-1, len(COLUMNS)) for one in curves])
+    poses = np.concatenate([_femoral_poses(one).reshape(-1, len(COLUMNS)) for one in curves])
     return pose_table(poses, np.concatenate([x.ravel() for x in status]), convention, more=more)
 
 
-def femoral_poses(one: Curves) -> np.ndarray:
-    """Poses by flexion and load, `(flexions, loads, 6)`, degrees and mm.
-
-    Args:
-        one: curves of a test; flexion is as it was asked for, not through radians.
-    """
+def _femoral_poses(one: Curves) -> np.ndarray:
+    """By flexion and load, `(flexions, loads, 6)`; flexion as asked for, not through radians."""
     table = np.asarray(one.motion.to_table())[one.nodes]
     table[..., 0] = np.array(one.test.flexion_deg)[:, None]
     return table
 
 
-def curve_words(
-    curves: Curves, mechanics: Mechanics, second: np.ndarray | None = None
+def _curve_words(
+    curves: Curves, mechanics: Mechanics, second: np.ndarray | None
 ) -> list[tuple[str, ...]]:
-    """Say what is wrong at every load of each flexion of a test.
-
-    Args:
-        curves: of the test.
-        mechanics: of their motion (`kneejax.experiments.mechanics_of`).
-        second: poses of a second stable balance, NaN where there is none, `(flexions, loads, 6)`.
-
-    Returns:
-        For each flexion a text per different load, in order of its size; as `pose_words`.
-    """
-    test, motion, here = curves.test, curves.motion, femoral_poses(curves)
+    """What is wrong at each flexion, a text per different load, in order of its size."""
+    test, motion, here = curves.test, curves.motion, _femoral_poses(curves)
     full = test.full or {test.observed: test.size}
     sizes = {name: np.zeros(len(motion.status)) for name in full}
     for name, size in full.items():
@@ -307,7 +294,7 @@ def _of_second(one: Curves, other: np.ndarray) -> Iterator[str]:
     for i in np.flatnonzero(known.any(axis=1)):
         rows = np.flatnonzero(known[i])
         k = int(rows[np.argmin(np.abs(one.part[rows]))])
-        where = second_balance(other[i, k], femoral_poses(one)[i, k])
+        where = second_balance(other[i, k], _femoral_poses(one)[i, k])
         yield (
             f"{one.test.name} at {_met(one, int(i), rows)}: a second stable balance exists, which "
             "an intact knee comes to that is loaded first and cut then; reported is that of the "

@@ -80,7 +80,7 @@ def rows(path):
         return list(csv.DictReader(file))
 
 
-def test_persons_with_joints_of_their_own(cohort, tmp_path, capsys):
+def test_persons_with_joints_of_their_own(cohort, tmp_path, capsys, figures):
     pytest.importorskip("pingouin")
     out = tmp_path / "out"
     words = [*cohort["measured"], "--joint", "moving axis=" + ",".join(cohort["moving"])]
