@@ -130,7 +130,7 @@ def motor_raise_figure(found: RaisedLeg, title: str) -> Figure:
             ]  # fmt: skip
             away[f"{bone}, {unit}"] = np.abs(found.from_held[:, columns]).max(axis=1)
     colors = (BLUE, GREEN, VERMILLION, PURPLE)
-    draw_named(panels[5], at, away, "From the leg that is held", colors=colors)
+    draw_named(panels[5], at, away, "From the leg that is held", colors=colors, columns=2)
     panels[5].set_ylim(bottom=0.0)
     for axes in panels[1:]:
         flexion_axis(axes, flexion)
