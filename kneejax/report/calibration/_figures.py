@@ -174,7 +174,7 @@ def correlation_matrix_figure(parameters: Sequence[str], correlation: ArrayLike)
     keys = [
         Rectangle((0, 0), 1, 1, facecolor=colours(0.5 + value / 2), edgecolor="#A0A0A0", lw=0.4)
         for value in (1.0, 0.5, 0.0, -0.5, -1.0)
-    ] + [axes.patches[-1]] * bool(unknown.any())
+    ] + list(axes.patches[-1:])
     words = ["+1", "+0.5", "0", "\u22120.5", "\u22121", "not determined"]
     axes.legend(
         keys, words[: len(keys)], loc="upper left", bbox_to_anchor=(1.03, 1.0), borderaxespad=0,
