@@ -69,7 +69,7 @@ def calibration_answer(calibration: Calibration) -> Answer:
     doubts, compared = split_warnings(calibration)
     shown = _drawings(calibration)
     quantities = dict.fromkeys(
-        e.name.partition(".")[2].replace("_", " ").replace(".", " ") or e.name
+        e.name.partition(".")[2].partition(".")[0].replace("_", " ") or e.name
         for e in fit.estimates
     )
     searched = [
@@ -110,11 +110,11 @@ def calibration_answer(calibration: Calibration) -> Answer:
     absent = [] if len(calibration.measured) else ["Motion", "Forces"]
     absent += [] if fit.tests else ["Tests under load"]
     tests = {"tests": reading_table(calibration)} if fit.tests else {}
-    made = "synthetic " if calibration.truth else ""
+    made = " (synthetic)" if calibration.truth else ""
     return Answer(
         title=calibration.title,
         asked=f"Which {len(fit.estimates)} values ({listed(list(quantities), 4)}) make knee "
-        f"{calibration.knee} follow {made}{data_words(calibration)}?",
+        f"{calibration.knee} follow {data_words(calibration)}{made}?",
         verdict=became.verdict,
         badge=became.value,
         sentence=verdict(calibration),
