@@ -107,7 +107,7 @@ def add_identify(commands) -> None:
         commands,
         "identify",
         "Say what the data of a study can and cannot tell, and what to measure next.",
-        "kneejax identify paper1 --next-tests 2",
+        "kneejax identify --next-tests 2",
     )
     _add_study(command)
     command.add_argument("--noise-mm", type=float, help="standard deviation of measured positions")
@@ -152,4 +152,6 @@ def add_identify(commands) -> None:
 
 def _add_study(command: Parser) -> None:
     """The study, of every command that has one."""
-    command.add_argument("study", nargs="?", default="paper1", help="study file or bundled study")
+    command.add_argument(
+        "study", nargs="?", default="passive_flexion", help="study file or bundled study"
+    )

@@ -169,9 +169,12 @@ def test_calibrate_writes_everything(tmp_path, capsys):
         "interval",
     }
     assert result["outcome"] == "Converged" and result["noise"]["lateral"] == 0.1
-    kinds = {name: one["interval"] for name, one in result["parameters"].items()}
-    # Beside paper 1's bound of 10,000 N the data give no upper limit.
-    assert kinds["MCL.stiffness"] == "one-sided" and kinds["ACL.stiffness"] == "standard error"
+    kinds = {one["interval"] for one in result["parameters"].values()}
+    assert kinds == {"standard error", "profile"}
+    # One fit, and nothing to warn of; the tibia turns inwards.
+    assert list(result["per_procedure"]) == ["III"] and result["warnings"] == []
+    turned = [float(row["internal_rotation_deg"]) for row in rows(tmp_path / "poses.csv")]
+    assert turned[18] - turned[0] > 10.0
     assert result["objective"] < 1e-2 * result["objective_start"]
     assert set(result["versions"]) >= {"jax", "optimistix", "numpy"}
     page = (tmp_path / "report.html").read_text()
@@ -180,8 +183,10 @@ def test_calibrate_writes_everything(tmp_path, capsys):
     assert len(rows(tmp_path / "parameters.csv")) == 8
     said = capsys.readouterr()
     assert "ACL.stiffness" in said.out and "read from the cache" in said.err
+    assert "rocedure" not in said.out and "warning" not in said.out
     # One call in Python does the same.
-    own, names = kj.calibrate(kj.read_study("paper1")), ("*.stiffness", "*.reference_strain")
+    own = kj.calibrate(kj.read_study("passive_flexion"))
+    names = ("*.stiffness", "*.reference_strain")
     parameters = {name: one["value"] for name, one in result["parameters"].items()}
     assert {e.name: e.value for e in own.fit.estimates} == parameters
     assert [fit.evaluations for fit in own.fits] == [
@@ -189,7 +194,8 @@ def test_calibrate_writes_everything(tmp_path, capsys):
     ]
     assert json.loads(json.dumps(own.settings)) == result["settings"]
     # Other commands take the knee that was found.
-    start, chosen = kj.load_knee("four_ligament"), kj.select(kj.load_knee("four_ligament"), names)
+    start = kj.load_knee("four_ligament_fitted")
+    chosen = kj.select(start, names)
     fitted = chosen.apply(start, np.array([parameters[name] for name in chosen.names]))
     for file in ("knee.yaml", "result.json"):
         for one, two in zip(
@@ -197,7 +203,7 @@ def test_calibrate_writes_everything(tmp_path, capsys):
         ):
             np.testing.assert_allclose(one, two, rtol=1e-12)
     assert main(["describe", str(tmp_path / "knee.yaml")]) == 0
-    assert "four_ligament calibrated" in capsys.readouterr().out
+    assert "four_ligament_fitted calibrated" in capsys.readouterr().out
 
 
 def test_flexion_outside_the_surfaces_is_said(tmp_path, capsys):

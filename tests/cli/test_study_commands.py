@@ -148,6 +148,10 @@ def test_identify_writes_estimates_profiles_and_tests(identified):
     assert np.isfinite(document["chi2"])
     for name in ("profiles", "spectrum", "correlation", "next_tests", "standard_errors"):
         assert (out / "figures" / f"{name}.png").stat().st_size > 10_000
+    page = (out / "report.html").read_text()
+    first = page[: page.index("<details>")]
+    assert "The data determine 2 of 2 parameters. Next: " in first
+    assert "<td>PCL.stiffness</td>" in first and "test to make next" in first
 
 
 def test_a_parameter_that_is_not_determined_is_a_doubt(tmp_path, capsys):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -46,16 +47,17 @@ def posterior_table(found: Posterior) -> Table:
         found.effective_sample_size, found.tail_effective_sample_size,
     )  # fmt: skip
     two = functools.partial(number, digits=2)
-    seen = {
-        "name": ("parameter", None), "unit": ("unit", None), "mean": ("mean", None),
-        "sd": ("sd", two), "quantile_025": ("2.5 %", None), "quantile_975": ("97.5 %", None),
+    seen: dict[str, tuple[str, Callable[[float], str] | None]] = {
+        "name": ("parameter", None), "unit": ("", None), "mean": ("", None), "sd": ("", two),
+        "quantile_025": ("2.5 %", None), "quantile_975": ("97.5 %", None),
         "laplace_sd": ("Laplace sd", two), "r_hat": ("R-hat", lambda value: f"{value:.3f}"),
         "effective_sample_size": ("eff.", lambda value: f"{value:.0f}"),
     }  # fmt: skip
     columns = [
-        Column(name, *seen.get(name, ("", None)), name in ("name", "unit"), name in seen)
+        Column(name, *seen.get(name, ("", None)), words=name in ("name", "unit"),
+               shown=name in seen)
         for name in POSTERIOR_COLUMNS
-    ]
+    ]  # fmt: skip
     plain = [[x if isinstance(x, str) else float(x) for x in column] for column in values]
     return Table(columns, list(zip(*plain, strict=True)))
 

@@ -2,8 +2,8 @@
 
 from kneejax.report.calibration._answer import calibration_answer as calibration_answer
 from kneejax.report.calibration._answer import calibration_summary as calibration_summary
-from kneejax.report.calibration._answer import result_document as result_document
 from kneejax.report.calibration._answer import write_report as write_report
+from kneejax.report.calibration._document import result_document as result_document
 from kneejax.report.calibration._estimates import PARAMETER_COLUMNS as PARAMETER_COLUMNS
 from kneejax.report.calibration._estimates import limits as limits
 from kneejax.report.calibration._estimates import parameters_table as parameters_table

@@ -8,16 +8,10 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from kneejax.geometry import COORDINATES
-from kneejax.parameters import MEANING, sums_in_words
-from kneejax.report.calibration._estimates import (
-    estimates_table,
-    parameter_document,
-    parameters_table,
-    reasons,
-)
+from kneejax.parameters import sums_in_words
+from kneejax.report.calibration._document import TOTALS, result_document
+from kneejax.report.calibration._estimates import estimates_table, parameters_table
 from kneejax.report.calibration._figures import (
     convergence_figure,
     correlation_matrix_figure,
@@ -25,7 +19,6 @@ from kneejax.report.calibration._figures import (
 )
 from kneejax.report.calibration._tests import (
     errors_table,
-    laxity_errors,
     reading_table,
     tests_figure,
 )
@@ -34,7 +27,6 @@ from kneejax.report.calibration._verdict import (
     calibration_notes,
     data_words,
     known_words,
-    message,
     noise_words,
     outcome,
     search,
@@ -53,20 +45,15 @@ from kneejax.report.look import (
     Section,
     Table,
     change,
-    json_safe,
     listed,
     number,
     wrapped,
     write_page,
 )
-from kneejax.report.motion import ligament_forces_figure, motion_figure, row_status
-from kneejax.statics import Status
+from kneejax.report.motion import ligament_forces_figure, motion_figure
 
 if TYPE_CHECKING:
     from kneejax.inference import Calibration, Fit
-
-_TOTALS = ("residual", "jacobian", "equilibria")
-
 
 def calibration_answer(calibration: Calibration) -> Answer:
     """What a calibration found: parameters with their limits, the fit, and what to doubt.
@@ -82,7 +69,7 @@ def calibration_answer(calibration: Calibration) -> Answer:
     doubts, compared = split_warnings(calibration)
     shown = _drawings(calibration)
     quantities = dict.fromkeys(
-        e.name.partition(".")[2].replace("_", " ").replace(".", " ") or e.name
+        e.name.partition(".")[2].partition(".")[0].replace("_", " ") or e.name
         for e in fit.estimates
     )
     searched = [
@@ -123,11 +110,11 @@ def calibration_answer(calibration: Calibration) -> Answer:
     absent = [] if len(calibration.measured) else ["Motion", "Forces"]
     absent += [] if fit.tests else ["Tests under load"]
     tests = {"tests": reading_table(calibration)} if fit.tests else {}
-    made = "synthetic " if calibration.truth else ""
+    made = " (synthetic)" if calibration.truth else ""
     return Answer(
         title=calibration.title,
         asked=f"Which {len(fit.estimates)} values ({listed(list(quantities), 4)}) make knee "
-        f"{calibration.knee} follow {made}{data_words(calibration)}?",
+        f"{calibration.knee} follow {data_words(calibration)}{made}?",
         verdict=became.verdict,
         badge=became.value,
         sentence=verdict(calibration),
@@ -347,7 +334,7 @@ def procedures_table(calibration: Calibration) -> Table:
     rows: list[list[Any]] = []
     for fit in calibration.fits:
         row = [fit.procedure, "yes" if fit.success else "no", number(fit.objective)]
-        counts = [str(fit.evaluations.get(key, NONE)) for key in _TOTALS]
+        counts = [str(fit.evaluations.get(key, NONE)) for key in TOTALS]
         rows.append([*row, str(len(fit.history)), *counts])
         for stage, evaluations in _stages(fit):
             steps = [step for step in fit.history if step.stage == stage]
@@ -359,85 +346,9 @@ def procedures_table(calibration: Calibration) -> Table:
 
 def _stages(fit: Fit) -> list[tuple[str, int]]:
     """Simulated motions of each stage, in order; none if there is only one stage."""
-    stages = {key: count for key, count in fit.evaluations.items() if key not in _TOTALS}
+    stages = {key: count for key, count in fit.evaluations.items() if key not in TOTALS}
     if not stages:
         last = {step.stage: step.evaluations for step in fit.history}
         ends = [0, *last.values()]
         stages = {stage: ends[i + 1] - ends[i] for i, stage in enumerate(last)}
     return list(stages.items()) if len(stages) > 1 else []
-
-
-def result_document(calibration: Calibration) -> dict[str, Any]:
-    """Gather what result.json of a calibration holds.
-
-    Args:
-        calibration: the answer to write.
-
-    Returns:
-        A JSON-safe dictionary; NaN and infinity are null.
-    """
-    fit = calibration.fit
-    return json_safe(
-        {
-            "title": calibration.title,
-            "knee": calibration.knee,
-            "success": bool(fit.success),
-            "outcome": outcome(calibration).value,
-            "message": message(fit),
-            "warnings": warnings(calibration),
-            "procedure": fit.procedure,
-            "parameters": {e.name: parameter_document(e) for e in fit.estimates},
-            "units": {e.name: e.unit for e in fit.estimates},
-            "remarks": {e.name: reasons(e) for e in fit.estimates if reasons(e)},
-            "objective_start": calibration.start_objective,
-            "objective": fit.objective,
-            "partial_objectives_start": calibration.start_partial_objectives,
-            "partial_objectives": fit.partial_objectives,
-            "rmse_start": calibration.start_rmse,
-            "rmse": fit.rmse,
-            "tests": [one._asdict() for one in laxity_errors(calibration)],
-            "evaluations": {key: fit.evaluations.get(key, 0) for key in _TOTALS},
-            "correlation": {
-                "parameters": [e.name for e in fit.estimates],
-                "matrix": fit.correlation,
-            },
-            "truth": calibration.truth,
-            "frame_offset": {e.name: parameter_document(e) | {"unit": e.unit} for e in fit.offsets},
-            "noise": calibration.noise,
-            "noise_estimated": calibration.noise_estimated,
-            "per_procedure": {one.procedure: _of_procedure(one) for one in calibration.fits},
-            "notes": calibration_notes(calibration),
-            "seconds": calibration.seconds,
-            "versions": calibration.versions,
-            "settings": calibration.settings,
-            **MEANING,
-        }
-    )
-
-
-def _of_procedure(fit: Fit) -> dict[str, Any]:
-    names = [e.name for e in (*fit.estimates, *fit.offsets)]
-    ends = [] if fit.starts is None else zip(fit.starts.objectives, fit.starts.values, strict=True)
-    status = row_status(fit.motion)
-    return {
-        "procedure": fit.procedure,
-        "success": bool(fit.success),
-        "message": message(fit),
-        "objective": fit.objective,
-        "partial_objectives": fit.partial_objectives,
-        "rmse": fit.rmse,
-        "parameters": {
-            e.name: parameter_document(e) | {"unit": e.unit, "remark": reasons(e)}
-            for e in fit.estimates
-        },
-        "evaluations": fit.evaluations,
-        "iterations": len(fit.history),
-        "starts": [
-            {"objective": objective, "values": dict(zip(names, values, strict=True))}
-            for objective, values in ends
-        ],
-        "status": {
-            Status(value).word: int(np.sum(status == value))
-            for value in sorted(set(status.tolist()))
-        },
-    }

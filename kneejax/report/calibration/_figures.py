@@ -10,17 +10,17 @@ import numpy as np
 
 from kneejax.report.calibration._estimates import undetermined
 from kneejax.report.look import (
-    BLUE,
     FITS,
     GREY,
     LIGHT,
     START,
     VERMILLION,
     WIDTH,
+    both_signs,
+    draw_matrix,
     readable,
     styled,
     verbatim,
-    without_frame,
 )
 
 if TYPE_CHECKING:
@@ -143,7 +143,6 @@ def correlation_matrix_figure(parameters: Sequence[str], correlation: ArrayLike)
     Returns:
         A matrix with numbers in its cells where they are readable.
     """
-    from matplotlib.colors import LinearSegmentedColormap
     from matplotlib.figure import Figure
     from matplotlib.patches import Rectangle
 
@@ -152,50 +151,33 @@ def correlation_matrix_figure(parameters: Sequence[str], correlation: ArrayLike)
     n = len(names)
     side = min(max(0.44 * n, 1.6), 5.0)
     longest = max((len(name) for name in names), default=8)
-    margin, above = 0.062 * longest + 0.12, 0.3
-    below = 0.05 * longest + 0.15
+    margin, above, below = 0.062 * longest + 0.12, 0.3, 0.05 * longest + 0.15
     wide, height = margin + side + 1.5, side + above + below
     figure = Figure(figsize=(wide, height))
     axes = figure.add_axes((margin / wide, below / height, side / wide, side / height))
-    colours = LinearSegmentedColormap.from_list("correlation", [BLUE, "#FFFFFF", VERMILLION])
-    unknown = ~np.isfinite(matrix)
     axes.set_facecolor(LIGHT)
-    axes.pcolormesh(
-        np.ma.masked_where(unknown | np.eye(n, dtype=bool), matrix), cmap=colours, vmin=-1, vmax=1,
-        edgecolors="white", linewidth=1,
+    unknown = np.isnan(matrix).all(axis=1)
+    colours = both_signs()
+    # Black is the more legible on all but dark blue.
+    draw_matrix(
+        axes, np.where(np.eye(n, dtype=bool), np.nan, matrix), colours, (-1, 1), "{:.2f}".format,
+        lambda value: value < -0.8, names, names, numbers=n <= 16, size=7.5 if n <= 20 else 5.5,
     )  # fmt: skip
-    hatched = None
-    for i in np.flatnonzero(unknown.all(axis=1)):
+    for label in axes.get_xticklabels():
+        label.set(rotation=45, ha="right", rotation_mode="anchor")
+    for i in np.flatnonzero(unknown):
         for corner, size in (((0, i), (n, 1)), ((i, 0), (1, n))):
-            hatched = Rectangle(corner, *size, hatch="////", fc="#F4F4F4", ec="#A0A0A0", lw=0)
-            axes.add_patch(hatched)
-    if n <= 16:
-        size = 6.8 if n <= 11 else 5.2
-        for i, j in np.argwhere(~unknown & ~np.eye(n, dtype=bool)):
-            value = matrix[i, j]
-            axes.text(
-                j + 0.5, i + 0.5, f"{value:.2f}".replace("-", "\u2212"), ha="center", va="center",
-                # Black is the more legible on all but dark blue.
-                fontsize=size, color="white" if value < -0.8 else "black",
-            )  # fmt: skip
-    axes.set_xlim(0, n)
-    axes.set_ylim(n, 0)
-    size = 7.5 if n <= 20 else 5.5
-    ticks = np.arange(n) + 0.5
-    axes.set_xticks(ticks, names, rotation=45, ha="right", rotation_mode="anchor", fontsize=size)
-    axes.set_yticks(ticks, names, fontsize=size)
-    without_frame(axes)
+            axes.add_patch(
+                Rectangle(corner, *size, hatch="////", fc="#F4F4F4", ec="#A0A0A0", lw=0)
+            )
     axes.set_title("Correlation of the estimates")
     keys = [
         Rectangle((0, 0), 1, 1, facecolor=colours(0.5 + value / 2), edgecolor="#A0A0A0", lw=0.4)
         for value in (1.0, 0.5, 0.0, -0.5, -1.0)
-    ]
-    words = ["+1", "+0.5", "0", "\u22120.5", "\u22121"]
-    if hatched is not None:
-        keys.append(hatched)
-        words.append("not determined")
+    ] + list(axes.patches[-1:])
+    words = ["+1", "+0.5", "0", "\u22120.5", "\u22121", "not determined"]
     axes.legend(
-        keys, words, loc="upper left", bbox_to_anchor=(1.03, 1.0), borderaxespad=0,
+        keys, words[: len(keys)], loc="upper left", bbox_to_anchor=(1.03, 1.0), borderaxespad=0,
         handlelength=1.2, handleheight=1.2, fontsize=7.5,
     )  # fmt: skip
     return figure
@@ -266,9 +248,5 @@ def convergence_figure(calibration: Calibration) -> Figure:
     else:
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_title("Objective (weighted sum of squares)")
-    # Where curves are not: they fall at once on a linear axis.
-    axes.legend(
-        handles=handles, loc="lower left" if reached > 300 else "upper right", borderaxespad=0.8,
-        fontsize=7.5, handlelength=1.5,
-    )  # fmt: skip
+    axes.legend(handles=handles, loc="best", borderaxespad=0.8, fontsize=7.5, handlelength=1.5)
     return figure

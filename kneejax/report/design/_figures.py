@@ -14,11 +14,11 @@ from kneejax.report.look import (
     GREY,
     VERMILLION,
     WIDTH,
+    draw_matrix,
     number,
     readable,
     styled,
     verbatim,
-    without_frame,
 )
 from kneejax.statics import Status
 
@@ -73,24 +73,20 @@ def candidates_figure(design: Design) -> Figure:
     )
     shades = LinearSegmentedColormap.from_list("gain", ["#FFFFFF", "#A8D0E6", BLUE, "#003A5D"])
     most = float(np.nanmax(gains)) if np.isfinite(gains).any() else 1.0
-    filled = axes.pcolormesh(
-        np.ma.masked_invalid(gains), cmap=shades, vmin=0, vmax=most, edgecolors="white", linewidth=1
-    )
+    every = max(1, -(-len(angles) // 20))
+    heads = [f"{angle:g}" if j % every == 0 else "" for j, angle in enumerate(angles)]
+    factor, form = (1.0, "{:.1f}") if design.criterion == "D" else (100.0, "{:.0f}")
+    filled = draw_matrix(
+        axes, gains, shades, (0.0, most), lambda gain: form.format(factor * gain),
+        lambda gain: gain > 0.55 * most, [verbatim(row) for row in rows], heads,
+        numbers=len(angles) <= _MOST_COLUMNS,
+    )  # fmt: skip
     handles = {}
     for place, status in zip(places, design.status, strict=True):
         if Status(status) in _HATCHES:
             hatch, word = _HATCHES[Status(status)]
             handles[word] = _hatched(axes, place, hatch)
-    if len(angles) <= _MOST_COLUMNS:
-        _write_gains(axes, gains, most, design.criterion)
     _frame_chosen(axes, design, places)
-    axes.set_xlim(0, len(angles))
-    axes.set_ylim(len(rows), 0)
-    every = max(1, -(-len(angles) // 20))
-    ticks = np.arange(len(angles))[::every]
-    axes.set_xticks(ticks + 0.5, [f"{angles[i]:g}" for i in ticks])
-    axes.set_yticks(np.arange(len(rows)) + 0.5, [verbatim(row) for row in rows])
-    without_frame(axes)
     axes.set_xlabel("Flexion, deg")
     axes.set_title(f"What one more test would add: {gain_words(design.criterion)}")
     handles["chosen, in this order"] = Rectangle((0, 0), 1, 1, fill=False, ec=VERMILLION, lw=1.8)
@@ -114,17 +110,6 @@ def candidates_figure(design: Design) -> Figure:
         ticks = [tick for tick in bar.get_ticks() if 0 <= tick <= most]
         bar.set_ticks(ticks, labels=[f"{100 * tick:.0f}" for tick in ticks])
     return figure
-
-
-def _write_gains(axes: Axes, gains: np.ndarray, most: float, criterion: str) -> None:
-    """Beside the number of a chosen test, not under it."""
-    for (i, j), gain in np.ndenumerate(gains):
-        if np.isfinite(gain):
-            word = f"{gain:.1f}" if criterion == "D" else f"{100 * gain:.0f}"
-            axes.text(
-                j + 0.5, i + 0.5, word, ha="center", va="center", fontsize=6.8,
-                color="white" if gain > 0.55 * most else "black",
-            )  # fmt: skip
 
 
 def _frame_chosen(axes: Axes, design: Design, places: Sequence[tuple[int, int]]) -> None:

@@ -13,9 +13,10 @@ from kneejax.report.look import (
     GREY,
     VERMILLION,
     WIDTH,
+    both_signs,
+    draw_matrix,
     readable,
     styled,
-    without_frame,
 )
 
 if TYPE_CHECKING:
@@ -41,7 +42,6 @@ def spectrum_figure(found: Information) -> Figure:
         Above, one bar per combination: how many times smaller its standard error is than its prior
         standard deviation. Below, the weights of the parameters in it.
     """
-    from matplotlib.colors import LinearSegmentedColormap
     from matplotlib.figure import Figure
 
     free = ~found.at_bound
@@ -64,11 +64,19 @@ def spectrum_figure(found: Information) -> Figure:
     )
     table = figure.add_axes((left / wide, below / height, matrix, cell * n / height))
 
-    shades = LinearSegmentedColormap.from_list("parts", [BLUE, "#FFFFFF", VERMILLION])
     _draw_bars(top, better)
-    _draw_weights(table, vectors, names, shades)
+    weights = draw_matrix(
+        table, vectors, both_signs(), (-1, 1), lambda x: f"{x:.1f}" if abs(x) >= 0.095 else "",
+        lambda x: x < -0.8, names, [str(i + 1) for i in range(n)], numbers=n <= 16,
+        size=7.5 if n <= 20 else 5.5,
+    )  # fmt: skip
+    table.set_xlabel("Combination, from best determined to worst")
     place = (left + 0.15) / wide + matrix, below / height, 0.1 / wide, cell * n / height
-    _draw_scale(figure.add_axes(place), shades)
+    scale = figure.colorbar(weights, cax=figure.add_axes(place))
+    scale.set_ticks([-1, 0, 1], labels=["\u22121", "0", "+1"], fontsize=7)
+    scale.ax.tick_params(length=0)
+    scale.outline.set_visible(False)  # pyright: ignore[reportCallIssue]
+    scale.set_label("Weight", fontsize=7.5)
     return figure
 
 
@@ -105,39 +113,6 @@ def _draw_bars(top: Axes, better: np.ndarray) -> None:
     top.set_xticks([])
     top.grid(axis="x", visible=False)
     top.set_title("Prior SD over standard error, for each combination of parameters")
-
-
-def _draw_weights(table: Axes, vectors: np.ndarray, names: list[str], shades) -> None:
-    """The weight of each parameter in each combination."""
-    n = len(names)
-    places = np.arange(n) + 0.5
-    table.pcolormesh(vectors, cmap=shades, vmin=-1, vmax=1, edgecolors="white", linewidth=1)
-    if n <= 16:
-        for i, j in np.argwhere(np.abs(vectors) >= 0.095):
-            value = f"{vectors[i, j]:.1f}".replace("-", "\u2212")
-            table.text(
-                j + 0.5, i + 0.5, value, ha="center", va="center", fontsize=6.8 if n < 12 else 5.5,
-                color="white" if vectors[i, j] < -0.8 else "black",
-            )  # fmt: skip
-    size = 7.5 if n <= 20 else 5.5
-    table.set_xlim(0, n)
-    table.set_ylim(n, 0)
-    table.set_yticks(places, names, fontsize=size)
-    table.set_xticks(places, [str(i + 1) for i in range(n)], fontsize=size)
-    without_frame(table)
-    table.set_xlabel("Combination, from best determined to worst")
-
-
-def _draw_scale(bar: Axes, shades) -> None:
-    """Which shade is which weight."""
-    gradient = np.linspace(-1, 1, 101)[:, None]
-    bar.pcolormesh(np.repeat(gradient, 2, axis=1), cmap=shades, vmin=-1, vmax=1, rasterized=True)
-    bar.set_yticks([0, 50.5, 101], ["\u22121", "0", "+1"], fontsize=7)
-    bar.yaxis.tick_right()
-    bar.set_xticks([])
-    without_frame(bar)
-    bar.set_ylabel("Weight", fontsize=7.5)
-    bar.yaxis.set_label_position("right")
 
 
 @styled

@@ -6,6 +6,8 @@ from kneejax.report.look._answer import Section as Section
 from kneejax.report.look._answer import Verdict as Verdict
 from kneejax.report.look._answer import write_page as write_page
 from kneejax.report.look._json import json_safe as json_safe
+from kneejax.report.look._matrix import both_signs as both_signs
+from kneejax.report.look._matrix import draw_matrix as draw_matrix
 from kneejax.report.look._numbers import NONE as NONE
 from kneejax.report.look._numbers import change as change
 from kneejax.report.look._numbers import listed as listed

@@ -142,10 +142,6 @@ class Answer:
             seconds=lasted,
         )
 
-    def drawn(self) -> dict[str, str]:
-        """All drawings as SVG elements by name, each drawn once."""
-        return {name: picture_svg(one.draw(), name) for name, one in self.drawings.items()}
-
     def json(self) -> str:
         """The text of `result.json`."""
         return json.dumps(json_safe(dict(self.document or {})), indent=1) + "\n"

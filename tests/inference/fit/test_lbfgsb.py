@@ -72,7 +72,7 @@ def test_a_missing_jaxopt_is_named(monkeypatch):
 
 @pytest.fixture(scope="module")
 def twin():
-    """Paper 1's twin with noise: the study that `kneejax calibrate` runs by default."""
+    """Paper 1's twin with noise."""
     study = kj.read_study("paper1")
     made = study.synthetic
     assert made is not None

@@ -122,6 +122,19 @@ def test_page_names_every_parameter_and_warning(paths):
     assert all(note in text for note in calibration_notes(calibration))
 
 
+def test_the_first_screen_is_the_answer(paths):
+    page = html.unescape(paths[0].read_text(encoding="utf-8"))
+    first, below = page.split("<details>", 1)
+    assert "Which 8 values (stiffness, reference strain) make knee knee-04 follow 25 pos" in first
+    assert first.count("<table") == first.count("<svg") == 1
+    for estimate in made_up.calibration().fit.estimates:
+        assert f"<td>{estimate.name}</td>" in first
+    # What is doubtful of the answer stands there, what is of a comparison below.
+    doubts = first[first.index("What to doubt") :]
+    assert "Procedures II, I, III: " in doubts and "Procedure III: " not in doubts
+    assert "Procedure III: search not converged" in below
+
+
 def test_report_is_the_same_every_time(paths, tmp_path):
     again = report.write_report(made_up.calibration(), tmp_path)
     assert [p.read_bytes() for p in paths] == [p.read_bytes() for p in again]
