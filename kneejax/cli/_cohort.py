@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import functools
-import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
 
@@ -13,9 +11,10 @@ import numpy as np
 from tqdm import tqdm
 
 from kneejax.cli._cohort_work import CohortWork, draws_of, finished
+from kneejax.cli._main import BAD_INPUT
 from kneejax.cli._out import check_room
-from kneejax.cli._parser import BAD_INPUT
 from kneejax.cli._results_folder import KNEES, MARK
+from kneejax.cli.options import Calibrate
 from kneejax.cohorts import (
     Cohort,
     CohortProblems,
@@ -39,26 +38,24 @@ from kneejax.cohorts import (
     to_dataset,
     workers_of,
 )
-from kneejax.files import InputProblem, check_new, counted, write_netcdf, write_rows, write_text
+from kneejax.files import check_new, counted, write_netcdf, write_rows, write_text
 from kneejax.files.reading import format_yaml
 from kneejax.numerics import MissingPackage
 
 _PRIOR = """# What a cohort says of a knee of which nothing is measured: {}.
 # In a study: prior: prior.yaml
 """
-_MOST_JOBS, _MOST_SHARDS, _MOST_DRAWS = 1024, 100_000, 1_000_000
 #: Files of a knee take about this; those of one with 22 parameters 0.4 MB.
 _KNEE_MB = 0.25
 #: Computes tasks, each yielded with what became of its knees when it has ended.
 Compute = Callable[[Sequence[Task], Work], Iterator[tuple[Task, Sequence[KneeDone]]]]
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: Calibrate) -> int:
     """Calibrate every knee of a cohort, and write what they say together."""
-    shard = _shard(arguments.shard)
-    _check_options(arguments)
+    shard = arguments.shard
     try:
-        cohort, by_blocks = read_cohort(arguments.study), bool(arguments.blocks)
+        cohort, by_blocks = read_cohort(arguments.study), arguments.blocks
         if arguments.bootstrap:
             check_bootstraps(cohort, by_blocks)
     except CohortProblems as every:
@@ -142,38 +139,13 @@ def _refused(every: CohortProblems) -> int:
     return BAD_INPUT
 
 
-def _shard(word: str | None) -> tuple[int, int] | None:
-    if word is None:
-        return None
-    found = re.fullmatch(r"(\d+)/(\d+)", word)
-    number, count = (int(found[1]), int(found[2])) if found else (0, 0)
-    if not 1 <= number <= count <= _MOST_SHARDS:
-        raise InputProblem("--shard", "part", word, "I/N with I from 1 to N, e.g. 3/20")
-    return number, count
-
-
-def _check_options(arguments: argparse.Namespace) -> None:
-    if arguments.bootstrap is not None and not 1 <= arguments.bootstrap <= _MOST_DRAWS:
-        expected = f"a whole number from 1 to {_MOST_DRAWS}"
-        raise InputProblem("--bootstrap", "draws", str(arguments.bootstrap), expected)
-    if arguments.blocks and arguments.bootstrap is None:
-        raise InputProblem("--blocks", "option", "alone", "--bootstrap N beside it")
-    given = [name for name in ("jobs", "scheduler", "shard") if getattr(arguments, name)]
-    if arguments.jobs is not None and not 1 <= arguments.jobs <= _MOST_JOBS:
-        expected = f"a whole number from 1 to {_MOST_JOBS}"
-        raise InputProblem("--jobs", "workers", str(arguments.jobs), expected)
-    if len(given) > 1 and set(given) != {"jobs", "shard"}:
-        expected = f"one of --scheduler and --{next(n for n in given if n != 'scheduler')}"
-        raise InputProblem("--scheduler", "address", arguments.scheduler, expected)
-
-
 def _say_plan(cohort: Cohort, tasks: Sequence[Task], own: Sequence[Task], arguments) -> None:
     waiting = [task for task in own if finished(task, arguments.out) is None]
     kinds = counted(structures(tasks), "structure")
     size = f"{counted(len(cohort), 'knee')} of {kinds} in {counted(len(tasks), 'task')}"
     print(f"{cohort.title}: {size}")
     if arguments.shard:
-        print(f"part {arguments.shard}: {counted(len(own), 'task')}")
+        print(f"part {'/'.join(map(str, arguments.shard))}: {counted(len(own), 'task')}")
     if len(waiting) < len(own):
         print(f"{counted(len(own) - len(waiting), 'task')} of these finished already")
     sys.stdout.flush()
@@ -183,7 +155,7 @@ def _finish(
     cohort: Cohort,
     done: dict[str, KneeDone],
     draws: dict[str, np.ndarray],
-    arguments: argparse.Namespace,
+    arguments: Calibrate,
     lost: Sequence[KneeDone],
 ) -> int:
     """Write what the knees say together, and say it."""

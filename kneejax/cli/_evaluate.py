@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import argparse
-
 import numpy as np
 
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli._say_status import say_given
+from kneejax.cli.options import Evaluate
 from kneejax.experiments import Mechanics, Way, evaluate, ways_of
 from kneejax.files import counted, load_knee, read_poses, write_rows
 from kneejax.geometry import Pose
@@ -47,7 +46,7 @@ CONTACT_COLUMNS = [
 ]
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: Evaluate) -> int:
     """Evaluate given poses, write ligaments.csv and contact.csv."""
     knee = load_knee(arguments.knee)
     table = read_poses(arguments.poses, arguments.convention)

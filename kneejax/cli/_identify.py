@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 from pathlib import Path
 
 from kneejax import studies
-from kneejax.cli._given import read_numbers, read_texts, said_of_options
+from kneejax.cli import options
+from kneejax.cli._given import said_of_options
 from kneejax.cli._progress import stages_on_terminal
-from kneejax.cli._settings import options_of
 from kneejax.files import read_candidates, write_rows, write_text
 from kneejax.inference import Candidate, Identification, Posterior
 from kneejax.mechanics import load_words
@@ -19,7 +18,7 @@ from kneejax.studies import Identified, Identify
 _NEXT = "next_tests.csv"
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: options.Identify) -> int:
     """Say what the data of a study determine; write tables and figures."""
     question = _question(arguments)
     study = studies.read_study(arguments.study)
@@ -28,14 +27,12 @@ def run(arguments: argparse.Namespace) -> int:
     return _write(found, arguments)
 
 
-def _question(arguments: argparse.Namespace) -> Identify:
-    form = "NAME=MEAN:SD, e.g. ACL.stiffness=4500:900"
-    priors = read_numbers("--prior", read_texts("--prior", arguments.prior), form, (2,))
+def _question(arguments: options.Identify) -> Identify:
     return Identify(
         noise_mm=arguments.noise_mm,
         noise_deg=arguments.noise_deg,
         posterior=arguments.posterior,
-        prior=priors,
+        prior=arguments.prior,
         chains=arguments.chains,
         draws=arguments.draws,
         seed=arguments.seed,
@@ -54,15 +51,15 @@ def _candidates(path: Path | None) -> list[Candidate] | None:
     ]
 
 
-def _write(answer: Identified, arguments: argparse.Namespace) -> int:
+def _write(answer: Identified, arguments: options.Identify) -> int:
     from kneejax import report
 
     out, found, sampled = arguments.out, answer.found, answer.posterior
     files = _write_tables(answer, out)
     _draw(answer, out, arguments.svg)
-    options = {"command": arguments.command, "out": out} | options_of(arguments)
-    options = {name: str(value) for name, value in options.items()}
-    document = report.identification_document(answer, options)
+    settings = {"command": "identify", "out": out} | arguments.options()
+    settings = {name: str(value) for name, value in settings.items()}
+    document = report.identification_document(answer, settings)
     write_text(out / "result.json", json.dumps(document, indent=1) + "\n")
 
     print(f"{answer.study.title} (knee {answer.study.knee.name})\n")

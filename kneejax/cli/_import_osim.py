@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import argparse
-
-from kneejax.cli._given import read_pairs
 from kneejax.cli._main import DONE, DOUBTFUL
 from kneejax.cli._progress import stages_on_terminal
+from kneejax.cli.options import ImportOsim
 from kneejax.files import (
     add_osim_contacts,
     counted,
@@ -18,7 +16,7 @@ from kneejax.files import (
 )
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: ImportOsim) -> int:
     """Write knee.yaml and import_report.md from an OpenSim model."""
     read = import_osim(
         arguments.file,
@@ -28,7 +26,7 @@ def run(arguments: argparse.Namespace) -> int:
         without=arguments.without,
         inside=arguments.inside,
         patella=not arguments.without_patella,
-        at=read_pairs("--at", arguments.at),
+        at=arguments.at,
     )
     findings, doubtful = (), bool(read.doubts)
     document, file = read.document, arguments.out / "knee.yaml"

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import argparse
 import copy
 from typing import Any
 
 from kneejax.cli._main import DONE, DOUBTFUL
 from kneejax.cli._progress import stages_on_terminal
+from kneejax.cli.options import ImportStl
 from kneejax.files import (
     InputProblem,
     MeshImport,
@@ -26,7 +26,7 @@ _TABLE = (
 )  # fmt: skip
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: ImportStl) -> int:
     """Fit contacts to meshes; write knee.yaml, fit_report.csv, fit_report.md and a figure."""
     knee, pose = None, None
     if arguments.knee is not None:
@@ -83,7 +83,7 @@ def _replaced(knee, found: MeshImport) -> dict[str, Any]:
     return document
 
 
-def _contacts_only(arguments: argparse.Namespace, found: MeshImport) -> dict[str, Any]:
+def _contacts_only(arguments: ImportStl, found: MeshImport) -> dict[str, Any]:
     files = f"{arguments.femur_cartilage.name} and {arguments.tibia_cartilage.name}"
     pose = {
         "flexion_deg": 0.0, "adduction_deg": 0.0, "internal_rotation_deg": 0.0,
@@ -130,7 +130,7 @@ def _report(found: MeshImport) -> str:
     return "\n".join(lines)
 
 
-def _figure(arguments: argparse.Namespace, found: MeshImport) -> None:
+def _figure(arguments: ImportStl, found: MeshImport) -> None:
     from kneejax.report import save_figure, surface_fit_figure
 
     fits = {name: part.fit for name, part in found.fits.items()}

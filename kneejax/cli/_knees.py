@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import argparse
 import shutil
 import textwrap
 from pathlib import Path
 
+from kneejax.cli.options import Knees
 from kneejax.files import (
     InputProblem,
     absent_measurement,
@@ -23,10 +23,10 @@ _INDENT = " " * 23
 _HANGING = {"subsequent_indent": _INDENT, "break_on_hyphens": False}
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: Knees) -> int:
     """Print what is bundled, with its source, or copy some of it."""
-    if arguments.copy is not None:
-        return _copy(arguments.copy)
+    if arguments.copy_of is not None:
+        return _copy(arguments.copy_of)
     print("Knees")
     for name, description in bundled_knee_descriptions().items():
         print(textwrap.fill(description, 98, initial_indent=f"  {name:<20} ", **_HANGING))

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import argparse
 import importlib.metadata
 import json
-import re
 
 import numpy as np
 
 from kneejax import studies
-from kneejax.cli._given import read_numbers, read_texts, said_of_options
+from kneejax.cli._given import said_of_options
 from kneejax.cli._progress import stages_on_terminal
-from kneejax.files import Checkpoints, InputProblem, write_netcdf, write_rows, write_text
+from kneejax.cli.options import Map
+from kneejax.files import Checkpoints, write_netcdf, write_rows, write_text
 from kneejax.files.results import CLAIM
 from kneejax.inference import Condition, ParameterMap, versions
 from kneejax.numerics import check_installed
@@ -24,13 +23,15 @@ _COLUMNS = (
 )  # fmt: skip
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: Map) -> int:
     """Compute maps of the objective, write them, draw them."""
     for package in _PACKAGES:
         # Better known before the work than after it.
         check_installed(package, "maps")
-    ranges = read_numbers("--range", read_texts("--range", arguments.ranges), "NAME=LOW:HIGH", (2,))
-    question = studies.Map(arguments.pair, arguments.all_pairs, _grid(arguments.grid), ranges)
+    question = studies.Map(
+        pair=arguments.pair, all_pairs=arguments.all_pairs, grid=arguments.grid,
+        range=arguments.ranges,
+    )  # fmt: skip
     arguments.results.check_free("maps.csv", "result.json", "map.nc")
     study = studies.read_study(arguments.study)
     with said_of_options(question):
@@ -49,13 +50,6 @@ def run(arguments: argparse.Namespace) -> int:
     print(_table(maps))
     print(f"written: {arguments.out}/{', '.join(files)}")
     return 1 if any(not one.drawn.any() or one.left_out for one in maps) else 0
-
-
-def _grid(text: str) -> tuple[int, int]:
-    if not re.fullmatch(r"[0-9]{1,6}(x[0-9]{1,6})?", text.lower()):
-        raise InputProblem("--grid", "points", text, "points a side, as in 41 or 41x61")
-    sides = [int(word) for word in text.lower().split("x")]
-    return sides[0], sides[-1]
 
 
 def _write(maps: tuple[ParameterMap, ...], out, about: dict, svg: bool) -> list[str]:

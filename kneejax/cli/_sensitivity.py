@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import importlib.metadata
 import json
 import textwrap
@@ -11,7 +10,8 @@ import time
 import numpy as np
 
 from kneejax import studies
-from kneejax.cli._given import read_numbers, read_texts, said_of_options
+from kneejax.cli import options
+from kneejax.cli._given import said_of_options
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.files import write_rows, write_text
 from kneejax.geometry import COLUMNS, FREE_COORDINATES
@@ -20,7 +20,7 @@ from kneejax.statics import Status
 from kneejax.studies import Sensitivities, Sensitivity
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: options.Sensitivity) -> int:
     """Sweep parameters, differentiate the motion by them, and if asked compute global indices."""
     if arguments.knees:
         from kneejax.cli import _sensitivity_knees
@@ -33,35 +33,24 @@ def run(arguments: argparse.Namespace) -> int:
     return _write(found, arguments)
 
 
-def _question(arguments: argparse.Namespace) -> Sensitivity:
-    texts = {
-        option: read_texts(option, words)
-        for option, words in (
-            ("--sweep", arguments.sweep),
-            ("--prior", arguments.prior),
-            ("--range", arguments.ranges),
-        )
-    }
-    stated = {name: text for name, text in texts["--sweep"].items() if text}
-    values = read_numbers("--sweep", stated, "NAME=LOW:HIGH:COUNT", (2, 3))
+def _question(arguments: options.Sensitivity) -> Sensitivity:
     # A count is a whole number; what is none is refused as it was given.
     lines = {
-        name: (*ends[:2], *(int(n) if n.is_integer() else n for n in ends[2:]))
-        for name, ends in values.items()
+        name: ends and (*ends[:2], *(int(n) if n.is_integer() else n for n in ends[2:]))
+        for name, ends in arguments.sweep.items()
     }
-    widths = read_numbers("--prior", texts["--prior"], "NAME=SD", (1,))
     return Sensitivity(
-        sweep={name: lines.get(name) for name in texts["--sweep"]},
+        sweep=lines,
         scale=arguments.scale,
-        prior={name: width for name, (width,) in widths.items()},
+        prior=arguments.prior,
         indices=arguments.indices,
         samples=arguments.samples,
-        range=read_numbers("--range", texts["--range"], "NAME=LOW:HIGH", (2,)),
+        range=arguments.ranges,
         seed=arguments.seed,
     )
 
 
-def _write(found: Sensitivities, arguments: argparse.Namespace) -> int:
+def _write(found: Sensitivities, arguments: options.Sensitivity) -> int:
     from kneejax.report import json_safe, sensitivity_doubts, sensitivity_summary
 
     out, free = arguments.out, COLUMNS[1:]
@@ -151,7 +140,7 @@ def _draw(found: Sensitivities, out, svg: bool) -> None:
         save_figure(figure, folder, name, svg=svg)
 
 
-def _document(found: Sensitivities, arguments: argparse.Namespace) -> dict:
+def _document(found: Sensitivities, arguments: options.Sensitivity) -> dict:
     """What result.json holds besides doubts, seconds and versions."""
     local, sweeps, indices = found.local, found.sweeps, found.indices
     document = {

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 from pathlib import Path
 
 from kneejax.cli._progress import balances_on_terminal
+from kneejax.cli.options import Sensitivity
 from kneejax.files import InputProblem, load_knee, write_rows, write_text
 from kneejax.mechanics import Knee
 from kneejax.reproduction import KneeComparison, compare_knees
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: Sensitivity) -> int:
     """Change one ligament at a time in each knee, print scores, write tables and figures."""
-    _check_used(arguments)
     knees = _loaded(arguments.knees)
     with balances_on_terminal("knees") as progress:
         found = compare_knees(knees, progress=progress)
@@ -25,21 +24,6 @@ def run(arguments: argparse.Namespace) -> int:
     print(comparison_summary(found))
     print(f"written: {arguments.out}/{', '.join(files)}, settings.json, figures/")
     return 1 if found.doubts else 0
-
-
-def _check_used(arguments: argparse.Namespace) -> None:
-    """Options of the other studies mean nothing here, and are not ignored silently."""
-    others = {
-        "--sweep": arguments.sweep,
-        "--prior": arguments.prior,
-        "--range": arguments.ranges,
-        "--global": arguments.indices,
-        "--samples": arguments.samples,
-    }
-    for option, given in others.items():
-        if given not in ([], None):
-            value = given[0] if isinstance(given, list) else given
-            raise InputProblem(option, "option", value, "none of it beside --knees")
 
 
 def _loaded(names: list[str]) -> dict[str, Knee]:

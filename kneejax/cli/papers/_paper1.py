@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 
 import numpy as np
 
 from kneejax.cli._progress import balances_on_terminal
-from kneejax.cli._test_options import PATELLAS
+from kneejax.cli.options import Reproduce
 from kneejax.cli.papers._judged import say_claims, write_claims
 from kneejax.experiments import on_path
 from kneejax.files import InputProblem, load_knee
@@ -31,9 +30,9 @@ _PULLS = {
 }
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: Reproduce) -> int:
     """Compute the study, judge the claims, print and write them."""
-    patella = arguments.patella or PATELLAS[0]
+    patella = arguments.patella or "on-path"
     knee = _four_lines(arguments.knee or _KNEE, patella)
     names = [f"{name}.{quantity}" for quantity in _QUANTITIES for name in LIGAMENTS]
     study = dataclasses.replace(read_study(_STUDY), knee=knee, parameters=names)

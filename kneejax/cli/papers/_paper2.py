@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import argparse
 import importlib.util
 from pathlib import Path
 
 from kneejax.cli._progress import stages_on_terminal
+from kneejax.cli.options import Reproduce
 from kneejax.cli.papers._judged import say_claims, write_claims
 from kneejax.files import load_knee, write_rows
 from kneejax.inference import versions
@@ -19,7 +19,7 @@ _KNEE = "ten_bundle"
 _ANSWERS = (Status.BALANCED, Status.OVERSTRETCHED, Status.GIVES_WAY, Status.DISLOCATED)
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: Reproduce) -> int:
     """Compute the study, judge the claims, print and write them."""
     knee, octagon = load_knee(_KNEE), None
     with stages_on_terminal("Lachman tests"):

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import argparse
-
 import numpy as np
 
 from kneejax.cli._progress import stages_on_terminal
+from kneejax.cli.options import Reproduce
 from kneejax.cli.papers._judged import say_claims, write_claims
 from kneejax.files import bundled_measurements, load_knee, write_rows
 from kneejax.files.tables import read_rows
@@ -29,7 +28,7 @@ _KNEE, _CONDITIONS = "twelve_bundle", "paper3_conditions"
 _ANSWERS = (Status.BALANCED, Status.OVERSTRETCHED, Status.GIVES_WAY)
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: Reproduce) -> int:
     """Compute the study, judge the claims, print and write them."""
     flexion, displacement_mm, torque_Nm = _conditions()
     with stages_on_terminal("drawer and torsion"):

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 
 from kneejax.cli._progress import balances_on_terminal
 from kneejax.cli._sensitivity_knees import write_tables
+from kneejax.cli.options import Reproduce
 from kneejax.cli.papers._judged import say_claims, write_claims
 from kneejax.files import load_knee
 from kneejax.mechanics import Knee
@@ -29,7 +29,7 @@ _KINSHIP = (
 _CURVES = ("MCL.prestretch", "LCL.prestretch", "MCL.youngs_modulus")
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: Reproduce) -> int:
     """Compute the study, judge the claims, print and write them."""
     with balances_on_terminal("knees") as progress:
         found = compare_knees(_knees(), progress=progress)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import argparse
-
 from kneejax.cli._progress import stages_on_terminal
+from kneejax.cli.options import Reproduce
 from kneejax.cli.papers._judged import say_claims, write_claims
 from kneejax.files import load_knee, write_rows
 from kneejax.joints import MEASURES, Comparison, UnsuitableMotions
@@ -26,7 +25,7 @@ from kneejax.reproduction.paper5 import printed_paper5 as printed
 _SHOWN = CORRELATIONS[1]
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: Reproduce) -> int:
     """Compute the study, judge the claims, print and write them."""
     try:
         with stages_on_terminal("cohorts"):
