@@ -11,8 +11,8 @@ from kneejax.files import (
     InputProblem,
     absent_measurement,
     bundled_examples,
+    bundled_files,
     bundled_knee_descriptions,
-    bundled_knees,
     bundled_laxity_sources,
     bundled_measurements,
     bundled_path,
@@ -54,19 +54,26 @@ def run(arguments: Knees) -> int:
 
 
 def _copy(name: str) -> int:
-    """Copy an example's folder, or a knee file, to where the command was called."""
-    known = {one: example.path for one, example in bundled_examples().items()} | bundled_knees()
+    """Copy something bundled, with the tables that it names, to where the command was called."""
+    known = {one: example.path for one, example in bundled_examples().items()}
+    for kind in ("knees", "studies", "plans", "measurements"):
+        files = bundled_files(kind)
+        known = {**files, **known, **{f"{kind}/{one}": path for one, path in files.items()}}
     if name not in known:
         expected = f"one of {', '.join(known)}"
         raise InputProblem("knees", "--copy", name, expected, known)
-    source, target = known[name], Path(known[name].name)
-    if target.exists():
-        raise InputProblem("knees", "--copy", str(target), "no such file or folder here yet")
+    source, folder = known[name], known[name].parent
     if source.is_dir():
-        shutil.copytree(source, target)
-        files = sorted(one.relative_to(target).as_posix() for one in target.rglob("*.*"))
-        print(f"written: {target}/{', '.join(files)}")
+        found = {one: one.relative_to(folder) for one in sorted(source.rglob("*.*"))}
     else:
-        shutil.copyfile(source, target)
-        print(f"written: {target}")
+        # A study's tables are called as it is; a table of measurements has its source beside it.
+        beside = [*folder.glob(f"{source.stem}.*"), *folder.glob(f"{source.stem}_*.csv")]
+        found = {one: Path(one.name) for one in sorted(beside)}
+    for target in {Path(one.parts[0]) for one in found.values()}:
+        if target.exists():
+            raise InputProblem("knees", "--copy", str(target), "no such file or folder here yet")
+    for one, target in found.items():
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(one, target)
+    print(f"written: {', '.join(one.as_posix() for one in found.values())}")
     return 0

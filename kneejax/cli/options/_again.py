@@ -1,7 +1,5 @@
 """Options of the commands that concern other commands: run one again, complete their words."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 

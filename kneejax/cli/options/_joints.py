@@ -1,7 +1,5 @@
 """Options of the commands on simple kinematic joints."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal

@@ -1,7 +1,5 @@
 """Options of the commands on knees and their files: look at, evaluate, import, export, begin."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal

@@ -1,7 +1,5 @@
 """Options of `kneejax simulate`; each belongs to some of the experiments."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Annotated, ClassVar, Literal, get_args
 

@@ -1,7 +1,5 @@
 """Options of the commands on studies, cohorts and plans: what data and parameters determine."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
