@@ -119,7 +119,8 @@ class Command(BaseModel):
     Attributes:
         command: words after `kneejax`.
         example: a line that runs, for the end of its help.
-        body: the module whose `run` does the work; imported when it is called.
+        body: the module whose `run`, or the function after a colon, does the work; imported when
+            it is called.
     """
 
     model_config = ConfigDict(
@@ -271,11 +272,12 @@ class Command(BaseModel):
 
     def import_body(self) -> None:
         """Import what does the work."""
-        importlib.import_module(self.body)
+        importlib.import_module(self.body.partition(":")[0])
 
     def run(self) -> int:
         """Do the work; the exit status."""
-        return importlib.import_module(self.body).run(self)
+        module, _, function = self.body.partition(":")
+        return getattr(importlib.import_module(module), function or "run")(self)
 
 
 class Written(Command):

@@ -1,4 +1,4 @@
-"""`kneejax knees`."""
+"""`kneejax knees` lists and copies what is bundled; `kneejax init` writes a file to begin with."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import shutil
 import textwrap
 from pathlib import Path
 
-from kneejax.cli.options import Knees
+from kneejax.cli.options import Init, Knees
 from kneejax.files import (
     InputProblem,
     absent_measurement,
@@ -17,8 +17,16 @@ from kneejax.files import (
     bundled_measurements,
     bundled_path,
     bundled_studies,
+    write_text,
 )
 
+#: What to do with the new file.
+_NEXT = {
+    "study": "kneejax calibrate {}",
+    "knee": "kneejax describe {}",
+    "cohort": "kneejax calibrate {}",
+    "plan": "kneejax plan acl {}",
+}
 _INDENT = " " * 23
 _HANGING = {"subsequent_indent": _INDENT, "break_on_hyphens": False}
 
@@ -76,4 +84,17 @@ def _copy(name: str) -> int:
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(one, target)
     print(f"written: {', '.join(one.as_posix() for one in found.values())}")
+    return 0
+
+
+def begin(asked: Init) -> int:
+    """Write the file, which runs as it is, and print what to do with it."""
+    out = asked.out or Path(f"{asked.kind}.yaml")
+    if out.exists():
+        raise InputProblem("init", "--out", str(out), "a file that is not there yet")
+    text = bundled_path("templates", asked.kind).read_text(encoding="utf-8")
+    if asked.kind == "knee":
+        text += bundled_path("knees", "four_ligament").read_text(encoding="utf-8")
+    write_text(out, text)
+    print(f"written: {out}\nnext: {_NEXT[asked.kind].format(out)}")
     return 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import platform
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -18,6 +19,7 @@ from cyclopts.exceptions import (
 )
 from pydantic.fields import FieldInfo
 
+from kneejax import __version__
 from kneejax.cli._command import (
     Bundled,
     Command,
@@ -29,10 +31,11 @@ from kneejax.cli._command import (
     is_given,
     marks,
 )
-from kneejax.cli._version import version_text
 from kneejax.cli._words import Split, choices_of, plain_type
 from kneejax.files import InputProblem, nearest_name
 
+#: Packages that the numbers depend on most.
+_PACKAGES = ("jax", "numpy", "optimistix")
 #: Heading -> its commands, in the order of the help.
 Groups = Mapping[str, Sequence[type[Command]]]
 
@@ -158,6 +161,14 @@ class CommandLine:
         if isinstance(problem, RepeatArgumentError):
             return InputProblem(place, option, problem.token.value or "given", "this option once")
         return InputProblem(place, option, str(problem), "another value")
+
+
+def version_text() -> str:
+    """The package's version, and below it those that a report of a fault should name."""
+    from importlib.metadata import version
+
+    others = ", ".join(f"{name} {version(name)}" for name in _PACKAGES)
+    return f"kneejax {__version__}\nPython {platform.python_version()}, {others}"
 
 
 def _app(name: str, usage: str, sentence: str, example: str, **more: Any) -> App:

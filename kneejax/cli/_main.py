@@ -13,8 +13,7 @@ from pathlib import Path
 
 from kneejax.cli._command import Command, Mistakes, Written
 from kneejax.cli._line import CommandLine
-from kneejax.cli._printed import Printed, open_standard_streams
-from kneejax.cli._stopped import STOPPED, stopped_at_once
+from kneejax.cli._streams import STOPPED, Printed, open_standard_streams, stopped_at_once
 from kneejax.cli.options import ABOVE, COMMANDS, Completion, ExportOsim, Init, Knees, Rerun
 from kneejax.files import InputProblem
 

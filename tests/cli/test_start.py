@@ -4,6 +4,7 @@ import importlib.metadata
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -274,6 +275,28 @@ def test_a_shell_completes_every_command_and_option(shell, capsys):
         assert all((field.alias or "") in script for field in options)
     # Names of bundled knees, studies and plans too.
     assert all(name in script for name in ("lenhart2015_reduced", "paper1", "ten_bundle"))
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="no bash")
+@pytest.mark.parametrize(
+    ("line", "offered"),
+    [
+        ("si", "simulate"),
+        ("joint c", "compare"),
+        ("describe len", "lenhart2015 lenhart2015_reduced"),
+        ("simulate drawer --knee t", "ten_bundle twelve_bundle"),
+        ("simulate drawer --fo", "--force-N"),
+        ("calibrate p", "paper1"),
+        ("evaluate four_ligament --convention g", "grood-suntay"),
+    ],
+)
+def test_bash_offers_commands_options_choices_and_bundled_names(line, offered, capsys):
+    assert main(["completion", "bash"]) == 0
+    script = capsys.readouterr().out
+    ask = f"COMP_WORDS=(kneejax {line}); COMP_CWORD=$((${{#COMP_WORDS[@]}}-1)); COMPREPLY=()"
+    code = f'{script}\n{ask}; _kneejax; echo "${{COMPREPLY[*]}}"'
+    done = subprocess.run(["bash", "-c", code], capture_output=True, text=True)
+    assert done.stdout.strip() == offered
 
 
 def command(code, *words, **options):

@@ -15,7 +15,7 @@ class Rerun(Command):
     example: ClassVar = (
         "kneejax simulate passive-flexion && kneejax rerun kneejax-passive-flexion --out again"
     )
-    body: ClassVar = "kneejax.cli._rerun"
+    body: ClassVar = "kneejax.cli._again:rerun"
 
     folder: Annotated[Path, Place("FOLDER")] = Field(
         description="folder with the settings.json of a command"
@@ -30,7 +30,7 @@ class Completion(Command):
 
     command: ClassVar = "completion"
     example: ClassVar = 'eval "$(kneejax completion bash)"'
-    body: ClassVar = "kneejax.cli._completion"
+    body: ClassVar = "kneejax.cli._again:completion"
 
     shell: Annotated[Literal["bash", "zsh", "fish"], Place("SHELL")] = Field(
         description="bash, zsh or fish"

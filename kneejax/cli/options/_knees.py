@@ -51,7 +51,7 @@ class Init(Command):
 
     command: ClassVar = "init"
     example: ClassVar = "kneejax init study"
-    body: ClassVar = "kneejax.cli._init"
+    body: ClassVar = "kneejax.cli._knees:begin"
 
     kind: Annotated[Literal["study", "knee", "cohort", "plan"], Place("KIND")] = Field(
         description="study, knee, cohort or plan"
