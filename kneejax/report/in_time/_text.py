@@ -57,7 +57,7 @@ def how_exact(found: Transient) -> Iterator[str]:
         f"missing at most {float(account.part_missing):.2g} of what changed hands"
     )
     if not account.closes:
-        yield "the account of energy does not close: ask for a smaller --error_mm"
+        yield "the account of energy does not close: ask for a smaller --error-mm"
     if motion.ended is not Status.BALANCED:
         yield f"the motion ends at {motion.ended_s:.4g} s: {motion.ended.sentence}"
 
