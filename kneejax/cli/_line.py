@@ -12,6 +12,7 @@ from typing import Annotated, Any, get_args, get_origin
 from cyclopts import App, CycloptsError, Parameter
 from cyclopts import Group as Heading
 from cyclopts.exceptions import (
+    CoercionError,
     MissingArgumentError,
     RepeatArgumentError,
     UnknownOptionError,
@@ -159,7 +160,10 @@ class CommandLine:
             given = " ".join(problem.tokens_so_far) or "missing"
             return InputProblem(place, option, given, expected)
         if isinstance(problem, RepeatArgumentError):
+            option = problem.token.keyword or option
             return InputProblem(place, option, problem.token.value or "given", "this option once")
+        if isinstance(problem, CoercionError) and problem.token is not None:
+            return InputProblem(place, option, problem.token.value, "this option without a value")
         return InputProblem(place, option, str(problem), "another value")
 
 

@@ -115,6 +115,8 @@ def _pairs(kind: Any, words: list[str], option: str, form: str) -> dict[str, Any
     several = get_origin(wanted) is tuple
     counts = form.partition(",")[0].count(":") + 1
     for word in words:
+        if not str(word).strip():
+            raise InputProblem(option, "value", word, "a value, not an empty text")
         name, given, text = str(word).partition("=")
         if name in found:
             raise InputProblem(option, name, word, "every name once")
